@@ -257,24 +257,30 @@ class StrainPoints:
         """Number of degrees of freedom, free and fixed."""
         return int(self.gradients[0].shape[1]) * self.kinematics.dim
 
-    def strain(self, u: Floats) -> Floats:
-        """Strains (n_strain, n_points, ...) of displacements (n_dofs, ...)."""
+    def strain(self, u: Floats, points: Ints | slice | None = None) -> Floats:
+        """Strains (n_strain, m, ...) of displacements (n_dofs, ...) at some points; None: all."""
         dim, columns = self.kinematics.dim, u.shape[1:]
         n = math.prod(columns)
-        strain = np.zeros((self.n_strain, self.n_points, n))
+        gradients = self.gradients
+        if points is not None:
+            import scipy.sparse as sp  # noqa: PLC0415 - pictures need no matrices
+
+            gradients = tuple(sp.csr_array(gradient[points]) for gradient in gradients)
+        m = gradients[0].shape[0]
+        strain = np.zeros((self.n_strain, m, n))
         moved = u.reshape(self.n_dofs // dim, dim, n)
         if n == 1:  # one by one: a product with a few columns takes as long as with ten
             lone = np.ascontiguousarray(moved[..., 0].T)
-            for gradient, adds in zip(self.gradients, self.kinematics.adds, strict=True):
+            for gradient, adds in zip(gradients, self.kinematics.adds, strict=True):
                 for component, i in adds:
                     strain[component, :, 0] += gradient @ lone[i]
         else:
             wide = moved.reshape(len(moved), dim * n)
-            for gradient, adds in zip(self.gradients, self.kinematics.adds, strict=True):
-                slope = np.asarray(gradient @ wide).reshape(self.n_points, dim, n)
+            for gradient, adds in zip(gradients, self.kinematics.adds, strict=True):
+                slope = np.asarray(gradient @ wide).reshape(m, dim, n)
                 for component, i in adds:
                     strain[component] += slope[:, i]
-        return strain.reshape(self.n_strain, self.n_points, *columns)
+        return strain.reshape(self.n_strain, m, *columns)
 
     def forces(self, stress: Floats, volume: Floats) -> Floats:
         """Nodal forces (n_dofs, ...) of stresses (n_strain, n_points, ...), with weights (m,).
@@ -299,7 +305,7 @@ class StrainPoints:
 
     def compatibility(self, points: Ints | None = None) -> sp.csr_array:
         """C of some points, (n_strain k, n_dofs), component by component; None: of all."""
-        import scipy.sparse as sp  # noqa: PLC0415 - pictures need no matrices
+        import scipy.sparse as sp  # noqa: PLC0415 - see above
 
         some = [D if points is None else sp.csr_array(D[points]) for D in self.gradients]
         data, indices, counts = [], [], [np.zeros(1, dtype=np.int64)]
