@@ -12,8 +12,8 @@ from support.meshes import box, regroup
 
 from geoident.errors import ModelError
 from geoident.fem.solvers import auto, iterative, memory_limit, pick_solver, picked
-from geoident.fem.solvers.auto import Size, is_beyond
-from geoident.fem.solvers.direct import NotPositiveDefinite, Places
+from geoident.fem.solvers.auto import FactorSize, is_beyond
+from geoident.fem.solvers.direct import NotPositiveDefinite, UnknownPlaces
 from geoident.fem.solvers.iterative import IterativeSolver, lower_values, whole_matrix
 from geoident.fem.solvers.multifrontal import MultifrontalSolver
 from geoident.fem.solvers.multilevel import cycle, energy
@@ -236,8 +236,8 @@ def test_small_matrices_and_those_without_places_are_factorized():
 def test_the_choice_goes_by_counted_work_and_memory(monkeypatch):
     monkeypatch.setattr(auto, "memory_limit", lambda: 24e9)
     # the cubes of the benchmark as counted: 150,000 and 1,000,000 unknowns
-    middle = Size(5.11e11, 169_000_000, 5_900_000, places=True)
-    large = Size(2.77e13, 2_650_000_000, 42_000_000, places=True)
+    middle = FactorSize(5.11e11, 169_000_000, 5_900_000, places=True)
+    large = FactorSize(2.77e13, 2_650_000_000, 42_000_000, places=True)
     assert picked(middle) == "multifrontal"
     assert picked(large) == "iterative"
     assert picked(replace(large, places=False)) == "multifrontal"
@@ -260,6 +260,6 @@ def test_a_limit_of_the_process_counts(monkeypatch):
 def test_places_name_the_unknowns():
     pattern, _ = system(ground("tet10", 3))
     places = pattern.places
-    assert isinstance(places, Places)
+    assert isinstance(places, UnknownPlaces)
     ends = places.points[places.edges[:, 1:]].mean(axis=1)
     np.testing.assert_allclose(places.points[places.edges[:, 0]], ends, atol=1e-12)

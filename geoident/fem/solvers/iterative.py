@@ -25,7 +25,7 @@ from geoident.fem.solvers.direct import (
     SymbolicFactorization,
 )
 from geoident.fem.solvers.multifrontal import MultifrontalSolver
-from geoident.fem.solvers.multilevel.cycle import Hierarchy, Level
+from geoident.fem.solvers.multilevel.cycle import CycleLevel, Hierarchy
 from geoident.fem.solvers.multilevel.energy import Stagnates, solve_in_energy, spectrum
 from geoident.model.arrays import Floats
 
@@ -134,7 +134,7 @@ def _too_hard(needed: float) -> ModelError:
 class _Preconditioner:
     """M^-1 r (n, k), found in single precision; columns are brought into its range."""
 
-    def __init__(self, level: Level) -> None:
+    def __init__(self, level: CycleLevel) -> None:
         self._level = level
 
     def __call__(self, rhs: Floats) -> Floats:

@@ -209,7 +209,7 @@ class _Blocks:
 
 
 @dataclass(frozen=True)
-class _Ground:
+class _Made:
     """Materials of which there is ground in any state, as `checks.MadeOf`."""
 
     materials: tuple[str, ...]
@@ -246,7 +246,7 @@ class RestoredModel:
             ("",) * len(kept.channels),
         )
         spans = self.model.form.spans
-        self._ground = _Ground(tuple(m for m in spans if isinstance(spans[m], MaterialSpan)))
+        self._ground = _Made(tuple(m for m in spans if isinstance(spans[m], MaterialSpan)))
         self.instrument_errors = InstrumentErrors(case, kept.built_on)
         self._bases = np.arange(len(kept.readable))
         self._bases[: len(self.model.stages)] = [stage.base for stage in self.model.stages]

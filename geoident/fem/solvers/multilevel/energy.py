@@ -15,16 +15,13 @@ not positive definite, is found whatever loads follow.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
+from geoident.fem.conjugate_gradients import Product
 from geoident.fem.solvers.direct import NotPositiveDefinite
 from geoident.model.arrays import Floats
-
-Product = Callable[[Floats], Floats]
-"""K x (n, k), or M^-1 r (n, k)."""
 
 ENERGY = 1e-10
 """Largest error in energy norm, relative to the solution."""
@@ -47,7 +44,7 @@ class Stagnates(ArithmeticError):
 
 
 @dataclass(frozen=True)
-class Spectrum:
+class ExtremeEigenvalues:
     """What is known of M^-1 K.
 
     Args:
@@ -61,7 +58,7 @@ class Spectrum:
     steps: int
 
 
-def spectrum(product: Product, precondition: Product, diagonal: Floats) -> Spectrum:
+def spectrum(product: Product, precondition: Product, diagonal: Floats) -> ExtremeEigenvalues:
     """The extreme eigenvalues of M^-1 K.
 
     Args:
@@ -94,21 +91,21 @@ def spectrum(product: Product, precondition: Product, diagonal: Floats) -> Spect
     raise Stagnates
 
 
-def _extremes(alphas: list[float], betas: list[float], d: Floats) -> Spectrum:
+def _extremes(alphas: list[float], betas: list[float], d: Floats) -> ExtremeEigenvalues:
     """From the coefficients of conjugate gradients: eigenvalues of Lanczos' matrix."""
     a, b = np.array(alphas), np.array(betas)
     main = 1.0 / a
     main[1:] += b[:-1] / a[:-1]
     side = np.sqrt(np.maximum(b[:-1], 0.0)) / a[:-1]
     values = np.linalg.eigvalsh(np.diag(main) + np.diag(side, 1) + np.diag(side, -1))
-    found = Spectrum(float(values[0]), float(values[-1]), len(alphas))
+    found = ExtremeEigenvalues(float(values[0]), float(values[-1]), len(alphas))
     if not found.least > NEARLY_SINGULAR * found.most:
         raise NotPositiveDefinite(int(np.argmax(np.abs(d[:, 0]))))
     return found
 
 
 @dataclass(frozen=True)
-class Solved:
+class EnergySolution:
     """What conjugate gradients found.
 
     Args:
@@ -124,7 +121,7 @@ class Solved:
 
 def solve_in_energy(
     product: Product, precondition: Product, rhs: Floats, least: float, *, tolerance: float = ENERGY
-) -> Solved:
+) -> EnergySolution:
     """Solve K x = b, each column to an error in energy norm.
 
     Args:
@@ -165,4 +162,4 @@ def solve_in_energy(
         on = rz > (SAFE * least) * tolerance**2 * energy
         if not on.all():
             going, r, d, rz, energy = going[on], r[:, on], d[:, on], rz[on], energy[on]
-    return Solved(x, steps, columns)
+    return EnergySolution(x, steps, columns)
