@@ -59,6 +59,7 @@ def kept_model(
     packed = _Packed(materials)
     packed.moduli(model.form.spans)
     packed.loads(model.form.loads)
+    packed.rounding(reduced.duals.rounding)
     for number, (stage, dual) in enumerate(zip(model.stages, reduced.duals.stages, strict=True)):
         packed.stage(number, stage)
         packed.dual(number, dual)
@@ -116,6 +117,9 @@ class _Packed:
         self._add("exponents", form.exponents)
         self._add("mix", form.mix)
         self._add("settles", float(form.settles))
+
+    def rounding(self, part: float) -> None:
+        self._add("rounding", part)
 
     def stage(self, number: int, stage: ReducedStage) -> None:
         self._add("base", stage.base, number)
@@ -341,5 +345,5 @@ class RestoredModel:
             self.instrument_errors.added(values, kept.names, places),
             self._bases,
             self.admissible,
-            ReadingDuals(model, duals),
+            ReadingDuals(model, duals, float(self._blocks.one("rounding"))),
         )
