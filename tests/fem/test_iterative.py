@@ -210,12 +210,29 @@ def test_what_does_not_come_to_the_end_is_factorized_or_refused(monkeypatch, at)
     analysis = solver.analyse(pattern)
     assert close(analysis.factorize(values).solve(rhs), exact, 1e-9)
     spent = solver.counts.iterations
+    assert spent >= (5 if at == "solve" else energy.MOST)  # what was in vain is counted
+    assert solver.counts.flops > analysis._direct._plan.flops  # and the factorization
     assert close(analysis.factorize(values).solve(rhs), exact, 1e-9)
     assert solver.counts.iterations == spent  # it is not tried again
     monkeypatch.setattr(auto, "memory_limit", lambda: 1e3)
     monkeypatch.setattr(auto, "LARGE_WORK", 0.0)
     with pytest.raises(ModelError, match=r"would take .* GB"):
         IterativeSolver(few=0).analyse(pattern).factorize(values).solve(rhs)
+
+
+@pytest.mark.parametrize("what", ["indefinite", "no number"])
+def test_a_preconditioner_lost_in_rounding_ends_no_column(what):
+    """r^T M^-1 r below zero is no small error: so it was near nu = 0.49999999."""
+    n = 40
+    k = np.diag(np.linspace(1.0, 9.0, n))
+    inverse = np.ones((n, 1))
+    inverse[n // 2 :] = -1e-3 if what == "indefinite" else np.nan
+    rhs = np.ones((n, 2))
+    rhs[n // 2 :, 1] = 100.0
+    with pytest.raises(energy.Stagnates):
+        energy.solve_in_energy(k.__matmul__, lambda r: inverse * r, rhs, 1e-3)
+    with pytest.raises(energy.Stagnates):
+        energy.spectrum(k.__matmul__, lambda r: inverse * r, np.diag(k))
 
 
 def test_zeros_that_are_stored_stay_in_their_places():
