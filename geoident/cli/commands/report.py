@@ -68,6 +68,33 @@ def command(
 
     Needs matplotlib: pip install "geoident[report]".
     """
+    from geoident.report.saving.collector import collector_paused
+
+    _require_sense(folder, suffixes, no_page=no_page, output=options.output)
+    if no_page and any(head.values()):
+        raise UsageError("The head is that of the page, which --no-page leaves out.")
+    with collector_paused():
+        _require_matplotlib()
+        written = _written(results, folder, suffixes, no_page=no_page, options=options, head=head)
+    for path in written:
+        click.echo(path)
+    return 0
+
+
+def _written(
+    results: tuple[str, ...],
+    folder: str | None,
+    suffixes: tuple[str, ...],
+    *,
+    no_page: bool,
+    options: Options,
+    head: dict[str, str],
+) -> tuple[str, ...]:
+    """Write the page and the figures; their paths."""
+    from geoident.model.results.head import ReportHead
+    from geoident.report.drawing.album import figure_files
+    from geoident.report.drawing.style import images
+    from geoident.report.page.page import report_page
     from geoident.workflow.report import (
         cases_of,
         files_read,
@@ -78,15 +105,6 @@ def command(
         write_figures,
         write_page,
     )
-
-    _require_sense(folder, suffixes, no_page=no_page, output=options.output)
-    if no_page and any(head.values()):
-        raise UsageError("The head is that of the page, which --no-page leaves out.")
-    _require_matplotlib()
-    from geoident.model.results.head import ReportHead
-    from geoident.report.drawing.album import figure_files
-    from geoident.report.drawing.style import images
-    from geoident.report.page.page import report_page
 
     place = "" if no_page else page_path(results, output=options.output)
     read = read_results(results)
@@ -110,9 +128,7 @@ def command(
             inputs=inputs,
             draw=lambda labelled: figure_files(labelled, suffixes or ("svg",)),
         )
-    for path in written:
-        click.echo(path)
-    return 0
+    return written
 
 
 def _require_sense(

@@ -18,7 +18,6 @@ from enum import Enum
 from pathlib import Path
 
 from geoident.errors import OutputError, Term, UsageError
-from geoident.identify.problem.problem import STOPPED
 from geoident.io.result.file import ResultIdentity, read_identity
 from geoident.io.result.vtkhdf import sidecar_path
 from geoident.io.text.atomic import atomic_output, output_error, refuse_inputs
@@ -248,6 +247,8 @@ def restore(place: Target, identity: str) -> tuple[Path, Path] | None:
     Raises:
         OutputError: what stands there cannot be kept.
     """
+    from geoident.identify.problem.problem import STOPPED  # noqa: PLC0415 - 0.2 s, for fits alone
+
     for _, path in reversed(kept_results(place.path)):
         found = read_identity(path)
         if found is not None and found.identity == identity and found.status != STOPPED:
