@@ -243,7 +243,7 @@ class Differences:
 
 
 def required(found: Floats | FailedRun) -> Floats:
-    """The readings of a run.
+    """The readings (m,) of a run.
 
     Raises:
         ModelError: it failed.

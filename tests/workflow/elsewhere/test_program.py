@@ -176,11 +176,13 @@ def test_predict_scan_show_and_report_work_on_it(tmp_path):
         ("predict", tmp_path / "case.fit.h5", "-q"),
         ("scan", case, "--set", grid, "-q"),
         ("show", tmp_path / "case.fit.h5", tmp_path / "case.predict.h5", tmp_path / "case.scan.h5"),
-        ("report", tmp_path / "case.fit.h5"),
+        ("report", tmp_path / "case.fit.h5", "-o", tmp_path / "page.html"),
     ]
     for step in steps:
         done = run_command(*step)
         assert done.exit_code == 0, done.output
+    page = (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert "The model is elsewhere (external): " in page
     fitted_half = read_result(tmp_path / "case.fit.h5").gauges.computed[:, 0]
     prediction = read_result(tmp_path / "case.predict.h5").prediction
     np.testing.assert_allclose(prediction.mean[:, 1], 2.0 * fitted_half, rtol=1e-2)
