@@ -71,7 +71,7 @@ class FunctionRuns:
         return failed_note(tuple(self._failed.values()), len(self._asked))
 
     def written(self, p: Floats) -> Floats:
-        """All digits are passed on."""
+        """The parameters (n,) themselves: all digits are passed on."""
         return p
 
     def quantum(self, p: Floats) -> Floats:

@@ -185,8 +185,13 @@ class ProgramRuns:
         return found
 
     def jacobian(self, p: Floats, check: Callable[[], None]) -> Floats | FailedRun:
-        """Programs give none."""
-        raise NotImplementedError
+        """Derivatives (n_stages, n_channels, n) at p (n,): a program gives none.
+
+        Args:
+            p: where.
+            check: see `results`.
+        """
+        return FailedRun("a program gives no derivatives")
 
     def _texts(self, p: Floats) -> tuple[str, list[list[str]] | FailedRun]:
         values = dict(zip(self._names, map(float, p), strict=True))
