@@ -22,6 +22,7 @@ COMMANDS = (
     "fit",
     "predict",
     "scan",
+    "batch",
     "sample",
     "backtest",
     "show",

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from typing import Generic, Protocol, TypeVar
 
 T_contra = TypeVar("T_contra", contravariant=True)
-R_co = TypeVar("R_co", covariant=True)
 R = TypeVar("R")
 
 RETRIES = 2
@@ -46,10 +45,10 @@ class Answered(Generic[R]):
         return self.value is None and not self.stopped
 
 
-class Executor(Protocol[T_contra, R_co]):
+class Executor(Protocol[T_contra, R]):
     """Computes independent tasks."""
 
-    def run(self, tasks: Iterable[T_contra]) -> Iterator[Answered[R_co]]:
+    def run(self, tasks: Iterable[T_contra]) -> Iterator[Answered[R]]:
         """The answers as they come, in any order.
 
         Args:
@@ -63,7 +62,7 @@ class Executor(Protocol[T_contra, R_co]):
         """End all tasks at once."""
 
 
-SetUp = Callable[[], Callable[[T_contra], R_co]]
+SetUp = Callable[[], Callable[[T_contra], R]]
 """Is called once in each worker, and gives the function that answers its tasks."""
 
 

@@ -229,7 +229,8 @@ class LocalProcesses(Generic[T, R]):
             if not self._stopping:
                 self._send(worker)
                 return None
-            return self._given_back(worker, again)
+            self._give_back(worker, again)
+            return None
         if word != VALUE:
             raise value
         task, worker.task = worker.task, None
@@ -238,7 +239,7 @@ class LocalProcesses(Generic[T, R]):
         pid = worker.process.pid or 0
         return Answered(task.number, value, tuple(task.losses), seconds=seconds, process=pid)
 
-    def _given_back(self, worker: _Worker[T], again: deque[_Task[T]]) -> None:
+    def _give_back(self, worker: _Worker[T], again: deque[_Task[T]]) -> None:
         """A task that a worker has not begun when a stop was asked for."""
         if worker.task is not None:
             again.append(worker.task)
