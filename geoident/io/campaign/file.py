@@ -12,7 +12,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from geoident.errors import Fault, InputError, Location
-from geoident.io.campaign.sections import CampaignSection, SampleSection
+from geoident.io.campaign.sections import CampaignSection, SampleSection, VariationsSection
 from geoident.io.campaign.table import NAME_COLUMN, NAME_HINT, read_table, run_name_problem
 from geoident.io.schema.faults import add_schema_faults
 from geoident.io.schema.values import kind_of
@@ -39,20 +39,17 @@ def read_campaign(path: str) -> Campaign:
     text = decode(read_bytes(path, limit=MAX_BYTES, what="campaign"), path)
     document = parse_yaml(text, path)
     faults = Faults(Places(document, document.data))
+    table = _files_and_paths(Path(path).parent, faults)
     section = _validated(faults)
-    folder = Path(path).parent
-    _check_paths(section.set, ("set",), faults)
-    case = _found(folder, section.case, ("case",), faults)
-    result = "" if section.result is None else _found(folder, section.result, ("result",), faults)
-    variations = _named(_variations(section, folder, faults), faults)
+    variations = _named((*table, *_variations(section.variations, faults)), faults)
     faults.raise_any()
-    sample = section.variations.sample
+    folder, sample = Path(path).parent, section.variations.sample
     return Campaign(
         path=path,
         title=section.title,
         command=section.command,
-        case=case,
-        result=result,
+        case=str(folder / section.case),
+        result="" if section.result is None else str(folder / section.result),
         settings=tuple((key, _yaml(value)) for key, value in section.set.items()),
         places=tuple(faults.places.locate(("set", key)) for key in section.set),
         variations=variations,
@@ -66,6 +63,50 @@ def read_campaign(path: str) -> Campaign:
         draw=section.draw,
         stages=tuple(section.stages),
     )
+
+
+def _files_and_paths(folder: Path, faults: Faults) -> tuple[Variation, ...]:
+    """Look at what the campaign names, whatever else is wrong with it; the runs of its table.
+
+    Args:
+        folder: of the campaign.
+        faults: takes files that are not there, paths that are none, and what is wrong in the table.
+    """
+    data = faults.places.data
+    if not isinstance(data, dict):
+        return ()
+    for key in ("case", "result"):
+        if isinstance(name := data.get(key), str):
+            _require_there(folder / name, (key,), faults)
+    _check_paths(data.get("set"), ("set",), faults)
+    varied = data.get("variations")
+    if not isinstance(varied, dict):
+        return ()
+    at = ("variations",)
+    _check_paths(varied.get("product"), (*at, "product"), faults)
+    sample, rows, table = varied.get("sample"), varied.get("rows"), varied.get("table")
+    if isinstance(sample, dict):
+        _check_paths(sample.get("values"), (*at, "sample", "values"), faults)
+    for n, row in enumerate(rows if isinstance(rows, list) else ()):
+        _check_paths(row, (*at, "rows", n), faults)
+    if not isinstance(table, str) or not _require_there(folder / table, (*at, "table"), faults):
+        return ()
+    try:
+        return read_table(str(folder / table))
+    except InputError as error:
+        faults.extend(error.faults)
+        return ()
+
+
+def _require_there(path: Path, key: KeyPath, faults: Faults) -> bool:
+    try:
+        there = path.is_file()
+    except (OSError, ValueError):
+        there = False
+    if not there:
+        hint = "Paths are meant from the folder of the campaign file."
+        faults.add(key, "missing-file", f"there is no file '{shorten(path)}'", hint)
+    return there
 
 
 def _validated(faults: Faults) -> CampaignSection:
@@ -83,20 +124,9 @@ def _validated(faults: Faults) -> CampaignSection:
         raise
 
 
-def _found(folder: Path, name: str, key: KeyPath, faults: Faults) -> str:
-    path = folder / name
-    try:
-        there = path.is_file()
-    except (OSError, ValueError):
-        there = False
-    if not there:
-        hint = "Paths are meant from the folder of the campaign file."
-        faults.add(key, "missing-file", f"there is no file '{shorten(path)}'", hint)
-    return str(path)
-
-
-def _check_paths(values: Mapping[str, Any], at: KeyPath, faults: Faults) -> None:
-    for name in values:
+def _check_paths(values: object, at: KeyPath, faults: Faults) -> None:
+    """Note keys of a mapping that are no paths of values; what is no mapping is noted elsewhere."""
+    for name in values if isinstance(values, dict) else ():
         try:
             parse_path(name)
         except Refusal as error:
@@ -104,35 +134,21 @@ def _check_paths(values: Mapping[str, Any], at: KeyPath, faults: Faults) -> None
             faults.add((*at, name), error.code, message, error.hint, key=True)
 
 
-def _variations(section: CampaignSection, folder: Path, faults: Faults) -> tuple[Variation, ...]:
-    """The runs that are written out; none of a sampling."""
-    given, at = section.variations, ("variations",)
-    if given.table is not None:
-        path = _found(folder, given.table, (*at, "table"), faults)
-        if not Path(path).is_file():
-            return ()
-        try:
-            return read_table(path)
-        except InputError as error:
-            faults.extend(error.faults)
-            return ()
+def _variations(given: VariationsSection, faults: Faults) -> tuple[Variation, ...]:
+    """The runs that are written out in the campaign itself."""
     if given.rows is not None:
+        at = ("variations", "rows")
         if not given.rows:
-            faults.add((*at, "rows"), "empty", "there is no run", "Write one mapping a run.")
-        runs = [_row(row, (*at, "rows", n), faults) for n, row in enumerate(given.rows)]
-        return tuple(runs)
+            faults.add(at, "empty", "there is no run", "Write one mapping a run.")
+        return tuple(_row(row, (*at, n), faults) for n, row in enumerate(given.rows))
     if given.product is not None:
-        _check_paths(given.product, (*at, "product"), faults)
-        return _product(given.product, (*at, "product"), faults)
-    if given.sample is not None:
-        _check_paths(given.sample.values, (*at, "sample", "values"), faults)
+        return _product(given.product, ("variations", "product"), faults)
     return ()
 
 
 def _row(row: Mapping[str, Any], at: KeyPath, faults: Faults) -> Variation:
     name = row.get(NAME_COLUMN, "")
     values = {key: value for key, value in row.items() if key != NAME_COLUMN}
-    _check_paths(values, at, faults)
     places = [faults.places.locate((*at, key)) for key in values]
     settings = tuple((key, _yaml(value)) for key, value in values.items())
     return Variation(str(name or ""), settings, (*places, faults.places.locate(at)))

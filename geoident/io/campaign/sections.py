@@ -46,7 +46,9 @@ def _sampled(value: object) -> tuple[float, str]:
 
 
 Duration = Annotated[float, BeforeValidator(_duration, json_schema_input_type=str)]
-Sampled = Annotated[tuple[float, str], BeforeValidator(_sampled, json_schema_input_type=str)]
+Sampled = Annotated[
+    tuple[float, str], BeforeValidator(_sampled, json_schema_input_type=str | float)
+]
 
 
 class SpanSection(Section):
@@ -117,7 +119,7 @@ class SampleSection(Section):
 
     method: Literal["latin-hypercube", "sobol"] = Field(
         "latin-hypercube",
-        description="Latin hypercube, or Sobol points with a random shift even for powers of 2.",
+        description="Latin hypercube, or Sobol points with a random shift (even for powers of 2).",
     )
     count: Annotated[int, Count()] = Field(description="Number of runs.", examples=[64])
     seed: Annotated[int, Count(0)] = Field(0, description="Seed of the points.")
@@ -181,7 +183,7 @@ class CampaignSection(Section):
     set: dict[Name, Any] = Field(
         {},
         description="Path to a value that takes the place of that of the base case in all runs.",
-        examples=[{"fit.mesh_error": False}],
+        examples=[{"fit.backtest": False}],
     )
     variations: VariationsSection = Field(description="What varies from run to run.")
     seed: Annotated[int, Count(0)] = Field(0, description="Seed of random numbers of each run.")

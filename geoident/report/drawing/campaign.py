@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 
 from geoident.model.arrays import Bools, Floats
 from geoident.model.results.campaign import CampaignTable, RunRecord
+from geoident.report.drawing.parameters.scale import set_scale
 from geoident.report.drawing.style import (
     ACCENT,
     COMPUTED,
@@ -226,4 +227,5 @@ def _scale(axes: Axes, which: str, values: Floats) -> None:
     """A logarithmic axis where positive values lie decades apart."""
     known = values[np.isfinite(values)]
     if known.size and known.min() > 0.0 and known.max() > _DECADES * known.min():
-        (axes.set_xscale if which == "x" else axes.set_yscale)("log")
+        axis = axes.xaxis if which == "x" else axes.yaxis
+        set_scale(axis, low=0.8 * float(known.min()), high=1.25 * float(known.max()), log=True)
