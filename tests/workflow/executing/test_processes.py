@@ -5,6 +5,7 @@ import random
 import threading
 import time
 from functools import partial
+from pathlib import Path
 
 import pytest
 
@@ -17,8 +18,7 @@ KILLS = [pytest.param(6), pytest.param(30, marks=pytest.mark.slow)]
 
 def runs(pid):
     try:
-        with open(f"/proc/{pid}/stat") as file:
-            return file.read().rpartition(")")[2].split()[0] != "Z"
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
     except OSError:
         return False
 
