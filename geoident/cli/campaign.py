@@ -14,12 +14,8 @@ from geoident.cli.terminal import Terminal
 from geoident.errors import ExitCode
 from geoident.io.result.campaign import record_object
 from geoident.model.results.campaign import CampaignTable, RunRecord
-from geoident.report.text.campaign import (
-    failed_table,
-    outcome_sentences,
-    runs_csv,
-    seconds_text,
-)
+from geoident.report.text.campaign.spreadsheet import runs_csv
+from geoident.report.text.campaign.tables import failed_table, outcome_sentences, seconds_text
 from geoident.report.text.json import dumps
 from geoident.workflow.campaign.campaign import compute, local_executor
 from geoident.workflow.campaign.plan import CampaignPlan, plan_campaign

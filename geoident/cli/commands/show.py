@@ -68,7 +68,8 @@ def _show(path: str, options: Options, *, as_csv: bool) -> int:
 
 def _show_campaign(path: str, options: Options, *, as_csv: bool) -> int:
     from geoident.io.result.campaign import record_object
-    from geoident.report.text.campaign import campaign_text, runs_csv
+    from geoident.report.text.campaign.spreadsheet import runs_csv
+    from geoident.report.text.campaign.tables import campaign_text
     from geoident.report.text.json import dumps
     from geoident.workflow.campaign.runs import read_runs
 

@@ -45,7 +45,7 @@ def _sampled(value: object) -> tuple[float, str]:
     return float(found[1]), found[2].strip()
 
 
-Duration = Annotated[float, BeforeValidator(_duration, json_schema_input_type=str)]
+GivenTime = Annotated[float, BeforeValidator(_duration, json_schema_input_type=str)]
 Sampled = Annotated[
     tuple[float, str], BeforeValidator(_sampled, json_schema_input_type=str | float)
 ]
@@ -188,12 +188,12 @@ class CampaignSection(Section):
     variations: VariationsSection = Field(description="What varies from run to run.")
     seed: Annotated[int, Count(0)] = Field(0, description="Seed of random numbers of each run.")
     solver: _SOLVERS = Field("auto", description="Sparse solver.")
-    max_time: Duration | None = Field(
+    max_time: GivenTime | None = Field(
         None,
         description="Time after which the search of a run ends with what it has, as --max-time.",
         examples=["10 min"],
     )
-    time_limit: Duration | None = Field(
+    time_limit: GivenTime | None = Field(
         None,
         description="Time after which a run is taken to hang: its process is ended, and it is "
         "begun again.",

@@ -6,7 +6,7 @@ from geoident.model.results.campaign import CampaignTable
 from geoident.report.drawing.campaign import campaign_pictures
 from geoident.report.page.blocks import Draw, Figures, TitledTable, body, contents, section
 from geoident.report.page.html import page, tag
-from geoident.report.text.campaign import (
+from geoident.report.text.campaign.tables import (
     failed_table,
     outcome_sentences,
     runs_left_out,

@@ -15,7 +15,8 @@ from geoident.errors import InputError, ModelError, OutputError
 from geoident.io.result.file import read_result
 from geoident.report.drawing.campaign import campaign_pictures
 from geoident.report.page.campaign import campaign_page
-from geoident.report.text.campaign import campaign_text, runs_csv
+from geoident.report.text.campaign.spreadsheet import runs_csv
+from geoident.report.text.campaign.tables import campaign_text
 from geoident.workflow.campaign.campaign import compute
 from geoident.workflow.campaign.one_run import compute as compute_run
 from geoident.workflow.campaign.plan import plan_campaign
