@@ -6,11 +6,13 @@ from geoident.api import CheckResult as CheckResult
 from geoident.api import Drawing as Drawing
 from geoident.api import FitResult as FitResult
 from geoident.api import GaugeReadings as GaugeReadings
+from geoident.api import KeptModel as KeptModel
 from geoident.api import ModelChoice as ModelChoice
 from geoident.api import ParameterEstimate as ParameterEstimate
 from geoident.api import Parameters as Parameters
 from geoident.api import PredictionResult as PredictionResult
 from geoident.api import Progress as Progress
+from geoident.api import ReducedReadings as ReducedReadings
 from geoident.api import ResultFile as ResultFile
 from geoident.api import ResultTable as ResultTable
 from geoident.api import SampleResult as SampleResult

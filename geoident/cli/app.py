@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import gc
 import io
 import sys
 import warnings
@@ -137,4 +138,7 @@ def main() -> NoReturn:
         warnings.simplefilter("ignore")  # ours are said in words; those of libraries are noise
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="surrogateescape")  # names of files may be any bytes
-    geoident.main(prog_name="geoident")
+    try:
+        geoident.main(prog_name="geoident")
+    finally:
+        gc.freeze()  # the process ends: a last search for garbage would only take half a second

@@ -27,7 +27,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from geoident.fem.kinematics import BlockGeometry
-from geoident.fem.solvers.direct import LowerPattern, Places
+from geoident.fem.solvers.direct import LowerPattern, UnknownPlaces
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.cells import CELLS
 from geoident.model.mesh import Mesh, rows_in
@@ -199,7 +199,7 @@ def stiffness_pattern(
     fixed: Bools,
     dim: int,
     lasting: int = 0,
-    places: Callable[[Ints], Places] | None = None,
+    places: Callable[[Ints], UnknownPlaces] | None = None,
 ) -> StiffnessPattern:
     """The pattern of the present groups.
 

@@ -14,7 +14,7 @@ from geoident.workflow.running.control import Control
 from geoident.workflow.running.evaluation_log import Log
 from geoident.workflow.running.jobs import Job, job_provenance
 from geoident.workflow.running.readings import gauge_table, unused_notes
-from geoident.workflow.running.reduced_scan import ReducedReadings
+from geoident.workflow.running.reduced_scan import LedReadings
 
 
 def scan(job: Job, control: Control) -> Finished:
@@ -28,7 +28,7 @@ def scan(job: Job, control: Control) -> Finished:
         survey, readings, counts = surveyed(setup, problem, outcome, fields=False)
         gauges = gauge_table(setup.case, readings, survey.computed)
         response = problem.response
-        notes = (response.note,) if isinstance(response, ReducedReadings) else ()
+        notes = (response.note,) if isinstance(response, LedReadings) else ()
         return _result(job, setup, outcome, counts, notes, gauges=gauges)
 
     return searched(job, control, result)

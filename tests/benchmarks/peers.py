@@ -212,7 +212,8 @@ def _report(folder: Path) -> Measured:
         if not result.exists():
             fit(ROOT / "cases" / name / "case.yaml", result)
         page = folder / f"{name}.html"
-        found[name], _ = program("report", result, "-o", page, "--force")
+        runs = [program("report", result, "-o", page, "--force")[0] for _ in range(2)]
+        found[name] = min(runs, key=lambda cost: cost.seconds)  # the first compiles what it imports
     return found
 
 
@@ -343,7 +344,10 @@ def _plastic_lines(found: Measured) -> Iterable[Line]:
 
 def _report_lines(found: Measured) -> Iterable[Line]:
     slowest = max(found, key=lambda name: found[name].seconds)
-    shown = ", ".join(f"{name} {cost.seconds:.2g} s" for name, cost in found.items())
+    shown = ", ".join(
+        f"{name} {cost.seconds:.2g} s ({cost.cpu:.2g} of processors)"
+        for name, cost in found.items()
+    )
     yield Line(f"geoident report: {shown}", f"{slowest} {_time(found[slowest])}", "", "", "<= 3 s")
 
 

@@ -12,8 +12,8 @@ from support.meshes import box, regroup
 
 from geoident.errors import ModelError
 from geoident.fem.solvers import auto, iterative, memory_limit, pick_solver, picked
-from geoident.fem.solvers.auto import Size, is_beyond
-from geoident.fem.solvers.direct import NotPositiveDefinite, Places
+from geoident.fem.solvers.auto import FactorSize, is_beyond
+from geoident.fem.solvers.direct import NotPositiveDefinite, UnknownPlaces
 from geoident.fem.solvers.iterative import IterativeSolver, lower_values, whole_matrix
 from geoident.fem.solvers.multifrontal import MultifrontalSolver
 from geoident.fem.solvers.multilevel import cycle, energy
@@ -210,12 +210,29 @@ def test_what_does_not_come_to_the_end_is_factorized_or_refused(monkeypatch, at)
     analysis = solver.analyse(pattern)
     assert close(analysis.factorize(values).solve(rhs), exact, 1e-9)
     spent = solver.counts.iterations
+    assert spent >= (5 if at == "solve" else energy.MOST)  # what was in vain is counted
+    assert solver.counts.flops > analysis._direct._plan.flops  # and the factorization
     assert close(analysis.factorize(values).solve(rhs), exact, 1e-9)
     assert solver.counts.iterations == spent  # it is not tried again
     monkeypatch.setattr(auto, "memory_limit", lambda: 1e3)
     monkeypatch.setattr(auto, "LARGE_WORK", 0.0)
     with pytest.raises(ModelError, match=r"would take .* GB"):
         IterativeSolver(few=0).analyse(pattern).factorize(values).solve(rhs)
+
+
+@pytest.mark.parametrize("what", ["indefinite", "no number"])
+def test_a_preconditioner_lost_in_rounding_ends_no_column(what):
+    """r^T M^-1 r below zero is no small error: so it was near nu = 0.49999999."""
+    n = 40
+    k = np.diag(np.linspace(1.0, 9.0, n))
+    inverse = np.ones((n, 1))
+    inverse[n // 2 :] = -1e-3 if what == "indefinite" else np.nan
+    rhs = np.ones((n, 2))
+    rhs[n // 2 :, 1] = 100.0
+    with pytest.raises(energy.Stagnates):
+        energy.solve_in_energy(k.__matmul__, lambda r: inverse * r, rhs, 1e-3)
+    with pytest.raises(energy.Stagnates):
+        energy.spectrum(k.__matmul__, lambda r: inverse * r, np.diag(k))
 
 
 def test_zeros_that_are_stored_stay_in_their_places():
@@ -236,8 +253,8 @@ def test_small_matrices_and_those_without_places_are_factorized():
 def test_the_choice_goes_by_counted_work_and_memory(monkeypatch):
     monkeypatch.setattr(auto, "memory_limit", lambda: 24e9)
     # the cubes of the benchmark as counted: 150,000 and 1,000,000 unknowns
-    middle = Size(5.11e11, 169_000_000, 5_900_000, places=True)
-    large = Size(2.77e13, 2_650_000_000, 42_000_000, places=True)
+    middle = FactorSize(5.11e11, 169_000_000, 5_900_000, places=True)
+    large = FactorSize(2.77e13, 2_650_000_000, 42_000_000, places=True)
     assert picked(middle) == "multifrontal"
     assert picked(large) == "iterative"
     assert picked(replace(large, places=False)) == "multifrontal"
@@ -260,6 +277,6 @@ def test_a_limit_of_the_process_counts(monkeypatch):
 def test_places_name_the_unknowns():
     pattern, _ = system(ground("tet10", 3))
     places = pattern.places
-    assert isinstance(places, Places)
+    assert isinstance(places, UnknownPlaces)
     ends = places.points[places.edges[:, 1:]].mean(axis=1)
     np.testing.assert_allclose(places.points[places.edges[:, 0]], ends, atol=1e-12)

@@ -257,8 +257,8 @@ def test_splu_finds_a_loose_body_without_reading_a_large_factor(monkeypatch):
 def test_small_systems_go_to_the_first_installed_solver_and_large_ones_to_ours(monkeypatch):
     small = next(name for name in (*SMALL, LARGE) if INSTALLED[name])
     assert picked() == small
-    large = auto.Size(1e12, 10**8, 10**7)
-    assert picked(large) == picked(auto.Size(0.0, 0, 0, lasting=True)) == LARGE
+    large = auto.FactorSize(1e12, 10**8, 10**7)
+    assert picked(large) == picked(auto.FactorSize(0.0, 0, 0, lasting=True)) == LARGE
     pattern, values = lower(truss(4))
     solver = pick_solver()
     kinds = [type(pick_solver(name).analyse(pattern)) for name in (small, LARGE)]

@@ -60,7 +60,13 @@ def test_every_gauge_has_its_name_and_no_label_is_cut_or_on_another(name):
     assert set(case.structures) <= said
     for n, stage in enumerate(case.stages, start=1):
         assert f"{n}  {stage.name}" in said
+    inside = figure.bbox.padded(1.0)
     for axes in figure.axes:
+        for label in (axes.xaxis.label, axes.yaxis.label, axes.title):
+            if label.get_text() and axes.axison and axes.name != "3d":
+                low, high = label.get_window_extent().get_points()
+                assert inside.contains(*low), label.get_text()
+                assert inside.contains(*high), label.get_text()
         labels = placed(axes)
         assert all(label.get_visible() for label in labels)
         if labels:

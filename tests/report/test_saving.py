@@ -1,7 +1,9 @@
 """Figures as files: layouts as matplotlib's own, few bytes, exact colours."""
 
 import base64
+import gc
 import io
+import weakref
 from contextlib import nullcontext
 from pathlib import Path
 from xml.etree import ElementTree
@@ -22,6 +24,7 @@ from geoident.report.drawing.album import album
 from geoident.report.drawing.fields import panels
 from geoident.report.drawing.signs import sign_pictures
 from geoident.report.drawing.style import Picture, drawing_style, image
+from geoident.report.saving.collector import collector_paused, garbage_at_the_end
 from geoident.report.saving.lean_axes import lean_axes
 from geoident.report.saving.svg_writer import SvgCanvas
 
@@ -143,3 +146,44 @@ def test_signs_are_those_of_the_structures_that_are_measured(plane):
     with drawing_style():
         said = {axes.get_title("left") for axes in picture.draw().axes}
     assert said == {"strut: compression"}
+
+
+def test_an_axis_without_numbers_keeps_its_line_at_its_side():
+    """matplotlib puts it there when it makes a tick, of which there is none."""
+    with drawing_style(), lean_axes():
+        figure = Figure(figsize=(3.0, 2.0))
+        axes = figure.subplots()
+        axes.plot([3.0, 4.0], [1.0, 2.0])
+        axes.set_yticks([])
+        canvas = SvgCanvas(figure, 150)
+        canvas.written("", "")
+        line = axes.spines.left.get_window_extent()
+        box = axes.get_window_extent()
+    assert line.x0 == pytest.approx(box.x0, abs=1e-6)
+    assert len(axes.yaxis.majorTicks) <= 1
+
+
+def test_numbers_at_many_places_are_one_tick():
+    with drawing_style(), lean_axes():
+        axes = Figure().subplots()
+        axes.set_xticks(range(12), [f"stage {k}" for k in range(12)])
+    assert len(axes.xaxis.majorTicks) == 1
+
+
+def test_a_figure_is_gone_when_it_is_written():
+    """Without the collector a page of many figures would keep all of them to its end."""
+    made = []
+
+    def draw():
+        figure = Figure()
+        figure.subplots().plot([0, 1])
+        made.append(weakref.ref(figure))
+        return figure
+
+    with collector_paused():
+        image(Picture("one", "", "", draw), "svg")
+        assert made[0]() is None
+        with garbage_at_the_end():
+            assert not gc.isenabled()
+        assert not gc.isenabled()
+    assert gc.isenabled()

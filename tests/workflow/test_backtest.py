@@ -16,6 +16,7 @@ from geoident.workflow.running.control import Control, Silent
 from geoident.workflow.running.evaluation_log import carry_over
 from geoident.workflow.running.jobs import Request, plan_backtest, plan_fit
 from geoident.workflow.scoring.trials import up_to
+from geoident.workflow.scoring.verdict import settling_sentences
 from tests.support.lifts import (
     CASE,
     LIFTS,
@@ -154,6 +155,26 @@ def test_a_parameter_that_every_stage_wants_otherwise_does_not_settle(pit):
     assert "always downwards" in said[0]
     assert " GPa up to lift 1, " in said[0]
     assert found.exit_code == ExitCode.NOT_CONVERGED
+
+
+def settled(pit, first, lower):
+    """What is said of E, Pa, after a first fit with an interval to 14.2 GPa and three to 10 GPa."""
+    case = plan_backtest(Request(str(pit / "case.yaml"))).inputs.case
+    steps = []
+    for step, E in zip(run().backtest.steps, (first, 10e9, 10.1e9, 10e9), strict=True):
+        K0 = step.values[1]
+        ends = (lower, 14.2e9) if first == E else (0.96 * E, 1.04 * E)
+        low, value, high = (np.array([end, K0]) for end in (ends[0], E, ends[1]))
+        steps.append(replace(step, values=value, lower95=low, upper95=high))
+    variances = np.outer([8e-4, 6e-4, 5e-4, 4e-4], [1.0, 1.0])
+    restless, others = settling_sentences(case, steps, variances, estimated=False)
+    return next(text for text in (*restless, *others) if text.startswith("E "))
+
+
+@pytest.mark.parametrize(("lower", "said"), [(8e9, "E settles"), (13.5e9, "E does not settle")])
+def test_what_settles_is_judged_by_intervals_that_are_long_for_good_reason(pit, lower, said):
+    """A first answer on its bound, far from the later ones, with an interval that holds them."""
+    assert settled(pit, 14e9, lower).startswith(said)
 
 
 class TestCost:

@@ -14,7 +14,7 @@ from geoident.workflow.running.evaluation_log import Remembered
 from geoident.workflow.running.reduced_scan import (
     LEAST,
     NEAR,
-    ReducedReadings,
+    LedReadings,
     with_reduced_readings,
 )
 
@@ -101,7 +101,7 @@ def test_a_grid_is_answered_by_the_reduced_model_where_its_misfit_is_right(measu
     axes = {"E": ScanAxis(3e9, 9e9, 11), "K0": ScanAxis(0.8, 1.6, 11)}
     options = ScanOptions(axes)
     led = with_reduced_readings(problem, staged.response(PAIRS_PLANE), options)
-    assert isinstance(led.response, ReducedReadings)
+    assert isinstance(led.response, LedReadings)
     found, whole = (scan(one, options, lambda _: None).grid.objective for one in (led, problem))
     assert np.all(np.abs(found - whole) <= LEAST + 1.01 * NEAR * whole)
     assert led.response.by_reduced > 90

@@ -73,6 +73,37 @@ def command(
     Needs matplotlib: pip install "geoident[report]".
     """
     from geoident.io.result.campaign import is_campaign
+    from geoident.report.saving.collector import collector_paused
+
+    _require_sense(folder, suffixes, no_page=no_page, output=options.output)
+    if any(is_campaign(path) for path in results):
+        if len(results) > 1 or folder is not None:
+            raise UsageError("A campaign has a page of its own: name it alone, without --figures.")
+        return _campaign_page(results[0], options, title=head["title"])
+    if no_page and any(head.values()):
+        raise UsageError("The head is that of the page, which --no-page leaves out.")
+    with collector_paused():
+        _require_matplotlib()
+        written = _written(results, folder, suffixes, no_page=no_page, options=options, head=head)
+    for path in written:
+        click.echo(path)
+    return 0
+
+
+def _written(
+    results: tuple[str, ...],
+    folder: str | None,
+    suffixes: tuple[str, ...],
+    *,
+    no_page: bool,
+    options: Options,
+    head: dict[str, str],
+) -> tuple[str, ...]:
+    """Write the page and the figures; their paths."""
+    from geoident.model.results.head import ReportHead
+    from geoident.report.drawing.album import figure_files
+    from geoident.report.drawing.style import images
+    from geoident.report.page.page import report_page
     from geoident.workflow.report import (
         cases_of,
         files_read,
@@ -83,19 +114,6 @@ def command(
         write_figures,
         write_page,
     )
-
-    _require_sense(folder, suffixes, no_page=no_page, output=options.output)
-    if any(is_campaign(path) for path in results):
-        if len(results) > 1 or folder is not None:
-            raise UsageError("A campaign has a page of its own: name it alone, without --figures.")
-        return _campaign_page(results[0], options, title=head["title"])
-    if no_page and any(head.values()):
-        raise UsageError("The head is that of the page, which --no-page leaves out.")
-    _require_matplotlib()
-    from geoident.model.results.head import ReportHead
-    from geoident.report.drawing.album import figure_files
-    from geoident.report.drawing.style import images
-    from geoident.report.page.page import report_page
 
     place = "" if no_page else page_path(results, output=options.output)
     read = read_results(results)
@@ -119,9 +137,7 @@ def command(
             inputs=inputs,
             draw=lambda labelled: figure_files(labelled, suffixes or ("svg",)),
         )
-    for path in written:
-        click.echo(path)
-    return 0
+    return written
 
 
 def _require_sense(

@@ -8,7 +8,7 @@ from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 
 from geoident.errors import UsageError
-from geoident.fem.solvers.auto import LARGE_WORK, NOTHING, AutoSolver, Size, is_beyond
+from geoident.fem.solvers.auto import LARGE_WORK, NOTHING, AutoSolver, FactorSize, is_beyond
 from geoident.fem.solvers.direct import Solver, SolverCounts
 from geoident.fem.solvers.threads import granted_threads
 
@@ -99,7 +99,7 @@ def solver_report() -> tuple[SolverInfo, ...]:
     return tuple(_info(name) for name in SOLVERS)
 
 
-def picked(size: Size = NOTHING) -> str:
+def picked(size: FactorSize = NOTHING) -> str:
     """Name of the solver that ``auto`` takes.
 
     Args:

@@ -46,7 +46,7 @@ BYTES = 9.5
 
 
 @dataclass(frozen=True)
-class Size:
+class FactorSize:
     """What a matrix takes, told from its pattern.
 
     Args:
@@ -64,21 +64,21 @@ class Size:
     places: bool = False
 
 
-NOTHING = Size(0.0, 0, 0)
+NOTHING = FactorSize(0.0, 0, 0)
 
 
-def factor_bytes(size: Size) -> float:
+def factor_bytes(size: FactorSize) -> float:
     """Memory of a factor."""
     work = 0.0 if size.lasting else size.work
     return size.entries * BYTES * (0.5 if single_pays(work, size.entries) else 1.0)
 
 
-def fits(size: Size) -> bool:
+def fits(size: FactorSize) -> bool:
     """Whether a factor leaves room for the rest."""
     return factor_bytes(size) <= FACTOR_SHARE * memory_limit()
 
 
-def is_beyond(size: Size) -> bool:
+def is_beyond(size: FactorSize) -> bool:
     """Whether a matrix is better solved by conjugate gradients than factorized."""
     if not size.places or size.work < LARGE_WORK:
         return False
@@ -118,13 +118,13 @@ class AutoSolver:
         return self._small.analyse(pattern)
 
 
-def size_of(pattern: LowerPattern) -> Size:
+def size_of(pattern: LowerPattern) -> FactorSize:
     """What a matrix takes; no work where that is surely little, since counting takes longer."""
     nonzeros, lasting = len(pattern.indices), pattern.lasting > 0
     places = pattern.places is not None
     if flops_at_most(pattern.n, plane=nonzeros < PLANE * pattern.n) < LARGE_WORK:
-        return Size(0.0, 0, nonzeros, lasting, places)
+        return FactorSize(0.0, 0, nonzeros, lasting, places)
     fronts = assembly_tree(node_graph(pattern.indptr, pattern.indices, pattern.n))
     work = sum(front.flops for front in fronts)
     entries = sum(f.width * (f.width + 1) // 2 + f.width * f.height for f in fronts)
-    return Size(work, entries, nonzeros, lasting, places)
+    return FactorSize(work, entries, nonzeros, lasting, places)

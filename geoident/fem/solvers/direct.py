@@ -46,7 +46,7 @@ class SolverCounts:
 
 
 @dataclass(frozen=True, eq=False)
-class Places:
+class UnknownPlaces:
     """Where the unknowns of a matrix stand in the mesh, for solvers of several levels.
 
     Args:
@@ -77,7 +77,7 @@ class LowerPattern:
     indices: Ints
     lasting: int = 0
     names: Ints | None = None
-    places: Places | None = None
+    places: UnknownPlaces | None = None
 
     @property
     def n(self) -> int:

@@ -25,7 +25,7 @@ from geoident.fem.solvers.direct import (
     SymbolicFactorization,
 )
 from geoident.fem.solvers.multifrontal import MultifrontalSolver
-from geoident.fem.solvers.multilevel.cycle import Hierarchy, Level
+from geoident.fem.solvers.multilevel.cycle import CycleLevel, Hierarchy
 from geoident.fem.solvers.multilevel.energy import Stagnates, solve_in_energy, spectrum
 from geoident.model.arrays import Floats
 
@@ -73,6 +73,7 @@ class IterativeAnalysis(DirectAnalysis):
         super().__init__(pattern, counts)
         self._hierarchy = hierarchy
         self._direct: SymbolicFactorization | None = None
+        self._spent = SolverCounts()
 
     def _release(self) -> None:
         """The levels die with their last user."""
@@ -82,12 +83,13 @@ class IterativeAnalysis(DirectAnalysis):
             bad = int(np.argmax(~np.isfinite(values)))
             raise NotPositiveDefinite(int(np.searchsorted(self.pattern.indptr, bad, "right")) - 1)
         if self._direct is not None:  # iterations would not come to the end this time either
-            return self._direct.factorize(values).solve
+            return self._factorized(values)
         matrix, counts = whole_matrix(self.pattern, values), self.counts
         precondition = _Preconditioner(self._hierarchy.level(matrix))
         try:
             found = spectrum(matrix.__matmul__, precondition, diagonal)
-        except Stagnates:
+        except Stagnates as vain:
+            counts.iterations += vain.columns
             return self._factorized(values)
         counts.iterations += found.steps
         instead: list[Solve] = []
@@ -96,7 +98,8 @@ class IterativeAnalysis(DirectAnalysis):
             if not instead:
                 try:
                     done = solve_in_energy(matrix.__matmul__, precondition, rhs, found.least)
-                except Stagnates:
+                except Stagnates as vain:
+                    counts.iterations += vain.columns
                     instead.append(self._factorized(lower_values(matrix)))
                 else:
                     counts.iterations += done.columns
@@ -120,8 +123,12 @@ class IterativeAnalysis(DirectAnalysis):
             size = size_of(self.pattern)
             if not fits(size):
                 raise _too_hard(factor_bytes(size))
-            self._direct = MultifrontalSolver(SolverCounts()).analyse(self.pattern)
-        return self._direct.factorize(values).solve
+            self._direct = MultifrontalSolver(self._spent).analyse(self.pattern)
+        before = self._spent.flops
+        try:
+            return self._direct.factorize(values).solve
+        finally:
+            self.counts.flops += self._spent.flops - before
 
 
 def _too_hard(needed: float) -> ModelError:
@@ -134,7 +141,7 @@ def _too_hard(needed: float) -> ModelError:
 class _Preconditioner:
     """M^-1 r (n, k), found in single precision; columns are brought into its range."""
 
-    def __init__(self, level: Level) -> None:
+    def __init__(self, level: CycleLevel) -> None:
         self._level = level
 
     def __call__(self, rhs: Floats) -> Floats:

@@ -9,9 +9,10 @@ of the displacements,
 t grows with alpha towards the limit load (Cermak, Haslinger, Kozubek, Sysala 2015, "Discretization
 and numerical realization of contact problems for elastic-perfectly plastic bodies", part II). Given
 alpha the problem is convex again and has a solution. alpha is doubled until t stands still, or 1
-is reached. Meshes that lock under flow without change of volume have no limit load (Nagtegaal,
-Parks, Rice 1974, Comput. Methods Appl. Mech. Eng. 4): there the arc ends where the ground has
-become ten thousand times softer and its strains large.
+is reached; where Newton's method does not get there, it grows by less. Meshes that lock under flow
+without change of volume have no limit load (Nagtegaal, Parks, Rice 1974, Comput. Methods Appl.
+Mech. Eng. 4): there the arc ends where the ground has become ten thousand times softer and its
+strains large.
 """
 
 from __future__ import annotations
@@ -35,6 +36,7 @@ _LONG = 1.0
 """Strain up to which ground may be as soft as it likes (it may harden)."""
 
 _MOST_DOUBLINGS = 24
+_LEAST_GROWTH = 1.05
 _MOST_STEPS = 40
 
 
@@ -58,12 +60,16 @@ def limit_of(equations: StageEquations) -> Limit:
     rest = before.at(np.zeros_like(equations.forces))
     factor, _ = before.factor(rest)
     compliance = float(load @ factor.solve(load[:, None])[:, 0])
-    alpha = 0.25 * compliance
-    last = Limit(0.0, rest.du)
-    for doubling in range(_MOST_DOUBLINGS):
+    alpha, growth = 0.25 * compliance, 2.0
+    last, reached = Limit(0.0, rest.du), 0.0
+    while alpha <= 2.0**_MOST_DOUBLINGS * compliance:
         found = _controlled(before, load, alpha, last)
         if found is None:
-            return last
+            if growth < _LEAST_GROWTH or not reached:
+                return last
+            growth = float(np.sqrt(growth))
+            alpha = growth * reached
+            continue
         softer = alpha > _SOFTER * compliance * found.fraction
         if softer and _strain(before, found) > _LONG:
             return last
@@ -71,9 +77,11 @@ def limit_of(equations: StageEquations) -> Limit:
             return Limit(1.0, found.du)
         grown = found.fraction - last.fraction
         last = found if grown > 0.0 else last
-        if doubling > 2 and grown <= _STANDS_STILL * last.fraction:
+        still = _STANDS_STILL * last.fraction * np.log2(growth)
+        if alpha > compliance and grown <= still:
             return last
-        alpha *= 2.0
+        reached, growth = alpha, min(growth**2, 2.0)
+        alpha *= growth
     return last
 
 

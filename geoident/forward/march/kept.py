@@ -32,7 +32,7 @@ class KeptMarch:
 
     Attributes:
         ends: the states so far; of displacements and stresses, their values alone.
-        observed: of every state, what all channels see with derivatives.
+        observed: of every state, what all channels see with derivatives, (n_channels, 1 + n).
         equal: of every state, the channels that read one of several equal principal stresses.
     """
 

@@ -14,10 +14,10 @@ from geoident.fem.location import format_point
 from geoident.fem.moduli import Moduli, ScaledModuli, UniformModuli
 from geoident.fem.solvers.direct import (
     LowerPattern,
-    Places,
     Solver,
     SolverCounts,
     SymbolicFactorization,
+    UnknownPlaces,
 )
 from geoident.fem.solvers.fronts.tree import elimination_flops, flops_at_most
 from geoident.fem.solvers.ordering import lasting_first, nested_dissection
@@ -205,11 +205,11 @@ class StageSystems:
         once, each = elimination_flops(*graph, order, mesh.dim, lasting)
         return (order, lasting) if once + stages * each < stages * whole else (plain, 0)
 
-    def _places(self, dofs: Ints) -> Places:
+    def _places(self, dofs: Ints) -> UnknownPlaces:
         """Where unknowns stand, by their degrees of freedom (n,)."""
         if self._edges is None:
             self._edges = nodes_on_edges(self._mesh)
-        return Places(dofs, self._mesh.points, self._edges)
+        return UnknownPlaces(dofs, self._mesh.points, self._edges)
 
     def _changing_nodes(self) -> Bools:
         """(n_nodes,) nodes of ground that changes or yields, and of structures."""

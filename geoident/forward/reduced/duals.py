@@ -4,6 +4,11 @@ With lambda_aj the adjoint displacements of reading a in state j (theory 2, `mar
 error of a reading is exactly
 
     v_a - v~_a = sum_j lambda_aj(p)^T rho_j(p)
+    K_j lambda_aj = g_aj - C^T V E a_aj ,    b_aj = a_aj + C lambda_aj
+
+with a_aj the sum over the states that build on j of their b, zero at points that they take away or
+place anew, and g_aj the weights of u_j in the reading and in those of all states that build on j: a
+reading sees displacements since placing, of which the step of every state before is part.
 
 Of lambda(p) only lambda at the reference p_r is known, computed once; tau lambda(p_r), with tau the
 common factor of the moduli (all of them, or those of one material, whichever bounds the reading
@@ -12,7 +17,8 @@ tau sum_j lambda_aj(p_r)^T rho_j, and what is left is bounded by products of two
 
     |v_a - corrected| <= sum_j |eta_aj| |rho_j| ,      eta = lambda(p) - tau lambda(p_r).
 
-The adjoint strains b of lambda(p_r) leave C^T V (E_r - tau E(p)) b_aj out of balance at p, at most
+The adjoint strains b at the reference leave C^T V (E_r - tau E(p)) b_aj out of balance at p (g does
+not depend on p), at most
 
     |pi_aj| <= ( sum_m chi_m^2 |b_aj|^2_m )^1/2 ,      chi = max |1 - tau mu| / sqrt(mu)
 
@@ -84,10 +90,14 @@ class ReadingDuals:
     Args:
         reduced: the model.
         stages: of every state.
+        rounding: part of the largest reading that is rounding, see `ReducedResponse.see_rounding`.
     """
 
-    def __init__(self, reduced: ReducedModel, stages: Sequence[StageDual]) -> None:
+    def __init__(
+        self, reduced: ReducedModel, stages: Sequence[StageDual], rounding: float = 0.0
+    ) -> None:
         self._reduced, self.stages = reduced, tuple(stages)
+        self.rounding = rounding
 
     def bounds(self, found: ReducedStates, energy: EnergyBounds) -> ReadingBounds:
         """Corrections and bounds of all readings.
@@ -170,6 +180,9 @@ class DualMarch:
         n_states, k = weights.shape
         s, points = self._points.n_strain, self._points.n_points
         left: dict[int, Floats] = {}
+        read = np.unique(rows.indices)
+        seeds = rows[:, read].T.toarray()
+        seen = np.zeros((n_states, len(read), k))  # adjoints of the displacements that are read
         found: list[StageDual] = [self._nothing(k) for _ in range(n_states)]
         for number in range(n_states - 1, 0 if not self._affine.form.loads.settles else -1, -1):
             trace = self._run.traces[number]
@@ -179,7 +192,8 @@ class DualMarch:
             stress = self._stressed(number, a)
             rest = -self._points.forces(stress, system)
             if number:
-                rest += rows.T @ np.diag(weights[number])
+                seen[number] += seeds * weights[number]
+                rest[read] += seen[number]
             w, dofs = np.zeros_like(rest), system.pattern.dofs
             factor = factorize(task, self._systems, self._run.factors)
             if factor is not None and trace.stepped:
@@ -193,6 +207,7 @@ class DualMarch:
                 self._points.clear_begun(a, state)
                 base = state.base
                 left[base] = left[base] + a if base in left else a
+                seen[base][system.touched[read]] += seen[number][system.touched[read]]
         return found
 
     def _stressed(self, number: int, strain: Floats) -> Floats:

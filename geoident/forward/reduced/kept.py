@@ -59,6 +59,7 @@ def kept_model(
     packed = _Packed(materials)
     packed.moduli(model.form.spans)
     packed.loads(model.form.loads)
+    packed.rounding(reduced.duals.rounding)
     for number, (stage, dual) in enumerate(zip(model.stages, reduced.duals.stages, strict=True)):
         packed.stage(number, stage)
         packed.dual(number, dual)
@@ -116,6 +117,9 @@ class _Packed:
         self._add("exponents", form.exponents)
         self._add("mix", form.mix)
         self._add("settles", float(form.settles))
+
+    def rounding(self, part: float) -> None:
+        self._add("rounding", part)
 
     def stage(self, number: int, stage: ReducedStage) -> None:
         self._add("base", stage.base, number)
@@ -205,7 +209,7 @@ class _Blocks:
 
 
 @dataclass(frozen=True)
-class _Ground:
+class _Made:
     """Materials of which there is ground in any state, as `checks.MadeOf`."""
 
     materials: tuple[str, ...]
@@ -242,7 +246,7 @@ class RestoredModel:
             ("",) * len(kept.channels),
         )
         spans = self.model.form.spans
-        self._ground = _Ground(tuple(m for m in spans if isinstance(spans[m], MaterialSpan)))
+        self._ground = _Made(tuple(m for m in spans if isinstance(spans[m], MaterialSpan)))
         self.instrument_errors = InstrumentErrors(case, kept.built_on)
         self._bases = np.arange(len(kept.readable))
         self._bases[: len(self.model.stages)] = [stage.base for stage in self.model.stages]
@@ -341,5 +345,5 @@ class RestoredModel:
             self.instrument_errors.added(values, kept.names, places),
             self._bases,
             self.admissible,
-            ReadingDuals(model, duals),
+            ReadingDuals(model, duals, float(self._blocks.one("rounding"))),
         )

@@ -46,7 +46,7 @@ class MarchPoints:
         """Strains (s, q, k) of displacements (n_dofs, k).
 
         Args:
-            u: the displacements.
+            u: (n_dofs, k) displacements.
             points: (q,) some points of the ground, or some members, ascending; None: all of both.
         """
         if points is None:
@@ -62,7 +62,7 @@ class MarchPoints:
         """Nodal forces (n_dofs, k) of stresses (s, n_points, k) in a stage.
 
         Args:
-            stress: zero at members that do not stand.
+            stress: (s, n_points, k), zero at members that do not stand.
             system: of the stage; stresses of absent ground do not count.
         """
         found = self._ground.forces(stress[:, : self.n_ground], system.volume)
@@ -74,7 +74,7 @@ class MarchPoints:
         """Set strains (s, n_points, k) to zero where nothing works with its stiffness in a state.
 
         Args:
-            strain: changed in place.
+            strain: (s, n_points, k), changed in place.
             state: the state.
             system: of its stage.
         """
@@ -85,7 +85,7 @@ class MarchPoints:
         """Set strains (s, n_points, k) to zero where a state does not go on from its base.
 
         Args:
-            strain: changed in place.
+            strain: (s, n_points, k), changed in place.
             state: the state.
         """
         for group in state.placed:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from geoident.forward.march.march import RunOptions
 from geoident.forward.marches import Marches
 from geoident.forward.reduced.reduction import Reduction
@@ -143,17 +145,17 @@ class ReducibleResponse(StagedResponse):
         made = None if reduction is None else reduction.model(reference)
         if reduction is None or made is None:
             return None
-        duals = None
+        duals, moved = None, np.zeros(len(self._row))
         if bounded:
             run = marches.at(made.reference, RunOptions(last=self._last, traced=True))
-            for _ in run.states():
-                pass
             rows = marches.observation.operator(self._row)
             weights = marches.observation.weights_of_states(self._row, self._state, self._last)
+            for end in run.states():
+                moved += weights[end.state] * (rows @ end.u[:, 0])
             duals = reduction.duals(made, run, rows, weights)
         values = marches.values(made.reference)
         added = marches.instrument_errors.added(values, self.names, self._places)
-        return ReducedResponse(
+        response = ReducedResponse(
             made,
             marches.observation,
             self._row,
@@ -163,3 +165,5 @@ class ReducibleResponse(StagedResponse):
             self.admissible,
             duals,
         )
+        response.see_rounding(moved)
+        return response

@@ -1,7 +1,8 @@
 """Readings by the reduced model: one more `Response`, with a bound of its error.
 
-The bounds hold against the march in exact arithmetic. `ROUNDING` is added to those of readings for
-what the march and this model round.
+The bounds hold against the march in exact arithmetic. For what the march and this model round, two
+parts of the largest reading are added to those of readings: `ROUNDING`, and what is seen of it at
+the reference, where the adjoints are known and the error is theirs to the last digit.
 """
 
 from __future__ import annotations
@@ -127,8 +128,22 @@ class ReducedResponse:
         found = self.model.states(values, derivatives=False)
         table = np.ascontiguousarray(self._table(found, values)[..., 0].T)
         left = duals.bounds(found, self.model.bounds(found))
-        rounding = ROUNDING * np.abs(table).max(axis=1, initial=0.0)
+        rounding = (ROUNDING + duals.rounding) * np.abs(table).max(axis=1, initial=0.0)
         return table, left.error + np.abs(left.correction) + rounding[:, None]
+
+    def see_rounding(self, moved: Floats) -> None:
+        """Find what is rounding at the reference.
+
+        Args:
+            moved: (g,) readings of the march there, without what instruments add.
+        """
+        if self.duals is None or not moved.any():
+            return
+        at = self.model.reference[None]
+        found = self.model.states(at, derivatives=False)
+        left = self.duals.bounds(found, self.model.bounds(found)).correction[0]
+        left += self._table(found, at)[:, 0, 0] - self._added[:, 0] - moved
+        self.duals.rounding = float(np.abs(left).max() / np.abs(moved).max())
 
     def _at(self, p: Floats) -> ReducedStates:
         if self._last is None or self._last[0] != p.tobytes():

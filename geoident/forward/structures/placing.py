@@ -198,7 +198,13 @@ def hinged_and_held(on_mesh: CaseOnMesh, beam: Beam) -> tuple[Bools, Bools]:
 
 
 def toothed(mesh: Mesh, beam: Beam, nodes: Ints) -> Bools:
-    """(n,) pieces of a beam that lie on lines of three nodes."""
+    """(n,) pieces of a beam that lie on lines of three nodes.
+
+    Args:
+        mesh: the mesh.
+        beam: on lines of it.
+        nodes: (n, 2) ends of the pieces.
+    """
     middles = [
         block.nodes[rows][:, 2]
         for block, rows in rows_in(mesh.facets, mesh.facet_groups[beam.group])

@@ -139,9 +139,10 @@ def _of_file(
         return [], True
     survey = surveyed(described, check.section, check.faults, path)
     check.mapped(described, path)
-    if len(check.faults.found) > before:
-        return [], True
+    declared = len(check.faults.found)
     rows = _rows(found, described.described(calendar.dimensions, survey), check.faults, notes)
+    if declared > before:
+        return [], True
     sound = len(check.faults.found) == before
     dated = any(row.time is not None for row in rows)
     if dated and not calendar.dates:

@@ -13,18 +13,20 @@ import warnings
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-import meshio
 import numpy as np
-from meshio._mesh import topological_dimension
 
 from geoident.io.mesh.raw import RawCells, RawMesh, Refused, join, split_by
 from geoident.model.arrays import Ints
 from geoident.model.cells import CELLS
 from geoident.model.mesh import spans
 
-for _forgotten in ("wedge15", "pyramid13"):  # kinds that meshio 5.3.5 reads and then stumbles over
-    topological_dimension.setdefault(_forgotten, 3)
+if TYPE_CHECKING:
+    import meshio
+
+_FORGOTTEN = ("wedge15", "pyramid13")
+"""Kinds that meshio 5.3.5 reads and then stumbles over."""
 
 _KINDS = {cell.meshio: cell.kind for cell in CELLS.values()} | {"tetra4": "tet4"}
 
@@ -93,6 +95,11 @@ def _read_silently(path: Path) -> meshio.Mesh:
     A Nastran deck must end with ENDDATA, or meshio's reader would hang on it, and is given the
     BEGIN BULK that gmsh does not write.
     """
+    import meshio  # noqa: PLC0415 - 0.1 s, for these formats alone
+    from meshio._mesh import topological_dimension  # noqa: PLC0415
+
+    for kind in _FORGOTTEN:
+        topological_dimension.setdefault(kind, 3)
     if path.suffix.lower() not in (".bdf", ".fem", ".nas"):
         return meshio.read(path)
     deck = path.read_text(encoding="utf-8", errors="replace")

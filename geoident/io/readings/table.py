@@ -15,7 +15,7 @@ from typing import Literal
 from geoident.errors import Fault, InputError, Location
 from geoident.io.readings.calibration import Calibration, raw_unit
 from geoident.io.readings.survey import SurveyGrid
-from geoident.io.text.dates import ISO, DateError, read_date
+from geoident.io.text.dates import ISO, DateError, date_hint, read_date
 from geoident.io.text.wording import did_you_mean, shorten
 from geoident.model.gauges import Reading
 from geoident.units import (
@@ -447,7 +447,7 @@ class Table:
         try:
             return read_date(cell.text, self.layout.date_format)
         except DateError as error:
-            hint = "Declare the format: readings: {file: ..., date_format: DD.MM.YYYY hh:mm}."
+            hint = date_hint(cell.text, self.layout.date_format)
             self.refuse((number, cell.column), "bad-date", str(error), hint)
             return None
 

@@ -20,7 +20,7 @@ SECTION_FAULTS = "section_faults"
 class Section(BaseModel):
     """A mapping of the case file. Unknown keys are refused, after noting those that are known."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True, defer_build=True)
 
     @model_validator(mode="before")
     @classmethod

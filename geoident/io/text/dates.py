@@ -71,6 +71,35 @@ def read_date(text: str, pattern: str = ISO) -> float:
     return found.replace(tzinfo=UTC).timestamp()
 
 
+_USUAL = ("YYYY-MM-DD", "DD.MM.YYYY", "DD/MM/YYYY", "MM/DD/YYYY", "DD-MM-YYYY", "YYYY/MM/DD")
+_TIMES = ("", " hh:mm", " hh:mm:ss")
+
+
+def date_hint(text: str, pattern: str) -> str:
+    """What is to be done about a text that is no date of a format.
+
+    >>> date_hint("31.02.2025", "DD.MM.YYYY")
+    'There is no such day in the calendar: correct it.'
+    >>> date_hint("21.02.2025", "YYYY-MM-DD")
+    'Declare how it is written: readings: {file: ..., date_format: DD.MM.YYYY}.'
+    """
+    text = text.strip()
+    shape = re.escape(_TOKEN.sub(lambda match: "0" * len(match[0]), pattern))
+    if re.fullmatch(shape.replace("0", r"\d"), text):
+        return "There is no such day in the calendar: correct it."
+    others = [day + time for day in _USUAL for time in _TIMES if _is_date(text, day + time)]
+    found = " or ".join(others) or "DD.MM.YYYY hh:mm"
+    return f"Declare how it is written: readings: {{file: ..., date_format: {found}}}."
+
+
+def _is_date(text: str, pattern: str) -> bool:
+    try:
+        read_date(text, pattern)
+    except DateError:
+        return False
+    return True
+
+
 def utc_offset(text: str) -> float | None:
     """Seconds by which the clock of an ISO date is ahead of UTC; None where it does not say.
 

@@ -32,6 +32,7 @@ _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 _KEY_AND_VALUE = re.compile(r"([ ]*)([^\s#:]+): +(\{\}|\[\]|\w+)(?:\s*|\s+#.*)")
 
 _HINTS = {
+    "tab character": "Indent with spaces, not tabs.",
     "cannot start any token": "Indent with spaces, not tabs; quote texts that begin with @ or %.",
     "mapping values are not allowed": "Quote texts that hold ': ', and check the indentation.",
     "did not find expected": "Check the indentation, and that every bracket and quote is closed.",

@@ -7,8 +7,11 @@ from dataclasses import dataclass
 
 from geoident.model.arrays import Bools, Floats, Ints
 
-FORM = "geoident-reduced/1"
-"""What the blocks of a kept reduced model mean; another form is not read."""
+FORM = "geoident-reduced/2"
+"""What the blocks of a kept reduced model mean; another form is not read.
+
+The adjoints of the first form lacked what a reading sees of earlier states: their bounds were none.
+"""
 
 
 @dataclass(frozen=True, eq=False)

@@ -184,17 +184,27 @@ class GaugeTable:
         """(n_channels, n_stages) the reading is known to be wrong."""
         return self._wide[3]
 
-    @property
+    @cached_property
     def shown_units(self) -> tuple[str, ...]:
         """The unit of each channel, in which `in_units` gives its readings."""
         pairs = zip(self.units, self.dimensions, strict=True)
         return tuple(shown_unit(unit, dimension) for unit, dimension in pairs)
 
-    @property
+    @cached_property
     def common_unit(self) -> str | None:
         """The unit of all channels; None where they have several."""
         units = set(self.shown_units)
         return units.pop() if len(units) == 1 else None
+
+    @cached_property
+    def finest(self) -> Mapping[str, float]:
+        """The smallest standard deviation, SI, of the readings in a unit, where one is known."""
+        found: dict[str, float] = {}
+        for unit, sd in zip(self.shown_units, self.sd, strict=True):
+            known = sd[sd > 0.0]
+            if known.size:
+                found[unit] = min(found.get(unit, np.inf), float(known.min()))
+        return found
 
     def in_units(self, values: Floats) -> Floats:
         """SI values (n_channels, ...) in the units in which people want to see them."""

@@ -19,7 +19,6 @@ from functools import cached_property, lru_cache
 from itertools import combinations
 
 import numpy as np
-from scipy.sparse import csr_array
 
 from geoident.fem.elements import reference_element
 from geoident.fem.faces import FaceTable, face_table, patches
@@ -50,6 +49,46 @@ class Plane:
 
     def __str__(self) -> str:
         return f"{'xyz'[self.axis]} = {round(self.value, 2):z.6g} m"
+
+
+@dataclass(frozen=True)
+class Means:
+    """Weighted means of what is known somewhere: a sparse matrix, at hand without scipy's.
+
+    Args:
+        count: (n,) terms of each mean, at least one.
+        column: (k,) of what they are means, one mean after the other.
+        weight: (k,) of each term.
+    """
+
+    count: Ints
+    column: Ints
+    weight: Floats
+
+    def __len__(self) -> int:
+        return len(self.count)
+
+    @cached_property
+    def first(self) -> Ints:
+        """(n,) the first term of each mean."""
+        return np.cumsum(self.count) - self.count
+
+    def __matmul__(self, values: Floats) -> Floats:
+        """The means (n, ...) of values (m, ...)."""
+        if not len(self):
+            return np.empty((0, *values.shape[1:]))
+        weight = self.weight.reshape(-1, *(1,) * (values.ndim - 1))
+        return np.asarray(np.add.reduceat(weight * values[self.column], self.first))
+
+    def between(self, a: Ints, b: Ints, w: Floats) -> Means:
+        """The means (k,) at the weights w (k,) from those in rows a to those in rows b."""
+        rows, share = np.stack([a, b], axis=1).ravel(), np.stack([1 - w, w], axis=1).ravel()
+        count = self.count[rows]
+        ends = np.cumsum(count)
+        within = np.arange(ends[-1] if len(ends) else 0) - np.repeat(ends - count, count)
+        terms = np.repeat(self.first[rows], count) + within
+        weight = self.weight[terms] * np.repeat(share, count)
+        return Means(count.reshape(-1, 2).sum(axis=1), self.column[terms], weight)
 
 
 @dataclass(frozen=True)
@@ -100,8 +139,8 @@ class Sheet:
         plane: the cut, or None for a plane mesh.
         corners: the doubled nodes.
         faces: the faces of the mesh.
-        at_nodes: (n, n_nodes) sparse, weights of the nodes in every point.
-        at_corners: (n, n_doubled) sparse, weights of the doubled corners.
+        at_nodes: (n, n_nodes) weights of the nodes in every point.
+        at_corners: (n, n_doubled) weights of the doubled corners.
         triangles: (m, 3) points.
         element: (m,) element of each triangle.
     """
@@ -110,8 +149,8 @@ class Sheet:
     plane: Plane | None
     corners: DoubledCorners
     faces: FaceTable
-    at_nodes: csr_array
-    at_corners: csr_array
+    at_nodes: Means
+    at_corners: Means
     triangles: Ints
     element: Ints
 
@@ -207,16 +246,12 @@ class SheetMaker:
         distance = _never_zero(distance, self.mesh, plane)
         pairs, element = _cut_tets(made.simplices, distance, made.element)
         pairs = np.sort(pairs.reshape(-1, 2), axis=1)
-        n = made.at_nodes.shape[0]
+        n = len(made.at_nodes)
         unique, point = np.unique(pairs[:, 0] * n + pairs[:, 1], return_inverse=True)
         a, b = unique // n, unique % n
         w = distance[a] / (distance[a] - distance[b])
-        row = np.arange(len(a))
-        mean = csr_array(
-            (np.r_[1 - w, w], (np.r_[row, row], np.r_[a, b])), shape=(len(a), n), dtype=np.float64
-        )
-        return Sheet(self.mesh, plane, self.corners, self.faces, mean @ made.at_nodes,
-                     mean @ made.at_corners, point.reshape(-1, 3), element)  # fmt: skip
+        return Sheet(self.mesh, plane, self.corners, self.faces, made.at_nodes.between(a, b, w),
+                     made.at_corners.between(a, b, w), point.reshape(-1, 3), element)  # fmt: skip
 
     def _pieces(self, chosen: Bools) -> _Pieces:
         """The triangles or tetrahedra of some elements (n_elements,)."""
@@ -246,8 +281,8 @@ class SheetMaker:
             simplices.append(own[:, parts.simplices].reshape(-1, parts.simplices.shape[1]))
             elements.append(np.repeat(span.start + rows, len(parts.simplices)))
         return _Pieces(
-            _sparse(nodes, (first, n_nodes)),
-            _sparse(corners, (first, n_corners)),
+            _means(nodes, first),
+            _means(corners, first),
             np.concatenate(simplices),
             np.concatenate(elements),
         )
@@ -261,28 +296,30 @@ class _Pieces:
     nodes and of doubled corners in the points; the first n_doubled points are these corners.
     """
 
-    at_nodes: csr_array
-    at_corners: csr_array
+    at_nodes: Means
+    at_corners: Means
     simplices: Ints
     element: Ints
 
 
 @dataclass(frozen=True)
 class _Entries:
-    """Entries of a sparse matrix."""
+    """Terms of means."""
 
     row: Ints
     column: Ints
     value: Floats
 
 
-def _sparse(parts: list[_Entries], shape: tuple[int, int]) -> csr_array:
+def _means(parts: list[_Entries], n: int) -> Means:
+    """The means of n points, each of which has a term."""
     row, column, value = (
         np.concatenate([getattr(part, name) for part in parts])
         for name in ("row", "column", "value")
     )
-    kept = np.abs(value) > _ROUNDING
-    return csr_array((value[kept], (row[kept], column[kept])), shape=shape)
+    kept = np.flatnonzero(np.abs(value) > _ROUNDING)
+    order = kept[np.argsort(row[kept], kind="stable")]
+    return Means(np.bincount(row[order], minlength=n), column[order], value[order])
 
 
 @dataclass(frozen=True)

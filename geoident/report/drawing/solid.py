@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 from matplotlib.cm import ScalarMappable
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 
 from geoident.fem.faces import patches
@@ -286,6 +285,4 @@ def _finish(axes: Any, view: _View, title: str) -> None:
     axes.set_box_aspect(high - low, zoom=0.82)
     axes.set_proj_type("ortho")
     axes.view_init(*view.angles)
-    for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
-        axis.set_major_locator(MaxNLocator(4))
     axes.set_title(title, loc="left")

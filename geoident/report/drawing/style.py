@@ -17,9 +17,11 @@ from matplotlib import rc_context, rcdefaults
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.ticker import MaxNLocator
 
 from geoident.model.arrays import Floats
-from geoident.report.saving.figure_file import collector_paused, figure_file
+from geoident.report.saving.collector import garbage_at_the_end
+from geoident.report.saving.figure_file import figure_file
 from geoident.report.saving.lean_axes import lean_axes
 from geoident.report.saving.side_by_side import side_by_side
 
@@ -38,6 +40,8 @@ DIVERGING = "PuOr"
 SMALL = 7.0
 MIDDLE = 8.5
 
+_SHORT = 0.3
+"""Of the longest side of a box: along a shorter one numbers would stand on each other."""
 _Item = TypeVar("_Item")
 _COLUMNS = 3
 _RC: Any = {
@@ -91,7 +95,7 @@ def drawing_style() -> Iterator[None]:
 
 def image(picture: Picture, suffix: str) -> bytes:
     """A figure as a file: ``svg``, ``png`` or ``pdf``."""
-    with collector_paused(), drawing_style(), lean_axes():
+    with garbage_at_the_end(), drawing_style(), lean_axes():
         return figure_file(picture.draw(), suffix, title=picture.title, description=picture.caption)
 
 
@@ -151,7 +155,7 @@ def hide_unused(panels: list[Axes], used: int) -> None:
 
 
 def box_axes(axes: Any, low: Floats, high: Floats) -> None:
-    """Limits and names of the axes of a view in space.
+    """Limits, names and numbers of the axes of a view in space, fewer along its short sides.
 
     Args:
         axes: of the view.
@@ -161,6 +165,8 @@ def box_axes(axes: Any, low: Floats, high: Floats) -> None:
     for name, first, last in zip("xyz", low, high, strict=True):
         getattr(axes, f"set_{name}lim")(first, last)
         getattr(axes, f"set_{name}label")(f"{name} (m)")
+        share = (last - first) / float((high - low).max())
+        getattr(axes, f"{name}axis").set_major_locator(MaxNLocator(4 if share > _SHORT else 1))
 
 
 def panel_grid(

@@ -17,7 +17,7 @@ from geoident.report.page.printed import (
     HEADING,
     Drawn,
     Item,
-    Place,
+    PrintedPlace,
     printed_rows,
     table_height,
     text_height,
@@ -231,7 +231,7 @@ class _Writer:
         letters = len(picture.title) + len(picture.caption) + len("Figure 10: . ")
         return Drawn(*size_of_svg(self._drawn[picture.name]), letters)
 
-    def _figure(self, picture: Picture, place: Place) -> Html:
+    def _figure(self, picture: Picture, place: PrintedPlace) -> Html:
         self._figures += 1
         return figure_element(
             self._drawn[picture.name],

@@ -76,7 +76,7 @@ class Drawn:
 
 
 @dataclass(frozen=True)
-class Place:
+class PrintedPlace:
     """How a figure stands on paper.
 
     Args:
@@ -89,7 +89,7 @@ class Place:
 
 
 @dataclass(frozen=True)
-class _Row:
+class _FigureRow:
     """Figures side by side, and what they need.
 
     Args:
@@ -98,7 +98,7 @@ class _Row:
         cost: of letters that are small, in pixels of height.
     """
 
-    places: tuple[Place, ...]
+    places: tuple[PrintedPlace, ...]
     height: float
     cost: float
 
@@ -106,11 +106,11 @@ class _Row:
 Item = float | Sequence[Drawn]
 """Text of so many pixels height, or figures that follow each other."""
 
-_Way = tuple[float, float, tuple[_Row, ...]]
+_Way = tuple[float, float, tuple[_FigureRow, ...]]
 """Cost so far, where it ends on its page, and the rows."""
 
 
-def printed_rows(items: Sequence[Item]) -> list[list[tuple[Place, ...]]]:
+def printed_rows(items: Sequence[Item]) -> list[list[tuple[PrintedPlace, ...]]]:
     """The rows of figures of a document that cost least.
 
     Args:
@@ -139,12 +139,14 @@ def printed_rows(items: Sequence[Item]) -> list[list[tuple[Place, ...]]]:
     return _by_item(rows_found, counts)
 
 
-def _by_item(rows: Sequence[_Row], counts: Sequence[int]) -> list[list[tuple[Place, ...]]]:
+def _by_item(
+    rows: Sequence[_FigureRow], counts: Sequence[int]
+) -> list[list[tuple[PrintedPlace, ...]]]:
     """Rows given back to the items whose figures they hold."""
     left = iter(rows)
     found = []
     for count in counts:
-        own: list[tuple[Place, ...]] = []
+        own: list[tuple[PrintedPlace, ...]] = []
         while sum(map(len, own)) < count:
             own.append(next(left).places)
         found.append(own)
@@ -167,7 +169,7 @@ def _after_text(way: _Way, height: float) -> _Way:
     return cost + height, (at + height) % HEIGHT, rows
 
 
-def _after_row(way: _Way, row: _Row, kept: float) -> _Way:
+def _after_row(way: _Way, row: _FigureRow, kept: float) -> _Way:
     """A row stands on one page, with the heading or the line before it."""
     cost, at, rows = way
     empty = 0.0
@@ -177,7 +179,7 @@ def _after_row(way: _Way, row: _Row, kept: float) -> _Way:
     return cost + empty + row.height + row.cost, at + row.height, (*rows, row)
 
 
-def _rows(figures: Sequence[Drawn]) -> list[_Row]:
+def _rows(figures: Sequence[Drawn]) -> list[_FigureRow]:
     """The ways in which some figures can stand in one row, the different ones."""
     trials = [_in_scale(figures, tallest, beside=False) for tallest in _TALLEST]
     if len(figures) == 1:
@@ -185,7 +187,7 @@ def _rows(figures: Sequence[Drawn]) -> list[_Row]:
     return list({row.places: row for row in trials}.values())
 
 
-def _in_scale(figures: Sequence[Drawn], tallest: float, *, beside: bool) -> _Row:
+def _in_scale(figures: Sequence[Drawn], tallest: float, *, beside: bool) -> _FigureRow:
     """Figures in one scale, at most so many pixels high.
 
     Args:
@@ -206,7 +208,9 @@ def _in_scale(figures: Sequence[Drawn], tallest: float, *, beside: bool) -> _Row
         heights.append(max(picture, caption) if beside else picture + caption)
     lack = max(_READABLE - scale, 0.0)
     cost = (_SMALL_COSTS * lack**2 + _TINY_COSTS * max(_TINY - scale, 0.0)) * len(figures)
-    return _Row(tuple(Place(part, beside) for part in parts), max(heights) + _BETWEEN, cost)
+    return _FigureRow(
+        tuple(PrintedPlace(part, beside) for part in parts), max(heights) + _BETWEEN, cost
+    )
 
 
 def _part(width: float) -> int:

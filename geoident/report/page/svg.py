@@ -11,7 +11,7 @@ import re
 from html import escape
 
 from geoident.report.page.html import Html, tag
-from geoident.report.page.printed import Place
+from geoident.report.page.printed import PrintedPlace
 from geoident.report.saving.svg_writer import LINK
 
 _HEAD = re.compile(
@@ -43,7 +43,7 @@ def inline_svg(svg: bytes, *, name: str, text: str) -> Html:
     return Html(start + inner)
 
 
-def figure_element(svg: bytes, *, name: str, title: str, caption: str, place: Place) -> Html:
+def figure_element(svg: bytes, *, name: str, title: str, caption: str, place: PrintedPlace) -> Html:
     """A figure with its caption.
 
     Args:
@@ -66,6 +66,9 @@ def size_of_svg(svg: bytes) -> tuple[float, float]:
 
     Args:
         svg: as `figure_file` writes it.
+
+    Raises:
+        ValueError: it is another picture.
     """
     found = _HEAD.search(svg.decode())
     if found is None:

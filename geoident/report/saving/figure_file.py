@@ -6,10 +6,7 @@ much, at half the time.
 
 from __future__ import annotations
 
-import gc
 import io
-from collections.abc import Iterator
-from contextlib import contextmanager
 
 from matplotlib.figure import Figure
 
@@ -42,15 +39,3 @@ def figure_file(figure: Figure, suffix: str, *, title: str = "", description: st
         engine.execute(figure)
         figure.set_layout_engine("none")
     return canvas.written(title, description)
-
-
-@contextmanager
-def collector_paused() -> Iterator[None]:
-    """Without the search for garbage among a figure's many small objects: a fifth of its time."""
-    was_on = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if was_on:
-            gc.enable()

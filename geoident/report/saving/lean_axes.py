@@ -47,6 +47,14 @@ class _LeanAxis(Axis):
         if hasattr(these.axes, "patch"):
             self.set_clip_path(these.axes.patch)
 
+    def get_major_ticks(self, numticks: int | None = None) -> list[Any]:
+        """The one tick, also where matplotlib asks for one at each place that it is given.
+
+        Args:
+            numticks: not used.
+        """
+        return list(super().get_major_ticks(1))
+
     def _usual_side(self: Any) -> bool:
         """Whether marks and numbers stand on the usual side alone."""
         on = self._major_tick_kw

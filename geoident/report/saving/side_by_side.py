@@ -17,6 +17,8 @@ from functools import partial
 from multiprocessing import get_context
 from typing import TypeVar
 
+from geoident.report.saving.collector import older_left_alone
+
 _Item = TypeVar("_Item")
 _MOST = 8  # processes; more would wait for the slowest figure
 _FEW = 4  # figures below which processes are not worth their start
@@ -36,7 +38,7 @@ def side_by_side(draw: Callable[[_Item], bytes], items: Sequence[_Item]) -> list
         return [draw(item) for item in items]
     _drawn[:] = [partial(draw, item) for item in items]
     try:
-        with warnings.catch_warnings():
+        with warnings.catch_warnings(), older_left_alone():
             # Threads of libraries of linear algebra, which know how to survive a fork.
             warnings.simplefilter("ignore", DeprecationWarning)
             with ProcessPoolExecutor(processes, get_context("fork")) as pool:

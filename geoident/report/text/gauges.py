@@ -87,9 +87,8 @@ def reading_text(gauges: GaugeTable, row: int, value: float) -> str:
 def _read_places(gauges: GaugeTable, row: int) -> int:
     """Decimals in the unit of a channel: one more than the best gauge of that unit can read."""
     unit = gauges.units[row], gauges.dimensions[row]
-    alike = [name == gauges.shown_units[row] for name in gauges.shown_units]
-    known = gauges.sd[alike][gauges.sd[alike] > 0.0]
-    best = in_unit(float(known.min()), *unit) if known.size else 0.1
+    finest = gauges.finest.get(gauges.shown_units[row])
+    best = 0.1 if finest is None else in_unit(finest, *unit)
     return min(6, max(2, 1 - math.floor(math.log10(best) + 1e-9)))
 
 

@@ -66,7 +66,7 @@ from geoident.workflow.running.readings import (
 from geoident.workflow.running.reduced_scan import with_reduced_readings
 
 
-class Estimate(NamedTuple):
+class SearchState(NamedTuple):
     """How far a search has come.
 
     Args:
@@ -88,7 +88,7 @@ def estimated(
     *,
     start: Floats | None = None,
     near: bool = False,
-) -> Estimate:
+) -> SearchState:
     """The parameters that meet the readings of a setup, and all that is estimated with them.
 
     A search that begins where another ended is led by the reduced model, if there is one that is
@@ -119,7 +119,7 @@ def estimated(
         problem = with_reduced_readings(problem, used_response(setup), only, kept)
     search = _Search(methods, control)
     with led(problem.response) if near else nullcontext():
-        first = Estimate(setup, problem, search.identified(problem, methods))
+        first = SearchState(setup, problem, search.identified(problem, methods))
     try:
         return search.with_all_errors(first)
     except TimeIsUp:
@@ -151,7 +151,7 @@ class _Search:
         self.control.stop.check()
         return outcome
 
-    def with_all_errors(self, first: Estimate) -> Estimate:
+    def with_all_errors(self, first: SearchState) -> SearchState:
         """The same with the errors of the mesh, of the gauges and of the model.
 
         Raises:
@@ -176,11 +176,11 @@ class _Search:
         # what was estimated with the parameters belongs to another minimum
         former = LocalMinimum(outcome.values, outcome.objective)
         moved = begun.problem.begun_at(lowest.values)
-        found = self._with_errors(Estimate(begun.setup, moved, self.descent(moved)))
+        found = self._with_errors(SearchState(begun.setup, moved, self.descent(moved)))
         outcome = kept_up(found.problem, found.outcome, [former, *minima], self.descent)
         return found._replace(outcome=outcome)
 
-    def _with_mesh(self, at: Estimate) -> Estimate:
+    def _with_mesh(self, at: SearchState) -> SearchState:
         """The same with the error of the mesh among those of the readings, where it matters."""
         setup, problem, outcome = at
         case, model, last = setup.case, setup.model, self.methods[-1]
@@ -193,7 +193,7 @@ class _Search:
             return at._replace(setup=replace(setup, mesh=found))
         return self._counted(at, found)
 
-    def _counted(self, at: Estimate, found: FittedMesh) -> Estimate:
+    def _counted(self, at: SearchState, found: FittedMesh) -> SearchState:
         """The same with the error of the mesh among those of the readings."""
         setup, problem, outcome = at
         case = with_mesh_error(setup.case, found.found)
@@ -203,16 +203,16 @@ class _Search:
         problem = replace(problem, sd=sd, shared=shared).begun_at(outcome.values)
         again = after(outcome, self.descent(problem))
         table = reading_table(case, setup.readings.reason)
-        return Estimate(replace(setup, case=case, readings=table, mesh=found), problem, again)
+        return SearchState(replace(setup, case=case, readings=table, mesh=found), problem, again)
 
-    def _with_errors(self, at: Estimate) -> Estimate:
+    def _with_errors(self, at: SearchState) -> SearchState:
         """The same with all errors that are estimated: those of the model and of the gauges."""
         found = None
         if no_model_error(at.setup.case, at.setup.readings, self.methods) is None:
             found = self._with_model_error(at)
         return self._with_accuracies(at) if found is None else found
 
-    def _confirmed(self, at: Estimate) -> Estimate:
+    def _confirmed(self, at: SearchState) -> SearchState:
         """The same, confirmed by the model itself where the reduced model led to it."""
         _, problem, outcome = at
         if outcome.status == STOPPED or not known_nearly(problem.response, outcome.values):
@@ -220,7 +220,7 @@ class _Search:
         again = self.descent(problem.begun_at(outcome.values))
         return at._replace(outcome=after(outcome, again))
 
-    def _with_model_error(self, at: Estimate) -> Estimate | None:
+    def _with_model_error(self, at: SearchState) -> SearchState | None:
         """The same with the model error, and with accuracies that the case wants estimated.
 
         None where no reading can have a model error.
@@ -250,9 +250,9 @@ class _Search:
             again = _scattering(again, found.found)
         channels = tuple(channel for channel, _ in used_rows(again.case, readings.used))
         again = replace(again, model_error=found.found.of_channels(channels))
-        return Estimate(again, found.problem, found.outcome)
+        return SearchState(again, found.problem, found.outcome)
 
-    def _with_accuracies(self, at: Estimate) -> Estimate:
+    def _with_accuracies(self, at: SearchState) -> SearchState:
         """The same with the accuracies that the case wants estimated, if it wants any."""
         structure = structure_of_used(at.setup.case, at.setup.readings.used)
         if structure is None or not structure.names:
@@ -262,7 +262,7 @@ class _Search:
             at.problem, structure, at.outcome, lambda again: self.identified(again, onwards)
         )
         setup = _sized(at.setup, structure, found.components)
-        return Estimate(setup, found.problem, found.outcome)
+        return SearchState(setup, found.problem, found.outcome)
 
 
 def _mesh_beside_accuracies(found: Setup, problem: Problem, outcome: Outcome) -> FittedMesh | None:

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from geoident.fem.refinement.finer import n_raised
 from geoident.fem.solvers import AUTO, BEYOND, LARGE, picked
-from geoident.fem.solvers.auto import BYTES, ITERATED, Size
+from geoident.fem.solvers.auto import BYTES, ITERATED, FactorSize
 from geoident.fem.solvers.factor_cost import FactorCost, factor_cost
 from geoident.fem.solvers.fronts.single import single_pays
 from geoident.forward.model import StagedModel
@@ -70,7 +70,7 @@ def estimate_cost(
     largest = max((c.entries for c in costs), default=0)
     nonzeros = max((_nonzeros(model, n) for n in _states(model)), default=0)
     if solver == AUTO:
-        solver = picked(Size(most, largest, nonzeros, lasting=once > 0, places=True))
+        solver = picked(FactorSize(most, largest, nonzeros, lasting=once > 0, places=True))
     if solver == BEYOND:
         flops = steps * len(costs) * ITERATED * nonzeros * columns / _ITERATED_COLUMNS
         seconds = flops / _PRODUCT_FLOPS

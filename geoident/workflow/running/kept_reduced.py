@@ -166,9 +166,9 @@ def _refusal(result: Result, inputs: Inputs) -> tuple[str, str]:
     """Why a result has no reduced model for a case, and what to do; empty if it has."""
     if result.reduced is None:
         why = next((note for note in result.notes if note.startswith(NONE.partition("{")[0])), "")
-        hint = "Leave it out." if why else "Fit with --set fit.reduced=keep."
+        hint = "Leave it out." if why else "Write 'reduced: keep' under 'fit' and fit again."
         return why or "the result keeps no reduced model", hint
-    again = "Fit this case with --set fit.reduced=keep, or leave the reduced model out."
+    again = "Write 'reduced: keep' under 'fit' and fit this case, or leave the reduced model out."
     if result.reduced.form != FORM:
         return f"its reduced model is of the form {result.reduced.form!r}, not {FORM!r}", again
     if result.provenance.mesh_sha256 != inputs.mesh_sha256:

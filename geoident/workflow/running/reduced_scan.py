@@ -47,7 +47,7 @@ _TRAINING = 400
 
 
 @dataclass
-class ReducedReadings(LedByReduced):
+class LedReadings(LedByReduced):
     """A response whose readings are those of a reduced model where the discrepancy is right.
 
     Args:
@@ -128,7 +128,7 @@ def with_reduced_readings(
     training = _training(problem, response, axes)
     worth = count >= _WORTH * MARCHES_OF_GRID and isinstance(response, ReducibleResponse)
     if kept is not None:
-        led = ReducedReadings(kept, problem.response, Discrepancy(problem), NO_COST, whose=KEPT)
+        led = LedReadings(kept, problem.response, Discrepancy(problem), NO_COST, whose=KEPT)
         if not worth or led.part_close(training) >= _MOST:
             return replace(problem, response=led)
     if not worth or not isinstance(response, ReducibleResponse):
@@ -141,7 +141,7 @@ def with_reduced_readings(
         return problem
     after = response.counts
     spent = replace(after - before, analyses=after.analyses)
-    led = ReducedReadings(reduced, problem.response, Discrepancy(problem), spent)
+    led = LedReadings(reduced, problem.response, Discrepancy(problem), spent)
     return replace(problem, response=led)
 
 

@@ -17,7 +17,7 @@ from geoident.model.case import Case
 from geoident.model.parameter import Parameter
 from geoident.model.results.backtest import Backtest, BacktestStep
 from geoident.model.results.bands import bands_of
-from geoident.model.results.result import GaugeTable
+from geoident.model.results.result import NORMAL_95, GaugeTable
 from geoident.units import in_unit, shown_unit
 
 ALARM = 0.01
@@ -29,6 +29,9 @@ WORTH_SAYING = 0.85
 ODD = 0.1
 """Chance below which the user should look at it."""
 
+
+_FAR_MORE = 2.0
+"""Length of an interval, by that of a linearisation, from which on the latter does not hold."""
 
 _GIVEN = 1e9
 """Degrees of freedom of accuracies that are given."""
@@ -146,7 +149,7 @@ def settling_sentences(
             others.append(f"{parameter.name} is determined {where}.")
             continue
         x = np.array([scaling.to_scaled(step.values)[i] for step in known])
-        z = changes(x, variances[at, i])
+        z = changes(x, _honest(variances[at, i], scaling, known, i))
         spare = known[0].readings - len(named_parameters(case)) if estimated else _GIVEN
         if fdtrc(len(z), max(spare, 1), float(z @ z) / len(z)) < ALARM:
             restless.append(
@@ -159,6 +162,27 @@ def settling_sentences(
                 f"{parameter.name} settles: {join(values)}, no more apart than its intervals allow."
             )
     return tuple(restless), tuple(others)
+
+
+def _honest(variances: Floats, scaling: Scaling, steps: Sequence[BacktestStep], i: int) -> Floats:
+    """Variances (k,) of a scaled parameter, by its own intervals where these tell far more.
+
+    A change of variance is a small difference, which needs one linearisation, that at the last
+    answer. It does not hold for a fit whose ground did not yield yet, or whose answer lay on a
+    bound: the intervals there are longer than it would have them.
+
+    Args:
+        variances: (k,) at the last answer.
+        scaling: of the parameters.
+        steps: the k fits.
+        i: the parameter.
+    """
+    x = np.array([scaling.to_scaled(step.values)[i] for step in steps])
+    ends = np.array(
+        [[scaling.to_scaled(end)[i] for end in (step.lower95, step.upper95)] for step in steps]
+    )
+    own = (np.nan_to_num(np.abs(ends - x[:, None])).max(axis=1) / NORMAL_95) ** 2
+    return np.where(own > _FAR_MORE**2 * variances, own, variances)
 
 
 def _stage(case: Case, step: BacktestStep) -> str:

@@ -81,6 +81,21 @@ def test_no_reading_is_further_off_than_its_bound(name, count, ratio):
 
 
 @pytest.mark.parametrize("name", CASES)
+def test_adjoints_at_the_place_itself_give_the_error_of_every_reading(name):
+    """Where the reference is no march, nothing is left to be bounded: each term must be right."""
+    staged, response, _, _ = made.__wrapped__(name)  # its own: the projection is made anew
+    p = spread(staged, 1, seed=1)[0]
+    reduced = response.reduced(bounded=True, reference=p)
+    states = reduced.model.states(p[None], derivatives=False)
+    bounds = reduced.duals.bounds(states, reduced.model.bounds(states))
+    readings = response.readings(p)
+    error = readings - reduced.readings(p)
+    assert bounds.error.max() < 1e-12 * np.abs(error).max()
+    small = 1e-10 * np.abs(readings).max()  # rounding; a term that lacks is 1e-7 and more
+    np.testing.assert_allclose(bounds.correction[0], error, rtol=0, atol=small)
+
+
+@pytest.mark.parametrize("name", CASES)
 def test_the_error_of_the_stresses_is_below_its_bound(name):
     """In complementary energy, where the stress of the march is at hand."""
     staged, response, reduced, _ = made(name)

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
-from geoident.fem.solvers.direct import Places
+from geoident.fem.solvers.direct import UnknownPlaces
 from geoident.model.arrays import Bools, Floats, Ints
 
 FEW = 0.4
@@ -38,10 +38,10 @@ class Coarser:
 
     interpolation: sp.csr_array
     point: Floats
-    places: Places | None
+    places: UnknownPlaces | None
 
 
-def corners(places: Places) -> Coarser | None:
+def corners(places: UnknownPlaces) -> Coarser | None:
     """The space of the corners; None where elements of second order are few.
 
     Args:
@@ -72,10 +72,12 @@ def corners(places: Places) -> Coarser | None:
     interpolation = sp.csr_array(sp.coo_array(entries, shape=(n, len(stays))))
     dofs = places.dofs[stays]
     nothing = np.empty((0, 3), dtype=np.int64)
-    return Coarser(interpolation, places.points[dofs // dim], Places(dofs, places.points, nothing))
+    return Coarser(
+        interpolation, places.points[dofs // dim], UnknownPlaces(dofs, places.points, nothing)
+    )
 
 
-def aggregates(matrix: sp.csr_array, places: Places, step: sp.csr_array) -> Coarser:
+def aggregates(matrix: sp.csr_array, places: UnknownPlaces, step: sp.csr_array) -> Coarser:
     """The space of rigid motions of aggregates, smoothed.
 
     Args:
@@ -136,7 +138,7 @@ def _means(points: Floats, group: Ints, count: int) -> Floats:
     return np.asarray(np.stack(sums, axis=1) / np.bincount(group, minlength=count)[:, None])
 
 
-def _rigid_motions(places: Places, node: Ints, at: Ints, aggregate: Ints) -> Floats:
+def _rigid_motions(places: UnknownPlaces, node: Ints, at: Ints, aggregate: Ints) -> Floats:
     """(n, m) displacement of each unknown by the rigid motions of its aggregate."""
     dim = places.points.shape[1]
     centre = _means(places.points[node], aggregate, int(aggregate.max()) + 1)

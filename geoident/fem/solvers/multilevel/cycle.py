@@ -16,9 +16,9 @@ import scipy.sparse as sp
 from geoident.fem.solvers.direct import (
     LowerPattern,
     NotPositiveDefinite,
-    Places,
     Solve,
     SolverCounts,
+    UnknownPlaces,
 )
 from geoident.fem.solvers.multifrontal import MultifrontalAnalysis, MultifrontalSolver
 from geoident.fem.solvers.multilevel.coarser import Coarser, aggregates, corners
@@ -45,7 +45,7 @@ FACTORIZED = 400_000
 """Unknowns of corners up to which they are the coarsest level."""
 
 
-class Level(Protocol):
+class CycleLevel(Protocol):
     """About solves a system."""
 
     def solve(self, rhs: Singles) -> Singles:
@@ -60,7 +60,7 @@ class Hierarchy:
         counts: where the operations of the factorization of the coarsest level are counted.
     """
 
-    def __init__(self, places: Places, counts: SolverCounts) -> None:
+    def __init__(self, places: UnknownPlaces, counts: SolverCounts) -> None:
         self._places, self._counts = places, counts
         self._corners = corners(places)
         self._coarsest: _Coarsest | None = None
@@ -69,7 +69,7 @@ class Hierarchy:
             assert self._corners.places is not None
             self._below = Hierarchy(self._corners.places, counts)
 
-    def level(self, matrix: sp.csr_array) -> Level:
+    def level(self, matrix: sp.csr_array) -> CycleLevel:
         """The finest level for a matrix (n, n).
 
         Raises:
@@ -85,7 +85,7 @@ class Hierarchy:
         below = self._factorized(coarser, matrix)
         return _Smoothed(single, Smoother(single, rough, largest, STEPS), coarser, below)
 
-    def _factorized(self, coarser: Coarser, matrix: sp.csr_array) -> Level:
+    def _factorized(self, coarser: Coarser, matrix: sp.csr_array) -> CycleLevel:
         found = projected(matrix, coarser.interpolation)
         try:
             if self._below is not None:
@@ -121,7 +121,7 @@ class _Smoothed:
     """A level that smooths and goes on to a coarser one."""
 
     def __init__(
-        self, matrix: sp.csr_array, smoother: Smoother, coarser: Coarser, below: Level
+        self, matrix: sp.csr_array, smoother: Smoother, coarser: Coarser, below: CycleLevel
     ) -> None:
         self._matrix, self._smoother, self._below = matrix, smoother, below
         self._down = sp.csr_array(coarser.interpolation.T.astype(np.float32))
@@ -153,7 +153,7 @@ class _Coarsest:
             matrix.indices, self._indices
         )
 
-    def level(self, matrix: sp.csr_array) -> Level:
+    def level(self, matrix: sp.csr_array) -> CycleLevel:
         """Factorize a matrix of this pattern."""
         before = self._own.flops
         try:

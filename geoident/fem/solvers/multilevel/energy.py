@@ -15,16 +15,13 @@ not positive definite, is found whatever loads follow.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
+from geoident.fem.conjugate_gradients import Product
 from geoident.fem.solvers.direct import NotPositiveDefinite
 from geoident.model.arrays import Floats
-
-Product = Callable[[Floats], Floats]
-"""K x (n, k), or M^-1 r (n, k)."""
 
 ENERGY = 1e-10
 """Largest error in energy norm, relative to the solution."""
@@ -43,11 +40,19 @@ MOST = 400
 
 
 class Stagnates(ArithmeticError):
-    """Conjugate gradients do not come to the end within reason."""
+    """Conjugate gradients do not come to the end within reason.
+
+    Args:
+        columns: steps made in vain, column by column, added up.
+    """
+
+    def __init__(self, columns: int = 0) -> None:
+        self.columns = columns
+        super().__init__("conjugate gradients do not come to the end")
 
 
 @dataclass(frozen=True)
-class Spectrum:
+class ExtremeEigenvalues:
     """What is known of M^-1 K.
 
     Args:
@@ -61,7 +66,7 @@ class Spectrum:
     steps: int
 
 
-def spectrum(product: Product, precondition: Product, diagonal: Floats) -> Spectrum:
+def spectrum(product: Product, precondition: Product, diagonal: Floats) -> ExtremeEigenvalues:
     """The extreme eigenvalues of M^-1 K.
 
     Args:
@@ -71,44 +76,46 @@ def spectrum(product: Product, precondition: Product, diagonal: Floats) -> Spect
 
     Raises:
         NotPositiveDefinite: K is indefinite, or singular to working precision.
-        Stagnates: they are too far apart.
+        Stagnates: they are too far apart, or M is not positive definite in its rounding.
     """
     n = len(diagonal)
     r = np.random.default_rng(0).normal(size=(n, 1)) * np.sqrt(diagonal)[:, None]
     z = precondition(r)
     d, rz = z, float((r * z).sum())
     until, alphas, betas = (SHOWN**2 / n) * rz, list[float](), list[float]()
-    for _ in range(MOST):
+    for step in range(MOST):
         q = product(d)
         curvature = float((d * q).sum())
-        if not curvature > 0.0 or not rz > 0.0:
+        if curvature <= 0.0:
             raise NotPositiveDefinite(int(np.argmax(np.abs(d[:, 0]))))
+        if not (rz > 0.0 and curvature > 0.0):  # no number, or K is lost in the rounding of M
+            raise Stagnates(step)
         alphas.append(rz / curvature)
         r = r - alphas[-1] * q
         z = precondition(r)
         following = float((r * z).sum())
         betas.append(following / rz)
-        if following <= until:
+        if abs(following) <= until:
             return _extremes(alphas, betas, d)
         d, rz = z + betas[-1] * d, following
-    raise Stagnates
+    raise Stagnates(MOST)
 
 
-def _extremes(alphas: list[float], betas: list[float], d: Floats) -> Spectrum:
+def _extremes(alphas: list[float], betas: list[float], d: Floats) -> ExtremeEigenvalues:
     """From the coefficients of conjugate gradients: eigenvalues of Lanczos' matrix."""
     a, b = np.array(alphas), np.array(betas)
     main = 1.0 / a
     main[1:] += b[:-1] / a[:-1]
     side = np.sqrt(np.maximum(b[:-1], 0.0)) / a[:-1]
     values = np.linalg.eigvalsh(np.diag(main) + np.diag(side, 1) + np.diag(side, -1))
-    found = Spectrum(float(values[0]), float(values[-1]), len(alphas))
+    found = ExtremeEigenvalues(float(values[0]), float(values[-1]), len(alphas))
     if not found.least > NEARLY_SINGULAR * found.most:
         raise NotPositiveDefinite(int(np.argmax(np.abs(d[:, 0]))))
     return found
 
 
 @dataclass(frozen=True)
-class Solved:
+class EnergySolution:
     """What conjugate gradients found.
 
     Args:
@@ -124,7 +131,7 @@ class Solved:
 
 def solve_in_energy(
     product: Product, precondition: Product, rhs: Floats, least: float, *, tolerance: float = ENERGY
-) -> Solved:
+) -> EnergySolution:
     """Solve K x = b, each column to an error in energy norm.
 
     Args:
@@ -136,7 +143,7 @@ def solve_in_energy(
 
     Raises:
         NotPositiveDefinite: a direction has no positive curvature.
-        Stagnates: the error does not become small.
+        Stagnates: the error does not become small, or M is not positive definite in its rounding.
     """
     x = np.zeros_like(rhs)
     going = np.flatnonzero(np.abs(rhs).max(axis=0) > 0.0)
@@ -146,12 +153,13 @@ def solve_in_energy(
     rz = (r * d).sum(axis=0)
     energy = np.zeros(len(going))  # x^T K x
     while going.size:
-        if steps == MOST:
-            raise Stagnates
+        # negative, or no number: what is soft in K is lost in the rounding of M
+        if steps == MOST or not (rz > 0.0).all():
+            raise Stagnates(columns)
         steps, columns = steps + 1, columns + len(going)
         q = product(d)
         curvature = (d * q).sum(axis=0)
-        bad = np.flatnonzero(~(curvature > 0.0))
+        bad = np.flatnonzero(curvature <= 0.0)
         if bad.size:
             raise NotPositiveDefinite(int(np.argmax(np.abs(d[:, bad[0]]))))
         length = rz / curvature
@@ -162,7 +170,7 @@ def solve_in_energy(
         following = (r * z).sum(axis=0)
         d = z + (following / rz) * d
         rz = following
-        on = rz > (SAFE * least) * tolerance**2 * energy
+        on = ~(np.abs(rz) <= (SAFE * least) * tolerance**2 * energy)
         if not on.all():
             going, r, d, rz, energy = going[on], r[:, on], d[:, on], rz[on], energy[on]
-    return Solved(x, steps, columns)
+    return EnergySolution(x, steps, columns)

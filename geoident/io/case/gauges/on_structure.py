@@ -23,7 +23,16 @@ def on_structure(
     towards: list[Given] | None,
     context: Context,
 ) -> list[Channel]:
-    """The channel of a gauge on some structure; the place on a bar is found later."""
+    """The channel of a gauge on some structure; the place on a bar is found later.
+
+    Args:
+        section: of the gauge.
+        name: of the gauge.
+        point: on the structure, if it is given by a point.
+        bar: number of the bar, from 1, if it is given by that.
+        towards: the point on the inside, if it is given.
+        context: where the gauge is written.
+    """
     none = (0.0,) * context.dim
     place = optional_point(point, context.at("point"))
     inside = optional_point(towards, context.at("towards"))

@@ -46,7 +46,15 @@ class ValueGauge(GaugeBase):
     def at_point(
         self, name: str, part: str, point: Vector, direction: Vector, key: Context
     ) -> Channel:
-        """One channel at a point; `part` is the quantity that it reads, empty for the only one."""
+        """One channel at a point.
+
+        Args:
+            name: of the gauge.
+            part: the quantity that it reads, empty for the only one.
+            point: where.
+            direction: of what is read.
+            key: where the gauge is written.
+        """
         motion = (str(getattr(self, "kind", "")), None, point, direction)
         found = self.reads(f"{name}.{part}" if part else name, name, motion, key.path)
         return replace(found, reads=self.made_of, quantity=part)
@@ -75,7 +83,13 @@ def has_component(component: str, place: Context) -> bool:
 
 
 def refuse_no_direction(key: str, given: list[Given] | None, faults: SectionFaults) -> None:
-    """A fault where a vector has no direction."""
+    """A fault where a vector has no direction.
+
+    Args:
+        key: where it is written, in its section.
+        given: the vector, if there is one.
+        faults: takes the fault.
+    """
     if given is not None and not any(x.factor for x in given):
         message = "the direction has length zero"
         faults.add((key,), "zero-direction", message, "Write a vector such as [0, 1].")

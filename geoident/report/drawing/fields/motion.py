@@ -63,7 +63,8 @@ def motion_pictures(scene: Scene, sheet: Sheet, tag: str, where: str) -> tuple[P
                 f"Displacement {since} and of one stage{where}",
                 f"Left: size and components {since}"
                 + (", where most gauges were zeroed" if scene.zero_state else "")
-                + ". Right: size of what the stage alone adds. Each column has its own colours.",
+                + ". Right: size of what the stage alone adds. Each column has its own colours. "
+                "Where signs differ zero is dashed, and dots are on the negative side.",
                 partial(parts_figure, scene, sheet),
             )
         )

@@ -31,6 +31,9 @@ from geoident.report.drawing.style import (
     hide_unused,
 )
 
+_SIDE = 0.15
+_NEGATIVE: Any = (0, (0.6, 2.2))
+"""Lines between bands on the negative side, where signs differ: dots."""
 _WIDTH = 7.4
 _BANDS = 12
 TOP = (0.5, 1.0)
@@ -232,7 +235,7 @@ def bands(shown: Floats, colours: str) -> dict[str, Any]:
     middles = (levels[:-1] + levels[1:]) / 2
     step = levels[1] - levels[0]
     middles = np.r_[[low - step / 2] * below, middles, [high + step / 2] * above]
-    if low < 0 < high and min(-low, high) > 0.15 * max(-low, high):
+    if _two_sided(levels):
         reach = max(-low, high)
         shades = colormaps[DIVERGING](Normalize(-reach, reach)(middles))
     else:
@@ -252,6 +255,12 @@ def _ends(shown: Floats) -> tuple[float, float]:
     low, high = value[np.minimum(places, len(value) - 1)]
     low = 0.0 if value[0] >= 0 else float(low)
     return low, max(float(high), low + 1e-6 * max(abs(low), 1.0))
+
+
+def _two_sided(levels: Floats) -> bool:
+    """A good part of some limits of bands lies on each side of zero, so that each has its hue."""
+    low, high = float(levels[0]), float(levels[-1])
+    return low < 0 < high and min(-low, high) > _SIDE * max(-low, high)
 
 
 def shade(
@@ -285,6 +294,10 @@ def shade_image(axes: Axes, raster: Raster, image: Floats, scale: dict[str, Any]
     show(axes, raster, _coloured(image, scale), zorder=0)
     if scale["levels"][0] < 0.0 < scale["levels"][-1]:  # two hues are one in grey
         draw_level(axes, raster, image, 0.0, colors="black", linewidths=0.6, linestyles="dashed")
+        negative = scale["levels"][scale["levels"] < 0.0] if _two_sided(scale["levels"]) else []
+        for level in negative:
+            draw_level(axes, raster, image, float(level), colors="black", linewidths=0.5,
+                       linestyles=[_NEGATIVE])  # fmt: skip
     return shading
 
 

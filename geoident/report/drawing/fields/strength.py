@@ -8,7 +8,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from geoident.fem.kinematics import block_geometry, kinematics_of, strain_points
 from geoident.forward.ground.elasticity import elasticity
 from geoident.forward.yielding.surfaces import is_smooth, yield_planes
 from geoident.model.arrays import Floats, Ints
@@ -161,6 +160,13 @@ def plastic_strain(scene: Scene) -> Floats | None:
     case, fields = scene.case, scene.fields
     if case is None or not _has_strain(scene):
         return None
+    # 0.1 s, for ground that yields alone
+    from geoident.fem.kinematics import (  # noqa: PLC0415
+        block_geometry,
+        kinematics_of,
+        strain_points,
+    )
+
     kinematics = kinematics_of(case.analysis)
     geometries = tuple(
         block_geometry(fields.mesh.points, b, kinematics) for b in fields.mesh.blocks

@@ -7,7 +7,6 @@ from dataclasses import dataclass, fields, is_dataclass
 from typing import Any
 
 import numpy as np
-from scipy.sparse import coo_array
 
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case, Material
@@ -107,20 +106,27 @@ def _connected(mesh: Mesh, members: Ints) -> list[Ints]:
     """Elements (k,) in parts that share nodes."""
     chosen = np.zeros(mesh.n_elements, dtype=bool)
     chosen[members] = True
-    rows, columns = [], []
-    for block, span in spans(mesh.blocks):
-        here = np.flatnonzero(chosen[span])
-        corners = block.nodes[here, : CELLS[block.kind].n_corners]
-        rows.append(np.repeat(here + span.start, corners.shape[1]))
-        columns.append(corners.ravel())
-    from scipy.sparse.csgraph import connected_components  # noqa: PLC0415 - for one figure
-
-    row, column = np.concatenate(rows), np.concatenate(columns)
-    n = mesh.n_elements
-    graph = coo_array((np.ones(len(row)), (row, column + n)), shape=(n + mesh.n_nodes,) * 2)
-    _, label = connected_components(graph, directed=False)
-    own = label[members]
-    return [members[own == part] for part in np.unique(own)]
+    label = np.arange(mesh.n_nodes)  # in the end the lowest node of each part
+    corners = [
+        block.nodes[np.flatnonzero(chosen[span]), : CELLS[block.kind].n_corners]
+        for block, span in spans(mesh.blocks)
+    ]
+    while True:
+        before = label.copy()
+        for nodes in corners:
+            lowest = np.repeat(label[nodes].min(axis=1), nodes.shape[1])
+            np.minimum.at(label, label[nodes].ravel(), lowest)  # parts that touch become one
+            np.minimum.at(label, nodes.ravel(), lowest)
+        while not np.array_equal(label[label], label):
+            label = label[label]
+        if np.array_equal(before, label):
+            break
+    part = np.zeros(mesh.n_elements, dtype=np.int64)
+    for nodes, (_, span) in zip(corners, spans(mesh.blocks), strict=True):
+        part[np.flatnonzero(chosen[span]) + span.start] = label[nodes[:, 0]]
+    _, first, own = np.unique(part[members], return_index=True, return_inverse=True)
+    order = np.argsort(members[first])
+    return [members[own == k] for k in order]
 
 
 def material_label(

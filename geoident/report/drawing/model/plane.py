@@ -94,16 +94,17 @@ def _two_views(
     main = _panel_size(closer, WIDTH - 0.6, _TALLEST)
     if main[1] > _HIGH * main[0]:
         first = _panel_size(whole, _BESIDE - 0.7, 0.5 * _TALLEST)
-        figure.set_size_inches(main[0] + 0.7 + _BESIDE, main[1] + 0.9)
-        grid = figure.add_gridspec(2, 2, height_ratios=[first[1] + 0.5, main[1] - first[1]],
-                                   width_ratios=[main[0] + 0.7, _BESIDE])  # fmt: skip
-        places = grid[0, 1], grid[:, 0], grid[1, 1]
+        figure.set_size_inches(main[0] + 0.7 + _BESIDE, main[1] + 1.2)
+        ratios = [main[0] + 0.7, _BESIDE]
+        left, right = figure.subfigures(1, 2, width_ratios=ratios, squeeze=False).ravel()
+        beside = right.add_gridspec(2, 1, height_ratios=[first[1] + 0.5, main[1] - first[1]])
+        axes = [right.add_subplot(beside[0]), left.subplots(), right.add_subplot(beside[1])]
     else:
         first = _panel_size(whole, 0.48 * WIDTH, 3.4)
         figure.set_size_inches(WIDTH, first[1] + main[1] + 1.1)
         grid = figure.add_gridspec(2, 2, height_ratios=[first[1], main[1]])
         places = grid[0, 0], grid[1, :], grid[0, 1]
-    axes = [figure.add_subplot(place) for place in places]
+        axes = [figure.add_subplot(place) for place in places]
     return axes[0], axes[1], axes[2], (first[0], main[0])
 
 
@@ -170,9 +171,11 @@ def draw_materials(axes: Axes, model: DrawnModel, sheet: Sheet, box: Box, *, wid
     """
     raster = raster_of(sheet.xy, sheet.triangles, *box, width=width)
     known = model.made.material[sheet.element] >= 0
-    rgb = raster.flat(model.element_colours[sheet.element], known)
-    alpha = np.isfinite(rgb[..., :1]).astype(float)
-    show(axes, raster, np.concatenate([rgb, alpha], axis=2), zorder=0)
+    rgb = np.round(255 * np.nan_to_num(model.element_colours)).astype(np.uint8)
+    opaque = np.full((len(rgb), 1), 255, dtype=np.uint8)
+    colours = np.hstack([rgb, opaque]).view(np.uint32)[sheet.element, 0]  # as one number
+    image = raster.flat(colours, known, empty=np.uint32(0))
+    show(axes, raster, image.view(np.uint8).reshape(*raster.shape, 4), zorder=0)
     points = model.mesh.points
     across = list(sheet.axes)
     there = model.made.material >= 0

@@ -26,7 +26,7 @@ from geoident.report.drawing.model.plane import (
     gauge_keys,
 )
 from geoident.report.drawing.scene import planes_through
-from geoident.report.drawing.sheets import Sheet
+from geoident.report.drawing.sheets import Sheet, element_centres
 from geoident.report.drawing.structures import draw_structures
 from geoident.report.drawing.style import box_axes, short
 
@@ -34,6 +34,7 @@ _VIEW = (24.0, -58.0)  # elevation and azimuth, degrees
 _SHARP = 0.9  # cosine of the angle between faces from which on their edge is drawn
 _EDGE = (0.15, 0.15, 0.15)
 _TALLEST = 2.9
+_MOST_PLACES = 12  # at which the name of a material may stand
 _ON = 1e-2  # of the model's size: how near to a section a gauge counts as on it
 
 
@@ -118,8 +119,7 @@ def _draw_inside(axes: Any, model: DrawnModel) -> list[Any]:
     """What is dug and placed, other materials than that of most ground, structures and gauges."""
     made = model.made
     there = made.material >= 0
-    host = np.bincount(made.material[there & ~made.moved], minlength=1).argmax()
-    weak = there & ~made.moved & (made.material != host)
+    weak = there & ~made.moved & (made.material != _host(model))
     near = model.near
     for chosen, alpha in ((weak, 0.45), (made.moved & there, 0.55)):
         faces, owner = outer_faces(model, chosen)
@@ -137,8 +137,42 @@ def _draw_inside(axes: Any, model: DrawnModel) -> list[Any]:
         places = [(n, x) for n, x in places if not n.startswith("+")]
     place_labels(axes, [x for _, x in places], [n for n, _ in places], centred=True,
                  size=LETTERS, weight="bold")  # fmt: skip
+    middles = element_centres(model.mesh)
+    inside = weak & ((middles >= near[0]) & (middles <= near[1])).all(axis=1)
+    for n in np.unique(made.material[inside]):  # at their tops, where others hide them least
+        own = inside & (made.material == n)
+        top = own & (middles[:, 2] >= np.quantile(middles[own, 2], 0.8))
+        _name_materials(axes, model, middles, np.where(top, n, -1))
     axes.set_title("inside: construction and gauges")
     return [*keys, *gauge_keys(model.case)]
+
+
+def _host(model: DrawnModel) -> int:
+    """Number of the material of which most of what stays is made."""
+    made = model.made
+    kept = made.material[(made.material >= 0) & ~made.moved]
+    return int(np.bincount(kept, minlength=1).argmax())
+
+
+def _name_materials(axes: Any, model: DrawnModel, middles: Floats, material: Ints) -> None:
+    """Names of materials where they are seen.
+
+    Args:
+        axes: of space, or of a section.
+        model: what is drawn.
+        middles: (n, dim) of its pieces.
+        material: (n,) number of the material of each; -1 for what has no name here.
+    """
+    numbers = np.unique(material[material >= 0])
+    places = [_spread(middles[material == n]) for n in numbers]
+    names = [short(model.made.materials[n]) for n in numbers]
+    place_labels(axes, places, names, centred=True, size=LETTERS - 0.5)
+
+
+def _spread(middles: Floats) -> Floats:
+    """Some of many places (k, dim), that next to the middle of all first."""
+    order = np.linalg.norm(middles - middles.mean(axis=0), axis=1).argsort(kind="stable")
+    return np.asarray(middles[order[:: -(-len(order) // _MOST_PLACES)]])
 
 
 def _draw_section(
@@ -162,6 +196,9 @@ def _draw_section(
     places = [_most_inside(middles[(stages == n) & seen]) for n in numbers]
     place_labels(axes, places, [str(n) for n in numbers], centred=True, size=LETTERS,
                  weight="bold")  # fmt: skip
+    weak = model.made.material[sheet.element] != _host(model)
+    there = weak & seen & ~model.made.moved[sheet.element]
+    _name_materials(axes, model, middles, np.where(there, model.made.material[sheet.element], -1))
     axes.set_xlim(window[0][0], window[1][0])
     axes.set_ylim(window[0][1], window[1][1])
     axes.set_aspect("equal")
@@ -303,5 +340,3 @@ def _frame(axes: Any, box: tuple[Floats, Floats], *, zoom: float = 1.0) -> None:
     axes.set_proj_type("ortho")
     axes.view_init(*_VIEW)
     axes.grid(visible=False)
-    for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
-        axis.set_major_locator(MaxNLocator(4))
