@@ -9,10 +9,12 @@ import numpy as np
 from geoident.forward.model import StagedModel
 from geoident.forward.reduced.model import ReducedModel, ReducedStates
 from geoident.forward.reduced.reduction import Reduction
+from geoident.forward.reduced.response import ReducedResponse
 from geoident.forward.reduced.zones import Zone
+from geoident.forward.response import StagedResponse
 from geoident.model.actions import Pressure
 from geoident.model.arrays import Floats
-from geoident.model.case import Material, Stage
+from geoident.model.case import Analysis, Material, Stage, Support
 from geoident.model.ground import Attitude, Isotropic, TransverselyIsotropic
 from geoident.model.in_situ import HeimStress
 from geoident.model.parameter import Parameter, Scalar
@@ -148,12 +150,67 @@ def braced(**changes) -> StagedModel:
     return plane(**{"stages": stages, "structures": structures, **changes})
 
 
+def sinking(**changes) -> StagedModel:
+    """A shaft sunk in four steps through two layers, about its axis; a ring follows behind.
+
+    The ring is ground that leaves with its step and comes back as concrete. Most gauges are zeroed
+    when their step is open, so that they see the steps after it alone.
+    """
+    steps = {1: (12, 16), 2: (8, 12), 3: (6, 8), 4: (4, 6)}
+    parts = {f"core-{k}": _all(_between(0, 0, 2), _between(1, *y)) for k, y in steps.items()}
+    parts |= {f"ring-{k}": _all(_between(0, 2, 3), _between(1, *y)) for k, y in steps.items()}
+    mesh = regroup(
+        box("quad4", (16, 16), size=(16.0, 16.0), distortion=0.05),
+        **parts,
+        lower=_between(1, 0, 8),
+    )
+    groups = {"rock": "marl", "lower": "claystone"}
+    groups |= {name: "marl" if name[-1] in "12" else "claystone" for name in parts}
+    stages = [Stage("step 1", excavate=("core-1", "ring-1"))]
+    stages += [
+        Stage(f"step {k}", excavate=(f"core-{k}", f"ring-{k}"), install={f"ring-{k - 1}": "ring"})
+        for k in (2, 3, 4)
+    ]
+    settings = {
+        "analysis": Analysis.AXISYMMETRIC,
+        "parameters": (
+            Parameter("E_upper", 1e9, 1e8, 2e10, "log"),
+            Parameter("E_lower", 2e9, 1e8, 4e10, "log"),
+            Parameter("K0", 0.7, 0.2, 3.0),
+        ),
+        "materials": {
+            "marl": material("marl", Scalar(1.0, "E_upper"), 0.3, 2350.0),
+            "claystone": material("claystone", Scalar(1.0, "E_lower"), 0.25, 2350.0),
+            "ring": material("ring", 2e10, 0.2, 2350.0),
+        },
+        "groups": groups,
+        "supports": (Support("x1", (0,)), Support("y0", (1,))),
+        "gravity": (0.0, -9.81),
+        "in_situ": HeimStress(
+            unit_weight=Scalar(2350.0 * 9.81), surface=Scalar(16.0), K0=Scalar(1.0, "K0")
+        ),
+        "stages": tuple(stages),
+        "channels": (
+            displacement("top", (5.0, 16.0), (0.0, 1.0)),
+            displacement("side", (5.0, 7.0), (1.0, 0.0)),
+            displacement("wall-1", (3.0, 14.0), (1.0, 0.0), zero="step 1"),
+            displacement("wall-2", (3.0, 10.0), (1.0, 0.0), zero="step 2"),
+            displacement("wall-3", (3.0, 7.0), (1.0, 0.0), zero="step 3"),
+        ),
+    }
+    return model(mesh, **{**settings, **changes})
+
+
 PAIRS_PLANE = [
     ("roof", "lined"), ("roof", "bench"), ("wall", "lined"), ("wall", "bench"), ("side", "heading"),
     ("side", "bench"), ("top", "heading"), ("top", "test"), ("top", "bench"),
 ]  # fmt: skip
 PAIRS_SOLID = [
     ("roof", "first"), ("roof", "lined"), ("wall", "lined"), ("far", "first"), ("far", "lined"),
+]  # fmt: skip
+PAIRS_SINKING = [
+    *((name, f"step {k}") for name in ("top", "side") for k in (1, 2, 3, 4)), ("wall-1", "step 2"),
+    ("wall-1", "step 4"), ("wall-2", "step 3"), ("wall-2", "step 4"), ("wall-3", "step 4"),
 ]  # fmt: skip
 
 
@@ -180,6 +237,23 @@ def reduced_stresses(
                 E = model.form.spans[name].matrix(found.at.moduli[name][0])
                 stress += sign * (E @ (projection.strains(other, mine) @ coordinates))
         yield zone, stress
+
+
+def errors_and_bounds(
+    reduced: ReducedResponse, response: StagedResponse, values: Floats
+) -> tuple[Floats, Floats]:
+    """Errors (b, g) of readings at parameter vectors (b, n) and their bounds.
+
+    That readings and corrections together are off by no more than what is said to be left is
+    looked at too: corrections that are wrong are often too small to break the bounds.
+    """
+    found, bound = reduced.certified(values)
+    error = np.array([response.readings(p) for p in values]) - found
+    states = reduced.model.states(values, derivatives=False)
+    parts = reduced.duals.bounds(states, reduced.model.bounds(states))
+    rounding = bound - parts.error - np.abs(parts.correction)
+    assert np.all(np.abs(error - parts.correction) <= parts.error + rounding)
+    return np.abs(error), bound
 
 
 def spread(staged: StagedModel, count: int, seed: int = 0, part: float = 1.0) -> Floats:

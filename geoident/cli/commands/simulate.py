@@ -19,7 +19,7 @@ EPILOG = """\b
 Examples:
   geoident simulate case.yaml
   geoident simulate case.yaml --set parameters.E_rock.start="20 GPa"
-  geoident simulate case.yaml --set parameters.K0.start=1 --reduced case.fit.h5
+  geoident simulate case.yaml --reduced case.fit.h5
   geoident simulate case.yaml --noise --seed 1 -o simulated.csv
   geoident simulate case.yaml --draw --seed 3
 """

@@ -81,7 +81,13 @@ class Means:
         return np.asarray(np.add.reduceat(weight * values[self.column], self.first))
 
     def between(self, a: Ints, b: Ints, w: Floats) -> Means:
-        """The means (k,) at the weights w (k,) from those in rows a to those in rows b."""
+        """The means (k,) at the weights w (k,) from those in rows a to those in rows b.
+
+        Args:
+            a: (k,) rows where w is 0.
+            b: (k,) rows where w is 1.
+            w: (k,) weights.
+        """
         rows, share = np.stack([a, b], axis=1).ravel(), np.stack([1 - w, w], axis=1).ravel()
         count = self.count[rows]
         ends = np.cumsum(count)

@@ -1,0 +1,35 @@
+"""The bounds of the reduced model in shipped cases: no reading is further off than they say."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from geoident.workflow.running.answers import readable
+from geoident.workflow.running.jobs import build_model, load_inputs
+from geoident.workflow.running.reduced_answers import reduced_around
+from tests.support.reduced import errors_and_bounds, spread
+
+CASES = Path(__file__).parents[2] / "cases"
+
+
+@pytest.mark.parametrize(("name", "count"), [("shaft", 10), ("braced-pit", 20)])
+def test_no_motion_of_a_case_is_further_off_than_its_bound(name, count):
+    """All motions that can be read in all stages, in half of the bounds of every parameter."""
+    inputs = load_inputs(str(CASES / name / "case.yaml"), overrides=["readings=[]"])
+    case, staged = inputs.case, build_model(inputs)
+    places = [
+        (row, stage)
+        for row, stage in readable(staged, case)
+        if staged.observation.not_linear(np.array([row])) is None
+    ]
+    pairs = [(case.channels[row].name, case.stages[stage].name) for row, stage in places]
+    response = staged.response(pairs)
+    start = np.array([q.start for q in case.parameters])
+    reduced = reduced_around(response, start, spread(staged, 20, seed=3, part=0.5), 3)
+    values = spread(staged, count, seed=1, part=0.5)
+    error, bound = errors_and_bounds(reduced, response, values)
+    assert np.all(error <= bound)
+    assert np.median(bound / np.maximum(error, 1e-300)) < 100
