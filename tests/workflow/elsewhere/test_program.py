@@ -211,3 +211,11 @@ def test_outputs_are_read_at_a_zero(tmp_path):
     np.testing.assert_array_equal(table[1:], absolute[:, 1:].T)
     assert model.unreadable("H", "open") is None
     assert replace(model.case, title="x").elsewhere is not None
+
+
+def test_several_cases_are_trusted_together(tmp_path):
+    cases = [write_case(tmp_path / name) for name in ("a", "b")]
+    assert run_command("fit", *cases, "-q").exit_code == ExitCode.SOME_FAILED
+    done = run_command("fit", *cases, "-q", "--trust")
+    assert done.exit_code == 0, done.output
+    assert all(case.with_suffix(".fit.h5").exists() for case in cases)
