@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import nullcontext
 from functools import partial
 
 import click
@@ -17,6 +18,7 @@ from geoident.errors import ExitCode
 from geoident.report.text.json import dumps, result_object, summary_object
 from geoident.report.text.result import summary_text
 from geoident.workflow.estimating.finished import Finished
+from geoident.workflow.executing.stop import StopRequest
 from geoident.workflow.predict import PredictRequest, plan_prediction, predict
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.jobs import Job, Request
@@ -27,7 +29,14 @@ PlanJob = Callable[[Request], Job]
 RunJob = Callable[[Job, Control], Finished]
 
 
-def run_case(case: str, options: Options, *, plan: PlanJob, run: RunJob) -> int:
+def run_case(
+    case: str,
+    options: Options,
+    *,
+    plan: PlanJob,
+    run: RunJob,
+    stop: StopRequest | None = None,
+) -> int:
     """Plan a case, run it, and say what came out.
 
     Args:
@@ -35,6 +44,7 @@ def run_case(case: str, options: Options, *, plan: PlanJob, run: RunJob) -> int:
         options: of the command.
         plan: makes the job.
         run: does it.
+        stop: the wish to stop; None for that of the signals that arrive.
 
     Returns:
         The exit code.
@@ -54,7 +64,7 @@ def run_case(case: str, options: Options, *, plan: PlanJob, run: RunJob) -> int:
         if options.dry_run:
             return _say_plan(job, options)
         terminal = Terminal(options, job.inputs.case.parameters)
-        return _run(partial(run, job), terminal, options, title=case, case=case)
+        return _run(partial(run, job), terminal, options, title=case, case=case, stop=stop)
 
 
 def run_prediction(request: PredictRequest, options: Options) -> int:
@@ -78,6 +88,7 @@ def _run(
     *,
     title: str,
     case: str,
+    stop: StopRequest | None = None,
 ) -> int:
     """Do it; then the path or the JSON object on stdout, the rest on stderr.
 
@@ -87,9 +98,11 @@ def _run(
         options: of the command.
         title: of the live line.
         case: path of the case.
+        stop: the wish to stop; None for that of the signals that arrive.
     """
-    control = Control(terminal, max_time=options.max_time)
-    with terminal.live(title), stop_on_signals(control.stop):
+    control = Control(terminal, stop or StopRequest(), max_time=options.max_time)
+    listening = stop_on_signals(control.stop) if stop is None else nullcontext()
+    with terminal.live(title), listening:
         finished = work(control)
     result, path = finished.result, finished.paths[0]
     for remark in finished.remarks:

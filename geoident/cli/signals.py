@@ -8,6 +8,7 @@ import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from types import FrameType
 from typing import Protocol
 
@@ -19,7 +20,7 @@ _SAID = "Stopping after the current evaluation; a second signal stops at once.\n
 
 
 class Stopper(Protocol):
-    """Something that can be asked to stop, as `workflow.running.control.StopRequest`."""
+    """Something that can be asked to stop, as `workflow.executing.stop.StopRequest`."""
 
     def ask(self, exit_code: ExitCode) -> None:
         """Wish the stop."""
@@ -37,6 +38,45 @@ def stop_on_signals(stop: Stopper) -> Iterator[None]:
 
     with handled_signals(ask):
         yield
+
+
+class Stoppable(Protocol):
+    """Many runs at a time, as `workflow.executing.executor.Executor`."""
+
+    def ask_to_stop(self) -> None:
+        """Begin no more, and let those that run end soon."""
+
+    def kill(self) -> None:
+        """End all at once."""
+
+
+@dataclass
+class Heard:
+    """The signal that was heard first.
+
+    Args:
+        code: with which the command is to end; None while there was no signal.
+    """
+
+    code: ExitCode | None = None
+
+
+@contextmanager
+def stop_runs_on_signals(runs: Stoppable) -> Iterator[Heard]:
+    """The same for many runs: the first signal lets those end that run, the second ends them."""
+    heard = Heard()
+
+    def ask(number: int, frame: FrameType | None) -> None:
+        if heard.code is not None:
+            runs.kill()
+            return
+        heard.code = CODES[signal.Signals(number)]
+        runs.ask_to_stop()
+        with suppress(OSError):
+            os.write(sys.__stderr__.fileno() if sys.__stderr__ else 2, _SAID.encode())
+
+    with handled_signals(ask):
+        yield heard
 
 
 @contextmanager

@@ -15,12 +15,11 @@ import numpy as np
 
 from geoident.errors import ExitCode, InputError, ModelError, TimeIsUp
 from geoident.identify.assessment.findings import join
-from geoident.identify.problem.problem import STOPPED
 from geoident.model.case import Case
 from geoident.model.gauges import ReadingTable
 from geoident.model.methods import MethodOptions, method_name
 from geoident.model.results.backtest import Backtest, Skipped
-from geoident.model.results.result import Result
+from geoident.model.results.result import STOPPED, Result
 from geoident.workflow.estimating.accuracies import accuracy_findings
 from geoident.workflow.estimating.diagnosis import bare_parameter_table, opened, parameter_table
 from geoident.workflow.estimating.finished import Finished, evaluation_log, job_at_hand, write

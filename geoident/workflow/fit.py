@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 
 from geoident.errors import ExitCode
-from geoident.identify.problem.problem import STOPPED, Outcome, Problem
+from geoident.identify.problem.problem import Outcome, Problem
 from geoident.model.arrays import Bools
 from geoident.model.methods import method_name
 from geoident.model.parameter import Parameter
-from geoident.model.results.result import GaugeTable, Result
+from geoident.model.results.result import STOPPED, GaugeTable, Result
 from geoident.workflow.estimating.accuracies import accuracy_findings
 from geoident.workflow.estimating.diagnosis import (
     bound_findings,

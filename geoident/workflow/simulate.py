@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
@@ -15,6 +15,7 @@ from geoident.io.text.atomic import refuse_inputs
 from geoident.model.arrays import Floats
 from geoident.model.case import Case
 from geoident.model.gauges import Reading
+from geoident.model.results.result import Counts
 from geoident.workflow.running.errors import error_structure, own_sd
 from geoident.workflow.running.jobs import (
     NO_READINGS,
@@ -61,13 +62,21 @@ class Simulated:
         readings: by stage, SI.
         files_read: paths of all that the case consists of, which no output may replace.
         note: whose the readings are, where a reduced model was asked; empty else.
+        inputs: the case as it was read.
+        values: (n,) of the parameters, SI.
+        computed: (n_channels, n_stages) by the model, without noise, SI.
+        counts: what it cost.
     """
 
     path: str
     case: Case
     readings: tuple[Reading, ...]
     files_read: tuple[str, ...]
-    note: str = ""
+    note: str
+    inputs: Inputs
+    values: Floats
+    computed: Floats
+    counts: Counts
 
 
 def simulate(
@@ -114,7 +123,8 @@ def simulate(
     note = ""
     if isinstance(model, ReducedCaseModel) and by.reduced is not None:
         note = answer_note(model, by.reduced)
-    return Simulated(path, inputs.case, readings, inputs.files, note)
+    counts = replace(model.counts, evaluations=max(1, model.counts.evaluations))
+    return Simulated(path, model.case, readings, inputs.files, note, inputs, p, computed, counts)
 
 
 def _model(inputs: Inputs, by: ComputedBy) -> CaseModel:

@@ -344,6 +344,24 @@ class TestSeveralCases:
         found = [json.loads(line)["case"] for line in done.stdout.splitlines()]
         assert found == ["case.yaml", "good.yaml"]
 
+    def test_what_is_up_to_date_is_told_apart_and_asks_for_no_process(
+        self, cases, run, monkeypatch
+    ):
+        assert run("fit", "case.yaml").exit_code == 0
+        mixed = run("fit", "case.yaml", "good.yaml", "-j", "2")
+        assert mixed.stdout == "case.fit.h5\ngood.fit.h5\n"
+        assert "case.yaml: up to date\n" in mixed.stderr
+        assert "good.yaml: done\n" in mixed.stderr
+        assert "2 of 2 cases done (1 computed, 1 up to date)" in mixed.stderr
+        with monkeypatch.context() as patch:
+            patch.setattr("geoident.workflow.executing.processes.LocalProcesses", None)
+            known = run("fit", "case.yaml", "good.yaml")
+        assert "2 of 2 cases done (0 computed, 2 up to date)" in known.stderr
+        readings = cases / "readings.csv"
+        readings.write_text(readings.read_text() + "\n")
+        other = run("fit", "case.yaml", "good.yaml")
+        assert "(2 computed, 0 up to date)" in other.stderr
+
     @pytest.mark.parametrize(
         "arguments",
         [

@@ -11,6 +11,7 @@ import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
+from geoident.io.docs.campaign_schema import campaign_key_page_text
 from geoident.io.docs.case_schema import key_page_text
 from manual import gallery, tunnel_readings, verification
 from manual.commands import command_page
@@ -20,8 +21,9 @@ from manual.transcript import renew, run_page
 
 
 def keys() -> None:
-    """The page of all keys of a case."""
+    """The pages of all keys of a case and of a campaign."""
     (DOCS / "keys.md").write_text(key_page_text(), encoding="utf-8")
+    (DOCS / "campaign_keys.md").write_text(campaign_key_page_text(), encoding="utf-8")
 
 
 def commands() -> None:

@@ -34,7 +34,7 @@ EXIT_CODES = {
     "budget, or (`backtest`) the bands do not hold; the result is written and says so",
     ExitCode.NO_SOLUTION: "the model has no solution (a mechanism, singular, plastic collapse)",
     ExitCode.OUTPUT: "output: exists from other input, no permission, disk full",
-    ExitCode.SOME_FAILED: "some of several cases failed",
+    ExitCode.SOME_FAILED: "some of several cases, or of the runs of a campaign, failed",
     ExitCode.INTERRUPTED: "interrupted; the same command continues from the checkpoint",
     ExitCode.TERMINATED: "ended from outside; as above",
 }

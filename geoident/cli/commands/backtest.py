@@ -56,9 +56,9 @@ def command(cases: tuple[str, ...], options: Options) -> int:
     prints its path. An interrupted run goes on from CASE.backtest.checkpoint.
     """
     if len(cases) > 1:
-        from geoident.cli.batch import Batch
+        from geoident.cli.several import run_cases
 
-        return Batch("backtest", options).run(cases)
+        return run_cases("backtest", cases, options)
     from geoident.cli.jobs import run_case
     from geoident.workflow.backtest import backtest
     from geoident.workflow.running.jobs import plan_backtest

@@ -51,9 +51,9 @@ def command(cases: tuple[str, ...], options: Options) -> int:
     interrupted run leaves CASE.fit.checkpoint, and the same command goes on from there.
     """
     if len(cases) > 1:
-        from geoident.cli.batch import Batch
+        from geoident.cli.several import run_cases
 
-        return Batch("fit", options).run(cases)
+        return run_cases("fit", cases, options)
     from geoident.cli.jobs import run_case
     from geoident.workflow.fit import fit
     from geoident.workflow.running.jobs import plan_fit

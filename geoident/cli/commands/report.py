@@ -18,6 +18,7 @@ Examples:
   geoident report case.fit.h5 -o report.html --figures figures --format pdf
   geoident report case.fit.h5 --no-page --figures . --format png
   geoident report start-a.h5 start-b.h5 -o comparison.html
+  geoident report campaign.batch
   geoident report case.fit.h5 --client "Ground AG" --logo logo.svg
 """
 
@@ -63,14 +64,22 @@ def command(
     same page. After another fit it takes the place of the earlier page of the case; a file that
     was edited, or that geoident did not make, is replaced only with --force.
 
+    Of a campaign (its folder CAMPAIGN.batch) the page report.html in it shows what varied and the
+    parameters against the misfit, failed runs and why, and a table of all.
+
     Its head is that of `report` in the case (project, client, author, revision, date, logo), which
     may be written after the fit; flags override it.
 
     Needs matplotlib: pip install "geoident[report]".
     """
+    from geoident.io.result.campaign import is_campaign
     from geoident.report.saving.collector import collector_paused
 
     _require_sense(folder, suffixes, no_page=no_page, output=options.output)
+    if any(is_campaign(path) for path in results):
+        if len(results) > 1 or folder is not None:
+            raise UsageError("A campaign has a page of its own: name it alone, without --figures.")
+        return _campaign_page(results[0], options, title=head["title"])
     if no_page and any(head.values()):
         raise UsageError("The head is that of the page, which --no-page leaves out.")
     with collector_paused():
@@ -150,3 +159,17 @@ def _require_matplotlib() -> None:
             raise
         msg = 'reports need matplotlib: pip install "geoident[report]"'
         raise UsageError(msg) from error
+
+
+def _campaign_page(path: str, options: Options, *, title: str) -> int:
+    """The page of a campaign, beside its runs."""
+    _require_matplotlib()
+    from geoident.report.drawing.style import images
+    from geoident.report.page.campaign import campaign_page
+    from geoident.workflow.campaign.runs import read_runs, write_campaign_page
+
+    table = read_runs(path)
+    draw = partial(images, suffix="svg")
+    content = campaign_page(table, draw=draw, title=title)
+    click.echo(write_campaign_page(table, path, content, options.output, force=options.force))
+    return 0

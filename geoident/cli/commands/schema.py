@@ -12,6 +12,7 @@ EPILOG = """\b
 Examples:
   geoident schema > case.schema.json
   geoident schema --markdown | less
+  geoident schema --campaign > campaign.schema.json
 
 \b
 An editor with a YAML language server completes and checks a case whose
@@ -23,14 +24,21 @@ first line is
 def _next(arguments: Arguments, options: Options) -> Steps:
     if arguments["markdown"]:
         return ()
-    return ("write in the first line of a case: # yaml-language-server: $schema=FILE",)
+    what = "campaign" if arguments["campaign"] else "case"
+    return (f"write in the first line of a {what}: # yaml-language-server: $schema=FILE",)
 
 
 @click.command(epilog=EPILOG)
 @click.option("--markdown", is_flag=True, help="The page of all keys, for people.")
+@click.option("--campaign", is_flag=True, help="Of campaign files in place of cases.")
 @takes(after=_next)
-def command(markdown: bool, options: Options) -> int:
+def command(markdown: bool, campaign: bool, options: Options) -> int:
     """Print the JSON schema of case files, for editors, or all keys for people."""
+    if campaign:
+        from geoident.io.docs.campaign_schema import campaign_key_page_text, campaign_schema_text
+
+        click.echo(campaign_key_page_text() if markdown else campaign_schema_text(), nl=False)
+        return 0
     from geoident.io.docs.case_schema import case_schema_text, key_page_text
 
     click.echo(key_page_text() if markdown else case_schema_text(), nl=False)

@@ -15,11 +15,17 @@ Examples:
   geoident show results/*.fit.h5 | less
   geoident show case.fit.h5 --json | jq .parameters
   geoident show case.fit.h5 --csv > case.csv
+  geoident show campaign.batch
 """
 
 
 def _next(arguments: Arguments, options: Options) -> Steps:
-    return line("report", *arguments["results"]), line("export", *arguments["results"])
+    from geoident.io.result.campaign import is_campaign
+
+    results = arguments["results"]
+    if any(is_campaign(path) for path in results):
+        return (line("report", results[0]),) if len(results) == 1 else ()
+    return line("report", *results), line("export", *results)
 
 
 @click.command(epilog=EPILOG)
@@ -29,6 +35,7 @@ def _next(arguments: Arguments, options: Options) -> Steps:
 def command(results: tuple[str, ...], as_csv: bool, options: Options) -> int:
     """Print results: parameters, findings, readings and predictions.
 
+    Of a campaign (its folder CAMPAIGN.batch) the runs that have ended, also while it is computed.
     The text and --csv have the units of the case and readings in mm; --json has SI units. `geoident
     export` writes the tables into files.
     """
@@ -38,12 +45,15 @@ def command(results: tuple[str, ...], as_csv: bool, options: Options) -> int:
 
 
 def _show(path: str, options: Options, *, as_csv: bool) -> int:
+    from geoident.io.result.campaign import is_campaign
     from geoident.io.result.file import read_result
     from geoident.report.text.csv_tables import all_csv
     from geoident.report.text.json import dumps, result_object
     from geoident.report.text.result import result_text
     from geoident.workflow.running.result_files import case_path
 
+    if is_campaign(path):
+        return _show_campaign(path, options, as_csv=as_csv)
     with failures_as_json(path, options):
         result = read_result(path)
     case = case_path(path, result.provenance.case_file)
@@ -53,4 +63,24 @@ def _show(path: str, options: Options, *, as_csv: bool) -> int:
         click.echo(all_csv(result), nl=False)
     else:
         click.echo(result_text(result, title=f"{path}: {result.kind} of {case}") + "\n")
+    return 0
+
+
+def _show_campaign(path: str, options: Options, *, as_csv: bool) -> int:
+    from geoident.io.result.campaign import record_object
+    from geoident.report.text.campaign.spreadsheet import runs_csv
+    from geoident.report.text.campaign.tables import campaign_text
+    from geoident.report.text.json import dumps
+    from geoident.workflow.campaign.runs import read_runs
+
+    with failures_as_json(path, options):
+        table = read_runs(path)
+    if options.as_json:
+        for run in table.runs:
+            click.echo(dumps(record_object(run)))
+    elif as_csv:
+        click.echo(runs_csv(table), nl=False)
+    else:
+        title = f"{path}: {table.command} of {table.total} variations of {table.case_file}"
+        click.echo(campaign_text(table, title=title))
     return 0

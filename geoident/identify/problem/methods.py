@@ -15,7 +15,6 @@ from typing import cast
 
 from geoident.errors import Fault, InputError
 from geoident.identify.problem.problem import (
-    STOPPED,
     AffineElastic,
     ComplementaritySystem,
     HasOpening,
@@ -36,6 +35,7 @@ from geoident.model.methods import (
     method_name,
 )
 from geoident.model.response import Response
+from geoident.model.results.result import STOPPED
 
 Identifier = Callable[[Problem, MethodOptions, Observer], Outcome]
 

@@ -37,7 +37,7 @@ from geoident.model.arrays import Bools, Floats
 from geoident.model.methods import LossOptions, SquaredOptions
 from geoident.model.parameter import Parameter, Prior
 from geoident.model.response import BilinearSystem, Condensed, Response
-from geoident.model.results.result import Grid, Iteration
+from geoident.model.results.result import STOPPED, Grid, Iteration
 from geoident.model.yielding import Activity, Certificate
 
 
@@ -331,10 +331,6 @@ class Outcome:
     remarks: tuple[str, ...] = ()
     certificate: Certificate | None = None
     minima: tuple[LocalMinimum, ...] = ()
-
-
-STOPPED = "out-of-budget"
-"""Status of an outcome that the observer ended."""
 
 
 class History:

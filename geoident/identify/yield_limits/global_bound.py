@@ -27,7 +27,6 @@ from geoident.errors import Fault, InputError, ModelError
 from geoident.identify.least_squares.gauss_newton import gauss_newton
 from geoident.identify.problem.methods import formulation_obstacle
 from geoident.identify.problem.problem import (
-    STOPPED,
     ComplementaritySystem,
     History,
     Observer,
@@ -50,7 +49,7 @@ from geoident.identify.yield_limits.parameter_boxes import (
 from geoident.model.arrays import Floats
 from geoident.model.methods import ComplementarityOptions, GaussNewtonOptions, loss_name
 from geoident.model.response import BilinearSystem
-from geoident.model.results.result import Iteration
+from geoident.model.results.result import STOPPED, Iteration
 
 MOST_PAIRS = 2000
 """Planes times strain points times stages: the condensed system is dense."""

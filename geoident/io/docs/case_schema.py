@@ -14,6 +14,7 @@ from typing import Any
 from pydantic.json_schema import GenerateJsonSchema
 
 from geoident.io.case.case import CaseSection
+from geoident.io.schema.section import Section
 from geoident.io.schema.values import Given
 from geoident.units import DIMENSIONS, units_of
 
@@ -46,8 +47,18 @@ def case_schema() -> dict[str, Any]:
     >>> case_schema()["title"]
     'geoident case'
     """
-    schema = CaseSection.model_json_schema(schema_generator=_Generator)
-    schema |= {"$schema": DIALECT, "title": "geoident case"}
+    return schema_of(CaseSection, "geoident case")
+
+
+def schema_of(root: type[Section], title: str) -> dict[str, Any]:
+    """The schema of a file whose keys are those of a section.
+
+    Args:
+        root: the section of the whole file.
+        title: of the schema.
+    """
+    schema = root.model_json_schema(schema_generator=_Generator)
+    schema |= {"$schema": DIALECT, "title": title}
     for section in (schema, *schema["$defs"].values()):
         _describe_keys(section, schema["$defs"])
     return schema
@@ -81,15 +92,21 @@ def case_schema_text() -> str:
 
 def key_page_text() -> str:
     """The page of all keys as it is in ``geoident/docs/keys.md``."""
-    return _key_page(case_schema())
+    return "\n".join([key_page(_HEAD, "Case", case_schema()), _units()])
 
 
-def _key_page(schema: Schema) -> str:
-    """The page: one part for the case, and one for every section in the order of its use."""
+def key_page(head: str, name: str, schema: Schema) -> str:
+    """A page of keys: one part for the file, and one for every section in the order of its use.
+
+    Args:
+        head: above it.
+        name: heading of the first part.
+        schema: of the file.
+    """
     sections = schema["$defs"]
-    parts = [_HEAD, _part("Case", schema, sections)]
-    parts += [_part(title(name), sections[name], sections) for name in _in_order(schema)]
-    return "\n".join([*parts, _units()])
+    parts = [head, _part(name, schema, sections)]
+    parts += [_part(title(one), sections[one], sections) for one in _in_order(schema)]
+    return "\n".join(parts)
 
 
 def _units() -> str:

@@ -42,7 +42,7 @@ _RESULT_LISTS = ("findings", "notes")
 _PROVENANCE_TEXTS = tuple(
     entry.name
     for entry in fields(Provenance)
-    if entry.name not in ("versions", "seed", "format", "seconds")
+    if entry.name not in ("versions", "seed", "format", "seconds", "stamp")
 )
 
 
@@ -57,6 +57,7 @@ class ResultIdentity:
         exit_code: of the command.
         case_file: path of its case as seen from the folder of the result.
         seconds: that it took to compute; infinite where that is unknown.
+        stamp: see `geoident.model.results.result.Provenance`.
     """
 
     identity: str
@@ -65,6 +66,7 @@ class ResultIdentity:
     exit_code: int
     case_file: str
     seconds: float
+    stamp: str = ""
 
 
 def write_result(
@@ -179,6 +181,8 @@ def _write_attributes(file: h5py.File, result: Result) -> None:
     attributes["seed"] = np.int64(result.provenance.seed)
     if math.isfinite(result.provenance.seconds):
         attributes["seconds"] = np.float64(result.provenance.seconds)
+    if result.provenance.stamp:
+        attributes["stamp"] = plain_text(result.provenance.stamp)
     attributes["exit_code"] = np.int64(result.exit_code)
     attributes["objective"] = np.float64(result.objective)
 
@@ -196,6 +200,7 @@ def read_identity(path: str | Path) -> ResultIdentity | None:
                 root.int("exit_code"),
                 root.text("case_file"),
                 root.float("seconds", math.inf),
+                root.text("stamp", ""),
             )
     except InputError:
         return None
@@ -236,7 +241,9 @@ class _Attributes:
         self._attributes = file.attrs
         self._path = path
 
-    def text(self, name: str) -> str:
+    def text(self, name: str, missing: str | None = None) -> str:
+        if missing is not None and name not in self._attributes:
+            return missing
         return str(self._get(name))
 
     def int(self, name: str, missing: int | None = None) -> int:
@@ -323,5 +330,6 @@ def _read_provenance(root: _Attributes) -> Provenance:
         seed=root.int("seed"),
         format=root.text("format").replace(FORMAT, ""),
         seconds=root.float("seconds", math.nan),
+        stamp=root.text("stamp", ""),
         **texts_,
     )

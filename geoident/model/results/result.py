@@ -29,6 +29,9 @@ if TYPE_CHECKING:
 NORMAL_95 = 1.959963984540054
 """Half width of a normal 95 % interval, in standard deviations."""
 
+STOPPED = "out-of-budget"
+"""Status of an outcome that was cut short as its time was used up."""
+
 
 @dataclass(frozen=True)
 class Counts:
@@ -468,6 +471,8 @@ class Provenance:
         created: date and time.
         format: of the file that it was read from, if that is not the present one.
         seconds: that the computation took, NaN if unknown.
+        stamp: checksums of the files that it was made from, by which it is known to be up to date
+            without reading them as a case; empty where they are not all files.
     """
 
     command: str
@@ -481,6 +486,7 @@ class Provenance:
     created: str
     format: str = ""
     seconds: float = float("nan")
+    stamp: str = ""
 
 
 @dataclass(frozen=True)

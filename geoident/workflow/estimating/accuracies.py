@@ -18,11 +18,11 @@ from geoident.identify.assessment.variance_components import (
     likelihood_at,
 )
 from geoident.identify.problem.errors import ErrorStructure
-from geoident.identify.problem.problem import STOPPED, Outcome, Problem
+from geoident.identify.problem.problem import Outcome, Problem
 from geoident.model.arrays import Floats
 from geoident.model.case import Case
 from geoident.model.gauges import PARTS, Channel, ErrorParts, Reads
-from geoident.model.results.result import AccuracyTable
+from geoident.model.results.result import STOPPED, AccuracyTable
 from geoident.units import DIMENSIONLESS
 
 ROUNDS = 30

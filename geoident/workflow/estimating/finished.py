@@ -8,10 +8,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from geoident.errors import ExitCode, InputError, Interrupted, ModelError, Term, TimeIsUp
-from geoident.identify.problem.problem import STOPPED
 from geoident.io.result.checkpoint import EvaluationLog
 from geoident.io.result.file import read_identity, read_result, write_result
-from geoident.model.results.result import Result
+from geoident.model.results.result import STOPPED, Result
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.jobs import Job
 from geoident.workflow.running.older_files import older_files

@@ -31,10 +31,11 @@ from geoident.identify.assessment.variance_components import (
     likelihood_at,
 )
 from geoident.identify.problem.errors import ErrorStructure
-from geoident.identify.problem.problem import STOPPED, HasIncrements, Outcome, Problem
+from geoident.identify.problem.problem import HasIncrements, Outcome, Problem
 from geoident.model.arrays import Floats
 from geoident.model.gauges import Channel, Reads
 from geoident.model.methods import ModelErrorOptions
+from geoident.model.results.result import STOPPED
 from geoident.workflow.estimating.accuracies import after, own_accuracy
 from geoident.workflow.estimating.model_error import NAME, FittedModelError, percent
 from geoident.workflow.estimating.model_error_covariance import ReadingSteps, shared_columns

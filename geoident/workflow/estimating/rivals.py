@@ -24,10 +24,10 @@ from geoident.identify.assessment.laplace import (
 from geoident.identify.least_squares.acceptance import Iterate
 from geoident.identify.least_squares.several_starts import RIVAL, Angles, distinct_minima
 from geoident.identify.objective.discrepancy import Discrepancy
-from geoident.identify.problem.problem import STOPPED, LocalMinimum, Outcome, Problem
+from geoident.identify.problem.problem import LocalMinimum, Outcome, Problem
 from geoident.model.arrays import Bools, Floats
 from geoident.model.parameter import Parameter
-from geoident.model.results.result import ParameterTable, Prediction
+from geoident.model.results.result import STOPPED, ParameterTable, Prediction
 from geoident.model.results.rivals import SETTLED, Evidence, Rivals
 from geoident.units import in_unit, shown_unit
 

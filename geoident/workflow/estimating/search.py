@@ -15,7 +15,7 @@ from geoident.identify import descend, identify
 from geoident.identify.assessment.variance_components import VarianceComponents
 from geoident.identify.problem.errors import ErrorStructure
 from geoident.identify.problem.methods import continued
-from geoident.identify.problem.problem import STOPPED, LocalMinimum, Outcome, Problem
+from geoident.identify.problem.problem import LocalMinimum, Outcome, Problem
 from geoident.model.arrays import Floats
 from geoident.model.methods import (
     ComplementarityOptions,
@@ -23,6 +23,7 @@ from geoident.model.methods import (
     ScanOptions,
     SquaredOptions,
 )
+from geoident.model.results.result import STOPPED
 from geoident.workflow.estimating.accuracies import (
     accuracy_table,
     after,

@@ -7,13 +7,11 @@ samplers that are given the same seed ask the same again.
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from multiprocessing import get_context
+from functools import partial
 
 import numpy as np
 
@@ -23,6 +21,8 @@ from geoident.identify.posterior.draws import Stopped
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case
 from geoident.model.gauges import ReadingTable
+from geoident.workflow.executing.executor import Executor, in_order
+from geoident.workflow.executing.processes import LocalProcesses
 from geoident.workflow.running.control import OUT_OF_TIME, Control
 from geoident.workflow.running.evaluation_log import Log
 from geoident.workflow.running.readings import accuracies, times_of
@@ -192,16 +192,6 @@ def here(asked: Asked) -> Compute:
 Build = Callable[..., Asked]
 """Makes the model in another process, from what can be sent there."""
 
-_theirs: list[Asked] = []
-
-
-def _begin(build: Build, arguments: tuple[object, ...]) -> None:
-    _theirs[:] = [build(*arguments)]
-
-
-def _answer(p: Floats) -> Answer:
-    return _theirs[0].answer(p)
-
 
 @contextmanager
 def in_processes(jobs: int, build: Build, arguments: tuple[object, ...]) -> Iterator[Compute]:
@@ -212,18 +202,17 @@ def in_processes(jobs: int, build: Build, arguments: tuple[object, ...]) -> Iter
         build: makes the model there.
         arguments: of ``build``.
     """
-    threads = str(max(1, (os.cpu_count() or 1) // jobs))
-    before = {name: os.environ.get(name) for name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS")}
-    os.environ.update({name: value or threads for name, value in before.items()})
-    try:
-        with ProcessPoolExecutor(
-            jobs, get_context("spawn"), initializer=_begin, initargs=(build, arguments)
-        ) as pool:
-            try:
-                yield lambda points: pool.map(_answer, points)
-            finally:
-                pool.shutdown(wait=True, cancel_futures=True)
-    finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
+    with LocalProcesses(jobs, partial(_answering, build, arguments)) as processes:
+        yield lambda points: _answered(processes, points)
+
+
+def _answering(build: Build, arguments: tuple[object, ...]) -> Callable[[Floats], Answer]:
+    return build(*arguments).answer
+
+
+def _answered(processes: Executor[Floats, Answer], points: Floats) -> Iterator[Answer]:
+    for found in in_order(processes.run(points)):
+        if found.value is None:
+            message = "No process computes the model at a parameter vector: the last one {}."
+            raise ModelError(message.format(found.losses[-1] if found.losses else "was stopped"))
+        yield found.value

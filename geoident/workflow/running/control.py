@@ -9,8 +9,9 @@ import time
 from dataclasses import dataclass, field
 from typing import Protocol
 
-from geoident.errors import ExitCode, Interrupted, TimeIsUp
+from geoident.errors import TimeIsUp
 from geoident.model.results.result import Iteration
+from geoident.workflow.executing.stop import StopRequest
 
 OUT_OF_TIME = "The time that was given is used up; the same command goes on from here."
 
@@ -75,30 +76,6 @@ class Silent:
 
     def part(self, words: str, done: float) -> None:
         """Say nothing."""
-
-
-@dataclass
-class StopRequest:
-    """A wish from outside, such as a signal, to stop after the running evaluation.
-
-    Args:
-        exit_code: with which the command is to end; None while nobody wishes it.
-    """
-
-    exit_code: ExitCode | None = None
-
-    def ask(self, exit_code: ExitCode) -> None:
-        """Wish the stop."""
-        self.exit_code = exit_code
-
-    def check(self) -> None:
-        """Stop here if a stop was wished.
-
-        Raises:
-            Interrupted: it was.
-        """
-        if self.exit_code is not None:
-            raise Interrupted("Interrupted.", exit_code=self.exit_code)
 
 
 @dataclass

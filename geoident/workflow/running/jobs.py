@@ -31,7 +31,14 @@ from geoident.model.case import Case, Source
 from geoident.model.mesh import Mesh
 from geoident.model.methods import MethodOptions, method_name
 from geoident.model.results.result import Provenance, Result
-from geoident.workflow.running.outputs import Standing, Target, require_free, standing, target
+from geoident.workflow.running.outputs import (
+    Standing,
+    Target,
+    require_free,
+    stamp,
+    standing,
+    target,
+)
 from geoident.workflow.running.readings import readings_of
 
 NO_READINGS = "readings=[]"
@@ -296,6 +303,7 @@ class Job:
         place: of the result.
         identity: hash of everything that the result depends on.
         found: what stands at the place of the result.
+        stamp: of the files as they were read, see `outputs.stamp`.
         started: when it was planned, by the clock that counts seconds.
     """
 
@@ -306,6 +314,7 @@ class Job:
     place: Target
     identity: str
     found: Standing
+    stamp: str = ""
     started: float = field(default_factory=time.monotonic)
 
     @property
@@ -346,10 +355,27 @@ def _plan(request: Request, inputs: Inputs, command: str, methods: Sequence[Meth
     identity = inputs.identity(command, methods, seed=request.seed)
     place = target(request.case, command, output=request.output)
     found = standing(place, identity, kind=command, case=request.case)
-    job = Job(request, command, tuple(methods), inputs, place, identity, found)
+    job = Job(
+        request,
+        command,
+        tuple(methods),
+        inputs,
+        place,
+        identity,
+        found,
+        _stamp(request, inputs, command, place),
+    )
     if not job.up_to_date:
         require_free(found, place, force=request.force, inputs=inputs.files)
     return job
+
+
+def _stamp(request: Request, inputs: Inputs, command: str, place: Target) -> str:
+    """Checksums of the files that were read; empty where the case is not one of them."""
+    if request.text is not None or request.case == STDIN:
+        return ""
+    folder = place.path.parent
+    return stamp(folder, inputs.files, command, request.overrides, request.seed)
 
 
 def _require_parameters(case: Case, command: str) -> None:
@@ -398,7 +424,7 @@ def job_provenance(job: Job) -> Provenance:
         seed=job.request.seed,
         output=job.place.path,
     )
-    return replace(found, seconds=time.monotonic() - job.started)
+    return replace(found, seconds=time.monotonic() - job.started, stamp=job.stamp)
 
 
 def versions() -> dict[str, str]:

@@ -8,6 +8,8 @@ computation was cut short, so it is never up to date.
 
 from __future__ import annotations
 
+import hashlib
+import json
 import os
 import re
 import shutil
@@ -17,11 +19,13 @@ from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
 
+from geoident import __version__
 from geoident.errors import OutputError, Term, UsageError
-from geoident.io.result.file import ResultIdentity, read_identity
+from geoident.io.result.file import FORMAT, ResultIdentity, read_identity
 from geoident.io.result.vtkhdf import sidecar_path
 from geoident.io.text.atomic import atomic_output, output_error, refuse_inputs
-from geoident.io.text.text_file import STDIN
+from geoident.io.text.text_file import STDIN, seen_from
+from geoident.model.results.result import STOPPED
 
 
 class Standing(Enum):
@@ -234,8 +238,6 @@ def restore(place: Target, identity: str) -> tuple[Path, Path] | None:
     Raises:
         OutputError: what stands there cannot be kept.
     """
-    from geoident.identify.problem.problem import STOPPED  # noqa: PLC0415 - 0.2 s, for fits alone
-
     for _, path in reversed(kept_results(place.path)):
         found = read_identity(path)
         if found is not None and found.identity == identity and found.status != STOPPED:
@@ -246,6 +248,69 @@ def restore(place: Target, identity: str) -> tuple[Path, Path] | None:
                 raise output_error(place.path, error) from error
             return path, aside
     return None
+
+
+# Known to be up to date without reading a case
+
+
+def stamp(folder: Path, files: Sequence[str], command: str, said: Sequence[str], seed: int) -> str:
+    """What a result is made from, by the bytes of its files.
+
+    A result of the same stamp is up to date, and this is known in a hundredth of the time that it
+    takes to read its case; one of another stamp may be up to date nonetheless.
+
+    Args:
+        folder: of the result.
+        files: paths of the case and of all files that it names.
+        command: its name.
+        said: overrides.
+        seed: of random numbers.
+
+    Returns:
+        JSON; empty where a file cannot be read.
+    """
+    sums = {seen_from(folder, path): _sum(Path(path)) for path in files}
+    if "" in sums.values():
+        return ""
+    return json.dumps({**_made_by(command, said, seed), "files": sums}, sort_keys=True)
+
+
+def known(
+    case: str, command: str, *, output: str | None, said: Sequence[str], seed: int
+) -> tuple[Target, ResultIdentity] | None:
+    """Where the result of a case stands, if its stamp says that it is up to date.
+
+    Args:
+        case: path of the case.
+        command: its name.
+        output: a file, an existing folder, or None for beside the case.
+        said: overrides.
+        seed: of random numbers.
+    """
+    place = target(case, command, output=output)
+    found = read_identity(place.path) if place.path.exists() else None
+    if found is None or not found.stamp or found.kind != command or place.checkpoint.exists():
+        return None
+    stands = json.loads(found.stamp)
+    sums, folder = stands.pop("files"), place.path.parent
+    if stands != _made_by(command, said, seed) or seen_from(folder, case) not in sums:
+        return None
+    same = all(_sum(folder / name) == expected for name, expected in sums.items())
+    return (place, found) if same else None
+
+
+def _made_by(command: str, said: Sequence[str], seed: int) -> dict[str, object]:
+    own = {"version": __version__, "format": FORMAT}
+    return {**own, "command": command, "overrides": list(said), "seed": seed}
+
+
+def _sum(path: Path) -> str:
+    """SHA-256 of a file; empty where it cannot be read."""
+    try:
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError:
+        return ""
 
 
 class _Probe(Exception):

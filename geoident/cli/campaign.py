@@ -1,0 +1,113 @@
+"""Running a campaign: what is said of its runs while they are computed, and at the end."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import click
+
+from geoident.cli.error_boundary import failures_as_json
+from geoident.cli.options import Options
+from geoident.cli.signals import stop_runs_on_signals
+from geoident.cli.terminal import Terminal
+from geoident.errors import ExitCode
+from geoident.io.result.campaign import record_object
+from geoident.model.results.campaign import CampaignTable, RunRecord
+from geoident.report.text.campaign.spreadsheet import runs_csv
+from geoident.report.text.campaign.tables import failed_table, outcome_sentences, seconds_text
+from geoident.report.text.json import dumps
+from geoident.workflow.campaign.campaign import compute, local_executor
+from geoident.workflow.campaign.plan import CampaignPlan, plan_campaign
+from geoident.workflow.executing.executor import usable_cores
+
+
+@dataclass
+class _Progress:
+    """Tells of runs as they end: a live line, a line of each failed one, objects for programs."""
+
+    options: Options
+    terminal: Terminal
+    left: int
+    ended: list[RunRecord] = field(default_factory=list)
+
+    def __call__(self, record: RunRecord) -> None:
+        self.ended.append(record)
+        if self.options.as_json:
+            click.echo(dumps(record_object(record)))
+        if not record.finished:
+            self.terminal.inform(f"{record.name}: {record.status}: {_first_line(record.reason)}")
+        self.terminal.part(self._words(), len(self.ended) / self.left)
+
+    def _words(self) -> str:
+        failed = sum(not run.finished for run in self.ended)
+        slowest = max(self.ended, key=lambda run: run.seconds)
+        return (
+            f"{len(self.ended)} of {self.left} runs ended, {failed} failed, "
+            f"slowest {slowest.name} ({seconds_text(slowest.seconds)})"
+        )
+
+
+def _first_line(text: str) -> str:
+    return (text.splitlines() or [""])[0]
+
+
+def run_campaign(path: str, options: Options, *, jobs: int | None) -> int:
+    """Compute a campaign and say what came out.
+
+    Args:
+        path: of its file.
+        options: of the command.
+        jobs: number of processes; None for the cores there are.
+
+    Returns:
+        The exit code: 7 if some runs have failed.
+    """
+    with failures_as_json(path, options):
+        plan = plan_campaign(path, output=options.output, fresh=options.fresh, force=options.force)
+    if options.dry_run:
+        return _say_plan(plan, options)
+    terminal = Terminal(options)
+    if options.as_json:
+        for run in plan.runs:
+            if run.name in plan.known:
+                click.echo(dumps(record_object(plan.known[run.name])))
+    with local_executor(plan, jobs or usable_cores()) as executor:
+        progress = _Progress(options, terminal, len(plan.left))
+        with terminal.live(f"{len(plan.left)} runs"), stop_runs_on_signals(executor) as heard:
+            table = compute(plan, executor, progress, runs_csv, fresh=options.fresh)
+    _say_end(table, plan, terminal)
+    if not options.as_json:
+        click.echo(plan.folder)
+    return int(heard.code or table.exit_code)
+
+
+def _say_end(table: CampaignTable, plan: CampaignPlan, terminal: Terminal) -> None:
+    known = len(plan.known)
+    computed = len(table.runs) - known
+    terminal.inform(f"{computed} runs computed, {known} up to date.")
+    for text in outcome_sentences(table):
+        terminal.inform(text)
+    if table.failed:
+        terminal.inform(f"\n{failed_table(table).text}")
+
+
+def _say_plan(plan: CampaignPlan, options: Options) -> int:
+    """What would be computed; nothing is written."""
+    left = {run.name for run in plan.left}
+    if options.as_json:
+        for run in plan.runs:
+            given = {"name": run.name, "settings": dict(run.varied), "seed": run.seed}
+            click.echo(dumps({**given, "up_to_date": run.name not in left}))
+        return ExitCode.DONE
+    click.echo(f"{len(plan.runs)} runs of {plan.campaign.command}, {len(left)} to be computed")
+    click.echo(_names(plan.paths))
+    for run in plan.runs:
+        words = " ".join(f"{path}={value}" for path, value in run.varied if value)
+        click.echo(f"{run.name}  {words}{'' if run.name in left else '  (up to date)'}")
+    click.echo(f"\nWould write {plan.folder}")
+    return ExitCode.DONE
+
+
+def _names(paths: Sequence[str]) -> str:
+    return f"What varies: {', '.join(paths)}" if paths else "Nothing varies"

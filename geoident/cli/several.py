@@ -1,0 +1,211 @@
+"""Several cases, in processes that share the cores, so that a case that dies takes nobody with it.
+
+What is up to date is known from the checksums of its files, before anything of a model is imported.
+"""
+
+# ruff: noqa: PLC0415 - the parts are imported when needed: --help must not wait for them
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable, Sequence
+from contextlib import redirect_stderr, redirect_stdout
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+
+import click
+
+from geoident.cli.error_boundary import combined, guarded, say_error
+from geoident.cli.options import Options
+from geoident.cli.signals import stop_runs_on_signals
+from geoident.cli.terminal import Terminal
+from geoident.errors import ExitCode
+
+WORDS = {
+    ExitCode.DONE: "done",
+    ExitCode.BUG: "failed by a bug",
+    ExitCode.INVALID_INPUT: "invalid input",
+    ExitCode.NOT_CONVERGED: "finished, but not converged or determined, or poorly fitted",
+    ExitCode.NO_SOLUTION: "the model has no solution",
+    ExitCode.OUTPUT: "the output cannot be written",
+    ExitCode.INTERRUPTED: "interrupted",
+    ExitCode.TERMINATED: "interrupted",
+}
+FINISHED = (ExitCode.DONE, ExitCode.NOT_CONVERGED)
+
+
+@dataclass(frozen=True)
+class CaseEnd:
+    """How a case ended.
+
+    Args:
+        code: exit code of its command.
+        stdout: what it said there.
+        stderr: what it said there.
+        up_to_date: nothing was computed.
+    """
+
+    code: int
+    stdout: str = ""
+    stderr: str = ""
+    up_to_date: bool = False
+
+    @property
+    def words(self) -> str:
+        """In a few words."""
+        said = WORDS.get(ExitCode(self.code), str(self.code))
+        if not self.up_to_date:
+            return said
+        return "up to date" if self.code == ExitCode.DONE else f"up to date: {said}"
+
+
+def run_cases(command: str, cases: Sequence[str], options: Options) -> int:
+    """Fit or backtest several cases; their stdout comes in the order of the cases.
+
+    Args:
+        command: ``fit`` or ``backtest``.
+        cases: their paths.
+        options: as given.
+
+    Returns:
+        The exit code: 7 if some have failed.
+    """
+    refuse_ambiguous(cases, options)
+    ends: list[CaseEnd | None] = [
+        None if options.fresh or options.dry_run else _known(command, case, options)
+        for case in cases
+    ]
+    order = _InOrder(cases, ends, options)
+    order.say()
+    left = [n for n, end in enumerate(ends) if end is None]
+    stopped = _compute(command, left, order, options) if left else None
+    order.say_total()
+    return int(stopped or combined([ExitCode.TERMINATED if e is None else e.code for e in ends]))
+
+
+def _known(command: str, case: str, options: Options) -> CaseEnd | None:
+    """A case whose result is up to date, as the checksums of its files tell."""
+    from geoident.workflow.running.outputs import known
+
+    found = known(case, command, output=options.output, said=options.overrides, seed=options.seed)
+    if found is None:
+        return None
+    place, identity = found
+    path = str(place.path)
+    if not options.as_json:
+        return CaseEnd(identity.exit_code, f"{path}\n", up_to_date=True)
+    from geoident.io.result.file import read_result
+    from geoident.report.text.json import dumps, result_object
+
+    line = dumps(result_object(read_result(path), case=case, output=path))
+    return CaseEnd(identity.exit_code, f"{line}\n", up_to_date=True)
+
+
+def _compute(
+    command: str, left: Sequence[int], order: _InOrder, options: Options
+) -> ExitCode | None:
+    """Compute cases in processes; the exit code of the signal that has ended this, if one has."""
+    from geoident.workflow.executing.processes import LocalProcesses
+
+    jobs = min(options.jobs, len(left))
+    terminal = Terminal(options)
+    set_up = partial(_set_up, command, options)
+    with (
+        LocalProcesses[str, CaseEnd](jobs, set_up) as processes,
+        stop_runs_on_signals(processes) as heard,
+        terminal.live(f"{len(left)} cases"),
+    ):
+        for answer in processes.run([order.cases[n] for n in left]):
+            end = answer.value
+            if end is None and answer.stopped:
+                end = CaseEnd(ExitCode.TERMINATED)
+            elif end is None:
+                lost = f"set aside: it has cost {len(answer.losses)} processes, and the last one "
+                end = CaseEnd(ExitCode.BUG, stderr=lost + answer.losses[-1])
+            order.add(left[answer.number], end)
+            done = sum(order.ends[n] is not None for n in left)
+            terminal.part(f"{done} of {len(left)} cases done", done / len(left))
+    return heard.code
+
+
+def _set_up(command: str, options: Options) -> Callable[[str], CaseEnd]:
+    """In a process of its own: what runs a case there, and keeps what it says."""
+    from geoident.cli.jobs import run_case
+    from geoident.workflow.backtest import backtest
+    from geoident.workflow.executing.worker import STOP
+    from geoident.workflow.fit import fit
+    from geoident.workflow.running.jobs import plan_backtest, plan_fit
+
+    plan, run = (plan_fit, fit) if command == "fit" else (plan_backtest, backtest)
+    quiet = replace(options, quiet=not options.verbose)
+
+    def run_one(case: str) -> CaseEnd:
+        out, err = io.StringIO(), io.StringIO()
+        with redirect_stdout(out), redirect_stderr(err):
+            code = guarded(lambda: run_case(case, quiet, plan=plan, run=run, stop=STOP))
+        return CaseEnd(code, out.getvalue(), err.getvalue())
+
+    return run_one
+
+
+@dataclass
+class _InOrder:
+    """Says how cases end: on stderr as they do, on stdout in their order."""
+
+    cases: Sequence[str]
+    ends: list[CaseEnd | None]
+    options: Options
+    said: int = 0
+
+    def say(self) -> None:
+        for case, end in zip(self.cases, self.ends, strict=True):
+            if end is not None:
+                self._say_end(case, end)
+        self._flush()
+
+    def add(self, number: int, end: CaseEnd) -> None:
+        self.ends[number] = end
+        self._say_end(self.cases[number], end)
+        self._flush()
+
+    def _flush(self) -> None:
+        while self.said < len(self.ends) and (end := self.ends[self.said]) is not None:
+            if end.stdout:
+                click.echo(end.stdout, nl=False)
+            self.said += 1
+
+    def _say_end(self, case: str, end: CaseEnd) -> None:
+        if end.code != ExitCode.DONE or not self.options.quiet:
+            lines = "".join(f"\n    {line}" for line in end.stderr.splitlines())
+            say_error(f"{case}: {end.words}{lines}", end.code)
+
+    def say_total(self) -> None:
+        if self.options.quiet:
+            return
+        ends = [end for end in self.ends if end is not None]
+        good = [end for end in ends if end.code in FINISHED]
+        known = sum(end.up_to_date for end in good)
+        done = sum(end.code == ExitCode.DONE for end in ends)
+        parts = f"{len(good) - known} computed, {known} up to date"
+        say_error(f"{done} of {len(self.ends)} cases done ({parts})", 0)
+
+
+def refuse_ambiguous(cases: Sequence[str], options: Options) -> None:
+    """Refuse several cases that cannot have results of their own.
+
+    Raises:
+        click.UsageError: why they cannot.
+    """
+    if "-" in cases:
+        raise click.UsageError("stdin (-) cannot be one of several cases.")
+    if options.output is not None and not Path(options.output).is_dir():
+        raise click.UsageError("With several cases, -o must be an existing folder.")
+    names = [_result_name(case, options) for case in cases]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise click.UsageError(f"Several cases would write the same result: {', '.join(twice)}.")
+
+
+def _result_name(case: str, options: Options) -> str:
+    return Path(case).stem if options.output else str(Path(case).with_suffix(""))

@@ -1,0 +1,1 @@
+"""Campaign files: one case in many variations."""

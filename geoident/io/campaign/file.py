@@ -1,0 +1,223 @@
+"""Reading a campaign file: what it says, or all that is wrong with it and its table."""
+
+from __future__ import annotations
+
+import itertools
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from geoident.errors import Fault, InputError, Location
+from geoident.io.campaign.sections import CampaignSection, SampleSection, VariationsSection
+from geoident.io.campaign.table import NAME_COLUMN, NAME_HINT, read_table, run_name_problem
+from geoident.io.schema.faults import add_schema_faults
+from geoident.io.schema.values import kind_of
+from geoident.io.text.faults import Faults, Places
+from geoident.io.text.overrides import parse_path
+from geoident.io.text.text_file import decode, read_bytes
+from geoident.io.text.wording import Refusal, shorten
+from geoident.io.text.yaml_reader import MAX_BYTES, parse_yaml
+from geoident.model.campaign import Campaign, Sampling, Span, Variation
+from geoident.model.case import KeyPath
+
+MOST_RUNS = 1_000_000
+
+
+def read_campaign(path: str) -> Campaign:
+    """Read a campaign file and its table.
+
+    Args:
+        path: the file.
+
+    Raises:
+        InputError: with all faults found.
+    """
+    text = decode(read_bytes(path, limit=MAX_BYTES, what="campaign"), path)
+    document = parse_yaml(text, path)
+    faults = Faults(Places(document, document.data))
+    table = _files_and_paths(Path(path).parent, faults)
+    section = _validated(faults)
+    variations = _named((*table, *_variations(section.variations, faults)), faults)
+    faults.raise_any()
+    folder, sample = Path(path).parent, section.variations.sample
+    return Campaign(
+        path=path,
+        title=section.title,
+        command=section.command,
+        case=str(folder / section.case),
+        result="" if section.result is None else str(folder / section.result),
+        settings=tuple((key, _yaml(value)) for key, value in section.set.items()),
+        places=tuple(faults.places.locate(("set", key)) for key in section.set),
+        variations=variations,
+        sampling=None if sample is None else _sampling(sample, faults),
+        seed=section.seed,
+        solver=section.solver,
+        max_time=section.max_time,
+        time_limit=section.time_limit,
+        retries=section.retries,
+        noise=section.noise,
+        draw=section.draw,
+        stages=tuple(section.stages),
+    )
+
+
+def _files_and_paths(folder: Path, faults: Faults) -> tuple[Variation, ...]:
+    """Look at what the campaign names, whatever else is wrong with it; the runs of its table.
+
+    Args:
+        folder: of the campaign.
+        faults: takes files that are not there, paths that are none, and what is wrong in the table.
+    """
+    data = faults.places.data
+    if not isinstance(data, dict):
+        return ()
+    for key in ("case", "result"):
+        if isinstance(name := data.get(key), str):
+            _require_there(folder / name, (key,), faults)
+    _check_paths(data.get("set"), ("set",), faults)
+    varied = data.get("variations")
+    if not isinstance(varied, dict):
+        return ()
+    at = ("variations",)
+    _check_paths(varied.get("product"), (*at, "product"), faults)
+    sample, rows, table = varied.get("sample"), varied.get("rows"), varied.get("table")
+    if isinstance(sample, dict):
+        _check_paths(sample.get("values"), (*at, "sample", "values"), faults)
+    for n, row in enumerate(rows if isinstance(rows, list) else ()):
+        _check_paths(row, (*at, "rows", n), faults)
+    if not isinstance(table, str) or not _require_there(folder / table, (*at, "table"), faults):
+        return ()
+    try:
+        return read_table(str(folder / table))
+    except InputError as error:
+        faults.extend(error.faults)
+        return ()
+
+
+def _require_there(path: Path, key: KeyPath, faults: Faults) -> bool:
+    try:
+        there = path.is_file()
+    except (OSError, ValueError):
+        there = False
+    if not there:
+        hint = "Paths are meant from the folder of the campaign file."
+        faults.add(key, "missing-file", f"there is no file '{shorten(path)}'", hint)
+    return there
+
+
+def _validated(faults: Faults) -> CampaignSection:
+    data = faults.places.data
+    if not isinstance(data, dict):
+        hint = "Begin with 'format: geoident-campaign/1'."
+        faults.add((), "wrong-kind", f"found {kind_of(data)}; a mapping is expected", hint)
+        faults.raise_any()
+    known: dict[int, tuple[str, ...]] = {}
+    try:
+        return CampaignSection.model_validate(data, context=known)
+    except ValidationError as error:
+        add_schema_faults(faults, error.errors(include_url=False), data, known)
+        faults.raise_any()
+        raise
+
+
+def _check_paths(values: object, at: KeyPath, faults: Faults) -> None:
+    """Note keys of a mapping that are no paths of values; what is no mapping is noted elsewhere."""
+    for name in values if isinstance(values, dict) else ():
+        try:
+            parse_path(name)
+        except Refusal as error:
+            message = f"'{shorten(name)}' is not the path of a value of a case"
+            faults.add((*at, name), error.code, message, error.hint, key=True)
+
+
+def _variations(given: VariationsSection, faults: Faults) -> tuple[Variation, ...]:
+    """The runs that are written out in the campaign itself."""
+    if given.rows is not None:
+        at = ("variations", "rows")
+        if not given.rows:
+            faults.add(at, "empty", "there is no run", "Write one mapping a run.")
+        return tuple(_row(row, (*at, n), faults) for n, row in enumerate(given.rows))
+    if given.product is not None:
+        return _product(given.product, ("variations", "product"), faults)
+    return ()
+
+
+def _row(row: Mapping[str, Any], at: KeyPath, faults: Faults) -> Variation:
+    name = row.get(NAME_COLUMN, "")
+    values = {key: value for key, value in row.items() if key != NAME_COLUMN}
+    places = [faults.places.locate((*at, key)) for key in values]
+    settings = tuple((key, _yaml(value)) for key, value in values.items())
+    return Variation(str(name or ""), settings, (*places, faults.places.locate(at)))
+
+
+def _product(
+    lists: Mapping[str, Sequence[Any]], at: KeyPath, faults: Faults
+) -> tuple[Variation, ...]:
+    count = 1
+    for values in lists.values():
+        count *= len(values)
+    if count > MOST_RUNS:
+        message = f"the product has {count} runs; {MOST_RUNS} are the most"
+        faults.add(at, "too-many", message, "Sample the space instead: variations.sample.")
+        return ()
+    locate = faults.places.locate
+    choices = [
+        [((key, _yaml(value)), locate((*at, key, n))) for n, value in enumerate(values)]
+        for key, values in lists.items()
+    ]
+    return tuple(
+        Variation("", tuple(s for s, _ in chosen), (*(p for _, p in chosen), locate(at)))
+        for chosen in itertools.product(*choices)
+    )
+
+
+def _sampling(section: SampleSection, faults: Faults) -> Sampling:
+    at = ("variations", "sample", "values")
+    spans = []
+    for path, span in section.values.items():
+        kind, (first, unit), (second, _) = span.ends
+        place = faults.places.locate((*at, path))
+        spans.append(Span(path, kind, first, second, unit, place))
+    return Sampling(section.method, section.count, section.seed, tuple(spans))
+
+
+def _named(runs: Sequence[Variation], faults: Faults) -> tuple[Variation, ...]:
+    """The runs with a name each: their own, or their number; two of one name are a fault."""
+    width = max(4, len(str(len(runs))))
+    named: list[Variation] = []
+    seen: dict[str, Location] = {}
+    found: list[Fault] = []
+    for number, run in enumerate(runs, 1):
+        name, place = run.name or f"{number:0{width}d}", run.places[-1]
+        problem = run_name_problem(name)
+        if problem:
+            found.append(Fault("bad-name", problem, NAME_HINT, place))
+        elif name.lower() in seen:
+            message = f"the run '{name}' would share its files with that of line "
+            message += str(seen[name.lower()].line)
+            found.append(Fault("same-run", message, "Give each run a name of its own.", place))
+        seen.setdefault(name.lower(), place)
+        named.append(replace(run, name=name, places=run.places[:-1]))
+    faults.extend(found)
+    return tuple(named)
+
+
+def _yaml(value: Any) -> str:
+    """A value as an override has it: texts as they are written, all else as JSON, which is YAML."""
+    if value is None:
+        return "null"
+    if isinstance(value, str) and _stays(value):
+        return value
+    return json.dumps(value, ensure_ascii=False)
+
+
+def _stays(text: str) -> bool:
+    """Whether a text is the same when it is read as YAML."""
+    try:
+        return parse_yaml(text, "").data == text
+    except InputError:
+        return False

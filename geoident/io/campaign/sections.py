@@ -1,0 +1,223 @@
+"""The keys of a campaign file."""
+
+from __future__ import annotations
+
+import re
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Field, model_validator
+
+from geoident.io.schema.section import Section, SectionFaults
+from geoident.io.schema.values import Count, Flag, Name, Text, require_text
+from geoident.io.text.wording import Refusal, shorten
+from geoident.units import NUMBER_PATTERN
+
+_PART = re.compile(r"\s*([0-9]+(?:\.[0-9]*)?)\s*([a-z]+)\s*")
+_SECONDS = {"s": 1.0, "sec": 1.0, "min": 60.0, "m": 60.0, "h": 3600.0, "d": 86400.0}
+_SOLVERS = Literal["auto", "multifrontal", "iterative", "cholmod", "pardiso", "splu"]
+
+
+def _duration(value: object) -> float:
+    """Seconds of a text such as ``90 s``, ``10 min`` or ``1h30min``."""
+    if isinstance(value, float):
+        return value
+    text = require_text(value, "a time").strip()
+    parts = _PART.findall(text)
+    if not parts or _PART.sub("", text) or any(unit not in _SECONDS for _, unit in parts):
+        hint = "Write it like 90 s, 10 min or 1h30min."
+        raise Refusal("bad-time", f"'{shorten(text)}' is not a time", hint)
+    seconds = sum(float(number) * _SECONDS[unit] for number, unit in parts)
+    if seconds <= 0.0:
+        raise Refusal("bad-time", "a time of nothing leaves no time", "Remove the key.")
+    return seconds
+
+
+_WITH_UNIT = re.compile(rf"({NUMBER_PATTERN})\s*(.*)", re.DOTALL)
+
+
+def _sampled(value: object) -> tuple[float, str]:
+    """A number and the unit that is written behind it."""
+    text = require_text(value, "a number with its unit").strip()
+    found = _WITH_UNIT.fullmatch(text)
+    if found is None:
+        hint = "Write a number with a decimal point and its unit, such as 15 GPa."
+        raise Refusal("bad-number", f"'{shorten(text)}' is not a number with a unit", hint)
+    return float(found[1]), found[2].strip()
+
+
+GivenTime = Annotated[float, BeforeValidator(_duration, json_schema_input_type=str)]
+Sampled = Annotated[
+    tuple[float, str], BeforeValidator(_sampled, json_schema_input_type=str | float)
+]
+
+
+class SpanSection(Section):
+    """How one value is sampled: between two ends, or about a middle."""
+
+    from_: Sampled | None = Field(None, alias="from", description="Lower end, with its unit.")
+    to: Sampled | None = Field(None, description="Upper end, in the same unit.")
+    scale: Literal["linear", "log"] = Field(
+        "linear", description="Between two ends: evenly in the value, or in its logarithm."
+    )
+    mean: Sampled | None = Field(
+        None, description="Mean of a normal value, median of a lognormal one."
+    )
+    sd: Sampled | None = Field(
+        None,
+        description="Its standard deviation, in the same unit; of a lognormal one that of the "
+        "logarithm times the median.",
+    )
+    kind: Literal["normal", "lognormal"] = Field("normal", description="Its distribution.")
+
+    @model_validator(mode="after")
+    def _agrees_with_itself(self) -> SpanSection:
+        faults = SectionFaults()
+        between, about = (self.from_, self.to), (self.mean, self.sd)
+        given = [name for name in ("from", "to", "mean", "sd") if getattr(self, _own(name))]
+        if given not in (["from", "to"], ["mean", "sd"]):
+            message = (
+                f"found {' and '.join(given) or 'nothing'}; from and to, or mean and sd expected"
+            )
+            faults.add((), "wrong-pair", message, "Write {from: 5 GPa, to: 20 GPa}.")
+            faults.raise_any()
+        first, second = between if given[0] == "from" else about
+        assert first is not None
+        assert second is not None
+        if first[1] != second[1]:
+            message = f"the units '{first[1]}' and '{second[1]}' differ"
+            faults.add((given[1],), "unit", message, "Write both in one unit.")
+        elif given[0] == "from" and first[0] >= second[0]:
+            message = f"{first[0]:g} is not below {second[0]:g}"
+            faults.add(("from",), "bad-span", message, "Exchange both ends.")
+        elif given[0] == "mean" and second[0] <= 0.0:
+            faults.add(("sd",), "bad-span", "a standard deviation is above zero", "")
+        positive = self.scale == "log" if given[0] == "from" else self.kind == "lognormal"
+        if positive and first[0] <= 0.0:
+            message = f"{first[0]:g} has no logarithm"
+            faults.add(
+                (given[0],), "bad-span", message, "Take the linear scale, or a normal value."
+            )
+        faults.raise_any()
+        return self
+
+    @property
+    def ends(self) -> tuple[str, tuple[float, str], tuple[float, str]]:
+        """The kind of span, and its two numbers with their unit."""
+        if self.from_ is not None and self.to is not None:
+            return self.scale, self.from_, self.to
+        assert self.mean is not None
+        assert self.sd is not None
+        return self.kind, self.mean, self.sd
+
+
+def _own(name: str) -> str:
+    return "from_" if name == "from" else name
+
+
+class SampleSection(Section):
+    """Runs that fill a space evenly."""
+
+    method: Literal["latin-hypercube", "sobol"] = Field(
+        "latin-hypercube",
+        description="Latin hypercube, or Sobol points with a random shift (even for powers of 2).",
+    )
+    count: Annotated[int, Count()] = Field(description="Number of runs.", examples=[64])
+    seed: Annotated[int, Count(0)] = Field(0, description="Seed of the points.")
+    values: dict[Name, SpanSection] = Field(
+        min_length=1,
+        description="Path of a value of the case to how it is sampled.",
+        examples=[{"parameters.E_rock.start": {"from": "5 GPa", "to": "20 GPa", "scale": "log"}}],
+    )
+
+
+class VariationsSection(Section):
+    """What varies from run to run: one of these."""
+
+    table: Text | None = Field(
+        None,
+        description="Path of a CSV file: its first line names values of the case by their paths, "
+        "each further line is a run. An empty cell leaves the value of the base case. The column "
+        "'run' names the runs; without it they are numbered.",
+        examples=["runs.csv"],
+    )
+    rows: list[dict[Name, Any]] | None = Field(
+        None,
+        description="The same in place: one mapping of paths to values a run.",
+        examples=[[{"parameters.E_rock.start": "5 GPa"}, {"in_situ.K0": 1.5}]],
+    )
+    product: dict[Name, Annotated[list[Any], Field(min_length=1)]] | None = Field(
+        None,
+        description="Path to its values: one run for each combination, the last path fastest.",
+        examples=[{"in_situ.K0": [0.8, 1.0, 1.5], "materials.rock.nu": [0.2, 0.3]}],
+    )
+    sample: SampleSection | None = Field(None, description="Runs that fill a space.")
+
+    @model_validator(mode="after")
+    def _says_one(self) -> VariationsSection:
+        given = [name for name in type(self).model_fields if getattr(self, name) is not None]
+        if len(given) != 1:
+            faults = SectionFaults()
+            message = (
+                f"found {' and '.join(given) or 'nothing'}; table, rows, product or sample is "
+            )
+            faults.add((), "wrong-pair", f"{message}expected", "Write one of them.")
+            faults.raise_any()
+        return self
+
+
+class CampaignSection(Section):
+    """A campaign for geoident: one case in many variations, and what is computed of each."""
+
+    format: Literal["geoident-campaign/1"] = Field(description="Type and version of this file.")
+    title: Text = Field("", description="Free text.")
+    command: Literal["fit", "simulate", "predict", "scan"] = Field(
+        "fit", description="What is computed of each run, as by the command of this name."
+    )
+    case: Text = Field(
+        description="Path of the base case; of `predict`, the case to predict.",
+        examples=["case.yaml"],
+    )
+    result: Text | None = Field(
+        None, description="Of `predict`: path of the fit to predict from.", examples=["case.fit.h5"]
+    )
+    set: dict[Name, Any] = Field(
+        {},
+        description="Path to a value that takes the place of that of the base case in all runs.",
+        examples=[{"fit.backtest": False}],
+    )
+    variations: VariationsSection = Field(description="What varies from run to run.")
+    seed: Annotated[int, Count(0)] = Field(0, description="Seed of random numbers of each run.")
+    solver: _SOLVERS = Field("auto", description="Sparse solver.")
+    max_time: GivenTime | None = Field(
+        None,
+        description="Time after which the search of a run ends with what it has, as --max-time.",
+        examples=["10 min"],
+    )
+    time_limit: GivenTime | None = Field(
+        None,
+        description="Time after which a run is taken to hang: its process is ended, and it is "
+        "begun again.",
+        examples=["1 h"],
+    )
+    retries: Annotated[int, Count(0)] = Field(
+        2, description="Times that a run is begun again after its process was lost."
+    )
+    noise: Flag = Field(False, description="Of `simulate`: add noise of each gauge's accuracy.")
+    draw: Flag = Field(False, description="Of `simulate`: draw what varies from place to place.")
+    stages: list[Name] = Field(
+        [], description="Of `predict`: stages to predict; by default those that were not fitted."
+    )
+
+    @model_validator(mode="after")
+    def _suits_its_command(self) -> CampaignSection:
+        faults = SectionFaults()
+        if self.command == "predict" and self.result is None:
+            faults.add((), "missing-key", "'result' is missing", "Name the fit to predict from.")
+        owners = {"result": "predict", "stages": "predict", "noise": "simulate", "draw": "simulate"}
+        owners |= {"max_time": self.command if self.command in ("fit", "scan") else "fit"}
+        for name, owner in owners.items():
+            if getattr(self, name) not in (None, False, []) and self.command != owner:
+                message = f"'{name}' is of the command {owner}; this campaign is to {self.command}"
+                faults.add((name,), "wrong-command", message, "Remove it, or correct 'command'.")
+        faults.raise_any()
+        return self

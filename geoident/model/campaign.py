@@ -1,0 +1,129 @@
+"""A campaign: one case in many variations, and what is to be computed of each."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from geoident.errors import Location
+
+COMMANDS = ("fit", "simulate", "predict", "scan")
+"""What a campaign may compute of each variation."""
+
+Setting = tuple[str, str]
+"""Path of a key of the case, and what stands in its place, as YAML."""
+
+
+@dataclass(frozen=True)
+class Variation:
+    """One run: what is put in place of values of the base case.
+
+    Args:
+        name: of the run and of its files.
+        settings: in the order of the columns.
+        places: where each is written, for faults; those of a file as a whole where it follows from
+            a sampling.
+    """
+
+    name: str
+    settings: tuple[Setting, ...]
+    places: tuple[Location, ...]
+
+
+@dataclass(frozen=True)
+class Span:
+    """How one value is sampled.
+
+    Args:
+        path: of the key.
+        kind: ``linear`` or ``log`` between two ends, ``normal`` or ``lognormal`` about a middle.
+        first: lower end; mean (of a lognormal one the median).
+        second: upper end; standard deviation.
+        unit: as written behind the numbers, empty for none.
+        place: where it is written.
+    """
+
+    path: str
+    kind: str
+    first: float
+    second: float
+    unit: str
+    place: Location
+
+
+@dataclass(frozen=True)
+class Sampling:
+    """A number of variations spread over spans.
+
+    Args:
+        method: ``latin-hypercube`` or ``sobol``.
+        count: number of runs.
+        seed: of the random numbers.
+        spans: what varies.
+    """
+
+    method: str
+    count: int
+    seed: int
+    spans: tuple[Span, ...]
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """What a campaign file says.
+
+    Args:
+        path: of the file.
+        title: free text.
+        command: of `COMMANDS`.
+        case: path of the base case.
+        result: path of the fit that is predicted from; empty but for ``predict``.
+        settings: what is put in place of values of the base case in all runs.
+        places: where each of these is written.
+        variations: the runs, written out; of a sampling none.
+        sampling: the runs, where they follow from one.
+        seed: of random numbers of each run.
+        solver: name of the sparse solver.
+        max_time: seconds after which a search ends with what it has, or None.
+        time_limit: seconds after which a run is taken to hang, or None.
+        retries: times that a run is begun again after its process was lost.
+        noise: of a simulation: noise of the gauges is added.
+        draw: of a simulation: fields are drawn.
+        stages: of a prediction: names of the stages; all that were not fitted if empty.
+    """
+
+    path: str
+    title: str
+    command: str
+    case: str
+    result: str
+    settings: tuple[Setting, ...]
+    places: tuple[Location, ...]
+    variations: tuple[Variation, ...]
+    sampling: Sampling | None
+    seed: int
+    solver: str
+    max_time: float | None
+    time_limit: float | None
+    retries: int
+    noise: bool
+    draw: bool
+    stages: tuple[str, ...]
+
+
+def paths_of(variations: Sequence[Variation]) -> tuple[str, ...]:
+    """Paths of all that varies, in the order in which they appear."""
+    return tuple(dict.fromkeys(path for run in variations for path, _ in run.settings))
+
+
+SEED = "seed"
+"""Path that is none of a case: the seed of a run."""
+
+
+def overrides_of(settings: Sequence[Setting]) -> tuple[str, ...]:
+    """Settings as overrides of a case.
+
+    >>> overrides_of([("parameters.E.start", "9 GPa"), ("seed", "3")])
+    ('parameters.E.start=9 GPa',)
+    """
+    return tuple(f"{path}={value}" for path, value in settings if path != SEED)

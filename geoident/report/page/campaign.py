@@ -1,0 +1,55 @@
+"""The report of a campaign: what came out, what failed and why, all runs in a table."""
+
+from __future__ import annotations
+
+from geoident.model.results.campaign import CampaignTable
+from geoident.report.drawing.campaign import campaign_pictures
+from geoident.report.page.blocks import Draw, Figures, TitledTable, body, contents, section
+from geoident.report.page.html import page, tag
+from geoident.report.text.campaign.tables import (
+    failed_table,
+    outcome_sentences,
+    runs_left_out,
+    runs_table,
+)
+from geoident.report.text.layout import TextTable
+
+
+def campaign_page(table: CampaignTable, *, draw: Draw, title: str = "") -> str:
+    """The report of a campaign as one page.
+
+    Args:
+        table: its runs.
+        draw: makes the figures.
+        title: in place of that of the campaign.
+    """
+    shown = title or table.title or f"Campaign {table.campaign_file}"
+    left_out = runs_left_out(table)
+    parts = (
+        section(
+            "Summary",
+            tag("p", " ".join(outcome_sentences(table)), class_="lead"),
+            Figures(campaign_pictures(table)),
+        ),
+        section("Failed runs", TitledTable("Runs without a result, and why", failed_table(table))),
+        section(
+            "Runs",
+            *([tag("p", left_out)] if left_out else []),
+            TitledTable("What varied, and what came out", runs_table(table)),
+        ),
+        section("Provenance", TitledTable("Where this comes from", _provenance(table))),
+    )
+    head = tag("header", tag("h1", shown), tag("p", f"Computed {table.created.partition('T')[0]}"))
+    return page(f"{shown} - geoident", head, contents(parts), tag("main", body(parts, draw)))
+
+
+def _provenance(table: CampaignTable) -> TextTable:
+    hosts = sorted({run.host for run in table.runs if run.host})
+    rows = [
+        ["campaign", table.campaign_file],
+        ["base case", table.case_file],
+        ["command", table.command],
+        ["machines", ", ".join(hosts) or "-"],
+        *([name, text] for name, text in table.versions.items()),
+    ]
+    return TextTable(["", ""], rows)

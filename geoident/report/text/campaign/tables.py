@@ -1,0 +1,127 @@
+"""A campaign in words and tables: how its runs ended, their parameters, what failed and why."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+
+from geoident.model.results.campaign import CampaignTable, RunParameter, RunRecord
+from geoident.report.text.layout import TextTable, number, section, sections, sentence
+from geoident.report.text.layout import with_interval as interval_texts
+from geoident.units import in_unit, shown_unit
+
+_MOST_ROWS = 200
+"""Rows of a table for people; ``runs.csv`` has all."""
+
+_SLOWEST = 3
+
+
+def campaign_text(table: CampaignTable, *, title: str) -> str:
+    """A campaign for a terminal.
+
+    Args:
+        table: its runs.
+        title: above it.
+    """
+    return sections(
+        title,
+        "\n".join(sentence(text) for text in outcome_sentences(table)),
+        section("Failed runs", failed_table(table).folded()),
+        section("Runs", runs_table(table).folded()),
+    )
+
+
+def outcome_sentences(table: CampaignTable) -> list[str]:
+    """How the runs ended, in a few sentences."""
+    done = sum(run.finished for run in table.runs)
+    said = [f"{done} of {table.total} runs done ({statuses_text(table.runs)})."]
+    left = table.total - len(table.runs)
+    if left:
+        said.append(f"{left} runs have not ended; the same command goes on with them.")
+    if table.failed:
+        named = ", ".join(run.name for run in table.failed[:5])
+        more = f" and {len(table.failed) - 5} more" if len(table.failed) > 5 else ""
+        said.append(f"Failed: {named}{more}.")
+    best = best_run(table)
+    if best is not None:
+        said.append(f"The least misfit, {number(best.objective)}, has the run {best.name}.")
+    took = [run for run in table.runs if math.isfinite(run.seconds)]
+    if took:
+        slow = sorted(took, key=lambda run: -run.seconds)[:_SLOWEST]
+        words = ", ".join(f"{run.name} ({seconds_text(run.seconds)})" for run in slow)
+        spent = seconds_text(sum(run.seconds for run in took))
+        said.append(f"Computed in {spent} of process time; slowest: {words}.")
+    return said
+
+
+def statuses_text(runs: Sequence[RunRecord]) -> str:
+    """How many runs ended how.
+
+    >>> statuses_text([])
+    'none has ended'
+    """
+    counted = Counter(run.status for run in runs)
+    return ", ".join(f"{count} {status}" for status, count in counted.most_common()) or (
+        "none has ended"
+    )
+
+
+def seconds_text(seconds: float) -> str:
+    """A time for people.
+
+    >>> seconds_text(0.0214), seconds_text(75), seconds_text(7300)
+    ('0.02 s', '75 s', '122 min')
+    """
+    if seconds < 10.0:
+        return f"{seconds:.2f} s"
+    return f"{seconds:.0f} s" if seconds < 600.0 else f"{seconds / 60:.0f} min"
+
+
+def best_run(table: CampaignTable) -> RunRecord | None:
+    """The run with the least misfit; None where none has one."""
+    known = [run for run in table.runs if run.finished and math.isfinite(run.objective)]
+    return min(known, key=lambda run: run.objective, default=None)
+
+
+def runs_table(table: CampaignTable) -> TextTable:
+    """The runs with what varies and what came out."""
+    names = table.parameter_names if table.command in ("fit", "scan") else ()
+    units = {p.name: shown_unit(p.unit, p.dimension) for r in table.runs for p in r.parameters}
+    heads = [f"{name} ({units[name]})" if units[name] else name for name in names]
+    misfit = any(math.isfinite(run.objective) for run in table.runs)
+    header = ["run", *table.paths, "status", *(["misfit"] if misfit else []), *heads]
+    rows = []
+    for run in table.runs[:_MOST_ROWS]:
+        own = {p.name: p for p in run.parameters}
+        row = [run.name, *(dict(run.settings).get(path) or "-" for path in table.paths)]
+        row += [run.status, *([number(run.objective)] if misfit else [])]
+        rows.append([*row, *(_value_text(own.get(name)) for name in names)])
+    right = "l" * (len(table.paths) + 2) + "r" * (len(header) - len(table.paths) - 2)
+    return TextTable(header, rows, right=right)
+
+
+def runs_left_out(table: CampaignTable) -> str:
+    """That the table shows only the first runs; empty where it shows all."""
+    if len(table.runs) <= _MOST_ROWS:
+        return ""
+    return f"The first {_MOST_ROWS} of {len(table.runs)} runs; runs.csv has all."
+
+
+def _value_text(found: RunParameter | None) -> str:
+    if found is None:
+        return "-"
+    unit = found.unit, found.dimension
+    value, low, high = (in_unit(x, *unit) for x in (found.value, found.lower95, found.upper95))
+    if not (math.isfinite(low) and math.isfinite(high)):
+        return number(value)
+    texts = interval_texts(value, low, high)
+    return f"{texts[0]} ({texts[1]} to {texts[2]})"
+
+
+def failed_table(table: CampaignTable) -> TextTable:
+    """Runs without a result, and why."""
+    rows = [
+        [run.name, run.status, " ".join(run.reason.split())] for run in table.failed[:_MOST_ROWS]
+    ]
+    return TextTable(["run", "status", "why"], rows)

@@ -1,0 +1,1 @@
+"""Campaigns: one case in many variations, computed by an executor."""

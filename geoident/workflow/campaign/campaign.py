@@ -1,0 +1,89 @@
+"""``geoident batch``: the runs of a campaign, computed, kept as they end, and put in one table."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+from geoident.errors import ExitCode
+from geoident.io.result.campaign import (
+    RunJournal,
+)
+from geoident.model.results.campaign import INTERRUPTED, SET_ASIDE, CampaignTable, RunRecord
+from geoident.workflow.campaign.one_run import RunTask, set_up, tasks
+from geoident.workflow.campaign.plan import CampaignPlan, PlannedRun
+from geoident.workflow.campaign.runs import table_of, write_tables
+from geoident.workflow.executing.executor import Answered, Executor
+from geoident.workflow.executing.processes import LocalProcesses
+
+RunExecutor = Executor[RunTask, RunRecord]
+
+
+def local_executor(plan: CampaignPlan, jobs: int) -> LocalProcesses[RunTask, RunRecord]:
+    """Processes of this machine for the runs of a campaign.
+
+    Args:
+        plan: of the campaign.
+        jobs: number of processes at most.
+    """
+    campaign = plan.campaign
+    return LocalProcesses(
+        max(1, min(jobs, len(plan.left))),
+        set_up,
+        time_limit=campaign.time_limit,
+        retries=campaign.retries,
+    )
+
+
+def compute(
+    plan: CampaignPlan,
+    executor: RunExecutor,
+    watch: Callable[[RunRecord], None],
+    csv: Callable[[CampaignTable], str],
+    *,
+    fresh: bool = False,
+) -> CampaignTable:
+    """Compute the runs that are not known, and write the tables of all.
+
+    Each run is kept when it ends, so that the same command goes on after any interruption.
+
+    Args:
+        plan: of the campaign.
+        executor: computes the runs.
+        watch: is told of each run that has ended.
+        csv: makes the text of ``runs.csv``.
+        fresh: what is known of a run does not count.
+
+    Raises:
+        OutputError: something cannot be written.
+    """
+    found = dict(plan.known)
+    left = plan.left
+    made = tasks(plan.campaign, plan.folder, fresh=fresh)
+    with RunJournal(plan.folder, plan.head, tuple(plan.known.values())) as journal:
+        for answer in executor.run(made(run) for run in left):
+            record = _of(answer, left[answer.number])
+            if not (answer.stopped and not answer.seconds):  # it was never begun
+                journal.add(record)
+                found[record.name] = record
+                watch(record)
+        records = [found[run.name] for run in plan.runs if run.name in found]
+        table = table_of(plan.head, records)
+        write_tables(table, plan.folder, csv, inputs=plan.inputs)
+    return table
+
+
+def _of(answer: Answered[RunRecord], run: PlannedRun) -> RunRecord:
+    """The record of a run, also of one whose processes were lost."""
+    if answer.value is not None:
+        return replace(answer.value, losses=answer.losses)
+    if answer.stopped:
+        reason, status, code = "cut short", INTERRUPTED, ExitCode.TERMINATED
+    else:
+        count = len(answer.losses)
+        reason = f"it has cost {count} processes, and the last one {answer.losses[-1]}"
+        status, code = SET_ASIDE, ExitCode.BUG
+    return RunRecord(
+        run.name, run.key, run.varied, status, int(code), reason,
+        seconds=answer.seconds, losses=answer.losses,
+    )  # fmt: skip

@@ -1,0 +1,279 @@
+"""One run of a campaign, in a process of its own: its command, and what is kept of its end."""
+
+from __future__ import annotations
+
+import math
+import platform
+import time
+import traceback
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from geoident.errors import ExitCode, GeoidentError, InputError, Interrupted, ModelError
+from geoident.io.result.file import write_result
+from geoident.model.campaign import Campaign
+from geoident.model.results.campaign import (
+    FAILED,
+    INTERRUPTED,
+    NAN,
+    RunParameter,
+    RunReading,
+    RunRecord,
+)
+from geoident.model.results.result import STOPPED, Result
+from geoident.workflow.campaign.plan import PlannedRun
+from geoident.workflow.estimating.diagnosis import bare_parameter_table
+from geoident.workflow.estimating.finished import Finished
+from geoident.workflow.executing.worker import STOP
+from geoident.workflow.fit import fit
+from geoident.workflow.predict import PredictRequest, plan_prediction, predict
+from geoident.workflow.running.control import Control
+from geoident.workflow.running.jobs import Job, Request, plan_fit, plan_scan, provenance
+from geoident.workflow.running.readings import gauge_table, reading_table
+from geoident.workflow.scan import scan
+from geoident.workflow.simulate import ComputedBy, Noise, Simulated, simulate
+
+SIMULATED = "simulated, not measured"
+
+
+@dataclass(frozen=True)
+class RunTask:
+    """What a process is told of a run.
+
+    Args:
+        campaign: that it is of, without its variations.
+        folder: for its result.
+        run: the run.
+        fresh: what is known of it does not count.
+    """
+
+    campaign: Campaign
+    folder: Path
+    run: PlannedRun
+    fresh: bool
+
+
+def tasks(campaign: Campaign, folder: Path, *, fresh: bool) -> Callable[[PlannedRun], RunTask]:
+    """Makes tasks of runs.
+
+    Args:
+        campaign: that they are of.
+        folder: for their results.
+        fresh: what is known of them does not count.
+    """
+    bare = replace(campaign, variations=(), sampling=None)
+    return lambda run: RunTask(bare, folder, run, fresh)
+
+
+def set_up() -> Callable[[RunTask], RunRecord]:
+    """What a process does with its tasks."""
+    return compute
+
+
+def result_name(campaign: Campaign, run: PlannedRun) -> str:
+    """Name of the file of the result of a run."""
+    return f"{run.name}.{campaign.command}.h5"
+
+
+def compute(task: RunTask) -> RunRecord:
+    """Run one variation; whatever happens, there is a record of it."""
+    began = time.monotonic()
+    try:
+        finished = _COMMANDS[task.campaign.command](task)
+        record = _record(task, finished.result, Path(finished.paths[0]).name)
+    except Interrupted as error:
+        cut = error.exit_code == ExitCode.NOT_CONVERGED
+        record = _failed(task, STOPPED if cut else INTERRUPTED, error.exit_code, str(error))
+    except (InputError, ModelError) as error:
+        record = _failed(task, FAILED, error.exit_code, str(error))
+    except GeoidentError as error:
+        record = _failed(task, FAILED, error.exit_code, str(error))
+    except MemoryError:
+        record = _failed(task, FAILED, ExitCode.BUG, "out of memory")
+    except Exception as error:
+        record = _failed(task, FAILED, ExitCode.BUG, _bug(task, error))
+    return replace(record, seconds=time.monotonic() - began, host=platform.node())
+
+
+def _bug(task: RunTask, error: Exception) -> str:
+    """A bug in a few words; its details go into a log beside the results."""
+    log = task.folder / f"{task.run.name}.log"
+    kind = f"a bug in geoident: {type(error).__name__}: {error}".splitlines()[0]
+    try:
+        log.write_text("".join(traceback.format_exception(error)), encoding="utf-8")
+    except OSError:
+        return kind
+    return f"{kind} (details in {log.name})"
+
+
+def _request(task: RunTask) -> Request:
+    return Request(
+        case=task.campaign.case,
+        overrides=task.run.overrides,
+        output=str(task.folder / result_name(task.campaign, task.run)),
+        seed=task.run.seed,
+        solver=task.campaign.solver,
+        fresh=task.fresh,
+    )
+
+
+def _control(task: RunTask) -> Control:
+    return Control(stop=STOP, max_time=task.campaign.max_time)
+
+
+def _fit(task: RunTask) -> Finished:
+    return fit(plan_fit(_request(task)), _control(task))
+
+
+def _scan(task: RunTask) -> Finished:
+    job: Job = plan_scan(_request(task))
+    return scan(job, _control(task))
+
+
+def _predict(task: RunTask) -> Finished:
+    request = PredictRequest(
+        result=task.campaign.result,
+        stages=task.campaign.stages,
+        case=task.campaign.case,
+        overrides=task.run.overrides,
+        output=str(task.folder / result_name(task.campaign, task.run)),
+        solver=task.campaign.solver,
+        force=True,  # the folder is the campaign's own
+        fresh=task.fresh,
+    )
+    return predict(plan_prediction(request), _control(task))
+
+
+def _simulate(task: RunTask) -> Finished:
+    campaign, run = task.campaign, task.run
+    began = time.monotonic()
+    found = simulate(
+        campaign.case,
+        overrides=run.overrides,
+        noise=Noise.ACCURACY if campaign.noise else Noise.NONE,
+        draw=campaign.draw,
+        seed=run.seed,
+        by=_by(campaign),
+    )
+    path = task.folder / result_name(campaign, run)
+    result = simulated_result(found, path, identity=run.key, seed=run.seed)
+    took = replace(result.provenance, seconds=time.monotonic() - began)
+    write_result(replace(result, provenance=took), path, overwrite=True, inputs=found.files_read)
+    return Finished(result, (str(path),))
+
+
+def _by(campaign: Campaign) -> ComputedBy:
+    return ComputedBy(campaign.solver)
+
+
+def simulated_result(found: Simulated, path: Path, *, identity: str, seed: int) -> Result:
+    """Simulated readings as a result.
+
+    Args:
+        found: the readings.
+        path: where the result is going to stand.
+        identity: hash of everything that it depends on.
+        seed: of random numbers.
+    """
+    case = replace(found.case, readings=found.readings)
+    table = reading_table(case, [SIMULATED] * len(found.readings))
+    channels = {channel.name: i for i, channel in enumerate(case.channels)}
+    stages = {stage.name: j for j, stage in enumerate(case.stages)}
+    computed = [found.computed[channels[r.channel], stages[r.stage]] for r in found.readings]
+    readings = replace(table, computed=np.array(computed, dtype=np.float64))
+    inputs = found.inputs
+    return Result(
+        kind="simulate",
+        status="done",
+        exit_code=ExitCode.DONE,
+        method="",
+        reason="",
+        objective=math.nan,
+        findings=(),
+        case_text=inputs.loaded.text,
+        case_resolved=inputs.loaded.resolved,
+        provenance=provenance(
+            inputs, command="simulate", identity=identity, seed=seed, output=path
+        ),
+        parameters=bare_parameter_table(case.parameters, found.values),
+        gauges=gauge_table(case, readings, found.computed),
+        counts=found.counts,
+        history=(),
+        notes=case.notes,
+    )
+
+
+_COMMANDS: dict[str, Callable[[RunTask], Finished]] = {
+    "fit": _fit,
+    "simulate": _simulate,
+    "predict": _predict,
+    "scan": _scan,
+}
+
+
+def _failed(task: RunTask, status: str, code: int, reason: str) -> RunRecord:
+    run = task.run
+    return RunRecord(run.name, run.key, run.varied, status, int(code), reason)
+
+
+def _record(task: RunTask, result: Result, file: str) -> RunRecord:
+    run = task.run
+    plain = result.for_people
+    return RunRecord(
+        name=run.name,
+        key=run.key,
+        settings=run.varied,
+        status=plain.status,
+        exit_code=int(plain.exit_code),
+        reason=plain.reason,
+        file=file,
+        objective=float(plain.objective),
+        parameters=_parameters(plain),
+        readings=_readings(plain),
+        counts=plain.counts,
+    )
+
+
+def _parameters(result: Result) -> tuple[RunParameter, ...]:
+    table = result.parameters
+    return tuple(
+        RunParameter(
+            name,
+            float(table.values[i]) if table.determined[i] or table.sd[i] == table.sd[i] else NAN,
+            float(table.sd[i]),
+            float(table.lower95[i]),
+            float(table.upper95[i]),
+            table.units[i],
+            table.dimensions[i],
+        )
+        for i, name in enumerate(table.names)
+    )
+
+
+def _readings(result: Result) -> tuple[RunReading, ...]:
+    """What a run is asked for: simulated readings, or predicted ones with their bands."""
+    gauges = result.gauges
+    if result.kind == "simulate":
+        rows = gauges.readings
+        owner = {name: i for i, name in enumerate(gauges.channels)}
+        return tuple(
+            RunReading(
+                channel, stage, float(value), NAN, NAN,
+                gauges.units[owner[channel]], gauges.dimensions[owner[channel]],
+            )
+            for channel, stage, value in zip(rows.channel, rows.stage, rows.value, strict=True)
+        )  # fmt: skip
+    found = result.prediction
+    if result.kind != "predict" or found is None:
+        return ()
+    return tuple(
+        RunReading(
+            gauges.channels[i], gauges.stages[j], float(found.mean[i, j]),
+            float(found.lower95[i, j]), float(found.upper95[i, j]),
+            gauges.units[i], gauges.dimensions[i],
+        )
+        for i, j in np.argwhere(np.isfinite(found.mean)).tolist()
+    )  # fmt: skip

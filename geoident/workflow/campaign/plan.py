@@ -1,0 +1,315 @@
+"""From a campaign file to its runs: names, what each is made of, what is known of them already."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from geoident import __version__
+from geoident.errors import Fault, InputError, Location, OutputError, Term
+from geoident.io.campaign.file import read_campaign
+from geoident.io.case.file import named_files, parse_case
+from geoident.io.mesh.file import mesh_files
+from geoident.io.result.campaign import JOURNAL, CampaignHead, read_journal
+from geoident.io.result.file import FORMAT
+from geoident.io.text.faults import OVERRIDES, shortened
+from geoident.io.text.overrides import parse_path
+from geoident.io.text.text_file import decode, read_bytes, seen_from
+from geoident.io.text.yaml_reader import MAX_BYTES, parse_yaml
+from geoident.model.campaign import SEED, Campaign, Setting, Variation, overrides_of, paths_of
+from geoident.model.case import format_path
+from geoident.model.results.campaign import RunRecord
+from geoident.workflow.campaign.sampling import sampled
+from geoident.workflow.running.jobs import NO_READINGS
+
+_CHECKED = 50
+"""Runs whose cases are read before anything is computed."""
+
+
+@dataclass(frozen=True)
+class PlannedRun:
+    """A run.
+
+    Args:
+        name: of it and of its files.
+        key: hash of everything that it depends on.
+        overrides: of the base case.
+        varied: what varies, in the order of the campaign's paths.
+        seed: of random numbers.
+    """
+
+    name: str
+    key: str
+    overrides: tuple[str, ...]
+    varied: tuple[Setting, ...]
+    seed: int
+
+
+@dataclass(frozen=True)
+class CampaignPlan:
+    """A campaign that was read, and what is known of its runs.
+
+    Args:
+        campaign: what its file says.
+        folder: for its results.
+        paths: what varies.
+        runs: all of them.
+        known: name to record of those that need not be computed.
+        inputs: paths of all that is read, which no output may replace.
+    """
+
+    campaign: Campaign
+    folder: Path
+    paths: tuple[str, ...]
+    runs: tuple[PlannedRun, ...]
+    known: Mapping[str, RunRecord]
+    inputs: tuple[str, ...]
+
+    @property
+    def left(self) -> tuple[PlannedRun, ...]:
+        """The runs that are to be computed."""
+        return tuple(run for run in self.runs if run.name not in self.known)
+
+    @property
+    def head(self) -> CampaignHead:
+        """What the journal says of the campaign."""
+        return CampaignHead(
+            title=self.campaign.title,
+            command=self.campaign.command,
+            campaign_file=seen_from(self.folder, self.campaign.path),
+            case_file=seen_from(self.folder, self.campaign.case),
+            paths=self.paths,
+            total=len(self.runs),
+        )
+
+
+def folder_of(path: str, output: str | None) -> Path:
+    """The folder for the results of a campaign: CAMPAIGN.batch beside its file, or as given."""
+    return Path(path).with_suffix(".batch") if output is None else Path(output)
+
+
+def plan_campaign(
+    path: str, *, output: str | None = None, fresh: bool = False, force: bool = False
+) -> CampaignPlan:
+    """Read a campaign, and look at what is known of its runs.
+
+    Args:
+        path: of its file.
+        output: folder for its results; None for CAMPAIGN.batch beside it.
+        fresh: nothing counts as known.
+        force: the folder may hold something else.
+
+    Raises:
+        InputError: with all faults of the campaign, its table, the base case, and of runs as far
+            as they are looked at before.
+        OutputError: the folder is of another campaign, or is none.
+    """
+    campaign = read_campaign(path)
+    variations = campaign.variations
+    if campaign.sampling is not None:
+        variations = sampled(campaign.sampling)
+    folder, paths = folder_of(path, output), paths_of(variations)
+    inputs = _inputs(campaign, variations)
+    runs = _runs(campaign, variations, paths, inputs)
+    _require_own(folder, path, force=force)
+    known: dict[str, RunRecord] = {}
+    if not fresh:
+        _, records = read_journal(folder)
+        known = _known(runs, records, folder)
+    plan = CampaignPlan(campaign, folder, paths, runs, known, inputs)
+    left = {run.name for run in plan.left}
+    if left:
+        _check(campaign, [run for run in variations if run.name in left])
+    return plan
+
+
+def _known(
+    runs: Sequence[PlannedRun], records: Iterable[RunRecord], folder: Path
+) -> dict[str, RunRecord]:
+    """Records of runs that would end the same way again, and whose files are there."""
+    found = {record.name: record for record in records}
+    return {
+        run.name: replace(record, settings=run.varied)
+        for run in runs
+        if (record := found.get(run.name)) is not None
+        and record.key == run.key
+        and record.final
+        and (not record.file or (folder / record.file).is_file())
+    }
+
+
+def _require_own(folder: Path, path: str, *, force: bool) -> None:
+    """Refuse a folder that holds something else."""
+    if folder.exists() and not folder.is_dir():
+        raise OutputError(
+            f"{folder}: is a file, not a folder\n    choose another place with {Term.OUTPUT}"
+        )
+    if force or not folder.is_dir():
+        return
+    remedy = f"{Term.FORCE} uses it nonetheless, {Term.OUTPUT} names another one"
+    if not (folder / JOURNAL).is_file():
+        if any(folder.iterdir()):
+            raise OutputError(f"{folder}: is no folder of a campaign, and not empty\n    {remedy}")
+        return
+    head, _ = read_journal(folder)
+    if head is not None and head.campaign_file != seen_from(folder, path):
+        other = head.campaign_file
+        raise OutputError(f"{folder}: has the runs of another campaign ({other})\n    {remedy}")
+
+
+def _inputs(campaign: Campaign, variations: Sequence[Variation]) -> tuple[str, ...]:
+    """Paths of the base case and of all files that it or a run names."""
+    folder = Path(campaign.case).parent
+    text = decode(read_bytes(campaign.case, limit=MAX_BYTES, what="case"), campaign.case)
+    named = list(named_files(parse_yaml(text, campaign.case).data, folder))
+    values = {value for run in variations for _, value in run.settings}
+    named += [str(folder / value) for value in sorted(values | _values(campaign.settings))
+              if _is_file(folder / value)]  # fmt: skip
+    parts = [part for name in named for part in mesh_files(name)]
+    of_fit = [campaign.result] if campaign.result else []
+    return tuple(dict.fromkeys((campaign.path, campaign.case, *of_fit, *parts)))
+
+
+def _values(settings: Sequence[Setting]) -> set[str]:
+    return {value for _, value in settings}
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        return False
+
+
+def _runs(
+    campaign: Campaign,
+    variations: Sequence[Variation],
+    paths: Sequence[str],
+    inputs: Sequence[str],
+) -> tuple[PlannedRun, ...]:
+    common = {
+        "command": campaign.command,
+        "version": __version__,
+        "format": FORMAT,
+        "files": [_sum(path) for path in inputs if path != campaign.path],
+        "settings": campaign.settings,
+        "noise": campaign.noise,
+        "draw": campaign.draw,
+        "stages": campaign.stages,
+    }
+    digest = hashlib.sha256(json.dumps(common, sort_keys=True).encode())
+    runs, faults = [], []
+    for run in variations:
+        seed, fault = _seed(campaign, run)
+        faults += [fault] if fault else []
+        own = digest.copy()
+        own.update(json.dumps([run.settings, seed], ensure_ascii=False).encode())
+        given = dict(run.settings)
+        varied = tuple((path, given.get(path, "")) for path in paths)
+        said = overrides_of((*campaign.settings, *run.settings))
+        runs.append(PlannedRun(run.name, own.hexdigest(), said, varied, seed))
+    if faults:
+        raise InputError(shortened(faults))
+    return tuple(runs)
+
+
+def _seed(campaign: Campaign, run: Variation) -> tuple[int, Fault | None]:
+    """The seed of a run: its own, else that of the campaign."""
+    for (path, value), place in zip(run.settings, run.places, strict=True):
+        if path == SEED:
+            if value.isdecimal() and len(value) < 19:
+                return int(value), None
+            message = f"'{value}' is no seed; a whole number from 0 on is expected"
+            return 0, Fault("bad-count", message, "Write such as 3.", place, SEED)
+    return campaign.seed, None
+
+
+def _sum(path: str) -> str:
+    with suppress(OSError), Path(path).open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+    return ""
+
+
+# Whether the cases of the runs are right
+
+
+def _check(campaign: Campaign, variations: Sequence[Variation]) -> None:
+    """Read the base case, and the cases of some runs: all faults, where they are written.
+
+    Raises:
+        InputError: there are faults.
+    """
+    text = decode(read_bytes(campaign.case, limit=MAX_BYTES, what="case"), campaign.case)
+    common = Variation("", campaign.settings, campaign.places)
+    faults = list(_faults(campaign, text, common, Variation("", (), ())))
+    if not faults:
+        for run in _telling(variations):
+            faults += _faults(campaign, text, common, run)
+    if faults:
+        once = {(fault.code, fault.message, fault.location): fault for fault in faults}
+        found = sorted(once.values(), key=lambda f: (f.location.file, f.location.line,
+                                                     f.location.column))  # fmt: skip
+        raise InputError(shortened(found))
+
+
+def _faults(campaign: Campaign, text: str, common: Variation, run: Variation) -> Iterator[Fault]:
+    """What is wrong in the case of a run."""
+    settings = (*common.settings, *run.settings)
+    said = [*overrides_of(settings), *([NO_READINGS] if campaign.command == "simulate" else [])]
+    try:
+        parse_case(text, campaign.case, overrides=said, with_texts=False)
+    except InputError as error:
+        places = dict(zip([p for p, _ in settings], (*common.places, *run.places), strict=True))
+        for fault in error.faults:
+            yield _placed(fault, places, campaign, run)
+
+
+def _placed(
+    fault: Fault, places: Mapping[str, Location], campaign: Campaign, run: Variation
+) -> Fault:
+    """A fault where it is written: in the campaign or its table, if it comes from there."""
+    if fault.location.file != OVERRIDES:
+        which = f"in the run {run.name}: " if run.name else ""
+        return replace(fault, message=f"{which}{fault.message}")
+    for path, place in reversed(list(places.items())):
+        own = format_path(parse_path(path))
+        if fault.path.startswith(own) or own.startswith(fault.path or "?"):
+            return replace(fault, location=place)
+    return replace(fault, location=Location(campaign.path))
+
+
+def _telling(variations: Sequence[Variation]) -> list[Variation]:
+    """Runs with a value that no earlier one has; of numbers in one unit the ends."""
+    chosen: dict[str, Variation] = {}
+    for path in paths_of(variations):
+        values = [(value, run) for run in variations for p, value in run.settings if p == path]
+        ends = _ends(values)
+        first: dict[str, Variation] = {}
+        for value, run in values:
+            first.setdefault(value, run)
+        for run in ends or first.values():
+            chosen.setdefault(run.name, run)
+            if len(chosen) >= _CHECKED:
+                return list(chosen.values())
+    return list(chosen.values())
+
+
+def _ends(values: Sequence[tuple[str, Variation]]) -> list[Variation]:
+    """Runs with the least and the largest of numbers in one unit; none where they are no such."""
+    numbers: list[tuple[float, Variation]] = []
+    units: set[str] = set()
+    for value, run in values:
+        number, _, unit = value.partition(" ")
+        try:
+            numbers.append((float(number), run))
+        except ValueError:
+            return []
+        units.add(unit)
+    if len(units) != 1:
+        return []
+    ordered = sorted(numbers, key=lambda pair: pair[0])
+    return [ordered[0][1], ordered[-1][1]]

@@ -1,0 +1,117 @@
+"""The runs of a campaign in one table: from its journal, and into its files."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable
+from datetime import UTC, datetime
+from pathlib import Path
+
+from geoident.errors import Fault, InputError, Location, Term, UsageError
+from geoident.io.result.campaign import (
+    JOURNAL,
+    OVER_ALL,
+    TABLE,
+    CampaignHead,
+    read_journal,
+    write_over_all,
+)
+from geoident.io.text.atomic import atomic_output
+from geoident.io.text.text_file import STDIN
+from geoident.model.results.campaign import CampaignTable, RunRecord
+from geoident.workflow.running.jobs import versions
+from geoident.workflow.running.remade import write_remade
+
+PAGE = "report.html"
+"""Name of the page of a campaign, in its folder."""
+
+
+def table_of(head: CampaignHead, records: Iterable[RunRecord]) -> CampaignTable:
+    """The runs of a campaign as a table.
+
+    Args:
+        head: of the campaign.
+        records: of the runs that have ended.
+    """
+    return CampaignTable(
+        title=head.title,
+        command=head.command,
+        campaign_file=head.campaign_file,
+        case_file=head.case_file,
+        paths=head.paths,
+        runs=tuple(records),
+        total=head.total,
+        versions=versions(),
+        created=datetime.now(UTC).isoformat(timespec="seconds"),
+    )
+
+
+def write_tables(
+    table: CampaignTable,
+    folder: Path,
+    csv: Callable[[CampaignTable], str],
+    *,
+    inputs: tuple[str, ...],
+) -> None:
+    """Write ``runs.csv`` and ``campaign.h5``.
+
+    Args:
+        table: of the runs.
+        folder: of the campaign.
+        csv: makes the text of the former.
+        inputs: paths that were read, and so must not be written.
+    """
+    with atomic_output(folder / TABLE, overwrite=True, inputs=inputs) as temporary:
+        Path(temporary).write_text(csv(table), encoding="utf-8")
+    write_over_all(table, folder / OVER_ALL, inputs=inputs)
+
+
+def read_runs(path: str) -> CampaignTable:
+    """All runs of a campaign that have ended, from its folder; of one that still runs as well.
+
+    Args:
+        path: of the folder, or of a file in it.
+
+    Raises:
+        InputError: there is no journal of a campaign.
+    """
+    place = Path(path)
+    folder = place if place.is_dir() else place.parent
+    head, records = read_journal(folder)
+    if head is None:
+        message = f"the folder has no journal of a campaign ({JOURNAL})"
+        hint = "Give the folder that `geoident batch` has written, such as CAMPAIGN.batch."
+        raise InputError([Fault("no-campaign", message, hint, Location(str(folder)))])
+    return table_of(head, sorted(records, key=lambda record: record.name))
+
+
+def write_campaign_page(
+    table: CampaignTable, path: str, content: str, output: str | None, *, force: bool
+) -> str:
+    """Write the page of a campaign; an earlier one of it gives way.
+
+    Args:
+        table: the campaign.
+        path: of its folder, or of a file in it.
+        content: of the page.
+        output: where it goes; None for ``report.html`` in the folder.
+        force: replace any other file.
+
+    Returns:
+        Its path.
+
+    Raises:
+        UsageError: it would go to stdout.
+        OutputError: something else stands there, or it cannot be written.
+    """
+    if output == STDIN:
+        raise UsageError(f"A page cannot be written to stdout: give a file to {Term.OUTPUT}.")
+    place = Path(path)
+    folder = place if place.is_dir() else place.parent
+    page = folder / PAGE if output is None else Path(output)
+    page = page / PAGE if page.is_dir() else page
+    named = (table.campaign_file, table.case_file)
+    campaign, case = (os.path.normpath(folder / name) for name in named)
+    write_remade({str(page): content.encode()}, cases=(campaign,), force=force,
+                 inputs=(campaign, case), form="html")  # fmt: skip
+    return str(page)

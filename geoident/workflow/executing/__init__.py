@@ -1,0 +1,1 @@
+"""Independent evaluations, in processes that may die."""

@@ -1,0 +1,313 @@
+"""Tasks in processes of this machine, which may be killed, hang, or run out of memory.
+
+Each worker has a pipe of its own, so that one that dies in the middle of a word harms no other. A
+task whose worker is lost goes to another one; one that has cost `retries` + 1 workers is set aside.
+A task that takes longer than its time limit costs its worker, too. Workers never outlive who asks:
+they see the end of that process by themselves (`worker`).
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from collections import deque
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
+from multiprocessing import get_context
+from multiprocessing.connection import Connection, wait
+from multiprocessing.context import SpawnProcess
+from types import TracebackType
+from typing import Any, Generic, Self, TypeVar
+
+from geoident.workflow.executing.executor import RETRIES, Answered, SetUp, usable_cores
+from geoident.workflow.executing.worker import READY, VALUE, serve
+
+T = TypeVar("T")
+R = TypeVar("R")
+
+_TICK = 0.5
+"""Seconds after which limits are looked at, at the latest."""
+
+_BAD_STARTS = 3
+"""Workers that may die before they are ready, one after the other, until nobody tries again."""
+
+_GRACE = 5.0
+"""Seconds that an idle worker is given to end."""
+
+_THREADS = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS")
+_HELD = (signal.SIGINT, signal.SIGTERM)
+
+
+@dataclass
+class _Task(Generic[T]):
+    number: int
+    argument: T
+    losses: list[str] = field(default_factory=list)
+
+
+@dataclass
+class _Worker(Generic[T]):
+    process: SpawnProcess
+    connection: Connection
+    ready: bool = False
+    task: _Task[T] | None = None
+    began: float = 0.0
+
+
+class LocalProcesses(Generic[T, R]):
+    """An executor of this machine; a context, at whose end no process is left.
+
+    Args:
+        jobs: number of workers; the cores are shared out among them.
+        set_up: gives, in each worker, the function that answers tasks. It is pickled.
+        time_limit: seconds that a task may take, or None.
+        retries: times that a task is begun again after its worker was lost.
+    """
+
+    def __init__(
+        self,
+        jobs: int,
+        set_up: SetUp[T, R],
+        *,
+        time_limit: float | None = None,
+        retries: int = RETRIES,
+    ) -> None:
+        self._jobs = jobs
+        self._set_up = set_up
+        self._time_limit = time_limit
+        self._retries = retries
+        self._workers: list[_Worker[T]] = []
+        self._stopping = False
+        self._bad_starts = 0
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        for worker in self._workers:
+            worker.connection.close()
+            if worker.task is not None:
+                worker.process.kill()
+        over = time.monotonic() + _GRACE
+        for worker in self._workers:
+            worker.process.join(max(0.0, over - time.monotonic()))
+            if worker.process.is_alive():
+                worker.process.kill()
+                worker.process.join()
+        self._workers.clear()
+
+    @property
+    def processes(self) -> tuple[int, ...]:
+        """Numbers of the processes that are there."""
+        return tuple(w.process.pid for w in self._workers if w.process.pid is not None)
+
+    def ask_to_stop(self) -> None:
+        """Begin no more tasks, and let those that run end as soon as they can."""
+        self._stopping = True
+        for worker in self._workers:
+            if worker.task is not None and worker.process.pid is not None:
+                with suppress(OSError):
+                    os.kill(worker.process.pid, signal.SIGTERM)
+
+    def kill(self) -> None:
+        """End all tasks at once."""
+        self._stopping = True
+        for worker in self._workers:
+            worker.process.kill()
+
+    def run(self, tasks: Iterable[T]) -> Iterator[Answered[R]]:
+        """The answers as they come, in any order.
+
+        Args:
+            tasks: arguments of the function; taken when there is a worker for them.
+
+        Raises:
+            RuntimeError: workers cannot be started.
+            Exception: what the function raised.
+        """
+        coming = enumerate(tasks)
+        again: deque[_Task[T]] = deque()
+        try:
+            while True:
+                if not self._stopping:
+                    self._give_out(coming, again)
+                busy = [worker for worker in self._workers if worker.task is not None]
+                if not busy:
+                    break
+                yield from self._answers(busy, again)
+        finally:  # who asked may have lost interest
+            self._drop_busy()
+        for left in again:
+            yield Answered(left.number, None, tuple(left.losses), stopped=True)
+
+    def _drop_busy(self) -> None:
+        """End the workers whose answers nobody waits for."""
+        for worker in [worker for worker in self._workers if worker.task is not None]:
+            self._workers.remove(worker)
+            worker.process.kill()
+            worker.process.join()
+            worker.connection.close()
+
+    def _give_out(self, coming: Iterator[tuple[int, T]], again: deque[_Task[T]]) -> None:
+        """Give every idle worker a task, and start workers as long as there are tasks for them."""
+        idle = [worker for worker in self._workers if worker.task is None]
+        while idle or len(self._workers) < self._jobs:
+            if again:
+                task = again.popleft()
+            else:
+                following = next(coming, None)
+                if following is None:
+                    return
+                task = _Task(*following)
+            worker = idle.pop() if idle else self._start()
+            worker.task = task
+            worker.began = time.monotonic()
+            if worker.ready:
+                self._send(worker)
+
+    def _send(self, worker: _Worker[T]) -> None:
+        worker.began = time.monotonic()
+        with suppress(BrokenPipeError, ConnectionResetError):  # it is found to be dead in a moment
+            if worker.task is not None:
+                worker.connection.send(worker.task.argument)
+
+    def _start(self) -> _Worker[T]:
+        here, there = get_context("spawn").Pipe()
+        process = get_context("spawn").Process(
+            target=serve, args=(there, self._set_up), daemon=True
+        )
+        with _cores_shared(self._jobs), _signals_blocked():
+            process.start()
+        there.close()
+        worker: _Worker[T] = _Worker(process, here)
+        self._workers.append(worker)
+        return worker
+
+    def _answers(self, busy: list[_Worker[T]], again: deque[_Task[T]]) -> Iterator[Answered[R]]:
+        """What has happened: answers, lost workers, limits that are over."""
+        waited: list[Any] = [w.connection for w in busy] + [w.process.sentinel for w in busy]
+        happened = set(wait(waited, self._patience(busy)))
+        for worker in busy:
+            if worker.connection in happened or worker.process.sentinel in happened:
+                found = self._heard(worker, again)
+                if found is not None:
+                    yield found
+            elif self._too_long(worker):
+                worker.process.kill()
+                worker.process.join()
+                found = self._lost(worker, again, f"took longer than {self._time_limit:g} s")
+                if found is not None:
+                    yield found
+
+    def _patience(self, busy: list[_Worker[T]]) -> float:
+        if self._time_limit is None:
+            return _TICK
+        first = min(w.began for w in busy) + self._time_limit - time.monotonic()
+        return min(_TICK, max(0.0, first))
+
+    def _too_long(self, worker: _Worker[T]) -> bool:
+        limit = self._time_limit
+        return limit is not None and worker.ready and time.monotonic() - worker.began > limit
+
+    def _heard(self, worker: _Worker[T], again: deque[_Task[T]]) -> Answered[R] | None:
+        """What a worker says; a worker that is gone may have said its last word before."""
+        try:
+            word, value = worker.connection.recv()
+        except (EOFError, OSError):
+            worker.process.join()
+            return self._lost(worker, again, _why(worker.process.exitcode))
+        if word == READY:
+            worker.ready = True
+            self._bad_starts = 0
+            if not self._stopping:
+                self._send(worker)
+                return None
+            self._give_back(worker, again)
+            return None
+        if word != VALUE:
+            raise value
+        task, worker.task = worker.task, None
+        assert task is not None
+        seconds = time.monotonic() - worker.began
+        pid = worker.process.pid or 0
+        return Answered(task.number, value, tuple(task.losses), seconds=seconds, process=pid)
+
+    def _give_back(self, worker: _Worker[T], again: deque[_Task[T]]) -> None:
+        """A task that a worker has not begun when a stop was asked for."""
+        if worker.task is not None:
+            again.append(worker.task)
+        worker.task = None
+
+    def _lost(self, worker: _Worker[T], again: deque[_Task[T]], why: str) -> Answered[R] | None:
+        """A worker is gone, and its task with it; the task is begun again, or set aside."""
+        self._workers.remove(worker)
+        worker.connection.close()
+        task = worker.task
+        assert task is not None
+        if not worker.ready:
+            self._bad_starts += 1
+            if self._bad_starts >= _BAD_STARTS and not self._stopping:
+                raise RuntimeError(f"processes cannot be started: the last one {why}")
+            again.append(task)  # it has not begun
+            return None
+        seconds, pid = time.monotonic() - worker.began, worker.process.pid or 0
+        if self._stopping:
+            return Answered(task.number, None, tuple(task.losses), True, seconds, pid)
+        task.losses.append(why)
+        if len(task.losses) <= self._retries:
+            again.append(task)
+            return None
+        return Answered(task.number, None, tuple(task.losses), False, seconds, pid)
+
+
+def _why(code: int | None) -> str:
+    """Why a process is gone, from its exit code.
+
+    >>> _why(-9), _why(3)
+    ('was killed (SIGKILL; out of memory?)', 'ended with exit code 3')
+    """
+    if code is None or code >= 0:
+        return f"ended with exit code {code}"
+    try:
+        name = signal.Signals(-code).name
+    except ValueError:
+        name = f"signal {-code}"
+    return f"was killed ({name}{'; out of memory?' if code == -signal.SIGKILL else ''})"
+
+
+@contextmanager
+def _cores_shared(jobs: int) -> Iterator[None]:
+    """Threads of libraries for a process that is started meanwhile: its share of the cores.
+
+    Args:
+        jobs: among how many processes the cores are shared.
+    """
+    threads = str(max(1, usable_cores() // jobs))
+    before = {name: os.environ.get(name) for name in _THREADS}
+    os.environ.update({name: value or threads for name, value in before.items()})
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+
+
+@contextmanager
+def _signals_blocked() -> Iterator[None]:
+    """Hold signals back from a process that is started meanwhile, until it can hear them."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, _HELD)
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)

@@ -1,0 +1,238 @@
+"""Campaigns of a closed-form case: what is computed, known, failed and written."""
+
+import csv
+import io
+import json
+import shutil
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+import geoident
+from geoident.errors import InputError, ModelError, OutputError
+from geoident.io.result.file import read_result
+from geoident.report.drawing.campaign import campaign_pictures
+from geoident.report.page.campaign import campaign_page
+from geoident.report.text.campaign.spreadsheet import runs_csv
+from geoident.report.text.campaign.tables import campaign_text
+from geoident.workflow.campaign.campaign import compute
+from geoident.workflow.campaign.one_run import compute as compute_run
+from geoident.workflow.campaign.plan import plan_campaign
+from geoident.workflow.campaign.runs import read_runs
+from geoident.workflow.executing.executor import Answered
+from geoident.workflow.simulate import simulate
+from tests.support.commands import run_command
+
+OPENING = Path(geoident.__file__).parent / "templates" / "opening"
+QUICK = "set: {fit.backtest: false}"
+
+
+class Here:
+    """An executor in this process, which can lose a task or stop before it."""
+
+    def __init__(self, *, lose=(), stop_at=None):
+        self.lose, self.stop_at, self.begun = lose, stop_at, []
+
+    def run(self, tasks):
+        for number, task in enumerate(tasks):
+            name = task.run.name
+            if name == self.stop_at:
+                return
+            self.begun.append(name)
+            if name in self.lose:
+                yield Answered(number, None, ("was killed (SIGKILL; out of memory?)",) * 3)
+            else:
+                yield Answered(number, compute_run(task), seconds=0.1)
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    for path in OPENING.iterdir():
+        shutil.copy(path, tmp_path)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def write(text, name="campaign.yaml"):
+    Path(name).write_text(f"format: geoident-campaign/1\ncase: case.yaml\n{text}\n")
+    return name
+
+
+SIMULATED = """command: simulate
+variations:
+  product:
+    parameters.E_rock.start: [1 GPa, 2 GPa]
+    parameters.c.start: [0.8 MPa, 1.5 MPa]"""
+
+
+def computed(name="campaign.yaml", executor=None, **given):
+    plan = plan_campaign(name, **given)
+    executor = executor or Here()
+    seen = []
+    table = compute(plan, executor, seen.append, runs_csv, fresh=given.get("fresh", False))
+    return table, executor, seen
+
+
+def rows(folder="campaign.batch"):
+    return list(csv.DictReader(io.StringIO(Path(folder, "runs.csv").read_text())))
+
+
+def test_runs_of_a_product_are_those_of_single_commands_bit_for_bit(here):
+    table, executor, seen = computed(write(SIMULATED))
+    assert executor.begun == ["0001", "0002", "0003", "0004"]
+    assert seen == list(table.runs)
+    assert table.exit_code == 0
+    single = run_command(
+        "simulate", "case.yaml", "--json",
+        "--set", "parameters.E_rock.start=2 GPa", "--set", "parameters.c.start=0.8 MPa",
+    )  # fmt: skip
+    expected = [reading["value"] for reading in json.loads(single.stdout)["readings"]]
+    assert [reading.value for reading in table.runs[2].readings] == expected
+    with h5py.File("campaign.batch/campaign.h5") as file:
+        assert file["readings/value"][2].tolist() == expected
+        assert file["settings/value"][2].tolist() == [b"2 GPa", b"0.8 MPa"]
+        assert file.attrs["total"] == 4
+    result = read_result("campaign.batch/0003.simulate.h5")
+    assert result.kind == "simulate"
+    assert result.gauges.readings.value.tolist() == expected
+    assert rows()[2]["parameters.E_rock.start"] == "2 GPa"
+
+
+def test_fits_have_the_numbers_of_single_fits(here):
+    table, _, _ = computed(
+        write(f"{QUICK}\nvariations: {{rows: [{{run: soft, parameters.E_rock.start: 1 GPa}}]}}")
+    )
+    run_command(
+        "fit", "case.yaml", "--set", "fit.backtest=false",
+        "--set", "parameters.E_rock.start=1 GPa",
+    )  # fmt: skip
+    single, (run,) = read_result("case.fit.h5"), table.runs
+    assert [p.value for p in run.parameters] == single.parameters.values.tolist()
+    assert [p.lower95 for p in run.parameters] == single.parameters.lower95.tolist()
+    assert (run.objective, run.counts) == (single.objective, single.counts)
+    (row,) = rows()
+    assert float(row["E_rock [GPa]"]) == pytest.approx(1e-9 * single.parameters.values[0])
+    assert row["file"] == "soft.fit.h5"
+
+
+def test_what_is_up_to_date_is_not_computed_again(here):
+    computed(write(SIMULATED))
+    _, again, _ = computed()
+    assert again.begun == []
+    more = SIMULATED.replace("2 GPa]", "2 GPa, 3 GPa]")
+    table, added, _ = computed(write(more))
+    assert added.begun == ["0005", "0006"]
+    assert len(table.runs) == 6
+    Path("campaign.batch/0002.simulate.h5").unlink()
+    _, lost, _ = computed()
+    assert lost.begun == ["0002"]
+    case = Path("case.yaml")
+    case.write_text(case.read_text().replace("nu: 0.25", "nu: 0.3"))
+    _, changed, _ = computed()
+    assert len(changed.begun) == 6
+    _, fresh, _ = computed(fresh=True)
+    assert len(fresh.begun) == 6
+
+
+def test_a_campaign_that_was_cut_short_goes_on(here):
+    cut, first, _ = computed(write(SIMULATED), Here(stop_at="0003"))
+    assert first.begun == ["0001", "0002"]
+    assert len(cut.runs) == 2
+    assert "2 runs have not ended" in campaign_text(read_runs("campaign.batch"), title="")
+    journal = Path("campaign.batch/runs.jsonl")
+    journal.write_text(journal.read_text() + '{"name": "0003", "key":')  # power failed here
+    table, second, _ = computed()
+    assert second.begun == ["0003", "0004"]
+    assert [run.name for run in table.runs] == ["0001", "0002", "0003", "0004"]
+
+
+def test_failed_runs_are_named_and_only_those_that_may_end_otherwise_are_repeated(
+    here, monkeypatch
+):
+    def no_solution(*arguments, overrides, **given):
+        if "parameters.c.start=1 MPa" in overrides:
+            raise ModelError("the ground collapses")
+        return simulate(*arguments, overrides=overrides, **given)
+
+    monkeypatch.setattr("geoident.workflow.campaign.one_run.simulate", no_solution)
+    names = "{run: good}, {run: lost}, {run: never, parameters.c.start: 1 MPa}"
+    write(f"command: simulate\nvariations: {{rows: [{names}]}}")
+    table, _, _ = computed(executor=Here(lose=["lost"]))
+    ended = {run.name: run for run in table.runs}
+    assert ended["good"].exit_code == 0
+    assert (ended["never"].exit_code, ended["never"].reason) == (5, "the ground collapses")
+    assert ended["lost"].status == "set-aside"
+    assert "it has cost 3 processes" in ended["lost"].reason
+    assert table.exit_code == 7
+    assert rows()[1]["processes_lost"] == "3"
+    again, executor, _ = computed()
+    assert executor.begun == ["lost"]
+    assert again.exit_code == 7
+    page = campaign_page(again, draw=lambda pictures: [])
+    assert "never" in page
+
+
+def test_a_run_with_a_bug_leaves_its_log(here, monkeypatch):
+    def fail(*_, **__):
+        raise ZeroDivisionError("nobody thought of it")
+
+    monkeypatch.setattr("geoident.workflow.campaign.one_run.simulate", fail)
+    table, _, _ = computed(write("command: simulate\nvariations: {rows: [{run: a}]}"))
+    assert table.runs[0].exit_code == 1
+    assert "nobody thought of it" in table.runs[0].reason
+    assert "ZeroDivisionError" in Path("campaign.batch/a.log").read_text()
+
+
+def test_seeds_of_runs_give_other_noise(here):
+    write("command: simulate\nnoise: true\nvariations: {product: {seed: [1, 2, 1]}}")
+    one, two, same = computed()[0].runs
+    assert one.readings == same.readings
+    assert one.readings != two.readings
+    with pytest.raises(InputError, match="is no seed"):
+        plan_campaign(write("command: simulate\nvariations: {product: {seed: [1.5]}}"))
+
+
+def test_predictions_and_scans(here):
+    run_command("fit", "case.yaml", "--set", "fit.backtest=false")
+    vary = "variations: {product: {materials.rock.nu: [0.2, 0.3]}}"
+    table, _, _ = computed(write(f"command: predict\nresult: case.fit.h5\n{vary}", "p.yaml"))
+    assert table.exit_code in (0, 4)
+    reading = table.runs[0].readings[0]
+    assert reading.lower95 < reading.value < reading.upper95
+    with h5py.File("p.batch/campaign.h5") as file:
+        assert np.isfinite(file["readings/lower95"][...]).all()
+    scans, _, _ = computed(write(f"command: scan\nset: {{fit.scan.points: 3}}\n{vary}", "s.yaml"))
+    assert [run.file for run in scans.runs] == ["0001.scan.h5", "0002.scan.h5"]
+    assert all(np.isfinite(run.objective) for run in scans.runs)
+    assert {p.name.rpartition("-")[0] for p in campaign_pictures(scans)} == {
+        "campaign-varied", "campaign-parameters",
+    }  # fmt: skip
+
+
+def test_the_folder_of_something_else_is_not_used(here):
+    write(SIMULATED)
+    Path("campaign.batch").mkdir()
+    Path("campaign.batch/precious.txt").write_text("mine")
+    with pytest.raises(OutputError, match="is no folder of a campaign"):
+        plan_campaign("campaign.yaml")
+    plan_campaign("campaign.yaml", force=True)
+    computed(output="mine")
+    with pytest.raises(OutputError, match="another campaign"):
+        plan_campaign(write(SIMULATED, "other.yaml"), output="mine")
+
+
+def test_faults_of_runs_are_said_where_they_are_written(here):
+    Path("runs.csv").write_text(
+        "run,parameters.E_rock.start,materials.rock.nu\na,1 GPa,0.2\nb,2 GPa,0.7\nc,3 GPa,x\n"
+    )
+    with pytest.raises(InputError) as caught:
+        plan_campaign(write("variations: {table: runs.csv}"))
+    places = {(f.location.file, f.location.line, f.location.column) for f in caught.value.faults}
+    assert places == {("runs.csv", 3, 9), ("runs.csv", 4, 9)}
+    with pytest.raises(InputError) as caught:
+        plan_campaign(write("set: {parameters.E_rok.start: 1 GPa}\nvariations: {rows: [{run: a}]}"))
+    (fault,) = caught.value.faults
+    assert (fault.location.file, fault.location.line) == ("campaign.yaml", 3)
+    assert "E_rock" in fault.hint

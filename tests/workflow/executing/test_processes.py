@@ -1,0 +1,133 @@
+"""Tasks in processes: killed, hanging, raising, stopped; none is lost and none stays behind."""
+
+import os
+import random
+import threading
+import time
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+from geoident.workflow.executing.executor import in_order
+from geoident.workflow.executing.processes import LocalProcesses
+from tests.support.tasks import broken, dying, obedient, squares
+
+KILLS = [pytest.param(6), pytest.param(30, marks=pytest.mark.slow)]
+
+
+def runs(pid):
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+def test_answers_are_those_of_their_tasks_whatever_process_gives_them():
+    with LocalProcesses(2, squares) as processes:
+        found = list(in_order(processes.run(range(40))))
+        again = list(in_order(processes.run(range(5))))  # the processes are still there
+        pids = processes.processes
+    assert [answer.value[0] for answer in found] == [n * n for n in range(40)]
+    assert [answer.value[0] for answer in again] == [n * n for n in range(5)]
+    assert {answer.value[1] for answer in found} == set(pids)
+    assert not any(runs(pid) for pid in pids)
+
+
+@pytest.mark.parametrize("kills", KILLS)
+def test_no_task_is_lost_when_processes_are_killed_at_random(kills):
+    chance = random.Random(kills)
+    over, seen = threading.Event(), set()
+    killed = 0
+
+    def killer(processes):
+        nonlocal killed
+        while not over.is_set() and killed < kills:
+            time.sleep(chance.uniform(0.02, 0.3))
+            pids = processes.processes
+            seen.update(pids)
+            if pids:
+                os.kill(chance.choice(pids), 9)
+                killed += 1
+
+    def tasks():
+        number = 0
+        while killed < kills or number < 100:
+            yield number
+            number += 1
+
+    with LocalProcesses(2, squares, retries=1000) as processes:
+        thread = threading.Thread(target=killer, args=(processes,))
+        thread.start()
+        found = list(in_order(processes.run(tasks())))
+        over.set()
+        thread.join()
+    assert killed == kills
+    assert [answer.value[0] for answer in found] == [n * n for n in range(len(found))]
+    assert sum(len(answer.losses) for answer in found) > 0
+    assert not any(runs(pid) for pid in seen)
+
+
+def test_a_task_that_kills_three_processes_is_set_aside_and_the_others_go_on(tmp_path):
+    words = ["fine", "die", "die once", "also fine"]
+    tasks = [(word, tmp_path / word.replace(" ", "-")) for word in words]
+    with LocalProcesses(2, obedient) as processes:
+        fine, dead, once, also = in_order(processes.run(tasks))
+    assert (fine.value, also.value, once.value) == ("fine", "also fine", "die once")
+    assert once.losses == ("ended with exit code 3",)
+    assert dead.set_aside
+    assert dead.losses == ("was killed (SIGKILL; out of memory?)",) * 3
+    assert len((tmp_path / "die").read_text().splitlines()) == 3
+
+
+def test_a_task_that_hangs_is_ended_after_its_time(tmp_path):
+    tasks = [("hang", tmp_path / "a"), ("fine", tmp_path / "b")]
+    with LocalProcesses(1, obedient, time_limit=0.3, retries=1) as processes:
+        hung, fine = in_order(processes.run(tasks))
+    assert fine.value == "fine"
+    assert hung.set_aside
+    assert hung.losses == ("took longer than 0.3 s",) * 2
+
+
+def test_a_stop_lets_tasks_end_and_begins_no_more(tmp_path):
+    tasks = [("wait for the wish", tmp_path / str(n)) for n in range(5)]
+    with LocalProcesses(2, obedient) as processes:
+        timer = threading.Thread(target=_stop_when_begun, args=(processes, tmp_path))
+        timer.start()
+        found = list(processes.run(tasks))
+        timer.join()
+    begun = len(list(tmp_path.iterdir()))
+    assert [a.value for a in found if not a.stopped] == ["wished"] * begun
+    assert 1 <= begun <= 2
+
+
+def _stop_when_begun(processes, folder):
+    while not list(folder.iterdir()):
+        time.sleep(0.01)
+    processes.ask_to_stop()
+
+
+def test_what_a_task_raises_is_raised_and_leaves_no_process(tmp_path):
+    tasks = [("raise", tmp_path / "a"), ("hang", tmp_path / "b")]
+    with LocalProcesses(2, obedient) as processes:
+        with pytest.raises(ZeroDivisionError, match="nobody thought"):
+            list(processes.run(tasks))
+        pids = processes.processes
+    assert not any(runs(pid) for pid in pids)
+
+
+@pytest.mark.parametrize(
+    ("set_up", "error"), [(broken, OSError), (dying, RuntimeError)], ids=["raises", "dies"]
+)
+def test_processes_that_cannot_begin_are_not_started_for_ever(set_up, error):
+    with LocalProcesses(1, partial(set_up)) as processes, pytest.raises(error):
+        list(processes.run([1]))
+
+
+def test_answers_that_nobody_waits_for_are_not_those_of_later_tasks(tmp_path):
+    with LocalProcesses(2, squares) as processes:
+        first = processes.run(range(50))
+        next(first)
+        first.close()
+        found = list(in_order(processes.run([7, 8])))
+    assert [answer.value[0] for answer in found] == [49, 64]
