@@ -1,6 +1,7 @@
 """A program as the model: equal to geoident's own fit, each run once, failures survived."""
 
 import json
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from support.elsewhere import EXTERNAL, OWN, PROGRAM, READINGS, trusted, write_c
 from geoident.errors import ExitCode, Interrupted, ModelError
 from geoident.io.result.file import read_result
 from geoident.workflow.fit import fit
+from geoident.workflow.programs.program import new_folder
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.jobs import Request, build_model, load_inputs, plan_fit
 
@@ -219,3 +221,10 @@ def test_several_cases_are_trusted_together(tmp_path):
     done = run_command("fit", *cases, "-q", "--trust")
     assert done.exit_code == 0, done.output
     assert all(case.with_suffix(".fit.h5").exists() for case in cases)
+
+
+def test_no_two_runs_share_a_folder(tmp_path):
+    with ThreadPoolExecutor(8) as pool:
+        made = list(pool.map(lambda _: new_folder(tmp_path / "case.runs"), range(64)))
+    assert len(set(made)) == 64
+    assert new_folder(tmp_path / "case.runs").name == "00065"
