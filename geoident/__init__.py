@@ -45,6 +45,7 @@ _API = (
     "sample",
     "scan",
     "simulate",
+    "trust",
 )
 
 

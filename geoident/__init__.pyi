@@ -31,5 +31,6 @@ from geoident.api import report as report
 from geoident.api import sample as sample
 from geoident.api import scan as scan
 from geoident.api import simulate as simulate
+from geoident.api import trust as trust
 
 __version__: str

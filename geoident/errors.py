@@ -48,6 +48,7 @@ class Term(Enum):
     FORCE = ("--force", "force=True")
     FRESH = ("--fresh", "fresh=True")
     OUTPUT = ("-o", "output=...")
+    TRUST = ("--trust", "`geoident.trust(case)`")
     OVERRIDES = ("--set", "overrides")
     OVERRIDE = ("--set path=value", 'overrides={"path": value}')
     OTHER_CASE = ("--case", "case=...")

@@ -26,6 +26,7 @@ from geoident.api.cases import (
     init,
     load_case,
     simulate,
+    trust,
 )
 from geoident.api.files import compare, export, read_result, report
 from geoident.api.plots import Drawing
@@ -82,4 +83,5 @@ __all__ = [
     "sample",
     "scan",
     "simulate",
+    "trust",
 ]

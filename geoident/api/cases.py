@@ -18,6 +18,7 @@ from geoident.api.notebook import case_html, case_line
 from geoident.api.plots import Drawing
 from geoident.api.tables import ResultTable
 from geoident.errors import InputError, Location, UsageError
+from geoident.forward.elsewhere.model import ElsewhereModel
 from geoident.io.docs.templates import TEMPLATES
 from geoident.model.case import Case
 from geoident.model.gauges import Reading
@@ -29,7 +30,8 @@ from geoident.units import in_unit, shown_unit, si_unit
 from geoident.workflow.check import Checked
 from geoident.workflow.check import check as run_check
 from geoident.workflow.init import init_template
-from geoident.workflow.running.jobs import load_inputs
+from geoident.workflow.programs.trust import decided_by, trusting
+from geoident.workflow.running.jobs import NO_READINGS, build_model, load_inputs
 from geoident.workflow.running.remade import write_readings
 from geoident.workflow.simulate import ComputedBy, Noise, Simulated
 from geoident.workflow.simulate import simulate as run_simulation
@@ -131,6 +133,30 @@ def load_case(
         raise InputError(  # lines of a text that nobody has seen
             replace(fault, location=Location(fault.location.file)) for fault in error.faults
         ) from error
+
+
+@spoken
+def trust(case: CaseFile | AnyPath) -> None:
+    """Say that the program or function that a case names as its model may be run.
+
+    It is remembered in the folder of its runs, for this user on this machine, until a file of the
+    model changes. Without it such a case is refused, since a case may come from anywhere.
+
+    Args:
+        case: as loaded, or its path.
+
+    Raises:
+        InputError: with all faults of the case.
+        UsageError: the case names nothing that is run.
+    """
+    origin = origin_of(case)
+    overrides = (*origin.overrides, NO_READINGS)
+    inputs = load_inputs(origin.path, overrides=overrides, text=origin.text)
+    model = build_model(inputs) if inputs.case.elsewhere is not None else None
+    if not isinstance(model, ElsewhereModel):
+        raise UsageError(f"{origin.path} runs nothing: it has no 'model'.")
+    with decided_by(trusting(trust=True)):
+        model.runs.require_trust()
 
 
 @spoken

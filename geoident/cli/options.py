@@ -46,6 +46,7 @@ class Options:
     force: bool = False
     fresh: bool = False
     as_json: bool = False
+    trust: bool = False
     reduced: str | None = None
     quiet: bool = False
     verbose: bool = False
@@ -167,6 +168,11 @@ _OPTIONS: dict[str, Callable[[Any], Any]] = {
     "as_json": click.option(
         "--json", "as_json", is_flag=True, help="One JSON object per case on stdout, SI units."
     ),
+    "trust": click.option(
+        "--trust",
+        is_flag=True,
+        help="Run the program or function that the case names as its model; remembered.",
+    ),
     "quiet": click.option("-q", "--quiet", is_flag=True, help="Print errors only."),
     "verbose": click.option("-v", "--verbose", is_flag=True, help="Print more, on stderr."),
 }
@@ -188,7 +194,13 @@ def takes(*names: str, after: Next) -> Callable[[Callable[..., int]], Callable[.
         def command(**given: Any) -> int:
             shared = {f.name: given.pop(f.name) for f in fields(Options) if f.name in given}
             options = Options(**shared)
-            code = function(**given, options=options)
+            if "trust" in names:
+                from geoident.cli.trust import asked
+
+                with asked(options):
+                    code = function(**given, options=options)
+            else:
+                code = function(**given, options=options)
             if code in (ExitCode.DONE, ExitCode.NOT_CONVERGED):
                 _say_next(after, given, options)
             return code

@@ -132,6 +132,7 @@ def _compute(
 def _set_up(command: str, options: Options) -> Callable[[str], CaseEnd]:
     """In a process of its own: what runs a case there, and keeps what it says."""
     from geoident.cli.jobs import run_case
+    from geoident.cli.trust import asked
     from geoident.workflow.backtest import backtest
     from geoident.workflow.executing.worker import STOP
     from geoident.workflow.fit import fit
@@ -142,7 +143,7 @@ def _set_up(command: str, options: Options) -> Callable[[str], CaseEnd]:
 
     def run_one(case: str) -> CaseEnd:
         out, err = io.StringIO(), io.StringIO()
-        with redirect_stdout(out), redirect_stderr(err):
+        with redirect_stdout(out), redirect_stderr(err), asked(quiet):
             code = guarded(lambda: run_case(case, quiet, plan=plan, run=run, stop=STOP))
         return CaseEnd(code, out.getvalue(), err.getvalue())
 

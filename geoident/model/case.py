@@ -8,6 +8,7 @@ from enum import Enum
 
 from geoident.errors import Fault, Location
 from geoident.model.actions import Load, Temperature, Water
+from geoident.model.elsewhere import Elsewhere
 from geoident.model.gauges import Channel, Reading, StageReadings
 from geoident.model.ground import Elastic, Field
 from geoident.model.in_situ import InSitu
@@ -225,6 +226,8 @@ class Case:
         notes: what is to be known of how the readings were understood.
         when_read: when the dated readings were taken, stage by stage; empty without dates.
         structures: linings, bolts, struts and anchors by name; stages build them.
+        elsewhere: the program or function that gives the readings, in place of all ground; None
+            for a case that geoident computes.
     """
 
     title: str
@@ -249,6 +252,7 @@ class Case:
     when_read: tuple[StageReadings, ...] = ()
     structures: Mapping[str, Structure] = field(default_factory=dict)
     imbalance_accepted: bool = False
+    elsewhere: Elsewhere | None = None
 
     @property
     def stage_names(self) -> tuple[str, ...]:

@@ -26,6 +26,7 @@ from geoident.model.results.summary import (
     StageSummary,
 )
 from geoident.workflow.estimating.setup import require_possible
+from geoident.workflow.programs.program import executed
 from geoident.workflow.running.cost import estimate_cost, evaluations_text
 from geoident.workflow.running.jobs import Inputs, build_model, load_inputs, start_values
 from geoident.workflow.running.plausible import plausible_notes
@@ -126,7 +127,16 @@ def summarize(inputs: Inputs, model: CaseModel, readings: ReadingTable) -> CaseS
             sum(not parameter.field for parameter in case.parameters),
             yields=staged is not None and staged.yields,
         ),
+        elsewhere=_elsewhere(case),
     )
+
+
+def _elsewhere(case: Case) -> str:
+    """What computes the readings, where geoident does not."""
+    if case.elsewhere is None:
+        return ""
+    words = executed(case.elsewhere)
+    return f"the model is elsewhere: {words}; a run gives all readings at one parameter vector"
 
 
 _SOON = 1.0
@@ -137,9 +147,9 @@ def _unit_notes(
     model: CaseModel, readings: ReadingTable, cost: CostEstimate | None
 ) -> tuple[str, ...]:
     """Readings of which the unit is suspected, where the model is small: a fit says it of any."""
-    if cost is not None and cost.seconds > _SOON:
-        return ()
     case = model.case
+    if (cost is not None and cost.seconds > _SOON) or case.elsewhere is not None:
+        return ()
     computed = computed_at_start(case, model, readings)
     return () if computed is None else unit_doubts(case, readings, computed)
 

@@ -9,6 +9,7 @@ from enum import Enum
 import numpy as np
 
 from geoident.errors import InputError
+from geoident.forward.elsewhere.model import ElsewhereModel
 from geoident.forward.protocols import CaseModel
 from geoident.forward.reduced.case_model import ReducedCaseModel
 from geoident.io.text.atomic import refuse_inputs
@@ -116,7 +117,10 @@ def simulate(
     p = start_values(model.case, model)
     if draw:
         p = _drawn(model, p, np.random.default_rng([seed, 1]))  # not the numbers of the noise
-    computed = model.survey(p, fields=False).computed
+    if isinstance(model, ElsewhereModel):
+        computed = model.computed(p)  # derivatives would take more runs
+    else:
+        computed = model.survey(p, fields=False).computed
     readings = _readings(inputs.case, computed)
     if noise is Noise.ACCURACY:
         readings = with_noise(inputs.case, readings, seed=seed)

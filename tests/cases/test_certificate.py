@@ -17,7 +17,10 @@ CASES = Path(__file__).parents[2] / "cases"
 
 @pytest.mark.parametrize(("name", "count"), [("shaft", 10), ("braced-pit", 20)])
 def test_no_motion_of_a_case_is_further_off_than_its_bound(name, count):
-    """All motions that can be read in all stages, in half of the bounds of every parameter."""
+    """All motions that can be read in all stages, near the start as a sample is around a fit.
+
+    There the bounds are tight: adjoints that lack a term break them.
+    """
     inputs = load_inputs(str(CASES / name / "case.yaml"), overrides=["readings=[]"])
     case, staged = inputs.case, build_model(inputs)
     places = [
@@ -28,8 +31,8 @@ def test_no_motion_of_a_case_is_further_off_than_its_bound(name, count):
     pairs = [(case.channels[row].name, case.stages[stage].name) for row, stage in places]
     response = staged.response(pairs)
     start = np.array([q.start for q in case.parameters])
-    reduced = reduced_around(response, start, spread(staged, 20, seed=3, part=0.5), 3)
-    values = spread(staged, count, seed=1, part=0.5)
+    reduced = reduced_around(response, start, spread(staged, 20, seed=3, part=0.05), 3)
+    values = spread(staged, count, seed=1, part=0.05)
     error, bound = errors_and_bounds(reduced, response, values)
     assert np.all(error <= bound)
     assert np.median(bound / np.maximum(error, 1e-300)) < 100

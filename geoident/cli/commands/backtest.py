@@ -44,7 +44,7 @@ def _next(arguments: Arguments, options: Options) -> Steps:
 @click.argument("cases", nargs=-1, required=True, metavar="CASE...", type=click.Path())
 @takes(
     "output", "jobs", "overrides", "seed", "max_time", "solver",
-    "dry_run", "force", "fresh", "as_json",
+    "dry_run", "force", "fresh", "as_json", "trust",
     after=_next,
 )  # fmt: skip
 def command(cases: tuple[str, ...], options: Options) -> int:

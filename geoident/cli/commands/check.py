@@ -79,7 +79,7 @@ def _note_unread(case: str) -> None:
     is_flag=True,
     help="Halve every edge of the mesh and say how much of each reading's accuracy the mesh eats.",
 )
-@takes("overrides", "solver", "force", "as_json", after=_next)
+@takes("overrides", "solver", "force", "as_json", "trust", after=_next)
 def command(
     cases: tuple[str, ...],
     identifiability: bool,

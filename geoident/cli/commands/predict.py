@@ -32,7 +32,7 @@ def _next(arguments: Arguments, options: Options) -> Steps:
     type=click.Path(),
     help="Another case, computed with the parameters of the fit.",
 )
-@takes("output", "overrides", "solver", "force", "fresh", "as_json", after=_next)
+@takes("output", "overrides", "solver", "force", "fresh", "as_json", "trust", after=_next)
 def command(result: str, stages: str | None, case: str | None, options: Options) -> int:
     """Predict readings, with 95 % bands, from a fit.
 

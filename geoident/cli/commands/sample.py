@@ -43,7 +43,10 @@ def _next(arguments: Arguments, options: Options) -> Steps:
     "-j", "--jobs", "processes", type=click.IntRange(min=1), default=1, metavar="N",
     help="Number of processes that evaluate the model.",
 )  # fmt: skip
-@takes("output", "seed", "max_time", "solver", "force", "fresh", "as_json", after=_next)
+@takes(
+    "output", "seed", "max_time", "solver", "force", "fresh", "as_json", "trust",
+    after=_next,
+)  # fmt: skip
 def command(
     result: str,
     draws: int,

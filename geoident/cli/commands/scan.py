@@ -29,7 +29,7 @@ def _next(arguments: Arguments, options: Options) -> Steps:
 @click.argument("case", metavar="CASE", type=click.Path())
 @takes(
     "output", "overrides", "seed", "max_time", "solver", "reduced",
-    "dry_run", "force", "fresh", "as_json",
+    "dry_run", "force", "fresh", "as_json", "trust",
     after=_next,
 )  # fmt: skip
 def command(case: str, options: Options) -> int:

@@ -51,7 +51,10 @@ def _drawn(arguments: Arguments, options: Options) -> Steps:
     is_flag=True,
     help="Draw what varies from place to place (fields) by --seed; else fields have their means.",
 )
-@takes("output", "overrides", "seed", "solver", "reduced", "force", "as_json", after=_next)
+@takes(
+    "output", "overrides", "seed", "solver", "reduced", "force", "as_json", "trust",
+    after=_next,
+)  # fmt: skip
 def command(case: str, noise: bool, draw: bool, options: Options) -> int:
     """Compute what the gauges would read at the start values of the parameters.
 

@@ -52,6 +52,7 @@ from geoident.identify.least_squares.several_starts import SeveralStarts
 from geoident.identify.least_squares.trust_region import TrustBox, bounded_least_squares
 from geoident.identify.objective.discrepancy import Discrepancy
 from geoident.identify.problem.problem import (
+    HasDifferences,
     HasEvaluated,
     History,
     Observer,
@@ -274,6 +275,17 @@ class Evaluator(Generic[IterateT]):
         except ModelError:
             return None
 
+    def sharper(self, point: IterateT) -> IterateT | None:
+        """The same point with better derivatives, where there are any to be had.
+
+        Args:
+            point: that was evaluated.
+        """
+        response = self.discrepancy.problem.response
+        if not isinstance(response, HasDifferences) or not response.sharpen(point.p):
+            return None
+        return self.try_point(point.x)
+
     def value(self, x: Floats, length: float, note: str) -> float:
         """Phi at x (n,) without derivatives, recorded; infinite where there is no solution.
 
@@ -396,13 +408,24 @@ class Descent(Generic[IterateT]):
         give_up: GiveUp | None = None,
         leave: Leave[IterateT] | None = None,
     ) -> Ending[IterateT]:
-        """Goes down.
+        """Goes down; where derivatives are differences, better ones have the last word.
 
         Args:
             start: where from.
             give_up: is asked before every step.
             leave: likewise, with what comes next.
         """
+        ending = self._run(start, give_up, leave)
+        while not ending.left and self.evaluator.history.stop is None:
+            sharper = self.evaluator.sharper(ending.point)
+            if sharper is None:
+                break
+            ending = self._run(sharper, give_up, leave)
+        return ending
+
+    def _run(
+        self, start: IterateT, give_up: GiveUp | None, leave: Leave[IterateT] | None
+    ) -> Ending[IterateT]:
         judge, box = Acceptance(start), self.evaluator.box
         failed, again = 0, True  # leaps that promised too much, and whether to leap next
         for number in range(self.max_steps):

@@ -184,6 +184,14 @@ class HasEvaluated(Response, Protocol):
         """Parameter vectors (n,) that this run has evaluated with derivatives, in their order."""
 
 
+@runtime_checkable
+class HasDifferences(Response, Protocol):
+    """A model whose derivatives are differences, good enough to search by until they decide."""
+
+    def sharpen(self, p: Floats) -> bool:
+        """Make the Jacobian at p (n,) as good as it can be; whether it was not before."""
+
+
 class OpeningForm(Response, Protocol):
     """The closed form of an opening: readings by formulas."""
 

@@ -9,14 +9,27 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, Discriminator, Field, Tag
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Discriminator,
+    Field,
+    Tag,
+    ValidationInfo,
+    ValidatorFunctionWrapHandler,
+    WrapValidator,
+    model_validator,
+)
+from pydantic_core import PydanticKnownError
 
 from geoident.io.case.actions import LoadSection, WaterSection, build_loads
+from geoident.io.case.elsewhere.section import ElsewhereSection
 from geoident.io.case.fit import AxisSection, FitSection
 from geoident.io.case.frames import oriented
 from geoident.io.case.gauges.kinds import GaugeSection, build_channels
+from geoident.io.case.gauges.reading import PlainReadingSection
 from geoident.io.case.ground import MaterialSection, build_materials
 from geoident.io.case.in_situ import GeostaticModel, InSituSection, build_in_situ
 from geoident.io.case.ladder import build_ladder, names_of_sets
@@ -24,7 +37,7 @@ from geoident.io.case.parameters import ParameterSection
 from geoident.io.case.readings import BadSection, Date, Readings
 from geoident.io.case.stages import ABSENT, Begin, StageSection, check_sequence
 from geoident.io.case.structures import StructureSection
-from geoident.io.schema.section import Context, Section
+from geoident.io.schema.section import Context, Section, SectionFaults
 from geoident.io.schema.values import (
     Acceleration,
     Accelerations,
@@ -79,14 +92,64 @@ Gravity = Annotated[
 ]
 
 
+ONE_STAGE = "end"
+"""Name of the one stage of a case with a model elsewhere that lists none."""
+
+
+class _Absent:
+    """Stands for a key that is not written."""
+
+
+def _or_elsewhere(instead: object) -> WrapValidator:
+    """A key that is required but where the model is elsewhere."""
+
+    def validate(value: Any, handler: ValidatorFunctionWrapHandler, info: ValidationInfo) -> Any:
+        if not isinstance(value, _Absent):
+            return handler(value)
+        if info.data.get("model", value) is None:
+            raise PydanticKnownError("missing")
+        return instead
+
+    return WrapValidator(validate)
+
+
+def _stages(value: Any, handler: ValidatorFunctionWrapHandler, info: ValidationInfo) -> Any:
+    if not isinstance(value, _Absent):
+        return handler(value)
+    return [] if info.data.get("model") is None else [StageSection(name=ONE_STAGE)]
+
+
+_GROUND = ("analysis", "materials", "groups")
+"""Keys without which geoident computes nothing."""
+
+
+def _says_what_a_model_needs(schema: dict[str, Any]) -> None:
+    """Keys of the ground are required but where the model is elsewhere."""
+    schema["required"] = ["format"]
+    schema["if"] = {"required": ["model"]}
+    schema["else"] = {"required": list(_GROUND)}
+
+
 class CaseSection(Section):
     """A project for geoident: ground, construction, gauges and what is to be identified."""
 
+    model_config = ConfigDict(json_schema_extra=_says_what_a_model_needs)
+
     format: Literal["geoident-case/1"] = Field(description="Type and version of this file.")
     title: Text = Field("", description="Free text.")
-    analysis: Literal["plane-strain", "axisymmetric", "solid"] = Field(
+    model: ElsewhereSection | None = Field(
+        None,
+        description="A program or a function of Python that gives the readings, in place of "
+        "`mesh`, ground and supports: of a stage only its name is left then, of a gauge `kind: "
+        "reading` with its accuracy. `analysis`, `materials` and `groups` are required without it.",
+    )
+    analysis: Annotated[
+        Literal["plane-strain", "axisymmetric", "solid"], _or_elsewhere("plane-strain")
+    ] = Field(
+        default_factory=_Absent,
+        validate_default=True,
         description="Kind of analysis. Axisymmetric: the mesh is half a section, x is the radius "
-        "(>= 0), y the axis; the stresses xx, yy, zz, xy are radial, axial, hoop and shear rz."
+        "(>= 0), y the axis; the stresses xx, yy, zz, xy are radial, axial, hoop and shear rz.",
     )
     mesh: MeshSection | None = Field(
         None,
@@ -96,9 +159,12 @@ class CaseSection(Section):
     parameters: dict[ParameterName, ParameterSection] = Field(
         {}, description="What is identified; $NAME refers to it elsewhere in the case."
     )
-    materials: dict[Name, MaterialSection] = Field(min_length=1, description="Materials by name.")
-    groups: dict[Name, Name] = Field(
-        min_length=1,
+    materials: Annotated[
+        Annotated[dict[Name, MaterialSection], Field(min_length=1)], _or_elsewhere({})
+    ] = Field(default_factory=_Absent, validate_default=True, description="Materials by name.")
+    groups: Annotated[Annotated[dict[Name, Name], Field(min_length=1)], _or_elsewhere({})] = Field(
+        default_factory=_Absent,
+        validate_default=True,
         description="Element group to its material in the initial state (before the first stage), "
         "or 'absent'.",
     )
@@ -120,7 +186,12 @@ class CaseSection(Section):
         description="Walls, linings, struts, anchors and bolts by name; a stage says when it "
         "builds them.",
     )
-    stages: list[StageSection] = Field([], description="Construction, step by step.")
+    stages: Annotated[list[StageSection], WrapValidator(_stages)] = Field(
+        default_factory=_Absent,
+        validate_default=True,
+        description="Construction, step by step; without it a model elsewhere has one, named "
+        f"{ONE_STAGE}.",
+    )
     gauges: dict[Name, GaugeSection] = Field({}, description="Gauges by name.")
     dates: dict[Name, Date] = Field(
         {},
@@ -138,6 +209,53 @@ class CaseSection(Section):
     fit: FitSection = Field(default_factory=FitSection)
     report: ReportSection | None = Field(None, description="The head of the report.")
 
+    @model_validator(mode="after")
+    def _ground_or_elsewhere(self) -> CaseSection:
+        faults = SectionFaults()
+        if self.model is None:
+            _require_ground(self, faults)
+        else:
+            _refuse_ground(self, faults)
+        faults.raise_any()
+        return self
+
+
+def _require_ground(section: CaseSection, faults: SectionFaults) -> None:
+    """What geoident computes has materials, and gauges that are somewhere."""
+    for name, gauge in section.gauges.items():
+        if isinstance(gauge, PlainReadingSection):
+            message = "a plain reading is nowhere, so geoident cannot compute it"
+            hint = (
+                "Say what the gauge is and where; 'kind: reading' belongs to a case with 'model'."
+            )
+            faults.add(("gauges", name, "kind"), "no-place", message, hint)
+
+
+_OF_THE_GROUND = (
+    "mesh", "materials", "groups", "supports", "in_situ", "water", "gravity", "loads", "structures",
+)  # fmt: skip
+
+
+def _refuse_ground(section: CaseSection, faults: SectionFaults) -> None:
+    """A model elsewhere has its ground, its construction and its gauges there."""
+    why = "the model is elsewhere ('model'), so this would change nothing"
+    for key in _OF_THE_GROUND:
+        if key in section.model_fields_set and getattr(section, key):
+            faults.add((key,), "no-ground", why, "Remove it.")
+    for n, stage in enumerate(section.stages):
+        fields = type(stage).model_fields
+        for key in sorted(stage.model_fields_set - {"name"}):
+            if getattr(stage, key) == fields[key].get_default():
+                continue
+            faults.add(("stages", n, key), "no-ground", why, "Leave the name of the stage only.")
+    for name, gauge in section.gauges.items():
+        if not isinstance(gauge, PlainReadingSection):
+            message = f"the model is elsewhere, and geoident cannot place a gauge '{gauge.kind}'"
+            hint = "Write 'kind: reading' with its accuracy; 'model' says what it reads."
+            faults.add(("gauges", name, "kind"), "no-place", message, hint)
+    if not section.stages:
+        faults.add(("stages",), "no-stages", "there is no stage", "Remove the key for one stage.")
+
 
 def build_case(section: CaseSection, faults: Faults) -> Case:
     """The case in SI units, without mesh and readings; what does not fit its axes is a fault."""
@@ -146,7 +264,7 @@ def build_case(section: CaseSection, faults: Faults) -> Case:
     ties = [(path, given) for path, given in _numbers(section, ()) if given.parameter]
     in_situ, zones = build_in_situ(section.in_situ, context.at("in_situ"))
     materials = build_materials(section.materials, section.parameters, context.at("materials"))
-    if section.mesh is None:
+    if section.mesh is None and section.model is None:
         _refuse_fields(materials, context)
     structures = {
         name: part.structure(context.at("structures", name))
@@ -232,10 +350,15 @@ def _seek_strengths(materials: Mapping[str, Material]) -> bool:
 def check_references(section: CaseSection, faults: Faults) -> None:
     """Note every name in the case that refers to nothing, and every impossible sequence."""
     _check_ties(section, faults)
+    if section.model is not None:
+        _check_names(section, faults)
+        _check_fit(section, faults)
+        _check_fit_elsewhere(section, faults)
+        return
     _check_materials(section, faults)
     _check_groups(section, faults)
     _check_geostatic(section, faults)
-    _check_stages(section, faults)
+    _check_names(section, faults)
     _check_fit(section, faults)
     _check_mesh(section, faults)
     begin = Begin(section.groups, section.materials, section.loads, section.structures)
@@ -330,7 +453,8 @@ def _check_ratios(
             faults.add((*path, group), "absent-group", f"'{group}' {why}", "Remove it.", key=True)
 
 
-def _check_stages(section: CaseSection, faults: Faults) -> None:
+def _check_names(section: CaseSection, faults: Faults) -> None:
+    """Names of stages, and of the stages and structures that others name."""
     names: dict[str, int] = {}
     for n, stage in enumerate(section.stages):
         first = names.setdefault(stage.name, n)
@@ -384,6 +508,26 @@ def _check_mesh(section: CaseSection, faults: Faults) -> None:
     faults.add((), "no-mesh", message, hint)
 
 
+def _check_fit_elsewhere(section: CaseSection, faults: Faults) -> None:
+    """What asks for the equations of a model is not there; offsets are of what is read."""
+    for name, gauge in section.gauges.items():
+        for key, given in (("offset", gauge.offset), ("drift_per_stage", gauge.drift_per_stage)):
+            if given is not None and given.parameter in section.parameters:
+                tie = replace(given, dimension=gauge.dimension)
+                path: KeyPath = ("gauges", name, key)
+                _check_tie(section, path, tie, str(given.parameter), faults)
+    why = "the model is elsewhere ('model')"
+    if section.fit.ladder:
+        message = f"{why}, so geoident cannot make simpler ones of it"
+        faults.add(("fit", "ladder"), "no-ground", message, "Remove it.", key=True)
+
+
+def tied_parameters(section: CaseSection) -> frozenset[str]:
+    """Names of the parameters that the case itself refers to by ``$NAME``."""
+    found = (given.parameter for _, given in _numbers(section, ()))
+    return frozenset(name for name in found if name is not None)
+
+
 def _check_dimension(path: KeyPath, given: Given, start: Given, faults: Faults) -> None:
     if given.dimension != start.dimension:
         message = f"'{given.text}' is {with_article(given.dimension)}; "
@@ -399,7 +543,7 @@ def _check_ties(section: CaseSection, faults: Faults) -> None:
             used.add(given.parameter)
             _check_tie(section, path, given, given.parameter, faults)
     for name in section.parameters:
-        if name not in used:
+        if name not in used and section.model is None:
             message = f"the parameter '{name}' is declared, but nothing depends on it"
             hint = f"Write ${name} where it stands, or remove it."
             faults.add(("parameters", name), "unused-parameter", message, hint, key=True)

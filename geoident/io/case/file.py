@@ -21,7 +21,14 @@ import yaml
 from pydantic import BaseModel, ValidationError
 
 from geoident.errors import Fault, InputError
-from geoident.io.case.case import CaseSection, ReportSection, build_case, check_references
+from geoident.io.case.case import (
+    CaseSection,
+    ReportSection,
+    build_case,
+    check_references,
+    tied_parameters,
+)
+from geoident.io.case.elsewhere.build import Surroundings, build_elsewhere
 from geoident.io.case.gauges.accuracy import described_channels
 from geoident.io.case.readings_by_stage import read_all
 from geoident.io.case.site_files.measured_values import with_measured
@@ -35,6 +42,7 @@ from geoident.io.text.text_file import STDIN, decode, read_bytes
 from geoident.io.text.wording import shorten
 from geoident.io.text.yaml_reader import MAX_BYTES, Node, parse_yaml
 from geoident.model.case import Case, KeyPath
+from geoident.model.elsewhere import Elsewhere
 from geoident.model.methods import LOSS_OPTIONS, METHOD_OPTIONS, method_name
 from geoident.model.results.head import ReportHead
 
@@ -162,8 +170,25 @@ def _build(section: CaseSection, folder: Path, faults: Faults, *, with_mesh: boo
         dates=read.dates,
         notes=read.notes,
         when_read=read.by_stage,
+        elsewhere=_elsewhere(section, built, folder, faults) if with_mesh else None,
     )
     return _Built(case, mesh_path, read.paths)
+
+
+def _elsewhere(section: CaseSection, case: Case, folder: Path, faults: Faults) -> Elsewhere | None:
+    """The program or function of a case; None for one that geoident computes."""
+    if section.model is None:
+        return None
+    around = Surroundings(
+        parameters={parameter.name: parameter for parameter in case.parameters},
+        channels=case.channels,
+        stages=case.stage_names[1:],
+        tied=tied_parameters(section),
+        folder=folder,
+        find=partial(_find, folder, faults=faults),
+        faults=faults,
+    )
+    return build_elsewhere(section.model, around)
 
 
 @dataclass(frozen=True)

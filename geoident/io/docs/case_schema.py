@@ -160,7 +160,7 @@ def _in_order(schema: Schema) -> list[str]:
 
 
 def _part(heading: str, section: Schema, sections: Schema) -> str:
-    required = section.get("required", ())
+    required = (*section.get("required", ()), *section.get("else", {}).get("required", ()))
     rows = [
         f"| {f'**`{name}`**' if name in required else f'`{name}`'} | {_value(key, sections)} "
         f"| {_default(key, required=name in required)} | {_about(key)} |"

@@ -198,6 +198,7 @@ class CaseSummary:
     when_read: tuple[StageReadings, ...] = ()
     resolved: str = ""
     evaluations: str = ""
+    elsewhere: str = ""
 
 
 @dataclass(frozen=True)

@@ -199,7 +199,7 @@ def _head(summary: CaseSummary) -> str:
     parameters = ", ".join(summary.parameters) or "none"
     lines = [
         f"{summary.case}: {summary.title}" if summary.title else summary.case,
-        f"{summary.analysis}, {_model(summary)}",
+        summary.elsewhere or f"{summary.analysis}, {_model(summary)}",
         f"parameters {parameters}; method {' + '.join(summary.methods)}",
     ]
     return "\n".join(sentence(line) for line in lines)

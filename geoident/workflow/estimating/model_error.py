@@ -49,19 +49,9 @@ def no_model_error(
         readings: of which some are used.
         methods: by which it is fitted.
     """
-    options = case.fit.model_error
-    if options.kind == "none":
-        return ""
-    last = methods[-1]
-    if isinstance(last, ScanOptions):
-        return "A scan shows the misfit without model error."
-    if isinstance(last, ComplementarityOptions) and last.formulation == "global":
-        return (
-            "The bound that the formulation global proves holds without model error, so none is "
-            "estimated."
-        )
-    if options.kind == "given":
-        return None
+    why = _not_asked(case, methods)
+    if why is not None or case.fit.model_error.kind == "given":
+        return why
     places = {pair for pair, used in zip(readings.pairs, readings.used, strict=True) if used}
     unknown = sum(not parameter.field for parameter in case.parameters)
     if len(places) >= unknown + ENOUGH:
@@ -71,6 +61,31 @@ def no_model_error(
         f"describes the ground ({ENOUGH} more than parameters would do): intervals and bands are "
         "those of a model without error. 'model_error: 15 %' under 'fit' takes one for granted."
     )
+
+
+def _not_asked(case: Case, methods: Sequence[MethodOptions]) -> str | None:
+    """Why the model error is no question, a sentence; empty where the case says so, None if it is.
+
+    Args:
+        case: the case.
+        methods: by which it is fitted.
+    """
+    last = methods[-1]
+    if case.fit.model_error.kind == "none":
+        return ""
+    if case.elsewhere is not None:
+        return (
+            "The model is elsewhere and its readings have no place, so no model error is "
+            "estimated: intervals and bands are those of a model without error."
+        )
+    if isinstance(last, ScanOptions):
+        return "A scan shows the misfit without model error."
+    if isinstance(last, ComplementarityOptions) and last.formulation == "global":
+        return (
+            "The bound that the formulation global proves holds without model error, so none is "
+            "estimated."
+        )
+    return None
 
 
 @dataclass(frozen=True)

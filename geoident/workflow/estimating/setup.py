@@ -100,7 +100,8 @@ def prepare(job: Job) -> Setup:
             model that is to be asked is of another case.
         ModelError: the model moves freely somewhere.
     """
-    model = build_model(job.inputs, solver=job.request.solver)
+    request = job.request
+    model = build_model(job.inputs, solver=request.solver, fresh=request.fresh)
     case = model.case
     readings = select_readings(case, model)
     require_enough(case, readings)
@@ -144,6 +145,8 @@ def problem_of(setup: Setup, log: Log, control: Control) -> Problem:
     def on_state(n: int) -> None:
         control.monitor.stage(names[n], n, len(names) - 1)
         control.within()
+        if case.elsewhere is not None:  # a run may take hours, and those that ended are kept
+            control.stop.check()
 
     setup.model.on_state = on_state
     staged = used_response(setup)

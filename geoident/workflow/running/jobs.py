@@ -18,6 +18,8 @@ from geoident import __version__
 from geoident.errors import Fault, InputError, Location, ModelError, Term
 from geoident.fem.solvers import pick_solver
 from geoident.forward.checks import faults_on_mesh
+from geoident.forward.elsewhere.model import ElsewhereModel
+from geoident.forward.elsewhere.runs import ModelRuns
 from geoident.forward.ground.field import mode_parameters
 from geoident.forward.model import StagedModel, staged_model
 from geoident.forward.openings.model import OpeningModel, opening_model
@@ -28,13 +30,18 @@ from geoident.io.result.file import FORMAT
 from geoident.io.text.text_file import STDIN, require_file, seen_from
 from geoident.model.arrays import Floats
 from geoident.model.case import Case, Source
+from geoident.model.elsewhere import ExternalProgram
 from geoident.model.mesh import Mesh
 from geoident.model.methods import MethodOptions, method_name
 from geoident.model.results.result import Provenance, Result
+from geoident.workflow.programs.digest import digest_of
+from geoident.workflow.programs.function import FunctionRuns
+from geoident.workflow.programs.program import ProgramRuns
 from geoident.workflow.running.outputs import (
     Standing,
     Target,
     require_free,
+    runs_folder,
     stamp,
     standing,
     target,
@@ -53,7 +60,8 @@ class Inputs:
         path: the case as the user named it.
         loaded: the case, its text, and the files that it names.
         case_sha256: of the case after overrides, without the head of its report.
-        mesh_sha256: of the bytes of the mesh; empty if there is none.
+        mesh_sha256: of the bytes of the mesh, or of the files of a model elsewhere; empty if there
+            is none.
         readings_sha256: of the bytes of the readings; empty if there is no file of them.
     """
 
@@ -73,6 +81,8 @@ class Inputs:
         """Paths of the case and of all files that it names: what no output may replace."""
         mesh = self.loaded.mesh_path
         parts = () if mesh is None else mesh_files(mesh)
+        elsewhere = self.case.elsewhere
+        parts = (*parts, *(() if elsewhere is None else elsewhere.inputs))
         named = (*self.loaded.files, *self.loaded.readings_paths, *parts)
         return named if self.path == STDIN else (self.path, *named)
 
@@ -180,11 +190,15 @@ def _as_fitted(case: Case, result: Result, source: Source) -> Case:
 
 
 def _hashed(path: str, loaded: LoadedCase) -> Inputs:
+    mesh, elsewhere = loaded.mesh_path, loaded.case.elsewhere
+    model = "" if mesh is None else _hash_file(mesh, "mesh")
+    if elsewhere is not None:
+        model = digest_of((), elsewhere.inputs)
     return Inputs(
         path,
         loaded,
         case_sha256=sha256((loaded.computed or loaded.resolved).encode()),
-        mesh_sha256="" if loaded.mesh_path is None else _hash_file(loaded.mesh_path, "mesh"),
+        mesh_sha256=model,
         readings_sha256=_hash_readings(loaded.readings_paths),
     )
 
@@ -234,14 +248,29 @@ def _in_case(fault: Fault, case: Case) -> Fault:
     return case.source.fault(("mesh", "file"), code=fault.code, message=message, hint=fault.hint)
 
 
-def build_model(inputs: Inputs, *, solver: str = "auto") -> StagedModel | OpeningModel:
-    """The staged model of a case, the closed form where it has no mesh.
+def build_model(
+    inputs: Inputs, *, solver: str = "auto", fresh: bool = False
+) -> StagedModel | OpeningModel | ElsewhereModel:
+    """The staged model of a case, the closed form where it has no mesh, its runs if elsewhere.
+
+    Args:
+        inputs: the case.
+        solver: name of the sparse solver, or ``auto``.
+        fresh: runs that failed before are made again.
 
     Raises:
         InputError: what the case says does not fit the mesh, or weight and in-situ stress
             contradict each other at the start values.
         ModelError: the model moves freely somewhere.
     """
+    elsewhere = inputs.case.elsewhere
+    if elsewhere is not None:
+        folder = runs_folder(inputs.path)
+        if isinstance(elsewhere, ExternalProgram):
+            runs: ModelRuns = ProgramRuns(inputs.case, elsewhere, folder, again=fresh)
+        else:
+            runs = FunctionRuns(inputs.case, elsewhere, folder, again=fresh)
+        return ElsewhereModel(inputs.case, runs)
     path = inputs.loaded.mesh_path
     if path is None:
         return opening_model(inputs.case)

@@ -81,6 +81,19 @@ def target(case: str, kind: str, *, output: str | None = None) -> Target:
     return Target(path, checkpoint, named=output is not None)
 
 
+def runs_folder(case: str) -> Path:
+    """The folder of the runs of a model elsewhere.
+
+    Args:
+        case: path of the case; ``-`` for stdin.
+
+    >>> runs_folder("site/case.yaml").as_posix()
+    'site/case.runs'
+    """
+    beside = Path("stdin") if case == STDIN else Path(case)
+    return beside.with_name(f"{_stem(beside)}.runs")
+
+
 def _is_folder(output: str) -> bool:
     """Whether an output is an existing folder; raises where it can only be one and is none."""
     try:

@@ -222,7 +222,7 @@ def gauge_table(case: Case, readings: ReadingTable, computed: Floats) -> GaugeTa
 
 def _points(points: Sequence[tuple[float, ...] | None], case: Case) -> Floats:
     none = (np.nan,) * case.analysis.dim
-    table = [none if point is None else point for point in points]
+    table = [point or none for point in points]  # a plain reading is nowhere
     return np.array(table, dtype=np.float64).reshape(len(table), case.analysis.dim)
 
 

@@ -30,6 +30,7 @@ from geoident.io.case.gauges.gauge import (
 from geoident.io.case.gauges.inclinometer import InclinometerSection
 from geoident.io.case.gauges.motion import LevellingSection, LineOfSightSection, TiltSection
 from geoident.io.case.gauges.on_structure import on_structures
+from geoident.io.case.gauges.reading import PlainReadingSection
 from geoident.io.case.gauges.strain import StrainSection
 from geoident.io.case.gauges.target import TargetSection
 from geoident.io.schema.section import Context, SectionFaults
@@ -149,7 +150,8 @@ GaugeSection = Annotated[
     | TargetSection
     | TiltSection
     | LevellingSection
-    | LineOfSightSection,
+    | LineOfSightSection
+    | PlainReadingSection,
     Field(discriminator="kind"),
 ]
 Gauges = Mapping[str, GaugeSection]

@@ -70,12 +70,16 @@ def _constants(material: CaseTexts, numbers: SaidNumbers) -> str:
 
 
 def ground_sentences(case: CaseTexts, numbers: SaidNumbers) -> tuple[str, ...]:
-    """In-situ stress, gravity and water, a sentence each.
+    """In-situ stress, gravity and water, a sentence each; of a model elsewhere what is run.
 
     Args:
         case: as texts.
         numbers: how its numbers are said.
     """
+    model = entries(case, "model")
+    if model:
+        run = model.get("command") or [model.get("function", "")]
+        return (f"The model is elsewhere ({model.get('kind')}): {' '.join(map(str, run))}.",)
     stress = entries(case, "in_situ")
     parts = [
         f"{key.replace('_', ' ')} {_by_group(value, numbers)}"

@@ -1,0 +1,32 @@
+"""Whether a case may run what it names: by a flag, or asked on a terminal."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import click
+
+from geoident.cli.options import Options
+from geoident.workflow.programs.trust import Execution, decided_by
+
+
+@contextmanager
+def asked(options: Options) -> Iterator[None]:
+    """Meanwhile ``--trust`` decides, or who sits at the terminal.
+
+    Args:
+        options: of the command.
+    """
+
+    def decide(execution: Execution) -> bool:
+        if options.trust:
+            return True
+        if not (sys.stdin.isatty() and sys.stderr.isatty()) or options.as_json:
+            return False
+        click.echo(f"\nThe case runs {execution.words}.", err=True)
+        return click.confirm("May it?", default=False, err=True)
+
+    with decided_by(decide):
+        yield

@@ -1,0 +1,1 @@
+"""Models that geoident does not compute itself: readings from runs, derivatives by differences."""

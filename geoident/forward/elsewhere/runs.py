@@ -1,0 +1,72 @@
+"""What a model elsewhere is, seen from the forward model: runs at parameter vectors."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+from geoident.model.arrays import Bools, Floats
+
+
+@dataclass(frozen=True)
+class FailedRun:
+    """A run that gave no readings.
+
+    Args:
+        reason: why, a clause.
+        folder: where what it left is kept; empty for none.
+    """
+
+    reason: str
+    folder: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.reason} ({self.folder})" if self.folder else self.reason
+
+
+class ModelRuns(Protocol):
+    """ModelRuns of a program or a function, each made once."""
+
+    @property
+    def seen(self) -> Bools:
+        """(n,) which parameters it is given."""
+
+    @property
+    def given(self) -> Bools:
+        """(n_stages, n_channels) which readings it gives."""
+
+    @property
+    def has_jacobian(self) -> bool:
+        """Whether it gives derivatives itself."""
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What is to be known of the runs so far."""
+
+    def require_trust(self) -> None:
+        """Ask whether it may be run, unless that is known; raises `InputError` if it may not."""
+
+    def written(self, p: Floats) -> Floats:
+        """The parameters (n,) as the program reads them: with the digits that are written."""
+
+    def quantum(self, p: Floats) -> Floats:
+        """(n,) the smallest change of each parameter that the program can see at p (n,)."""
+
+    def results(
+        self, points: Sequence[Floats], check: Callable[[], None]
+    ) -> list[Floats | FailedRun]:
+        """Readings (n_stages, n_channels), SI, at several p (n,); NaN where none is given.
+
+        Args:
+            points: where.
+            check: is called every moment; raises to end the runs.
+        """
+
+    def jacobian(self, p: Floats, check: Callable[[], None]) -> Floats | FailedRun:
+        """Derivatives (n_stages, n_channels, n) at p (n,), of those that give them.
+
+        Args:
+            p: (n,) where.
+            check: see `results`.
+        """

@@ -1,0 +1,136 @@
+"""Templates: files with fields such as ``{{E_rock:10.3e}}``, in which values are written.
+
+A field is ``{{NAME}}``, with a unit ``{{NAME [GPa]}}`` and a form ``{{NAME [GPa]:10.3f}}`` where
+wanted. Without unit the value is in SI, without form it has all its digits. The width of a form
+is the width of the field: a value that does not fit would shift the columns after it.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+
+from geoident.errors import Fault, Location
+from geoident.io.text.text_file import decode, position, read_bytes
+from geoident.io.text.wording import did_you_mean, shorten
+from geoident.model.elsewhere import Template, TemplateField
+from geoident.model.parameter import Parameter
+from geoident.units import UnitError, normal_unit, size_in, unit_list, with_article
+
+MAX_BYTES = 200 * 10**6
+_FIELD = re.compile(r"\{\{(.*?)\}\}", re.DOTALL)
+_INSIDE = re.compile(r"\s*([A-Za-z_]\w*)\s*(?:\[([^\]]*)\]\s*)?(?::([^\n]*))?")
+_FORM = re.compile(r"\s*([<>^=]?[+\- ]?0?(\d*)(?:\.\d+)?[eEfFgG])\s*")
+
+
+def read_template(
+    source: str, target: str, parameters: Mapping[str, Parameter]
+) -> tuple[Template, list[Fault]]:
+    """A template, and what is wrong in it.
+
+    Args:
+        source: its path.
+        target: name of the file that is made of it.
+        parameters: of the case, by name.
+
+    Raises:
+        InputError: it cannot be read, or is no text.
+    """
+    text = decode(read_bytes(source, limit=MAX_BYTES, what="template"), source)
+    pieces: list[str | TemplateField] = []
+    faults: list[Fault] = []
+    end = 0
+    for match in _FIELD.finditer(text):
+        pieces.append(text[end : match.start()])
+        end = match.end()
+        place = Location(source, *position(text, match.start()))
+        found = _field(match[1], match[0], place, parameters)
+        if isinstance(found, Fault):
+            faults.append(found)
+        else:
+            pieces.append(found)
+    pieces.append(text[end:])
+    if len(pieces) == 1:
+        message = "the template has no field, so no run differs from another by it"
+        hint = "Write {{NAME}} where a parameter stands, or name the file under 'files'."
+        faults.append(Fault("no-field", message, hint, Location(source)))
+    return Template(source, target, tuple(piece for piece in pieces if piece != "")), faults
+
+
+def _field(
+    inside: str, whole: str, place: Location, parameters: Mapping[str, Parameter]
+) -> TemplateField | Fault:
+    match = _INSIDE.fullmatch(inside)
+    if match is None:
+        message = f"'{shorten(whole)}' is not a field"
+        hint = "Write {{NAME}}, {{NAME [GPa]}} or {{NAME [GPa]:10.3e}}."
+        return Fault("bad-field", message, hint, place)
+    name, unit, form = match[1], match[2], match[3] or ""
+    if name not in parameters:
+        hint = did_you_mean(name, parameters, what="Parameters")
+        return Fault("unknown-parameter", f"there is no parameter '{name}'", hint, place)
+    parameter = parameters[name]
+    size = 1.0
+    if unit is not None:
+        found = _size(unit, parameter, place)
+        if isinstance(found, Fault):
+            return found
+        size = found
+    known = _FORM.fullmatch(form) if form else None
+    if form and known is None:
+        message = f"'{shorten(form)}' is no form of a number"
+        hint = "Width, digits after the point and e, f or g: 10.3e, 12.6f, .17g."
+        return Fault("bad-form", message, hint, place)
+    return TemplateField(name, size, known[1] if known else "", place)
+
+
+def _size(unit: str, parameter: Parameter, place: Location) -> float | Fault:
+    try:
+        size = size_in(normal_unit(unit, parameter.dimension), parameter.dimension)
+    except UnitError as error:
+        return Fault("unit", error.message, error.hint, place)
+    if size is not None:
+        return size
+    message = f"'{unit}' is no unit of {with_article(parameter.dimension)}, as "
+    message += f"'{parameter.name}' is"
+    return Fault("unit", message, f"Its units: {unit_list(parameter.dimension)}.", place)
+
+
+class FieldTooNarrow(ValueError):
+    """A value does not fit into its field."""
+
+
+def field_texts(template: Template, values: Mapping[str, float]) -> list[str]:
+    """What is written in each field of a template, in their order.
+
+    Args:
+        template: the template.
+        values: parameters by name, SI.
+
+    Raises:
+        FieldTooNarrow: a value is wider than its field.
+    """
+    found = []
+    for field in template.fields:
+        text = field.written(values[field.parameter])
+        known = _FORM.fullmatch(field.form)
+        width = int(known[2] or 0) if known else 0
+        if width and len(text) > width:
+            where = f"{field.location}: "
+            message = f"{where}'{text.strip()}' of {field.parameter} takes {len(text)} characters, "
+            raise FieldTooNarrow(f"{message}its field has {width}")
+        found.append(text)
+    return found
+
+
+def filled(template: Template, texts: list[str]) -> str:
+    """The text of a template with its fields filled.
+
+    Args:
+        template: the template.
+        texts: of its fields, in their order.
+    """
+    left = iter(texts)
+    return "".join(
+        next(left) if isinstance(piece, TemplateField) else piece for piece in template.pieces
+    )

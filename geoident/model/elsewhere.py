@@ -1,0 +1,252 @@
+"""A model that geoident does not compute itself: a program with files, or a function of Python.
+
+What a case says of it, with the texts of its templates; nothing here is run. Runs are numbered
+computations at one parameter vector: a program has a folder for each.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from geoident.errors import Location
+
+
+@dataclass(frozen=True)
+class TemplateField:
+    """A place in a template at which the value of a parameter is written.
+
+    Args:
+        parameter: its name.
+        size: of the unit in which it is written, in SI.
+        form: how, as in Python's format strings; empty for all digits.
+        location: in the template.
+    """
+
+    parameter: str
+    size: float = 1.0
+    form: str = ""
+    location: Location = field(default=Location(""), compare=False)
+
+    def written(self, value: float) -> str:
+        """A value, SI, as it stands in the file.
+
+        >>> TemplateField("E", 1e9, "8.3f").written(15e9)
+        '  15.000'
+        """
+        number = value / self.size
+        return format(number, self.form) if self.form else repr(float(number))
+
+    def read(self, text: str) -> float:
+        """The value, SI, that a program reads from what was written."""
+        return float(text.replace("_", "").replace(",", "").rstrip("%")) * self.size
+
+
+@dataclass(frozen=True)
+class Template:
+    """A file that is written for every run.
+
+    Args:
+        source: path of the template.
+        target: name of the file in the folder of the run.
+        pieces: texts and fields in their order.
+    """
+
+    source: str
+    target: str
+    pieces: tuple[str | TemplateField, ...]
+
+    @property
+    def fields(self) -> tuple[TemplateField, ...]:
+        """The fields in their order."""
+        return tuple(piece for piece in self.pieces if isinstance(piece, TemplateField))
+
+
+@dataclass(frozen=True)
+class TableCell:
+    """A cell of a table of comma-separated values, whose first row names the columns.
+
+    Args:
+        column: its name.
+        row: number of the row below the names, from 1, or from the end where below 0; or columns
+            and what stands there in the row that is meant.
+    """
+
+    column: str
+    row: int | tuple[tuple[str, str], ...]
+
+
+@dataclass(frozen=True)
+class JsonValue:
+    """A number in a JSON file.
+
+    Args:
+        pointer: where, as in RFC 6901: ``/stages/0/u``.
+    """
+
+    pointer: str
+
+
+@dataclass(frozen=True)
+class Hdf5Value:
+    """A number of a dataset in an HDF5 file.
+
+    Args:
+        dataset: its path in the file.
+        index: of the number, from 0; empty for a dataset of one number.
+    """
+
+    dataset: str
+    index: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class LineValue:
+    """A number in a line of a text.
+
+    Args:
+        line: its number, from 1, or from the end where below 0; or a regular expression that
+            matches in it.
+        after: how many lines below that.
+        word: number of the word, from 1; 0 where columns are given.
+        columns: first and last column, from 1, both included.
+    """
+
+    line: int | str
+    after: int
+    word: int
+    columns: tuple[int, int] = (0, 0)
+
+
+@dataclass(frozen=True)
+class PatternValue:
+    """What the one group of a regular expression finds in a text.
+
+    Args:
+        pattern: the expression.
+        occurrence: which match, from 1, or from the end where below 0.
+    """
+
+    pattern: str
+    occurrence: int
+
+
+@dataclass(frozen=True)
+class FunctionValue:
+    """What a function of Python says, of the folder of the run, the gauge and the stage.
+
+    Args:
+        path: of the file that has it.
+        name: of the function.
+    """
+
+    path: str
+    name: str
+
+
+Finding = TableCell | JsonValue | Hdf5Value | LineValue | PatternValue | FunctionValue
+
+
+@dataclass(frozen=True)
+class Output:
+    """How one reading is found in what a run leaves.
+
+    Args:
+        channel: number of the channel.
+        stage: number of the stage, from 0.
+        file: name in the folder of the run; empty for a function.
+        how: where the number stands.
+        size: of its unit, in SI.
+    """
+
+    channel: int
+    stage: int
+    file: str
+    how: Finding
+    size: float
+
+
+@dataclass(frozen=True)
+class Machine:
+    """How much a run may take.
+
+    Args:
+        time_limit: seconds after which it is ended and has failed; None for no limit.
+        at_once: number of runs at a time; None for one on each core.
+    """
+
+    time_limit: float | None = None
+    at_once: int | None = None
+
+
+@dataclass(frozen=True)
+class ExternalProgram:
+    """A program that is run with files.
+
+    Args:
+        command: the program and its arguments.
+        templates: what is written for each run.
+        files: paths of what is copied into the folder of each run as it is.
+        outputs: how readings are found.
+        machine: what a run may take.
+        keep_all: folders of runs that succeeded are kept as well.
+        folder: of the case.
+        code: paths of all files that are run, or decide what is.
+    """
+
+    command: tuple[str, ...]
+    templates: tuple[Template, ...]
+    files: tuple[str, ...]
+    outputs: tuple[Output, ...]
+    machine: Machine
+    keep_all: bool
+    folder: str
+    code: tuple[str, ...]
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Paths of all files that the model consists of."""
+        sources = (template.source for template in self.templates)
+        return tuple(dict.fromkeys((*sources, *self.files, *self.code)))
+
+    @property
+    def seen(self) -> frozenset[str]:
+        """Names of the parameters that it is given."""
+        return frozenset(f.parameter for template in self.templates for f in template.fields)
+
+
+@dataclass(frozen=True)
+class PythonFunction:
+    """A function of Python.
+
+    Args:
+        path: of the file that has it.
+        name: of the function.
+        jacobian: name of the function in the same file that gives derivatives; empty for none.
+        machine: what a run may take.
+    """
+
+    path: str
+    name: str
+    jacobian: str
+    machine: Machine
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Paths of all files that the model consists of."""
+        return (self.path,)
+
+
+Elsewhere = ExternalProgram | PythonFunction
+
+
+def seen_parameters(given: Elsewhere, names: Sequence[str]) -> tuple[bool, ...]:
+    """Which parameters a model elsewhere is given.
+
+    Args:
+        given: the model.
+        names: of all parameters.
+    """
+    if isinstance(given, PythonFunction):
+        return (True,) * len(names)
+    return tuple(name in given.seen for name in names)

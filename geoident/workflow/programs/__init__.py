@@ -1,0 +1,1 @@
+"""Models that are run: programs in folders, functions in processes, a log of all runs, trust."""

@@ -1,0 +1,254 @@
+"""Runs of a function of Python, each call in a process that may end without us."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from geoident.forward.elsewhere.runs import FailedRun
+from geoident.io.text.wording import shorten
+from geoident.model.arrays import Bools, Floats
+from geoident.model.case import Case
+from geoident.model.elsewhere import PythonFunction
+from geoident.workflow.programs.digest import digest_of
+from geoident.workflow.programs.pool import all_of
+from geoident.workflow.programs.program import executed, failed_note
+from geoident.workflow.programs.run_log import Made, RunLog
+from geoident.workflow.programs.trust import Execution, require_trust
+from geoident.workflow.programs.worker import Worker
+
+_PRINTED = "printed.txt"
+"""File in the folder of the runs that takes what the function prints."""
+
+
+class FunctionRuns:
+    """Runs of the function of a case.
+
+    Args:
+        case: the case.
+        function: of the case.
+        folder: of the runs.
+        again: runs that failed before are made again.
+    """
+
+    def __init__(
+        self, case: Case, function: PythonFunction, folder: Path, *, again: bool = False
+    ) -> None:
+        self._free: list[Worker] = []
+        self._busy: set[Worker] = set()
+        self._case, self._function, self._folder = case, function, folder
+        self._names = tuple(parameter.name for parameter in case.parameters)
+        tied = {
+            scalar.parameter
+            for channel in case.channels
+            for scalar in (channel.offset, channel.drift, channel.drift_per_stage)
+            if scalar is not None
+        }
+        self.seen: Bools = np.array([name not in tied for name in self._names], dtype=bool)
+        self.given: Bools = np.ones((len(case.stages), len(case.channels)), dtype=bool)
+        channels = [channel.name for channel in case.channels]
+        said = [function.name, function.jacobian, repr(case.stage_names), repr(channels)]
+        digest = digest_of(said, function.inputs)
+        self._execution = Execution(executed(function), digest)
+        self._log = RunLog(folder, digest, again=again)
+        self._failed: dict[str, FailedRun] = {}
+        self._asked: set[str] = set()
+        self._lock, self._ended, self._trusted = threading.Lock(), False, False
+
+    @property
+    def has_jacobian(self) -> bool:
+        """Whether the case names a function of derivatives."""
+        return bool(self._function.jacobian)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Runs that failed."""
+        return failed_note(tuple(self._failed.values()), len(self._asked))
+
+    def written(self, p: Floats) -> Floats:
+        """The parameters (n,) themselves: all digits are passed on."""
+        return p
+
+    def quantum(self, p: Floats) -> Floats:
+        """(n,) rounding."""
+        return np.asarray(2.3e-16 * np.abs(p))
+
+    def results(
+        self, points: Sequence[Floats], check: Callable[[], None]
+    ) -> list[Floats | FailedRun]:
+        """Readings (n_stages, n_channels) at several p (n,); each run is made once.
+
+        Args:
+            points: where.
+            check: is called every moment; raises to end the runs.
+
+        Raises:
+            InputError: the function may not be run.
+        """
+        return self._all(points, self._function.name, check)
+
+    def jacobian(self, p: Floats, check: Callable[[], None]) -> Floats | FailedRun:
+        """Derivatives (n_stages, n_channels, n) at p (n,), those by offsets and drifts 0.
+
+        Args:
+            p: (n,) where.
+            check: see `results`.
+        """
+        return self._all([p], self._function.jacobian, check)[0]
+
+    def _all(
+        self, points: Sequence[Floats], name: str, check: Callable[[], None]
+    ) -> list[Floats | FailedRun]:
+        values = [
+            {n: float(x) for n, x, s in zip(self._names, p, self.seen, strict=True) if s}
+            for p in points
+        ]
+        keys = [f"{name} {sorted((n, x.hex()) for n, x in value.items())}" for value in values]
+        new = {
+            key: (key, name, value)
+            for key, value in zip(keys, values, strict=True)
+            if self._log.find(key) is None
+        }
+        if new:
+            self.require_trust()
+            self._ended = False
+            at_once = self._function.machine.at_once
+            all_of(self._run, list(new.values()), at_once, check=check, end=self._end)
+        found = []
+        for key in keys:
+            made = self._log.find(key)
+            assert made is not None
+            self._asked.add(key)
+            if isinstance(made.found, FailedRun):
+                self._failed[key] = made.found
+            found.append(made.found)
+        return found
+
+    def require_trust(self) -> None:
+        """Ask whether it may be run, unless that is known.
+
+        Raises:
+            InputError: it may not.
+        """
+        if not self._trusted:
+            source, path = self._case.source, ("model", "function")
+            require_trust(
+                self._execution,
+                self._folder,
+                lambda message, hint: source.fault(
+                    path, code="not-trusted", message=message, hint=hint
+                ),
+            )
+            self._trusted = True
+
+    def _run(self, item: tuple[str, str, Mapping[str, float]]) -> None:
+        key, name, values = item
+        if self._ended:
+            return
+        began = time.monotonic()
+        with self._lock:
+            worker = self._free.pop() if self._free else self._new_worker()
+            self._busy.add(worker)
+        function = self._function
+        answer = worker.call(function.path, name, (dict(values),), function.machine.time_limit)
+        with self._lock:
+            self._busy.discard(worker)
+            self._free.append(worker)
+        if self._ended:
+            return
+        found = answer
+        if not isinstance(answer, FailedRun):
+            found = self._derivatives(answer) if name == function.jacobian else self._table(answer)
+        self._log.add(key, Made(found, time.monotonic() - began), values)
+
+    def _new_worker(self) -> Worker:
+        try:
+            self._folder.mkdir(parents=True, exist_ok=True)
+        except OSError:
+            return Worker()
+        return Worker(self._folder / _PRINTED)
+
+    def _table(self, answer: Any) -> Floats | FailedRun:
+        """Readings (n_stages, n_channels) of what the function gave."""
+        stages, channels = self.given.shape
+        if isinstance(answer, Mapping):
+            answer = self._of_mapping(answer)
+            if isinstance(answer, FailedRun):
+                return answer
+        try:
+            table = np.asarray(answer, dtype=np.float64)
+        except (TypeError, ValueError):
+            return FailedRun(f"the function gave no numbers: {shorten(repr(answer))}")
+        if table.shape == (channels,) and stages == 1:
+            table = table[:, None]
+        if table.shape != (channels, stages):
+            shape = " x ".join(map(str, table.shape)) or "one number"
+            return FailedRun(
+                f"the function gave {shape}; gauges x stages, {channels} x {stages}, is expected"
+            )
+        return self._finite(table.T)
+
+    def _of_mapping(self, answer: Mapping[Any, Any]) -> list[list[Any]] | FailedRun:
+        stages = [stage.name for stage in self._case.stages]
+        rows = []
+        for channel in self._case.channels:
+            if channel.name not in answer:
+                return FailedRun(f"the function gave no reading of '{channel.name}'")
+            row = answer[channel.name]
+            if isinstance(row, Mapping):
+                missing = [stage for stage in stages if stage not in row]
+                if missing:
+                    return FailedRun(
+                        f"the function gave no reading of '{channel.name}' at '{missing[0]}'"
+                    )
+                row = [row[stage] for stage in stages]
+            rows.append(list(np.ravel(row)))
+        return rows
+
+    def _finite(self, table: Floats) -> Floats | FailedRun:
+        wrong = np.argwhere(~np.isfinite(table))
+        if not len(wrong):
+            return np.ascontiguousarray(table)
+        stage, channel = wrong[0][:2].tolist()
+        names = self._case.channels[channel].name, self._case.stages[stage].name
+        value = float(table[tuple(wrong[0])])
+        return FailedRun(f"the function gave {value} for '{names[0]}' at '{names[1]}'")
+
+    def _derivatives(self, answer: Any) -> Floats | FailedRun:
+        """(n_stages, n_channels, n) of what the function of derivatives gave."""
+        stages, channels = self.given.shape
+        wanted = (channels, stages, int(self.seen.sum()))
+        try:
+            table = np.asarray(answer, dtype=np.float64)
+        except (TypeError, ValueError):
+            return FailedRun(f"the derivatives are no numbers: {shorten(repr(answer))}")
+        if stages == 1 and table.shape == (channels, wanted[2]):
+            table = table[:, None, :]
+        if table.shape != wanted:
+            shape, expected = (" x ".join(map(str, one)) for one in (table.shape, wanted))
+            return FailedRun(
+                f"the derivatives are {shape}; gauges x stages x parameters, {expected}, is "
+                "expected"
+            )
+        found = self._finite(table.swapaxes(0, 1))
+        if isinstance(found, FailedRun):
+            return found
+        result = np.zeros((stages, channels, len(self._names)))
+        result[..., self.seen] = found
+        return result
+
+    def _end(self) -> None:
+        self._ended = True
+        with self._lock:
+            busy = tuple(self._busy)
+        for worker in busy:
+            worker.end()
+
+    def __del__(self) -> None:
+        for worker in self._free:
+            worker.end()

@@ -1,0 +1,134 @@
+"""Nothing that a case names is run before somebody has said that it may be.
+
+A case may come from anywhere, and with it its folder of runs. So what is remembered there of a
+decision is signed with a key of this user on this machine, and holds for these very files only.
+"""
+
+from __future__ import annotations
+
+import hmac
+import json
+import os
+import secrets
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from contextvars import ContextVar
+from dataclasses import dataclass
+from pathlib import Path
+
+from geoident.errors import Fault, InputError, Term
+
+_REMEMBERED = "trusted.json"
+_KEY_BYTES = 32
+
+
+@dataclass(frozen=True)
+class Execution:
+    """What a case runs.
+
+    Args:
+        words: it in words, for who decides.
+        digest: SHA-256 of all that it consists of.
+    """
+
+    words: str
+    digest: str
+
+
+Decide = Callable[[Execution], bool]
+"""Whether something may be run."""
+
+_decide: ContextVar[Decide] = ContextVar("decide", default=lambda execution: False)
+
+
+@contextmanager
+def decided_by(decide: Decide) -> Iterator[None]:
+    """Meanwhile this says whether a case may run what it names.
+
+    Args:
+        decide: is asked once for each case, unless it is remembered.
+    """
+    token = _decide.set(decide)
+    try:
+        yield
+    finally:
+        _decide.reset(token)
+
+
+def trusting(*, trust: bool) -> Decide:
+    """The answer of a flag."""
+    return lambda execution: trust
+
+
+def require_trust(execution: Execution, folder: Path, refused: Callable[[str, str], Fault]) -> None:
+    """Ask whether something may be run, unless that is remembered.
+
+    Args:
+        execution: what is run.
+        folder: of the runs, where the answer is remembered.
+        refused: makes the fault of a message and a remedy.
+
+    Raises:
+        InputError: it may not.
+    """
+    if is_remembered(execution, folder):
+        return
+    if not _decide.get()(execution):
+        message = f"the case runs {execution.words}, and nobody has said that it may"
+        hint = f"Look at what it runs. {Term.TRUST} runs it, and is remembered until it changes."
+        raise InputError([refused(message, hint)])
+    remember(execution, folder)
+
+
+def is_remembered(execution: Execution, folder: Path) -> bool:
+    """Whether this user has said here that something may be run.
+
+    Args:
+        execution: what is run.
+        folder: of the runs.
+    """
+    key = _key(create=False)
+    try:
+        mark = json.loads((folder / _REMEMBERED).read_text(encoding="utf-8"))["mark"]
+    except (OSError, ValueError, KeyError, TypeError):
+        return False
+    if key is None or not isinstance(mark, str):
+        return False
+    return hmac.compare_digest(mark, _mark(key, execution, folder))
+
+
+def remember(execution: Execution, folder: Path) -> None:
+    """Remember it, as far as files can be written."""
+    key = _key(create=True)
+    if key is None:
+        return
+    text = json.dumps({"runs": execution.words, "mark": _mark(key, execution, folder)}, indent=2)
+    with suppress(OSError):
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / _REMEMBERED).write_text(f"{text}\n", encoding="utf-8")
+
+
+def _mark(key: bytes, execution: Execution, folder: Path) -> str:
+    said = f"{execution.digest} {folder.resolve()}"
+    return hmac.new(key, said.encode("utf-8", "surrogateescape"), "sha256").hexdigest()
+
+
+def _key(*, create: bool) -> bytes | None:
+    """The key of this user; None where there is none, or none can be kept."""
+    home = os.environ.get("XDG_STATE_HOME") or os.environ.get("LOCALAPPDATA")
+    try:
+        place = (Path(home) if home else Path.home() / ".local" / "state") / "geoident"
+        file = place / "trust.key"
+        with suppress(FileNotFoundError):
+            found = file.read_bytes()
+            return found if len(found) == _KEY_BYTES else None
+        if not create:
+            return None
+        place.mkdir(parents=True, exist_ok=True)
+        made = secrets.token_bytes(_KEY_BYTES)
+        handle = os.open(file, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+        with os.fdopen(handle, "wb") as opened:
+            opened.write(made)
+    except (OSError, RuntimeError):
+        return None
+    return made

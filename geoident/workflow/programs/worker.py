@@ -1,0 +1,136 @@
+"""A process that calls functions of Python files, so that these can crash or hang alone.
+
+It reads pickled requests (path, name, arguments) from its input and answers on its output with
+pickled pairs: whether it went well, and what came out. What functions print goes to stderr.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import pickle
+import subprocess
+import sys
+import threading
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from geoident.forward.elsewhere.runs import FailedRun
+
+
+class Worker:
+    """Such a process, started when it is needed.
+
+    Args:
+        output: file to which what functions print is added; None for nowhere.
+    """
+
+    def __init__(self, output: Path | None = None) -> None:
+        self._output = output
+        self._process: subprocess.Popen[bytes] | None = None
+
+    def call(self, path: str, name: str, arguments: tuple[object, ...], limit: float | None) -> Any:
+        """What a function gives, or a `FailedRun`.
+
+        Args:
+            path: of its file.
+            name: of the function.
+            arguments: of the call.
+            limit: seconds after which the process is ended; None for no limit.
+        """
+        process = self._started()
+        assert process.stdin is not None
+        assert process.stdout is not None
+        late = threading.Event()
+
+        def end() -> None:
+            late.set()
+            process.kill()
+
+        timer = threading.Timer(limit, end) if limit is not None else None
+        if timer is not None:
+            timer.start()
+        try:
+            pickle.dump((path, name, arguments), process.stdin)
+            process.stdin.flush()
+            well, found = pickle.load(process.stdout)
+        except (OSError, EOFError, pickle.PickleError, ValueError):
+            self.end()
+            if late.is_set():
+                return FailedRun(f"'{name}' took longer than {limit:g} s")
+            return FailedRun(f"'{name}' ended its process ({_ending(process.returncode)})")
+        finally:
+            if timer is not None:
+                timer.cancel()
+        return found if well else FailedRun(str(found))
+
+    def end(self) -> None:
+        """End the process."""
+        process, self._process = self._process, None
+        if process is not None:
+            process.kill()
+            process.wait()
+            for stream in (process.stdin, process.stdout):
+                if stream is not None:
+                    with suppress(OSError):
+                        stream.close()
+
+    def _started(self) -> subprocess.Popen[bytes]:
+        if self._process is None or self._process.poll() is not None:
+            paths = os.pathsep.join(path for path in sys.path if path)
+            with Path(self._output or os.devnull).open("ab") as printed:
+                self._process = subprocess.Popen(
+                    [sys.executable, "-m", "geoident.workflow.programs.worker"],
+                    stdin=subprocess.PIPE,
+                    stdout=subprocess.PIPE,
+                    stderr=printed,
+                    env={**os.environ, "PYTHONPATH": paths, "OMP_NUM_THREADS": "1"},
+                    start_new_session=True,  # Ctrl-C reaches us only
+                )
+        return self._process
+
+
+def _ending(code: int | None) -> str:
+    return f"signal {-code}" if code is not None and code < 0 else f"exit code {code}"
+
+
+def _serve() -> None:
+    """Answer requests until there are no more."""
+    answers = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)
+    requests, modules = sys.stdin.buffer, dict[str, ModuleType]()
+    while True:
+        try:
+            path, name, arguments = pickle.load(requests)
+        except EOFError:
+            return
+        try:
+            answer = (True, _function(modules, path, name)(*arguments))
+            data = pickle.dumps(answer)
+        except BaseException as error:  # whatever it is, the run has failed
+            data = pickle.dumps((False, f"{type(error).__name__}: {error}"))
+        answers.write(data)
+        answers.flush()
+
+
+def _function(modules: dict[str, ModuleType], path: str, name: str) -> Callable[..., Any]:
+    if path not in modules:
+        folder = str(Path(path).resolve().parent)
+        if folder not in sys.path:
+            sys.path.insert(0, folder)
+        spec = importlib.util.spec_from_file_location(Path(path).stem, path)
+        assert spec is not None
+        assert spec.loader is not None
+        module = importlib.util.module_from_spec(spec)
+        sys.modules[spec.name] = module
+        spec.loader.exec_module(module)
+        modules[path] = module
+    found: Callable[..., Any] = getattr(modules[path], name)
+    return found
+
+
+if __name__ == "__main__":
+    _serve()

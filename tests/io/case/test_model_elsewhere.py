@@ -1,0 +1,144 @@
+"""The key `model`: what is wrong in it is said at its place, before anything is run."""
+
+import jsonschema
+import pytest
+import yaml
+from support.elsewhere import EXTERNAL, PYTHON, SCRIPT, TEMPLATE, write_case
+
+from geoident.errors import InputError
+from geoident.io.case.file import parse_case, read_case
+from geoident.io.docs.case_schema import case_schema
+from geoident.workflow.running.jobs import build_model, load_inputs
+
+
+def faults_of(case):
+    with pytest.raises(InputError) as caught:
+        build_model(load_inputs(str(case)))
+    return caught.value.faults
+
+
+def test_a_case_is_read_and_read_again_from_what_is_resolved(tmp_path):
+    case = write_case(tmp_path)
+    loaded = read_case(str(case))
+    assert loaded.case.elsewhere.seen == {"E", "K0"}
+    assert len(loaded.case.elsewhere.outputs) == 6
+    again = parse_case(loaded.resolved, str(case))
+    assert again.case.elsewhere == loaded.case.elsewhere
+    assert again.resolved == loaded.resolved
+
+
+def test_the_schema_takes_it_too(tmp_path):
+    schema = case_schema()
+    for model in (EXTERNAL, PYTHON):
+        jsonschema.validate(yaml.safe_load(write_case(tmp_path, model).read_text()), schema)
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.validate({"format": "geoident-case/1"}, schema)
+
+
+ROW = 'column: "{gauge}", row: {stage: "{stage}"}'
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line", "code", "said"),
+    [
+        ("[K0 line]", "", 11, "unused-parameter", "'K0' has no field in any template"),
+        (", unit: mm", "", 8, "unit", "no unit is given, and 'H' reads a length"),
+        ("unit: mm", "unit: kPa", 8, "unit", "'kPa' is no unit of a length"),
+        (ROW, ROW + ", gauges: [H, V]", 16, "no-output", "finds the readings of 'D'"),
+        (ROW, ROW + ", gauges: [H, V, D, X]", 8, "unknown-gauge", "no gauge 'X'"),
+        (ROW, ROW + ", find: (x)", 8, "wrong-pair", "column and find"),
+        (ROW, "find: x", 8, "bad-pattern", "has 0 groups; one is expected"),
+        (ROW, "find: (x", 8, "bad-pattern", "is no regular expression"),
+        (ROW, "line: 3", 8, "wrong-pair", "of 'word' and 'columns' one is expected"),
+        (ROW, "pointer: u", 8, "bad-pointer", "does not begin with /"),
+        ("file: out.csv", "file: ../out.csv", 8, "outside", "leads out of the folder"),
+        ("{opening.in:", "{/tmp/opening.in:", 5, "outside", "leads out of the folder"),
+        ("{opening.in:", "{opening.py:", 6, "same-file", "two files of a run would be"),
+        ("opening.template}", "opening.tmplate}", 5, "missing-file", "there is no file"),
+        ("files: [opening.py]", "files: [opning.py]", 6, "missing-file", "there is no file"),
+        ("kind: external", "kind: extern", 3, "not-listed", "found 'extern'"),
+        ("format: geoident-case/1", "format: geoident-case/1\nsupports: {a: x}", 2, "no-ground",
+         "the model is elsewhere"),
+        ("{name: open}", "{name: open, excavate: [t]}", 12, "no-ground", "would change nothing"),
+        ("H: {kind: reading,", "H: {kind: convergence, between: [[0 m, 0 m], [1 m, 0 m]],", 14,
+         "no-place", "cannot place a gauge 'convergence'"),
+        ("H: {kind: reading, accuracy: 0.02 mm}", "H: {kind: reading, accuracy: estimate}", 14,
+         "no-size", "nothing is known of the usual accuracy"),
+        ("H: {kind: reading,", "H: {kind: reading, offset: 1 kPa,", 14, "unit", "is a pressure"),
+        ("H: {kind: reading,", "H: {kind: reading, offset: $E,", 14, "unit", "is a pressure"),
+        ("files: [opening.py]", "files: [opening.py]\n  time_limit: soon", 7, "bad-time",
+         "'soon' is not a time"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_is_said_where_it_stands(tmp_path, old, new, line, code, said):
+    case = write_case(tmp_path)
+    if old == "[K0 line]":
+        (tmp_path / "opening.template").write_text(TEMPLATE.splitlines()[0])
+    else:
+        text = case.read_text()
+        assert old in text
+        case.write_text(text.replace(old, new))
+    found = faults_of(case)
+    fitting = [fault for fault in found if fault.code == code]
+    assert fitting, [str(fault) for fault in found]
+    assert said in fitting[0].message
+    assert fitting[0].location.line == line
+    assert fitting[0].location.file == str(case)
+
+
+def test_a_field_without_parameter_is_said_in_its_template(tmp_path):
+    case = write_case(tmp_path)
+    (tmp_path / "opening.template").write_text(TEMPLATE + "{{nu}}\n")
+    [fault] = faults_of(case)
+    assert str(fault.location) == f"{tmp_path / 'opening.template'}:3:1"
+    assert fault.message == "there is no parameter 'nu'"
+
+
+@pytest.mark.parametrize(
+    ("command", "said", "hint"),
+    [
+        ("[no-such-program-1]", "no program 'no-such-program-1' on the search path", "Install it"),
+        ("[./openin.py]", "there is no program", "opening.py"),
+        ("[opening.py]", "on the search path", "'./opening.py'"),
+        ("[./opening.py]", "may not be executed", "chmod +x"),
+    ],
+)
+def test_a_command_that_does_not_exist_is_refused(tmp_path, command, said, hint):
+    case = write_case(tmp_path)
+    text = case.read_text()
+    line = next(line for line in text.splitlines() if "command:" in line)
+    case.write_text(text.replace(line, f"  command: {command}"))
+    [fault] = faults_of(case)
+    assert said in fault.message
+    assert hint in fault.hint
+    assert (fault.location.line, fault.path) == (4, "model.command[0]")
+
+
+def test_functions_are_looked_for_without_running_anything(tmp_path):
+    case = write_case(tmp_path, PYTHON.replace("readings", "reading"), script=SCRIPT)
+    [fault] = faults_of(case)
+    assert fault.message == "opening.py has no function 'reading'"
+    assert "readings" in fault.hint
+    case = write_case(tmp_path, PYTHON, script="def readings(:\n")
+    [fault] = faults_of(case)
+    assert fault.location.file == str(tmp_path / "opening.py")
+    assert "this is not Python" in fault.message
+
+
+def test_plain_readings_need_a_model_elsewhere(tmp_path):
+    case = tmp_path / "case.yaml"
+    case.write_text(
+        "format: geoident-case/1\nanalysis: solid\nmaterials: {r: {elastic: isotropic, E: 1 GPa, "
+        "nu: 0.2}}\ngroups: {r: r}\ngauges: {A: {kind: reading, accuracy: 1 mm}}\n"
+    )
+    found = faults_of(case)
+    assert "no-place" in [fault.code for fault in found]
+
+
+def test_without_a_model_the_ground_is_still_required(tmp_path):
+    case = tmp_path / "case.yaml"
+    case.write_text("format: geoident-case/1\ngroups: {}\n")
+    said = [fault.message for fault in faults_of(case)]
+    assert "'analysis' is missing" in said
+    assert "'materials' is missing" in said
+    assert any("at least 1 entry expected" in text for text in said)

@@ -1,0 +1,58 @@
+"""Templates: what fields write, and what is wrong with them, each at its place."""
+
+import pytest
+
+from geoident.io.elsewhere.templates import (
+    FieldTooNarrow,
+    field_texts,
+    filled,
+    read_template,
+)
+from geoident.model.parameter import Parameter
+
+PARAMETERS = {
+    "E": Parameter("E", start=15e9, lower=1e9, upper=1e11, dimension="pressure", unit="GPa"),
+    "K0": Parameter("K0", start=1.0, lower=0.1, upper=3.0),
+}
+VALUES = {"E": 15e9, "K0": 1.25}
+
+
+def template(tmp_path, text):
+    path = tmp_path / "deck.template"
+    path.write_text(text)
+    return read_template(str(path), "deck.inp", PARAMETERS)
+
+
+def test_values_are_written_in_their_unit_and_form(tmp_path):
+    found, faults = template(tmp_path, "*ELASTIC\n{{E [MPa]:12.4e}},0.25\nK={{ K0 }}\n{E}\n")
+    assert faults == []
+    text = filled(found, field_texts(found, VALUES))
+    assert text == "*ELASTIC\n  1.5000e+04,0.25\nK=1.25\n{E}\n"
+
+
+def test_without_form_no_digit_is_lost(tmp_path):
+    found, _ = template(tmp_path, "{{E}}")
+    assert float(field_texts(found, {"E": 15e9 / 7})[0]) == 15e9 / 7
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "column", "code", "said"),
+    [
+        ("a\n {{F}}", 2, 2, "unknown-parameter", "there is no parameter 'F'"),
+        ("{{E [mm]}}", 1, 1, "unit", "'mm' is no unit of a pressure"),
+        ("{{E [Gpx]}}", 1, 1, "unit", "no unit 'Gpx'"),
+        ("{{E:10d}}", 1, 1, "bad-form", "'10d' is no form of a number"),
+        ("{{E + 1}}", 1, 1, "bad-field", "is not a field"),
+        ("no field", 0, 0, "no-field", "has no field"),
+    ],
+)
+def test_what_is_wrong_is_said_where_it_stands(tmp_path, text, line, column, code, said):
+    _, [fault] = template(tmp_path, text)
+    assert (fault.location.line, fault.location.column, fault.code) == (line, column, code)
+    assert said in fault.message
+
+
+def test_a_value_that_does_not_fit_would_shift_columns(tmp_path):
+    found, _ = template(tmp_path, "{{E:8.1f}}")
+    with pytest.raises(FieldTooNarrow, match="takes 13 characters, its field has 8"):
+        field_texts(found, VALUES)

@@ -1,0 +1,122 @@
+"""A function of Python as the model, with derivatives of its own or without, and what it may do."""
+
+import json
+
+import numpy as np
+import pytest
+from support.elsewhere import PYTHON, SCRIPT, trusted, write_case
+
+import geoident
+from geoident.errors import InputError, ModelError
+from geoident.workflow.fit import fit
+from geoident.workflow.running.control import Control
+from geoident.workflow.running.jobs import Request, build_model, load_inputs, plan_fit
+
+JACOBIAN = (
+    SCRIPT
+    + """
+
+def slopes(values):
+    at, h = readings(values), 1e-6
+    rows = []
+    moved = {name: readings({**values, name: values[name] * (1 + h)}) for name in values}
+    return [[[FACTOR * (moved[p][g][s] - at[g][s]) / (h * values[p]) for p in values]
+             for s in STAGES] for g in GAUGES]
+
+
+FACTOR = 1.0
+"""
+)
+P = np.array([6e9, 1.1])
+
+
+@pytest.fixture(autouse=True)
+def own_state(tmp_path, monkeypatch):
+    """Decisions of these tests are not those of who runs them."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+
+
+def python_case(tmp_path, script=SCRIPT, model=PYTHON):
+    return write_case(tmp_path, model, script=script)
+
+
+def computed(case, p=P):
+    model = build_model(load_inputs(str(case)))
+    with trusted():
+        return model.computed(p)
+
+
+def test_a_function_is_fitted_from_python(tmp_path):
+    case = geoident.load_case(python_case(tmp_path))
+    with pytest.raises(InputError, match=r"`geoident.trust\(case\)` runs it"):
+        geoident.fit(case)
+    geoident.trust(case)
+    found = geoident.fit(case)
+    assert found.status == "converged"
+    assert found.parameters["E"].value == pytest.approx(8.331e9, rel=1e-3)
+    assert found.data.counts.evaluations > 10
+
+
+def test_its_derivatives_are_used(tmp_path):
+    plain = python_case(tmp_path / "plain")
+    given = python_case(
+        tmp_path / "given",
+        JACOBIAN,
+        PYTHON.replace("}", ', jacobian: "opening:slopes"}'),
+    )
+    with trusted():
+        one, two = (fit(plan_fit(Request(str(case))), Control()).result for case in (plain, given))
+    np.testing.assert_allclose(two.parameters.values, one.parameters.values, rtol=1e-5)
+    np.testing.assert_allclose(two.sensitivity, one.sensitivity, rtol=1e-3, atol=1e-22)
+    assert two.counts.evaluations < one.counts.evaluations
+
+
+def test_wrong_derivatives_are_found_out(tmp_path):
+    script = JACOBIAN.replace("FACTOR = 1.0", "FACTOR = 1.1")
+    case = python_case(tmp_path, script, PYTHON.replace("}", ', jacobian: "opening:slopes"}'))
+    model = build_model(load_inputs(str(case)))
+    with trusted(), pytest.raises(ModelError, match="differ from differences") as caught:
+        model.linear(P)
+    assert caught.value.fault.path == "model.jacobian"
+
+
+@pytest.mark.parametrize(
+    ("body", "extra", "said"),
+    [
+        ("raise ValueError('no way')", "", "ValueError: no way"),
+        ("import os; os._exit(7)", "", "ended its process"),
+        ("while True: pass", ", time_limit: 0.5 s", "took longer than 0.5 s"),
+        ("return {'H': 1.0}", "", "gauge"),
+        ("return {'H': [1, 2], 'V': [1, 2]}", "", "no reading of 'D'"),
+        ("return {'H': {'half': 1}, 'V': [1, 2], 'D': [1, 2]}", "", "of 'H' at 'open'"),
+        ("return [[1, 2], [3, 4], [5, float('inf')]]", "", "gave inf for 'D' at 'open'"),
+        ("return [1.0, 2.0]", "", "the function gave 2; gauges x stages, 3 x 2"),
+        ("return 'soft'", "", "no numbers"),
+    ],
+)
+def test_whatever_goes_wrong_in_a_call_is_said(tmp_path, body, extra, said):
+    said = "no reading of 'V'" if said == "gauge" else said
+    script = f"def readings(values):\n    {body}\n"
+    case = python_case(tmp_path, script, PYTHON.replace("}", extra + "}"))
+    with pytest.raises(ModelError, match=said):
+        computed(case)
+
+
+def test_calls_are_logged_and_what_is_printed_does_not_mix_with_results(tmp_path, capfd):
+    script = SCRIPT.replace("    E, K = values", "    print('at work')\n    E, K = values")
+    case = python_case(tmp_path, script)
+    first, second = computed(case), computed(case)
+    np.testing.assert_array_equal(first, second)
+    assert len((tmp_path / "case.runs" / "runs.jsonl").read_text().splitlines()) == 1
+    assert (tmp_path / "case.runs" / "printed.txt").read_text() == "at work\n"
+    assert capfd.readouterr().out == ""
+
+
+def test_an_array_of_one_number_a_gauge_serves_one_stage(tmp_path):
+    case = python_case(tmp_path, "def readings(values):\n    return [1.0, 2.0, values['E']]\n")
+    text = case.read_text().replace("stages: [{name: half}, {name: open}]\n", "")
+    case.write_text(text)
+    (tmp_path / "readings.csv").write_text("gauge,stage,value,unit\nH,end,1,mm\n")
+    assert computed(case).tolist() == [[1.0], [2.0], [6e9]]
+    entry = json.loads((tmp_path / "case.runs" / "runs.jsonl").read_text())
+    assert entry["parameters"] == {"E": 6e9, "K0": 1.1}
