@@ -29,6 +29,7 @@ class _Progress:
     options: Options
     terminal: Terminal
     left: int
+    jobs: int
     ended: list[RunRecord] = field(default_factory=list)
 
     def __call__(self, record: RunRecord) -> None:
@@ -42,8 +43,9 @@ class _Progress:
     def _words(self) -> str:
         failed = sum(not run.finished for run in self.ended)
         slowest = max(self.ended, key=lambda run: run.seconds)
+        running = min(self.jobs, self.left - len(self.ended))
         return (
-            f"{len(self.ended)} of {self.left} runs ended, {failed} failed, "
+            f"{len(self.ended)} of {self.left} runs ended, {failed} failed, {running} running, "
             f"slowest {slowest.name} ({seconds_text(slowest.seconds)})"
         )
 
@@ -72,8 +74,9 @@ def run_campaign(path: str, options: Options, *, jobs: int | None) -> int:
         for run in plan.runs:
             if run.name in plan.known:
                 click.echo(dumps(record_object(plan.known[run.name])))
-    with local_executor(plan, jobs or usable_cores()) as executor:
-        progress = _Progress(options, terminal, len(plan.left))
+    jobs = jobs or usable_cores()
+    with local_executor(plan, jobs) as executor:
+        progress = _Progress(options, terminal, len(plan.left), jobs)
         with terminal.live(f"{len(plan.left)} runs"), stop_runs_on_signals(executor) as heard:
             table = compute(plan, executor, progress, runs_csv, fresh=options.fresh)
     _say_end(table, plan, terminal)

@@ -151,10 +151,12 @@ def test_all_faults_of_a_campaign_are_said_at_once(here, run):
     assert "5 faults" in failed.stderr
 
 
-def test_the_page_of_a_campaign(here, run):
+def test_the_page_and_the_progress_of_a_campaign(here, run):
     text = CAMPAIGN.replace("count: 24", "count: 3")
     Path("campaign.yaml").write_text(text)
-    assert run("batch", "campaign.yaml", "-j", "1").exit_code == 0
+    done = run("batch", "campaign.yaml", "-j", "1", "-v")
+    assert done.exit_code == 0
+    assert "2 of 3 runs ended, 0 failed, 1 running, slowest 000" in done.stderr
     written = run("report", "campaign.batch")
     assert written.stdout == "campaign.batch/report.html\n"
     page = Path("campaign.batch/report.html").read_text()

@@ -2,6 +2,8 @@
 
 import os
 import random
+import subprocess
+import sys
 import threading
 import time
 from functools import partial
@@ -131,3 +133,32 @@ def test_answers_that_nobody_waits_for_are_not_those_of_later_tasks(tmp_path):
         first.close()
         found = list(in_order(processes.run([7, 8])))
     assert [answer.value[0] for answer in found] == [49, 64]
+
+
+ORPHAN = """
+from geoident.workflow.executing.processes import LocalProcesses
+from tests.support.tasks import obedient
+with LocalProcesses(1, obedient) as processes:
+    list(processes.run([("hang", {file!r})]))
+"""
+
+
+def test_a_process_that_hangs_ends_with_who_asks_even_if_that_is_killed(tmp_path):
+    begun = tmp_path / "begun"
+    root = str(Path(__file__).parents[3])
+    asker = subprocess.Popen(
+        [sys.executable, "-c", ORPHAN.format(file=str(begun))],
+        env={**os.environ, "PYTHONPATH": root},
+    )
+    over = time.monotonic() + 60.0
+    while not (begun.exists() and begun.read_text().strip()):
+        assert time.monotonic() < over
+        time.sleep(0.02)
+    pid = int(begun.read_text())
+    assert runs(pid)
+    asker.kill()
+    asker.wait()
+    over = time.monotonic() + 10.0
+    while runs(pid) and time.monotonic() < over:
+        time.sleep(0.02)
+    assert not runs(pid)
