@@ -31,7 +31,7 @@ class Variation:
 
 
 @dataclass(frozen=True)
-class Span:
+class SampledRange:
     """How one value is sampled.
 
     Args:
@@ -65,7 +65,7 @@ class Sampling:
     method: str
     count: int
     seed: int
-    spans: tuple[Span, ...]
+    spans: tuple[SampledRange, ...]
 
 
 @dataclass(frozen=True)

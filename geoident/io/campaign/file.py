@@ -21,7 +21,7 @@ from geoident.io.text.overrides import parse_path
 from geoident.io.text.text_file import decode, read_bytes
 from geoident.io.text.wording import Refusal, shorten
 from geoident.io.text.yaml_reader import MAX_BYTES, parse_yaml
-from geoident.model.campaign import Campaign, Sampling, Span, Variation
+from geoident.model.campaign import Campaign, SampledRange, Sampling, Variation
 from geoident.model.case import KeyPath
 
 MOST_RUNS = 1_000_000
@@ -181,7 +181,7 @@ def _sampling(section: SampleSection, faults: Faults) -> Sampling:
     for path, span in section.values.items():
         kind, (first, unit), (second, _) = span.ends
         place = faults.places.locate((*at, path))
-        spans.append(Span(path, kind, first, second, unit, place))
+        spans.append(SampledRange(path, kind, first, second, unit, place))
     return Sampling(section.method, section.count, section.seed, tuple(spans))
 
 

@@ -9,7 +9,7 @@ from scipy.special import ndtri
 from scipy.stats import qmc
 
 from geoident.model.arrays import Floats
-from geoident.model.campaign import Sampling, Span, Variation
+from geoident.model.campaign import SampledRange, Sampling, Variation
 
 _BITS = 30
 """Of a Sobol point. A random digital shift keeps what makes the points even (Owen 1998)."""
@@ -62,7 +62,7 @@ def unit_points(method: str, dim: int, count: int, seed: int) -> Floats:
     return np.asarray((cells + within) / count, dtype=np.float64)
 
 
-def _values(span: Span, points: Floats) -> Floats:
+def _values(span: SampledRange, points: Floats) -> Floats:
     """Values (k,) of a span, in its unit, at points (k,) between 0 and 1."""
     if span.kind == "linear":
         return span.first + (span.second - span.first) * points
