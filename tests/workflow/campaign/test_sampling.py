@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import kstest
 
 from geoident.errors import Location
-from geoident.model.campaign import Sampling, Span
+from geoident.model.campaign import SampledRange, Sampling
 from geoident.workflow.campaign.sampling import sampled, unit_points
 
 PLACE = Location("campaign.yaml", 1, 1)
@@ -36,7 +36,7 @@ def test_sobol_points_are_even_in_every_pair_of_axes():
     ],
 )
 def test_values_have_their_distribution(kind, first, second, distribution):
-    span = Span("a.b", kind, first, second, "MPa", PLACE)
+    span = SampledRange("a.b", kind, first, second, "MPa", PLACE)
     runs = sampled(Sampling("latin-hypercube", 400, 2, (span,)))
     texts = [dict(run.settings)["a.b"] for run in runs]
     assert all(text.endswith(" MPa") for text in texts)
