@@ -52,7 +52,7 @@ ROW = 'column: "{gauge}", row: {stage: "{stage}"}'
         (ROW, "line: 3", 8, "wrong-pair", "of 'word' and 'columns' one is expected"),
         (ROW, "pointer: u", 8, "bad-pointer", "does not begin with /"),
         ("file: out.csv", "file: ../out.csv", 8, "outside", "leads out of the folder"),
-        ("{opening.in:", "{/tmp/opening.in:", 5, "outside", "leads out of the folder"),
+        ("{opening.in:", "{/elsewhere/opening.in:", 5, "outside", "leads out of the folder"),
         ("{opening.in:", "{opening.py:", 6, "same-file", "two files of a run would be"),
         ("opening.template}", "opening.tmplate}", 5, "missing-file", "there is no file"),
         ("files: [opening.py]", "files: [opning.py]", 6, "missing-file", "there is no file"),
