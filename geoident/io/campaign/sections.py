@@ -190,7 +190,7 @@ class CampaignSection(Section):
     solver: _SOLVERS = Field("auto", description="Sparse solver.")
     max_time: GivenTime | None = Field(
         None,
-        description="Time after which the search of a run ends with what it has, as --max-time.",
+        description="Time after which the search of a run ends with what it has.",
         examples=["10 min"],
     )
     time_limit: GivenTime | None = Field(

@@ -292,4 +292,6 @@ def _column(values: Sequence[float]) -> Floats:
 def is_campaign(path: str) -> bool:
     """Whether a path is the folder of a campaign, or its file over all."""
     place = Path(path)
-    return (place / JOURNAL).is_file() or (place.name == OVER_ALL and place.is_file())
+    with suppress(OSError, ValueError):  # too long or strange for a name
+        return (place / JOURNAL).is_file() or (place.name == OVER_ALL and place.is_file())
+    return False
