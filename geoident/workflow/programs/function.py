@@ -19,7 +19,7 @@ from geoident.workflow.programs.digest import digest_of
 from geoident.workflow.programs.pool import all_of
 from geoident.workflow.programs.program import executed, failed_note
 from geoident.workflow.programs.run_log import Made, RunLog
-from geoident.workflow.programs.trust import Execution, require_trust
+from geoident.workflow.programs.trust import Execution, Permission
 from geoident.workflow.programs.worker import Worker
 
 _PRINTED = "printed.txt"
@@ -54,11 +54,12 @@ class FunctionRuns:
         channels = [channel.name for channel in case.channels]
         said = [function.name, function.jacobian, repr(case.stage_names), repr(channels)]
         digest = digest_of(said, function.inputs)
-        self._execution = Execution(executed(function), digest)
+        execution = Execution(executed(function), digest)
+        self._permission = Permission(execution, self._folder, case.source, "function")
         self._log = RunLog(folder, digest, again=again)
         self._failed: dict[str, FailedRun] = {}
         self._asked: set[str] = set()
-        self._lock, self._ended, self._trusted = threading.Lock(), False, False
+        self._lock, self._ended = threading.Lock(), False
 
     @property
     def has_jacobian(self) -> bool:
@@ -135,16 +136,7 @@ class FunctionRuns:
         Raises:
             InputError: it may not.
         """
-        if not self._trusted:
-            source, path = self._case.source, ("model", "function")
-            require_trust(
-                self._execution,
-                self._folder,
-                lambda message, hint: source.fault(
-                    path, code="not-trusted", message=message, hint=hint
-                ),
-            )
-            self._trusted = True
+        self._permission.require()
 
     def _run(self, item: tuple[str, str, Mapping[str, float]]) -> None:
         key, name, values = item

@@ -35,7 +35,7 @@ from geoident.model.elsewhere import (
 from geoident.workflow.programs.digest import digest_of
 from geoident.workflow.programs.pool import all_of
 from geoident.workflow.programs.run_log import Made, RunLog
-from geoident.workflow.programs.trust import Execution, require_trust
+from geoident.workflow.programs.trust import Execution, Permission
 from geoident.workflow.programs.worker import Worker
 
 _SHOWN = 3
@@ -100,7 +100,8 @@ class ProgramRuns:
         said = [repr(self._command), repr(program.outputs), repr(case.stage_names)]
         said += [repr([c.name for c in case.channels]), repr([t.pieces for t in program.templates])]
         digest = digest_of(said, program.inputs)
-        self._execution = Execution(executed(program), digest)
+        execution = Execution(executed(program), digest)
+        self._permission = Permission(execution, self._folder, case.source, "command")
         self._log = RunLog(folder, digest, again=again)
         self._fields: dict[str, list[TemplateField]] = {}
         for template in program.templates:
@@ -109,7 +110,7 @@ class ProgramRuns:
         self._failed: dict[str, FailedRun] = {}
         self._asked: set[str] = set()
         self._running: set[subprocess.Popen[bytes]] = set()
-        self._lock, self._ended, self._trusted = threading.Lock(), False, False
+        self._lock, self._ended = threading.Lock(), False
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -207,16 +208,7 @@ class ProgramRuns:
         Raises:
             InputError: it may not.
         """
-        if not self._trusted:
-            source, path = self._case.source, ("model", "command")
-            require_trust(
-                self._execution,
-                self._folder,
-                lambda message, hint: source.fault(
-                    path, code="not-trusted", message=message, hint=hint
-                ),
-            )
-            self._trusted = True
+        self._permission.require()
 
     def _run(self, item: tuple[str, list[list[str]], Mapping[str, float]]) -> None:
         key, texts, values = item

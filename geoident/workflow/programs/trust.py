@@ -16,7 +16,8 @@ from contextvars import ContextVar
 from dataclasses import dataclass
 from pathlib import Path
 
-from geoident.errors import Fault, InputError, Term
+from geoident.errors import InputError, Term
+from geoident.model.case import Source
 
 _REMEMBERED = "trusted.json"
 _KEY_BYTES = 32
@@ -60,24 +61,40 @@ def trusting(*, trust: bool) -> Decide:
     return lambda execution: trust
 
 
-def require_trust(execution: Execution, folder: Path, refused: Callable[[str, str], Fault]) -> None:
-    """Ask whether something may be run, unless that is remembered.
+class Permission:
+    """Whether what a case names may be run; it is asked for once.
 
     Args:
         execution: what is run.
         folder: of the runs, where the answer is remembered.
-        refused: makes the fault of a message and a remedy.
-
-    Raises:
-        InputError: it may not.
+        source: of the case.
+        key: under its `model`, that says what is run.
     """
-    if is_remembered(execution, folder):
-        return
-    if not _decide.get()(execution):
-        message = f"the case runs {execution.words}, and nobody has said that it may"
-        hint = f"Look at what it runs. {Term.TRUST} runs it, and is remembered until it changes."
-        raise InputError([refused(message, hint)])
-    remember(execution, folder)
+
+    def __init__(self, execution: Execution, folder: Path, source: Source, key: str) -> None:
+        self._execution, self._folder, self._source, self._key = execution, folder, source, key
+        self._given = False
+
+    def require(self) -> None:
+        """Ask, unless that is known or remembered.
+
+        Raises:
+            InputError: it may not.
+        """
+        execution = self._execution
+        if self._given or is_remembered(execution, self._folder):
+            self._given = True
+            return
+        if not _decide.get()(execution):
+            message = f"the case runs {execution.words}, and nobody has said that it may"
+            hint = (
+                f"Look at what it runs. {Term.TRUST} runs it, and is remembered until it changes."
+            )
+            path = ("model", self._key)
+            fault = self._source.fault(path, code="not-trusted", message=message, hint=hint)
+            raise InputError([fault])
+        remember(execution, self._folder)
+        self._given = True
 
 
 def is_remembered(execution: Execution, folder: Path) -> bool:
