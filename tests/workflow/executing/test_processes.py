@@ -6,6 +6,7 @@ import subprocess
 import sys
 import threading
 import time
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
@@ -48,9 +49,10 @@ def test_no_task_is_lost_when_processes_are_killed_at_random(kills):
             time.sleep(chance.uniform(0.02, 0.3))
             pids = processes.processes
             seen.update(pids)
-            if pids:
-                os.kill(chance.choice(pids), 9)
-                killed += 1
+            with suppress(ProcessLookupError):  # it was reaped a moment ago
+                if pids:
+                    os.kill(chance.choice(pids), 9)
+                    killed += 1
 
     def tasks():
         number = 0
