@@ -234,15 +234,18 @@ def test_another_form_is_refused_and_predictions_go_on_without(kept, fitted, tmp
 
 def test_a_fit_says_why_it_keeps_none(tmp_path):
     case = write_case(tmp_path)
-    partial = "stages[0].release={upper: 0.5}"
+    partial = "stages[1].release={lower: 0.5}"
     done = run_command("fit", str(case), *KEEP, "--set", partial)
     assert done.exit_code in (0, 4), done.output
     found = read_result(tmp_path / "case.fit.h5")
     assert found.reduced is None
-    why = "No reduced model is kept: the stage 'first' releases stress in part."
+    why = (
+        "No reduced model is kept: the stage 'second' releases in part the stress of ground that "
+        "other stages have changed before."
+    )
     assert why in found.notes
     inputs = load_inputs(str(case), overrides=[partial])
-    with pytest.raises(InputError, match="releases stress in part"):
+    with pytest.raises(InputError, match="releases in part the stress"):
         restored_for(str(tmp_path / "case.fit.h5"), inputs)
 
 
@@ -258,7 +261,7 @@ def test_without_being_asked_for_none_is_kept(tmp_path):
 @pytest.mark.parametrize(
     ("change", "why"),
     [
-        ("stages[0].release={upper: 0.5}", "no reduced model will be kept: the stage 'first'"),
+        ("stages[1].release={lower: 0.5}", "no reduced model will be kept: the stage 'second'"),
         ("gauges.P={kind: stress, point: [1 m, 1 m], components: [yy], accuracy: 0.1 MPa}",
          "will be kept does not give P"),
     ],

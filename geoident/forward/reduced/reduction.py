@@ -10,7 +10,7 @@ import scipy.sparse as sp
 from geoident.forward.gauges.observation import Observation
 from geoident.forward.march.march import March, Run
 from geoident.forward.reduced.affine_march import AffineMarch, affine_march
-from geoident.forward.reduced.coverage import reduction_obstacle
+from geoident.forward.reduced.coverage import reduction_obstacle, releases
 from geoident.forward.reduced.duals.basis import DualBasis
 from geoident.forward.reduced.duals.march import DualMarch
 from geoident.forward.reduced.model import ReducedModel
@@ -87,7 +87,9 @@ class Reduction:
         """Look at moduli and loads; why there is no reduced model, a clause, or None."""
         affine = self._affine = affine_march(self._march, self.last)
         if affine is None:
-            return "its loads are no polynomials of degree two in the parameters"
+            return "its loads are no polynomials of low degree in the parameters"
+        if affine.form.loads.settles and releases(self._march):
+            return "stress is released in part that is not the one in situ: that is out of balance"
         columns = 1 + len(affine.form.names)
         if self._entries(affine, columns) > MOST_ENTRIES:
             return "what a march leaves for it does not fit into the memory"
@@ -222,7 +224,7 @@ def _apart(spans: Mapping[str, Span], one: Floats, other: Floats) -> float:
     """How far the moduli at two parameter vectors (n,) are apart, a common factor aside.
 
     The largest of |1 - tau mu| / sqrt(mu) over the eigenvalues mu of one against the other, with
-    the best factor tau: 0 for the same, 1 where they are about six to one.
+    the best factor tau: 0 for the same, 1 where they are about four to one.
     """
     found = []
     for span in spans.values():

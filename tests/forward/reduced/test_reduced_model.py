@@ -15,6 +15,7 @@ from support.reduced import (
     errors_and_bounds,
     plane,
     reduced_stresses,
+    released,
     settling,
     sinking,
     solid,
@@ -35,6 +36,7 @@ CASES = {
     "solid": (solid, PAIRS_SOLID),
     "strata": (strata, PAIRS_PLANE),
     "settling": (settling, PAIRS_PLANE),
+    "released": (released, PAIRS_PLANE),
     "braced": (braced, PAIRS_PLANE),
     "sinking": (sinking, PAIRS_SINKING),
 }
@@ -73,6 +75,7 @@ def test_readings_and_derivatives_are_exact_at_every_march_it_was_made_of(name):
         ("solid", 1000, 100),
         ("strata", 1000, 100),
         ("settling", 40, 100),
+        ("released", 100, 100),
         ("braced", 1000, 100),
         ("sinking", 1000, 100),
     ],
@@ -200,8 +203,11 @@ def test_one_march_is_right_to_second_order_in_the_moduli():
 @pytest.mark.parametrize(
     ("changes", "why"),
     [
-        ({"stages": (Stage("heading", excavate=("heading",), release={"heading": Scalar(0.4)}),
-                     Stage("lined"), Stage("test"), Stage("bench"))}, "releases stress in part"),
+        ({"stages": (Stage("heading", excavate=("heading",)), Stage("lined"), Stage("test"),
+                     Stage("bench", excavate=("bench",), release={"bench": Scalar(0.4)}))},
+         "'bench' releases in part the stress of ground that other stages"),
+        ({"stages": (Stage("heading", excavate=("heading",), temperature={"rock": Scalar(9.0)}),
+                     Stage("lined"), Stage("test"), Stage("bench"))}, "changes temperatures"),
         ({"parameters": ()}, "nothing is sought"),
     ],
 )  # fmt: skip
