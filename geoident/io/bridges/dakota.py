@@ -32,7 +32,7 @@ _AFTER = {"analysis_components", "eval_id", "metadata"}
 
 
 @dataclass(frozen=True)
-class Asked:
+class AskedResponse:
     """What is asked for of one response.
 
     Args:
@@ -57,7 +57,7 @@ class DakotaRequest:
     """
 
     values: tuple[WrittenValue, ...]
-    asked: tuple[Asked, ...]
+    asked: tuple[AskedResponse, ...]
     by: tuple[tuple[str, Location], ...]
 
 
@@ -105,7 +105,7 @@ def read_request(path: str) -> DakotaRequest:
             message = f"second derivatives (a Hessian) of '{name}' are asked for"
             hint = "geoident has values and gradients: say no_hessians, or quasi_hessians."
             faults.append(Fault("no-hessian", message, hint, one.number_at))
-        asked.append(Asked(name, max(parts, 0), one.name_at))
+        asked.append(AskedResponse(name, max(parts, 0), one.name_at))
     by = tuple((one.name.partition(":")[2], one.name_at) for one in _block(left, 2, path))
     for one in left:
         if one.name.lower().removeprefix("dakota_") == "metadata" and one.text != "0":
@@ -151,7 +151,7 @@ def _block(entries: Iterator[_Entry], kind: int, path: str) -> list[_Entry]:
     return found
 
 
-def results_text(asked: Sequence[Asked], values: Floats, gradients: Floats) -> str:
+def results_text(asked: Sequence[AskedResponse], values: Floats, gradients: Floats) -> str:
     """The file of results.
 
     Args:

@@ -17,9 +17,10 @@ import numpy as np
 from geoident.errors import Fault, InputError, ModelError, Term, UsageError
 from geoident.forward.elsewhere.model import ElsewhereModel
 from geoident.forward.protocols import CaseModel
+from geoident.io.bridges.commands import for_dakota
 from geoident.io.bridges.dakota import (
     GRADIENT,
-    Asked,
+    AskedResponse,
     DakotaInput,
     DakotaRequest,
     DakotaVariable,
@@ -124,7 +125,7 @@ def _answered(model: CaseModel, request: DakotaRequest) -> str:
     return results_text(request.asked, values, gradients)
 
 
-def _places(model: CaseModel, asked: Sequence[Asked]) -> list[tuple[int, int]]:
+def _places(model: CaseModel, asked: Sequence[AskedResponse]) -> list[tuple[int, int]]:
     """Channel and stage of each response.
 
     Raises:
@@ -218,7 +219,7 @@ def export_dakota(
         )
     deck = DakotaInput(
         title=f"{stem}: made by geoident",
-        driver=f"geoident simulate {seen} -q --dakota",
+        driver=for_dakota(seen),
         variables=tuple(
             DakotaVariable(p.name, p.start / _size(p), p.lower / _size(p), p.upper / _size(p))
             for p in case.parameters

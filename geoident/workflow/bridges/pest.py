@@ -15,6 +15,7 @@ import numpy as np
 
 from geoident.errors import Term, UsageError
 from geoident.forward.protocols import CaseModel
+from geoident.io.bridges.commands import for_pest
 from geoident.io.bridges.names import plain, reading_names, unique
 from geoident.io.bridges.pest import (
     PestCase,
@@ -137,9 +138,8 @@ class _PestFiles:
             for name, parameter in zip(names, self._case.parameters, strict=True)
         )
         values, computed = f"{self.stem}.values.csv", f"{self.stem}.computed.csv"
-        command = f"geoident simulate {self._path} --values {values} -o {computed} --force -q"
         return PestCase(
-            command=command,
+            command=for_pest(self._path, values, computed),
             parameters=parameters,
             groups=tuple(groups.values()),
             observations=tuple(self._observations()),
