@@ -92,6 +92,11 @@ class StagedResponse:
         if self._marches.keeps_march and not self.backwards:
             self._marches.paid(p, self._last)
 
+    def forget(self) -> None:
+        """Begin the next evaluation as a new model does; what a reduced model is made of stays."""
+        self._marches.forget()
+        self._activity = self._increments = None
+
     def by_tangents(self, p: Floats) -> tuple[Floats, Floats]:
         """v(p), (g,), and its Jacobian, (g, n): one column a parameter through the stages."""
         table = self._run(p, derivatives=True)

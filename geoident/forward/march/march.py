@@ -129,6 +129,10 @@ class March:
         self.release = PartialRelease(on_mesh, self.actions)
         self.warm = WarmStart()
 
+    def forget(self) -> None:
+        """Forget where Newton's method may start, and the factors that it starts with."""
+        self.warm = WarmStart()
+
     @property
     def n_outside(self) -> int:
         """Strain points beside the surface from which the in-situ stress counts depth."""

@@ -100,6 +100,11 @@ class ReducibleResponse(StagedResponse):
             return not_linear
         return self.reduction.obstacle
 
+    @property
+    def has_reduced_model(self) -> bool:
+        """Whether marches are kept for one, and nothing is known that stands against it."""
+        return self.reduction is not None and self.reduction_obstacle() is None
+
     def march_again(self, visited: Sequence[Floats]) -> None:
         """Have the reduced model made of the marches at some parameter vectors (n,), in that order.
 
