@@ -145,6 +145,10 @@ class March:
         lasts = ~systems.changing[group_of_point]
         return LastingGround(systems, systems.changing_nodes(), lasts)
 
+    def forget(self) -> None:
+        """Forget where Newton's method may start, and the factors that it starts with."""
+        self.warm = WarmStart()
+
     @property
     def n_outside(self) -> int:
         """Strain points beside the surface from which the in-situ stress counts depth."""
