@@ -224,7 +224,14 @@ class LastingGround:
         return found
 
     def unbalanced(self, task: StageTask, near: _Near, stress: Floats, columns: slice) -> Floats:
-        """Forces (n_outer, k) of all but the lasting ground (see `balance`)."""
+        """Forces (n_outer, k) of all but the lasting ground.
+
+        Args:
+            task: the stage.
+            near: what is not lasting in it.
+            stress: (s, q, 1 + n) there.
+            columns: which k of the 1 + n.
+        """
         rest = task.forces[self._outer, columns]
         rest -= self._operators.forces(stress[..., columns], near.volume)
         structures = self._systems.structures
@@ -361,7 +368,7 @@ class LastingStress:
         """Add to stresses (s, n_points, k) what came since displacements were others.
 
         Args:
-            stress: changed in place.
+            stress: (s, n_points, k), changed in place.
             u: (n_dofs, k) displacements now.
             before: (n_dofs, k) displacements when these stresses were there.
         """

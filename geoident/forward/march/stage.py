@@ -68,7 +68,7 @@ class GivenStress:
     stress: Floats
 
     def whole(self) -> Floats:
-        """All of them."""
+        """(n_strain, n_points, 1 + n + k), all of them."""
         return self.stress
 
     def values(self) -> GivenStress:
