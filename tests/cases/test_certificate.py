@@ -18,7 +18,7 @@ CASES = Path(__file__).parents[2] / "cases"
 
 @pytest.mark.parametrize(("name", "count"), [("shaft", 10), ("braced-pit", 20)])
 def test_no_reading_of_a_case_is_further_off_than_its_bound(name, count):
-    """All motions and forces that can be read in all stages, near the start as a sample is around a fit.
+    """All motions and forces in all stages, near the start as a sample is around a fit.
 
     There the bounds are tight: adjoints that lack a term break them.
     """

@@ -101,7 +101,13 @@ class AffineMarch:
 
 
 def affine_march(march: March, last: int, observation: Observation) -> AffineMarch | None:
-    """The march of a case to its last state wanted; None where its loads have no form."""
+    """The march of a case to its last state wanted; None where its loads have no form.
+
+    Args:
+        march: of the case.
+        last: the last state wanted.
+        observation: its gauges.
+    """
     names = tuple(q.name for q in march.case.parameters)
     samples = _samples(march, names)
     loads = load_form(march, names, samples, last)

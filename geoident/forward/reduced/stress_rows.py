@@ -96,7 +96,13 @@ def stress_rows(march: March, observation: Observation) -> StressRows:
 
 
 def beyond_reduction(march: March, observation: Observation, rows: Ints) -> str | None:
-    """Why some channels (g,) have no reduced model, a clause, or None if they have."""
+    """Why some channels have no reduced model, a clause, or None if they have.
+
+    Args:
+        march: of the case.
+        observation: its gauges.
+        rows: (g,) the channels.
+    """
     if observation.not_linear(rows) is None:
         return None
     for row, observable, wanted in _others(observation):
