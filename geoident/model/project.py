@@ -56,7 +56,8 @@ class LawTerm:
             values: of all its names.
 
         >>> x = Dual(np.array([3.0, 1.0]))
-        >>> LawTerm("*", (LawTerm("number", value=2.0), LawTerm("name", name="x"))).at({"x": x}).columns
+        >>> two = LawTerm("number", value=2.0)
+        >>> LawTerm("*", (two, LawTerm("name", name="x"))).at({"x": x}).columns
         array([6., 2.])
         """
         match self.kind:
@@ -105,10 +106,12 @@ class Scatter:
         kind: ``estimate`` from the sections, ``given``, or ``none``: the law holds everywhere.
         size: standard deviation where it is given: of the logarithm for a parameter scaled by it,
             else SI.
+        dimension: of what was given, key of `geoident.units.DIMENSIONS`.
     """
 
     kind: ScatterKind = "estimate"
     size: float = 0.0
+    dimension: str = ""
 
 
 @dataclass(frozen=True)
@@ -194,8 +197,6 @@ class Project:
         shared: names of parameters with one value for all sections.
         laws: of parameters that differ from section to section.
         places: key path, such as ``("shared", 0)``, to where it is written.
-        max_iterations: steps of each descent at most.
-        tolerance: relative step and gain that end a descent.
     """
 
     path: str
@@ -205,8 +206,6 @@ class Project:
     shared: tuple[str, ...]
     laws: tuple[ParameterLaw, ...]
     places: Mapping[tuple[str | int, ...], Location]
-    max_iterations: int = 50
-    tolerance: float = 1e-12
 
     @property
     def fitted(self) -> tuple[ProjectSection, ...]:

@@ -189,7 +189,7 @@ class Arrangement:
         references = [Scaling([common[law.parameter]]).reference[0] for law in self.laws]
         self.reference = np.array(references, dtype=np.float64)
         self.log = np.array([common[law.parameter].scale == "log" for law in self.laws], np.bool_)
-        self.largest = np.array([_largest(common[law.parameter]) for law in self.laws], np.float64)
+        self.largest = np.array([of_bounds(common[law.parameter]) for law in self.laws], np.float64)
 
     def place(self, number: int, parameter: int) -> int:
         """The unknown that is a parameter of a section; -1 where a law gives it."""
@@ -400,7 +400,8 @@ class JointResponse:
         return {s: made.point(s, p) for s in range(len(made.sections))}
 
 
-def _largest(parameter: Parameter) -> float:
+def of_bounds(parameter: Parameter) -> float:
+    """Standard deviation, on its scale, of a parameter of which only its bounds are known."""
     scaling = Scaling([parameter])
     width = float(scaling.upper[0] - scaling.lower[0])
     return (width if np.isfinite(width) else WIDEST) / math.sqrt(12.0)

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.special import chdtr, chdtrc
 
 from geoident.identify.assessment.posterior import NormalMixture
-from geoident.identify.hierarchical.arrangement import SectionReadings
+from geoident.identify.hierarchical.arrangement import SectionReadings, of_bounds
 from geoident.identify.hierarchical.restricted import (
     GivenScatter,
     LinearSections,
@@ -96,19 +96,6 @@ class SectionsKnowledge:
         p = self._values[: made.n_common]
         return _interval(scaling, p, mean, var, self.scatter.weights)
 
-    def common_covariance(self) -> Floats:
-        """Of the common parameters (n_common, n_common), SI, over the posterior of the scatter."""
-        made = self._made
-        scaling = Scaling(made.unknowns[: made.n_common])
-        slope = scaling.slope(self._values[: made.n_common])
-        weights = self.scatter.weights
-        square = sum(
-            w * (g.common_covariance + np.outer(g.common, g.common))
-            for w, g in zip(weights, self._given, strict=True)
-        )
-        mean = sum(w * g.common for w, g in zip(weights, self._given, strict=True))
-        return np.asarray((square - np.outer(mean, mean)) * np.outer(slope, slope))
-
     def section(self, s: int) -> Interval95:
         """The parameters (n,) of a section, from its own readings and all others."""
         p, _ = self._made.point(s, self._values)
@@ -116,6 +103,17 @@ class SectionsKnowledge:
         mean = np.array([given.sections[s] - gap for given in self._given])[:, :n]
         var = np.array([np.diag(given.covariances[s]) for given in self._given])[:, :n]
         return _interval(self._made.scalings[s], p, mean, var, self.scatter.weights)
+
+    def section_covariance(self, s: int) -> Floats:
+        """Of the parameters (n, n) of a section, SI, about the estimate."""
+        p, _ = self._made.point(s, self._values)
+        n, gap = len(p), self._fit.linear.gap[s]
+        found = np.zeros((n, n))
+        for weight, given in zip(self.scatter.weights, self._given, strict=True):
+            off = (given.sections[s] - gap)[:n]
+            found += weight * (given.covariances[s][:n, :n] + np.outer(off, off))
+        slope = self._made.scalings[s].slope(p)
+        return np.asarray(found * np.outer(slope, slope))
 
     def law(self, section: SectionReadings) -> Interval95:
         """The laws (K,) at a section, without its scatter about them."""
@@ -141,7 +139,7 @@ class SectionsKnowledge:
         """
         return further_section(self._fit, section, self._given, self.scatter.weights)
 
-    def estimated_shrinkage(self, s: int) -> Floats:
+    def shrinkage(self, s: int) -> Floats:
         """How much of what a section knows of its parameters (n,) comes from the others, 0 to 1.
 
         It is one minus the part of the readings of the section in what is known: 0 where the
@@ -175,10 +173,10 @@ def further_section(
     n = len(p)
     Phi, Z, _ = by_common(made, section, p, values, slope, n)
     own = np.zeros((n, n))
-    for i, prior in scaling.priors:
-        if not made.is_common(section.parameters[i].name):
-            row = scaling.prior_jacobian(p)[[j for j, _ in scaling.priors].index(i)]
-            own[i, i] = 1.0 / row[i] ** 2 if prior.sd > 0.0 else 0.0
+    known = {i: scaling.prior_jacobian(p)[row, i] for row, (i, _) in enumerate(scaling.priors)}
+    for i, q in enumerate(section.parameters):
+        if not made.is_common(q.name):
+            own[i, i] = known[i] ** -2 if i in known else of_bounds(q) ** 2
     means = np.array([Phi @ one.common for one in given])
     covariances = np.array(
         [Phi @ one.common_covariance @ Phi.T + (Z * one.tau**2) @ Z.T + own for one in given]

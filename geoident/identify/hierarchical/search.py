@@ -59,7 +59,8 @@ class SectionsStart:
 
     Args:
         common: (F,) shared parameters and constants of laws, SI; None for their starts.
-        points: of each section its parameters (n,), SI; empty for what is common, and their starts.
+        points: of each section its parameters (n,), SI; NaN, or nothing at all, for what follows
+            from what is common, or for their starts.
         tau: (K,) scatter on the scales; None for a quarter of the largest.
     """
 
@@ -102,7 +103,10 @@ def fit_sections(
     tau = np.where(free, first, tau)
     common = np.array([q.start for q in made.unknowns[: made.n_common]], dtype=np.float64)
     common = common if begin.common is None else begin.common
-    points = begin.points or tuple(made.further_point(one, common) for one in made.sections)
+    points = tuple(made.further_point(one, common) for one in made.sections)
+    if begin.points:
+        both = zip(begin.points, points, strict=True)
+        points = tuple(np.where(np.isnan(own), other, own) for own, other in both)
     iterations: tuple[Iteration, ...] = ()
     last = not free.any()
     for _ in range(_ROUNDS):
