@@ -123,7 +123,11 @@ class SectionAnswers:
         return tuple(found[n] for n in numbers)
 
     def evaluate(self, points: Mapping[int, Floats]) -> Mapping[int, tuple[Floats, Floats]]:
-        """Readings (g,) of some sections and their exact Jacobians (g, n)."""
+        """Readings (g,) of some sections and their exact Jacobians (g, n).
+
+        Raises:
+            ModelError: one of them has no solution.
+        """
         found = self.asked_all([(number, p) for number, p in points.items()], EVALUATE)
         missing = [n for n, one in zip(points, found, strict=True) if one is None]
         if missing:
@@ -132,7 +136,7 @@ class SectionAnswers:
         return {n: one for n, one in zip(points, found, strict=True) if one is not None}
 
     def sharpen(self, points: Mapping[int, Floats]) -> bool:
-        """Make Jacobians that are differences as good as they can be; whether any were not."""
+        """Make Jacobians that are differences better at points (n,); whether any were not exact."""
         sharper: list[int] = []
 
         def take(number: int, answer: SectionAnswer) -> None:
@@ -241,5 +245,5 @@ class ChosenSections:
         return {k: found[self._numbers[k]] for k in points}
 
     def sharpen(self, points: Mapping[int, Floats]) -> bool:
-        """Make Jacobians that are differences as good as they can be; whether any were not."""
+        """Make Jacobians that are differences better at points (n,); whether any were not exact."""
         return self._models.sharpen({self._numbers[k]: p for k, p in points.items()})
