@@ -12,20 +12,20 @@ from typing import Generic, TypeVar
 
 from geoident.model.mesh import Mesh
 
-Found = TypeVar("Found")
+FoundOf = TypeVar("FoundOf")
 
 _MOST = 64
 """Findings that are kept of a mesh."""
 
 
-class OfMesh(Generic[Found]):
+class OfMesh(Generic[FoundOf]):
     """Remembers what was found of the mesh that was asked about last, as long as that is there."""
 
     def __init__(self) -> None:
         self._mesh: weakref.ref[Mesh] | None = None
-        self._found: dict[Hashable, Found] = {}
+        self._found: dict[Hashable, FoundOf] = {}
 
-    def __call__(self, mesh: Mesh, key: Hashable, find: Callable[[], Found]) -> Found:
+    def __call__(self, mesh: Mesh, key: Hashable, find: Callable[[], FoundOf]) -> FoundOf:
         """What was found before, or is found now.
 
         Args:
