@@ -12,6 +12,7 @@ from geoident.forward.gauges.placement import placements
 from geoident.forward.model import StagedModel
 from geoident.forward.protocols import CaseModel
 from geoident.model.case import Case
+from geoident.model.elsewhere import RunTable
 from geoident.model.gauges import ReadingTable, named_channels
 from geoident.model.mesh import Mesh
 from geoident.model.methods import method_name
@@ -136,6 +137,8 @@ def _elsewhere(case: Case) -> str:
     if case.elsewhere is None:
         return ""
     words = executed(case.elsewhere)
+    if isinstance(case.elsewhere, RunTable):
+        return f"the model is elsewhere: {words}, and response surfaces between them"
     return f"the model is elsewhere: {words}; a run gives all readings at one parameter vector"
 
 

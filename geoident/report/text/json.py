@@ -33,6 +33,7 @@ from geoident.report.text.model_error import model_error_object
 from geoident.report.text.posterior import posterior_object
 from geoident.report.text.rivals import models_object, rivals_list
 from geoident.report.text.structures import structures_list
+from geoident.report.text.surface import surface_object
 from geoident.report.text.varied import varied_list
 from geoident.report.text.yielding import certificate_object
 from geoident.units import si_unit
@@ -95,6 +96,7 @@ def result_object(result: Result, *, case: str, output: str) -> dict[str, Any]:
             if result.model_error is not None
             else {}
         ),
+        **({"surface": surface_object(result.surface)} if result.surface is not None else {}),
         **({"fields": varied_list(result.varied)} if result.varied else {}),
         **({"certificate": certificate_object(proof)} if proof is not None else {}),
         **({"structures": structures_list(result.members)} if result.members is not None else {}),

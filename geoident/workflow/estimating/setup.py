@@ -24,6 +24,7 @@ from geoident.model.methods import (
 from geoident.model.response import Response
 from geoident.model.results.model_error import ModelErrorTable
 from geoident.model.results.result import NO_COST, AccuracyTable, Counts, Result
+from geoident.model.results.surface import SurfaceTable
 from geoident.workflow.estimating.fitted_mesh import FittedMesh
 from geoident.workflow.estimating.model_error import (
     FittedModelError,
@@ -57,6 +58,7 @@ class Setup:
         stated: the case before errors of gauges were found with the model error; None where none
             were.
         kept: a reduced model of the case that a result keeps, to be asked first; None for none.
+        surface: response surfaces of a table of runs, at the end of a search; None for none.
     """
 
     model: CaseModel
@@ -67,6 +69,7 @@ class Setup:
     mesh: FittedMesh | None = None
     stated: Case | None = None
     kept: RestoredModel | None = None
+    surface: SurfaceTable | None = None
 
     def as_stated(self) -> Setup:
         """Without model error, with the errors of gauges as they were before it was found."""
