@@ -12,8 +12,8 @@ from geoident.forward.elsewhere.differences import Linear
 from geoident.forward.elsewhere.model import ElsewhereModel
 from geoident.forward.elsewhere.runs import FailedRun
 from geoident.forward.elsewhere.surfaces.surface import (
-    Coordinates,
     ResponseSurface,
+    RunCoordinates,
     error_root,
     rms,
     surfaces_of,
@@ -26,6 +26,9 @@ from geoident.units import in_unit, shown_unit
 
 _SLACK = 1e-9
 """Part of the range of the runs by which rounding may lead beyond it."""
+
+_NEAR = 3.0
+"""Accuracies by which a reading may be beyond those of the runs before it is named."""
 
 _SHOWN = 6
 
@@ -50,7 +53,7 @@ class SurfaceRuns:
         self.given: Bools = table.given
         self.read = _as_read(case, table)
         log = [case.parameters[j].scale == "log" for j in self._columns.tolist()]
-        self.coordinates = Coordinates(
+        self.coordinates = RunCoordinates(
             np.array(log, dtype=bool), table.values.min(axis=0), table.values.max(axis=0)
         )
         accuracy = np.array([channel.accuracy for channel in case.channels])
@@ -237,7 +240,8 @@ class TableModel(ElsewhereModel):
             if reading.value is None or reading.bad or any(own) or reading.stage not in columns:
                 continue
             at = columns[reading.stage], rows[reading.channel]
-            if not low[at] <= reading.value <= high[at]:
+            room = _NEAR * channel.accuracy
+            if not low[at] - room <= reading.value <= high[at] + room:
                 unit = channel.unit, channel.dimension
                 value, *ends = (
                     f"{in_unit(x, *unit):.4g}"
@@ -251,4 +255,6 @@ class TableModel(ElsewhereModel):
         if not said:
             return ()
         more = f" and {len(said) - _SHOWN} more" if len(said) > _SHOWN else ""
-        return (f"readings beyond what any run of the table gave: {', '.join(said[:_SHOWN])}{more}",)
+        return (
+            f"readings beyond what any run of the table gave: {', '.join(said[:_SHOWN])}{more}",
+        )

@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from geoident.errors import Fault, Location
-from geoident.io.readings.table import Cell, Layout, Table, lines
+from geoident.io.text.cells import TextCell, cells_of, delimiter_of, said_lines
 from geoident.io.text.text_file import decode, read_bytes
 from geoident.io.text.wording import did_you_mean, listing, shorten
 from geoident.model.arrays import Floats
@@ -72,7 +72,7 @@ class ReadRuns:
 class _Column:
     """A column: its cell in the header, the size of its unit in SI, and what it holds."""
 
-    cell: Cell
+    cell: TextCell
     size: float
     parameter: str = ""
     place: tuple[int, int] = (-1, -1)  # stage, channel
@@ -101,7 +101,7 @@ def read_run_table(
     text = decode(read_bytes(path, limit=MAX_BYTES, what="table of runs"), path)
     reader = _Reader(path, text, parameters, channels, stages)
     found = reader.read(ignore)
-    return found, reader.table.faults
+    return found, reader.faults
 
 
 def least_runs(n: int) -> int:
@@ -118,40 +118,41 @@ class _Reader:
         channels: Sequence[Channel],
         stages: Sequence[str],
     ) -> None:
-        first = next((line for _, line in lines(text, ",")), "")
-        plain = re.sub(r'"[^"]*"', "", first)
-        self.delimiter = max(",;\t", key=plain.count)
-        self.table = Table(path, Layout(delimiter=self.delimiter))
-        self.rows = list(lines(text, self.delimiter))
+        self.file, self.faults = path, list[Fault]()
+        self.rows = list(said_lines(text))
+        self.delimiter = delimiter_of(self.rows[0][1]) if self.rows else ","
         self.parameters, self.channels, self.stages = parameters, channels, stages
         self.name = Path(path).name
 
     def read(self, ignore: Sequence[str]) -> ReadRuns | None:
         """What the table holds; None where something is wrong with it."""
-        table = self.table
         if not self.rows:
             hint = "The first line names the columns: parameters and readings with their units."
-            table.faults.append(Fault("empty", "the table is empty", hint, Location(table.file)))
+            self.faults.append(Fault("empty", "the table is empty", hint, Location(self.file)))
             return None
         number, header = self.rows[0]
-        cells = table.split(number, header)
+        cells = cells_of(header, self.delimiter)
         columns = self._columns(number, cells, ignore)
         if len(self.rows) - 1 > MOST_RUNS:
             message = f"found {len(self.rows) - 1} runs; {MOST_RUNS} at most"
             hint = "More runs hardly help a response surface: take every second."
-            table.refuse((self.rows[MOST_RUNS + 1][0], 1), "too-large", message, hint)
-        if table.faults:
+            self._refuse((self.rows[MOST_RUNS + 1][0], 1), "too-large", message, hint)
+        if self.faults:
             return None
-        runs = [run for run in self._runs(len(cells), columns) if not table.faults]
-        if table.faults:
+        runs = [run for run in self._runs(len(cells), columns) if not self.faults]
+        if self.faults:
             return None
         return self._checked(number, list(columns.values()), runs)
 
+    def _refuse(self, place: tuple[int, int], code: str, message: str, hint: str = "") -> None:
+        """Note a fault at a line and column."""
+        self.faults.append(Fault(code, message, hint, Location(self.file, *place)))
+
     def _columns(
-        self, number: int, cells: Sequence[Cell], ignore: Sequence[str]
+        self, number: int, cells: Sequence[TextCell], ignore: Sequence[str]
     ) -> dict[int, _Column]:
         """Positions of the columns that hold something, and what."""
-        known: dict[str, Cell] = {}
+        known: dict[str, TextCell] = {}
         found: dict[int, _Column] = {}
         for at, cell in enumerate(cells):
             match = _UNIT.fullmatch(cell.text)
@@ -166,7 +167,7 @@ class _Reader:
             if key in known:
                 message = f"two columns hold '{name}', the first is column {known[key].column}"
                 hint = "Remove one, or name it under 'ignore' of the case."
-                self.table.refuse((number, cell.column), "duplicate-column", message, hint)
+                self._refuse((number, cell.column), "duplicate-column", message, hint)
             known.setdefault(key, cell)
             found[at] = column
         absent = sorted(set(ignore) - {cell.text for cell in cells} - {
@@ -175,10 +176,10 @@ class _Reader:
         for name in absent:
             hint = did_you_mean(name, [cell.text for cell in cells], what="Columns")
             message = f"there is no column '{name}' that 'ignore' of the case names"
-            self.table.refuse((number, 1), "unknown-column", message, hint)
+            self._refuse((number, 1), "unknown-column", message, hint)
         return found
 
-    def _column(self, number: int, cell: Cell, name: str, unit: str | None) -> _Column | None:
+    def _column(self, number: int, cell: TextCell, name: str, unit: str | None) -> _Column | None:
         place = (number, cell.column)
         if name in self.parameters:
             parameter = self.parameters[name]
@@ -191,17 +192,17 @@ class _Reader:
             hint = did_you_mean(gauge, [*self.parameters, *self._rows], what="Known")
             message = f"the column '{shorten(name)}' is neither a parameter nor a gauge"
             hint += " A column that is not wanted is named under 'ignore' of the case."
-            self.table.refuse(place, "unknown-column", message, hint)
+            self._refuse(place, "unknown-column", message, hint)
             return None
         if not stage and len(self.stages) > 1:
             message = f"the column '{shorten(name)}' does not say of which stage it is"
             hint = f"Write '{gauge} @ {self.stages[-1]}'. Stages: {listing(self.stages)}."
-            self.table.refuse(place, "no-stage", message, hint)
+            self._refuse(place, "no-stage", message, hint)
             return None
         stage = stage or self.stages[0]
         if stage not in self.stages:
             hint = did_you_mean(stage, self.stages, what="Stages")
-            self.table.refuse(place, "unknown-stage", f"there is no stage '{stage}'", hint)
+            self._refuse(place, "unknown-stage", f"there is no stage '{stage}'", hint)
             return None
         channel = self.channels[self._rows[gauge]]
         size = self._size(place, gauge, unit, channel.dimension)
@@ -223,39 +224,39 @@ class _Reader:
                 return 1.0
             message = f"the column '{name}' says no unit, and is {with_article(dimension)}"
             hint = f"Write '{name} [UNIT]'. Its units: {unit_list(dimension)}."
-            self.table.refuse(place, "unit", message, hint)
+            self._refuse(place, "unit", message, hint)
             return None
         try:
             size = size_in(normal_unit(unit, dimension), dimension)
         except UnitError as error:
-            self.table.refuse(place, "unit", error.message, error.hint)
+            self._refuse(place, "unit", error.message, error.hint)
             return None
         if size is None:
             message = f"'{unit}' is no unit of {with_article(dimension)}, as '{name}' is"
-            self.table.refuse(place, "unit", message, f"Its units: {unit_list(dimension)}.")
+            self._refuse(place, "unit", message, f"Its units: {unit_list(dimension)}.")
         return size
 
     def _runs(
         self, width: int, columns: Mapping[int, _Column]
-    ) -> Iterator[tuple[int, list[Cell], list[float]]]:
+    ) -> Iterator[tuple[int, list[TextCell], list[float]]]:
         """Line, cells and numbers of each run, in the order of the columns."""
         for number, line in self.rows[1:]:
-            cells = self.table.split(number, line)
-            if cells and len(cells) != width:
+            cells = cells_of(line, self.delimiter)
+            if len(cells) != width:
                 message = f"found {len(cells)} cells; {width} are expected, as in the header"
                 hint = "A decimal comma needs ';' between columns." if self.delimiter == "," else ""
-                self.table.refuse((number, 1), "bad-row", message, hint)
-            elif cells:
+                self._refuse((number, 1), "bad-row", message, hint)
+            else:
                 mine = [cells[at] for at in columns]
                 numbers = [
                     self._number(number, cell, column)
                     for cell, column in zip(mine, columns.values(), strict=True)
                 ]
                 yield number, mine, numbers
-            if len(self.table.faults) > _MOST_FAULTS:
+            if len(self.faults) > _MOST_FAULTS:
                 return
 
-    def _number(self, number: int, cell: Cell, column: _Column) -> float:
+    def _number(self, number: int, cell: TextCell, column: _Column) -> float:
         """What a cell says, SI; NaN for a run that failed, and with a fault for what is none."""
         text = cell.text.strip()
         if self.delimiter != "," and text.count(",") == 1 and "." not in text:
@@ -267,18 +268,18 @@ class _Reader:
         place = (number, cell.column)
         if column.parameter:
             message = f"'{shorten(cell.text)}' of '{column.parameter}' is not a number"
-            self.table.refuse(place, "bad-number", message, "Write what the run was made with.")
+            self._refuse(place, "bad-number", message, "Write what the run was made with.")
         elif text.lower().lstrip("+-") not in _FAILED:
             message = f"'{shorten(cell.text)}' is not a number"
             hint = "Write nan, or leave it empty, where a run has failed."
-            self.table.refuse(place, "bad-number", message, hint)
+            self._refuse(place, "bad-number", message, hint)
         return math.nan
 
     def _checked(
         self,
         header: int,
         columns: list[_Column],
-        runs: list[tuple[int, list[Cell], list[float]]],
+        runs: list[tuple[int, list[TextCell], list[float]]],
     ) -> ReadRuns | None:
         """The runs that are there, unless no surface could be laid through them."""
         failed = [run for run in runs if np.isnan(run[2]).any()]
@@ -291,7 +292,7 @@ class _Reader:
         values = table[:, of_parameters]
         for k, column in enumerate(columns):
             self._check_column(header, column, table[:, k])
-        if self.table.faults or not names:
+        if self.faults or not names:
             return None
         self._check_runs(names, values, [number for number, _, _ in sound])
         readings = np.full((len(sound), len(self.stages), len(self.channels)), np.nan)
@@ -307,8 +308,8 @@ class _Reader:
         also = f" ({failed} more have failed)" if failed else ""
         message = f"found {sound} runs{also}; {n} parameters need {least} at least"
         hint = f"About {10 * n} make a good surface: a Latin hypercube over the bounds."
-        place = Location(self.table.file, self.rows[-1][0], 1)
-        self.table.faults.append(Fault("too-few", message, hint, place))
+        place = Location(self.file, self.rows[-1][0], 1)
+        self.faults.append(Fault("too-few", message, hint, place))
         return False
 
     def _check_column(self, header: int, column: _Column, values: Floats) -> None:
@@ -320,15 +321,13 @@ class _Reader:
             hint = "Give the parameter its number in the program instead, and remove it here."
             if not column.parameter:
                 hint = "Nothing can be identified from it: name it under 'ignore' of the case."
-            self.table.refuse(place, "constant-column", message, hint)
+            self._refuse(place, "constant-column", message, hint)
         log = column.parameter and self.parameters[column.parameter].scale == "log"
         if log and values.min() <= 0.0:
             message = f"'{column.parameter}' has the scale log, and is not positive in all runs"
-            self.table.refuse(place, "out-of-range", message, "Use 'scale: linear' in the case.")
+            self._refuse(place, "out-of-range", message, "Use 'scale: linear' in the case.")
 
-    def _check_runs(
-        self, names: Sequence[str], values: Floats, numbers: Sequence[int]
-    ) -> None:
+    def _check_runs(self, names: Sequence[str], values: Floats, numbers: Sequence[int]) -> None:
         """No run is there twice, and no parameters only change together."""
         width = np.ptp(values, axis=0)
         unit = (values - values.min(axis=0)) / width
@@ -338,19 +337,19 @@ class _Reader:
             if first != number:
                 message = f"the parameters are those of the run in line {first}"
                 hint = "Remove one of the two: a surface can go through one reading only."
-                self.table.refuse((number, 1), "duplicate-run", message, hint)
+                self._refuse((number, 1), "duplicate-run", message, hint)
         centred = unit - unit.mean(axis=0)
         size, vectors = np.linalg.svd(centred, full_matrices=False)[1:]
         if size[-1] < _TOGETHER * size[0]:
             tied = [names[k] for k in np.flatnonzero(np.abs(vectors[-1]) > 0.1).tolist()]
             message = f"{listing(tied)} change only together, so nothing tells them apart"
             hint = "Add runs in which each changes by itself, or make one parameter of them."
-            self.table.refuse((self.rows[0][0], 1), "tied-columns", message, hint)
+            self._refuse((self.rows[0][0], 1), "tied-columns", message, hint)
 
     def _left_out(
         self,
         columns: Sequence[_Column],
-        failed: Sequence[tuple[int, list[Cell], list[float]]],
+        failed: Sequence[tuple[int, list[TextCell], list[float]]],
         total: int,
     ) -> tuple[str, ...]:
         """Which runs have failed, in a sentence."""

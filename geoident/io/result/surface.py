@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import h5py
 import numpy as np
 
@@ -35,9 +37,7 @@ def read_surface(file: h5py.File) -> SurfaceTable:
     """The response surfaces of a fit."""
     group = TableReader(file, GROUP)
     rows = len(group.array("column", "iu"))
-    return SurfaceTable(
-        file=group.attribute("file", str),
-        runs=group.attribute("runs", int),
-        **{key: group.texts(name, rows) for name, key in _TEXTS.items()},
-        **{name: group.floats(name, rows) for name in _NUMBERS},
-    )
+    texts: dict[str, Any] = {key: group.texts(name, rows) for name, key in _TEXTS.items()}
+    numbers: dict[str, Any] = {name: group.floats(name, rows) for name in _NUMBERS}
+    runs = int(group.attribute("runs", float))
+    return SurfaceTable(file=group.attribute("file", str), runs=runs, **texts, **numbers)

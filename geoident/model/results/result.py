@@ -18,8 +18,8 @@ from geoident.model.results.model_error import ModelErrorTable
 from geoident.model.results.opening import GroundReaction
 from geoident.model.results.posterior import PosteriorDraws
 from geoident.model.results.reduced import KeptReducedModel
-from geoident.model.results.surface import SurfaceTable
 from geoident.model.results.rivals import Evidence, ModelComparison, Rivals
+from geoident.model.results.surface import SurfaceTable
 from geoident.model.results.varied import FieldEstimate
 from geoident.model.yielding import Certificate
 from geoident.units import shown_unit, size_in

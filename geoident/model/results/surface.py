@@ -1,4 +1,4 @@
-"""The response surfaces of a table of runs, and how well they foretell runs left out (theory 4.8)."""
+"""The response surfaces of a table of runs, and how well runs left out are told (theory 4.8)."""
 
 from __future__ import annotations
 

@@ -29,7 +29,6 @@ from geoident.report.page.logo import logo_element
 from geoident.report.text import (
     accuracies,
     backtest,
-    model_error,
     posterior,
     rivals,
     structures,
@@ -37,6 +36,7 @@ from geoident.report.text import (
     yielding,
 )
 from geoident.report.text.case import case_entries, case_title
+from geoident.report.text.errors import model_error, surface
 from geoident.report.text.gauges import (
     OUTLIER,
     in_sd_note,

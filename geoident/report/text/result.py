@@ -15,14 +15,13 @@ from geoident.model.results.summary import Identifiability
 from geoident.report.text import (
     accuracies,
     backtest,
-    model_error,
     posterior,
     rivals,
-    surface,
     structures,
     varied,
     yielding,
 )
+from geoident.report.text.errors import model_error, surface
 from geoident.report.text.gauges import (
     OUTLIER,
     fit_table,

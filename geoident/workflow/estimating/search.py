@@ -68,7 +68,6 @@ from geoident.workflow.running.readings import (
 )
 from geoident.workflow.running.reduced_scan import with_reduced_readings
 
-
 _SURFACES = 4
 """Times that the error of response surfaces is found again where the answer has moved."""
 
@@ -193,7 +192,10 @@ class _Search:
         if not isinstance(model, TableModel) or at.outcome.status == STOPPED:
             return at
         for _ in range(_SURFACES):
-            before, case = at.setup.case, with_surface_error(at.setup.case, model, at.outcome.values)
+            before, case = (
+                at.setup.case,
+                with_surface_error(at.setup.case, model, at.outcome.values),
+            )
             at = self._weighed(at, case)
             if is_steady(before, case):
                 break

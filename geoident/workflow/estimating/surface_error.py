@@ -51,9 +51,7 @@ def with_surface_error(case: Case, model: CaseModel, p: Floats, *, after: int = 
     )
 
 
-def _with_surface(
-    channel: Channel, stages: Sequence[str], root: Floats, after: int
-) -> ErrorParts:
+def _with_surface(channel: Channel, stages: Sequence[str], root: Floats, after: int) -> ErrorParts:
     parts = channel.errors or ErrorParts(channel.accuracy)
     before = (0.0,) * after
     each = zip(stages, root.tolist(), strict=True)
@@ -62,9 +60,7 @@ def _with_surface(
 
 def surface_sources(case: Case) -> int:
     """Number of the errors of response surfaces that the readings of a case share."""
-    sizes = (
-        len(row) for c in case.channels if c.errors is not None for _, row in c.errors.surface
-    )
+    sizes = (len(row) for c in case.channels if c.errors is not None for _, row in c.errors.surface)
     return max(sizes, default=0)
 
 

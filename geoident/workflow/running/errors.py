@@ -72,7 +72,9 @@ def total_sd(channel: Channel, reading: Reading) -> float:
     own = own_sd(channel, reading)
     if channel.errors is None:
         return own
-    of_gauge = (size for part, _, size in _shared(channel, reading, {}) if part not in (MESH, SURFACE))
+    of_gauge = (
+        size for part, _, size in _shared(channel, reading, {}) if part not in (MESH, SURFACE)
+    )
     return math.hypot(own, *of_gauge)
 
 

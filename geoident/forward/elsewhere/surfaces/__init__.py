@@ -1,1 +1,1 @@
-"""Response surfaces through runs that were made elsewhere, and what they do not know (theory 4.8)."""
+"""Response surfaces through runs that were made elsewhere, and their own errors (theory 4.8)."""

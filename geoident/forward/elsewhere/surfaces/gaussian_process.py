@@ -2,13 +2,14 @@
 
     y(u) = f(u)^T b + z(u) ,   cov(z(u), z(v)) = s^2 ( k(u, v) + l [u = v] ) ,   f = (1, u)
 
-with k the squared exponential of the distances over lengths, or Matern's function of order 5/2. With K
-the matrix of k + l over the runs, F that of the trend and
+with k the squared exponential of the distances over lengths, or Matern's function of order 5/2.
+With K the matrix of k + l over the runs, F that of the trend and
 
     Q = K^-1 - K^-1 F (F^T K^-1 F)^-1 F^T K^-1
 
-the lengths and l maximise the restricted likelihood, s^2 = y^T Q y / (r - q), and what is left out is
-foretold in closed form (Dubrule 1983): of run i the error is (Q y)_i / Q_ii, its variance s^2 / Q_ii.
+the lengths and l maximise the restricted likelihood, s^2 = y^T Q y / (r - q), and what is left out
+is foretold in closed form (Dubrule 1983): of run i the error is (Q y)_i / Q_ii, its variance
+s^2 / Q_ii.
 """
 
 from __future__ import annotations
@@ -45,7 +46,7 @@ class Hyperparameters:
     smooth: bool
 
     def correlation(self, u: Floats, v: Floats) -> Floats:
-        """k (r, s) between coordinates u (r, n) and v (s, n)."""
+        """Correlation k (r, s) between coordinates u (r, n) and v (s, n)."""
         return _correlation(_squared(u / self.lengths, v / self.lengths), smooth=self.smooth)[0]
 
 
@@ -58,7 +59,7 @@ def _squared(u: Floats, v: Floats) -> Floats:
 
 
 def _correlation(squared: Floats, *, smooth: bool) -> tuple[Floats, Floats]:
-    """k and -2 dk / d(squared) at squared distances."""
+    """Correlation k and -2 dk / d(squared) at squared distances."""
     if smooth:
         k = np.exp(-0.5 * squared)
         return k, k
@@ -91,14 +92,15 @@ class _System:
         self.free = len(y) - self.F.shape[1]
         self.variance = max(float(y @ self.weights), 0.0) / self.free
 
-    def Q(self) -> Floats:
+    def projection(self) -> Floats:
+        """Q (r, r)."""
         inverse = cho_solve(self.factor, np.eye(len(self.F)))
         return np.asarray(inverse - self.solved @ cho_solve(self.of_trend, self.solved.T))
 
     def log_determinants(self) -> float:
-        """log |K| + log |F^T K^-1 F|."""
+        """Logarithm of |K| |F^T K^-1 F|: log |K| + log |F^T K^-1 F|."""
         parts = (np.diag(factor[0]) for factor in (self.factor, self.of_trend))
-        return float(2.0 * sum(np.log(part).sum() for part in parts))
+        return 2.0 * float(sum(float(np.log(part).sum()) for part in parts))
 
 
 @dataclass(frozen=True)
@@ -154,7 +156,7 @@ class GaussianProcess:
         rest = trend(u[None])[0] - system.solved.T @ k
         part = 1.0 + given.nugget - k @ cho_solve(system.factor, k)
         part += rest @ cho_solve(system.of_trend, rest)
-        return float(np.sqrt(self.variance * max(part, given.nugget)))
+        return float(np.sqrt(self.variance * max(float(part), given.nugget)))
 
 
 def _matrix(u: Floats, given: Hyperparameters) -> Floats:
@@ -173,7 +175,7 @@ def process_with(u: Floats, y: Floats, given: Hyperparameters) -> GaussianProces
     """
     size = _size(y)
     system = _System(u, y / size, _matrix(u, given))
-    diagonal = np.diag(system.Q())
+    diagonal = np.diag(system.projection())
     return GaussianProcess(
         u,
         y,
@@ -191,7 +193,7 @@ _ROUNDING = 1e-14
 
 def _size(y: Floats) -> float:
     """By which readings are divided, so that nothing under- or overflows."""
-    return float(np.ptp(y)) or 1.0
+    return float(y.max() - y.min()) or 1.0
 
 
 def fitted_process(
@@ -208,12 +210,12 @@ def fitted_process(
     rows = np.arange(len(u))
     if len(u) > MOST_FOR_LENGTHS:
         rows = np.sort(np.random.default_rng(0).permutation(len(u))[:MOST_FOR_LENGTHS])
-    likelihood = Likelihood(u[rows], y[rows], smooth=smooth)
+    likelihood = ProcessLikelihood(u[rows], y[rows], smooth=smooth)
     n = u.shape[1]
     starts = [np.append(np.full(n, np.log(2.0)), np.log(1e-6))]
     if near is not None:
         starts.append(np.append(np.log(near.lengths), np.log(near.nugget)))
-    start = min(starts, key=lambda theta: likelihood(theta)[0])
+    start = starts[int(np.argmin([likelihood(theta)[0] for theta in starts]))]
     found = minimize(
         likelihood,
         start,
@@ -230,7 +232,7 @@ def hyperparameters_of(theta: Floats, *, smooth: bool) -> Hyperparameters:
     return Hyperparameters(np.exp(theta[:-1]), float(np.exp(theta[-1])), smooth)
 
 
-class Likelihood:
+class ProcessLikelihood:
     """Negative logarithm of the restricted likelihood, but for a constant.
 
     Args:
@@ -258,7 +260,7 @@ class Likelihood:
             return _UNLIKELY, np.zeros_like(theta)
         variance = max(system.variance, _ROUNDING**2)
         value = 0.5 * (system.free * np.log(variance) + system.log_determinants())
-        left = system.Q() - np.outer(system.weights, system.weights) / variance
+        left = system.projection() - np.outer(system.weights, system.weights) / variance
         bent = left * slope
         by_lengths = [
             0.5 * size * float(np.sum(bent * part))

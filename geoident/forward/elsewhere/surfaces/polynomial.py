@@ -1,4 +1,4 @@
-"""A polynomial through runs, by least squares in products of Legendre's polynomials (theory 4.8)."""
+"""A polynomial through runs, by least squares in products of Legendre's (theory 4.8)."""
 
 from __future__ import annotations
 
@@ -103,7 +103,13 @@ def _legendre(u: Floats, order: int) -> tuple[Floats, Floats]:
 
 
 def design(u: Floats, powers: tuple[tuple[int, ...], ...], order: int) -> Floats:
-    """The terms (r, q) at coordinates u (r, n)."""
+    """The terms (r, q) at coordinates of points.
+
+    Args:
+        u: (r, n) coordinates.
+        powers: of each of the q terms.
+        order: the largest of them.
+    """
     values = legendre.legvander(u, order)
     found = np.ones((len(u), len(powers)))
     for j, column in enumerate(np.array(powers).T):

@@ -1,6 +1,6 @@
 """What a response surface can say; which one is taken; how the errors of several go together.
 
-Coordinates are those of `Coordinates`: every parameter from -1 to 1 over the runs, on its own
+RunCoordinates are those of `RunCoordinates`: every parameter from -1 to 1 over the runs, on its own
 scale. A surface is of one reading.
 """
 
@@ -48,7 +48,7 @@ class ResponseSurface(Protocol):
 
 
 @dataclass(frozen=True)
-class Coordinates:
+class RunCoordinates:
     """Where parameters are among the runs: from -1 to 1, of those on a log scale the logarithm.
 
     Args:
@@ -62,7 +62,7 @@ class Coordinates:
     upper: Floats
 
     def of(self, p: Floats) -> Floats:
-        """Coordinates of parameters p (..., n)."""
+        """RunCoordinates of parameters p (..., n)."""
         low, high = self._scaled(self.lower), self._scaled(self.upper)
         return np.asarray((2.0 * self._scaled(p) - low - high) / (high - low))
 
@@ -76,7 +76,7 @@ class Coordinates:
 
 
 def rms(values: Floats) -> float:
-    """Root mean square."""
+    """Root mean square of numbers (r,)."""
     return float(np.sqrt(np.mean(values**2)))
 
 

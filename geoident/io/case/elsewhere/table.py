@@ -11,7 +11,7 @@ import numpy as np
 from geoident.errors import InputError
 from geoident.io.case.elsewhere.section import TableModelSection
 from geoident.io.case.elsewhere.surroundings import Surroundings
-from geoident.io.elsewhere.run_table import ReadRuns, least_runs, read_run_table
+from geoident.io.elsewhere.run_table import ReadRuns, read_run_table
 from geoident.model.arrays import Floats
 from geoident.model.elsewhere import RunTable
 from geoident.model.parameter import Parameter
@@ -20,8 +20,11 @@ from geoident.units import in_unit, shown_unit
 FEW = 10
 """Runs for each parameter below which it is said that they are few."""
 
-_MOST_BEYOND = 0.05
-"""Part of the range of the runs by which a bound may be beyond it at most, to be moved there."""
+_BEYOND = 2.0
+"""By this part of the range of r runs, times 1 / r, a bound may be beyond them, to be moved there.
+
+A Latin hypercube over the bounds ends that far from them.
+"""
 
 
 def build_table(section: TableModelSection, around: Surroundings) -> RunTable:
@@ -52,9 +55,7 @@ def build_table(section: TableModelSection, around: Surroundings) -> RunTable:
             f"{len(found.values)} runs are few for {len(found.names)} parameters: "
             f"{FEW * len(found.names)} and more make a good response surface",
         )
-    table = RunTable(
-        path, section.surface, found.names, found.values, found.readings, notes
-    )
+    table = RunTable(path, section.surface, found.names, found.values, found.readings, notes)
     return replace(table, notes=(*table.notes, *_check_bounds(table, around)))
 
 
@@ -67,9 +68,8 @@ def _check_complete(
             message = f"the parameter '{name}' has no column in {file}"
             hint = "Add it, with what each run was made with, or remove the parameter."
             around.faults.add(("parameters", name), "no-column", message, hint, key=True)
-    given = ~np.isnan(found.readings).all(axis=(0, 1))
-    for channel, is_there in zip(around.channels, given.tolist(), strict=True):
-        if not is_there:
+    for j, channel in enumerate(around.channels):
+        if np.isnan(found.readings[:, :, j]).all():
             message = f"'{channel.name}' has no column in {file}"
             hint = "Add it, with what each run gave, or remove the gauge."
             around.faults.add(("gauges", channel.name), "no-column", message, hint, key=True)
@@ -77,8 +77,8 @@ def _check_complete(
 
 def _check_bounds(table: RunTable, around: Surroundings) -> list[str]:
     """No bound is beyond the runs; those that are so by little are moved, which is said."""
-    notes = []
-    allowed = min(_MOST_BEYOND, 2.0 / len(table))
+    moved = []
+    allowed = _BEYOND / len(table)
     for name, column in zip(table.names, table.values.T, strict=True):
         parameter = around.parameters[name]
         low, high = float(column.min()), float(column.max())
@@ -95,10 +95,8 @@ def _check_bounds(table: RunTable, around: Surroundings) -> list[str]:
             path = ("parameters", name, "bounds", end)
             around.faults.add(path, "beyond-runs", message, hint)
         else:
-            notes.append(
-                f"the bounds of {name} are taken where the runs end: {least} to {most}"
-            )
-    return notes
+            moved.append(f"{name} from {least} to {most}")
+    return [f"bounds are taken where the runs end: {', '.join(moved)}"] if moved else []
 
 
 def _beyond(parameter: Parameter, low: float, high: float) -> Floats:
@@ -106,9 +104,7 @@ def _beyond(parameter: Parameter, low: float, high: float) -> Floats:
     ends = np.array([parameter.lower, low, high, parameter.upper])
     if parameter.scale == "log":
         ends = np.log(ends)
-    return np.asarray(
-        np.maximum([ends[1] - ends[0], ends[3] - ends[2]], 0.0) / (ends[2] - ends[1])
-    )
+    return np.asarray(np.maximum([ends[1] - ends[0], ends[3] - ends[2]], 0.0) / (ends[2] - ends[1]))
 
 
 def _shown(value: float, parameter: Parameter) -> str:
@@ -125,11 +121,12 @@ def within_runs(parameters: Sequence[Parameter], table: RunTable) -> tuple[Param
     """
     found = []
     for parameter in parameters:
-        if parameter.name in table.names:
-            column = table.values[:, table.names.index(parameter.name)]
-            lower = max(parameter.lower, float(column.min()))
-            upper = min(parameter.upper, float(column.max()))
-            start = min(max(parameter.start, lower), upper)
-            parameter = replace(parameter, lower=lower, upper=upper, start=start)
-        found.append(parameter)
+        if parameter.name not in table.names:
+            found.append(parameter)
+            continue
+        column = table.values[:, table.names.index(parameter.name)]
+        lower = max(parameter.lower, float(column.min()))
+        upper = min(parameter.upper, float(column.max()))
+        start = min(max(parameter.start, lower), upper)
+        found.append(replace(parameter, lower=lower, upper=upper, start=start))
     return tuple(found)

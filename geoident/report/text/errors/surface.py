@@ -10,17 +10,17 @@ from geoident.units import in_unit, shown_unit
 
 TITLE = "Response surfaces"
 
-_MOST = 40
+_MOST = 12
 """Rows of the table; of more readings the worst are shown."""
 
 
 def surface_table(found: SurfaceTable | None) -> TextTable:
-    """A row for each reading, in its unit; of many the worst."""
+    """A row for each reading, in its unit, the worst first; of many only these."""
     header = ("reading", "surface", "left out", "here", "accuracy", "unit")
     if found is None:
         return TextTable(header, (), "llrrrl")
     share = (found.left_out / found.accuracy).tolist()
-    rows = sorted(sorted(range(len(found)), key=lambda k: -share[k])[:_MOST])
+    rows = sorted(range(len(found)), key=lambda k: -share[k])[:_MOST]
     several = len(set(found.stages)) > 1
     return TextTable(header, [_row(found, k, several=several) for k in rows], "llrrrl")
 
@@ -39,10 +39,13 @@ def surface_words(found: SurfaceTable | None) -> str:
     """What the columns of the table are, in a sentence; empty where there is none."""
     if found is None:
         return ""
-    more = f" The {_MOST} worst of {len(found)} readings." if len(found) > _MOST else ""
+    more = (
+        f" Of {len(found)} readings the {_MOST} that are told worst." if len(found) > _MOST else ""
+    )
     return (
         f"Through {found.runs} runs of {found.file}. left out: root mean square error of runs that "
-        f"are foretold by the others; here: standard deviation of the surface at these parameters.{more}"
+        "are foretold by the others; here: standard deviation of the surface at these parameters."
+        f"{more}"
     )
 
 
