@@ -20,6 +20,7 @@ from geoident.fem.solvers import pick_solver
 from geoident.forward.checks import faults_on_mesh
 from geoident.forward.elsewhere.model import ElsewhereModel
 from geoident.forward.elsewhere.runs import ModelRuns
+from geoident.forward.elsewhere.table import SurfaceRuns, TableModel
 from geoident.forward.ground.field import mode_parameters
 from geoident.forward.model import StagedModel, staged_model
 from geoident.forward.openings.model import OpeningModel, opening_model
@@ -30,7 +31,7 @@ from geoident.io.result.file import FORMAT
 from geoident.io.text.text_file import STDIN, require_file, seen_from
 from geoident.model.arrays import Floats
 from geoident.model.case import Case, Source
-from geoident.model.elsewhere import ExternalProgram
+from geoident.model.elsewhere import ExternalProgram, RunTable
 from geoident.model.mesh import Mesh
 from geoident.model.methods import MethodOptions, method_name
 from geoident.model.results.result import Provenance, Result
@@ -290,6 +291,8 @@ def build_model(
     elsewhere = inputs.case.elsewhere
     if elsewhere is not None:
         folder = runs_folder(inputs.path)
+        if isinstance(elsewhere, RunTable):
+            return TableModel(inputs.case, SurfaceRuns(inputs.case, elsewhere))
         if isinstance(elsewhere, ExternalProgram):
             runs: ModelRuns = ProgramRuns(inputs.case, elsewhere, folder, again=fresh)
         else:
