@@ -24,6 +24,7 @@ from geoident.io.result import (
     posterior,
     reading_tables,
     reduced,
+    surface,
     tables,
     vtkhdf,
 )
@@ -155,6 +156,8 @@ def _write_errors(file: h5py.File, result: Result) -> None:
         reading_tables.write_accuracies(file, result.accuracies)
     if result.model_error is not None:
         tables.write_model_error(file, result.model_error)
+    if result.surface is not None:
+        surface.write_surface(file, result.surface)
 
 
 def _write_findings(file: h5py.File, result: Result) -> None:
@@ -306,6 +309,7 @@ def _read(file: h5py.File, root: _Attributes) -> Result:
         evidence=tables.read_evidence(file) if tables.EVIDENCE in contents else None,
         fields=vtkhdf.read_fields(file) if vtkhdf.GROUP in contents else None,
         model_error=(tables.read_model_error(file) if tables.MODEL_ERROR in contents else None),
+        surface=surface.read_surface(file) if surface.GROUP in contents else None,
         posterior=posterior.read_posterior(file) if posterior.GROUP in contents else None,
         varied=read_varied(file) if VARIED in contents else (),
         reduced=reduced.read_reduced(file) if reduced.GROUP in contents else None,
