@@ -170,3 +170,36 @@ def test_what_dakota_is_not_told_is_said(trench, run):
     (trench / "case.yaml").write_text(CASE.replace("scale: log}", prior))
     said = run("export", "case.yaml", "--format", "dakota").stderr
     assert "the priors of E are left out" in said
+
+
+FUNCTION = """\
+format: geoident-case/1
+model: {kind: python, function: "mine:readings"}
+parameters:
+  E: {start: 6 GPa, bounds: [1 GPa, 50 GPa], scale: log}
+  K0: {start: 1.0, bounds: [0.3, 3.0]}
+stages: [{name: first}, {name: second}]
+gauges:
+  CV: {kind: reading, accuracy: 0.05 mm}
+  S: {kind: reading, accuracy: 0.05 mm}
+  X.a: {kind: reading, accuracy: 0.05 mm}
+readings: []
+"""
+
+MINE = """\
+def readings(p):
+    u = 1e7 * p["K0"] / p["E"]
+    return {"CV": [u, 2 * u], "S": [u * p["K0"], u], "X.a": [-u, 3 * u]}
+"""
+
+
+def test_another_program_gives_differences(trench, run, monkeypatch):
+    monkeypatch.setenv("XDG_STATE_HOME", str(trench / "state"))
+    Path("case.yaml").write_text(FUNCTION)
+    Path("mine.py").write_text(MINE)
+    assert asked(run, STANDARD).exit_code == 3  # nothing is run unasked
+    assert asked(run, STANDARD, "--trust").exit_code == 0
+    numbers = [float(x) for x in re.findall(r"\S+e[-+]\d+", Path("results.out").read_text())]
+    # u = 10 K0 / E in mm and GPa: 3 at E = 5, K0 = 1.5
+    expected = [3.0, 9.0, -3.0 / 5, 2.0, -4.5 / 5, 6.0]
+    assert numbers == pytest.approx(expected, rel=1e-5)

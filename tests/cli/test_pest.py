@@ -49,7 +49,8 @@ def test_pyemu_reads_what_the_case_says(trench, run):
     pst = control()
     by = pst.parameter_data
     assert by.partrans.to_dict() == {"e": "log", "k0": "none"}
-    assert by.loc["e", ["parval1", "parlbnd", "parubnd"]].tolist() == [2.0, 0.1, 50.0]
+    assert by.loc["e", ["parval1", "parlbnd", "parubnd"]].tolist() == [4.0, 0.1, 50.0]
+    assert by.parval1["k0"] == 1.2  # PEST++ draws around the start: that is the prior mean
     assert by.parchglim.to_dict() == {"e": "factor", "k0": "relative"}
     groups = pst.parameter_groups
     assert groups.loc[by.pargp["e"], ["inctyp", "derinc"]].tolist() == ["relative", 0.01]

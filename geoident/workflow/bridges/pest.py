@@ -273,6 +273,7 @@ def _parameter(name: str, parameter: Parameter, groups: dict[str, PestGroup]) ->
     log, prior = _is_log(parameter), None
     if parameter.prior is not None:
         mean, sd = parameter.prior.mean / size, parameter.prior.sd / size
+        start = min(max(mean, lower), upper)  # PEST++ draws its ensembles around the start
         prior = (math.log10(mean), sd / mean / math.log(10.0)) if log else (mean, sd)
     return PestParameter(
         name=name,
