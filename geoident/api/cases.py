@@ -19,6 +19,7 @@ from geoident.api.plots import Drawing
 from geoident.api.tables import ResultTable
 from geoident.errors import InputError, Location, UsageError
 from geoident.forward.elsewhere.model import ElsewhereModel
+from geoident.forward.elsewhere.table import TableModel
 from geoident.io.docs.templates import TEMPLATES
 from geoident.model.case import Case
 from geoident.model.gauges import Reading
@@ -153,8 +154,8 @@ def trust(case: CaseFile | AnyPath) -> None:
     overrides = (*origin.overrides, NO_READINGS)
     inputs = load_inputs(origin.path, overrides=overrides, text=origin.text)
     model = build_model(inputs) if inputs.case.elsewhere is not None else None
-    if not isinstance(model, ElsewhereModel):
-        raise UsageError(f"{origin.path} runs nothing: it has no 'model'.")
+    if not isinstance(model, ElsewhereModel) or isinstance(model, TableModel):
+        raise UsageError(f"{origin.path} runs nothing: its 'model' is no program and no function.")
     with decided_by(trusting(trust=True)):
         model.runs.require_trust()
 
