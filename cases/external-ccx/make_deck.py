@@ -1,8 +1,8 @@
 """Writes the deck of CalculiX and the same mesh for geoident. Run: python make_deck.py.
 
 An eighth of a cube of rock of 40 m with a cavern of 10 m in its middle, elements with 20 nodes.
-Where rock is elastic, taking the in-situ stress off the wall is all that the excavation does, so the deck
-pulls at the wall with that stress and needs no initial state.
+Where rock is elastic, taking the in-situ stress off the wall is all that the excavation does, so
+the deck pulls at the wall with that stress and needs no initial state.
 """
 
 import argparse
