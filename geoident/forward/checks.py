@@ -10,6 +10,7 @@ to be wrong already. What was prepared is handed on (`CaseOnMesh`): a model need
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Protocol
 
 import numpy as np
@@ -57,6 +58,7 @@ from geoident.forward.yielding.checks import no_stress_left, yield_faults, yield
 from geoident.model.case import Case, KeyPath, format_path
 from geoident.model.gauges import named_channels
 from geoident.model.mesh import Mesh
+from geoident.model.of_mesh import OfMesh
 from geoident.model.parameter import Scalar, Values
 
 
@@ -96,8 +98,13 @@ def faults_on_mesh(case: Case, mesh: Mesh, *, complete: bool) -> list[Fault]:
     return _all_faults(on_mesh)[1]
 
 
+_upright_of = OfMesh[Mesh]()
+_loose_body_of = OfMesh[LooseBody | None]()
+
+
 def _on(mesh: Mesh, case: Case) -> CaseOnMesh:
-    upright = oriented(mesh, kinematics_of(case.analysis))
+    kinematics = kinematics_of(case.analysis)
+    upright = _upright_of(mesh, case.analysis, lambda: oriented(mesh, kinematics))
     return CaseOnMesh(case, upright, turned=turned_elements(mesh, upright))
 
 
@@ -261,7 +268,11 @@ def _refuse_mechanisms(on_mesh: CaseOnMesh) -> None:
         checked.add(present.tobytes())
         if not present.any():
             raise InputError([_no_ground(on_mesh, n)])
-        loose = loose_body(mesh, on_mesh.table, on_mesh.kinematics, present, fixed)
+        loose = _loose_body_of(
+            mesh,
+            (on_mesh.kinematics.rigid, present.tobytes(), fixed.tobytes()),
+            partial(loose_body, mesh, on_mesh.table, on_mesh.kinematics, present, fixed),
+        )
         if loose is None:
             continue
         place: KeyPath = ("stages", n - 1) if n else ("supports",)

@@ -8,10 +8,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from geoident.forward.elsewhere.table import TableModel
 from geoident.forward.gauges.placement import placements
 from geoident.forward.model import StagedModel
 from geoident.forward.protocols import CaseModel
 from geoident.model.case import Case
+from geoident.model.elsewhere import RunTable
 from geoident.model.gauges import ReadingTable, named_channels
 from geoident.model.mesh import Mesh
 from geoident.model.methods import method_name
@@ -25,6 +27,7 @@ from geoident.model.results.summary import (
     ReadingSummary,
     StageSummary,
 )
+from geoident.model.results.surface import SurfaceTable
 from geoident.workflow.estimating.setup import require_possible
 from geoident.workflow.programs.program import executed
 from geoident.workflow.running.cost import estimate_cost, evaluations_text
@@ -128,6 +131,7 @@ def summarize(inputs: Inputs, model: CaseModel, readings: ReadingTable) -> CaseS
             yields=staged is not None and staged.yields,
         ),
         elsewhere=_elsewhere(case),
+        surface=_surface(model),
     )
 
 
@@ -136,7 +140,16 @@ def _elsewhere(case: Case) -> str:
     if case.elsewhere is None:
         return ""
     words = executed(case.elsewhere)
+    if isinstance(case.elsewhere, RunTable):
+        return f"the model is elsewhere: {words}, and response surfaces between them"
     return f"the model is elsewhere: {words}; a run gives all readings at one parameter vector"
+
+
+def _surface(model: CaseModel) -> SurfaceTable | None:
+    """How well a table of runs foretells runs left out; its own errors at the start values."""
+    if not isinstance(model, TableModel):
+        return None
+    return model.surface_table(start_values(model.case, model))
 
 
 _SOON = 1.0

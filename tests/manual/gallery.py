@@ -151,7 +151,7 @@ def _result(one: Shown) -> Result:
     path = folder / (f"template-{one.name}" if both else one.name) / "case.fit.h5"
     if not path.exists():
         path.parent.mkdir(parents=True, exist_ok=True)
-        done = CliRunner().invoke(geoident, ["fit", str(one.case), "-o", str(path)])
+        done = CliRunner().invoke(geoident, ["fit", str(one.case), "-o", str(path), "--trust"])
         if not path.exists():
             raise RuntimeError(done.output)
     return read_result(path)

@@ -28,7 +28,9 @@ from geoident.io.case.case import (
     check_references,
     tied_parameters,
 )
-from geoident.io.case.elsewhere.build import Surroundings, build_elsewhere
+from geoident.io.case.elsewhere.build import build_elsewhere
+from geoident.io.case.elsewhere.surroundings import Surroundings
+from geoident.io.case.elsewhere.table import within_runs
 from geoident.io.case.gauges.accuracy import described_channels
 from geoident.io.case.readings_by_stage import read_all
 from geoident.io.case.site_files.measured_values import with_measured
@@ -42,7 +44,7 @@ from geoident.io.text.text_file import STDIN, decode, read_bytes
 from geoident.io.text.wording import shorten
 from geoident.io.text.yaml_reader import MAX_BYTES, Node, parse_yaml
 from geoident.model.case import Case, KeyPath
-from geoident.model.elsewhere import Elsewhere
+from geoident.model.elsewhere import Elsewhere, RunTable
 from geoident.model.methods import LOSS_OPTIONS, METHOD_OPTIONS, method_name
 from geoident.model.results.head import ReportHead
 
@@ -202,6 +204,9 @@ def _build(section: CaseSection, folder: Path, faults: Faults, *, with_mesh: boo
     check_references(section, faults)
     read = read_all(section, partial(_find, folder, faults=faults), faults)
     built = build_case(section, faults)
+    elsewhere = _elsewhere(section, built, folder, faults) if with_mesh else None
+    if isinstance(elsewhere, RunTable):
+        built = replace(built, parameters=within_runs(built.parameters, elsewhere))
     case = replace(
         built,
         channels=described_channels(built, section, read.zeros, faults),
@@ -210,13 +215,13 @@ def _build(section: CaseSection, folder: Path, faults: Faults, *, with_mesh: boo
         dates=read.dates,
         notes=read.notes,
         when_read=read.by_stage,
-        elsewhere=_elsewhere(section, built, folder, faults) if with_mesh else None,
+        elsewhere=elsewhere,
     )
     return _Built(case, mesh_path, read.paths)
 
 
 def _elsewhere(section: CaseSection, case: Case, folder: Path, faults: Faults) -> Elsewhere | None:
-    """The program or function of a case; None for one that geoident computes."""
+    """The program, function or table of a case; None for one that geoident computes."""
     if section.model is None:
         return None
     around = Surroundings(

@@ -29,6 +29,7 @@ from geoident.model.elsewhere import (
     Elsewhere,
     ExternalProgram,
     PythonFunction,
+    RunTable,
     TemplateField,
     seen_parameters,
 )
@@ -54,11 +55,13 @@ def executable(program: ExternalProgram) -> str | None:
 
 
 def executed(given: Elsewhere) -> str:
-    """What a model elsewhere runs, in words.
+    """What a model elsewhere runs, in words; of a table, what it has.
 
     Args:
         given: the model.
     """
+    if isinstance(given, RunTable):
+        return f"the {len(given)} runs of {Path(given.path).name}"
     if isinstance(given, PythonFunction):
         also = f" and '{given.jacobian}'" if given.jacobian else ""
         return f"the function '{given.name}'{also} of {Path(given.path).name}"

@@ -299,7 +299,8 @@ class Remembered:
             yield turn
         finally:
             ahead, self._ahead = self._ahead, None
-            forget(self._inner)  # what comes next has not seen the parts, wherever they were made
+            if looks:  # what comes next has not seen the parts, wherever they were made
+                forget(self._inner)
             if ahead is not None:
                 ahead.end()
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import ast
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from geoident.errors import Fault, InputError, Location
@@ -13,8 +12,11 @@ from geoident.io.case.elsewhere.section import (
     ExternalModelSection,
     OutputSection,
     PythonModelSection,
+    TableModelSection,
     seconds_of,
 )
+from geoident.io.case.elsewhere.surroundings import Surroundings
+from geoident.io.case.elsewhere.table import build_table
 from geoident.io.elsewhere.templates import MAX_BYTES, read_template
 from geoident.io.text.faults import Faults
 from geoident.io.text.text_file import decode, read_bytes
@@ -35,40 +37,13 @@ from geoident.model.elsewhere import (
     Template,
 )
 from geoident.model.gauges import Channel
-from geoident.model.parameter import Parameter
 from geoident.units import DIMENSIONLESS, UnitError, normal_unit, size_in, unit_list, with_article
-
-FindFile = Callable[[str, KeyPath], str]
-"""Path of a file that the case names at a key; notes a fault if it is not there."""
 
 _AT: KeyPath = ("model",)
 
 
-@dataclass(frozen=True)
-class Surroundings:
-    """What of a case its model elsewhere refers to.
-
-    Args:
-        parameters: by name.
-        channels: in their order.
-        stages: names in their order.
-        tied: names of the parameters that gauges use.
-        folder: of the case.
-        find: finds files.
-        faults: is told what is wrong.
-    """
-
-    parameters: Mapping[str, Parameter]
-    channels: Sequence[Channel]
-    stages: Sequence[str]
-    tied: frozenset[str]
-    folder: Path
-    find: FindFile
-    faults: Faults
-
-
 def build_elsewhere(
-    section: ExternalModelSection | PythonModelSection, around: Surroundings
+    section: ExternalModelSection | PythonModelSection | TableModelSection, around: Surroundings
 ) -> Elsewhere:
     """The model that a case says, with the texts of its templates; what is wrong is noted.
 
@@ -76,6 +51,8 @@ def build_elsewhere(
         section: the key ``model``.
         around: what it refers to.
     """
+    if isinstance(section, TableModelSection):
+        return build_table(section, around)
     limit = None if section.time_limit is None else seconds_of(section.time_limit)
     machine = Machine(limit, section.at_once)
     if isinstance(section, ExternalModelSection):

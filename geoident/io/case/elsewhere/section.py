@@ -263,4 +263,25 @@ class PythonModelSection(Section):
     at_once: Annotated[int, Count()] | None = Field(None, description=_AT_ONCE)
 
 
-ElsewhereSection = Annotated[ExternalModelSection | PythonModelSection, Field(discriminator="kind")]
+class TableModelSection(Section):
+    """Runs that were made elsewhere: a table, between whose rows a response surface answers.
+
+    The first line names the columns: parameters (`E_rock [GPa]`) and readings (`roof [mm]`, of
+    several stages `roof @ heading [mm]`); each further line is a run.
+    """
+
+    kind: Literal["table"]
+    file: Text = Field(description="CSV file beside the case.", examples=["runs.csv"])
+    surface: Literal["auto", "gaussian-process", "polynomial"] = Field(
+        "auto",
+        description="Between the runs: a Gaussian process, a polynomial, or for each reading the "
+        "one with the smaller leave-one-out error.",
+    )
+    ignore: list[Text] = Field(
+        [], description="Columns that are neither parameter nor reading; `run` needs no mention."
+    )
+
+
+ElsewhereSection = Annotated[
+    ExternalModelSection | PythonModelSection | TableModelSection, Field(discriminator="kind")
+]
