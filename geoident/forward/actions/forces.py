@@ -143,7 +143,7 @@ class Actions:
 
         Args:
             point: the parameters.
-            unknowns: numbers of the dofs that no support fixes.
+            unknowns: (m,) numbers of the dofs that no support fixes.
         """
         edges = (edge for edges in self._edges.values() for edge in edges)
         for forces in (e.forces(point)[:, 0] for e in edges if isinstance(e, _HeldEdge)):

@@ -176,7 +176,7 @@ def _idle_notes(names: Sequence[str]) -> tuple[str, ...]:
         return ()
     them = "them" if len(names) > 1 else "it"
     word = "are not sought" if len(names) > 1 else "is not sought"
-    return (f"{', '.join(names)} {word}: --set took away what depended on {them}",)
+    return (f"{', '.join(names)} {word}: overrides took away what depended on {them}",)
 
 
 @dataclass(frozen=True)

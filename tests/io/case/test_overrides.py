@@ -72,7 +72,7 @@ def test_parameters_that_an_override_leaves_idle_are_not_sought_and_that_is_note
     text = project.read().text
     case = project.read(text, "in_situ.K0=1.2").case
     assert [parameter.name for parameter in case.parameters] == ["E_rock"]
-    assert case.notes == ("K0 is not sought: --set took away what depended on it",)
+    assert case.notes == ("K0 is not sought: overrides took away what depended on it",)
     both = ("in_situ.K0=$E_rock", "materials.rock.E=5 GPa")  # K0 idle, and another fault
     with pytest.raises(InputError) as caught:
         project.read(text, *both)
