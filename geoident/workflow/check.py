@@ -12,6 +12,7 @@ from geoident.forward.elsewhere.table import TableModel
 from geoident.forward.gauges.placement import placements
 from geoident.forward.model import StagedModel
 from geoident.forward.protocols import CaseModel
+from geoident.forward.reduced.stress_rows import beyond_reduction
 from geoident.model.case import Case
 from geoident.model.elsewhere import RunTable
 from geoident.model.gauges import ReadingTable, named_channels
@@ -203,13 +204,14 @@ def _keeping_notes(model: StagedModel | None) -> tuple[str, ...]:
     others = [
         name
         for row, name in enumerate(observation.channels)
-        if observation.not_linear(np.array([row])) is not None
+        if beyond_reduction(model.march, observation, np.array([row])) is not None
     ]
     if not others:
         return ()
     return (
         f"the reduced model that will be kept does not give {named_channels(others)}, which "
-        "read more than displacements: what needs them is computed by the model",
+        "read more than displacements, normal stresses and forces: what needs them is computed by "
+        "the model",
     )
 
 
