@@ -38,6 +38,8 @@ from geoident.model.results.result import Counts, Diagnostics, GaugeTable, Prove
 FORMAT = "geoident-result/2"
 WIDE_FORMAT = "geoident-result/1"
 """The format before: no long table of readings."""
+PROJECT_FORMAT = "geoident-project-result/1"
+"""The format of results of several sections, see `geoident.io.result.project`."""
 _RESULT_TEXTS = ("kind", "status", "method", "reason")
 _RESULT_LISTS = ("findings", "notes")
 _PROVENANCE_TEXTS = tuple(
@@ -194,7 +196,8 @@ def read_identity(path: str | Path) -> ResultIdentity | None:
     """What identifies an existing result; None if there is none, or it is not readable as one."""
     try:
         with hdf5_input(path) as file:
-            _refuse_unknown_format(file, path)
+            if file.attrs.get("format") != PROJECT_FORMAT:
+                _refuse_unknown_format(file, path)
             root = _Attributes(file, path)
             return ResultIdentity(
                 root.text("identity"),
@@ -229,6 +232,9 @@ def _refuse_unknown_format(file: h5py.File, path: str | Path) -> None:
     if target is not None:
         hint = f"this is the sidecar for ParaView; the result is {target}"
         raise refusal(path, "not-a-result", "not a result of geoident", hint)
+    if found == PROJECT_FORMAT:
+        hint = "geoident show and geoident report read it; give one of a case here"
+        raise refusal(path, "not-a-result", "the result of several sections, not of a case", hint)
     if not isinstance(found, str) or not found.startswith("geoident-result/"):
         hint = "give the path of a result file, such as CASE.fit.h5"
         raise refusal(path, "not-a-result", "an HDF5 file, but not a result of geoident", hint)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 import threading
 import time
 from collections import deque
@@ -19,7 +20,7 @@ from dataclasses import dataclass, field
 from multiprocessing import current_process, get_context
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import SpawnProcess
-from types import TracebackType
+from types import ModuleType, TracebackType
 from typing import Any, Generic, Self, TypeVar
 
 from geoident.workflow.executing.executor import RETRIES, Answered, SetUp, usable_cores
@@ -191,7 +192,13 @@ class LocalProcesses(Generic[T, R]):
         process = get_context("spawn").Process(
             target=serve, args=(there, self._set_up), daemon=True
         )
-        with _STARTING, cores_shared(self._sharing), _signals_blocked(), _may_have_children():
+        with (
+            _STARTING,
+            cores_shared(self._sharing),
+            _signals_blocked(),
+            _may_have_children(),
+            _no_script(),
+        ):
             process.start()
         there.close()
         worker: _Worker[T] = _Worker(process, here)
@@ -306,6 +313,20 @@ def cores_shared(jobs: int) -> Iterator[None]:
         for name, value in before.items():
             if value is None:
                 del os.environ[name]
+
+
+@contextmanager
+def _no_script() -> Iterator[None]:
+    """Keep a process that is started meanwhile from running the script that we are called from.
+
+    It would run again from its first line where it does not guard itself; nothing of it is needed.
+    """
+    main = sys.modules["__main__"]
+    sys.modules["__main__"] = ModuleType("__main__")
+    try:
+        yield
+    finally:
+        sys.modules["__main__"] = main
 
 
 @contextmanager

@@ -9,8 +9,8 @@ import signal
 import subprocess
 import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import closing, suppress
 from decimal import Decimal
 from pathlib import Path
 from queue import SimpleQueue
@@ -40,8 +40,9 @@ from geoident.model.elsewhere import (
     TemplateField,
     seen_parameters,
 )
+from geoident.workflow.executing.executor import in_order, usable_cores
+from geoident.workflow.executing.threads import WaitingThreads
 from geoident.workflow.programs.digest import digest_of
-from geoident.workflow.programs.pool import all_of
 from geoident.workflow.programs.run_log import Made, RunLog
 from geoident.workflow.programs.trust import Execution, Permission
 from geoident.workflow.programs.worker import Worker
@@ -171,8 +172,23 @@ class ProgramRuns:
             InputError: the program may not be run.
             OutputError: a folder or the log cannot be written.
         """
+        return list(self.each(points, check))
+
+    @property
+    def at_once(self) -> int:
+        """How many runs are made at a time."""
+        return self._program.machine.at_once or usable_cores()
+
+    def each(
+        self, points: Sequence[Floats], check: Callable[[], None]
+    ) -> Iterator[Floats | FailedRun]:
+        """Readings (n_stages, n_channels) in turn, each as it is there; runs go on meanwhile.
+
+        Args:
+            points: (n,) where.
+            check: see `results`.
+        """
         asked = [self._texts(p) for p in points]
-        keys = [key for key, _ in asked]
         new: dict[str, tuple[str, list[list[str]], dict[str, float]]] = {}
         for (key, texts), p in zip(asked, points, strict=True):
             self._asked.add(key)
@@ -183,20 +199,19 @@ class ProgramRuns:
         if new:
             self.require_trust()
             self._ended = False
-            at_once = self._program.machine.at_once
-            all_of(self._run, list(new.values()), at_once, check=check, end=self._end)
-        found: list[Floats | FailedRun] = []
-        for key, (_, texts) in zip(keys, asked, strict=True):
-            made = self._log.find(key)
-            if isinstance(texts, FailedRun):
-                result: Floats | FailedRun = texts
-            else:
-                assert made is not None
-                result = made.found
-            if isinstance(result, FailedRun):
-                self._failed[key] = result
-            found.append(result)
-        return found
+        threads = WaitingThreads(self.at_once, self._run, check=check, end=self._end)
+        with closing(threads.run(new.values())) as made_now:
+            answers = in_order(made_now)
+            for key, texts in asked:
+                if isinstance(texts, FailedRun):
+                    result: Floats | FailedRun = texts
+                else:
+                    while (made := self._log.find(key)) is None:
+                        next(answers)
+                    result = made.found
+                if isinstance(result, FailedRun):
+                    self._failed[key] = result
+                yield result
 
     def jacobian(self, p: Floats, check: Callable[[], None]) -> Floats | FailedRun:
         """Derivatives (n_stages, n_channels, n) at p (n,): a program gives none.

@@ -235,7 +235,31 @@ def load_mesh(inputs: Inputs, path: str) -> Mesh:
     return _read_mesh(inputs.case, path)
 
 
+_last_mesh: list[tuple[object, Mesh]] = []
+"""The mesh that was read last, with what tells whether it is still the same: the next case of a
+campaign is on the same mesh mostly, and what was found of it is there (`model.of_mesh`)."""
+
+
 def _read_mesh(case: Case, path: str) -> Mesh:
+    key = case.analysis.dim, path, sums(mesh_files(path))
+    if not (_last_mesh and _last_mesh[0][0] == key):
+        _last_mesh[:] = [(key, _mesh_at(case, path))]
+    return _last_mesh[0][1]
+
+
+def sums(paths: Sequence[str]) -> tuple[str, ...]:
+    """Checksums of files; empty where there is none to read."""
+    found = []
+    for path in paths:
+        try:
+            with Path(path).open("rb") as file:
+                found.append(hashlib.file_digest(file, "sha256").hexdigest())
+        except OSError:
+            found.append("")
+    return tuple(found)
+
+
+def _mesh_at(case: Case, path: str) -> Mesh:
     try:
         return read_mesh(path, dim=case.analysis.dim)
     except InputError as error:
