@@ -64,6 +64,11 @@ def support_keys(case: Case) -> list[tuple[KeyPath, Support]]:
     return keys
 
 
+def all_supports(case: Case) -> tuple[Support, ...]:
+    """One support of every name, that which is given last."""
+    return tuple({support.group: support for _, support in support_keys(case)}.values())
+
+
 def support_key(name: str, since: int) -> KeyPath:
     """Where a support is written that holds from a state on."""
     return ("stages", since - 1, "supports", name) if since else ("supports", name)

@@ -11,6 +11,7 @@ from support.derivatives import assert_exact
 from support.meshes import box, opening, regroup
 from support.yielding import mohr, parameters, rock
 
+from geoident.fem.faces import face_table, patches
 from geoident.model.actions import Contraction, MotionField, Pressure
 from geoident.model.case import Analysis, Stage, Support
 from geoident.model.mesh import ElementBlock
@@ -33,7 +34,7 @@ def moved(group: str, at=None, **along) -> Support:
 def surveyed(mesh, p=(), **changes):
     changes = {
         "materials": {"rock": material("rock", E, NU)},
-        "groups": {"rock": "rock"},
+        "groups": {"all": "rock"},
         **changes,
     }
     return model(mesh, **changes).survey(np.array(p), fields=True)
@@ -154,9 +155,7 @@ def _stages():
     side = Support("x1", (0,), measured=field)
     return (
         Stage("one"),
-        Stage(
-            "two", supports={"y1": top, "x1": replace(moved("x1"), components=(0,), measured=field)}
-        ),
+        Stage("two", supports={"y1": moved("y1", y="w"), "x1": side}),
         Stage("three", supports={"x1": None}, loads={"p": Pressure("x1", number("q"))}),
         Stage("four", independent=True, base="one", supports={"x1": moved("x1", x="v")}),
     )
