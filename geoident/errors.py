@@ -49,6 +49,7 @@ class Term(Enum):
     FORCE = ("--force", "force=True")
     FRESH = ("--fresh", "fresh=True")
     OUTPUT = ("-o", "output=...")
+    FIELDS = ("--fields", "fields=...")
     TRUST = ("--trust", "`geoident.trust(case)`")
     OVERRIDES = ("--set", "overrides")
     OVERRIDE = ("--set path=value", 'overrides={"path": value}')

@@ -149,6 +149,12 @@ class ArrayRuns:
         """Rounding."""
         return 2.3e-16 * np.abs(p)
 
+    at_once = 1
+
+    def each(self, points, check):
+        """The same in turn."""
+        yield from self.results(points, check)
+
     def results(self, points, check):
         """Readings (1, m) at all points."""
         self.n_runs += len(points)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import lru_cache
 from pathlib import Path
 
@@ -87,11 +87,23 @@ class SurfaceRuns:
             points: where.
             check: is called before each.
         """
-        found: list[Floats | FailedRun] = []
+        return list(self.each(points, check))
+
+    at_once = 1
+    """Nothing is run."""
+
+    def each(
+        self, points: Sequence[Floats], check: Callable[[], None]
+    ) -> Iterator[Floats | FailedRun]:
+        """Readings (n_stages, n_channels), SI, in turn.
+
+        Args:
+            points: (n,) where.
+            check: is called before each.
+        """
         for p in points:
             check()
-            found.append(self._placed(np.array([value for value, _ in self._at(p)])))
-        return found
+            yield self._placed(np.array([value for value, _ in self._at(p)]))
 
     def jacobian(self, p: Floats, check: Callable[[], None]) -> Floats | FailedRun:
         """Derivatives (n_stages, n_channels, n) at p (n,); NaN where there is no column.

@@ -19,7 +19,7 @@ from geoident.io.text.yaml_reader import MAX_BYTES
 from geoident.model.case import Case, KeyPath, format_path
 from geoident.model.methods import SquaredOptions
 from geoident.model.parameter import Parameter
-from geoident.model.project import ParameterLaw, Project, ProjectSection
+from geoident.model.project.project import ParameterLaw, Project, ProjectSection
 from geoident.units import DIMENSIONLESS, shown_unit, with_article
 from geoident.workflow.running.jobs import Inputs, load_inputs, sha256
 from geoident.workflow.running.outputs import (
