@@ -55,8 +55,11 @@ _KEPT = 4
 _NEAR_BY = 1e-4
 """How far apart parameter vectors are of which one is worth keeping: 2 % in one parameter."""
 
-_LOAD_STEPS = (1, 4, 16)
-"""Parts in which the load of a stage is applied, tried in turn, where there is no potential."""
+_LOAD_STEPS = 4
+"""Parts in which a load is applied where there is no potential and it is not found as a whole."""
+
+_RESOLUTION = 1 / 512
+"""To which the part of a load that is carried is known there."""
 
 
 @dataclass(frozen=True)
@@ -150,9 +153,16 @@ class PlasticSteps:
             ModelError: the stiffness is singular, or no stress satisfies all yield planes.
         """
         laws = _yield_laws(task)
-        if all(law.associated for law in laws.values()):
+        try:
             return self._part(task, laws, warm=True)
-        return self._in_load_steps(task, laws)
+        except NoEquilibrium as error:  # of flow without potential
+            found = None if error.limit else self._in_load_steps(task, laws)
+            if found is not None:
+                return found
+            part = np.nan
+            if self.explain:
+                part, error = self._carried_part(task, laws, error)
+            raise self._collapse(task, part, error.mechanism, proven=error.limit) from error
 
     def virgin_factor(self, task: StageTask) -> Factor | None:
         """The elastic stiffness of the virgin state where something yields, on what is held.
@@ -206,27 +216,47 @@ class PlasticSteps:
         path = ("materials", material, "yield")
         return ModelError(msg, hint, location=source.locate(path), path=format_path(path))
 
-    def _in_load_steps(self, task: StageTask, laws: Mapping[str, YieldLaw]) -> tuple[Floats, Bools]:
-        """The same in parts of the load; more of them where Newton's method fails."""
-        start, before, done = task.carried.copy(), self._internal(task), 0.0
-        for count in _LOAD_STEPS:
-            self.findings.unbalanced.pop(task.state.name, None)
-            self.findings.record.forget(task.number)
-            total = np.zeros_like(task.forces)
-            yielded = np.zeros(self.systems.discretization.points.n_points, dtype=bool)
-            for part in range(1, count + 1):
-                forces = before + part / count * (task.forces - before)
-                thermal = task.thermal if part == 1 else None
-                piece = replace(task, forces=forces, thermal=thermal)
-                try:
-                    du, now = self._part(piece, laws, warm=False)
-                except CollapseError:
-                    task.carried.restore(start)
-                    break
-                total, yielded, done = total + du, yielded | now, max(done, part / count)
-            else:
-                return total, yielded
-        raise self._collapse(task, done, None, proven=False)
+    def _in_load_steps(
+        self, task: StageTask, laws: Mapping[str, YieldLaw]
+    ) -> tuple[Floats, Bools] | None:
+        """The same in parts of the load; None where that does not lead to its end either."""
+        start, before = task.carried.copy(), self._internal(task)
+        self.findings.record.forget(task.number)
+        total = np.zeros_like(task.forces)
+        yielded = np.zeros(self.systems.discretization.points.n_points, dtype=bool)
+        for part in range(1, _LOAD_STEPS + 1):
+            forces = before + part / _LOAD_STEPS * (task.forces - before)
+            piece = replace(task, forces=forces, thermal=task.thermal if part == 1 else None)
+            try:
+                du, now = self._part(piece, laws, warm=False)
+            except NoEquilibrium:
+                task.carried.restore(start)
+                self.findings.record.forget(task.number)
+                self.findings.unbalanced.pop(task.state.name, None)
+                return None
+            total, yielded = total + du, yielded | now
+        return total, yielded
+
+    def _carried_part(
+        self, task: StageTask, laws: Mapping[str, YieldLaw], error: NoEquilibrium
+    ) -> tuple[float, NoEquilibrium]:
+        """The part of the change of load that is carried, found by halving, and how it fails."""
+        equations = self._equations(task, laws)
+        before, least, most = equations.before(), 0.0, 1.0
+        du = np.zeros_like(before)
+        while most - least > _RESOLUTION:
+            part = 0.5 * (least + most)
+            under = equations.under(before + part * (equations.forces - before))
+            try:
+                found = solve(under, [np.zeros_like(before), du])
+                if self._means_nothing(under, found):
+                    raise NoEquilibrium(found.trial.du)
+                least, du = part, found.trial.du
+            except NoEquilibrium as failed:
+                most = part
+                if failed.mechanism is not None and (failed.limit or not error.limit):
+                    error = failed
+        return least, error
 
     def _internal(self, task: StageTask) -> Floats:
         """Forces (n_dofs, 1 + n + k) that hold what is carried."""
@@ -303,8 +333,10 @@ class PlasticSteps:
             hint = "Leave out planes that are the same but for little, or move them apart."
             raise ModelError(msg, hint) from error
         except NoEquilibrium as error:
-            # Whoever searches needs only to know that there is none; load steps say it themselves.
-            if not (equations.associated and self.explain):
+            if not equations.associated:
+                raise
+            # Whoever searches needs only to know that there is none.
+            if not self.explain:
                 raise self._collapse(task, np.nan, error.mechanism) from error
             return self._after_limit(task, equations, error)
 
