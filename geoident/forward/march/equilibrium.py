@@ -161,19 +161,34 @@ def _without_potential(equations: StageEquations, start: Trial) -> Balance:
     best: PathEnd | None = None
     for way in WAYS:
         end = follow(equations, way)
+        if end is None:
+            continue
         if end.runs_away is not None:
             raise NoEquilibrium(end.runs_away, limit=True)
-        if best is None or end.mu < best.mu:
-            best = end
-        if best.mu == 0.0:
-            found = best.found
+        if end.mu == 0.0:
+            found = end.found
             return Balance(found.trial, found.steps, found.factor, found.made_at)
-    assert best is not None
-    trial = equations.at(best.found.trial.du)
-    left = trial.error / equations.at(np.zeros_like(equations.forces)).error
-    if left > _UNBALANCED:
-        raise NoEquilibrium(best.found.trial.du)
-    return Balance(trial, best.found.steps, None, None, left)
+        best = end if best is None or end.mu < best.mu else best
+    if best is None:
+        raise NoEquilibrium(found.trial.du)
+    return _nearly(equations, best)
+
+
+def _nearly(equations: StageEquations, end: PathEnd) -> Balance:
+    """The even flow where its path turns before its end, if little of the load is left there.
+
+    Raises:
+        NoEquilibrium: it is not little.
+    """
+    found, at_rest = end.found, equations.at(np.zeros_like(equations.forces)).error
+    try:
+        trials = [equations.at(du) for du in (found.trial.du, end.ahead)]
+    except NoEquilibrium:
+        raise NoEquilibrium(found.trial.du) from None
+    trial = min(trials, key=lambda one: one.error)
+    if trial.error > _UNBALANCED * at_rest:
+        raise NoEquilibrium(found.trial.du)
+    return Balance(trial, found.steps, None, None, trial.error / at_rest)
 
 
 def _next_level(level: int, share: float) -> int:

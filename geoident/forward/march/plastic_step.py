@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -55,11 +55,8 @@ _KEPT = 4
 _NEAR_BY = 1e-4
 """How far apart parameter vectors are of which one is worth keeping: 2 % in one parameter."""
 
-_LOAD_STEPS = 4
-"""Parts in which a load is applied where there is no potential and it is not found as a whole."""
-
 _RESOLUTION = 1 / 512
-"""To which the part of a load that is carried is known there."""
+"""To which the part of a load that is carried is known where there is no potential."""
 
 
 @dataclass(frozen=True)
@@ -154,11 +151,8 @@ class PlasticSteps:
         """
         laws = _yield_laws(task)
         try:
-            return self._part(task, laws, warm=True)
+            return self._solved(task, laws)
         except NoEquilibrium as error:  # of flow without potential
-            found = None if error.limit else self._in_load_steps(task, laws)
-            if found is not None:
-                return found
             part = np.nan
             if self.explain:
                 part, error = self._carried_part(task, laws, error)
@@ -216,27 +210,6 @@ class PlasticSteps:
         path = ("materials", material, "yield")
         return ModelError(msg, hint, location=source.locate(path), path=format_path(path))
 
-    def _in_load_steps(
-        self, task: StageTask, laws: Mapping[str, YieldLaw]
-    ) -> tuple[Floats, Bools] | None:
-        """The same in parts of the load; None where that does not lead to its end either."""
-        start, before = task.carried.copy(), self._internal(task)
-        self.findings.record.forget(task.number)
-        total = np.zeros_like(task.forces)
-        yielded = np.zeros(self.systems.discretization.points.n_points, dtype=bool)
-        for part in range(1, _LOAD_STEPS + 1):
-            forces = before + part / _LOAD_STEPS * (task.forces - before)
-            piece = replace(task, forces=forces, thermal=task.thermal if part == 1 else None)
-            try:
-                du, now = self._part(piece, laws, warm=False)
-            except NoEquilibrium:
-                task.carried.restore(start)
-                self.findings.record.forget(task.number)
-                self.findings.unbalanced.pop(task.state.name, None)
-                return None
-            total, yielded = total + du, yielded | now
-        return total, yielded
-
     def _carried_part(
         self, task: StageTask, laws: Mapping[str, YieldLaw], error: NoEquilibrium
     ) -> tuple[float, NoEquilibrium]:
@@ -258,29 +231,17 @@ class PlasticSteps:
                     error = failed
         return least, error
 
-    def _internal(self, task: StageTask) -> Floats:
-        """Forces (n_dofs, 1 + n + k) that hold what is carried."""
-        points = self.systems.discretization.points
-        internal = points.forces(task.carried.stress, task.system.volume)
-        if self.systems.structures.n_rows:
-            internal += self.systems.structures.nodal_forces(task.carried.members)
-        return internal
-
-    def _part(
-        self, task: StageTask, laws: Mapping[str, YieldLaw], *, warm: bool
-    ) -> tuple[Floats, Bools]:
+    def _solved(self, task: StageTask, laws: Mapping[str, YieldLaw]) -> tuple[Floats, Bools]:
         equations = self._equations(task, laws)
-        balance = self._balance(task, equations, self.warm.guesses(task) if warm else [])
+        balance = self._balance(task, equations, self.warm.guesses(task))
         du = np.zeros_like(task.forces)
         du[:, 0] = balance.trial.du
         if du.shape[1] > 1:
             du[:, 1:] = plastic_derivatives(task, self.systems, equations, balance)
         self._accept(task, equations, balance.trial)
         if balance.unbalanced > 0.0:
-            known = self.findings.unbalanced.get(task.state.name, 0.0)
-            self.findings.unbalanced[task.state.name] = max(balance.unbalanced, known)
-        if warm:
-            self.warm.keep(task, du)
+            self.findings.unbalanced[task.state.name] = balance.unbalanced
+        self.warm.keep(task, du)
         return du, yielded_points(equations, balance.trial)
 
     def _equations(self, task: StageTask, laws: Mapping[str, YieldLaw]) -> StageEquations:
@@ -365,14 +326,19 @@ class PlasticSteps:
         hint = "Raise the strengths (their start values or bounds), or see whether the stage "
         hint += "lacks support or loads more than is meant."
         if not proven:
-            msg = f"at stage '{task.state.name}' no equilibrium was found: plastic collapse, or "
-            msg += "flow that shears in bands, as it may with a dilation far below the friction"
-            hint += " A larger dilation, or none given (associated), decides which it is."
+            msg = f"at stage '{task.state.name}' no equilibrium was found: flow with a dilation so "
+            msg += "far below the friction shears in bands on this mesh, or the ground collapses"
+            hint = "See whether a larger dilation, or none given (associated), or larger elements "
+            hint += "where it shears carry the stage: then the ground does not lack strength."
         if np.isfinite(fraction):
-            msg += f"; {100 * fraction:.3g} % of the change of load of this stage is carried"
+            said = "is carried" if proven else "was brought to equilibrium"
+            msg += f"; {100 * fraction:.3g} % of the change of load of this stage {said}"
         if mechanism is not None:
-            msg += self.systems.describe_motion(mechanism)
-        return CollapseError(msg, hint, stage=task.state.name, fraction=fraction)
+            msg += self.systems.describe_mechanism(task.system, mechanism)
+            mechanism = mechanism / (np.abs(mechanism).max() or 1.0)
+        return CollapseError(
+            msg, hint, stage=task.state.name, fraction=fraction, mechanism=mechanism
+        )
 
     def _accept(self, task: StageTask, equations: StageEquations, trial: Trial) -> None:
         """The state of what is carried after the step."""

@@ -241,10 +241,15 @@ class StageEquations:
         return energy
 
     def factor(self, trial: Trial, *, least: int = 0) -> tuple[Factor, int]:
-        """Factor of the consistent tangent, and the level of `ELASTIC_PARTS` it needed."""
+        """Factor of the consistent tangent, and the level of `ELASTIC_PARTS` it needed.
+
+        Without a potential, where pivots need not be positive, level 0 leaves nothing of the
+        elastic stiffness: eigenvalues may be so small that it would be seen in derivatives.
+        """
         points, change = self.changes(trial)
         for level in range(least, len(ELASTIC_PARTS)):
-            part = (1.0 - ELASTIC_PARTS[level]) * change
+            left = ELASTIC_PARTS[level] if level or self.associated else 0.0
+            part = (1.0 - left) * change
             try:
                 return self.tangents(points, part, symmetric=self.associated), level
             except NotPositiveDefinite:

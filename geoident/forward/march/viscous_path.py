@@ -62,7 +62,7 @@ _OFTEN = 2
 
 
 @dataclass(frozen=True)
-class Found:
+class NewtonEnd:
     """Where Newton's method ended.
 
     Args:
@@ -95,7 +95,7 @@ class Way:
     bold: bool
 
 
-WAYS = (Way(0.1, 0.15, False), Way(0.05, 0.3, False), Way(0.05, 0.3, True), Way(0.1, 0.5, True))
+WAYS = (Way(0.1, 0.15, bold=False), Way(0.05, 0.3, bold=False), Way(0.1, 0.5, bold=True))
 """Tried in turn: where one is lost at a turn of the path, the next mostly steps over it."""
 
 
@@ -106,12 +106,14 @@ class PathEnd:
     Args:
         found: the last equilibrium on it.
         mu: the part of the overstress that is kept there; 0: it is that of the ground itself.
+        ahead: (n_dofs,) displacements that those of the last two mu promise for none.
         runs_away: (n_dofs,) how displacements grow without end, or None.
     """
 
-    found: Found
+    found: NewtonEnd
     mu: float
-    runs_away: Floats | None
+    ahead: Floats
+    runs_away: Floats | None = None
 
 
 def newton(
@@ -121,7 +123,7 @@ def newton(
     balanced: float = BALANCED,
     most: int = _MOST_STEPS,
     bold: bool = False,
-) -> Found:
+) -> NewtonEnd:
     """Newton's method under the natural monotonicity test, or boldly.
 
     Args:
@@ -136,13 +138,15 @@ def newton(
     share, reached = 1.0, (0, np.inf)
     for step in range(most):
         if trial.error <= balanced:
-            return Found(trial, step, factor, made_at, converged=True)
+            if factor is not None and made_at is not None:
+                trial = _polished(equations, trial, factor)
+            return NewtonEnd(trial, step, factor, made_at, converged=True)
         if trial.error < 0.5 * reached[1]:
             reached = step, trial.error
         try:
             factor, level = equations.factor(trial)
         except NotPositiveDefinite:
-            return Found(trial, step, None, None, converged=False)
+            return NewtonEnd(trial, step, None, None, converged=False)
         made_at = trial if level == 0 else None
         d = factor.solve(trial.residual[:, None])[:, 0]
         if bold:
@@ -150,11 +154,11 @@ def newton(
         else:
             following, share = _shorter(equations, trial, factor, d, min(1.0, 4.0 * share))
         if following is None or (following.error >= trial.error and trial.error <= ROUNDING):
-            return Found(trial, step + 1, factor, made_at, converged=trial.error <= ROUNDING)
+            return NewtonEnd(trial, step + 1, factor, made_at, converged=trial.error <= ROUNDING)
         trial = following
         if bold and step - reached[0] > _PATIENCE:
             break
-    return Found(trial, most, factor, made_at, converged=trial.error <= balanced)
+    return NewtonEnd(trial, most, factor, made_at, converged=trial.error <= balanced)
 
 
 def _shorter(
@@ -186,6 +190,15 @@ def _least_harm(equations: StageEquations, trial: Trial, d: Floats) -> Trial | N
     return min(tried, key=lambda one: one.error, default=None)
 
 
+def _polished(equations: StageEquations, trial: Trial, factor: Factor) -> Trial:
+    """One step more on the same factor, where it lowers what is left.
+
+    Eigenvalues are small, so forces in balance to `BALANCED` leave displacements a millionth off.
+    """
+    following = _moved(equations, trial, factor.solve(trial.residual[:, None])[:, 0])
+    return following if following is not None and following.error < trial.error else trial
+
+
 def _moved(equations: StageEquations, trial: Trial, d: Floats) -> Trial | None:
     """Where a step (n,) leads; None beyond where flow leads back to a stress."""
     try:
@@ -194,26 +207,26 @@ def _moved(equations: StageEquations, trial: Trial, d: Floats) -> Trial | None:
         return None
 
 
-def follow(equations: StageEquations, way: Way) -> PathEnd:
+def follow(equations: StageEquations, way: Way) -> PathEnd | None:
     """The path from viscous ground to the ground itself, as far as it can be followed.
 
     Args:
         equations: of the stage.
         way: how.
 
-    Raises:
-        NoEquilibrium: not even its first point was found.
+    Returns:
+        Where it ends; None where not even its first point was found.
     """
     mu = way.first
     viscous = equations.viscous(mu)
     found = newton(viscous, viscous.at(0.0 * equations.forces), balanced=_ON_THE_WAY, bold=way.bold)
     if not found.converged:
-        raise NoEquilibrium(found.trial.du)
+        return None
     known, growing = [(mu, found.trial.du)], 0
     while mu > 0.0:
         following, ahead = _next(equations, known, way)
         if ahead is None:
-            return PathEnd(found, mu, None)
+            return PathEnd(found, mu, _extrapolated(known, 0.0))
         change = ahead.trial.du - found.trial.du
         if following > 0.0:
             sizes = [float(np.linalg.norm(du)) for du in (found.trial.du, ahead.trial.du)]
@@ -222,26 +235,30 @@ def follow(equations: StageEquations, way: Way) -> PathEnd:
         mu, found = following, ahead
         known = [known[-1], (mu, found.trial.du)]
         if growing >= _OFTEN:
-            return PathEnd(found, mu, change)
-    return PathEnd(found, 0.0, None)
+            return PathEnd(found, mu, found.trial.du, change)
+    return PathEnd(found, 0.0, found.trial.du)
+
+
+def _extrapolated(known: list[tuple[float, Floats]], mu: float) -> Floats:
+    """Displacements (n_dofs,) at another mu, from what is known of the last one or two."""
+    last, du = known[-1]
+    if len(known) == 1:
+        return du
+    before, first = known[0]
+    return du + (mu - last) / (last - before) * (du - first)
 
 
 def _next(
     equations: StageEquations, known: list[tuple[float, Floats]], way: Way
-) -> tuple[float, Found | None]:
+) -> tuple[float, NewtonEnd | None]:
     """A smaller mu, and the equilibrium there, from what the last two say; None if not found."""
-    last, guess = known[-1]
-    mu = last
+    last = mu = known[-1][0]
     for power in _POWERS:
         mu = last * way.ratio**power
         mu = mu if mu > _LAST else 0.0
-        start = guess
-        if len(known) > 1:
-            before, first = known[0]
-            start = guess + (mu - last) / (last - before) * (guess - first)
         viscous = equations.viscous(mu)
         try:
-            trial = viscous.at(start)
+            trial = viscous.at(_extrapolated(known, mu))
         except NoEquilibrium:
             continue
         balanced = _ON_THE_WAY if mu > 0.0 else BALANCED
