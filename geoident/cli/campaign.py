@@ -18,7 +18,7 @@ from geoident.report.text.campaign.spreadsheet import runs_csv
 from geoident.report.text.campaign.tables import failed_table, outcome_sentences, seconds_text
 from geoident.report.text.json import dumps
 from geoident.workflow.campaign.campaign import compute, local_executor
-from geoident.workflow.campaign.plan import CampaignPlan, plan_campaign
+from geoident.workflow.campaign.plan import CampaignPlan, plan_campaign, require_trust
 from geoident.workflow.executing.executor import usable_cores
 
 
@@ -69,6 +69,8 @@ def run_campaign(path: str, options: Options, *, jobs: int | None) -> int:
         plan = plan_campaign(path, output=options.output, fresh=options.fresh, force=options.force)
     if options.dry_run:
         return _say_plan(plan, options)
+    with failures_as_json(path, options):
+        require_trust(plan)
     terminal = Terminal(options)
     if options.as_json:
         for run in plan.runs:
@@ -78,7 +80,9 @@ def run_campaign(path: str, options: Options, *, jobs: int | None) -> int:
     with local_executor(plan, jobs) as executor:
         progress = _Progress(options, terminal, len(plan.left), jobs)
         with terminal.live(f"{len(plan.left)} runs"), stop_runs_on_signals(executor) as heard:
-            table = compute(plan, executor, progress, runs_csv, fresh=options.fresh)
+            table = compute(
+                plan, executor, progress, runs_csv, fresh=options.fresh, trust=options.trust
+            )
     _say_end(table, plan, terminal)
     if not options.as_json:
         click.echo(plan.folder)

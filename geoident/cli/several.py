@@ -106,9 +106,10 @@ def _compute(
     command: str, left: Sequence[int], order: _InOrder, options: Options
 ) -> ExitCode | None:
     """Compute cases in processes; the exit code of the signal that has ended this, if one has."""
+    from geoident.workflow.executing.executor import usable_cores
     from geoident.workflow.executing.processes import LocalProcesses
 
-    jobs = min(options.jobs, len(left))
+    jobs = min(options.jobs or usable_cores(), len(left))
     terminal = Terminal(options)
     set_up = partial(_set_up, command, options)
     with (
@@ -139,7 +140,7 @@ def _set_up(command: str, options: Options) -> Callable[[str], CaseEnd]:
     from geoident.workflow.running.jobs import plan_backtest, plan_fit
 
     plan, run = (plan_fit, fit) if command == "fit" else (plan_backtest, backtest)
-    quiet = replace(options, quiet=not options.verbose)
+    quiet = replace(options, quiet=not options.verbose, jobs=1)
 
     def run_one(case: str) -> CaseEnd:
         out, err = io.StringIO(), io.StringIO()

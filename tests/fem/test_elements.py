@@ -8,13 +8,14 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 from support.anisotropy import moduli
 from support.meshes import KINDS, KINDS_2D, box, mixed_box
+from support.tractions import uniform_tractions
 
 from geoident.fem import stiffness
 from geoident.fem.elasticity import isotropic
 from geoident.fem.elements import reference_element
 from geoident.fem.faces import face_table, patches
 from geoident.fem.kinematics import PLANE_STRAIN, SOLID, block_geometry, strain_points
-from geoident.fem.loads import facet_geometry, pressure_forces, stress_forces, weight_shares
+from geoident.fem.loads import facet_geometry, pressure_forces, weight_shares
 from geoident.fem.solvers.ordering import nested_dissection
 from geoident.fem.stiffness import group_blocks, node_graph, stiffness_pattern
 from geoident.model.cells import CELLS
@@ -109,6 +110,21 @@ def test_patch_test_constant_stress_leaves_inner_nodes_in_balance(kind):
     np.testing.assert_allclose(forces[inner], 0.0, atol=1e-12)
 
 
+def test_strains_of_a_run_of_points_take_no_copy_of_their_gradients():
+    mesh = distorted("hex8")
+    points, _ = points_of(mesh)
+    u = np.random.default_rng(1).normal(size=(points.n_dofs, 2))
+    run = slice(3, points.n_points - 5)
+    for _ in range(2):
+        np.testing.assert_array_equal(points.strain(u, run), points.strain(u)[:, run])
+        np.testing.assert_array_equal(
+            points.strain(u, np.arange(points.n_points)[run]), points.strain(u)[:, run]
+        )
+    (views,) = points._runs.values()
+    for view, gradient in zip(views, points.gradients, strict=True):
+        assert np.shares_memory(view.data, gradient.data)
+
+
 @pytest.mark.parametrize("kind", [*KINDS, *MIXED])
 def test_patch_test_tractions_of_a_constant_stress_give_its_linear_displacement(kind):
     mesh = distorted(kind)
@@ -118,10 +134,7 @@ def test_patch_test_tractions_of_a_constant_stress_give_its_linear_displacement(
     stress = E @ points.strain(exact)[:, 0]
     table = face_table(mesh)
     outer = patches(mesh, table, table.free(np.ones(mesh.n_elements, bool)))
-    forces = sum(
-        stress_forces(mesh, p, kinematics_of(mesh), lambda x: np.outer(stress, np.ones(len(x))))
-        for p in outer
-    )
+    forces = sum(uniform_tractions(mesh, p, kinematics_of(mesh), stress) for p in outer)
     held = [*range(mesh.dim), *[mesh.dim * n + a for n, a in _three_more(mesh)]]
     free = np.setdiff1d(np.arange(len(exact)), held)
     K = direct_stiffness(mesh).tocsc()

@@ -21,12 +21,14 @@ from geoident.model.parameter import Parameter, Scalar
 from geoident.model.structures import Beam, Bolts, Struts
 
 from .cases import displacement, material, model, rollers
+from .force_gauges import gauge
 from .meshes import box, regroup
 
 MODULI = (
     Parameter("E", 8e9, 2e9, 3e10, "log"),
     Parameter("E_lining", 1e10, 3e9, 4e10, "log"),
 )
+POISSON = Parameter("nu", 0.25, 0.1, 0.4)
 STRESS = (Parameter("sv", 5e6, 2e6, 1e7), Parameter("K0", 1.0, 0.4, 2.0))
 HEIM = HeimStress(vertical=Scalar(1.0, "sv"), K0=Scalar(1.0, "K0"))
 
@@ -57,7 +59,7 @@ def plane(kind: str = "quad4", n: int = 12, **changes) -> StagedModel:
         Stage("bench", excavate=("bench",), change={"lining": "shotcrete"}),
     )
     settings = {
-        "parameters": (*MODULI, Parameter("nu", 0.25, 0.1, 0.4), *STRESS),
+        "parameters": (*MODULI, POISSON, *STRESS),
         "materials": {
             "rock": material("rock", Scalar(1.0, "E"), Scalar(1.0, "nu"), 2500.0),
             "young": material("young", Scalar(0.3, "E_lining"), 0.2, 2500.0),
@@ -123,6 +125,23 @@ def strata() -> StagedModel:
     )
 
 
+def released() -> StagedModel:
+    """The plane case whose heading leaves with part of its stress held, until it is lined.
+
+    The part is sought; the bench leaves as a whole.
+    """
+    part = {"heading": Scalar(1.0, "part"), "lining": Scalar(1.0, "part")}
+    later = {"heading": Scalar(1.5, "part"), "lining": Scalar(1.5, "part")}
+    stages = (
+        Stage("heading", excavate=("heading", "lining"), release=part),
+        Stage("lined", install={"lining": "young"}, release=later),
+        Stage("test", loads={"plate": Pressure("y1", Scalar(2e5))}, independent=True),
+        Stage("bench", excavate=("bench",), change={"lining": "shotcrete"}),
+    )
+    share = Parameter("part", 0.4, 0.1, 0.6)
+    return plane(parameters=(*MODULI, POISSON, share, *STRESS), stages=stages)
+
+
 def settling() -> StagedModel:
     """The plane case under gravity, whose in-situ stress is out of balance until it settles."""
     return plane(gravity=(0.0, -9.81))
@@ -148,6 +167,25 @@ def braced(**changes) -> StagedModel:
         ),
     }
     return plane(**{"stages": stages, "structures": structures, **changes})
+
+
+def gauged() -> StagedModel:
+    """The braced case with load cells on its bars and plate, and stress cells in the ground.
+
+    Struts are read when they are jacked, and later; a bolt against its zero; the plate its moment.
+    """
+    force, stress = {"dimension": "force"}, {"dimension": "pressure"}
+    moment = {"dimension": "moment per length", "quantity": "M", "towards": (6.0, 0.0)}
+    channels = (
+        displacement("roof", (1.0, 9.0), (0.0, 1.0), zero="heading"),
+        displacement("side", (8.0, 5.0), (1.0, 0.0)),
+        gauge("load-cell", "strut", (4.5, 5.0), "N", structure="struts", **force),
+        gauge("load-cell", "bolt", (4.5, 7.0), "N", structure="bolts", zero="heading", **force),
+        gauge("load-cell", "bent", (5.3, 12.0), structure="plate", **moment),
+        gauge("stress", "xx", (6.0, 6.1), "xx", **stress),
+        gauge("stress", "yy", (6.0, 6.1), "yy", zero="heading", **stress),
+    )
+    return braced(channels=channels)
 
 
 def sinking(**changes) -> StagedModel:
@@ -211,6 +249,13 @@ PAIRS_SOLID = [
 PAIRS_SINKING = [
     *((name, f"step {k}") for name in ("top", "side") for k in (1, 2, 3, 4)), ("wall-1", "step 2"),
     ("wall-1", "step 4"), ("wall-2", "step 3"), ("wall-2", "step 4"), ("wall-3", "step 4"),
+]  # fmt: skip
+
+
+PAIRS_GAUGED = [
+    ("roof", "bench"), ("side", "bench"), ("strut", "lined"), ("strut", "bench"), ("bolt", "lined"),
+    ("bent", "heading"), ("bent", "bench"), ("xx", "heading"), ("xx", "bench"), ("yy", "bench"),
+    ("yy", "test"),
 ]  # fmt: skip
 
 

@@ -42,7 +42,7 @@ def _next(arguments: Arguments, options: Options) -> Steps:
     metavar="N",
     help="Number of runs to compute at a time, one process each.  [default: the cores there are]",
 )
-@takes("output", "dry_run", "force", "fresh", "as_json", after=_next)
+@takes("output", "dry_run", "force", "fresh", "as_json", "trust", after=_next)
 def command(campaign: str, processes: int | None, options: Options) -> int:
     """Compute many variations of one case: a campaign.
 

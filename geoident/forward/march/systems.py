@@ -45,6 +45,7 @@ from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.ground import PointField
 from geoident.model.mesh import Mesh, nodes_in
+from geoident.model.of_mesh import OfMesh
 from geoident.model.parameter import Values
 
 
@@ -79,6 +80,8 @@ class StageSystem:
 _HALF = 0.5
 """Part of the largest rate of shear from which on a mechanism shears strongly."""
 
+_order_of = OfMesh[tuple[Ints, int]]()
+
 
 class StageSystems:
     """The equations of all states of a sequence, each prepared when it is first needed.
@@ -97,7 +100,13 @@ class StageSystems:
         self._on_mesh, self._mesh, self._sequence = on_mesh, mesh, sequence
         self._solver = solver
         self._fixed = fixed_dofs(on_mesh)
-        order, self._lasting = self._elimination_order()
+        changes = self.changing_nodes()
+        made_of = {tuple(state.materials.items()) for state in sequence.states[1:]}
+        order, self._lasting = _order_of(
+            mesh,
+            (changes.tobytes(), len(made_of), solver.keeps_from),
+            lambda: self._elimination_order(changes, len(made_of)),
+        )
         self._node_of_rank = _moved_to_end(order, structures.late_nodes())
         rank = np.empty_like(self._node_of_rank)
         rank[self._node_of_rank] = np.arange(len(rank))
@@ -202,6 +211,8 @@ class StageSystems:
         return f"{text}, and strongly between {ends[0]} and {ends[1]}"
 
     def _elimination_order(self) -> tuple[Ints, int]:
+
+    def _elimination_order(self, changes: Bools, stages: int) -> tuple[Ints, int]:
         """The nodes in the order of elimination, and how many, the first, last through all stages.
 
         They are put first only for a solver that keeps what it finds of them, and where that saves
@@ -209,9 +220,7 @@ class StageSystems:
         """
         mesh, graph = self._mesh, node_graph(self._mesh)
         plain = nested_dissection(mesh.points, *graph)
-        changes = self._changing_nodes()
         lasting = int(np.count_nonzero(~changes))
-        stages = len({tuple(state.materials.items()) for state in self._sequence.states[1:]})
         if not lasting or stages < 2 or self._solver.keeps_from == float("inf"):
             return plain, 0
         if flops_at_most(plain.size * mesh.dim, plane=mesh.dim == 2) < self._solver.keeps_from:
@@ -229,20 +238,29 @@ class StageSystems:
             self._edges = nodes_on_edges(self._mesh)
         return UnknownPlaces(dofs, self._mesh.points, self._edges)
 
-    def _changing_nodes(self) -> Bools:
+    @property
+    def keeps_lasting(self) -> bool:
+        """Whether ground that no stage touches is eliminated first, by itself."""
+        return self._lasting > 0
+
+    def changing_nodes(self) -> Bools:
         """(n_nodes,) nodes of ground that changes or yields, and of structures."""
-        mesh, sequence, case = self._mesh, self._sequence, self._on_mesh.case
-        materials = case.materials
+        found = nodes_in(self._mesh.blocks, self.changing[self._sequence.group_of])
+        nodes = np.zeros(self._mesh.n_nodes, dtype=bool)
+        nodes[found] = True
+        nodes[self.structures.nodes()] = True
+        return nodes
+
+    @cached_property
+    def changing(self) -> Bools:
+        """(n_groups,) groups of ground that changes from stage to stage, or yields."""
+        sequence, materials = self._sequence, self._on_mesh.case.materials
         changes = np.zeros(len(sequence.groups), dtype=bool)
         for g in range(len(sequence.groups)):
             met = {state.materials.get(g) for state in sequence.states}
             yields = any(name is not None and materials[name].yields for name in met)
             changes[g] = len(met) > 1 or yields
-        found = nodes_in(mesh.blocks, changes[sequence.group_of])
-        nodes = np.zeros(mesh.n_nodes, dtype=bool)
-        nodes[found] = True
-        nodes[self.structures.nodes()] = True
-        return nodes
+        return changes
 
     def _prepare(self, number: int) -> StageSystem:
         sequence, state = self._sequence, self._sequence.states[number]

@@ -17,12 +17,14 @@ from geoident.forward.checks import inadmissible_numbers
 from geoident.forward.gauges.instrument_errors import InstrumentErrors, ReadingPlaces
 from geoident.forward.gauges.observation import Observation
 from geoident.forward.reduced.affine_march import AffineForm
-from geoident.forward.reduced.duals import ReadingDuals, StageDual
+from geoident.forward.reduced.duals.basis import DualBasis, StageDual
+from geoident.forward.reduced.duals.bounds import ReadingDuals
 from geoident.forward.reduced.loads import LoadForm
 from geoident.forward.reduced.model import ReducedModel
 from geoident.forward.reduced.moduli import MaterialSpan, RigiditySpan, Span
 from geoident.forward.reduced.projection import ReducedStage, ZoneResidual
-from geoident.forward.reduced.response import ReducedResponse
+from geoident.forward.reduced.response import ReadingsAsked, ReducedResponse
+from geoident.forward.reduced.stress_rows import StageForces
 from geoident.forward.reduced.zones import StressTerm, rigidity_name
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case
@@ -60,9 +62,10 @@ def kept_model(
     packed.moduli(model.form.spans)
     packed.loads(model.form.loads)
     packed.rounding(reduced.duals.rounding)
-    for number, (stage, dual) in enumerate(zip(model.stages, reduced.duals.stages, strict=True)):
+    for number, stage in enumerate(model.stages):
         packed.stage(number, stage)
-        packed.dual(number, dual)
+    for which, basis in enumerate(reduced.duals.bases):
+        packed.basis(which, basis)
     return KeptReducedModel(
         form=FORM,
         names=model.form.names,
@@ -129,16 +132,24 @@ class _Packed:
         self._add_all("normal", stage.normal, number)
         changes = [[self._number[m] for m in change] for change in stage.changes]
         self._add("changes", np.array(changes).reshape(-1, 2), number)
+        self._add("force-channels", stage.forces.channels, number)
+        self._add("force-loads", stage.forces.loads, number)
+        self._add_all("force-terms", stage.forces.terms, number)
         for place, zone in enumerate(stage.residuals):
             self._add("zone", self._number[zone.material], number, place)
             self._add("zone-loads", zone.loads, number, place)
             self._add("zone-rest", zone.rest, number, place)
             self._add_all("zone-terms", zone.terms, number, place)
 
-    def dual(self, number: int, dual: StageDual) -> None:
-        self._add_all("adjoint-energy", dual.energy, number)
-        self._add("adjoint-loads", dual.loads, number)
-        self._add_all("adjoint-terms", dual.terms, number)
+    def basis(self, which: int, basis: DualBasis) -> None:
+        self._add("adjoint-place", basis.place, which)
+        self._add("adjoint-by", basis.by, which)
+        self._add("adjoint-readings", basis.readings, which)
+        self._add("adjoint-forces", float(basis.forces), which)
+        for number, dual in enumerate(basis.stages):
+            self._add_all("adjoint-moments", dual.moments, which, number)
+            self._add("adjoint-loads", dual.loads, which, number)
+            self._add_all("adjoint-terms", dual.terms, which, number)
 
 
 class _Blocks:
@@ -195,16 +206,35 @@ class _Blocks:
             tuple(zones),
             self.materials("normal", number),
             tuple((self._materials[a], self._materials[b]) for a, b in changes),
+            StageForces(
+                self.one("force-channels", number).astype(np.int64),
+                self.one("force-loads", number),
+                self.terms("force-terms", number),
+            ),
         )
 
-    def dual(self, number: int, some: Ints) -> StageDual:
-        """Of some readings."""
-        energy = self.materials("adjoint-energy", number)
-        terms = self.terms("adjoint-terms", number)
+    def bases(self, form: AffineForm, some: Ints) -> list[DualBasis]:
+        """Adjoints of some readings."""
+        found: list[DualBasis] = []
+        while (place := self.get("adjoint-place", len(found))) is not None:
+            which = len(found)
+            by = self.one("adjoint-by", which).astype(np.int64)
+            numbers = range(len(self._about("adjoint-loads", (which,))))
+            readings = self.one("adjoint-readings", which).astype(np.int64)
+            forces = bool(self.one("adjoint-forces", which))
+            wanted = np.flatnonzero(np.isin(some, readings))  # of those that are asked for
+            own = np.searchsorted(readings, some[wanted])
+            stages = tuple(self._dual(which, number, own) for number in numbers)
+            found.append(DualBasis(form, place, by, stages, wanted, forces=forces))
+        return found
+
+    def _dual(self, which: int, number: int, some: Ints) -> StageDual:
+        moments = self.materials("adjoint-moments", which, number)
+        terms = self.terms("adjoint-terms", which, number)
         return StageDual(
-            {name: block[some] for name, block in energy.items()},
-            self.one("adjoint-loads", number)[some],
-            {key: block[:, some] for key, block in terms.items()},
+            {name: block[..., some] for name, block in moments.items()},
+            self.one("adjoint-loads", which, number)[:, some],
+            {key: block[:, :, some] for key, block in terms.items()},
         )
 
 
@@ -248,6 +278,7 @@ class RestoredModel:
         spans = self.model.form.spans
         self._ground = _Made(tuple(m for m in spans if isinstance(spans[m], MaterialSpan)))
         self.instrument_errors = InstrumentErrors(case, kept.built_on)
+        self._dimensions = {channel.name: channel.dimension for channel in case.channels}
         self._bases = np.arange(len(kept.readable))
         self._bases[: len(self.model.stages)] = [stage.base for stage in self.model.stages]
         self._place = {
@@ -334,16 +365,20 @@ class RestoredModel:
         """
         some = np.array([self._place[pair] for pair in pairs], dtype=np.int64)
         kept, model = self.kept, self.model
-        duals = [self._blocks.dual(n, some) for n in range(len(model.stages))]
+        bases = self._blocks.bases(model.form, some)
         values = dict(zip(kept.names, map(float, kept.reference), strict=True))
         places = ReadingPlaces.of(self.case, pairs, times)
-        return ReducedResponse(
-            model,
-            self._observation,
+        asked = ReadingsAsked(
             kept.rows[some],
             kept.states[some],
             self.instrument_errors.added(values, kept.names, places),
+            [self._dimensions[channel] for channel, _ in pairs],
+        )
+        return ReducedResponse(
+            model,
+            self._observation,
+            asked,
             self._bases,
             self.admissible,
-            ReadingDuals(model, duals, float(self._blocks.one("rounding"))),
+            ReadingDuals(model, bases, float(self._blocks.one("rounding"))),
         )

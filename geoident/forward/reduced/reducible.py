@@ -4,13 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
+from geoident.forward.gauges.observable import MarchState
 from geoident.forward.march.march import RunOptions
 from geoident.forward.marches import Marches
+from geoident.forward.reduced.duals.basis import DualBasis
+from geoident.forward.reduced.duals.bounds import ReadingDuals
+from geoident.forward.reduced.model import ReducedModel
 from geoident.forward.reduced.reduction import Reduction
-from geoident.forward.reduced.response import ReducedResponse
+from geoident.forward.reduced.response import ReadingsAsked, ReducedResponse
+from geoident.forward.reduced.stress_rows import beyond_reduction
 from geoident.forward.response import StagedResponse
 from geoident.model.arrays import Floats
 from geoident.model.response import CertifiedResponse
@@ -82,7 +88,7 @@ class ReducibleResponse(StagedResponse):
             most: how many marches count at most, the newest.
         """
         marches = self._marches
-        if self.reduction is not None or marches.observation.not_linear(self._row) is not None:
+        if self.reduction is not None or self._beyond is not None:
             return
         known = self._shared.reduction
         if economical and known is not None and known.economical and known.last >= self._last:
@@ -95,10 +101,19 @@ class ReducibleResponse(StagedResponse):
 
     def reduction_obstacle(self) -> str | None:
         """Why there is no reduced model, a clause, or None if there may be one."""
-        not_linear = self._marches.observation.not_linear(self._row)
-        if not_linear or self.reduction is None:
-            return not_linear
+        if self._beyond is not None or self.reduction is None:
+            return self._beyond
         return self.reduction.obstacle
+
+    @cached_property
+    def _beyond(self) -> str | None:
+        """Why its readings have no reduced model, a clause, or None if they have."""
+        return beyond_reduction(self._marches.march, self._marches.observation, self._row)
+
+    @property
+    def has_reduced_model(self) -> bool:
+        """Whether marches are kept for one, and nothing is known that stands against it."""
+        return self.reduction is not None and self.reduction_obstacle() is None
 
     def march_again(self, visited: Sequence[Floats]) -> None:
         """Have the reduced model made of the marches at some parameter vectors (n,), in that order.
@@ -138,32 +153,45 @@ class ReducibleResponse(StagedResponse):
         """The reduced model of the marches that were kept; None where there is none.
 
         Args:
-            bounded: with bounds of the errors of the readings; costs a march and its way back.
+            bounded: with bounds of the errors of the readings; costs a march and its way back,
+                and the same again for places far from the reference.
             reference: (n,) parameters whose moduli measure; None for those of the last march.
         """
         marches, reduction = self._marches, self.reduction
         made = None if reduction is None else reduction.model(reference)
         if reduction is None or made is None:
             return None
-        duals, moved = None, np.zeros(len(self._row))
-        if bounded:
-            run = marches.at(made.reference, RunOptions(last=self._last, traced=True))
-            rows = marches.observation.operator(self._row)
-            weights = marches.observation.weights_of_states(self._row, self._state, self._last)
-            for end in run.states():
-                moved += weights[end.state] * (rows @ end.u[:, 0])
-            duals = reduction.duals(made, run, rows, weights)
+        duals, moved = self._bounded(reduction, made) if bounded else (None, np.zeros(0))
         values = marches.values(made.reference)
         added = marches.instrument_errors.added(values, self.names, self._places)
+        dimensions = [marches.case.channels[row].dimension for row in self._row]
         response = ReducedResponse(
             made,
             marches.observation,
-            self._row,
-            self._state,
-            added,
+            ReadingsAsked(self._row, self._state, added, dimensions),
             marches.sequence.bases,
             self.admissible,
             duals,
         )
         response.see_rounding(moved)
         return response
+
+    def _bounded(self, reduction: Reduction, made: ReducedModel) -> tuple[ReadingDuals, Floats]:
+        """Adjoints of the readings, and what the march at the reference moves in them (g,)."""
+        marches, observation = self._marches, self._marches.observation
+        weights = observation.weights_of_states(self._row, self._state, self._last)
+        reads = reduction.reads(self._row, weights)
+        by, bases = reduction.dual_derivatives(made), list[DualBasis]()
+        at_reference = np.zeros(0)
+        for place in reduction.dual_places(made):
+            run = marches.at(place, RunOptions(last=self._last, traced=True))
+            seen = [
+                observation.values(MarchState(end, run.point, marches.structures))
+                for end in run.states()
+            ]
+            if not bases:
+                table = observation.readings(np.stack(seen), self._row, self._state)
+                at_reference = table[:, 0]
+            bases += [reduction.dual_basis(run, place, by, read) for read in reads]
+            run.factors.forget()
+        return ReadingDuals(made, bases), at_reference

@@ -10,18 +10,20 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
+import threading
 import time
 from collections import deque
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
-from multiprocessing import get_context
+from multiprocessing import current_process, get_context
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import SpawnProcess
-from types import TracebackType
+from types import ModuleType, TracebackType
 from typing import Any, Generic, Self, TypeVar
 
-from geoident.workflow.executing.executor import RETRIES, Answered, SetUp, usable_cores
+from geoident.workflow.executing.executor import CORES, RETRIES, Answered, SetUp, usable_cores
 from geoident.workflow.executing.worker import READY, VALUE, serve
 
 T = TypeVar("T")
@@ -38,6 +40,9 @@ _GRACE = 5.0
 
 _THREADS = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS")
 _HELD = (signal.SIGINT, signal.SIGTERM)
+
+_STARTING = threading.Lock()
+"""Processes are started one after the other: the environment that they inherit is that of all."""
 
 
 @dataclass
@@ -64,6 +69,8 @@ class LocalProcesses(Generic[T, R]):
         set_up: gives, in each worker, the function that answers tasks. It is pickled.
         time_limit: seconds that a task may take, or None.
         retries: times that a task is begun again after its worker was lost.
+        sharing: number of workers among which the cores are shared out, where others than these
+            compute here as well; None for `jobs`.
     """
 
     def __init__(
@@ -73,8 +80,10 @@ class LocalProcesses(Generic[T, R]):
         *,
         time_limit: float | None = None,
         retries: int = RETRIES,
+        sharing: int | None = None,
     ) -> None:
         self._jobs = jobs
+        self._sharing = sharing or jobs
         self._set_up = set_up
         self._time_limit = time_limit
         self._retries = retries
@@ -111,7 +120,7 @@ class LocalProcesses(Generic[T, R]):
     def ask_to_stop(self) -> None:
         """Begin no more tasks, and let those that run end as soon as they can."""
         self._stopping = True
-        for worker in self._workers:
+        for worker in tuple(self._workers):
             if worker.task is not None and worker.process.pid is not None:
                 with suppress(OSError):
                     os.kill(worker.process.pid, signal.SIGTERM)
@@ -119,7 +128,7 @@ class LocalProcesses(Generic[T, R]):
     def kill(self) -> None:
         """End all tasks at once."""
         self._stopping = True
-        for worker in self._workers:
+        for worker in tuple(self._workers):
             worker.process.kill()
 
     def run(self, tasks: Iterable[T]) -> Iterator[Answered[R]]:
@@ -183,7 +192,13 @@ class LocalProcesses(Generic[T, R]):
         process = get_context("spawn").Process(
             target=serve, args=(there, self._set_up), daemon=True
         )
-        with _cores_shared(self._jobs), _signals_blocked():
+        with (
+            _STARTING,
+            cores_shared(self._sharing),
+            _signals_blocked(),
+            _may_have_children(),
+            _no_script(),
+        ):
             process.start()
         there.close()
         worker: _Worker[T] = _Worker(process, here)
@@ -283,21 +298,43 @@ def _why(code: int | None) -> str:
 
 
 @contextmanager
-def _cores_shared(jobs: int) -> Iterator[None]:
+def cores_shared(jobs: int) -> Iterator[None]:
     """Threads of libraries for a process that is started meanwhile: its share of the cores.
+
+    What the environment says of OMP_NUM_THREADS holds for all libraries of which it says nothing:
+    their own variables go before it.
 
     Args:
         jobs: among how many processes the cores are shared.
     """
-    threads = str(max(1, usable_cores() // jobs))
-    before = {name: os.environ.get(name) for name in _THREADS}
-    os.environ.update({name: value or threads for name, value in before.items()})
+    share = str(max(1, usable_cores() // jobs))
+    names = (*_THREADS, CORES)
+    before = {name: os.environ.get(name) for name in names}
+    threads = os.environ.get("OMP_NUM_THREADS") or share
+    os.environ.update({name: before[name] or threads for name in _THREADS})
+    os.environ[CORES] = share
     try:
         yield
     finally:
         for name, value in before.items():
             if value is None:
                 del os.environ[name]
+            else:
+                os.environ[name] = value
+
+
+@contextmanager
+def _no_script() -> Iterator[None]:
+    """Keep a process that is started meanwhile from running the script that we are called from.
+
+    It would run again from its first line where it does not guard itself; nothing of it is needed.
+    """
+    main = sys.modules["__main__"]
+    sys.modules["__main__"] = ModuleType("__main__")
+    try:
+        yield
+    finally:
+        sys.modules["__main__"] = main
 
 
 @contextmanager
@@ -311,3 +348,18 @@ def _signals_blocked() -> Iterator[None]:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+@contextmanager
+def _may_have_children() -> Iterator[None]:
+    """Let a process be started that is a daemon itself, such as a worker of dask.
+
+    Daemons must have no children since these would outlive them; ours do not (`worker`).
+    """
+    own: dict[str, object] = getattr(current_process(), "_config", {})
+    daemon = own.pop("daemon", None)
+    try:
+        yield
+    finally:
+        if daemon is not None:
+            own["daemon"] = daemon
