@@ -24,7 +24,7 @@ from geoident.forward.march.collapse import limit_of
 from geoident.forward.march.equilibrium import Balance, solve
 from geoident.forward.march.held_factors import ElasticByHeld, HeldFactors, StageTangents
 from geoident.forward.march.plastic_derivatives import plastic_derivatives
-from geoident.forward.march.stage import StageTask, not_positive_definite
+from geoident.forward.march.stage import StageTask, impose_motion, not_positive_definite
 from geoident.forward.march.stage_equations import (
     Ground,
     NoEquilibrium,
@@ -154,7 +154,7 @@ class PlasticSteps:
             return self._solved(task, laws)
         except NoEquilibrium as error:  # of flow without potential
             part = np.nan
-            if self.explain:
+            if self.explain and task.motion is None:
                 part, error = self._carried_part(task, laws, error)
             raise self._collapse(task, part, error.mechanism, proven=error.limit) from error
 
@@ -232,6 +232,7 @@ class PlasticSteps:
         return least, error
 
     def _solved(self, task: StageTask, laws: Mapping[str, YieldLaw]) -> tuple[Floats, Bools]:
+        impose_motion(task, self.systems)
         equations = self._equations(task, laws)
         balance = self._balance(task, equations, self.warm.guesses(task))
         du = np.zeros_like(task.forces)
@@ -242,6 +243,8 @@ class PlasticSteps:
         if balance.unbalanced > 0.0:
             self.findings.unbalanced[task.state.name] = balance.unbalanced
         self.warm.keep(task, du)
+        if task.motion is not None:
+            du[:, : task.motion.shape[1]] += task.motion
         return du, yielded_points(equations, balance.trial)
 
     def _equations(self, task: StageTask, laws: Mapping[str, YieldLaw]) -> StageEquations:
@@ -313,7 +316,8 @@ class PlasticSteps:
         """Follow the arc of equilibria: it ends at collapse, or leads to the whole load."""
         limit = limit_of(equations)
         if limit.fraction < 1.0:
-            raise self._collapse(task, limit.fraction, error.mechanism) from error
+            carried = limit.fraction if task.motion is None else np.nan
+            raise self._collapse(task, carried, error.mechanism) from error
         try:
             return solve(equations, [limit.du])
         except NoEquilibrium as again:
