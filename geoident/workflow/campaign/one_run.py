@@ -64,7 +64,7 @@ def tasks(campaign: Campaign, folder: Path, *, fresh: bool) -> Callable[[Planned
         folder: for their results.
         fresh: what is known of them does not count.
     """
-    bare = replace(campaign, variations=(), sampling=None)
+    bare = replace(campaign, variations=(), sampling=None, cluster=None)
     return lambda run: RunTask(bare, folder, run, fresh)
 
 
