@@ -25,3 +25,25 @@ def reader_in(folder):
         return (Path(folder) / name).read_text(), str(folder), os.getpid()
 
     return read
+
+
+def nothing():
+    return abs
+
+
+def nothing_in(folder):
+    return abs
+
+
+def worker_killer_in(folder):
+    """As `obedient`, and a word that kills the worker of dask."""
+    obey = obedient()
+
+    def act(task):
+        if task[0] == "kill the worker":
+            time.sleep(0.1)
+            os.kill(os.getppid(), 9)
+            time.sleep(60)
+        return obey(task)
+
+    return act

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+from contextlib import suppress
 from difflib import get_close_matches
 from typing import Any
 
@@ -62,14 +63,33 @@ def job_queue(cluster: Cluster) -> Any:
         InputError: the options are not right.
     """
     check_options(cluster)
+    options = dict(cluster.options)
+    # a page of dask at a port that is free
+    options["scheduler_options"] = {"dashboard_address": ":0"} | options.get(
+        "scheduler_options", {}
+    )
+    made: Any = None
     try:
-        made = _class_of(cluster.queue)(**cluster.options)
+        made = _class_of(cluster.queue)(**options)
+        for _ in range(cluster.jobs):  # as made.scale, which would not tell what goes wrong
+            made.worker_spec.update(made.new_worker_spec())
+        made.sync(made._correct_state)
     except (TypeError, ValueError, OSError, RuntimeError) as error:
-        said = str(error).splitlines()[0]
+        if made is not None:
+            with suppress(Exception):
+                made.close(timeout=1.0)
         hint = "The keys are those of dask-jobqueue; cores and memory of a job are always needed."
-        raise cluster.refused("bad-cluster", said, hint) from error
+        raise cluster.refused("bad-cluster", _said(error), hint) from error
     made.adapt(minimum_jobs=cluster.jobs, maximum_jobs=cluster.jobs)
     return made
+
+
+def _said(error: Exception) -> str:
+    """What went wrong, in one line: that of the queue system, if it has said something."""
+    text = str(error)
+    _, _, heard = text.partition("stderr:\n")
+    lines = (heard if heard.strip() else text).strip().splitlines()
+    return f"the jobs cannot be submitted: {lines[0] if lines else type(error).__name__}"
 
 
 def job_script(cluster: Cluster) -> str:

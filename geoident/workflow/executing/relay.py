@@ -27,6 +27,9 @@ from geoident.workflow.executing.processes import LocalProcesses
 BEGUN = "begun"
 """Word of the event that tells that a task was begun."""
 
+_DROPPED = ("released", "cancelled", "forgotten")
+"""States that a task takes which is computed while nobody waits for it any more."""
+
 SetUpIn = Callable[[Path], Callable[[Any], Any]]
 """Is called once in each process with the folder of the files; the function answers tasks."""
 
@@ -151,7 +154,7 @@ class Relay(WorkerPlugin):
             finish: state that it takes.
             kwargs: what else dask says of it.
         """
-        if finish == "cancelled" and self._pools is not None:
+        if start == "executing" and finish in _DROPPED and self._pools is not None:
             with self._pools.lock:
                 busy = self._pools.busy.get(str(key))
                 if busy is not None:
@@ -250,8 +253,10 @@ def relayed(name: str, number: int, task: Any) -> Answered[Any]:
     return plugin.answer(str(worker.get_current_task()), number, task)
 
 
-def stop_relay(name: str, at_once: bool, dask_worker: Any = None) -> None:
+async def stop_relay(name: str, at_once: bool, dask_worker: Any = None) -> None:
     """Called by dask on each worker: lets the tasks of an executor end.
+
+    It is asynchronous since dask waits for the end of any other function.
 
     Args:
         name: of the executor.
