@@ -14,6 +14,7 @@ import re
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from enum import Enum, IntEnum
+from typing import Any
 
 
 class ExitCode(IntEnum):
@@ -152,9 +153,23 @@ class GeoidentError(Exception):
     def __str__(self) -> str:
         return worded(super().__str__())
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        # an error may come from another process; what made its message is not all kept
+        return _restored, (type(self), self.args, self.__dict__.copy())
+
     def tell(self, caller: Caller) -> None:
         """Put the message in the words of who calls."""
         self.args = tuple(worded(part, caller) for part in self.args)
+
+
+def _restored(
+    kind: type[GeoidentError], args: tuple[Any, ...], state: dict[str, Any]
+) -> GeoidentError:
+    """An error as it was, of which only its parts have come."""
+    error = kind.__new__(kind)
+    error.args = args
+    error.__dict__.update(state)
+    return error
 
 
 class UsageError(GeoidentError):

@@ -49,3 +49,17 @@ def require_dask() -> None:
         if find_spec(package) is None:
             hint = "Install it with: python -m pip install 'geoident[cluster]'"
             raise MissingExtra(f"a cluster needs {package}\n    {hint}", name=package)
+
+
+def refuse_cluster(given: str | None) -> None:
+    """Refuse a cluster for a single case, whose search is computed where the command runs.
+
+    Args:
+        given: what was written.
+
+    Raises:
+        click.UsageError: there is one.
+    """
+    if given is not None:
+        message = "--cluster is for several cases, or for the runs of `geoident batch`."
+        raise click.UsageError(message)

@@ -100,7 +100,7 @@ def _run(
         case: path of the case.
         stop: the wish to stop; None for that of the signals that arrive.
     """
-    control = Control(terminal, stop or StopRequest(), max_time=options.max_time)
+    control = Control(terminal, stop or StopRequest(), max_time=options.max_time, jobs=options.jobs)
     listening = stop_on_signals(control.stop) if stop is None else nullcontext()
     with terminal.live(title), listening:
         finished = work(control)

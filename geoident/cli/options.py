@@ -37,7 +37,7 @@ class Options:
     """The shared options as given. Commands that do not have one see its default."""
 
     output: str | None = None
-    jobs: int = 1
+    jobs: int | None = None
     overrides: tuple[str, ...] = ()
     seed: int = 0
     max_time: float | None = None
@@ -121,9 +121,9 @@ _OPTIONS: dict[str, Callable[[Any], Any]] = {
         "-j",
         "--jobs",
         type=click.IntRange(min=1),
-        default=1,
         metavar="N",
-        help="Number of cases to compute at a time, one process each.",
+        help="Number of processes: for cases, or for what one search can compute at a time.  "
+        "[default: the cores there are, for one case where it is worth while]",
     ),
     "overrides": click.option(
         "--set",

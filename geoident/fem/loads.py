@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -109,19 +108,15 @@ def traction_weights(mesh: Mesh, patch: FacetPatch, kinematics: Kinematics) -> F
     return weights
 
 
-def stress_forces(
-    mesh: Mesh, patch: FacetPatch, kinematics: Kinematics, stress: Callable[[Floats], Floats]
-) -> Floats:
+def stress_forces(mesh: Mesh, patch: FacetPatch, geometry: FacetGeometry, sigma: Floats) -> Floats:
     """Nodal forces (n_dofs, ...) of the tractions sigma n of a stress field.
 
     Args:
         mesh: the mesh.
         patch: the faces on which the tractions act.
-        kinematics: of the analysis.
-        stress: gives stresses (n_strain, n, ...) at positions (n, dim).
+        geometry: of the patch.
+        sigma: (n_strain, m, ...) stresses at its quadrature points, Pa.
     """
-    geometry = facet_geometry(mesh.points, patch, kinematics)
-    sigma = stress(geometry.positions.reshape(-1, mesh.dim))
     tensor = sigma[VOIGT[mesh.dim]].reshape(
         (mesh.dim, mesh.dim, *geometry.normals.shape[:2], *sigma.shape[2:])
     )

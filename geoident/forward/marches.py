@@ -162,6 +162,12 @@ class Marches:
         self.paid(p, last)
         return kept
 
+    def forget(self) -> None:
+        """Begin the next march as a new model does: of earlier ones only analyses stay."""
+        self.march.forget()
+        self.last_adjoints = self._kept = None
+        self._paid = None, -1
+
     def _set_free(self, before: Counts) -> None:
         """What was done since these counts is not to be counted, but for analyses."""
         self._free += replace(self._spent() - before, analyses=0)

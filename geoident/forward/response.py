@@ -16,13 +16,13 @@ from geoident.forward.gauges.observable import MarchState
 from geoident.forward.march.march import Run, RunOptions
 from geoident.forward.march.stage import StageEnd, UnitForces
 from geoident.forward.marches import Marches
+from geoident.forward.model_response import ModelResponse
 from geoident.forward.openings.model import OpeningResponse, opening_in_mesh
 from geoident.forward.openings.site import Circle
 from geoident.forward.staged_system import StagedSystem, bilinear
 from geoident.model.arrays import Floats
 from geoident.model.dual import ParameterPoint
 from geoident.model.response import BilinearSystem, Condensed
-from geoident.model.results.result import Counts
 from geoident.model.yielding import Activity
 
 Tell = Callable[[StageEnd, Run], None]
@@ -32,7 +32,7 @@ _DEPENDENT = 1e-10
 """Singular value of S, relative to the largest, below which readings count as dependent."""
 
 
-class StagedResponse:
+class StagedResponse(ModelResponse):
     """Readings of some (channel, stage) pairs as a function of the parameters.
 
     Fulfils the protocols ``Response``, ``AffineElastic`` and ``ComplementaritySystem`` of the
@@ -50,6 +50,7 @@ class StagedResponse:
         pairs: Sequence[tuple[str, str]],
         times: Sequence[float | None] = (),
     ) -> None:
+        super().__init__(marches)
         self._marches = marches
         self._pairs, self._given_times = tuple(pairs), tuple(times)
         self._start = np.array([parameter.start for parameter in marches.case.parameters])
@@ -59,20 +60,6 @@ class StagedResponse:
         self._places = ReadingPlaces.of(marches.case, pairs, times)
         self._row, self._state = self._places.rows, self._places.states
         self._last = int(self._state.max(initial=0))
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the parameters."""
-        return self._marches.names
-
-    @property
-    def counts(self) -> Counts:
-        """Costs so far."""
-        return self._marches.counts
-
-    def admissible(self, p: Floats) -> str | None:
-        """Why p (n,) is outside the domain, or None."""
-        return self._marches.admissible(p)
 
     def readings(self, p: Floats) -> Floats:
         """v(p), (g,), m."""
@@ -91,6 +78,11 @@ class StagedResponse:
         """The answer at p (n,) with derivatives is known and was counted, from an earlier run."""
         if self._marches.keeps_march and not self.backwards:
             self._marches.paid(p, self._last)
+
+    def forget(self) -> None:
+        """Begin the next evaluation as a new model does; what a reduced model is made of stays."""
+        self._marches.forget()
+        self._activity = self._increments = None
 
     def by_tangents(self, p: Floats) -> tuple[Floats, Floats]:
         """v(p), (g,), and its Jacobian, (g, n): one column a parameter through the stages."""

@@ -24,7 +24,7 @@ from geoident.workflow.estimating.accuracies import accuracy_findings
 from geoident.workflow.estimating.diagnosis import bare_parameter_table, opened, parameter_table
 from geoident.workflow.estimating.finished import Finished, evaluation_log, job_at_hand, write
 from geoident.workflow.estimating.predictions import collapse_findings
-from geoident.workflow.estimating.setup import Setup, require_possible
+from geoident.workflow.estimating.setup import Setup, require_possible, with_workers
 from geoident.workflow.running.control import OUT_OF_TIME, Control
 from geoident.workflow.running.evaluation_log import Log
 from geoident.workflow.running.jobs import Job, build_model, job_provenance
@@ -62,8 +62,11 @@ def backtest(job: Job, control: Control) -> Finished:
     """
     if (before := job_at_hand(job)) is not None:
         return before
-    setup, stages = prepare_backtest(job)
-    with evaluation_log(job, control) as log:
+    prepared, stages = prepare_backtest(job)
+    with (
+        evaluation_log(job, control) as log,
+        with_workers(job, prepared, control) as setup,
+    ):
         trials, skipped = run_trials(setup, stages, job.methods, log, control)
         result = _result(job, setup, trials, skipped, out_of_time=control.out_of_time)
         return write(result, job.place, job.found, inputs=job.inputs.files, force=job.request.force)

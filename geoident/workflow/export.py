@@ -8,7 +8,7 @@ made from an earlier result of the case, and gives way to what is made now.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from functools import partial
@@ -26,7 +26,7 @@ from geoident.io.result.vtkhdf import (
 )
 from geoident.io.result.vtu import write_pvd, write_structures_vtu, write_vtu
 from geoident.io.text.atomic import atomic_output, make_folder
-from geoident.io.text.mark import CaseOrigin, marked, origin_of
+from geoident.io.text.mark import marked, origin_of
 from geoident.model.results.result import FieldSeries, Result
 from geoident.workflow.running.older_files import listed_files, listing_text
 from geoident.workflow.running.outputs import kept_results
@@ -83,14 +83,60 @@ class Export:
         Raises:
             OutputError: one of them exists, is an input, or cannot be written; none is there then.
         """
-        inputs, listing = files_of_result(self.result, self.path), self._listing()
+        return self._files().write(writers, own=own)
+
+    def _files(self) -> ListedFiles:
+        return ListedFiles(
+            folder=self.folder,
+            stem=stem(self.path),
+            case=case_path(self.path, self.result.provenance.case_file),
+            inputs=files_of_result(self.result, self.path),
+            identity=self.result.provenance.identity,
+            overwrite=self.overwrite,
+        )
+
+
+@dataclass(frozen=True)
+class ListedFiles:
+    """Files that belong together, in a folder with a list of their checksums.
+
+    Args:
+        folder: of the files; made if it is missing.
+        stem: what their names begin with; the list is ``STEM.sha256``.
+        case: path of the case that they are made of.
+        inputs: paths of what the command has read, which no file replaces.
+        identity: of what they are made of, as the list says it.
+        overwrite: whether files that exist are replaced.
+    """
+
+    folder: Path
+    stem: str
+    case: str
+    inputs: Sequence[str]
+    identity: str
+    overwrite: bool
+
+    def write(self, writers: Mapping[Path, Writer], *, own: bool = False) -> tuple[str, ...]:
+        """Write all files under temporary names, then give them their names.
+
+        Args:
+            writers: path of a file to what writes it.
+            own: they may be replaced, and are not listed.
+
+        Returns:
+            The files.
+
+        Raises:
+            OutputError: one of them exists, is an input, or cannot be written; none is there then.
+        """
+        listing = self.folder / f"{self.stem}.sha256"
         before, refusal = self._listed(listing)
         with ExitStack() as stack:
             stack.enter_context(made_folder(self.folder))
 
             def place(file: Path, *, ours: bool) -> str:
                 free = self.overwrite or own or ours
-                return stack.enter_context(atomic_output(file, overwrite=free, inputs=inputs))
+                return stack.enter_context(atomic_output(file, overwrite=free, inputs=self.inputs))
 
             if refusal and not self.overwrite:
                 raise OutputError(refusal)
@@ -98,19 +144,12 @@ class Export:
             for file, part in parts.items():
                 writers[file](part)
             if not own:
-                identity = self.result.provenance.identity
-                made = {f.name: (_sha256(Path(part)), identity) for f, part in parts.items()}
+                made = {f.name: (_sha256(Path(part)), self.identity) for f, part in parts.items()}
                 text = listing_text(before | made)
                 part = place(listing, ours=True)
-                Path(part).write_bytes(marked(text.encode(), "csv", self._origin(listing)))
+                origin = origin_of([self.case], listing)
+                Path(part).write_bytes(marked(text.encode(), "csv", origin))
         return tuple(str(file) for file in writers)
-
-    def _listing(self) -> Path:
-        """The list of files that were made of the result, and of earlier ones of its case."""
-        return self.folder / f"{stem(self.path)}.sha256"
-
-    def _origin(self, listing: Path) -> CaseOrigin:
-        return origin_of([case_path(self.path, self.result.provenance.case_file)], listing)
 
     def _listed(self, listing: Path) -> tuple[dict[str, tuple[str, str]], str]:
         """Files that were made before, as `listed_files`; why the list is to stay as it is."""
@@ -118,8 +157,7 @@ class Export:
             content = listing.read_bytes()
         except OSError:
             return {}, ""
-        case = case_path(self.path, self.result.provenance.case_file)
-        why = foreign(content, "csv", [case], listing)
+        why = foreign(content, "csv", [self.case], listing)
         if why:
             remedy = f"{Term.FORCE} replaces it and the files of these names; or give another name"
             return {}, f"{listing}: {why}; it is not overwritten\n    {remedy}"

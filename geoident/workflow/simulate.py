@@ -12,6 +12,7 @@ from geoident.errors import InputError
 from geoident.forward.elsewhere.model import ElsewhereModel
 from geoident.forward.protocols import CaseModel
 from geoident.forward.reduced.case_model import ReducedCaseModel
+from geoident.io.bridges.values import WrittenValue, read_values, values_of
 from geoident.io.text.atomic import refuse_inputs
 from geoident.model.arrays import Floats
 from geoident.model.case import Case
@@ -37,16 +38,19 @@ class Noise(Enum):
 
 @dataclass(frozen=True)
 class ComputedBy:
-    """What computes readings.
+    """What computes readings, and at which parameters.
 
     Args:
         solver: name of the sparse solver, or ``auto``.
         reduced: path of a result whose reduced model answers where that is close enough; None to
             compute the model.
+        values: path of a table of values of parameters in place of their start values; None for
+            those.
     """
 
     solver: str = "auto"
     reduced: str | None = None
+    values: str | None = None
 
 
 BY_MODEL = ComputedBy()
@@ -106,15 +110,18 @@ def simulate(
         text: of the case where it stands in no file.
 
     Raises:
-        InputError: the reduced model is of another case or mesh.
+        InputError: the reduced model is of another case or mesh, or the table of values is wrong.
         OutputError: the output is the case, or a file that it names.
         ModelError: the model has no solution at the start values.
     """
+    written = () if by.values is None else read_values(by.values)
     inputs = load_inputs(path, overrides=[*overrides, NO_READINGS], text=text)
+    files = inputs.files if by.values is None else (*inputs.files, by.values)
     if output is not None:
-        refuse_inputs(output, inputs.files)
-    model = _model(inputs, by)
-    p = start_values(model.case, model)
+        refuse_inputs(output, files)
+    inputs = with_starts(inputs, written)
+    model = answering_model(inputs, by)
+    p = values_for(model, written)
     if draw:
         p = _drawn(model, p, np.random.default_rng([seed, 1]))  # not the numbers of the noise
     if isinstance(model, ElsewhereModel):
@@ -128,11 +135,57 @@ def simulate(
     if isinstance(model, ReducedCaseModel) and by.reduced is not None:
         note = answer_note(model, by.reduced)
     counts = replace(model.counts, evaluations=max(1, model.counts.evaluations))
-    return Simulated(path, model.case, readings, inputs.files, note, inputs, p, computed, counts)
+    return Simulated(path, model.case, readings, files, note, inputs, p, computed, counts)
 
 
-def _model(inputs: Inputs, by: ComputedBy) -> CaseModel:
-    """The model of a case; one that asks a reduced model first where one is given."""
+def with_starts(inputs: Inputs, written: Sequence[WrittenValue]) -> Inputs:
+    """A case that starts at given values, as far as it names their parameters.
+
+    Args:
+        inputs: the case.
+        written: values of parameters; none for the case as it is.
+
+    Raises:
+        InputError: values that do not fit the parameters.
+    """
+    if not written:
+        return inputs
+    case = inputs.case
+    names = {parameter.name for parameter in case.parameters}
+    # coefficients of the modes of fields are known only to the model
+    named = [row for row in written if not case.fields or row.name in names]
+    values = values_of(named, case.parameters)
+    parameters = tuple(replace(p, start=values.get(p.name, p.start)) for p in case.parameters)
+    loaded = replace(inputs.loaded, case=replace(case, parameters=parameters))
+    return replace(inputs, loaded=loaded)
+
+
+def values_for(model: CaseModel, written: Sequence[WrittenValue]) -> Floats:
+    """The parameters (n,) of a model: values that are given, start values of the others.
+
+    Args:
+        model: of the case with these starts.
+        written: values of parameters.
+
+    Raises:
+        InputError: values that do not fit the parameters.
+        ModelError: they are outside the domain of the model.
+    """
+    p = start_values(model.case, model)
+    parameters = model.case.parameters
+    values = values_of(written, parameters)
+    for i, parameter in enumerate(parameters):
+        p[i] = values.get(parameter.name, p[i])
+    return p
+
+
+def answering_model(inputs: Inputs, by: ComputedBy) -> CaseModel:
+    """The model of a case; one that asks a reduced model first where one is given.
+
+    Args:
+        inputs: the case.
+        by: what computes it.
+    """
 
     def build() -> CaseModel:
         return build_model(inputs, solver=by.solver)
@@ -160,6 +213,22 @@ def _readings(case: Case, computed: Floats) -> tuple[Reading, ...]:
         for j, stage in enumerate(case.stages)
         for i, channel in enumerate(case.channels)
         if np.isfinite(computed[i, j]) and not (channel.is_zeroed and stage.name == channel.zero)
+    )
+
+
+def simulated_pairs(model: CaseModel) -> tuple[tuple[str, str], ...]:
+    """Channel and stage of each reading that is simulated, in their order.
+
+    Args:
+        model: of a case.
+    """
+    case = model.case
+    return tuple(
+        (channel.name, stage.name)
+        for stage in case.stages
+        for channel in case.channels
+        if model.unreadable(channel.name, stage.name) is None
+        and not (channel.is_zeroed and stage.name == channel.zero)
     )
 
 

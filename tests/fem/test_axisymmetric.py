@@ -10,6 +10,7 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 from support.anisotropy import moduli
 from support.meshes import KINDS_2D, box
+from support.tractions import uniform_tractions
 
 from geoident.fem.elasticity import isotropic
 from geoident.fem.elements import reference_element
@@ -107,10 +108,7 @@ def test_patch_test_tractions_of_a_constant_stress_give_its_displacement(kind, i
     mesh = ring(kind, inner)
     exact = admissible(mesh)
     stress = E @ points_of(mesh)[0].strain(exact)[:, 0]
-    forces = sum(
-        stress_forces(mesh, p, AXISYMMETRIC, lambda x: np.outer(stress, np.ones(len(x))))
-        for p in outer_patches(mesh)
-    )
+    forces = sum(uniform_tractions(mesh, p, AXISYMMETRIC, stress) for p in outer_patches(mesh))
     K = stiffness(mesh)
     np.testing.assert_allclose(K @ exact, forces, atol=1e-12)
     held = np.union1d(2 * np.flatnonzero(AXISYMMETRIC.on_axis(mesh.points)), [1])
@@ -221,7 +219,9 @@ def test_a_linear_stress_in_balance_with_weight_leaves_no_rest(kind):
     rest = -internal
     rest[:, 1] -= weight_shares(mesh, geometries, np.arange(mesh.n_elements))
     for patch in outer_patches(mesh):
-        rest += stress_forces(mesh, patch, AXISYMMETRIC, stress).reshape(-1, 2)
+        geometry = facet_geometry(mesh.points, patch, AXISYMMETRIC)
+        sigma = stress(geometry.positions.reshape(-1, 2))
+        rest += stress_forces(mesh, patch, geometry, sigma).reshape(-1, 2)
     rest[AXISYMMETRIC.on_axis(mesh.points), 0] = 0.0
     np.testing.assert_allclose(rest, 0.0, atol=1e-13)
 

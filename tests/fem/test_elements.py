@@ -8,13 +8,14 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 from support.anisotropy import moduli
 from support.meshes import KINDS, KINDS_2D, box, mixed_box
+from support.tractions import uniform_tractions
 
 from geoident.fem import stiffness
 from geoident.fem.elasticity import isotropic
 from geoident.fem.elements import reference_element
 from geoident.fem.faces import face_table, patches
 from geoident.fem.kinematics import PLANE_STRAIN, SOLID, block_geometry, strain_points
-from geoident.fem.loads import facet_geometry, pressure_forces, stress_forces, weight_shares
+from geoident.fem.loads import facet_geometry, pressure_forces, weight_shares
 from geoident.fem.solvers.ordering import nested_dissection
 from geoident.fem.stiffness import group_blocks, node_graph, stiffness_pattern
 from geoident.model.cells import CELLS
@@ -118,10 +119,7 @@ def test_patch_test_tractions_of_a_constant_stress_give_its_linear_displacement(
     stress = E @ points.strain(exact)[:, 0]
     table = face_table(mesh)
     outer = patches(mesh, table, table.free(np.ones(mesh.n_elements, bool)))
-    forces = sum(
-        stress_forces(mesh, p, kinematics_of(mesh), lambda x: np.outer(stress, np.ones(len(x))))
-        for p in outer
-    )
+    forces = sum(uniform_tractions(mesh, p, kinematics_of(mesh), stress) for p in outer)
     held = [*range(mesh.dim), *[mesh.dim * n + a for n, a in _three_more(mesh)]]
     free = np.setdiff1d(np.arange(len(exact)), held)
     K = direct_stiffness(mesh).tocsc()

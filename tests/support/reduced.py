@@ -27,6 +27,7 @@ MODULI = (
     Parameter("E", 8e9, 2e9, 3e10, "log"),
     Parameter("E_lining", 1e10, 3e9, 4e10, "log"),
 )
+POISSON = Parameter("nu", 0.25, 0.1, 0.4)
 STRESS = (Parameter("sv", 5e6, 2e6, 1e7), Parameter("K0", 1.0, 0.4, 2.0))
 HEIM = HeimStress(vertical=Scalar(1.0, "sv"), K0=Scalar(1.0, "K0"))
 
@@ -57,7 +58,7 @@ def plane(kind: str = "quad4", n: int = 12, **changes) -> StagedModel:
         Stage("bench", excavate=("bench",), change={"lining": "shotcrete"}),
     )
     settings = {
-        "parameters": (*MODULI, Parameter("nu", 0.25, 0.1, 0.4), *STRESS),
+        "parameters": (*MODULI, POISSON, *STRESS),
         "materials": {
             "rock": material("rock", Scalar(1.0, "E"), Scalar(1.0, "nu"), 2500.0),
             "young": material("young", Scalar(0.3, "E_lining"), 0.2, 2500.0),
@@ -121,6 +122,23 @@ def strata() -> StagedModel:
             "shotcrete": Material("shotcrete", Isotropic(E=Scalar(1e10), nu=Scalar(0.2))),
         },
     )
+
+
+def released() -> StagedModel:
+    """The plane case whose heading leaves with part of its stress held, until it is lined.
+
+    The part is sought; the bench leaves as a whole.
+    """
+    part = {"heading": Scalar(1.0, "part"), "lining": Scalar(1.0, "part")}
+    later = {"heading": Scalar(1.5, "part"), "lining": Scalar(1.5, "part")}
+    stages = (
+        Stage("heading", excavate=("heading", "lining"), release=part),
+        Stage("lined", install={"lining": "young"}, release=later),
+        Stage("test", loads={"plate": Pressure("y1", Scalar(2e5))}, independent=True),
+        Stage("bench", excavate=("bench",), change={"lining": "shotcrete"}),
+    )
+    share = Parameter("part", 0.4, 0.1, 0.6)
+    return plane(parameters=(*MODULI, POISSON, share, *STRESS), stages=stages)
 
 
 def settling() -> StagedModel:

@@ -97,6 +97,23 @@ def test_iterations_are_reckoned_with_where_a_factor_does_not_fit(monkeypatch):
     assert finer.seconds == pytest.approx(4 * told.seconds)
 
 
+def test_a_finer_mesh_that_is_too_large_to_factorize_is_reckoned_by_iterations(monkeypatch):
+    staged = excavation(1)
+    monkeypatch.setattr(auto, "LARGE_WORK", 0.0)
+    plain = cost.estimate_cost(staged, solver="auto")
+    room = 2.0 * auto.BYTES * plain.factor_entries / auto.FACTOR_SHARE  # its own, and no finer one
+    monkeypatch.setattr(auto, "memory_limit", lambda: room)
+    assert cost.estimate_cost(staged, solver="auto").solver == plain.solver != "iterative"
+    finer = cost.refinement_cost(staged, plain)
+    monkeypatch.setattr(auto, "memory_limit", lambda: 1e3)
+    iterated = cost.estimate_cost(staged, solver="auto")
+    assert finer.solver == iterated.solver == "iterative"
+    assert finer.seconds == pytest.approx(4 * iterated.seconds)
+    assert finer.memory - 120e6 == pytest.approx(4 * (iterated.memory - 120e6))
+    monkeypatch.setattr(auto, "memory_limit", lambda: 1e12)
+    assert cost.refinement_cost(staged, plain).solver == plain.solver
+
+
 def test_a_rough_count_takes_every_stage_for_the_largest():
     staged = excavation(1)
     exact = cost.estimate_cost(staged, solver="cholmod")

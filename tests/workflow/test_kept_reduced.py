@@ -17,6 +17,7 @@ from geoident.workflow.predict import PredictRequest, plan_prediction, predict
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.jobs import load_inputs
 from geoident.workflow.running.kept_reduced import restored_for
+from geoident.workflow.sample import SampleRequest, plan_sample, sample
 from tests.support.commands import run_command
 from tests.support.trench import write_case, write_mesh
 
@@ -127,6 +128,48 @@ def test_what_is_not_proven_to_be_close_is_computed(kept, fitted, tmp_path):
     assert shown.readings == simulated(kept, values).readings
 
 
+def sampled(path, output):
+    request = SampleRequest(str(path), draws=1000, effective=400, output=str(output))
+    return sample(plan_sample(request), Control()).result
+
+
+def note_of(result):
+    return next(note for note in result.notes if "evaluations are those of" in note)
+
+
+def test_draws_ask_it_and_evaluate_the_model_once(kept, fitted, tmp_path):
+    """At their mean, for the fields. The draws are the same: the points proposed are."""
+    found = sampled(kept / "case.fit.h5", tmp_path / "kept.sample.h5")
+    assert "those of the reduced model that the fit keeps" in note_of(found)
+    assert note_of(found).endswith("none is of the full model.")
+    assert found.counts.factorizations == 2  # one march of two stages
+    path = kept / "none.fit.h5"
+    write_result(replace(fitted.data, reduced=None), path, overwrite=False)
+    plain = sampled(path, tmp_path / "none.sample.h5")
+    assert "those of a reduced model" in note_of(plain)
+    assert plain.counts.factorizations > 2
+    one, other = found.posterior, plain.posterior
+    assert one.sampler == other.sampler
+    sd = other.values.std(axis=(0, 1))
+    np.testing.assert_allclose(one.values / sd, other.values / sd, atol=1e-3)
+    scale = np.nanmax(np.abs(other.predicted))
+    np.testing.assert_allclose(one.predicted, other.predicted, atol=1e-3 * scale)
+
+
+def test_draws_where_it_is_not_close_are_of_the_full_model(kept, fitted, tmp_path):
+    found = fitted.data.reduced
+    worse = {
+        name: 1e9 * block if name.startswith(("zone-rest", "zone-loads")) else block
+        for name, block in found.blocks.items()
+    }
+    path = kept / "loose.fit.h5"
+    write_result(replace(fitted.data, reduced=replace(found, blocks=worse)), path, overwrite=False)
+    drawn = sampled(path, tmp_path / "worse.sample.h5")
+    by_model = int(note_of(drawn).rpartition("; ")[2].split()[0])
+    assert by_model > 400  # else the adjoints are exact: one modulus
+    assert drawn.counts.factorizations > 2
+
+
 def test_a_grid_near_the_fit_needs_no_new_march(kept, fitted):
     grid = {"E": {"from": "4.6 GPa", "to": "5.4 GPa"}, "K0": {"from": 1.4, "to": 1.6}}
     values = {"fit.scan.grid": grid, "fit.scan.points": 12, "fit.stages": ["first", "second"]}
@@ -191,15 +234,18 @@ def test_another_form_is_refused_and_predictions_go_on_without(kept, fitted, tmp
 
 def test_a_fit_says_why_it_keeps_none(tmp_path):
     case = write_case(tmp_path)
-    partial = "stages[0].release={upper: 0.5}"
+    partial = "stages[1].release={lower: 0.5}"
     done = run_command("fit", str(case), *KEEP, "--set", partial)
     assert done.exit_code in (0, 4), done.output
     found = read_result(tmp_path / "case.fit.h5")
     assert found.reduced is None
-    why = "No reduced model is kept: the stage 'first' releases stress in part."
+    why = (
+        "No reduced model is kept: the stage 'second' releases in part the stress of ground that "
+        "other stages have changed before."
+    )
     assert why in found.notes
     inputs = load_inputs(str(case), overrides=[partial])
-    with pytest.raises(InputError, match="releases stress in part"):
+    with pytest.raises(InputError, match="releases in part the stress"):
         restored_for(str(tmp_path / "case.fit.h5"), inputs)
 
 
@@ -215,7 +261,7 @@ def test_without_being_asked_for_none_is_kept(tmp_path):
 @pytest.mark.parametrize(
     ("change", "why"),
     [
-        ("stages[0].release={upper: 0.5}", "no reduced model will be kept: the stage 'first'"),
+        ("stages[1].release={lower: 0.5}", "no reduced model will be kept: the stage 'second'"),
         ("gauges.P={kind: stress, point: [1 m, 1 m], components: [yy], accuracy: 0.1 MPa}",
          "will be kept does not give P"),
     ],

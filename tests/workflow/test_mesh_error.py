@@ -208,15 +208,33 @@ def test_doubts_of_a_channel_are_parts_of_its_own_error_and_of_that_of_its_kind(
     staged, _ = excavated("tri3", 2)
     found = mesh_error(staged, staged.case, NOTHING)
     mean = np.sqrt(np.mean(found.error**2))
-    np.testing.assert_allclose(found.doubt, np.hypot(0.2 * found.error, 0.1 * mean))
+    size = np.hypot(0.2 * found.error, 0.1 * mean)
+    np.testing.assert_allclose(found.doubt, np.copysign(size, found.error))
     jumps = replace(found, how="recovery")
-    np.testing.assert_allclose(jumps.doubt, 0.5 * np.abs(found.error))
+    np.testing.assert_allclose(jumps.doubt, 0.5 * found.error)
     other = ("angle", *found.dimensions[1:])
     alone = replace(found, dimensions=other).doubt
-    assert alone[0, 0] == pytest.approx(np.hypot(0.2, 0.1) * abs(found.error[0, 0]))
+    assert alone[0, 0] == pytest.approx(np.hypot(0.2, 0.1) * found.error[0, 0])
     unknown = found.error.copy()
     unknown[0] = np.nan
     assert replace(found, error=unknown).doubt[0, 0] == 0.0
+
+
+def test_a_channel_that_errs_to_both_sides_is_uncertain_to_both():
+    """What is too much of its pattern in one stage is too much of it in the other."""
+    staged, _ = excavated("tri3", 2)
+    found = mesh_error(staged, staged.case, NOTHING)
+    turned = replace(found, error=np.hstack([found.error, -found.error]))
+    np.testing.assert_allclose(turned.doubt[:, -1], -turned.doubt[:, 0])
+    names = (*found.stages, "back")
+    case = in_fits.with_mesh_error(
+        staged.case, replace(turned, stages=names, computed=np.tile(found.computed, 2))
+    )
+    parts = case.channels[0].errors
+    assert parts is not None
+    (_, error, doubt), (_, back, doubt_back) = parts.mesh
+    assert error * doubt > 0.0
+    assert (back, doubt_back) == (-error, -doubt)
 
 
 def test_second_order_is_advised_to_those_who_have_not_got_it():

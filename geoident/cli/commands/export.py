@@ -10,13 +10,15 @@ from typing import TYPE_CHECKING
 import click
 
 from geoident.cli.error_boundary import each
-from geoident.cli.options import OneOf, Options, always, takes
+from geoident.cli.options import Arguments, OneOf, Options, Steps, takes
 from geoident.errors import UsageError
 
 if TYPE_CHECKING:
     from geoident.model.results.result import Result
 
-FORMATS = ("csv", "vtu", "vtkhdf")
+OF_RESULTS = ("csv", "vtu", "vtkhdf")
+OF_CASES = ("pest", "dakota")
+FORMATS = (*OF_RESULTS, *OF_CASES)
 TABLES = (
     "parameters",
     "gauges",
@@ -45,14 +47,23 @@ Examples:
   geoident export case.fit.h5 --table gauges > gauges.csv
   geoident export case.fit.h5 --format vtu -o for-paraview
   geoident export results/*.fit.h5 --format csv --format vtkhdf -o export
+  geoident export case.yaml --format pest
 
 \b
 Tables:
 """ + textwrap.fill(", ".join(TABLES), 76, initial_indent="  ", subsequent_indent="  ")
 
 
+def _next(arguments: Arguments, options: Options) -> Steps:
+    if "pest" in arguments["formats"]:
+        return ("run pestpp-glm or pestpp-ies on the .pst, in its folder",)
+    if "dakota" in arguments["formats"]:
+        return ("run dakota on the .in, in its folder",)
+    return ("open .csv in a spreadsheet, .pvd or .vtkhdf in ParaView",)
+
+
 @click.command(epilog=EPILOG)
-@click.argument("results", nargs=-1, required=True, metavar="RESULT...")
+@click.argument("results", nargs=-1, required=True, metavar="RESULT...|CASE...")
 @click.option(
     "--format",
     "formats",
@@ -60,7 +71,8 @@ Tables:
     multiple=True,
     default=["csv"],
     show_default=True,
-    help="csv: tables; vtu: one file per stage and a .pvd; vtkhdf: one file. May be repeated.",
+    help="csv: tables; vtu: one file per stage and a .pvd; vtkhdf: one file; pest, dakota: a case "
+    "for these programs. May be repeated.",
 )
 @click.option(
     "--table",
@@ -68,7 +80,7 @@ Tables:
     metavar="NAME",
     help="One of the tables below as CSV, to stdout or to the file -o.",
 )
-@takes("output", "force", after=always("open .csv in a spreadsheet, .pvd or .vtkhdf in ParaView"))
+@takes("output", "force", after=_next)
 def command(
     results: tuple[str, ...], formats: tuple[str, ...], table: str | None, options: Options
 ) -> int:
@@ -81,9 +93,16 @@ def command(
     CSV has the units of the case, readings in mm; VTU and VTKHDF have SI units. Rock that
     is removed is left out of VTU and hidden in VTKHDF. xarray opens the groups of a result file
     directly.
+
+    With --format pest or dakota, a case goes to the folder CASE.pest or CASE.dakota, or to -o: all
+    that PEST++, pyEMU or Dakota need to drive `geoident simulate` (how-to/pest, how-to/dakota).
     """
     from geoident.workflow.export import refuse_clashes
 
+    of_cases = [name for name in formats if name in OF_CASES]
+    _refuse_mixed(results, formats, table)
+    if of_cases:
+        return _export_case(of_cases[0], results[0], options)
     if table is not None:
         if len(results) > 1:
             msg = "--table takes one result; without it all tables of several results are written"
@@ -91,6 +110,36 @@ def command(
         return _one_table(results[0], table, options)
     refuse_clashes(results, options.output)
     return each(results, lambda path: _export(path, formats, options))
+
+
+def _refuse_mixed(paths: tuple[str, ...], formats: tuple[str, ...], table: str | None) -> None:
+    """Refuse a format of cases together with one of results, or with a file of the other kind."""
+    of_cases = [name for name in formats if name in OF_CASES]
+    if of_cases and (table is not None or len(of_cases) < len(formats)):
+        msg = (
+            f"--format {of_cases[0]} is of a case, and cannot go with tables and formats of results"
+        )
+        raise UsageError(msg)
+    if of_cases and len(paths) > 1:
+        raise UsageError(f"--format {of_cases[0]} takes one case")
+    for path in paths:
+        if of_cases and path.endswith(".h5"):
+            msg = f"{path}: --format {of_cases[0]} takes a case, such as case.yaml, not a result"
+            raise UsageError(msg)
+
+
+def _export_case(kind: str, path: str, options: Options) -> int:
+    from geoident.workflow.bridges.dakota import export_dakota
+    from geoident.workflow.bridges.pest import export_pest
+
+    export = export_pest if kind == "pest" else export_dakota
+    files, notes = export(path, output=options.output, force=options.force)
+    if not options.quiet:
+        for note in notes:
+            click.echo(f"note: {note}", err=True)
+    for file in files:
+        click.echo(file)
+    return 0
 
 
 def _one_table(path: str, name: str, options: Options) -> int:

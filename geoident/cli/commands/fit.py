@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import click
 
+from geoident.cli.clusters import cluster_option, refuse_cluster
 from geoident.cli.options import (
     Arguments,
     Options,
@@ -39,12 +40,13 @@ def _next(arguments: Arguments, options: Options) -> Steps:
 
 @click.command(epilog=EPILOG)
 @click.argument("cases", nargs=-1, required=True, metavar="CASE...", type=click.Path())
+@cluster_option
 @takes(
     "output", "jobs", "overrides", "seed", "max_time", "solver",
     "dry_run", "force", "fresh", "as_json", "trust",
     after=_next,
 )  # fmt: skip
-def command(cases: tuple[str, ...], options: Options) -> int:
+def command(cases: tuple[str, ...], cluster: str | None, options: Options) -> int:
     """Identify the parameters from the readings.
 
     Writes CASE.fit.h5 beside each case and prints its path. A result of the same input is kept. An
@@ -53,7 +55,8 @@ def command(cases: tuple[str, ...], options: Options) -> int:
     if len(cases) > 1:
         from geoident.cli.several import run_cases
 
-        return run_cases("fit", cases, options)
+        return run_cases("fit", cases, options, cluster=cluster)
+    refuse_cluster(cluster)
     from geoident.cli.jobs import run_case
     from geoident.workflow.fit import fit
     from geoident.workflow.running.jobs import plan_fit

@@ -11,7 +11,7 @@ from geoident.cli.options import Arguments, Options, Steps, line, overrides, res
 EPILOG = """\b
 Examples:
   geoident scan case.yaml
-  geoident scan case.yaml --set fit.scan.points=41
+  geoident scan case.yaml --set fit.scan.points=41 -j 8
   geoident scan case.yaml --set "fit.scan.grid.E={from: 5 GPa, to: 9 GPa}"
   geoident scan case.yaml --reduced case.fit.h5
   geoident scan case.yaml --json | jq .grid
@@ -28,7 +28,7 @@ def _next(arguments: Arguments, options: Options) -> Steps:
 @click.command(epilog=EPILOG)
 @click.argument("case", metavar="CASE", type=click.Path())
 @takes(
-    "output", "overrides", "seed", "max_time", "solver", "reduced",
+    "output", "jobs", "overrides", "seed", "max_time", "solver", "reduced",
     "dry_run", "force", "fresh", "as_json", "trust",
     after=_next,
 )  # fmt: skip

@@ -11,6 +11,7 @@ import click
 
 from geoident.cli.error_boundary import failures_as_json
 from geoident.cli.options import Arguments, Options, Steps, line, new_name, overrides, takes
+from geoident.errors import UsageError
 
 if TYPE_CHECKING:
     from geoident.workflow.simulate import Simulated
@@ -19,14 +20,18 @@ EPILOG = """\b
 Examples:
   geoident simulate case.yaml
   geoident simulate case.yaml --set parameters.E_rock.start="20 GPa"
+  geoident simulate case.yaml --values parameters.csv
   geoident simulate case.yaml --reduced case.fit.h5
   geoident simulate case.yaml --noise --seed 1 -o simulated.csv
   geoident simulate case.yaml --draw --seed 3
+  geoident simulate case.yaml --dakota params.in results.out
 """
 
 
 def _next(arguments: Arguments, options: Options) -> Steps:
     case, file = arguments["case"], options.output
+    if arguments["dakota"]:
+        return ()
     if file in (None, "-"):
         words = (*overrides(options), *_drawn(arguments, options))
         return (line("simulate", case, *words, "-o", new_name("simulated", ".csv")),)
@@ -40,22 +45,43 @@ def _drawn(arguments: Arguments, options: Options) -> Steps:
     """The words that make the same random numbers once more."""
     chosen = [name for name in ("noise", "draw") if arguments[name]]
     seed = ("--seed", str(options.seed)) if chosen and options.seed else ()
-    return (*(f"--{name}" for name in chosen), *seed)
+    values = ("--values", str(arguments["values"])) if arguments["values"] else ()
+    return (*values, *(f"--{name}" for name in chosen), *seed)
 
 
 @click.command(epilog=EPILOG)
 @click.argument("case", metavar="CASE", type=click.Path())
+@click.option(
+    "--values",
+    metavar="FILE",
+    type=click.Path(),
+    help="Take parameters from a table parameter,value,unit, not from their starts.",
+)
 @click.option("--noise", is_flag=True, help="Add Gaussian noise of each gauge's accuracy.")
 @click.option(
     "--draw",
     is_flag=True,
     help="Draw what varies from place to place (fields) by --seed; else fields have their means.",
 )
+@click.option(
+    "--dakota",
+    nargs=2,
+    metavar="PARAMS RESULTS",
+    type=click.Path(),
+    help="Answer Dakota: what its file PARAMS asks for goes to its file RESULTS.",
+)
 @takes(
     "output", "overrides", "seed", "solver", "reduced", "force", "as_json", "trust",
     after=_next,
 )  # fmt: skip
-def command(case: str, noise: bool, draw: bool, options: Options) -> int:
+def command(
+    case: str,
+    values: str | None,
+    noise: bool,
+    draw: bool,
+    dakota: tuple[str, str] | None,
+    options: Options,
+) -> int:
     """Compute what the gauges would read at the start values of the parameters.
 
     Prints lines gauge,stage,value,unit, which a case takes as its readings. With -o into a file,
@@ -63,6 +89,8 @@ def command(case: str, noise: bool, draw: bool, options: Options) -> int:
     """
     from geoident.workflow.simulate import ComputedBy, Noise, simulate
 
+    if dakota is not None:
+        return _answer(case, dakota, _refused_with_dakota(values, noise, draw, options))
     with failures_as_json(case, options):
         simulated = simulate(
             case,
@@ -70,12 +98,31 @@ def command(case: str, noise: bool, draw: bool, options: Options) -> int:
             noise=Noise.ACCURACY if noise else Noise.NONE,
             draw=draw,
             seed=options.seed,
-            by=ComputedBy(options.solver, options.reduced),
+            by=ComputedBy(options.solver, options.reduced, values),
             output=None if options.output == "-" else options.output,
         )
         if simulated.note and not options.quiet:
             click.echo(simulated.note, err=True)
         _say(simulated, case, options)
+    return 0
+
+
+def _refused_with_dakota(values: str | None, noise: bool, draw: bool, options: Options) -> Options:
+    """The options of an answer to Dakota, which takes no others."""
+    others = {"--values": values, "--noise": noise, "--draw": draw, "-o": options.output}
+    others["--json"] = options.as_json
+    given = [name for name, value in others.items() if value]
+    if given:
+        raise UsageError(f"{given[0]} does not go with --dakota, whose files say all of that")
+    return options
+
+
+def _answer(case: str, files: tuple[str, str], options: Options) -> int:
+    from geoident.workflow.bridges.dakota import answer
+    from geoident.workflow.simulate import ComputedBy
+
+    by = ComputedBy(options.solver, options.reduced)
+    answer(case, *files, overrides=options.overrides, by=by, force=options.force)
     return 0
 
 

@@ -13,7 +13,7 @@ from geoident.fem.solvers.direct import (
 )
 from geoident.fem.solvers.fronts.graph import node_graph
 from geoident.fem.solvers.fronts.single import single_pays
-from geoident.fem.solvers.fronts.tree import assembly_tree, flops_at_most
+from geoident.fem.solvers.fronts.tree import assembly_tree, entries_at_most, flops_at_most
 from geoident.fem.solvers.memory_limit import memory_limit
 
 LARGE_WORK = 4.0e10
@@ -110,6 +110,8 @@ class AutoSolver:
 
     def analyse(self, pattern: LowerPattern) -> SymbolicFactorization:
         """Prepare for matrices of this pattern, by the solver that is the best for them."""
+        if pattern.lasting and fits(_at_most(pattern)):
+            return self._large.analyse(pattern)  # whatever the exact count would be
         size = size_of(pattern)
         if is_beyond(size):
             return self._beyond.analyse(pattern)
@@ -128,3 +130,8 @@ def size_of(pattern: LowerPattern) -> FactorSize:
     work = sum(front.flops for front in fronts)
     entries = sum(f.width * (f.width + 1) // 2 + f.width * f.height for f in fronts)
     return FactorSize(work, entries, nonzeros, lasting, places)
+
+
+def _at_most(pattern: LowerPattern) -> FactorSize:
+    """A size that a matrix of which parts last does not exceed; nothing is counted."""
+    return FactorSize(0.0, entries_at_most(pattern.n), len(pattern.indices), lasting=True)

@@ -34,6 +34,8 @@ class SolverCounts:
         kept_flops: those that were not needed again, since parts of a factor were kept.
         refinements: steps of refinement of solutions in single precision, column by column.
         iterations: steps of conjugate gradients, column by column.
+        passed: entries of factors that solutions went through, once for all columns of a call;
+            where the solver counts them.
     """
 
     analyses: int = 0
@@ -43,6 +45,7 @@ class SolverCounts:
     kept_flops: float = 0.0
     refinements: int = 0
     iterations: int = 0
+    passed: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,6 +153,27 @@ Solve = Callable[[Floats], Floats]
 """Solutions (n, k) for right-hand sides (n, k) in Fortran order, k >= 1; may overwrite them."""
 
 
+class SolveInParts(ABC):
+    """How to solve where the first unknowns were eliminated by themselves (a `Solve`)."""
+
+    @property
+    @abstractmethod
+    def n_first(self) -> int:
+        """Number of these unknowns."""
+
+    @abstractmethod
+    def __call__(self, rhs: Floats) -> Floats:
+        """Solutions (n, k) for right-hand sides (n, k), which may be overwritten."""
+
+    @abstractmethod
+    def rest(self, rhs: Floats) -> Floats:
+        """Solutions (n - n_first, k) of the others, for forces (n - n_first, k) on these alone."""
+
+    @abstractmethod
+    def first(self, rest: Floats) -> Floats:
+        """The first unknowns (n_first, k) that follow the others (n - n_first, k): no forces."""
+
+
 class DirectFactor:
     """A factorized matrix. Valid until its analysis factorizes again."""
 
@@ -177,15 +201,49 @@ class DirectFactor:
         Raises:
             RuntimeError: the analysis has factorized again since.
         """
-        if not self.valid:
-            raise RuntimeError("this factor was replaced by a later factorization")
-        n = self._analysis.pattern.n
-        if rhs.ndim != 2 or rhs.shape[0] != n:
-            raise ValueError(f"right-hand sides have shape {rhs.shape}, not ({n}, k)")
+        self._check(rhs, self._analysis.pattern.n)
         self._analysis.counts.solves += rhs.shape[1]
         if rhs.size == 0:
             return np.zeros(rhs.shape)
         return self._solve(np.array(rhs, dtype=np.float64, order="F"))
+
+    @property
+    def n_first(self) -> int:
+        """Unknowns, the first, that can be left out where no forces are on them; 0 for none."""
+        return self._solve.n_first if isinstance(self._solve, SolveInParts) else 0
+
+    def solve_rest(self, rhs: Floats) -> Floats:
+        """Solve for the unknowns that are not the first, where forces act on these alone.
+
+        Args:
+            rhs: (n - n_first, k) forces, not modified.
+
+        Returns:
+            (n - n_first, k) of the solutions.
+
+        Raises:
+            RuntimeError: the analysis has factorized again since.
+        """
+        self._check(rhs, self._analysis.pattern.n - self.n_first)
+        assert isinstance(self._solve, SolveInParts)
+        self._analysis.counts.solves += rhs.shape[1]
+        return self._solve.rest(np.array(rhs, dtype=np.float64, order="F"))
+
+    def first_of(self, rest: Floats) -> Floats:
+        """The first unknowns (n_first, k) of solutions, from the others (n - n_first, k).
+
+        Raises:
+            RuntimeError: the analysis has factorized again since.
+        """
+        self._check(rest, self._analysis.pattern.n - self.n_first)
+        assert isinstance(self._solve, SolveInParts)
+        return self._solve.first(rest)
+
+    def _check(self, rhs: Floats, n: int) -> None:
+        if not self.valid:
+            raise RuntimeError("this factor was replaced by a later factorization")
+        if rhs.ndim != 2 or rhs.shape[0] != n:
+            raise ValueError(f"right-hand sides have shape {rhs.shape}, not ({n}, k)")
 
 
 class DirectAnalysis(ABC):

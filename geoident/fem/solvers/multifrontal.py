@@ -18,6 +18,7 @@ from geoident.fem.solvers.direct import (
     LowerPattern,
     NotPositiveDefinite,
     Solve,
+    SolveInParts,
     SolverCounts,
     check_pivots,
 )
@@ -118,7 +119,7 @@ class MultifrontalAnalysis(DirectAnalysis):
 
     def _factorize(self, values: Floats, diagonal: Floats) -> Solve:
         if not (self.single and in_range(diagonal)):
-            return self._parts(values, diagonal, kernels("f8")).solve
+            return self._parts(values, diagonal, kernels("f8"))
         solve = self._in_single(values, diagonal)
         if solve is None:
             solve = self._in_double(values, diagonal)
@@ -179,7 +180,7 @@ class MultifrontalAnalysis(DirectAnalysis):
         self.counts.flops += plan.flops
         found = eliminate(plan, kernels("f8"), values, self._memory)
         check_pivots(found.pivots(), diagonal, plan.order)
-        return _Parts(None, 1.0, self._border, found).solve
+        return _Parts(None, 1.0, self._border, found, self.counts)
 
     def _parts(self, values: Floats, diagonal: Floats, kernel: Kernels) -> _Parts:
         """The factorization, of which what lasts may be kept from an earlier one."""
@@ -201,46 +202,72 @@ class MultifrontalAnalysis(DirectAnalysis):
         except NotPositiveDefinite as error:
             unknown = None if error.unknown is None else n + error.unknown
             raise NotPositiveDefinite(unknown) from error
-        return _Parts(part, factor, self._border, rest)
+        return _Parts(part, factor, self._border, rest, self.counts)
 
 
 @dataclass(frozen=True)
-class _Parts:
+class _Parts(SolveInParts):
     """A factor whose first unknowns were eliminated for the matrix over a factor.
 
     Args:
         part: elimination of the first unknowns; None if there are none.
         scale: factor of their columns.
         border: (b,) unknowns of the rest at their border.
-        rest: factor of what is left.
+        rest_factor: factor of what is left.
+        counts: where to count.
     """
 
     part: Eliminated | None
     scale: float
     border: Ints
-    rest: Eliminated
+    rest_factor: Eliminated
+    counts: SolverCounts
+
+    @property
+    def n_first(self) -> int:
+        """Number of the first unknowns."""
+        return 0 if self.part is None else self.part.layout.n_eliminated
 
     def precondition(self, rhs: Floats) -> Floats:
         """Solutions (n, k) in single precision; columns are brought into its range."""
         size = np.abs(rhs).max(axis=0)
         size[~(size > 0)] = 1.0
-        return np.asarray(self.solve(np.asfortranarray(rhs / size)) * size)
+        return np.asarray(self(np.asfortranarray(rhs / size)) * size)
 
-    def solve(self, rhs: Floats) -> Floats:
+    def __call__(self, rhs: Floats) -> Floats:
         """Solutions (n, k) in the place of right-hand sides, some columns at a time."""
-        starts = range(0, rhs.shape[1], COLUMNS)
+        some = _some(rhs)
         with one_thread():
-            run_tasks([partial(self._solve, rhs[:, k : k + COLUMNS]) for k in starts])
+            run_tasks([partial(self._solve, rhs[:, k]) for k in some])
+        entries = self._entries(self.part) + self._entries(self.rest_factor)
+        self.counts.passed += 2.0 * len(some) * entries
         return rhs
 
+    def rest(self, rhs: Floats) -> Floats:
+        """Solutions (n - n_first, k) in the place of right-hand sides."""
+        some = _some(rhs)
+        with one_thread():
+            run_tasks([partial(self._solve_rest, rhs[:, k]) for k in some])
+        self.counts.passed += 2.0 * len(some) * self._entries(self.rest_factor)
+        return rhs
+
+    def first(self, rest: Floats) -> Floats:
+        """The first unknowns (n_first, k) that follow the others (n - n_first, k)."""
+        found = np.empty((self.n_first, rest.shape[1]), order="F")
+        some = _some(rest)
+        with one_thread():
+            run_tasks([partial(self._follow, found[:, k], rest[:, k]) for k in some])
+        self.counts.passed += len(some) * self._entries(self.part)
+        return found
+
+    @staticmethod
+    def _entries(part: Eliminated | None) -> float:
+        return 0.0 if part is None else float(part.layout.panel_size)
+
     def _solve(self, rhs: Floats) -> None:
-        dtype, rest, part = self.rest.kernels.dtype, self.rest, self.part
-        second = rest.layout.order
+        part, dtype = self.part, self.rest_factor.kernels.dtype
         if part is None:
-            z: Dense = np.ascontiguousarray(rhs[second], dtype=dtype)
-            rest.forward(z)
-            rest.backward(z)
-            rhs[second] = z
+            self._solve_rest(rhs)
             return
         n, first = part.layout.n_eliminated, part.layout.order
         x: Dense = np.zeros((len(first), rhs.shape[1]), dtype=dtype)
@@ -248,14 +275,33 @@ class _Parts:
         part.forward(x)
         y = rhs[n:]
         y[self.border] += x[n:]
-        z = np.ascontiguousarray(y[second], dtype=dtype)
-        rest.forward(z)
-        rest.backward(z)
-        y[second] = z
+        self._solve_rest(y)
         x[:n] /= self.scale
         x[n:] = y[self.border]
         part.backward(x)
         rhs[first[:n]] = x[:n]
+
+    def _solve_rest(self, rhs: Floats) -> None:
+        rest = self.rest_factor
+        order = rest.layout.order
+        z: Dense = np.ascontiguousarray(rhs[order], dtype=rest.kernels.dtype)
+        rest.forward(z)
+        rest.backward(z)
+        rhs[order] = z
+
+    def _follow(self, found: Floats, rest: Floats) -> None:
+        part = self.part
+        assert part is not None
+        n, first = part.layout.n_eliminated, part.layout.order
+        x: Dense = np.zeros((len(first), rest.shape[1]), dtype=part.kernels.dtype)
+        x[n:] = rest[self.border]
+        part.backward(x)
+        found[first[:n]] = x[:n]
+
+
+def _some(columns: Floats) -> list[slice]:
+    """The columns that one thread solves together."""
+    return [slice(k, k + COLUMNS) for k in range(0, columns.shape[1], COLUMNS)]
 
 
 def _scaled(strips: Strips, factor: float) -> Strips:

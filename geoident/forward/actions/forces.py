@@ -29,7 +29,7 @@ from geoident.forward.in_situ.stress import InSituStress, OnTheGround, StressPla
 from geoident.forward.in_situ.water import FacePressure, PorePressure, is_wet
 from geoident.forward.stages import CaseOnMesh, ConstructionState
 from geoident.model.actions import FaceLoad, PointForce, Pressure, Seismic, Traction, Water
-from geoident.model.arrays import Bools, Floats
+from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.in_situ import GeostaticStress
 from geoident.model.mesh import Mesh
@@ -283,8 +283,9 @@ class _HeldEdge:
 
     def __init__(self, on_mesh: CaseOnMesh, patch: FacetPatch) -> None:
         mesh, sequence, water = on_mesh.mesh, on_mesh.sequence, on_mesh.case.water
-        self._mesh, self._patch, self._kinematics = mesh, patch, on_mesh.kinematics
-        geometry = facet_geometry(mesh.points, patch, self._kinematics)
+        self._mesh, self._patch = mesh, patch
+        self._geometry = geometry = facet_geometry(mesh.points, patch, on_mesh.kinematics)
+        self._known: tuple[ParameterPoint, Ints, Floats] | None = None
         positions = geometry.positions.reshape(-1, mesh.dim)
         elements = patch.element.repeat(geometry.positions.shape[1])
         groups = sequence.group_of[elements]
@@ -293,12 +294,23 @@ class _HeldEdge:
         self._wet = is_wet(water, groups, sequence.groups)
 
     def forces(self, point: ParameterPoint) -> Floats:
-        """Forces (n_dofs, 1 + n), N."""
+        """Forces (n_dofs, 1 + n), N; those of the last parameters are known, for all stages."""
+        if self._known is None or self._known[0] is not point:
+            found = self._made(point)
+            some = np.flatnonzero(found.any(axis=1))
+            self._known = point, some, found[some]
+            return found
+        _, some, values = self._known
+        found = np.zeros((self._mesh.n_nodes * self._mesh.dim, point.n_columns))
+        found[some] = values
+        return found
+
+    def _made(self, point: ParameterPoint) -> Floats:
         stress = self._skeleton.columns(point)
         if self._pores is not None:
             pressure = self._pores.at(point).columns
             stress[:NORMAL_COMPONENTS] -= np.where(self._wet[:, None], pressure, 0.0)
-        return stress_forces(self._mesh, self._patch, self._kinematics, lambda _: stress)
+        return stress_forces(self._mesh, self._patch, self._geometry, stress)
 
 
 class _CoveredEdge:
@@ -309,7 +321,7 @@ class _CoveredEdge:
     def __init__(self, on_mesh: CaseOnMesh, patch: FacetPatch, model: GeostaticStress) -> None:
         mesh = on_mesh.mesh
         self._mesh, self._patch, self._kinematics = mesh, patch, on_mesh.kinematics
-        geometry = facet_geometry(mesh.points, patch, self._kinematics)
+        self._geometry = geometry = facet_geometry(mesh.points, patch, self._kinematics)
         positions = geometry.positions.reshape(-1, mesh.dim)
         elements = patch.element.repeat(geometry.positions.shape[1])
         above = Overburden(on_mesh).above(positions, elements)
@@ -321,4 +333,4 @@ class _CoveredEdge:
         pressure = np.where(self._open[:, None], self._on_top.pressure(point).columns, 0.0)
         stress = np.zeros((self._kinematics.n_strain, *pressure.shape))
         stress[self._mesh.dim - 1] = -pressure
-        return stress_forces(self._mesh, self._patch, self._kinematics, lambda _: stress)
+        return stress_forces(self._mesh, self._patch, self._geometry, stress)

@@ -15,6 +15,7 @@ from geoident.errors import ModelError
 from geoident.forward.elsewhere.differences import Differences, Linear
 from geoident.forward.elsewhere.runs import FailedRun, ModelRuns
 from geoident.forward.gauges.instrument_errors import InstrumentErrors, ReadingPlaces
+from geoident.forward.model_response import ModelResponse
 from geoident.forward.protocols import Survey
 from geoident.forward.stages import ConstructionSequence, ConstructionState
 from geoident.model.arrays import Bools, Floats
@@ -245,7 +246,7 @@ class ElsewhereModel:
             raise ModelError(f"{message}.", hint, location=place, path="model.jacobian")
 
 
-class ElsewhereResponse:
+class ElsewhereResponse(ModelResponse):
     """Readings of some (channel, stage) pairs by runs.
 
     Args:
@@ -260,22 +261,9 @@ class ElsewhereResponse:
         pairs: Sequence[tuple[str, str]],
         times: Sequence[float | None] = (),
     ) -> None:
+        super().__init__(model)
         self._model = model
         self._places = ReadingPlaces.of(model.case, pairs, times)
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the parameters."""
-        return self._model.names
-
-    @property
-    def counts(self) -> Counts:
-        """Costs so far."""
-        return self._model.counts
-
-    def admissible(self, p: Floats) -> str | None:
-        """Why p (n,) is outside the domain, or None."""
-        return self._model.admissible(p)
 
     def readings(self, p: Floats) -> Floats:
         """v(p), (g,): one run. Raises `geoident.errors.ModelError` where it fails."""

@@ -80,7 +80,7 @@ def _values(end: StageEnd) -> StageEnd:
     return replace(
         end,
         u=end.u[:, :1].copy(),
-        stress=end.stress[..., :1].copy(),
+        stresses=end.stresses.values(),
         members=end.members[:, :1].copy(),
         yielded=end.yielded.copy(),
     )

@@ -191,7 +191,7 @@ class StageSystems:
         """
         mesh, graph = self._mesh, node_graph(self._mesh)
         plain = nested_dissection(mesh.points, *graph)
-        changes = self._changing_nodes()
+        changes = self.changing_nodes()
         lasting = int(np.count_nonzero(~changes))
         stages = len({tuple(state.materials.items()) for state in self._sequence.states[1:]})
         if not lasting or stages < 2 or self._solver.keeps_from == float("inf"):
@@ -211,20 +211,29 @@ class StageSystems:
             self._edges = nodes_on_edges(self._mesh)
         return UnknownPlaces(dofs, self._mesh.points, self._edges)
 
-    def _changing_nodes(self) -> Bools:
+    @property
+    def keeps_lasting(self) -> bool:
+        """Whether ground that no stage touches is eliminated first, by itself."""
+        return self._lasting > 0
+
+    def changing_nodes(self) -> Bools:
         """(n_nodes,) nodes of ground that changes or yields, and of structures."""
-        mesh, sequence, case = self._mesh, self._sequence, self._on_mesh.case
-        materials = case.materials
+        found = nodes_in(self._mesh.blocks, self.changing[self._sequence.group_of])
+        nodes = np.zeros(self._mesh.n_nodes, dtype=bool)
+        nodes[found] = True
+        nodes[self.structures.nodes()] = True
+        return nodes
+
+    @cached_property
+    def changing(self) -> Bools:
+        """(n_groups,) groups of ground that changes from stage to stage, or yields."""
+        sequence, materials = self._sequence, self._on_mesh.case.materials
         changes = np.zeros(len(sequence.groups), dtype=bool)
         for g in range(len(sequence.groups)):
             met = {state.materials.get(g) for state in sequence.states}
             yields = any(name is not None and materials[name].yields for name in met)
             changes[g] = len(met) > 1 or yields
-        found = nodes_in(mesh.blocks, changes[sequence.group_of])
-        nodes = np.zeros(mesh.n_nodes, dtype=bool)
-        nodes[found] = True
-        nodes[self.structures.nodes()] = True
-        return nodes
+        return changes
 
     def _prepare(self, number: int) -> StageSystem:
         sequence, state = self._sequence, self._sequence.states[number]

@@ -8,6 +8,7 @@ import numpy as np
 
 from geoident.errors import InputError, ModelError
 from geoident.forward.gauges.instrument_errors import InstrumentErrors, ReadingPlaces
+from geoident.forward.model_response import ModelResponse
 from geoident.forward.openings.field import NO_SECTION, OpeningField, unsuitable
 from geoident.forward.openings.reaction import ground_reaction
 from geoident.forward.openings.site import Circle, OpeningSite, site_in_mesh, site_without_mesh
@@ -162,7 +163,7 @@ class OpeningModel:
         return np.asarray(self.field.covered & self.field.covered[self.zero, columns] & later)
 
 
-class OpeningResponse:
+class OpeningResponse(ModelResponse):
     """Readings of some (channel, stage) pairs in closed form; only those that have one.
 
     Args:
@@ -181,24 +182,11 @@ class OpeningResponse:
         times: Sequence[float | None] = (),
     ) -> None:
         places = ReadingPlaces.of(model.case, pairs, times)
+        super().__init__(model)
         self._model = model
         self.covered: Bools = model.readable[places.states, places.rows]
         self._places = covered = places.only(self.covered)
         self._wanted = set(map(int, (*covered.states, *model.zero[covered.rows])))
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the parameters."""
-        return self._model.names
-
-    @property
-    def counts(self) -> Counts:
-        """Costs so far."""
-        return self._model.counts
-
-    def admissible(self, p: Floats) -> str | None:
-        """Why p (n,) is outside the domain, or None."""
-        return self._model.admissible(p)
 
     def readings(self, p: Floats) -> Floats:
         """v(p), (g,), m."""

@@ -3,7 +3,8 @@
 Covered: elastic ground of every symmetry, with ratios and angles of its axes among the parameters;
 excavation, installation, changes of material; walls, linings, bolts, struts and anchors, stressed
 once at most; independent load cases; in-situ stress, weights, loads and water whose forces are
-polynomials of degree two in the parameters; readings that are motions.
+polynomials of low degree in the parameters; partial release of ground whose stress is the one in
+situ, so that what is held is such a force too; readings that are motions.
 """
 
 from __future__ import annotations
@@ -35,8 +36,21 @@ def _obstacles(march: March) -> Iterator[str]:
     for name, count in Counter(jacked).items():
         if count > 1:
             yield f"the bars of '{name}' are stressed more than once"
-    for stage in case.stages:
-        if stage.release:
-            yield f"the stage '{stage.name}' releases stress in part"
+    yield from _of_stages(march)
+
+
+def _of_stages(march: March) -> Iterator[str]:
+    for stage in march.case.stages:
         if stage.temperature:
             yield f"the stage '{stage.name}' changes temperatures"
+    for state in march.sequence.states:
+        if state.base and state.release.keys() & state.leaving:
+            yield (
+                f"the stage '{state.name}' releases in part the stress of ground that other stages "
+                "have changed before"
+            )
+
+
+def releases(march: March) -> bool:
+    """Whether any stage holds part of the stress of what left."""
+    return any(state.release for state in march.sequence.states)

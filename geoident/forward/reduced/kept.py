@@ -17,7 +17,8 @@ from geoident.forward.checks import inadmissible_numbers
 from geoident.forward.gauges.instrument_errors import InstrumentErrors, ReadingPlaces
 from geoident.forward.gauges.observation import Observation
 from geoident.forward.reduced.affine_march import AffineForm
-from geoident.forward.reduced.duals import ReadingDuals, StageDual
+from geoident.forward.reduced.duals.basis import DualBasis, StageDual
+from geoident.forward.reduced.duals.bounds import ReadingDuals
 from geoident.forward.reduced.loads import LoadForm
 from geoident.forward.reduced.model import ReducedModel
 from geoident.forward.reduced.moduli import MaterialSpan, RigiditySpan, Span
@@ -60,9 +61,10 @@ def kept_model(
     packed.moduli(model.form.spans)
     packed.loads(model.form.loads)
     packed.rounding(reduced.duals.rounding)
-    for number, (stage, dual) in enumerate(zip(model.stages, reduced.duals.stages, strict=True)):
+    for number, stage in enumerate(model.stages):
         packed.stage(number, stage)
-        packed.dual(number, dual)
+    for which, basis in enumerate(reduced.duals.bases):
+        packed.basis(which, basis)
     return KeptReducedModel(
         form=FORM,
         names=model.form.names,
@@ -135,10 +137,13 @@ class _Packed:
             self._add("zone-rest", zone.rest, number, place)
             self._add_all("zone-terms", zone.terms, number, place)
 
-    def dual(self, number: int, dual: StageDual) -> None:
-        self._add_all("adjoint-energy", dual.energy, number)
-        self._add("adjoint-loads", dual.loads, number)
-        self._add_all("adjoint-terms", dual.terms, number)
+    def basis(self, which: int, basis: DualBasis) -> None:
+        self._add("adjoint-place", basis.place, which)
+        self._add("adjoint-by", basis.by, which)
+        for number, dual in enumerate(basis.stages):
+            self._add_all("adjoint-moments", dual.moments, which, number)
+            self._add("adjoint-loads", dual.loads, which, number)
+            self._add_all("adjoint-terms", dual.terms, which, number)
 
 
 class _Blocks:
@@ -197,14 +202,24 @@ class _Blocks:
             tuple((self._materials[a], self._materials[b]) for a, b in changes),
         )
 
-    def dual(self, number: int, some: Ints) -> StageDual:
-        """Of some readings."""
-        energy = self.materials("adjoint-energy", number)
-        terms = self.terms("adjoint-terms", number)
+    def bases(self, form: AffineForm, some: Ints) -> list[DualBasis]:
+        """Adjoints of some readings."""
+        found: list[DualBasis] = []
+        while (place := self.get("adjoint-place", len(found))) is not None:
+            which = len(found)
+            by = self.one("adjoint-by", which).astype(np.int64)
+            numbers = range(len(self._about("adjoint-loads", (which,))))
+            stages = tuple(self._dual(which, number, some) for number in numbers)
+            found.append(DualBasis(form, place, by, stages))
+        return found
+
+    def _dual(self, which: int, number: int, some: Ints) -> StageDual:
+        moments = self.materials("adjoint-moments", which, number)
+        terms = self.terms("adjoint-terms", which, number)
         return StageDual(
-            {name: block[some] for name, block in energy.items()},
-            self.one("adjoint-loads", number)[some],
-            {key: block[:, some] for key, block in terms.items()},
+            {name: block[..., some] for name, block in moments.items()},
+            self.one("adjoint-loads", which, number)[:, some],
+            {key: block[:, :, some] for key, block in terms.items()},
         )
 
 
@@ -334,7 +349,7 @@ class RestoredModel:
         """
         some = np.array([self._place[pair] for pair in pairs], dtype=np.int64)
         kept, model = self.kept, self.model
-        duals = [self._blocks.dual(n, some) for n in range(len(model.stages))]
+        bases = self._blocks.bases(model.form, some)
         values = dict(zip(kept.names, map(float, kept.reference), strict=True))
         places = ReadingPlaces.of(self.case, pairs, times)
         return ReducedResponse(
@@ -345,5 +360,5 @@ class RestoredModel:
             self.instrument_errors.added(values, kept.names, places),
             self._bases,
             self.admissible,
-            ReadingDuals(model, duals, float(self._blocks.one("rounding"))),
+            ReadingDuals(model, bases, float(self._blocks.one("rounding"))),
         )

@@ -2,9 +2,13 @@
 
     sigma_0(p) = sum_k psi_k(p) sigma_k ,   f_j(p) = sum_k psi_k(p) f_j,k
 
-with psi linear combinations of monomials of degree two at most in the parameters (a unit weight
-times a K0 is one). Which monomials is found by trying: what is given at as many parameter vectors
-as there are monomials must give what is found at others, or the case has no such form.
+with psi linear combinations of monomials in the parameters: of degree two (a unit weight times a
+K0 is one), or products of three (times the part of it that is released). Which monomials is found
+by trying: what is given at as many parameter vectors as there are monomials must give what is found
+at others, or the case has no such form.
+
+Where ground leaves that no stage has changed, and part of its stress is held, what is held is made
+of the stress in situ: a force as any other.
 """
 
 from __future__ import annotations
@@ -15,6 +19,7 @@ from itertools import combinations
 
 import numpy as np
 
+from geoident.forward.actions.release import Held
 from geoident.forward.in_situ.stress import NEGLIGIBLE_IMBALANCE
 from geoident.forward.march.march import March
 from geoident.forward.reduced.points import MarchPoints
@@ -91,7 +96,7 @@ def load_form(march: March, names: Sequence[str], samples: Floats, last: int) ->
 
 
 def _forms(moves: Bools) -> Iterator[Ints]:
-    """Exponents (k, n): constant and linear, with products of two, with squares."""
+    """Exponents (k, n): constant and linear, with products of two, with squares, of three."""
     n, some = len(moves), np.flatnonzero(moves)
     unit = np.eye(n, dtype=np.int64)
     linear = [np.zeros(n, dtype=np.int64), *(unit[h] for h in some)]
@@ -99,8 +104,12 @@ def _forms(moves: Bools) -> Iterator[Ints]:
     yield np.stack(linear)
     if pairs:
         yield np.stack([*linear, *pairs])
-    if len(some):
-        yield np.stack([*linear, *pairs, *(2 * unit[h] for h in some)])
+    squares = [2 * unit[h] for h in some]
+    if squares:
+        yield np.stack([*linear, *pairs, *squares])
+    triples = [unit[list(three)].sum(axis=0) for three in combinations(some, 3)]
+    if triples:
+        yield np.stack([*linear, *pairs, *squares, *triples])
 
 
 class _Loads:
@@ -121,8 +130,20 @@ class _Loads:
         jacked = np.zeros((structures.n_rows, point.n_columns))
         for state in states:
             jacked += structures.given(state, point)
-        forces = (march.actions.forces(n, point) for n in range(len(states)))
-        return [stress.reshape(-1, point.n_columns), jacked, *forces]
+        return [stress.reshape(-1, point.n_columns), jacked, *self._forces(stress, point)]
+
+    def _forces(self, stress: Floats, point: ParameterPoint) -> Iterator[Floats]:
+        """Forces (n_dofs, 1 + n) of the states, with what is held of ground that left.
+
+        Args:
+            stress: (s, n_points, 1 + n) in situ.
+            point: the parameters.
+        """
+        march, held = self.march, dict[int, Held]()
+        for n, state in enumerate(march.sequence.states[: self.last + 1]):
+            forces = march.actions.forces(n, point)
+            held[n] = march.release.held(n, held[state.base], stress, point) if n else {}
+            yield forces + march.release.forces(n, held[n], point)
 
     def moved_by(self, samples: Floats) -> Bools:
         """(n,) parameters by which any of them has a derivative."""

@@ -16,6 +16,7 @@ from __future__ import annotations
 import numpy as np
 
 from geoident.forward.gauges.observation import Observation
+from geoident.forward.march.lasting import solve_still
 from geoident.forward.march.march import Run
 from geoident.forward.march.stage import StageEnd
 from geoident.forward.reduced.affine_march import AffineMarch
@@ -105,7 +106,7 @@ class Recorder:
         system = self._march.systems[number]
         dofs = system.pattern.dofs
         forces = self._points.forces(self._known(number, u), system)
-        found[dofs] = -factor.solve(forces[dofs])
+        found[dofs] = -solve_still(factor, forces[dofs])
         return found
 
     def _known(self, number: int, u: Floats) -> Floats:

@@ -9,6 +9,9 @@ import numpy as np
 
 from geoident.forward.march.march import RunOptions
 from geoident.forward.marches import Marches
+from geoident.forward.reduced.duals.basis import DualBasis
+from geoident.forward.reduced.duals.bounds import ReadingDuals
+from geoident.forward.reduced.model import ReducedModel
 from geoident.forward.reduced.reduction import Reduction
 from geoident.forward.reduced.response import ReducedResponse
 from geoident.forward.response import StagedResponse
@@ -100,6 +103,11 @@ class ReducibleResponse(StagedResponse):
             return not_linear
         return self.reduction.obstacle
 
+    @property
+    def has_reduced_model(self) -> bool:
+        """Whether marches are kept for one, and nothing is known that stands against it."""
+        return self.reduction is not None and self.reduction_obstacle() is None
+
     def march_again(self, visited: Sequence[Floats]) -> None:
         """Have the reduced model made of the marches at some parameter vectors (n,), in that order.
 
@@ -138,21 +146,15 @@ class ReducibleResponse(StagedResponse):
         """The reduced model of the marches that were kept; None where there is none.
 
         Args:
-            bounded: with bounds of the errors of the readings; costs a march and its way back.
+            bounded: with bounds of the errors of the readings; costs a march and its way back,
+                and the same again for places far from the reference.
             reference: (n,) parameters whose moduli measure; None for those of the last march.
         """
         marches, reduction = self._marches, self.reduction
         made = None if reduction is None else reduction.model(reference)
         if reduction is None or made is None:
             return None
-        duals, moved = None, np.zeros(len(self._row))
-        if bounded:
-            run = marches.at(made.reference, RunOptions(last=self._last, traced=True))
-            rows = marches.observation.operator(self._row)
-            weights = marches.observation.weights_of_states(self._row, self._state, self._last)
-            for end in run.states():
-                moved += weights[end.state] * (rows @ end.u[:, 0])
-            duals = reduction.duals(made, run, rows, weights)
+        duals, moved = self._bounded(reduction, made) if bounded else (None, np.zeros(0))
         values = marches.values(made.reference)
         added = marches.instrument_errors.added(values, self.names, self._places)
         response = ReducedResponse(
@@ -167,3 +169,19 @@ class ReducibleResponse(StagedResponse):
         )
         response.see_rounding(moved)
         return response
+
+    def _bounded(self, reduction: Reduction, made: ReducedModel) -> tuple[ReadingDuals, Floats]:
+        """Adjoints of the readings, and what the march at the reference moves in them (g,)."""
+        marches, observation = self._marches, self._marches.observation
+        rows = observation.operator(self._row)
+        weights = observation.weights_of_states(self._row, self._state, self._last)
+        by, bases = reduction.dual_derivatives(made), list[DualBasis]()
+        at_reference = np.zeros(len(self._row))
+        for place in reduction.dual_places(made):
+            run = marches.at(place, RunOptions(last=self._last, traced=True))
+            for end in run.states():
+                if not bases:
+                    at_reference += weights[end.state] * (rows @ end.u[:, 0])
+            bases.append(reduction.dual_basis(run, place, by, rows, weights))
+            run.factors.forget()
+        return ReadingDuals(made, bases), at_reference

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import scipy.sparse as sp
@@ -10,9 +10,11 @@ import scipy.sparse as sp
 from geoident.forward.gauges.observation import Observation
 from geoident.forward.march.march import March, Run
 from geoident.forward.reduced.affine_march import AffineMarch, affine_march
-from geoident.forward.reduced.coverage import reduction_obstacle
-from geoident.forward.reduced.duals import DualMarch, ReadingDuals
+from geoident.forward.reduced.coverage import reduction_obstacle, releases
+from geoident.forward.reduced.duals.basis import DualBasis
+from geoident.forward.reduced.duals.march import DualMarch
 from geoident.forward.reduced.model import ReducedModel
+from geoident.forward.reduced.moduli import Span, relative_eigenvalues
 from geoident.forward.reduced.projection import GalerkinProjection
 from geoident.forward.reduced.recorder import MOST_SECOND, Recorder
 from geoident.forward.reduced.snapshots import Snapshot
@@ -26,6 +28,18 @@ PROJECTED = 5.0
 
 Measured on `cases/cavern`: whole fits took a seventh longer with the reduced model than without.
 """
+
+FAR = 0.5
+"""Moduli further apart than this, see `_apart`, are a further place of adjoints."""
+
+SAME = 0.01
+"""Moduli as close as this need no derivatives of adjoints."""
+
+MOST_PLACES = 3
+"""Places of adjoints at most: each costs a march and its way back."""
+
+MOST_DERIVATIVES = 6
+"""Derivatives of adjoints at most."""
 
 MOST_ENTRIES = 200_000_000
 """Numbers that snapshots may keep: 1.6 GB."""
@@ -73,7 +87,9 @@ class Reduction:
         """Look at moduli and loads; why there is no reduced model, a clause, or None."""
         affine = self._affine = affine_march(self._march, self.last)
         if affine is None:
-            return "its loads are no polynomials of degree two in the parameters"
+            return "its loads are no polynomials of low degree in the parameters"
+        if affine.form.loads.settles and releases(self._march):
+            return "stress is released in part that is not the one in situ: that is out of balance"
         columns = 1 + len(affine.form.names)
         if self._entries(affine, columns) > MOST_ENTRIES:
             return "what a march leaves for it does not fit into the memory"
@@ -162,16 +178,61 @@ class Reduction:
             self._made = key, model
         return self._made[1]
 
-    def duals(
-        self, model: ReducedModel, run: Run, rows: sp.csr_array, weights: Floats
-    ) -> ReadingDuals:
-        """Adjoints of readings (g) at the reference of the model that was made last.
+    def dual_places(self, model: ReducedModel) -> list[Floats]:
+        """Where adjoints of readings are to be known (n,): at the reference, and far from it.
+
+        The marches are where the model will be asked, or around; one at which the adjoints of the
+        places before are `FAR` from those there is a further place.
+        """
+        places, spans = [model.reference], model.form.spans
+        while len(places) < MOST_PLACES:
+            far = [min(_apart(spans, s.p, p) for p in places) for s in self.snapshots]
+            if max(far) <= FAR:
+                break
+            places.append(self.snapshots[int(np.argmax(far))].p)
+        return places
+
+    def dual_derivatives(self, model: ReducedModel) -> list[int]:
+        """Parameters by which adjoints are differentiated: those that move moduli.
+
+        None where the marches have the same moduli, up to a factor that all have in common.
+        """
+        spans = model.form.spans
+        if all(_apart(spans, s.p, model.reference) <= SAME for s in self.snapshots):
+            return []
+        slopes = [span.coordinates(model.reference[None])[1][0] for span in spans.values()]
+        moves = np.any([np.any(slope, axis=0) for slope in slopes], axis=0)
+        return [int(h) for h in np.flatnonzero(moves)[:MOST_DERIVATIVES]]
+
+    def dual_basis(
+        self, run: Run, place: Floats, by: Sequence[int], rows: sp.csr_array, weights: Floats
+    ) -> DualBasis:
+        """Adjoints of readings (g) at a parameter vector, for the model that was made last.
 
         Args:
-            model: that one.
             run: a traced run there, all its states done.
+            place: (n,) the parameter vector.
+            by: parameters by which they are differentiated.
             rows: G', (g, n_dofs).
             weights: (n_states, g) how often a reading counts the displacements of a state.
         """
         assert self.projection is not None
-        return ReadingDuals(model, DualMarch(self.projection, run).stages(rows, weights))
+        return DualMarch(self.projection, run, place, by).basis(rows, weights)
+
+
+def _apart(spans: Mapping[str, Span], one: Floats, other: Floats) -> float:
+    """How far the moduli at two parameter vectors (n,) are apart, a common factor aside.
+
+    The largest of |1 - tau mu| / sqrt(mu) over the eigenvalues mu of one against the other, with
+    the best factor tau: 0 for the same, 1 where they are about four to one.
+    """
+    found = []
+    for span in spans.values():
+        if span.fixed is not None:
+            found.append(np.ones(1))
+            continue
+        matrices = span.matrix(span.coordinates(np.stack([one, other]))[0])
+        found.append(relative_eigenvalues(matrices[:1], matrices[1])[0])
+    mu = np.concatenate(found)
+    tau = 2.0 / (mu.min() + mu.max())
+    return float(np.max(np.abs(1.0 - tau * mu) / np.sqrt(tau * mu)))

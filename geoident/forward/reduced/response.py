@@ -14,7 +14,7 @@ import numpy as np
 
 from geoident.errors import ModelError
 from geoident.forward.gauges.observation import Observation
-from geoident.forward.reduced.duals import ReadingDuals
+from geoident.forward.reduced.duals.bounds import ReadingDuals
 from geoident.forward.reduced.model import EnergyBounds, ReducedModel, ReducedStates
 from geoident.model.arrays import Floats, Ints
 from geoident.model.results.result import Counts

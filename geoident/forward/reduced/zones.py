@@ -128,7 +128,9 @@ def zones_of(on_mesh: CaseOnMesh) -> tuple[tuple[Zone, ...], ...]:
         zones = []
         for (material, old, history), groups in kinds.items():
             mine = [numbers(discretization.points_of[group], n_points) for group in groups]
-            zones.append(Zone(np.sort(np.concatenate(mine)), material, old, history))
+            points = np.sort(np.concatenate(mine))
+            if len(points):  # a mesh may name groups without elements
+                zones.append(Zone(points, material, old, history))
         found.append(tuple(zones))
     return tuple(found)
 

@@ -26,6 +26,7 @@ from scipy.special import ndtr, ndtri
 
 from geoident.errors import ModelError
 from geoident.identify.objective.discrepancy import Discrepancy
+from geoident.identify.problem.ahead import asked_in_turns
 from geoident.identify.problem.problem import History, Observer, Outcome, Problem, Scaling
 from geoident.model.arrays import Bools, Floats
 from geoident.model.methods import EnsembleSmootherOptions
@@ -156,15 +157,17 @@ def _computed(problem: Problem, scores: NormalScores, ensemble: Floats) -> tuple
     """White readings (g, m) of the members (n, m) of an ensemble, and which have a solution."""
     found = np.zeros((len(problem.measured), ensemble.shape[1]))
     solved = np.zeros(ensemble.shape[1], dtype=np.bool_)
-    for k, z in enumerate(ensemble.T):
-        p = scores.values(z)
-        if problem.response.admissible(p) is not None:
-            continue
-        try:
-            found[:, k] = problem.whiten(problem.response.readings(p))
-        except ModelError:
-            continue
-        solved[k] = bool(np.isfinite(found[:, k]).all())
+    points = np.array([scores.values(z) for z in ensemble.T])
+    with asked_in_turns(problem, points) as turn:
+        for k, p in enumerate(points):
+            turn(k)
+            if problem.response.admissible(p) is not None:
+                continue
+            try:
+                found[:, k] = problem.whiten(problem.response.readings(p))
+            except ModelError:
+                continue
+            solved[k] = bool(np.isfinite(found[:, k]).all())
     return found, solved
 
 

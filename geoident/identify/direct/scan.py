@@ -4,7 +4,7 @@ phi is evaluated at every point of the grid, the parameters that have no axis at
 where the model has no solution have phi = inf. The lowest point is the result, a start for other
 methods. Axes of parameters that are scaled by their logarithm have even spacing in the logarithm.
 
-Per point: one call of the model, without derivatives.
+Per point: one call of the model, without derivatives. All points are told beforehand (`ahead`).
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ import numpy as np
 
 from geoident.errors import Fault, InputError
 from geoident.identify.objective.discrepancy import Discrepancy
+from geoident.identify.problem.ahead import asked_in_turns
 from geoident.identify.problem.problem import History, Observer, Outcome, Problem
 from geoident.model.arrays import Floats
 from geoident.model.methods import ScanAxis, ScanOptions
@@ -48,13 +49,16 @@ def scan(problem: Problem, options: ScanOptions, observe: Observer) -> Outcome:
     phi = np.full([len(axis) for axis in axes.values()], np.nan)
     discrepancy = Discrepancy(problem)
     history = History("scan", problem.response, observe)
-    for place in np.ndindex(phi.shape):
-        p = problem.start
-        p[columns] = [axis[k] for axis, k in zip(axes.values(), place, strict=True)]
-        phi[place] = discrepancy.objective(p)
-        history.record(p, float(phi[place]), step=0.0, note="grid")
-        if history.stop is not None:
-            break
+    points = np.repeat(problem.start[None], phi.size, axis=0)
+    for column, values in zip(columns, np.meshgrid(*axes.values(), indexing="ij"), strict=True):
+        points[:, column] = values.ravel()
+    with asked_in_turns(problem, points, row=phi.shape[-1]) as turn:
+        for k, (p, place) in enumerate(zip(points, np.ndindex(phi.shape), strict=True)):
+            turn(k)
+            phi[place] = discrepancy.objective(p)
+            history.record(p, float(phi[place]), step=0.0, note="grid")
+            if history.stop is not None:
+                break
     return _outcome(problem, Grid(tuple(axes), tuple(axes.values()), phi), history)
 
 

@@ -51,6 +51,7 @@ from geoident.identify.least_squares.leap import Leap
 from geoident.identify.least_squares.several_starts import SeveralStarts
 from geoident.identify.least_squares.trust_region import TrustBox, bounded_least_squares
 from geoident.identify.objective.discrepancy import Discrepancy
+from geoident.identify.problem.ahead import ProblemApart, apart
 from geoident.identify.problem.problem import (
     HasDifferences,
     HasEvaluated,
@@ -61,6 +62,7 @@ from geoident.identify.problem.problem import (
 )
 from geoident.model.arrays import Bools, Floats
 from geoident.model.methods import GaussNewtonOptions
+from geoident.model.response import Response
 
 MODES_GAIN = 10.0
 """Times the gain at which a descent by modes of a field may end.
@@ -121,17 +123,51 @@ def gauss_newton(
         ModelError: the model has no solution at the start.
     """
     history = History(method, problem.response, observe)
-    descent = gauss_newton_descent(Discrepancy(problem), options, history)
-    evaluator = descent.evaluator
+    starts = _several_starts(problem, options, history)
+    evaluator = starts.descent.evaluator
     point = evaluator.evaluate(evaluator.scaling.start)
     evaluator.record(point.x, point, 0.0, "start")
-    named = sum(not q.field for q in problem.parameters)  # a mode's prior is an equation
-    freedom = max(len(problem.measured) - named, 1)
-    starts = None if options.starts == "automatic" else options.starts
-    found = SeveralStarts(descent, problem.parameters, starts, freedom).run(point)
+    found = starts.run(point)
     best = found.best
     outcome = history.outcome(best.point.p, best.point.phi, best.status, best.reason)
     return replace(outcome, minima=found.minima, remarks=found.remarks)
+
+
+def _several_starts(
+    problem: Problem, options: GaussNewtonOptions, history: History
+) -> SeveralStarts:
+    named = sum(not q.field for q in problem.parameters)  # a mode's prior is an equation
+    return SeveralStarts(
+        gauss_newton_descent(Discrepancy(problem), options, history),
+        problem.parameters,
+        None if options.starts == "automatic" else options.starts,
+        max(len(problem.measured) - named, 1),
+        lambda x: StartLook(apart(problem), options, x),
+    )
+
+
+@dataclass(frozen=True)
+class StartLook:
+    """A descent from a further start as a part of the search (`ahead`).
+
+    Args:
+        problem: apart from its model.
+        options: of the search.
+        x: (n,) where it begins.
+    """
+
+    problem: ProblemApart
+    options: GaussNewtonOptions
+    x: Floats
+
+    def __call__(self, response: Response) -> None:
+        """Make it, as far as it may be of use."""
+        problem = self.problem.of(response)
+        history = History("gauss-newton", response, lambda iteration: None)
+        starts = _several_starts(problem, self.options, history)
+        point = starts.evaluator.start(self.x, "start")
+        if point is not None:
+            starts.down(point, further=False)
 
 
 def gauss_newton_descent(

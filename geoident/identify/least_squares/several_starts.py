@@ -19,7 +19,7 @@ settles so far above the best one that it cannot become a rival.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import islice, product
 from typing import TYPE_CHECKING
@@ -27,6 +27,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from geoident.identify.least_squares.acceptance import Iterate, Step
+from geoident.identify.problem.ahead import Look, in_turns, knows_nothing_of_others
 from geoident.identify.problem.problem import LocalMinimum, Scaling
 from geoident.model.arrays import Floats
 from geoident.model.parameter import Parameter
@@ -147,12 +148,14 @@ class SeveralStarts:
         parameters: the n unknowns.
         starts: how many, the given one among them; None: as many as are needed.
         freedom: readings less parameters, at least one: what phi is about where the model is right.
+        look: a descent from a start (n,) as a part of the search (`ahead`); None for none.
     """
 
     descent: Descent[Iterate]
     parameters: Sequence[Parameter]
     starts: int | None
     freedom: int = 1
+    look: Callable[[Floats], Look] | None = None
     _endings: list[Ending[Iterate]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -165,17 +168,23 @@ class SeveralStarts:
         Args:
             start: the given one.
         """
-        self._endings = [self._down(start, further=False)]
+        self._endings = [self.down(start, further=False)]
         why = self._reason()
         wanted = self.starts or (AUTOMATIC if why else 1)
-        begun = 1
-        for x in islice(self._places(start.x), wanted - 1):
-            if self.evaluator.history.stop is not None:
-                break
-            begun += 1
-            point = self.evaluator.start(x, f"start {begun}")
-            if point is not None:
-                self._endings.append(self._down(point, further=True))
+        begun, response = 1, self.evaluator.discrepancy.problem.response
+        places = list(islice(self._places(start.x), wanted - 1))
+        apart = self.look is not None and knows_nothing_of_others(response)
+        looks = [self.look(x) for x in places] if self.look is not None and apart else []
+        with in_turns(response, looks) as turn:
+            for number, x in enumerate(places):
+                if self.evaluator.history.stop is not None:
+                    break
+                if apart:
+                    turn(number)
+                begun += 1
+                point = self.evaluator.start(x, f"start {begun}")
+                if point is not None:
+                    self._endings.append(self.down(point, further=True))
         best = min(self._endings, key=lambda ending: ending.point.phi)
         minima = self._minima(best)
         remarks = [f"the search had {begun} starts, as {why}"] if why and begun > 1 else []
@@ -201,8 +210,13 @@ class SeveralStarts:
             return "the way to a better point began uphill"
         return ""
 
-    def _down(self, start: Iterate, *, further: bool) -> Ending[Iterate]:
-        """One descent; past the bounds of angles."""
+    def down(self, start: Iterate, *, further: bool) -> Ending[Iterate]:
+        """One descent; past the bounds of angles.
+
+        Args:
+            start: where it begins.
+            further: it ends where nothing new is to be found beside those before.
+        """
         ending = self.descent.run(start, leave=self._not_worth_it if further else None)
         for _ in range(2):
             x = None if ending.left else self.angles.other_side(ending.point.x)

@@ -23,7 +23,9 @@ there is better.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Iterator
+from copy import deepcopy
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -41,6 +43,7 @@ from geoident.identify.least_squares.gauss_newton import (
 from geoident.identify.least_squares.several_starts import halton_starts
 from geoident.identify.least_squares.trust_region import TrustBox
 from geoident.identify.objective.discrepancy import Discrepancy
+from geoident.identify.problem.ahead import ProblemApart, apart, at_once, in_turns
 from geoident.identify.problem.problem import History, Observer, Outcome, Problem, YieldSystem
 from geoident.identify.yield_limits.starts import Restarts, raised, strength_scan
 from geoident.identify.yield_limits.stationarity import (
@@ -56,6 +59,7 @@ from geoident.identify.yield_limits.stationarity import (
 )
 from geoident.model.arrays import Bools, Floats
 from geoident.model.methods import ComplementarityOptions, GaussNewtonOptions
+from geoident.model.response import Response
 from geoident.model.yielding import Certificate
 
 EXACT = 1e-4
@@ -182,6 +186,30 @@ def _rising_step(box: TrustBox, point: YieldIterate, radius: float) -> Step:
     if not point.unreached.any():
         return step
     return replace(step, d=np.where(point.unreached, box.sides(point.x, ROOM)[1], step.d))
+
+
+@dataclass(frozen=True)
+class RestartLook:
+    """A restart as a part of the search (`ahead`).
+
+    Args:
+        problem: apart from its model.
+        options: of the search.
+        x: (n,) where it begins.
+        lowest_phi: the discrepancy of the best point.
+        number: of the restart.
+    """
+
+    problem: ProblemApart
+    options: ComplementarityOptions
+    x: Floats
+    lowest_phi: float
+    number: int
+
+    def __call__(self, response: Response) -> None:
+        """Make it."""
+        search = ImplicitSearch(self.problem.of(response), self.options, lambda iteration: None)
+        search.restart(self.x, self.lowest_phi, self.number)
 
 
 class ImplicitSearch:
@@ -312,27 +340,71 @@ class ImplicitSearch:
         self.descent = self.descents[0]
         best = self.descent.run(start, self.stuck)
         restarts = Restarts(self.strength_of(best.point), self.options.seed)
-        fruitless = 0
-        for _ in range(self.options.restarts):
-            if self.spent() or best.point.phi <= self.exact or fruitless >= self.patience(best):
-                break
-            self.descent = self.descents[self.tried % 2]
-            ending = self.restart(restarts, best.point)
-            self.tried += 1
-            better = ending is not None and is_better(ending.point, best.point)
-            fruitless = 0 if better else fruitless + 1
-            if ending is not None and ending.point.phi < best.point.phi:
-                best = ending
+        fruitless, left = 0, self.options.restarts
+        while left > 0 and not self.enough(best, fruitless):
+            most = min(left, self.patience(best) - fruitless)
+            for ending in self.restarted(restarts, best.point, most):
+                left -= 1
+                better = ending is not None and is_better(ending.point, best.point)
+                fruitless = 0 if better else fruitless + 1
+                lower = ending is not None and ending.point.phi < best.point.phi
+                if ending is not None and lower:
+                    best = ending
+                if lower or self.enough(best, fruitless):
+                    break
         return self.descent.run(best.point, self.stuck)
 
-    def restart(self, restarts: Restarts, best: YieldIterate) -> Ending[YieldIterate] | None:
-        """One descent from around the best point; None where it has no solution."""
-        x = self.scaling.clip(restarts.around(best, self.evaluator.box.unit(best.x)))
+    def enough(self, best: Ending[YieldIterate], fruitless: int) -> bool:
+        """No further restart is needed, or may be made."""
+        met = best.point.phi <= self.exact
+        return self.spent() or met or fruitless >= self.patience(best)
+
+    def restarted(
+        self, restarts: Restarts, best: YieldIterate, most: int
+    ) -> Iterator[Ending[YieldIterate] | None]:
+        """Descents from around the best point in turn; None where there is no solution.
+
+        Several are looked at ahead: they are the right ones as long as none of them is lower.
+
+        Args:
+            restarts: where they begin.
+            best: the best point.
+            most: how many at most.
+        """
+        count = min(most, at_once(self.problem.response))
+        places, drawn = [], deepcopy(restarts)
+        for _ in range(count):
+            places.append(self.place(drawn, best))
+        looks = [
+            RestartLook(apart(self.problem), self.options, x, best.phi, self.tried + k)
+            for k, x in enumerate(places)
+        ]
+        with in_turns(self.problem.response, looks) as turn:
+            for k in range(count):
+                turn(k)
+                x = self.place(restarts, best)
+                ending = self.restart(x, best.phi, self.tried)
+                self.tried += 1
+                yield ending
+
+    def place(self, restarts: Restarts, best: YieldIterate) -> Floats:
+        """Where a restart begins, x (n,)."""
+        return self.scaling.clip(restarts.around(best, self.evaluator.box.unit(best.x)))
+
+    def restart(self, x: Floats, lowest_phi: float, number: int) -> Ending[YieldIterate] | None:
+        """One descent; None where its start has no solution.
+
+        Args:
+            x: (n,) where it begins.
+            lowest_phi: the discrepancy of the best point.
+            number: of the restart, from 0; every other one lets unreached planes rise.
+        """
+        self.descent = self.descents[number % 2]
         start = self.evaluator.start(x, "restart")
 
-        def give_up(number: int, radius: float, lowest: float) -> bool:
-            far = number >= _SLOW and lowest > _FAR * best.phi
-            return far or number >= _TRIAL_STEPS or self.stuck(number, radius, lowest)
+        def give_up(steps: int, radius: float, lowest: float) -> bool:
+            far = steps >= _SLOW and lowest > _FAR * lowest_phi
+            return far or steps >= _TRIAL_STEPS or self.stuck(steps, radius, lowest)
 
         return None if start is None else self.descent.run(start, give_up)
 

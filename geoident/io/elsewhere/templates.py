@@ -2,7 +2,8 @@
 
 A field is ``{{NAME}}``, with a unit ``{{NAME [GPa]}}`` and a form ``{{NAME [GPa]:10.3f}}`` where
 wanted. Without unit the value is in SI, without form it has all its digits. The width of a form
-is the width of the field: a value that does not fit would shift the columns after it.
+is the width of the field: a value that does not fit would shift the columns after it. A template of
+PEST, which begins with ``ptf``, is read as well (`pest_templates`).
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ import re
 from collections.abc import Mapping
 
 from geoident.errors import Fault, Location
+from geoident.io.elsewhere.pest_templates import pest_mark, pest_pieces
 from geoident.io.text.text_file import decode, position, read_bytes
 from geoident.io.text.wording import did_you_mean, shorten
 from geoident.model.elsewhere import Template, TemplateField
@@ -37,6 +39,21 @@ def read_template(
         InputError: it cannot be read, or is no text.
     """
     text = decode(read_bytes(source, limit=MAX_BYTES, what="template"), source)
+    if pest_mark(text):
+        pieces, faults = pest_pieces(text, source, parameters)
+    else:
+        pieces, faults = _pieces(text, source, parameters)
+    if not faults and not any(isinstance(piece, TemplateField) for piece in pieces):
+        message = "the template has no field, so no run differs from another by it"
+        hint = "Write {{NAME}} where a parameter stands, or name the file under 'files'."
+        faults.append(Fault("no-field", message, hint, Location(source)))
+    return Template(source, target, tuple(piece for piece in pieces if piece != "")), faults
+
+
+def _pieces(
+    text: str, source: str, parameters: Mapping[str, Parameter]
+) -> tuple[list[str | TemplateField], list[Fault]]:
+    """Texts and fields in their order, and what is wrong."""
     pieces: list[str | TemplateField] = []
     faults: list[Fault] = []
     end = 0
@@ -50,11 +67,7 @@ def read_template(
         else:
             pieces.append(found)
     pieces.append(text[end:])
-    if len(pieces) == 1:
-        message = "the template has no field, so no run differs from another by it"
-        hint = "Write {{NAME}} where a parameter stands, or name the file under 'files'."
-        faults.append(Fault("no-field", message, hint, Location(source)))
-    return Template(source, target, tuple(piece for piece in pieces if piece != "")), faults
+    return pieces, faults
 
 
 def _field(

@@ -73,7 +73,8 @@ class MeshError:
         """(n_channels, n_stages) by how much each error is uncertain, SI; 0 where it is unknown.
 
         Beside a factor that all share. Of a channel whose own error happens to be small that of
-        the others tells; of those of its dimension, in the same stage.
+        the others tells; of those of its dimension, in the same stage. It has the sign of the
+        error: what is too much of a channel in one stage is too much of it in all.
         """
         own, mean = DOUBT[self.how]
         known = np.isfinite(self.error)
@@ -81,7 +82,8 @@ class MeshError:
         kinds = np.array([[a == b for b in self.dimensions] for a in self.dimensions], dtype=float)
         count = np.maximum(kinds @ known, 1.0)
         typical = np.sqrt(kinds @ error**2 / count)
-        return np.asarray(np.where(known, np.hypot(own * error, mean * typical), 0.0))
+        size = np.hypot(own * error, mean * typical)
+        return np.asarray(np.where(known, np.copysign(size, error), 0.0))
 
     def scatter(self, which: Bools) -> float:
         """Root mean square of the parts of some readings (n_channels, n_stages); 0 for none."""

@@ -7,10 +7,11 @@ from dataclasses import dataclass
 
 from geoident.model.arrays import Bools, Floats, Ints
 
-FORM = "geoident-reduced/2"
+FORM = "geoident-reduced/3"
 """What the blocks of a kept reduced model mean; another form is not read.
 
-The adjoints of the first form lacked what a reading sees of earlier states: their bounds were none.
+The adjoints of the first form lacked what a reading sees of earlier states: their bounds were none;
+those of the second had no derivatives.
 """
 
 

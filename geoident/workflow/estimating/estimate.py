@@ -35,7 +35,7 @@ from geoident.workflow.estimating.predictions import (
 )
 from geoident.workflow.estimating.rivals import mixed_prediction, weighed_minima
 from geoident.workflow.estimating.search import estimated
-from geoident.workflow.estimating.setup import Setup, prepare, used_rows
+from geoident.workflow.estimating.setup import Setup, prepare, used_rows, with_workers
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.evaluation_log import Log, led
 from geoident.workflow.running.jobs import Job
@@ -234,9 +234,12 @@ def searched(
     """
     if (before := job_at_hand(job)) is not None:
         return before
-    setup = prepare(job)
-    _tell_readings(setup, control)
-    with evaluation_log(job, control) as log:
+    prepared = prepare(job)
+    _tell_readings(prepared, control)
+    with (
+        evaluation_log(job, control) as log,
+        with_workers(job, prepared, control) as setup,
+    ):
         found = estimated(setup, job.methods, log, control)
         control.finish()
         written, force = result(*found, log), job.request.force

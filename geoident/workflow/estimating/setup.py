@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -29,6 +30,7 @@ from geoident.workflow.estimating.model_error import (
     FittedModelError,
     of_result,
 )
+from geoident.workflow.executing.looking_ahead import ResponseBeside
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.errors import ChannelReading, error_structure, gauge_errors
 from geoident.workflow.running.evaluation_log import Log, Remembered
@@ -40,6 +42,7 @@ from geoident.workflow.running.readings import (
     select_readings,
     times_of,
 )
+from geoident.workflow.running.workers import ModelParts, ModelWorkers
 
 
 @dataclass(frozen=True)
@@ -57,6 +60,7 @@ class Setup:
         stated: the case before errors of gauges were found with the model error; None where none
             were.
         kept: a reduced model of the case that a result keeps, to be asked first; None for none.
+        workers: processes that have the model, too; None for none.
     """
 
     model: CaseModel
@@ -67,6 +71,7 @@ class Setup:
     mesh: FittedMesh | None = None
     stated: Case | None = None
     kept: RestoredModel | None = None
+    workers: ModelWorkers | None = field(default=None, compare=False)
 
     def as_stated(self) -> Setup:
         """Without model error, with the errors of gauges as they were before it was found."""
@@ -109,6 +114,23 @@ def prepare(job: Job) -> Setup:
     given = job.request.reduced
     kept = None if given is None else restored_for(given, job.inputs)
     return Setup(model, case, readings, kept=kept)
+
+
+@contextmanager
+def with_workers(job: Job, setup: Setup, control: Control) -> Iterator[Setup]:
+    """A setup with the processes that may work on it; at the end none is left.
+
+    Args:
+        job: what it was prepared for.
+        setup: without them.
+        control: says how many there may be.
+    """
+    parts = ModelParts.of(setup.model, job.inputs.case, job.request.solver)
+    if control.jobs == 1 or parts is None:
+        yield setup
+        return
+    with ModelWorkers(parts, control.jobs, control, setup.model) as workers:
+        yield replace(setup, workers=workers)
 
 
 def require_possible(model: CaseModel, case: Case, methods: Sequence[MethodOptions]) -> None:
@@ -155,7 +177,9 @@ def problem_of(setup: Setup, log: Log, control: Control) -> Problem:
     if isinstance(staged, ReducibleResponse):
         if case.fit.reduced:
             staged.keep_marches()
-        response = Remembered(staged, log, before=control.stop.check)
+        pairs, times = _asked(setup)
+        where = None if setup.workers is None else ResponseBeside(setup.workers, pairs, times)
+        response = Remembered(staged, log, before=control.stop.check, elsewhere=where)
     structure = structure_of_used(case, used)
     if structure is None:
         sd, shared = readings.sd[used], None
@@ -166,18 +190,22 @@ def problem_of(setup: Setup, log: Log, control: Control) -> Problem:
 
 def used_response(setup: Setup) -> Response:
     """The model of a setup in the readings that are used, not logged."""
+    return setup.model.response(*_asked(setup))
+
+
+def _asked(setup: Setup) -> tuple[list[tuple[str, str]], Sequence[float | None]]:
+    """Channel and stage of the readings that are used, and when each was read."""
     readings, used = setup.readings, setup.readings.used
     pairs = [pair for pair, taken in zip(readings.pairs, used, strict=True) if taken]
-    return setup.model.response(pairs, times_of(readings, used))
+    return pairs, times_of(readings, used)
 
 
 def kept_response(setup: Setup) -> ReducedResponse | None:
     """The readings that are used by a reduced model that was kept; None where it gives not all."""
-    readings, used = setup.readings, setup.readings.used
-    pairs = [pair for pair, taken in zip(readings.pairs, used, strict=True) if taken]
+    pairs, times = _asked(setup)
     if setup.kept is None or not setup.kept.covers(pairs):
         return None
-    return setup.kept.response(pairs, times_of(readings, used))
+    return setup.kept.response(pairs, times)
 
 
 def problem_of_result(fit: Result, case: Case, response: Response) -> Problem:

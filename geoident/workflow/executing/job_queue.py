@@ -8,6 +8,7 @@ from difflib import get_close_matches
 from typing import Any
 
 import dask_jobqueue
+from distributed import Status
 
 from geoident.errors import Fault, InputError
 from geoident.model.cluster import QUEUES, Cluster
@@ -76,8 +77,12 @@ def job_queue(cluster: Cluster) -> Any:
         made.sync(made._correct_state)
     except (TypeError, ValueError, OSError, RuntimeError) as error:
         if made is not None:
+            for worker in made.workers.values():  # they have not come about
+                worker.status = Status.failed
+            made.workers.clear()
+            made.worker_spec.clear()
             with suppress(Exception):
-                made.close(timeout=1.0)
+                made.close(timeout=5.0)
         hint = "The keys are those of dask-jobqueue; cores and memory of a job are always needed."
         raise cluster.refused("bad-cluster", _said(error), hint) from error
     made.adapt(minimum_jobs=cluster.jobs, maximum_jobs=cluster.jobs)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
 
 from geoident.errors import ExitCode, Interrupted
 
@@ -16,10 +18,26 @@ class StopRequest:
     """
 
     exit_code: ExitCode | None = None
+    _heard_by: list[Callable[[], None]] = field(default_factory=list, repr=False, compare=False)
 
     def ask(self, exit_code: ExitCode) -> None:
         """Wish the stop."""
         self.exit_code = exit_code
+        for listener in self._heard_by:
+            listener()
+
+    @contextmanager
+    def heard_by(self, listener: Callable[[], None]) -> Iterator[None]:
+        """Meanwhile somebody else is told of the wish, too, at once.
+
+        Args:
+            listener: may be called from the handler of a signal.
+        """
+        self._heard_by.append(listener)
+        try:
+            yield
+        finally:
+            self._heard_by.remove(listener)
 
     def check(self) -> None:
         """Stop here if a stop was wished.

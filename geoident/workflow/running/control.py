@@ -89,6 +89,7 @@ class Control:
         out_of_time: the limit was reached.
         started: when, by the clock of the machine that never goes back, s.
         further: seconds after the limit from which on `GRACE` counts.
+        jobs: processes that may work on it; None for the cores there are, where it is worth while.
     """
 
     monitor: Monitor = field(default_factory=Silent)
@@ -97,6 +98,13 @@ class Control:
     out_of_time: bool = False
     started: float = field(default_factory=time.monotonic)
     further: float = 0.0
+    jobs: int | None = 1
+
+    def left(self) -> float | None:
+        """Seconds that are left; None where there is no limit."""
+        if self.max_time is None:
+            return None
+        return max(0.0, self.max_time - (time.monotonic() - self.started))
 
     def observe(self, iteration: Iteration) -> str | None:
         """Observer of the identifiers: a reason to stop now, or None."""

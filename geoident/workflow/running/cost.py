@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from geoident.fem.refinement.finer import n_raised
 from geoident.fem.solvers import AUTO, BEYOND, LARGE, picked
-from geoident.fem.solvers.auto import BYTES, ITERATED, FactorSize
+from geoident.fem.solvers.auto import BYTES, ITERATED, FactorSize, is_beyond
 from geoident.fem.solvers.factor_cost import FactorCost, factor_cost
 from geoident.fem.solvers.fronts.single import single_pays
 from geoident.forward.model import StagedModel
@@ -79,21 +79,28 @@ def estimate_cost(
     seconds += _POINT_SECONDS * points * columns * len(costs)
     if model.yields:
         seconds += _YIELD_SECONDS * points * steps * len(costs)
-    stiffness = max((_pattern_bytes(model, n) for n in _states(model)), default=0)
-    state = 8.0 * points * columns * (model.discretization.points.n_strain + 2)
-    state += _YIELD_BYTES * points / 4 if model.yields else 0
     single = solver == LARGE and single_pays(0.0 if once else most, largest)
     size = _BYTES.get(solver, BYTES) * (0.5 if single else 1.0)
     solved = _ITERATED_BYTES * nonzeros if solver == BEYOND else largest * size
-    memory = _PROGRAM + solved + _PATTERNS * stiffness + 4 * state
+    memory = _PROGRAM + solved + _memory_beside(model, columns)
     return CostEstimate(solver, largest, flops, float(memory), seconds, steps)
+
+
+def _memory_beside(model: StagedModel, columns: float) -> float:
+    """Bytes of what is there beside the factor: patterns and values of K, states."""
+    stiffness = max((_pattern_bytes(model, n) for n in _states(model)), default=0)
+    points = model.discretization.points
+    state = 8.0 * points.n_points * columns * (points.n_strain + 2)
+    state += _YIELD_BYTES * points.n_points / 4 if model.yields else 0
+    return _PATTERNS * stiffness + 4 * state
 
 
 def refinement_cost(model: StagedModel, cost: CostEstimate) -> CostEstimate:
     """About what one evaluation on the refined mesh costs: four or eight times the unknowns.
 
     With nested dissection the entries of the factor grow with n log n in the plane and with n^4/3
-    in space, the operations with n^3/2 and n^2 (George 1973); conjugate gradients grow with n.
+    in space, the operations with n^3/2 and n^2 (George 1973); conjugate gradients grow with n, and
+    are what ``auto`` takes where these entries and operations of the finer mesh are too many.
 
     Args:
         model: of the case.
@@ -103,11 +110,52 @@ def refinement_cost(model: StagedModel, cost: CostEstimate) -> CostEstimate:
     entries, flops, rest = (16.0, 64.0, 8.0) if space else (4.6, 8.0, 4.0)
     if cost.solver == BEYOND:  # what conjugate gradients take grows with n
         entries = flops = rest
+    elif model.solver_name == AUTO and _is_beyond(model, cost, entries, flops, rest):
+        return _iterated(model, cost, rest)
     return replace(
         cost,
         memory=_PROGRAM + (cost.memory - _PROGRAM) * (entries if space else rest),
         seconds=cost.seconds * (flops if space else 0.5 * (flops + rest)),
     )
+
+
+def _is_beyond(
+    model: StagedModel, cost: CostEstimate, entries: float, flops: float, rest: float
+) -> bool:
+    """Whether a finer mesh is one for conjugate gradients.
+
+    Args:
+        model: of the case.
+        cost: of one evaluation on its own mesh.
+        entries: how many times the entries its factors have.
+        flops: how many times the operations they take.
+        rest: how many times the nodes it has.
+    """
+    lasting = model.systems.keeps_lasting
+    number = cost.newton_steps * (1 if lasting else len(_states(model)))
+    largest = max((_nonzeros(model, n) for n in _states(model)), default=0)
+    return is_beyond(
+        FactorSize(
+            flops * cost.factor_flops / max(number, 1),
+            int(entries * cost.factor_entries),
+            int(rest * largest),
+            lasting=lasting,
+            places=True,
+        )
+    )
+
+
+def _iterated(model: StagedModel, cost: CostEstimate, rest: float) -> CostEstimate:
+    """What one evaluation by conjugate gradients costs on a mesh of so many times the nodes."""
+    columns, points = 1 + len(model.names), model.discretization.points.n_points
+    nonzeros = rest * max((_nonzeros(model, n) for n in _states(model)), default=0)
+    each = cost.newton_steps * len(_states(model))
+    flops = each * ITERATED * nonzeros * columns / _ITERATED_COLUMNS
+    seconds = flops / _PRODUCT_FLOPS + _POINT_SECONDS * rest * points * columns * each
+    if model.yields:
+        seconds += _YIELD_SECONDS * rest * points * each
+    memory = _PROGRAM + _ITERATED_BYTES * nonzeros + rest * _memory_beside(model, columns)
+    return replace(cost, solver=BEYOND, factor_flops=flops, memory=memory, seconds=seconds)
 
 
 def order_step_cost(model: StagedModel, cost: CostEstimate) -> CostEstimate:
@@ -121,6 +169,10 @@ def order_step_cost(model: StagedModel, cost: CostEstimate) -> CostEstimate:
     """
     k = n_raised(model.mesh) / model.mesh.n_nodes
     entries, flops = (1.0, 1.0) if cost.solver == BEYOND else (4.0 / 3.0, 2.0)
+    if cost.solver != BEYOND and model.solver_name == AUTO:
+        grown = _DENSER * k**entries, _DENSER * k**flops, _DENSER * k
+        if _is_beyond(model, cost, *grown):
+            return _iterated(model, cost, _DENSER * k)
     return replace(
         cost,
         memory=_PROGRAM + (cost.memory - _PROGRAM) * _DENSER * k**entries,

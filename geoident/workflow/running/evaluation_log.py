@@ -11,7 +11,7 @@ largest count that any process saw is kept.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from hashlib import sha256
@@ -19,7 +19,8 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from geoident.errors import ModelError
+from geoident.errors import ModelError, TimeIsUp
+from geoident.identify.problem.ahead import Look, Turn
 from geoident.identify.problem.problem import (
     AffineElastic,
     ComplementaritySystem,
@@ -38,8 +39,13 @@ from geoident.model.response import (
 )
 from geoident.model.results.result import Counts
 from geoident.model.yielding import Activity
-
-EvaluationArrays = Mapping[str, Floats]
+from geoident.workflow.executing.looking_ahead import (
+    EvaluationArrays,
+    Failure,
+    LookedAhead,
+    Recording,
+    ResponseBeside,
+)
 
 _ACTIVITY = ("points", "biactive", "distances", "reached", "slopes")
 _NAMES = ("planes", "stages")
@@ -110,9 +116,27 @@ class KeepsMarches(HasReducedModel, Protocol):
     def remembers(self, p: Floats) -> None:
         """The answer at p (n,) with derivatives is known and was counted, from an earlier run."""
 
+    @property
+    def has_reduced_model(self) -> bool:
+        """Whether there may be one."""
+
 
 class Staged(AffineElastic, YieldSystem, HasOpening, Protocol):
     """All that the identifiers may ask of the staged model."""
+
+
+@runtime_checkable
+class BeginsNear(Protocol):
+    """A model whose evaluations may begin from what earlier ones have left."""
+
+    def forget(self) -> None:
+        """Begin the next evaluation as a new model does."""
+
+
+def forget(model: object) -> None:
+    """Have a model begin its next evaluation as a new one does, if it does not anyway."""
+    if isinstance(model, BeginsNear):
+        model.forget()
 
 
 class Remembered:
@@ -122,9 +146,24 @@ class Remembered:
         inner: the model.
         log: of evaluations of the same problem.
         before: called before every evaluation that must be computed; raises to stop the run.
+        elsewhere: processes that look ahead; None for none.
+
+    Attributes:
+        failures: evaluations without solution, in their order: kind, parameters (n,) and failure.
     """
 
-    def __init__(self, inner: Staged, log: Log, *, before: Callable[[], None]) -> None:
+    def __init__(
+        self,
+        inner: Staged,
+        log: Log,
+        *,
+        before: Callable[[], None],
+        elsewhere: ResponseBeside | None = None,
+    ) -> None:
+        self.failures: list[tuple[str, Floats, Failure]] = []
+        self._elsewhere = elsewhere
+        self._ahead: LookedAhead | None = None
+        self._failed: dict[tuple[str, bytes], Failure] = {}  # known from other processes
         self._inner = inner
         self._log = log
         self._before = before
@@ -228,6 +267,66 @@ class Remembered:
         v, dv_dp, steps = np.split(found[2:], np.cumsum([g, g * len(p)]))
         increments = steps.reshape(states, -1)
         return {"v": v, "dv_dp": dv_dp.reshape(g, len(p)), "increments": increments}
+
+    @property
+    def at_once(self) -> int:
+        """How many parts of a search are worked on at a time."""
+        return 1 if self._elsewhere is None else self._elsewhere.processes.at_once()
+
+    @property
+    def may_be_led(self) -> bool:
+        """Whether descents are led by what others have evaluated, by a reduced model."""
+        inner = self._inner
+        return isinstance(inner, KeepsMarches) and inner.has_reduced_model
+
+    @contextmanager
+    def turns(self, looks: Sequence[Look]) -> Iterator[Turn]:
+        """Work on parts of a search meanwhile; each begins with a model that has forgotten others.
+
+        Args:
+            looks: they, in their order.
+        """
+        where = self._elsewhere
+        if where is not None and len(looks) > 1 and where.processes.at_once(looks) > 1:
+            self._ahead = LookedAhead(self, where, looks)
+
+        def turn(number: int) -> None:
+            forget(self._inner)
+            if self._ahead is not None:
+                self._ahead.turn = number
+
+        try:
+            yield turn
+        finally:
+            ahead, self._ahead = self._ahead, None
+            if looks:  # what comes next has not seen the parts, wherever they were made
+                forget(self._inner)
+            if ahead is not None:
+                ahead.end()
+
+    def take(self, found: Recording) -> None:
+        """Keep what another process has evaluated; it counts when it is asked for."""
+        for kind, p, arrays in found.evaluations:
+            if self._log.find(kind, p) is None:
+                self._log.add(kind, p, arrays)
+        for kind, p, failure in found.failures:
+            self._failed[kind, p.tobytes()] = failure
+
+    def knows(self, kind: str, p: Floats) -> bool:
+        """Whether the answer at p (n,) is in the log, or known to be none."""
+        return (kind, p.tobytes()) in self._failed or self._log.find(kind, p) is not None
+
+    def recalled(self, kind: str, p: Floats) -> EvaluationArrays | None:
+        """The answer at p (n,) if it is in the log; it counts.
+
+        Raises:
+            ModelError: it is known that there is no solution.
+        """
+        failure = self._failed.get((kind, p.tobytes()))
+        if failure is not None:
+            self._spend(failure.cost)
+            raise failure.error
+        return self._recall(kind, p)
 
     def evaluated(self) -> Sequence[Floats]:
         """Parameter vectors (n,) that this run has evaluated with derivatives, in their order."""
@@ -352,11 +451,16 @@ class Remembered:
         self, kind: str, p: Floats, work: Callable[[], EvaluationArrays]
     ) -> EvaluationArrays:
         self._before()
+        if self._ahead is not None and (known := self._ahead.known(kind, p)) is not None:
+            return known
         before = self._inner.counts
         try:
             arrays = work()
-        except Exception:
-            self._spend(_cost(before, self._inner.counts))
+        except Exception as error:
+            cost = _cost(before, self._inner.counts)
+            self._spend(cost)
+            if isinstance(error, ModelError) and not isinstance(error, TimeIsUp):
+                self.failures.append((kind, p.copy(), Failure(error, cost)))
             raise
         cost = _cost(before, self._inner.counts)
         self._log.add(kind, p, {**arrays, "cost": cost})

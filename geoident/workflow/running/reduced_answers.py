@@ -164,10 +164,7 @@ def reduced_answers(
     response, split = asked.everything, len(accuracy) - len(asked.places)
     whose = MADE
     if kept is not None and kept.covers(asked.pairs):
-        whose, reduced = (
-            "the reduced model that the fit keeps",
-            kept.response(asked.pairs, asked.times),
-        )
+        whose, reduced = OF_FIT, kept.response(asked.pairs, asked.times)
     elif isinstance(response, ReducibleResponse):
         made = reduced_around(response, centre, training)
         if made is None:

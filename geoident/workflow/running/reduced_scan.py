@@ -8,7 +8,8 @@ make it less. So far from the readings, where phi is large, the reduced model ma
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,6 +18,7 @@ from geoident.forward.reduced.reducible import ReducibleResponse
 from geoident.forward.reduced.response import ReducedResponse
 from geoident.identify.direct.scan import grid_axes
 from geoident.identify.objective.discrepancy import Discrepancy
+from geoident.identify.problem.ahead import Look, ReadingsAt, Turn, at_once, in_turns
 from geoident.identify.problem.problem import Problem
 from geoident.model.arrays import Floats
 from geoident.model.methods import ScanOptions
@@ -60,6 +62,9 @@ class LedReadings(LedByReduced):
     discrepancy: Discrepancy
     spent: Counts
 
+    def __post_init__(self) -> None:
+        self._known: dict[bytes, Floats | None] = {}
+
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the n parameters."""
@@ -77,12 +82,56 @@ class LedReadings(LedByReduced):
 
     def readings(self, p: Floats) -> Floats:
         """v(p), (g,)."""
-        found, error = self.reduced.certified(p[None])
-        if self._close(p, found[0], error[0]):
+        found = self._by_reduced(p)
+        del self._known[p.tobytes()]
+        if found is not None:
             self.by_reduced += 1
-            return np.asarray(found[0])
+            return found
         self.by_model += 1
         return self.inner.readings(p)
+
+    def _by_reduced(self, p: Floats) -> Floats | None:
+        """v(p), (g,), of the reduced model where it is close enough."""
+        if p.tobytes() not in self._known:
+            found, error = self.reduced.certified(p[None])
+            close = self._close(p, found[0], error[0])
+            self._known[p.tobytes()] = np.asarray(found[0]) if close else None
+        return self._known[p.tobytes()]
+
+    @property
+    def at_once(self) -> int:
+        """How many parts of a search the model works on at a time."""
+        return at_once(self.inner)
+
+    @property
+    def may_be_led(self) -> bool:
+        """Whether descents are led by a reduced model."""
+        return True
+
+    @contextmanager
+    def turns(self, looks: Sequence[Look]) -> Iterator[Turn]:
+        """Have the model work on what the reduced one does not answer.
+
+        Args:
+            looks: parts of a search, in their order.
+        """
+        left = looks if at_once(self.inner) == 1 else [self._for_the_model(look) for look in looks]
+        numbers = {n: k for k, n in enumerate(n for n, look in enumerate(left) if look is not None)}
+        with in_turns(self.inner, [look for look in left if look is not None]) as turn:
+
+            def begin(number: int) -> None:
+                if number in numbers:
+                    turn(numbers[number])
+
+            yield begin
+
+    def _for_the_model(self, look: Look) -> Look | None:
+        """What of a part the reduced model does not answer; None for nothing."""
+        if not isinstance(look, ReadingsAt):
+            return look
+        points = [p for p in look.points if self.admissible(p) is None]
+        points = [p for p in points if self._by_reduced(p) is None]
+        return ReadingsAt(np.array(points)) if points else None
 
     def part_close(self, points: Floats) -> float:
         """At which part of some points (k, n) the reduced model is close enough."""

@@ -26,8 +26,9 @@ from geoident.workflow.estimating.estimate import Estimate, look, predicted
 from geoident.workflow.estimating.predictions import correlations
 from geoident.workflow.estimating.search import estimated
 from geoident.workflow.estimating.setup import Setup, structure_of_used
+from geoident.workflow.executing.looking_ahead import EvaluationArrays
 from geoident.workflow.running.control import Control
-from geoident.workflow.running.evaluation_log import EvaluationArrays, Log, carry_over
+from geoident.workflow.running.evaluation_log import Log, carry_over
 from geoident.workflow.running.readings import (
     gauge_table,
     reading_table,

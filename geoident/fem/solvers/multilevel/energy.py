@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from geoident.fem.conjugate_gradients import Product
+from geoident.fem.conjugate_gradients import ConjugateDirections, Product
 from geoident.fem.solvers.direct import NotPositiveDefinite
 from geoident.model.arrays import Floats
 
@@ -79,25 +79,21 @@ def spectrum(product: Product, precondition: Product, diagonal: Floats) -> Extre
         Stagnates: they are too far apart, or M is not positive definite in its rounding.
     """
     n = len(diagonal)
-    r = np.random.default_rng(0).normal(size=(n, 1)) * np.sqrt(diagonal)[:, None]
-    z = precondition(r)
-    d, rz = z, float((r * z).sum())
-    until, alphas, betas = (SHOWN**2 / n) * rz, list[float](), list[float]()
+    rhs = np.random.default_rng(0).normal(size=(n, 1)) * np.sqrt(diagonal)[:, None]
+    found = ConjugateDirections(product, precondition, rhs)
+    until, alphas, betas = (SHOWN**2 / n) * found.rz[0], list[float](), list[float]()
     for step in range(MOST):
-        q = product(d)
-        curvature = float((d * q).sum())
+        curvature, rz = float(found.curvature()[0]), float(found.rz[0])
         if curvature <= 0.0:
-            raise NotPositiveDefinite(int(np.argmax(np.abs(d[:, 0]))))
+            raise NotPositiveDefinite(int(np.argmax(np.abs(found.d[:, 0]))))
         if not (rz > 0.0 and curvature > 0.0):  # no number, or K is lost in the rounding of M
             raise Stagnates(step)
         alphas.append(rz / curvature)
-        r = r - alphas[-1] * q
-        z = precondition(r)
-        following = float((r * z).sum())
-        betas.append(following / rz)
-        if abs(following) <= until:
-            return _extremes(alphas, betas, d)
-        d, rz = z + betas[-1] * d, following
+        found.advance(np.array(alphas[-1:]))
+        before = found.d
+        betas.append(float(found.turn()[0]))
+        if abs(found.rz[0]) <= until:
+            return _extremes(alphas, betas, before)
     raise Stagnates(MOST)
 
 
@@ -145,32 +141,24 @@ def solve_in_energy(
         NotPositiveDefinite: a direction has no positive curvature.
         Stagnates: the error does not become small, or M is not positive definite in its rounding.
     """
-    x = np.zeros_like(rhs)
-    going = np.flatnonzero(np.abs(rhs).max(axis=0) > 0.0)
+    found = ConjugateDirections(product, precondition, rhs)
     steps = columns = 0
-    r = rhs[:, going]
-    d = precondition(r)
-    rz = (r * d).sum(axis=0)
-    energy = np.zeros(len(going))  # x^T K x
-    while going.size:
+    energy = np.zeros(len(found.going))  # x^T K x
+    while found.going.size:
         # negative, or no number: what is soft in K is lost in the rounding of M
-        if steps == MOST or not (rz > 0.0).all():
+        if steps == MOST or not (found.rz > 0.0).all():
             raise Stagnates(columns)
-        steps, columns = steps + 1, columns + len(going)
-        q = product(d)
-        curvature = (d * q).sum(axis=0)
+        steps, columns = steps + 1, columns + len(found.going)
+        curvature = found.curvature()
         bad = np.flatnonzero(curvature <= 0.0)
         if bad.size:
-            raise NotPositiveDefinite(int(np.argmax(np.abs(d[:, bad[0]]))))
-        length = rz / curvature
-        x[:, going] += length * d
-        r = r - length * q
-        energy += length * rz
-        z = precondition(r)
-        following = (r * z).sum(axis=0)
-        d = z + (following / rz) * d
-        rz = following
-        on = ~(np.abs(rz) <= (SAFE * least) * tolerance**2 * energy)
+            raise NotPositiveDefinite(int(np.argmax(np.abs(found.d[:, bad[0]]))))
+        length = found.rz / curvature
+        found.advance(length)
+        energy += length * found.rz
+        found.turn()
+        on = ~(np.abs(found.rz) <= (SAFE * least) * tolerance**2 * energy)
         if not on.all():
-            going, r, d, rz, energy = going[on], r[:, on], d[:, on], rz[on], energy[on]
-    return EnergySolution(x, steps, columns)
+            found.keep(on)
+            energy = energy[on]
+    return EnergySolution(found.x, steps, columns)

@@ -28,7 +28,9 @@ from geoident.units import (
     LEAST_SPREAD,
     MOST_SPREAD,
     UNITS,
+    in_unit,
     read_quantity,
+    shown_unit,
     unit_list,
     with_article,
 )
@@ -258,9 +260,13 @@ def check_parts(given: AnyAccuracy, dimension: str, kind: str, key: str = "accur
         kind: of the gauge.
         key: under which they stand.
     """
-    if isinstance(given, Given):
-        return
     faults = SectionFaults()
+    if isinstance(given, Given):
+        _refuse_nonsense(given, (key,), kind, faults)
+        faults.raise_any()
+        return
+    if given.reading is not None:
+        _refuse_nonsense(given.reading, (key, "reading"), kind, faults)
     for name in PARTS:
         part: Given | None = getattr(given, name)
         if part is not None and part.text != ESTIMATE and part.dimension != dimension:
@@ -274,6 +280,35 @@ def check_parts(given: AnyAccuracy, dimension: str, kind: str, key: str = "accur
         message = "a reading without an error of its own would fix the answer alone"
         faults.add((key, "reading"), "out-of-range", message, "Write one above zero.")
     faults.raise_any()
+
+
+def _refuse_nonsense(given: Given, key: tuple[str, ...], kind: str, faults: SectionFaults) -> None:
+    """Refuse an error of a reading that no instrument of a kind has, by far.
+
+    Args:
+        given: its standard deviation.
+        key: under which it stands.
+        kind: of the gauge.
+        faults: takes the fault.
+    """
+    usual = TYPICAL.get(kind)
+    if usual is None or given.text == ESTIMATE or given.factor == 0.0:
+        return
+    if usual.reading / NONSENSE <= given.factor <= usual.reading * NONSENSE:
+        return
+    unit = shown_unit(usual.unit, given.dimension)
+    size = f"{in_unit(usual.reading, usual.unit, given.dimension):.3g} {unit}"
+    message = f"'{shorten(given.text)}' is no accuracy of a gauge"
+    hint = f"Gauges of the kind {kind} have about {size}; is it another unit?"
+    faults.add(key, "out-of-range", message, hint)
+
+
+NONSENSE = 1e6
+"""Times the usual accuracy of a kind of gauge, or this part of it, that no instrument has.
+
+A millionth of that of an extensometer is the size of an atom; and what is computed has
+errors of rounding that such readings would be fitted to.
+"""
 
 
 def error_parts(given: AnyAccuracy, kind: str, survey: str) -> ErrorParts | None:

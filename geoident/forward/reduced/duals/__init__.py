@@ -1,0 +1,1 @@
+"""Bounds of the errors of readings by their adjoints (theory 14.4)."""

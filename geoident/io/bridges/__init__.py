@@ -1,0 +1,1 @@
+"""Files of programs that drive geoident: PEST, PEST++ and pyEMU, and Dakota."""

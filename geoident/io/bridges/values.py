@@ -1,0 +1,178 @@
+"""Values of parameters from a table ``parameter,value,unit``, as other programs write it.
+
+The first line names the columns, of which others may be there too: the table of parameters that
+``geoident export`` writes is one. Numbers may have the exponents of Fortran (``1.5D+01``).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from geoident.errors import Fault, InputError, Location
+from geoident.io.text.text_file import decode, read_bytes
+from geoident.io.text.wording import did_you_mean, shorten
+from geoident.model.parameter import Parameter
+from geoident.units import (
+    DIMENSIONLESS,
+    UnitError,
+    normal_unit,
+    shown_unit,
+    size_in,
+    unit_list,
+    with_article,
+)
+
+_MAX_BYTES = 20_000_000
+_MOST_FAULTS = 100
+ROUNDING = 1e-6
+"""Part of a bound by which a value may lie beyond it: that of what other programs write."""
+
+
+@dataclass(frozen=True)
+class WrittenValue:
+    """A value of a parameter as a file has it.
+
+    Args:
+        name: of the parameter.
+        text: the number.
+        unit: its unit; empty for none written; None for that in which the case gives its start.
+        place: of the name.
+        number_place: of the number.
+        unit_place: of the unit.
+    """
+
+    name: str
+    text: str
+    unit: str | None
+    place: Location
+    number_place: Location
+    unit_place: Location
+
+
+def read_values(path: str) -> tuple[WrittenValue, ...]:
+    """The values in a table.
+
+    Args:
+        path: of the table.
+
+    Raises:
+        InputError: with all faults of the table, each with its line and column.
+    """
+    text = decode(read_bytes(path, limit=_MAX_BYTES, what="table of values"), path)
+    lines = [(n, line) for n, line in enumerate(text.splitlines(), 1) if line.strip()]
+    lines = [(n, line) for n, line in lines if not line.startswith("#")]
+    if not lines:
+        hint = "Its first line is 'parameter,value,unit', and each further one a parameter."
+        raise InputError([Fault("empty", "the table is empty", hint, Location(path))])
+    header = [cell.lower() for cell, _ in _cells(lines[0][1])]
+    place = Location(path, lines[0][0], 1)
+    missing = [name for name in ("parameter", "value") if name not in header]
+    if missing:
+        found = ", ".join(header)
+        message = f"there is no column '{missing[0]}'; found {shorten(found)}"
+        raise InputError(
+            [Fault("missing-column", message, "Begin with parameter,value,unit.", place)]
+        )
+    rows, faults = list[WrittenValue](), list[Fault]()
+    for number, line in lines[1:]:
+        cells = _cells(line)
+        if len(cells) != len(header):
+            message = f"found {len(cells)} cells; {len(header)} are expected, as in the header"
+            faults.append(Fault("bad-row", message, "", Location(path, number, 1)))
+            continue
+        by = dict(zip(header, cells, strict=True))
+        named, value, unit = (by.get(key, ("", 1)) for key in ("parameter", "value", "unit"))
+        places = (Location(path, number, cell[1]) for cell in (named, value, unit))
+        rows.append(WrittenValue(named[0], value[0], unit[0], *places))
+    if faults:
+        raise InputError(faults[:_MOST_FAULTS])
+    return tuple(rows)
+
+
+def _cells(line: str) -> list[tuple[str, int]]:
+    """Cells of a line without the blanks around them, and their columns from 1."""
+    found, at = [], 0
+    for cell in line.split(","):
+        text = cell.strip()
+        found.append((text, at + 1 + len(cell) - len(cell.lstrip())))
+        at += len(cell) + 1
+    return found
+
+
+def values_of(written: Sequence[WrittenValue], parameters: Sequence[Parameter]) -> dict[str, float]:
+    """The values of parameters, SI, within their bounds.
+
+    Args:
+        written: the values as a file has them.
+        parameters: of the case.
+
+    Raises:
+        InputError: with all faults: parameters that are none or are there twice, no numbers, units
+            of another dimension, values beyond the bounds.
+    """
+    known = {parameter.name: parameter for parameter in parameters}
+    found: dict[str, float] = {}
+    faults: list[Fault] = []
+    for row in written:
+        name = row.name
+        if name not in known:
+            hint = did_you_mean(row.name, known, what="Parameters")
+            message = f"there is no parameter '{shorten(row.name)}' in the case"
+            faults.append(Fault("unknown-parameter", message, hint, row.place))
+        elif name in found:
+            message = f"the parameter '{name}' is there twice"
+            faults.append(Fault("same-parameter", message, "Keep one of them.", row.place))
+        else:
+            value = _value(row, known[name])
+            if isinstance(value, Fault):
+                faults.append(value)
+            found[name] = math.nan if isinstance(value, Fault) else value
+    if faults:
+        raise InputError(faults[:_MOST_FAULTS])
+    return found
+
+
+def _value(row: WrittenValue, parameter: Parameter) -> float | Fault:
+    try:
+        number = float(row.text.replace("D", "e").replace("d", "e"))
+    except ValueError:
+        number = math.nan
+    if not math.isfinite(number):
+        message = f"'{shorten(row.text)}' is no number"
+        return Fault("not-a-number", message, "", row.number_place)
+    size = _size(row, parameter)
+    if isinstance(size, Fault):
+        return size
+    value = number * size
+    low, high = parameter.lower, parameter.upper
+    room = ROUNDING * max(abs(low), abs(high))
+    if not low - room <= value <= high + room:
+        unit = shown_unit(parameter.unit, parameter.dimension)
+        shown = size_in(parameter.unit, parameter.dimension) or 1.0
+        bounds = f"[{low / shown:.6g}, {high / shown:.6g}] {unit}".rstrip()
+        message = f"{parameter.name} = {value / shown:.6g} is outside its bounds {bounds}"
+        hint = "Keep to the bounds of the case, or widen them there."
+        return Fault("outside-bounds", message, hint, row.number_place)
+    return min(max(value, low), high)
+
+
+def _size(row: WrittenValue, parameter: Parameter) -> float | Fault:
+    dimension = parameter.dimension
+    if row.unit is None:
+        return size_in(parameter.unit, dimension) or 1.0
+    if not row.unit:
+        if dimension == DIMENSIONLESS:
+            return 1.0
+        message = f"'{parameter.name}' is {with_article(dimension)} and has no unit here"
+        hint = f"Write its unit in the column 'unit': {unit_list(dimension)}."
+        return Fault("unit", message, hint, row.number_place)
+    try:
+        size = size_in(normal_unit(row.unit, dimension), dimension)
+    except UnitError as error:
+        return Fault("unit", error.message, error.hint, row.unit_place)
+    if size is not None:
+        return size
+    message = f"'{row.unit}' is no unit of {with_article(dimension)}, which '{parameter.name}' is"
+    return Fault("unit", message, f"Its units: {unit_list(dimension)}.", row.unit_place)

@@ -1,0 +1,258 @@
+"""``geoident simulate CASE --dakota PARAMS RESULTS``: an evaluation that Dakota asks for.
+
+Values of variables are in the units in which the case gives the starts of its parameters, those of
+responses in the units of their gauges. Gradients are the exact derivatives of the model, where a
+program elsewhere computes it central differences.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from geoident.errors import Fault, InputError, ModelError, Term, UsageError
+from geoident.forward.elsewhere.model import ElsewhereModel
+from geoident.forward.protocols import CaseModel
+from geoident.io.bridges.commands import for_dakota
+from geoident.io.bridges.dakota import (
+    GRADIENT,
+    AskedResponse,
+    DakotaInput,
+    DakotaRequest,
+    DakotaVariable,
+    data_text,
+    failure_text,
+    input_text,
+    read_request,
+    results_text,
+)
+from geoident.io.bridges.names import plain, reading_names
+from geoident.io.text.atomic import atomic_output
+from geoident.io.text.text_file import STDIN, seen_from
+from geoident.io.text.wording import did_you_mean, listing, shorten
+from geoident.model.arrays import Floats
+from geoident.model.methods import ModelErrorOptions, SquaredOptions
+from geoident.model.parameter import Parameter
+from geoident.units import in_unit, size_in
+from geoident.workflow.export import ListedFiles, Writer
+from geoident.workflow.running.errors import error_structure
+from geoident.workflow.running.jobs import NO_READINGS, build_model, load_inputs
+from geoident.workflow.running.readings import select_readings
+from geoident.workflow.simulate import (
+    BY_MODEL,
+    ComputedBy,
+    answering_model,
+    simulated_pairs,
+    values_for,
+    with_starts,
+)
+
+_EXPERIMENT = re.compile("_[0-9]+$")
+
+
+def answer(
+    path: str,
+    parameters: str,
+    results: str,
+    *,
+    overrides: Sequence[str] = (),
+    by: ComputedBy = BY_MODEL,
+    force: bool = False,
+) -> None:
+    """Answer a request of Dakota.
+
+    Args:
+        path: of the case.
+        parameters: path of the file of parameters.
+        results: path of the file of results.
+        overrides: ``KEY=VALUE`` in place of what the case says.
+        by: what computes it.
+        force: a file of results that exists is replaced.
+
+    Raises:
+        InputError: the case or the request is wrong, or the two do not fit; there is no file of
+            results then, so that Dakota stops.
+        ModelError: the model has no solution; the file of results says so, as Dakota expects.
+        OutputError: the file of results cannot be written.
+    """
+    request = read_request(parameters)
+    inputs = load_inputs(path, overrides=[*overrides, NO_READINGS])
+    write = partial(_write, results, overwrite=force, inputs=(*inputs.files, parameters))
+    inputs = with_starts(inputs, request.values)
+    try:
+        model = answering_model(inputs, by)
+        text = _answered(model, request)
+    except ModelError as error:
+        write(failure_text(error.message))
+        raise
+    write(text)
+
+
+def _write(path: str, text: str, *, overwrite: bool, inputs: Sequence[str]) -> None:
+    with atomic_output(path, overwrite=overwrite, inputs=inputs) as part:
+        Path(part).write_text(text, encoding="utf-8")
+
+
+def _answered(model: CaseModel, request: DakotaRequest) -> str:
+    places = _places(model, request.asked)
+    columns = _columns(model, request)
+    p = values_for(model, request.values)
+    slopes = any(one.parts & GRADIENT for one in request.asked)
+    case = model.case
+    sensitivity = np.zeros((len(case.channels), len(case.stages), len(p)))
+    if isinstance(model, ElsewhereModel) and not slopes:
+        computed = model.computed(p)  # derivatives would take more runs
+    else:
+        survey = model.survey(p, fields=isinstance(model, ElsewhereModel))
+        computed, sensitivity = survey.computed, survey.sensitivity
+    values = np.zeros(len(places))
+    gradients = np.zeros((len(places), len(columns)))
+    size = [_size(parameter) for parameter in case.parameters]
+    for k, (row, stage) in enumerate(places):
+        channel = case.channels[row]
+        unit = channel.unit, channel.dimension
+        values[k] = in_unit(float(computed[row, stage]), *unit)
+        for d, column in enumerate(columns):
+            slope = float(sensitivity[row, stage, column]) * size[column]
+            gradients[k, d] = in_unit(slope, *unit)
+    for one, value, gradient in zip(request.asked, values, gradients, strict=True):
+        if not (np.isfinite(value) and np.all(np.isfinite(gradient))):
+            raise ModelError(f"the model gives no number for {one.name}")
+    return results_text(request.asked, values, gradients)
+
+
+def _places(model: CaseModel, asked: Sequence[AskedResponse]) -> list[tuple[int, int]]:
+    """Channel and stage of each response.
+
+    Raises:
+        InputError: some are no readings of the case.
+    """
+    pairs = simulated_pairs(model)
+    rows = {channel.name: n for n, channel in enumerate(model.case.channels)}
+    stages = {stage.name: n for n, stage in enumerate(model.case.stages)}
+    known = {
+        name: (rows[channel], stages[stage])
+        for name, (channel, stage) in zip(reading_names(pairs), pairs, strict=True)
+    }
+    found, faults = [], []
+    for one in asked:
+        name = one.name.lower()
+        # with a file of readings Dakota adds the number of the experiment to each name
+        name = name if name in known else _EXPERIMENT.sub("", name)
+        if name in known:
+            found.append(known[name])
+        else:
+            message = f"the response '{shorten(one.name)}' is no reading of the case"
+            hint = did_you_mean(one.name, known, what="Its readings are called")
+            faults.append(Fault("unknown-response", message, hint, one.place))
+    if faults:
+        raise InputError(faults)
+    return found
+
+
+def _columns(model: CaseModel, request: DakotaRequest) -> list[int]:
+    """Numbers of the parameters by which derivatives are wanted."""
+    names = [parameter.name for parameter in model.case.parameters]
+    faults = [
+        Fault(
+            "unknown-parameter",
+            f"there is no parameter '{shorten(name)}' in the case to differentiate by",
+            did_you_mean(name, names, what="Parameters"),
+            place,
+        )
+        for name, place in request.by
+        if name not in names
+    ]
+    if faults:
+        raise InputError(faults)
+    return [names.index(name) for name, _ in request.by]
+
+
+def _size(parameter: Parameter) -> float:
+    return size_in(parameter.unit, parameter.dimension) or 1.0
+
+
+def export_dakota(
+    path: str, *, output: str | None = None, force: bool = False
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Write an input file of Dakota for a case, and the readings beside it.
+
+    Args:
+        path: of the case.
+        output: folder of the files; ``CASE.dakota`` beside the case if None.
+        force: replace files that stand there.
+
+    Returns:
+        The files, the input file first; what Dakota is not told of the case.
+
+    Raises:
+        InputError: the case is wrong.
+        UsageError: the case comes from stdin, or a path has blanks.
+        OutputError: a file exists or cannot be written.
+    """
+    if path == STDIN:
+        raise UsageError("Dakota runs the case again and again: save it as a file and name that")
+    inputs = load_inputs(path)
+    model = build_model(inputs)
+    stem = plain(Path(path).stem)
+    folder = Path(path).with_name(f"{Path(path).stem}.dakota") if output is None else Path(output)
+    if set(seen := seen_from(folder, path)) & set(" \t'\""):
+        message = f"'{seen}' has blanks or quotes, which Dakota does not take in a command\n"
+        raise UsageError(f"{message}    rename the case or its folder, or choose {Term.OUTPUT}")
+    case, readings = model.case, select_readings(model.case, model)
+    pairs = simulated_pairs(model)
+    names = dict(zip(pairs, reading_names(pairs), strict=True))
+    channels = {channel.name: channel for channel in case.channels}
+    used: dict[tuple[str, str], int] = {}
+    for k in np.flatnonzero(readings.used).tolist():
+        if readings.pairs[k] in names:
+            used.setdefault(readings.pairs[k], k)
+    made: list[tuple[float, float]] = []
+    for (channel, _), k in used.items():
+        unit = channels[channel].unit, channels[channel].dimension
+        made.append(
+            (in_unit(float(readings.value[k]), *unit), in_unit(float(readings.sd[k]), *unit))
+        )
+    deck = DakotaInput(
+        title=f"{stem}: made by geoident",
+        driver=for_dakota(seen),
+        variables=tuple(
+            DakotaVariable(p.name, p.start / _size(p), p.lower / _size(p), p.upper / _size(p))
+            for p in case.parameters
+        ),
+        responses=tuple(names[pair] for pair in used),
+        data=f"{stem}.dat",
+    )
+    numbers: Floats = np.array(made).reshape(-1, 2)
+    texts = {f"{stem}.in": input_text(deck), deck.data: data_text(numbers[:, 0], numbers[:, 1])}
+    writers: dict[Path, Writer] = {
+        folder / name: partial(_written, text) for name, text in texts.items()
+    }
+    identity = inputs.identity("export", (), seed=0)
+    listed = ListedFiles(folder, stem, path, inputs.files, identity, force)
+    return listed.write(writers), tuple(_notes(model, used))
+
+
+def _written(text: str, part: str) -> None:
+    Path(part).write_text(text, encoding="utf-8", newline="")
+
+
+def _notes(model: CaseModel, used: dict[tuple[str, str], int]) -> Iterator[str]:
+    """What Dakota is not told of a case."""
+    case = model.case
+    priors = [parameter.name for parameter in case.parameters if parameter.prior is not None]
+    if priors:
+        yield f"the priors of {listing(priors)} are left out: least squares of Dakota has none"
+    channels = {channel.name: channel for channel in case.channels}
+    rows = [(channels[r.channel], r) for r in case.readings if (r.channel, r.stage) in used]
+    structure = error_structure(rows)
+    if structure is not None and structure.columns.nnz:
+        yield "readings share errors, of which Dakota knows only their size"
+    if not isinstance(case.fit.loss, SquaredOptions):
+        yield "Dakota weighs residuals by their squares; the robust loss of the case is left out"
+    if case.fit.model_error != ModelErrorOptions():
+        yield "the model error of the case is left out"

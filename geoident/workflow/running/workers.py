@@ -1,0 +1,228 @@
+"""Processes that have the model of a command, and work on parts of its search (`ahead`).
+
+A model travels by what it consists of, case and mesh, and is built once in each process: no file is
+read again, which might be another one meanwhile, and none need be there. What comes back are
+evaluations as the log of a run keeps them, with what each has cost; so the search itself, its
+counts and its checkpoint are those of a run without processes.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import cached_property, partial
+from types import TracebackType
+from typing import Self
+
+from geoident.errors import Interrupted, ModelError, TimeIsUp
+from geoident.fem.solvers import pick_solver
+from geoident.forward.model import StagedModel, staged_model
+from geoident.forward.openings.model import OpeningModel, opening_model
+from geoident.forward.protocols import CaseModel
+from geoident.forward.reduced.reducible import ReducibleResponse
+from geoident.identify.problem.ahead import Look, ReadingsAt
+from geoident.model.case import Case
+from geoident.model.mesh import Mesh
+from geoident.workflow.executing.executor import Answered, Executor, usable_cores
+from geoident.workflow.executing.looking_ahead import Recording
+from geoident.workflow.executing.processes import LocalProcesses
+from geoident.workflow.executing.worker import STOP
+from geoident.workflow.running.control import OUT_OF_TIME, Control
+from geoident.workflow.running.cost import estimate_cost
+from geoident.workflow.running.evaluation_log import Remembered
+
+WORTH = 10.0
+"""Seconds that parts of a search must take together, as far as they can be told, until processes
+are started for them without being asked for: each takes a second or two to begin."""
+
+_DESCENT = 6
+"""Evaluations of a part that is no list of points, about."""
+
+_MEMORY = 0.7
+"""Part of the memory of the machine that processes may take which nobody has asked for."""
+
+
+@dataclass(frozen=True)
+class ModelParts:
+    """What a model consists of: all that another process needs.
+
+    Args:
+        case: of the model.
+        mesh: that it stands on; None for a closed form.
+        solver: name of the sparse solver, or ``auto``.
+    """
+
+    case: Case
+    mesh: Mesh | None
+    solver: str
+
+    @classmethod
+    def of(cls, model: CaseModel, case: Case, solver: str) -> ModelParts | None:
+        """Those of a model; None where it cannot be built elsewhere.
+
+        Args:
+            model: of the case.
+            case: as it was given, without modes of fields.
+            solver: name of the sparse solver, or ``auto``.
+        """
+        if isinstance(model, StagedModel):
+            return cls(case, model.mesh, solver)
+        return cls(case, None, solver) if isinstance(model, OpeningModel) else None
+
+    def build(self) -> StagedModel | OpeningModel:
+        """The model.
+
+        Raises:
+            InputError, ModelError: as where it was built first.
+        """
+        if self.mesh is None:
+            return opening_model(self.case)
+        return staged_model(self.mesh, self.case, solver=pick_solver(self.solver))
+
+
+@dataclass(frozen=True)
+class LookTask:
+    """A part of a search for another process.
+
+    Args:
+        look: the part.
+        pairs: channel and stage of the readings of the response.
+        times: when each was read.
+        seconds: for which it may take, or None.
+    """
+
+    look: Look
+    pairs: tuple[tuple[str, str], ...]
+    times: tuple[float | None, ...]
+    seconds: float | None
+
+
+def look_on(parts: ModelParts) -> Callable[[LookTask], Recording]:
+    """In a process of its own: the model, and what looks with it.
+
+    Args:
+        parts: of the model.
+    """
+    return partial(_looked, parts.build())
+
+
+def _looked(model: CaseModel, task: LookTask) -> Recording:
+    control, found = Control(stop=STOP, max_time=task.seconds), Recording()
+
+    def before() -> None:
+        STOP.check()
+        if control.over() is not None:
+            raise TimeIsUp(OUT_OF_TIME)
+
+    model.on_state = lambda state: control.within()
+    response = model.response(task.pairs, task.times)
+    assert isinstance(response, ReducibleResponse)
+    remembered = Remembered(response, found, before=before)
+    response.forget()
+    with suppress(Interrupted, ModelError):  # what was found until then is of use
+        task.look(remembered)
+    found.failures = list(remembered.failures)
+    return found
+
+
+LookExecutor = Executor[LookTask, Recording]
+
+
+class ModelWorkers:
+    """Processes that have the model of a command; a context, at whose end none is left.
+
+    None is started before there is something for it to do.
+
+    Args:
+        parts: of the model.
+        jobs: number of processes; None for the cores there are, where that is worth while.
+        control: of the command.
+        model: in this process, which tells what an evaluation costs.
+    """
+
+    def __init__(
+        self, parts: ModelParts, jobs: int | None, control: Control, model: CaseModel
+    ) -> None:
+        self._parts, self._jobs, self._control, self._model = parts, jobs, control, model
+        self._processes: LocalProcesses[LookTask, Recording] | None = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if self._processes is not None:
+            self._processes.__exit__(kind, error, trace)
+        self._processes = None
+
+    def at_once(self, looks: Sequence[Look] = ()) -> int:
+        """How many processes work on parts of a search; 1 for this one alone.
+
+        Args:
+            looks: the parts; none for as many as there may be.
+        """
+        if self._jobs is not None:
+            return self._jobs
+        if looks and sum(map(_evaluations, looks)) * self._each[0] < WORTH:
+            return 1
+        return max(1, min(usable_cores(), self._each[1]))
+
+    @cached_property
+    def _each(self) -> tuple[float, int]:
+        """Seconds of an evaluation, about, and how many the memory is enough for."""
+        if not isinstance(self._model, StagedModel):
+            return 0.0, 1
+        cost = estimate_cost(self._model, solver=self._parts.solver, rough=True)
+        return cost.seconds, int(_MEMORY * _memory() / cost.memory)
+
+    def look(
+        self,
+        looks: Sequence[Look],
+        pairs: Sequence[tuple[str, str]],
+        times: Sequence[float | None],
+    ) -> Iterator[Answered[Recording]]:
+        """What parts of a search have evaluated, as it comes, in any order.
+
+        Args:
+            looks: the parts, of which the first begin first.
+            pairs: channel and stage of the readings of the response.
+            times: when each was read.
+        """
+        if self._processes is None:
+            jobs = self.at_once(looks)
+            self._processes = LocalProcesses(jobs, partial(look_on, self._parts)).__enter__()
+        control = self._control
+        tasks = (LookTask(look, tuple(pairs), tuple(times), control.left()) for look in looks)
+        with control.stop.heard_by(self._processes.ask_to_stop):
+            yield from self._processes.run(tasks)
+
+    def check(self) -> None:
+        """Stop here if a stop was wished.
+
+        Raises:
+            Interrupted: it was.
+        """
+        self._control.stop.check()
+
+    @property
+    def stopping(self) -> bool:
+        """Whether a stop was wished."""
+        return self._control.stop.exit_code is not None
+
+
+def _evaluations(look: Look) -> int:
+    return len(look.points) if isinstance(look, ReadingsAt) else _DESCENT
+
+
+def _memory() -> float:
+    """Bytes of memory of this machine."""
+    try:
+        return float(os.sysconf("SC_PHYS_PAGES")) * os.sysconf("SC_PAGE_SIZE")
+    except (AttributeError, OSError, ValueError):  # not on every system
+        return 8e9
