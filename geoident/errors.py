@@ -48,6 +48,7 @@ class Term(Enum):
 
     FORCE = ("--force", "force=True")
     FRESH = ("--fresh", "fresh=True")
+    CLUSTER = ("--cluster", "the cluster")
     OUTPUT = ("-o", "output=...")
     TRUST = ("--trust", "`geoident.trust(case)`")
     OVERRIDES = ("--set", "overrides")

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from geoident.errors import Fault, InputError, Location
+from geoident.errors import Fault, InputError, Location, Term
 
 QUEUES = {"slurm": "SLURMCluster", "pbs": "PBSCluster", "lsf": "LSFCluster", "sge": "SGECluster"}
 """Queue systems by their names in cluster files, and the classes of dask-jobqueue."""
@@ -15,7 +15,7 @@ LOCAL = "local"
 
 
 @dataclass(frozen=True)
-class Keys:
+class TlsKeys:
     """Files of a cluster with encryption (TLS).
 
     Args:
@@ -48,9 +48,9 @@ class Cluster:
     queue: str = ""
     options: Mapping[str, Any] = field(default_factory=dict)
     jobs: int = 1
-    keys: Keys | None = None
+    keys: TlsKeys | None = None
     patience: float = 60.0
-    place: Location = Location("--cluster")
+    place: Location = Location(str(Term.CLUSTER))
     places: Mapping[str, Location] = field(default_factory=dict)
 
     @property

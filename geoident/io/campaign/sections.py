@@ -187,7 +187,7 @@ class CampaignSection(Section):
         2, description="Times that a run is begun again after its process was lost."
     )
     cluster: ClusterSection | None = Field(
-        None, description="Cluster that computes the runs; `--cluster` names another one."
+        None, description="Cluster that computes the runs; the command line may name another."
     )
     noise: Flag = Field(False, description="Of `simulate`: add noise of each gauge's accuracy.")
     draw: Flag = Field(False, description="Of `simulate`: draw what varies from place to place.")

@@ -8,7 +8,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from geoident.errors import Fault, InputError, Location
+from geoident.errors import Fault, InputError, Location, Term
 from geoident.io.cluster.sections import ClusterFileSection, ClusterSection
 from geoident.io.schema.faults import add_schema_faults
 from geoident.io.schema.values import kind_of
@@ -17,7 +17,7 @@ from geoident.io.text.text_file import decode, read_bytes
 from geoident.io.text.wording import shorten
 from geoident.io.text.yaml_reader import MAX_BYTES, parse_yaml
 from geoident.model.case import KeyPath
-from geoident.model.cluster import LOCAL, QUEUES, Cluster, Keys
+from geoident.model.cluster import LOCAL, QUEUES, Cluster, TlsKeys
 
 _ADDRESS = re.compile(r"(?:[a-z]+://)?(?:\[[0-9A-Fa-f:.]+\]|[A-Za-z0-9_.-]+):[0-9]{1,5}")
 _HINT = "Give an address such as tcp://node1:8786, the word local, or a cluster file."
@@ -36,14 +36,14 @@ def read_cluster(given: str) -> Cluster:
         return Cluster()
     if _ADDRESS.fullmatch(given):
         address = given if "://" in given else f"tcp://{given}"
-        return Cluster(address=address, place=Location(f"--cluster {given}"))
+        return Cluster(address=address, place=Location(f"{Term.CLUSTER} {given}"))
     try:
         there = Path(given).is_file()
     except (OSError, ValueError):
         there = False
     if not there:
         message = f"'{shorten(given)}' is no address, and there is no file of that name"
-        raise InputError([Fault("no-cluster", message, _HINT, Location("--cluster"))])
+        raise InputError([Fault("no-cluster", message, _HINT, Location(str(Term.CLUSTER)))])
     return _of_file(given)
 
 
@@ -98,7 +98,7 @@ def _with_protocol(address: str | None) -> str:
     return "" if address is None else address if "://" in address else f"tcp://{address}"
 
 
-def _keys(section: ClusterSection, at: KeyPath, folder: Path, faults: Faults) -> Keys | None:
+def _keys(section: ClusterSection, at: KeyPath, folder: Path, faults: Faults) -> TlsKeys | None:
     given = section.security
     if given is None:
         return None
@@ -108,7 +108,7 @@ def _keys(section: ClusterSection, at: KeyPath, folder: Path, faults: Faults) ->
             message = f"there is no file '{shorten(path)}'"
             hint = "Paths are meant from the folder of this file."
             faults.add((*at, "security", name), "missing-file", message, hint)
-    return Keys(**{name: str(path) for name, path in paths.items()})
+    return TlsKeys(**{name: str(path) for name, path in paths.items()})
 
 
 def _plain(value: Any) -> Any:

@@ -16,7 +16,7 @@ _QUEUE = (
     "`queue`, `walltime`, `job_script_prologue`."
 )
 _EXAMPLE = {"queue": "normal", "cores": 16, "processes": 16, "memory": "64 GB"}
-Options = dict[Name, Any]
+_Jobs = dict[Name, Any]
 
 
 class SecuritySection(Section):
@@ -34,12 +34,12 @@ class ClusterSection(Section):
         None, description="Address of a scheduler that runs.", examples=["tcp://node1:8786"]
     )
     local: Flag = Field(False, description="A scheduler and workers on this machine.")
-    slurm: Options | None = Field(
+    slurm: _Jobs | None = Field(
         None, description=_QUEUE.format("Slurm", "SLURMCluster"), examples=[_EXAMPLE]
     )
-    pbs: Options | None = Field(None, description=_QUEUE.format("PBS", "PBSCluster"))
-    lsf: Options | None = Field(None, description=_QUEUE.format("LSF", "LSFCluster"))
-    sge: Options | None = Field(None, description=_QUEUE.format("SGE", "SGECluster"))
+    pbs: _Jobs | None = Field(None, description=_QUEUE.format("PBS", "PBSCluster"))
+    lsf: _Jobs | None = Field(None, description=_QUEUE.format("LSF", "LSFCluster"))
+    sge: _Jobs | None = Field(None, description=_QUEUE.format("SGE", "SGECluster"))
     jobs: Annotated[int, Count()] | None = Field(
         None, description="Number of jobs of the queue system; by default 1.", examples=[10]
     )
@@ -61,7 +61,7 @@ class ClusterSection(Section):
             faults.add((), "wrong-pair", f"{message}expected", "Write {address: tcp://host:8786}.")
         elif self.jobs is not None and given[0] in ("address", "local"):
             message = "'jobs' are of a queue system"
-            faults.add(("jobs",), "wrong-key", message, "Remove it; -j is for this machine.")
+            faults.add(("jobs",), "wrong-key", message, "Remove it, or name a queue system.")
         elif self.security is not None and not (self.address or "").startswith("tls://"):
             message = "'security' needs an address that begins with tls://"
             faults.add(("security",), "wrong-key", message, "Correct the address, or remove it.")

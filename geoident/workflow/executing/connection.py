@@ -154,7 +154,7 @@ class Connection:
         else:
             self._tell(
                 f"The scheduler at {self.client.scheduler.address} has no workers yet; waiting. "
-                "Start some with `dask worker ADDRESS --nthreads 1`."
+                "Start some there with `dask worker`."
             )
         self._waiting = True
 

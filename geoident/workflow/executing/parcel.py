@@ -85,7 +85,7 @@ def packed(files: Mapping[str, Path]) -> Parcel:
 
 
 @dataclass(frozen=True)
-class Layout:
+class FileLayout:
     """Where things are in relation to each other, so that it is the same on another machine.
 
     Args:
@@ -101,7 +101,7 @@ class Layout:
         return Path(os.path.relpath(path, self.root)).as_posix()
 
 
-def layout_of(paths: Iterable[str | Path]) -> Layout:
+def layout_of(paths: Iterable[str | Path]) -> FileLayout:
     """The layout of files and folders, and of where the command runs.
 
     Args:
@@ -113,7 +113,7 @@ def layout_of(paths: Iterable[str | Path]) -> Layout:
     here = os.path.abspath(os.curdir)  # noqa: PTH100 - links stay links
     every = [here, *(os.path.abspath(path) for path in paths)]  # noqa: PTH100
     root = Path(os.path.commonpath(every))
-    return Layout(root, Path(os.path.relpath(here, root)).as_posix())
+    return FileLayout(root, Path(os.path.relpath(here, root)).as_posix())
 
 
 def relative(path: str) -> str:

@@ -244,6 +244,10 @@ def relayed(name: str, number: int, task: Any) -> Answered[Any]:
         name: of the executor.
         number: of the task.
         task: argument of its function.
+
+    Raises:
+        Reschedule: this worker does not know of the executor yet.
+        Exception: what the function raised.
     """
     worker = get_worker()
     plugin = worker.plugins.get(name)
