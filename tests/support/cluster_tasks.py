@@ -35,6 +35,20 @@ def nothing_in(folder):
     return abs
 
 
+def bytes_of():
+    """A task is any thing and a number: so many bytes come back."""
+    return _bytes
+
+
+def _bytes(task):
+    return bytes(task[1])
+
+
+def bytes_in(folder):
+    """As `bytes_of`."""
+    return _bytes
+
+
 def worker_killer_in(folder):
     """As `obedient`, and a word that kills the worker of dask."""
     obey = obedient()

@@ -229,7 +229,9 @@ class DaskCluster(Generic[T, R]):
         done = [future for future in futures if future.status == "finished"]
         if not done:
             return {}
-        gather = partial(self._link.client.gather, done, asynchronous=True)
+        gather = partial(
+            self._link.client.gather, done, direct=self._link.direct, asynchronous=True
+        )
         with suppress(Exception):  # a worker was lost meanwhile: one after the other, then
             found = self._link.client.sync(gather, callback_timeout=_GATHER)
             return {answer.number: answer for answer in found}

@@ -28,6 +28,9 @@ _LOOK = 2.0
 _FAREWELL = 5.0
 """Seconds that a cluster is given to end what we leave there."""
 
+_NEAR = 2.0
+"""Seconds within which a worker answers to whom its network lets through."""
+
 _PAUSE = 0.5
 """Seconds between attempts to reach a scheduler that was lost."""
 
@@ -56,6 +59,7 @@ class Connection:
         self._own: Any = None
         self.client: Any = None
         self.threads = jobs if where.local else 0
+        self.direct: bool | None = None
         self._looked = 0.0
         self._waiting = False
         self._quiet = _quiet_logs()
@@ -84,7 +88,7 @@ class Connection:
             with cores_shared(self._jobs):  # which the workers inherit
                 self._own = LocalCluster(
                     n_workers=self._jobs, threads_per_worker=1, processes=True,
-                    dashboard_address=None, memory_limit=0, silence_logs=logging.CRITICAL,
+                    dashboard_address=":0", memory_limit=0, silence_logs=logging.CRITICAL,
                 )  # fmt: skip
         elif where.queue:
             self._own = job_queue(where)
@@ -164,7 +168,10 @@ class Connection:
             return
         self._looked = time.monotonic()
         with suppress(OSError, ValueError):
-            self.threads = sum(self.client.nthreads().values())
+            found = self.client.nthreads()
+            self.threads = sum(found.values())
+            if found and self.direct is None:
+                self.direct = _answers(next(iter(found)), _security(self._where))
         if self.threads and self._waiting:
             self._tell("Workers have come.")
             self._waiting = False
@@ -240,17 +247,26 @@ def _security(where: Cluster) -> Any:
     )
 
 
-async def _greet(address: str, security: Any) -> None:
+def _answers(worker: str, security: Any) -> bool:
+    """Whether a worker can be reached from here: its answers then need not pass the scheduler."""
+    try:
+        asyncio.run(asyncio.wait_for(_greet(worker, security, "Worker"), _NEAR))
+    except (OSError, ValueError):
+        return False
+    return True
+
+
+async def _greet(address: str, security: Any, expected: str = "Scheduler") -> None:
     """Ask whoever is there who it is: dask waits for ever for somebody else who says nothing.
 
     Raises:
         OSError: nobody is there.
-        ValueError: it is no scheduler.
+        ValueError: it is something else.
     """
     arguments = security.get_connection_args("client") if security else {}
     async with rpc(address, connection_args=arguments) as there:
         kind = (await there.identity())["type"]
-    if kind != "Scheduler":
+    if kind != expected:
         raise ValueError(f"a {kind.lower()} is there")
 
 
