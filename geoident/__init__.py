@@ -14,6 +14,7 @@ __version__ = "0.1.0"
 _API = (
     "AnyPath",
     "BacktestResult",
+    "CampaignResult",
     "CaseFile",
     "ChannelReadings",
     "CheckResult",
@@ -33,6 +34,7 @@ _API = (
     "ScanResult",
     "SimulationResult",
     "backtest",
+    "batch",
     "check",
     "compare",
     "export",

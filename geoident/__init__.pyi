@@ -1,5 +1,6 @@
 from geoident.api import AnyPath as AnyPath
 from geoident.api import BacktestResult as BacktestResult
+from geoident.api import CampaignResult as CampaignResult
 from geoident.api import CaseFile as CaseFile
 from geoident.api import ChannelReadings as ChannelReadings
 from geoident.api import CheckResult as CheckResult
@@ -19,6 +20,7 @@ from geoident.api import SampleResult as SampleResult
 from geoident.api import ScanResult as ScanResult
 from geoident.api import SimulationResult as SimulationResult
 from geoident.api import backtest as backtest
+from geoident.api import batch as batch
 from geoident.api import check as check
 from geoident.api import compare as compare
 from geoident.api import export as export

@@ -50,6 +50,7 @@ class Term(Enum):
     FRESH = ("--fresh", "fresh=True")
     CLUSTER = ("--cluster", "the cluster")
     OUTPUT = ("-o", "output=...")
+    FIELDS = ("--fields", "fields=...")
     TRUST = ("--trust", "`geoident.trust(case)`")
     OVERRIDES = ("--set", "overrides")
     OVERRIDE = ("--set path=value", 'overrides={"path": value}')

@@ -276,8 +276,11 @@ _SAME = {
 
 _SHORT = 3
 
-LEAST_SPREAD, MOST_SPREAD = 1e-60, 1e60
-"""Standard deviations (SI) between which weights, and their ratios, can be computed with."""
+LEAST_SPREAD, MOST_SPREAD = 1e-15, 1e15
+"""Standard deviations (SI) between which those of all instruments lie, by far.
+
+Readings that are more accurate would be fitted to the rounding of what is computed.
+"""
 
 
 class UnitError(ValueError):

@@ -18,6 +18,7 @@ remedies in terms of Python.
 """
 
 from geoident.api.calling import AnyPath, Progress
+from geoident.api.campaigns import CampaignResult, batch
 from geoident.api.cases import (
     CaseFile,
     CheckResult,
@@ -52,6 +53,7 @@ from geoident.api.tables import (
 __all__ = [
     "AnyPath",
     "BacktestResult",
+    "CampaignResult",
     "CaseFile",
     "ChannelReadings",
     "CheckResult",
@@ -71,6 +73,7 @@ __all__ = [
     "ScanResult",
     "SimulationResult",
     "backtest",
+    "batch",
     "check",
     "compare",
     "export",

@@ -23,7 +23,7 @@ from geoident.report.text.campaign.spreadsheet import runs_csv
 from geoident.report.text.campaign.tables import failed_table, outcome_sentences, seconds_text
 from geoident.report.text.json import dumps
 from geoident.workflow.campaign.campaign import RunExecutor, compute, local_executor
-from geoident.workflow.campaign.plan import CampaignPlan, plan_campaign
+from geoident.workflow.campaign.plan import CampaignPlan, plan_campaign, require_trust
 from geoident.workflow.executing.executor import usable_cores
 
 
@@ -79,6 +79,8 @@ def run_campaign(
         where = plan.campaign.cluster if cluster is None else cluster_given(cluster)
     if options.dry_run:
         return _say_plan(plan, options)
+    with failures_as_json(path, options):
+        require_trust(plan)
     terminal = Terminal(options)
     if options.as_json:
         for run in plan.runs:
@@ -90,7 +92,9 @@ def run_campaign(
     ):
         progress = _Progress(options, terminal, len(plan.left), at_a_time)
         with terminal.live(f"{len(plan.left)} runs"), stop_runs_on_signals(executor) as heard:
-            table = compute(plan, executor, progress, runs_csv, fresh=options.fresh)
+            # elsewhere nobody remembers what has just been permitted here
+            trust = options.trust or where is not None
+            table = compute(plan, executor, progress, runs_csv, fresh=options.fresh, trust=trust)
     _say_end(table, plan, terminal)
     if not options.as_json:
         click.echo(plan.folder)

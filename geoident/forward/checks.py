@@ -10,11 +10,12 @@ to be wrong already. What was prepared is handed on (`CaseOnMesh`): a model need
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Protocol
 
 import numpy as np
 
-from geoident.errors import Fault, InputError, Location, ModelError
+from geoident.errors import Fault, InputError, ModelError
 from geoident.fem.kinematics import kinematics_of
 from geoident.fem.location import format_point
 from geoident.fem.measure import suspected_unit
@@ -38,8 +39,6 @@ from geoident.forward.ground.elasticity import inadmissible
 from geoident.forward.ground.field import field_faults
 from geoident.forward.in_situ.stress import (
     NEGLIGIBLE_IMBALANCE,
-    edges_held,
-    in_situ_models,
     surface_faults,
     zone_faults,
 )
@@ -59,6 +58,7 @@ from geoident.forward.yielding.checks import no_stress_left, yield_faults, yield
 from geoident.model.case import Case, KeyPath, format_path
 from geoident.model.gauges import named_channels
 from geoident.model.mesh import Mesh
+from geoident.model.of_mesh import OfMesh
 from geoident.model.parameter import Scalar, Values
 
 
@@ -98,8 +98,13 @@ def faults_on_mesh(case: Case, mesh: Mesh, *, complete: bool) -> list[Fault]:
     return _all_faults(on_mesh)[1]
 
 
+_upright_of = OfMesh[Mesh]()
+_loose_body_of = OfMesh[LooseBody | None]()
+
+
 def _on(mesh: Mesh, case: Case) -> CaseOnMesh:
-    upright = oriented(mesh, kinematics_of(case.analysis))
+    kinematics = kinematics_of(case.analysis)
+    upright = _upright_of(mesh, case.analysis, lambda: oriented(mesh, kinematics))
     return CaseOnMesh(case, upright, turned=turned_elements(mesh, upright))
 
 
@@ -123,13 +128,19 @@ def _points_outside(on_mesh: CaseOnMesh) -> list[Fault]:
 
 
 def notes_on_mesh(
-    on_mesh: CaseOnMesh, observation: Observation, *, n_outside: int, in_tension: bool
+    on_mesh: CaseOnMesh,
+    observation: Observation,
+    *,
+    edges_held: bool,
+    n_outside: int,
+    in_tension: bool,
 ) -> list[str]:
     """What the user should know of how the case was understood.
 
     Args:
         on_mesh: the case on its mesh.
         observation: its gauges there.
+        edges_held: whether tractions on edges hold the in-situ stress where no support does.
         n_outside: strain points beside the faces that give a level of the ground or of the water.
         in_tension: whether most of the virgin ground is in tension at the start values.
     """
@@ -138,7 +149,7 @@ def notes_on_mesh(
     on_axis = np.count_nonzero(on_mesh.kinematics.on_axis(on_mesh.mesh.points))
     if on_axis:
         notes.append(f"{on_axis} nodes on the axis of revolution x = 0 are held radially (u_r = 0)")
-    if any(edges_held(model) for _, model in in_situ_models(case)):
+    if edges_held:
         notes.append(
             "the in-situ stress is held at the edges of the model by tractions "
             "(in_situ: held: true)"
@@ -256,9 +267,12 @@ def _refuse_mechanisms(on_mesh: CaseOnMesh) -> None:
             continue
         checked.add(present.tobytes())
         if not present.any():
-            msg = f"at stage '{state.name}' no ground is present"
-            raise InputError([Fault("no-ground", msg, "see 'groups'", Location(mesh.file))])
-        loose = loose_body(mesh, on_mesh.table, on_mesh.kinematics, present, fixed)
+            raise InputError([_no_ground(on_mesh, n)])
+        loose = _loose_body_of(
+            mesh,
+            (on_mesh.kinematics.rigid, present.tobytes(), fixed.tobytes()),
+            partial(loose_body, mesh, on_mesh.table, on_mesh.kinematics, present, fixed),
+        )
         if loose is None:
             continue
         place: KeyPath = ("stages", n - 1) if n else ("supports",)
@@ -270,6 +284,22 @@ def _refuse_mechanisms(on_mesh: CaseOnMesh) -> None:
         hint = parted_from(on_mesh, loose.elements) or hint
         msg = f"at stage '{state.name}' {_loose_text(loose, sequence)}"
         raise ModelError(msg, hint, location=source.locate(place), path=format_path(place))
+
+
+def _no_ground(on_mesh: CaseOnMesh, n: int) -> Fault:
+    """A state in which nothing is left that could carry anything."""
+    if n:
+        place: KeyPath = ("stages", n - 1)
+        message = f"after stage '{on_mesh.sequence.states[n].name}' no ground is present"
+        hint = "Something has to stay: leave out what the stage takes away last."
+    else:
+        place, message = ("groups",), "no ground is present before the first stage"
+        hint = (
+            "Give one group a material from the beginning. Fill on a rigid base: the first layer, "
+            "held by 'supports' at its foot, whose motion the gauges do not count if they are "
+            "zeroed later; or a thin stiff layer under the fill."
+        )
+    return on_mesh.case.source.fault(place, code="no-ground", message=message, hint=hint)
 
 
 def _loose_text(loose: LooseBody, sequence: ConstructionSequence) -> str:

@@ -13,8 +13,12 @@ from geoident.fem.overlaps import Overlaps, overlaps
 from geoident.forward.stages import CaseOnMesh, element_number, used_groups
 from geoident.model.arrays import Bools, Ints
 from geoident.model.mesh import nodes_in, spans
+from geoident.model.of_mesh import OfMesh
 
 _NAMED = 5
+
+_overlapping_of = OfMesh[Ints]()
+_overlaps_of = OfMesh[Overlaps]()
 
 
 def mesh_faults(on_mesh: CaseOnMesh) -> list[Fault]:
@@ -35,7 +39,7 @@ def mesh_notes(on_mesh: CaseOnMesh) -> list[str]:
 def _tangle_faults(on_mesh: CaseOnMesh) -> list[Fault]:
     """Elements that are present together and lie on the same side of the face that they share."""
     mesh, sequence = on_mesh.mesh, on_mesh.sequence
-    pairs = overlapping(mesh, on_mesh.table)
+    pairs = _overlapping_of(mesh, None, lambda: overlapping(mesh, on_mesh.table))
     states = range(len(sequence.states))
     together = np.zeros(len(pairs), dtype=np.bool_)
     for present in {sequence.present(n).tobytes(): sequence.present(n) for n in states}.values():
@@ -73,7 +77,7 @@ def _overlap_faults(on_mesh: CaseOnMesh) -> list[Fault]:
     """Elements that are present together and lie in each other without sharing a face."""
     mesh, group_of = on_mesh.mesh, on_mesh.sequence.group_of
     part, together = _presence(on_mesh)
-    found = overlaps(mesh, on_mesh.table, part)
+    found = _overlaps_of(mesh, part.tobytes(), lambda: overlaps(mesh, on_mesh.table, part))
     found = found.of(together[part[found.element], part[found.other]])
     pairs = np.sort(np.stack([group_of[found.element], group_of[found.other]], axis=1), axis=1)
     return [

@@ -90,11 +90,14 @@ class StagedModel(Marches):
     @property
     def notes(self) -> tuple[str, ...]:
         """What the user should know of how the case was understood."""
+        start = self.case.start
+        unknowns = self.systems[0].dofs
         noted = notes_on_mesh(
             self.on_mesh,
             self.observation,
+            edges_held=self.actions.hold_edges(ParameterPoint(start, ()), unknowns),
             n_outside=max(self.march.n_outside, self.actions.n_outside),
-            in_tension=self.march.virgin_tension(self.case.start),
+            in_tension=self.march.virgin_tension(start),
         )
         return (*noted, *field_notes(self.on_mesh.case, self.on_mesh.fields))
 

@@ -24,6 +24,7 @@ from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import VIRGIN, Case, KeyPath, Stage
 from geoident.model.ground import PointField
 from geoident.model.mesh import Mesh
+from geoident.model.of_mesh import OfMesh
 from geoident.model.parameter import Scalar
 from geoident.model.structures import Bars, Structure
 
@@ -117,6 +118,9 @@ class ConstructionSequence:
         return result
 
 
+_table_of = OfMesh[FaceTable]()
+
+
 class Discretization:
     """Strain points of a mesh, made once.
 
@@ -188,7 +192,7 @@ class CaseOnMesh:
     @cached_property
     def table(self) -> FaceTable:
         """The faces of the mesh."""
-        return face_table(self.mesh)
+        return _table_of(self.mesh, None, lambda: face_table(self.mesh))
 
     @cached_property
     def outline(self) -> tuple[FacetPatch, ...]:

@@ -1,4 +1,4 @@
-"""A model that geoident does not compute itself: a program with files, or a function of Python.
+"""A model that geoident does not compute itself: a program, a function of Python, a table of runs.
 
 What a case says of it, with the texts of its templates; nothing here is run. Runs are numbered
 computations at one parameter vector: a program has a folder for each.
@@ -8,8 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
 
 from geoident.errors import Location
+from geoident.model.arrays import Bools, Floats
 
 
 @dataclass(frozen=True)
@@ -60,6 +64,31 @@ class Template:
     def fields(self) -> tuple[TemplateField, ...]:
         """The fields in their order."""
         return tuple(piece for piece in self.pieces if isinstance(piece, TemplateField))
+
+
+@dataclass(frozen=True)
+class JinjaTemplate:
+    """A file that is written for every run by Jinja.
+
+    Args:
+        source: path of the template.
+        target: name of the file in the folder of the run.
+        text: of the template.
+        fields: one for each parameter that it names, with all digits.
+    """
+
+    source: str
+    target: str
+    text: str
+    fields: tuple[TemplateField, ...]
+
+    @property
+    def pieces(self) -> tuple[str, ...]:
+        """All of its text."""
+        return (self.text,)
+
+
+AnyTemplate = Template | JinjaTemplate
 
 
 @dataclass(frozen=True)
@@ -195,7 +224,7 @@ class ExternalProgram:
     """
 
     command: tuple[str, ...]
-    templates: tuple[Template, ...]
+    templates: tuple[AnyTemplate, ...]
     files: tuple[str, ...]
     outputs: tuple[Output, ...]
     machine: Machine
@@ -237,7 +266,45 @@ class PythonFunction:
         return (self.path,)
 
 
-Elsewhere = ExternalProgram | PythonFunction
+SurfaceKind = Literal["auto", "gaussian-process", "polynomial"]
+"""Response surfaces between the runs of a table."""
+
+
+@dataclass(frozen=True)
+class RunTable:
+    """Runs that were made elsewhere, between which response surfaces answer.
+
+    Args:
+        path: of the file that has them.
+        surface: of which kind they are.
+        names: of the n parameters of its columns.
+        values: (r, n) parameters of the r runs, SI.
+        readings: (r, n_stages, n_channels) what they gave, SI; NaN where there is no column.
+        notes: what was left out of the file, or taken otherwise than it stands in the case.
+    """
+
+    path: str
+    surface: SurfaceKind
+    names: tuple[str, ...]
+    values: Floats = field(compare=False)
+    readings: Floats = field(compare=False)
+    notes: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.values)
+
+    @property
+    def given(self) -> Bools:
+        """(n_stages, n_channels) which readings have a column."""
+        return np.asarray(~np.isnan(self.readings[0]))
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Paths of all files that the model consists of."""
+        return (self.path,)
+
+
+Elsewhere = ExternalProgram | PythonFunction | RunTable
 
 
 def seen_parameters(given: Elsewhere, names: Sequence[str]) -> tuple[bool, ...]:
@@ -249,4 +316,6 @@ def seen_parameters(given: Elsewhere, names: Sequence[str]) -> tuple[bool, ...]:
     """
     if isinstance(given, PythonFunction):
         return (True,) * len(names)
+    if isinstance(given, RunTable):
+        return tuple(name in given.names for name in names)
     return tuple(name in given.seen for name in names)

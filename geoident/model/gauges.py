@@ -61,6 +61,9 @@ class ErrorParts:
         mesh: of stages the name, the error there of what is computed on the mesh, SI, signed: all
             readings share one factor on it, of variance one; and by how much it is uncertain, which
             the readings of a channel share. No part of the gauge's accuracy.
+        surface: of stages the name, and the standard deviations there, SI, of independent errors
+            that all readings share: those of the response surfaces of a table of runs. No part of
+            the gauge's accuracy.
     """
 
     reading: float
@@ -72,6 +75,7 @@ class ErrorParts:
     zero_surveyed: float = 0.0
     estimated: tuple[tuple[str, str], ...] = ()
     mesh: tuple[tuple[str, float, float], ...] = ()
+    surface: tuple[tuple[str, tuple[float, ...]], ...] = ()
 
     def total(self, along: float = 0.0) -> float:
         """Standard deviation of one reading, SI, at a place along its run, m.

@@ -8,10 +8,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from geoident.forward.elsewhere.table import TableModel
 from geoident.forward.gauges.placement import placements
 from geoident.forward.model import StagedModel
 from geoident.forward.protocols import CaseModel
+from geoident.forward.reduced.stress_rows import beyond_reduction
 from geoident.model.case import Case
+from geoident.model.elsewhere import RunTable
 from geoident.model.gauges import ReadingTable, named_channels
 from geoident.model.mesh import Mesh
 from geoident.model.methods import method_name
@@ -25,6 +28,7 @@ from geoident.model.results.summary import (
     ReadingSummary,
     StageSummary,
 )
+from geoident.model.results.surface import SurfaceTable
 from geoident.workflow.estimating.setup import require_possible
 from geoident.workflow.programs.program import executed
 from geoident.workflow.running.cost import estimate_cost, evaluations_text
@@ -99,7 +103,7 @@ def summarize(inputs: Inputs, model: CaseModel, readings: ReadingTable) -> CaseS
     costs = () if solves is None else (_field_cost(model, *solves),)
     columns = None if solves is None else solves[0] / max(len(case.stages), 1)
     cost = estimate_cost(staged, solver=staged.solver_name, columns=columns) if staged else None
-    doubtful = (*plausible_notes(case), *_unit_notes(model, readings, cost))
+    doubtful = (*plausible_notes(case), *_unit_notes(model, readings, cost), *_silent(model))
     kept = _keeping_notes(staged) if case.fit.keep_reduced else ()
     notes = (*doubtful, *case.notes, *model.notes, *virgin, *costs, *kept, *bad_notes(readings))
     return CaseSummary(
@@ -128,6 +132,7 @@ def summarize(inputs: Inputs, model: CaseModel, readings: ReadingTable) -> CaseS
             yields=staged is not None and staged.yields,
         ),
         elsewhere=_elsewhere(case),
+        surface=_surface(model),
     )
 
 
@@ -136,7 +141,16 @@ def _elsewhere(case: Case) -> str:
     if case.elsewhere is None:
         return ""
     words = executed(case.elsewhere)
+    if isinstance(case.elsewhere, RunTable):
+        return f"the model is elsewhere: {words}, and response surfaces between them"
     return f"the model is elsewhere: {words}; a run gives all readings at one parameter vector"
+
+
+def _surface(model: CaseModel) -> SurfaceTable | None:
+    """How well a table of runs foretells runs left out; its own errors at the start values."""
+    if not isinstance(model, TableModel):
+        return None
+    return model.surface_table(start_values(model.case, model))
 
 
 _SOON = 1.0
@@ -152,6 +166,21 @@ def _unit_notes(
         return ()
     computed = computed_at_start(case, model, readings)
     return () if computed is None else unit_doubts(case, readings, computed)
+
+
+def _silent(model: CaseModel) -> tuple[str, ...]:
+    """Gauges that nobody can read, such as those in ground that the only stage takes away."""
+    case, silent = model.case, dict[str, list[str]]()
+    for channel in case.channels:
+        later = case.stages[case.zero_of(channel) :]  # states count from the virgin one
+        reasons = [model.unreadable(channel.name, stage.name) for stage in later]
+        if None not in reasons:
+            why = next((why for why in reasons if why), "it is zeroed at the last stage")
+            silent.setdefault(why, []).append(channel.name)
+    return tuple(
+        f"can be read at no stage after the zero: {named_channels(names)}, as {why}"
+        for why, names in silent.items()
+    )
 
 
 def _right_hand_sides(model: CaseModel, readings: ReadingTable) -> tuple[int, str] | None:
@@ -175,13 +204,14 @@ def _keeping_notes(model: StagedModel | None) -> tuple[str, ...]:
     others = [
         name
         for row, name in enumerate(observation.channels)
-        if observation.not_linear(np.array([row])) is not None
+        if beyond_reduction(model.march, observation, np.array([row])) is not None
     ]
     if not others:
         return ()
     return (
         f"the reduced model that will be kept does not give {named_channels(others)}, which "
-        "read more than displacements: what needs them is computed by the model",
+        "read more than displacements, normal stresses and forces: what needs them is computed by "
+        "the model",
     )
 
 

@@ -37,6 +37,7 @@ from geoident.workflow.estimating.predictions import (
 )
 from geoident.workflow.estimating.rivals import not_settled, rival_findings, with_rivals
 from geoident.workflow.estimating.setup import Setup
+from geoident.workflow.estimating.surface_error import surface_findings, surface_notes
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.evaluation_log import Log, Remembered, led
 from geoident.workflow.running.jobs import Job, job_provenance
@@ -174,6 +175,7 @@ def _result(
             *last.findings,
             *_extrapolation(setup, found, gauges),
             *(setup.mesh.findings if setup.mesh is not None else ()),
+            *surface_findings(setup.surface),
             *(accuracy_findings(setup.accuracies) if setup.accuracies is not None else ()),
             *model_error_findings(setup.model_error),
         ),
@@ -193,6 +195,7 @@ def _result(
         diagnostics=found.diagnostics,
         accuracies=setup.accuracies,
         model_error=setup.model_error_table,
+        surface=setup.surface,
         rivals=found.rivals,
         evidence=found.evidence,
         varied=field_estimates(setup.model, found.outcome.values, found.assessment),
@@ -202,6 +205,7 @@ def _result(
             *case.notes,
             *dict.fromkeys((*setup.model.notes, *found.survey.notes, *found.outcome.remarks)),
             *model_error_notes(setup.model_error, case, found.readings, job.methods),
+            *surface_notes(setup.surface),
             *unused_notes(found.readings),
             *score(gauges, prediction),
             *last.notes,

@@ -19,6 +19,7 @@ from geoident.model.case import Case
 from geoident.model.gauges import Reading
 from geoident.model.results.summary import Identifiability
 from geoident.workflow.estimating.diagnosis import parameter_table
+from geoident.workflow.estimating.surface_error import with_surface_error
 from geoident.workflow.running.errors import error_structure
 from geoident.workflow.running.jobs import (
     NO_READINGS,
@@ -50,6 +51,7 @@ def identifiability(
     model = build_model(inputs, solver=solver)
     case = model.case
     p = start_values(case, model)
+    case = with_surface_error(case, model, p)
     survey = model.survey(p, fields=False)
     rows = planned_readings(case, survey.computed)
     sd = np.array([case.channels[i].accuracy for i in rows[:, 0]])

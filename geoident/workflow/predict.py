@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from geoident.errors import ExitCode, Fault, InputError, Location, ModelError, Term, UsageError
+from geoident.forward.elsewhere.table import TableModel
 from geoident.forward.protocols import CaseModel, Survey
 from geoident.forward.reduced.case_model import ReducedCaseModel
 from geoident.identify import Assessment, Problem, assess
@@ -42,6 +43,7 @@ from geoident.workflow.estimating.setup import (
     problem_of_result,
     used_rows,
 )
+from geoident.workflow.estimating.surface_error import surface_sources, with_surface_error
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.jobs import (
     Inputs,
@@ -191,6 +193,7 @@ def predict(task: Task, control: Control) -> Finished:
         return before
     require_free(found, place, force=request.force, inputs=task.files_read)
     model = _model(task)
+    task = _with_other_surfaces(task, model)
     known = what_is_known(task.fit, task.origin.case, model, task.inputs.case)
     require_same_modes(task.fit, model, task.inputs.case, known.parameters.values)
     control.stop.check()
@@ -214,6 +217,20 @@ def _model(task: Task) -> CaseModel:
     same = task.request.case is None and case.fit.reduced
     restored = restored_of(task.fit, case) if same else None
     return build() if restored is None else answered(restored, case, build)
+
+
+def _with_other_surfaces(task: Task, model: CaseModel) -> Task:
+    """The same with the error of the response surfaces of another case than that of the fit.
+
+    Another table knows other things: its errors have nothing to do with those of the fit's.
+    """
+    if task.request.case is None or not isinstance(model, TableModel):
+        return task
+    known = dict(zip(task.fit.parameters.names, task.fit.parameters.values, strict=True))
+    p = np.array([known[name] for name in model.names], dtype=np.float64)
+    after = surface_sources(task.origin.case)
+    case = with_surface_error(task.inputs.case, model, p, after=after)
+    return replace(task, inputs=replace(task.inputs, loaded=replace(task.inputs.loaded, case=case)))
 
 
 def _read_fit(path: str) -> Result:

@@ -130,13 +130,15 @@ def test_accuracies_beyond_all_measure_are_refused(trench, run, change):
     assert "is no accuracy of a gauge" in refused.stderr
 
 
-def test_an_accuracy_beyond_all_measure_in_a_file_of_readings(trench, run):
+@pytest.mark.parametrize("accuracy", ["1e300", "1e-30"])
+def test_an_accuracy_beyond_all_measure_in_a_file_of_readings(trench, run, accuracy):
     rows = (trench / "readings.csv").read_text().splitlines()
-    rows = [rows[0] + ",accuracy", rows[1] + ",1e300", *(row + "," for row in rows[2:])]
+    rows = [rows[0] + ",accuracy", rows[1] + f",{accuracy}", *(row + "," for row in rows[2:])]
     (trench / "readings.csv").write_text("\n".join(rows) + "\n")
     refused = run("fit", "case.yaml")
     assert refused.exit_code == 3
-    assert "readings.csv:2:20: the accuracy '1e300' is no accuracy of a gauge" in refused.stderr
+    said = f"readings.csv:2:20: the accuracy '{accuracy}' is no accuracy of a gauge"
+    assert said in refused.stderr
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="pipes with names are of POSIX")

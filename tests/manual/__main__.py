@@ -13,6 +13,7 @@ from pathlib import Path
 
 from geoident.io.docs.campaign_schema import campaign_key_page_text
 from geoident.io.docs.case_schema import key_page_text
+from geoident.io.docs.project_schema import project_key_page_text
 from manual import gallery, tunnel_readings, verification
 from manual.commands import command_page
 from manual.drawings import DRAWINGS, svg
@@ -21,9 +22,10 @@ from manual.transcript import renew, run_page
 
 
 def keys() -> None:
-    """The pages of all keys of a case and of a campaign."""
+    """The pages of all keys of a case, of a campaign and of a project."""
     (DOCS / "keys.md").write_text(key_page_text(), encoding="utf-8")
     (DOCS / "campaign_keys.md").write_text(campaign_key_page_text(), encoding="utf-8")
+    (DOCS / "project_keys.md").write_text(project_key_page_text(), encoding="utf-8")
 
 
 def commands() -> None:

@@ -92,9 +92,10 @@ class Shown:
                 f"geoident report {self.name}/case.fit.h5",
             ]
         place = f"cases/{self.name}/case"
+        asked = " --trust" if "\n  kind: external" in self.text else ""
         return [
             f"geoident check {place}.yaml",
-            f"geoident fit {place}.yaml",
+            f"geoident fit {place}.yaml{asked}",
             f"geoident report {place}.fit.h5",
         ]
 
@@ -151,7 +152,7 @@ def _result(one: Shown) -> Result:
     path = folder / (f"template-{one.name}" if both else one.name) / "case.fit.h5"
     if not path.exists():
         path.parent.mkdir(parents=True, exist_ok=True)
-        done = CliRunner().invoke(geoident, ["fit", str(one.case), "-o", str(path)])
+        done = CliRunner().invoke(geoident, ["fit", str(one.case), "-o", str(path), "--trust"])
         if not path.exists():
             raise RuntimeError(done.output)
     return read_result(path)

@@ -4,6 +4,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+from scipy.stats import qmc
 
 from geoident.workflow.programs.trust import decided_by, trusting
 
@@ -148,7 +149,55 @@ class ArrayRuns:
         """Rounding."""
         return 2.3e-16 * np.abs(p)
 
+    at_once = 1
+
+    def each(self, points, check):
+        """The same in turn."""
+        yield from self.results(points, check)
+
     def results(self, points, check):
         """Readings (1, m) at all points."""
         self.n_runs += len(points)
         return [self.function(p)[None] for p in points]
+
+
+TABLE = """\
+format: geoident-case/1
+model: {kind: table, file: runs.csv}
+"""
+
+
+def gauge_values(E, K0):
+    """Gauge and stage to what the formula gives, m."""
+    made = {}
+    exec(SCRIPT, made)
+    found = made["readings"]({"E": E, "K0": K0})
+    return {(gauge, stage): v for gauge, stages in found.items() for stage, v in stages.items()}
+
+
+def spread_values(count, seed=3, lower=1e9):
+    """Moduli, Pa, and K0 of a Latin hypercube."""
+    points = qmc.LatinHypercube(2, seed=seed).random(count).tolist()
+    return [(lower * (50e9 / lower) ** a, 0.3 + 2.55 * b) for a, b in points]
+
+
+def runs_text(values):
+    """A table of runs of the formula, at moduli and K0."""
+    rows = [(n, E, K0, gauge_values(E, K0)) for n, (E, K0) in enumerate(values, 1)]
+    head = ",".join(f"{gauge} @ {stage} [mm]" for gauge, stage in rows[0][3])
+    lines = [f"run,E [GPa],K0,{head}"]
+    for n, E, K0, found in rows:
+        words = ",".join(repr(1e3 * v) for v in found.values())
+        lines.append(f"{n},{E / 1e9!r},{K0!r},{words}")
+    return "\n".join(lines) + "\n"
+
+
+def write_table_case(folder, count=40, *, seed=3, model=TABLE, lower="1 GPa", readings=READINGS):
+    """A case with a table of runs; its path."""
+    folder.mkdir(parents=True, exist_ok=True)
+    values = spread_values(count, seed, 1e9 * float(lower.split()[0]))
+    (folder / "runs.csv").write_text(runs_text(values))
+    (folder / "readings.csv").write_text(readings)
+    head = HEAD.replace("[1 GPa,", f"[{lower},").replace("3.0]", "2.85]")
+    (folder / "case.yaml").write_text(model + head)
+    return folder / "case.yaml"

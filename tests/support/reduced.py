@@ -21,6 +21,7 @@ from geoident.model.parameter import Parameter, Scalar
 from geoident.model.structures import Beam, Bolts, Struts
 
 from .cases import displacement, material, model, rollers
+from .force_gauges import gauge
 from .meshes import box, regroup
 
 MODULI = (
@@ -168,6 +169,25 @@ def braced(**changes) -> StagedModel:
     return plane(**{"stages": stages, "structures": structures, **changes})
 
 
+def gauged() -> StagedModel:
+    """The braced case with load cells on its bars and plate, and stress cells in the ground.
+
+    Struts are read when they are jacked, and later; a bolt against its zero; the plate its moment.
+    """
+    force, stress = {"dimension": "force"}, {"dimension": "pressure"}
+    moment = {"dimension": "moment per length", "quantity": "M", "towards": (6.0, 0.0)}
+    channels = (
+        displacement("roof", (1.0, 9.0), (0.0, 1.0), zero="heading"),
+        displacement("side", (8.0, 5.0), (1.0, 0.0)),
+        gauge("load-cell", "strut", (4.5, 5.0), "N", structure="struts", **force),
+        gauge("load-cell", "bolt", (4.5, 7.0), "N", structure="bolts", zero="heading", **force),
+        gauge("load-cell", "bent", (5.3, 12.0), structure="plate", **moment),
+        gauge("stress", "xx", (6.0, 6.1), "xx", **stress),
+        gauge("stress", "yy", (6.0, 6.1), "yy", zero="heading", **stress),
+    )
+    return braced(channels=channels)
+
+
 def sinking(**changes) -> StagedModel:
     """A shaft sunk in four steps through two layers, about its axis; a ring follows behind.
 
@@ -229,6 +249,13 @@ PAIRS_SOLID = [
 PAIRS_SINKING = [
     *((name, f"step {k}") for name in ("top", "side") for k in (1, 2, 3, 4)), ("wall-1", "step 2"),
     ("wall-1", "step 4"), ("wall-2", "step 3"), ("wall-2", "step 4"), ("wall-3", "step 4"),
+]  # fmt: skip
+
+
+PAIRS_GAUGED = [
+    ("roof", "bench"), ("side", "bench"), ("strut", "lined"), ("strut", "bench"), ("bolt", "lined"),
+    ("bent", "heading"), ("bent", "bench"), ("xx", "heading"), ("xx", "bench"), ("yy", "bench"),
+    ("yy", "test"),
 ]  # fmt: skip
 
 

@@ -249,6 +249,27 @@ def test_a_fit_says_why_it_keeps_none(tmp_path):
         restored_for(str(tmp_path / "case.fit.h5"), inputs)
 
 
+def test_stress_cells_are_given_too(tmp_path):
+    case = write_case(tmp_path)
+    cell = "gauges.P={kind: stress, point: [1 m, 1 m], components: [yy], accuracy: 0.1 MPa}"
+    assert run_command("fit", str(case), *KEEP, "--set", cell).exit_code in (0, 4)
+    model = read_result(tmp_path / "case.fit.h5").reduced
+    start = {"parameters.E.start": "5.5 GPa", "parameters.K0.start": 1.45}
+    found = model({"E": "5.5 GPa", "K0": 1.45})
+    from geoident import load_case  # noqa: PLC0415
+
+    shown = simulate(load_case(case, {**start, "gauges.P": {
+        "kind": "stress", "point": ["1 m", "1 m"], "components": ["yy"], "accuracy": "0.1 MPa",
+    }}))  # fmt: skip
+    read = [r for r in shown.readings if r.channel == "P.yy"]
+    assert len(read) == 2
+    for reading in read:
+        k = found.pairs.index((reading.channel, reading.stage))
+        assert abs(found.values[k] - reading.value) <= found.bounds[k] < 1.0  # Pa
+    moved = [k for k, (name, _) in enumerate(found.pairs) if not name.startswith("P")]
+    assert np.all(found.bounds[moved] < 1e-9)  # rounding of stresses is not that of motions
+
+
 def test_without_being_asked_for_none_is_kept(tmp_path):
     case = write_case(tmp_path)
     run_command("fit", str(case))
@@ -262,7 +283,7 @@ def test_without_being_asked_for_none_is_kept(tmp_path):
     ("change", "why"),
     [
         ("stages[1].release={lower: 0.5}", "no reduced model will be kept: the stage 'second'"),
-        ("gauges.P={kind: stress, point: [1 m, 1 m], components: [yy], accuracy: 0.1 MPa}",
+        ("gauges.P={kind: stress, point: [1 m, 1 m], principal: [major], accuracy: 0.1 MPa}",
          "will be kept does not give P"),
     ],
 )  # fmt: skip

@@ -45,7 +45,7 @@ def _next(arguments: Arguments, options: Options) -> Steps:
     help="Number of runs to compute at a time, one process each.  [default: the cores there are]",
 )
 @cluster_option
-@takes("output", "dry_run", "force", "fresh", "as_json", after=_next)
+@takes("output", "dry_run", "force", "fresh", "as_json", "trust", after=_next)
 def command(campaign: str, processes: int | None, cluster: str | None, options: Options) -> int:
     """Compute many variations of one case: a campaign.
 

@@ -135,8 +135,8 @@ def _identifiability(case: str, options: Options) -> int:
 
 
 def _mesh_error(case: str, options: Options) -> int:
+    from geoident.report.text.errors.mesh_error import mesh_error_object, mesh_error_text
     from geoident.report.text.json import dumps
-    from geoident.report.text.mesh_error import mesh_error_object, mesh_error_text
     from geoident.workflow.mesh_error import check_mesh_error
 
     with failures_as_json(case, options):

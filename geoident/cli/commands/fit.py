@@ -18,6 +18,7 @@ from geoident.cli.options import (
     result_of,
     takes,
 )
+from geoident.errors import UsageError
 
 EPILOG = """\b
 Examples:
@@ -26,6 +27,7 @@ Examples:
   geoident fit case.yaml --max-time 10min --json > fit.json
   geoident fit -j 4 cases/*.yaml -o results/
   cat case.yaml | geoident fit - -o case.fit.h5
+  geoident fit project.yaml --leave-one-out
 """
 
 
@@ -33,25 +35,50 @@ def _next(arguments: Arguments, options: Options) -> Steps:
     def steps(case: str) -> Steps:
         if options.dry_run:
             return (line("fit", case, *overrides(options)),)
-        return on_result(result_of("fit", case, options), "predict")
+        from geoident.io.project.head import is_project
+
+        further = () if is_project(case) else ("predict",)
+        return on_result(result_of("fit", case, options), *further)
 
     return for_one(arguments["cases"], steps)
 
 
 @click.command(epilog=EPILOG)
 @click.argument("cases", nargs=-1, required=True, metavar="CASE...", type=click.Path())
+@click.option(
+    "--leave-one-out",
+    is_flag=True,
+    help="Of a project: predict each section from all others, too.",
+)
 @cluster_option
 @takes(
     "output", "jobs", "overrides", "seed", "max_time", "solver",
     "dry_run", "force", "fresh", "as_json", "trust",
     after=_next,
 )  # fmt: skip
-def command(cases: tuple[str, ...], cluster: str | None, options: Options) -> int:
+def command(
+    cases: tuple[str, ...], leave_one_out: bool, cluster: str | None, options: Options
+) -> int:
     """Identify the parameters from the readings.
 
     Writes CASE.fit.h5 beside each case and prints its path. A result of the same input is kept. An
     interrupted run leaves CASE.fit.checkpoint, and the same command goes on from there.
+
+    In place of a case a project may be given (format: geoident-project/1): several sections of one
+    ground, whose parameters are shared or follow laws about which they scatter. Sections are
+    computed in -j processes.
     """
+    from geoident.io.project.head import is_project
+
+    if any(is_project(case) for case in cases):
+        if len(cases) > 1:
+            raise UsageError("A project is fitted by itself: name it alone.")
+        refuse_cluster(cluster)
+        from geoident.cli.project import run_project
+
+        return run_project(cases[0], options, leave_one_out=leave_one_out)
+    if leave_one_out:
+        raise UsageError("--leave-one-out is of a project of several sections.")
     if len(cases) > 1:
         from geoident.cli.several import run_cases
 

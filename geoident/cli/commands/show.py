@@ -21,9 +21,10 @@ Examples:
 
 def _next(arguments: Arguments, options: Options) -> Steps:
     from geoident.io.result.campaign import is_campaign
+    from geoident.io.result.project import is_project_result
 
     results = arguments["results"]
-    if any(is_campaign(path) for path in results):
+    if any(is_campaign(path) or is_project_result(path) for path in results):
         return (line("report", results[0]),) if len(results) == 1 else ()
     return line("report", *results), line("export", *results)
 
@@ -47,6 +48,7 @@ def command(results: tuple[str, ...], as_csv: bool, options: Options) -> int:
 def _show(path: str, options: Options, *, as_csv: bool) -> int:
     from geoident.io.result.campaign import is_campaign
     from geoident.io.result.file import read_result
+    from geoident.io.result.project import is_project_result
     from geoident.report.text.csv_tables import all_csv
     from geoident.report.text.json import dumps, result_object
     from geoident.report.text.result import result_text
@@ -54,6 +56,12 @@ def _show(path: str, options: Options, *, as_csv: bool) -> int:
 
     if is_campaign(path):
         return _show_campaign(path, options, as_csv=as_csv)
+    if is_project_result(path):
+        if as_csv:
+            raise click.UsageError("The result of several sections has no --csv: take --json.")
+        from geoident.cli.project import show_project
+
+        return show_project(path, options)
     with failures_as_json(path, options):
         result = read_result(path)
     case = case_path(path, result.provenance.case_file)

@@ -7,7 +7,8 @@ are added with their exact derivatives, and need no run.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import closing, contextmanager
 
 import numpy as np
 
@@ -188,6 +189,15 @@ class ElsewhereModel:
         result[~self.readable] = np.nan
         return np.asarray(result)
 
+    def ahead(self, points: Sequence[Floats]) -> Generator[None, None, None]:
+        """Make runs that are going to be asked for; they go on while nobody waits for them.
+
+        Args:
+            points: (n,) where; each step of the generator waits for the next one.
+        """
+        for _ in self.runs.each(points, self._check):
+            yield
+
     def _results(self, points: Sequence[Floats]) -> list[Floats | FailedRun]:
         """Readings (m,) of runs; those that were asked for before cost nothing."""
         for p in points:
@@ -273,6 +283,36 @@ class ElsewhereResponse(ModelResponse):
         """v(p), (g,), and its Jacobian, (g, n), as good as a search needs it."""
         found = self._at(p, self._model.table(self._model.linear(p)), self.names)
         return found[:, 0], found[:, 1:]
+
+    @property
+    def at_once(self) -> int:
+        """How many parts of a search are worked on at a time."""
+        return self._model.runs.at_once
+
+    @property
+    def may_be_led(self) -> bool:
+        """Whether descents are led by what others have evaluated: updates are made of that."""
+        return True
+
+    @contextmanager
+    def turns(self, looks: Sequence[object]) -> Iterator[Callable[[int], None]]:
+        """Make the runs of parts of a search meanwhile, as many at a time as may be.
+
+        Args:
+            looks: the parts that ask at points; nothing is begun for others.
+        """
+        model = self._model
+        asked: list[Floats] = [getattr(look, "points", np.zeros((0, 0))) for look in looks]
+        ends, made = np.cumsum([len(points) for points in asked]), 0
+        with closing(model.ahead([p for points in asked for p in points])) as runs:
+
+            def turn(number: int) -> None:
+                nonlocal made
+                while made < ends[number]:
+                    next(runs)
+                    made += 1
+
+            yield turn
 
     def sharpen(self, p: Floats) -> bool:
         """From now on the Jacobian at p (n,) is by central differences; whether that is new."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -61,6 +61,20 @@ class ModelRuns(Protocol):
         Args:
             points: where.
             check: is called every moment; raises to end the runs.
+        """
+
+    @property
+    def at_once(self) -> int:
+        """How many runs are made at a time."""
+
+    def each(
+        self, points: Sequence[Floats], check: Callable[[], None]
+    ) -> Iterator[Floats | FailedRun]:
+        """Readings (n_stages, n_channels) in turn, each as it is there; runs go on meanwhile.
+
+        Args:
+            points: (n,) where.
+            check: see `results`.
         """
 
     def jacobian(self, p: Floats, check: Callable[[], None]) -> Floats | FailedRun:

@@ -45,6 +45,7 @@ from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.ground import PointField
 from geoident.model.mesh import Mesh, nodes_in
+from geoident.model.of_mesh import OfMesh
 from geoident.model.parameter import Values
 
 
@@ -76,6 +77,9 @@ class StageSystem:
         return self.make_pattern()
 
 
+_order_of = OfMesh[tuple[Ints, int]]()
+
+
 class StageSystems:
     """The equations of all states of a sequence, each prepared when it is first needed.
 
@@ -93,7 +97,13 @@ class StageSystems:
         self._on_mesh, self._mesh, self._sequence = on_mesh, mesh, sequence
         self._solver = solver
         self._fixed = fixed_dofs(on_mesh)
-        order, self._lasting = self._elimination_order()
+        changes = self.changing_nodes()
+        made_of = {tuple(state.materials.items()) for state in sequence.states[1:]}
+        order, self._lasting = _order_of(
+            mesh,
+            (changes.tobytes(), len(made_of), solver.keeps_from),
+            lambda: self._elimination_order(changes, len(made_of)),
+        )
         self._node_of_rank = _moved_to_end(order, structures.late_nodes())
         rank = np.empty_like(self._node_of_rank)
         rank[self._node_of_rank] = np.arange(len(rank))
@@ -183,7 +193,7 @@ class StageSystems:
         node = int(np.argmax(np.linalg.norm(u.reshape(-1, self._mesh.dim), axis=1)))
         return f" near {format_point(self._mesh.points[node])}"
 
-    def _elimination_order(self) -> tuple[Ints, int]:
+    def _elimination_order(self, changes: Bools, stages: int) -> tuple[Ints, int]:
         """The nodes in the order of elimination, and how many, the first, last through all stages.
 
         They are put first only for a solver that keeps what it finds of them, and where that saves
@@ -191,9 +201,7 @@ class StageSystems:
         """
         mesh, graph = self._mesh, node_graph(self._mesh)
         plain = nested_dissection(mesh.points, *graph)
-        changes = self.changing_nodes()
         lasting = int(np.count_nonzero(~changes))
-        stages = len({tuple(state.materials.items()) for state in self._sequence.states[1:]})
         if not lasting or stages < 2 or self._solver.keeps_from == float("inf"):
             return plain, 0
         if flops_at_most(plain.size * mesh.dim, plane=mesh.dim == 2) < self._solver.keeps_from:

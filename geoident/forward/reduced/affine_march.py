@@ -13,12 +13,14 @@ import numpy as np
 
 from geoident.forward.affine import trial_points
 from geoident.forward.checks import inadmissible_numbers
+from geoident.forward.gauges.observation import Observation
 from geoident.forward.march.march import March
 from geoident.forward.reduced.loads import LoadForm, load_form
 from geoident.forward.reduced.moduli import Span, rigidity_span, span_of
 from geoident.forward.reduced.points import MarchPoints
+from geoident.forward.reduced.stress_rows import StressRows, stress_rows
 from geoident.forward.reduced.zones import Zone, member_zones, rigidity_name, zones_of
-from geoident.model.arrays import Floats
+from geoident.model.arrays import Floats, Ints
 from geoident.model.parameter import Values
 
 _DRAWS = 24
@@ -81,16 +83,31 @@ class AffineMarch:
         form: of its moduli and loads.
         zones: of every state.
         points: of the ground, and members.
+        rows: gauges that read stresses and forces.
     """
 
     march: March
     form: AffineForm
     zones: tuple[tuple[Zone, ...], ...]
     points: MarchPoints
+    rows: StressRows
+
+    def jacked(self, state: int) -> Ints:
+        """Members (k,) whose force is given in a state."""
+        stressed = self.march.sequence.states[state].stressed
+        parts = self.march.systems.structures.parts
+        mine = [np.arange(p.rows.start, p.rows.stop) for p in parts if p.name in stressed]
+        return self.points.n_ground + np.concatenate([np.empty(0, np.int64), *mine])
 
 
-def affine_march(march: March, last: int) -> AffineMarch | None:
-    """The march of a case to its last state wanted; None where its loads have no form."""
+def affine_march(march: March, last: int, observation: Observation) -> AffineMarch | None:
+    """The march of a case to its last state wanted; None where its loads have no form.
+
+    Args:
+        march: of the case.
+        last: the last state wanted.
+        observation: its gauges.
+    """
     names = tuple(q.name for q in march.case.parameters)
     samples = _samples(march, names)
     loads = load_form(march, names, samples, last)
@@ -108,7 +125,8 @@ def affine_march(march: March, last: int) -> AffineMarch | None:
     points = MarchPoints(march.systems)
     every = zip(zones_of(march.on_mesh), member_zones(march, points), strict=True)
     zones = tuple((*ground, *members) for ground, members in every)
-    return AffineMarch(march, AffineForm(names, spans, loads), zones[: last + 1], points)
+    form, rows = AffineForm(names, spans, loads), stress_rows(march, observation)
+    return AffineMarch(march, form, zones[: last + 1], points, rows)
 
 
 def _samples(march: March, names: tuple[str, ...]) -> Floats:

@@ -23,7 +23,8 @@ from geoident.forward.reduced.loads import LoadForm
 from geoident.forward.reduced.model import ReducedModel
 from geoident.forward.reduced.moduli import MaterialSpan, RigiditySpan, Span
 from geoident.forward.reduced.projection import ReducedStage, ZoneResidual
-from geoident.forward.reduced.response import ReducedResponse
+from geoident.forward.reduced.response import ReadingsAsked, ReducedResponse
+from geoident.forward.reduced.stress_rows import StageForces
 from geoident.forward.reduced.zones import StressTerm, rigidity_name
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case
@@ -131,6 +132,9 @@ class _Packed:
         self._add_all("normal", stage.normal, number)
         changes = [[self._number[m] for m in change] for change in stage.changes]
         self._add("changes", np.array(changes).reshape(-1, 2), number)
+        self._add("force-channels", stage.forces.channels, number)
+        self._add("force-loads", stage.forces.loads, number)
+        self._add_all("force-terms", stage.forces.terms, number)
         for place, zone in enumerate(stage.residuals):
             self._add("zone", self._number[zone.material], number, place)
             self._add("zone-loads", zone.loads, number, place)
@@ -140,6 +144,8 @@ class _Packed:
     def basis(self, which: int, basis: DualBasis) -> None:
         self._add("adjoint-place", basis.place, which)
         self._add("adjoint-by", basis.by, which)
+        self._add("adjoint-readings", basis.readings, which)
+        self._add("adjoint-forces", float(basis.forces), which)
         for number, dual in enumerate(basis.stages):
             self._add_all("adjoint-moments", dual.moments, which, number)
             self._add("adjoint-loads", dual.loads, which, number)
@@ -200,6 +206,11 @@ class _Blocks:
             tuple(zones),
             self.materials("normal", number),
             tuple((self._materials[a], self._materials[b]) for a, b in changes),
+            StageForces(
+                self.one("force-channels", number).astype(np.int64),
+                self.one("force-loads", number),
+                self.terms("force-terms", number),
+            ),
         )
 
     def bases(self, form: AffineForm, some: Ints) -> list[DualBasis]:
@@ -209,8 +220,12 @@ class _Blocks:
             which = len(found)
             by = self.one("adjoint-by", which).astype(np.int64)
             numbers = range(len(self._about("adjoint-loads", (which,))))
-            stages = tuple(self._dual(which, number, some) for number in numbers)
-            found.append(DualBasis(form, place, by, stages))
+            readings = self.one("adjoint-readings", which).astype(np.int64)
+            forces = bool(self.one("adjoint-forces", which))
+            wanted = np.flatnonzero(np.isin(some, readings))  # of those that are asked for
+            own = np.searchsorted(readings, some[wanted])
+            stages = tuple(self._dual(which, number, own) for number in numbers)
+            found.append(DualBasis(form, place, by, stages, wanted, forces=forces))
         return found
 
     def _dual(self, which: int, number: int, some: Ints) -> StageDual:
@@ -263,6 +278,7 @@ class RestoredModel:
         spans = self.model.form.spans
         self._ground = _Made(tuple(m for m in spans if isinstance(spans[m], MaterialSpan)))
         self.instrument_errors = InstrumentErrors(case, kept.built_on)
+        self._dimensions = {channel.name: channel.dimension for channel in case.channels}
         self._bases = np.arange(len(kept.readable))
         self._bases[: len(self.model.stages)] = [stage.base for stage in self.model.stages]
         self._place = {
@@ -352,12 +368,16 @@ class RestoredModel:
         bases = self._blocks.bases(model.form, some)
         values = dict(zip(kept.names, map(float, kept.reference), strict=True))
         places = ReadingPlaces.of(self.case, pairs, times)
-        return ReducedResponse(
-            model,
-            self._observation,
+        asked = ReadingsAsked(
             kept.rows[some],
             kept.states[some],
             self.instrument_errors.added(values, kept.names, places),
+            [self._dimensions[channel] for channel, _ in pairs],
+        )
+        return ReducedResponse(
+            model,
+            self._observation,
+            asked,
             self._bases,
             self.admissible,
             ReadingDuals(model, bases, float(self._blocks.one("rounding"))),

@@ -30,6 +30,7 @@ import numpy as np
 from geoident.forward.reduced.affine_march import AffineFactors, AffineForm
 from geoident.forward.reduced.moduli import relative_eigenvalues
 from geoident.forward.reduced.projection import ReducedStage
+from geoident.forward.reduced.stress_rows import StageForces
 from geoident.model.arrays import Floats
 
 
@@ -133,10 +134,11 @@ class ReducedModel:
 
     def observed(self, found: ReducedStates) -> Floats:
         """What all channels see, (n_states, n_channels, b, 1 + n or 1)."""
-        seen = [
-            np.tensordot(stage.observed, q, axes=(1, 1))
-            for stage, q in zip(self.stages, found.states, strict=True)
-        ]
+        seen = []
+        for stage, q in zip(self.stages, found.states, strict=True):
+            table = np.tensordot(stage.observed, q, axes=(1, 1))
+            table[stage.forces.channels] = _forces(stage.forces, found, table.shape[2])
+            seen.append(table)
         return np.stack(seen)
 
     def bounds(self, found: ReducedStates) -> EnergyBounds:
@@ -208,6 +210,22 @@ class ReducedModel:
             left = y + h @ zone.rest.T
             total += weight[zone.material] * np.sum(left**2, axis=1)
         return total
+
+
+def _forces(forces: StageForces, found: ReducedStates, columns: int) -> Floats:
+    """What channels see of the stress of a state, (c, b, 1 + n or 1)."""
+    at = found.at
+    table = np.zeros((len(forces.channels), len(at.loads), columns))
+    table[..., 0] = forces.loads @ at.loads.T
+    if columns > 1:
+        table[..., 1:] = np.einsum("cr,brn->cbn", forces.loads, at.load_slopes)
+    for (state, material), terms in forces.terms.items():
+        q, c = found.states[state], at.moduli[material]
+        parts = np.tensordot(terms, q, axes=(2, 1))  # (r, c, b, columns)
+        table += np.einsum("rcbn,br->cbn", parts, c)
+        if columns > 1:
+            table[..., 1:] += np.einsum("rcb,brn->cbn", parts[..., 0], at.slopes[material])
+    return table
 
 
 def _product(matrices: Floats, c: Floats, q: Floats) -> Floats:

@@ -30,6 +30,7 @@ import scipy.linalg as sla
 
 from geoident.forward.reduced.affine_march import AffineMarch
 from geoident.forward.reduced.snapshots import Snapshot
+from geoident.forward.reduced.stress_rows import StageForces
 from geoident.forward.reduced.zones import StressTerm, Zone
 from geoident.forward.stages import Index
 from geoident.model.arrays import Floats, Ints
@@ -76,6 +77,7 @@ class ReducedStage:
         residuals: of every zone.
         normal: by material, H^T H (h, h) in its measure.
         changes: materials that changed in it: before and after.
+        forces: what channels see of its stress.
     """
 
     base: int
@@ -85,6 +87,7 @@ class ReducedStage:
     residuals: tuple[ZoneResidual, ...]
     normal: Mapping[str, Floats]
     changes: tuple[tuple[str, str], ...]
+    forces: StageForces
 
     @property
     def size(self) -> int:
@@ -206,7 +209,8 @@ class GalerkinProjection:
     def _nothing(self, state: int) -> ReducedStage:
         r = self._loads.stress.shape[-1]
         empty = np.zeros((len(self._snapshots[0].observed[state]), 0))
-        return ReducedStage(self._base[state], empty, {}, np.zeros((0, r)), (), {}, ())
+        forces = self._forces(state)
+        return ReducedStage(self._base[state], empty, {}, np.zeros((0, r)), (), {}, (), forces)
 
     def _stage(self, state: int, particular: Floats, free: Floats) -> ReducedStage:
         factors = [self._factor(zone) for zone in self.affine.zones[state]]
@@ -238,8 +242,41 @@ class GalerkinProjection:
         zones = self.affine.zones[state]
         changes = sorted({(z.before, z.material) for z in zones if z.before != z.material})
         return ReducedStage(
-            self._base[state], observed, matrices, load, tuple(residuals), normal, tuple(changes)
+            self._base[state],
+            observed,
+            matrices,
+            load,
+            tuple(residuals),
+            normal,
+            tuple(changes),
+            self._forces(state),
         )
+
+    def _forces(self, state: int) -> StageForces:
+        """What channels see of the stress of a state: sums over the strain points they read."""
+        rows, given = self.affine.rows, self._loads.stress
+        loads = np.zeros((len(rows.channels), given.shape[-1]))
+        terms: dict[StressTerm, Floats] = {}
+        for zone in self.affine.zones[state]:
+            mine, weights = rows.at(zone.points)
+            if not len(mine):
+                continue
+            if zone.history.given:
+                loads += np.einsum("csq,sqr->cr", weights, given[:, mine])
+            for other, material, sign in self._parts(zone):
+                strain = sign * self.strains(other, mine)
+                found = np.stack(
+                    [
+                        np.tensordot(weights, np.tensordot(J, strain, axes=1), axes=2)
+                        for J in self._spans[material].basis
+                    ]
+                )
+                key = other, material
+                found = found @ self.turn[other]
+                terms[key] = terms[key] + found if key in terms else found
+        jacked, weights = rows.at(self.affine.jacked(state))
+        loads += np.einsum("csq,sqr->cr", weights, given[:, jacked])
+        return StageForces(rows.channels, loads, terms)
 
     def _energy(self, factor: _Factor, state: int) -> Floats:
         """Columns (k, M) whose squares are the energy of the strains of a state in a zone."""

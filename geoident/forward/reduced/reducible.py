@@ -4,16 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
+from geoident.forward.gauges.observable import MarchState
 from geoident.forward.march.march import RunOptions
 from geoident.forward.marches import Marches
 from geoident.forward.reduced.duals.basis import DualBasis
 from geoident.forward.reduced.duals.bounds import ReadingDuals
 from geoident.forward.reduced.model import ReducedModel
 from geoident.forward.reduced.reduction import Reduction
-from geoident.forward.reduced.response import ReducedResponse
+from geoident.forward.reduced.response import ReadingsAsked, ReducedResponse
+from geoident.forward.reduced.stress_rows import beyond_reduction
 from geoident.forward.response import StagedResponse
 from geoident.model.arrays import Floats
 from geoident.model.response import CertifiedResponse
@@ -85,7 +88,7 @@ class ReducibleResponse(StagedResponse):
             most: how many marches count at most, the newest.
         """
         marches = self._marches
-        if self.reduction is not None or marches.observation.not_linear(self._row) is not None:
+        if self.reduction is not None or self._beyond is not None:
             return
         known = self._shared.reduction
         if economical and known is not None and known.economical and known.last >= self._last:
@@ -98,10 +101,14 @@ class ReducibleResponse(StagedResponse):
 
     def reduction_obstacle(self) -> str | None:
         """Why there is no reduced model, a clause, or None if there may be one."""
-        not_linear = self._marches.observation.not_linear(self._row)
-        if not_linear or self.reduction is None:
-            return not_linear
+        if self._beyond is not None or self.reduction is None:
+            return self._beyond
         return self.reduction.obstacle
+
+    @cached_property
+    def _beyond(self) -> str | None:
+        """Why its readings have no reduced model, a clause, or None if they have."""
+        return beyond_reduction(self._marches.march, self._marches.observation, self._row)
 
     @property
     def has_reduced_model(self) -> bool:
@@ -157,12 +164,11 @@ class ReducibleResponse(StagedResponse):
         duals, moved = self._bounded(reduction, made) if bounded else (None, np.zeros(0))
         values = marches.values(made.reference)
         added = marches.instrument_errors.added(values, self.names, self._places)
+        dimensions = [marches.case.channels[row].dimension for row in self._row]
         response = ReducedResponse(
             made,
             marches.observation,
-            self._row,
-            self._state,
-            added,
+            ReadingsAsked(self._row, self._state, added, dimensions),
             marches.sequence.bases,
             self.admissible,
             duals,
@@ -173,15 +179,19 @@ class ReducibleResponse(StagedResponse):
     def _bounded(self, reduction: Reduction, made: ReducedModel) -> tuple[ReadingDuals, Floats]:
         """Adjoints of the readings, and what the march at the reference moves in them (g,)."""
         marches, observation = self._marches, self._marches.observation
-        rows = observation.operator(self._row)
         weights = observation.weights_of_states(self._row, self._state, self._last)
+        reads = reduction.reads(self._row, weights)
         by, bases = reduction.dual_derivatives(made), list[DualBasis]()
-        at_reference = np.zeros(len(self._row))
+        at_reference = np.zeros(0)
         for place in reduction.dual_places(made):
             run = marches.at(place, RunOptions(last=self._last, traced=True))
-            for end in run.states():
-                if not bases:
-                    at_reference += weights[end.state] * (rows @ end.u[:, 0])
-            bases.append(reduction.dual_basis(run, place, by, rows, weights))
+            seen = [
+                observation.values(MarchState(end, run.point, marches.structures))
+                for end in run.states()
+            ]
+            if not bases:
+                table = observation.readings(np.stack(seen), self._row, self._state)
+                at_reference = table[:, 0]
+            bases += [reduction.dual_basis(run, place, by, read) for read in reads]
             run.factors.forget()
         return ReadingDuals(made, bases), at_reference

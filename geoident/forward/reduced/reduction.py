@@ -12,13 +12,13 @@ from geoident.forward.march.march import March, Run
 from geoident.forward.reduced.affine_march import AffineMarch, affine_march
 from geoident.forward.reduced.coverage import reduction_obstacle, releases
 from geoident.forward.reduced.duals.basis import DualBasis
-from geoident.forward.reduced.duals.march import DualMarch
+from geoident.forward.reduced.duals.march import DualMarch, ReadRows
 from geoident.forward.reduced.model import ReducedModel
 from geoident.forward.reduced.moduli import Span, relative_eigenvalues
 from geoident.forward.reduced.projection import GalerkinProjection
 from geoident.forward.reduced.recorder import MOST_SECOND, Recorder
 from geoident.forward.reduced.snapshots import Snapshot
-from geoident.model.arrays import Floats
+from geoident.model.arrays import Floats, Ints
 
 _WITH_SECOND = 2
 """Marches that are recorded with second derivatives: a search seldom leaps from a third."""
@@ -85,7 +85,7 @@ class Reduction:
 
     def _prepare(self) -> str | None:
         """Look at moduli and loads; why there is no reduced model, a clause, or None."""
-        affine = self._affine = affine_march(self._march, self.last)
+        affine = self._affine = affine_march(self._march, self.last, self._observation)
         if affine is None:
             return "its loads are no polynomials of low degree in the parameters"
         if affine.form.loads.settles and releases(self._march):
@@ -204,20 +204,38 @@ class Reduction:
         moves = np.any([np.any(slope, axis=0) for slope in slopes], axis=0)
         return [int(h) for h in np.flatnonzero(moves)[:MOST_DERIVATIVES]]
 
-    def dual_basis(
-        self, run: Run, place: Floats, by: Sequence[int], rows: sp.csr_array, weights: Floats
-    ) -> DualBasis:
+    def dual_basis(self, run: Run, place: Floats, by: Sequence[int], reads: ReadRows) -> DualBasis:
         """Adjoints of readings (g) at a parameter vector, for the model that was made last.
 
         Args:
             run: a traced run there, all its states done.
             place: (n,) the parameter vector.
             by: parameters by which they are differentiated.
-            rows: G', (g, n_dofs).
-            weights: (n_states, g) how often a reading counts the displacements of a state.
+            reads: what they see.
         """
         assert self.projection is not None
-        return DualMarch(self.projection, run, place, by).basis(rows, weights)
+        return DualMarch(self.projection, run, place, by).basis(reads)
+
+    def reads(self, rows: Ints, weights: Floats) -> list[ReadRows]:
+        """What readings (g) see, those of displacements and those of stresses apart.
+
+        Args:
+            rows: (g,) their channels.
+            weights: (n_states, g) how often they count what is seen of a state.
+        """
+        assert self._affine is not None
+        stresses, n_dofs = self._affine.rows, self._march.systems.discretization.n_dofs
+        place = stresses.of(rows)
+        moved, pressed = np.flatnonzero(place < 0), np.flatnonzero(place >= 0)
+        found = []
+        if len(moved) or not len(rows):
+            operator = self._observation.operator(rows[moved])
+            found.append(ReadRows(moved, operator, weights[:, moved]))
+        if len(pressed):
+            nothing = sp.csr_array((len(pressed), n_dofs))
+            seen = stresses.weights[place[pressed]]
+            found.append(ReadRows(pressed, nothing, weights[:, pressed], seen))
+        return found
 
 
 def _apart(spans: Mapping[str, Span], one: Floats, other: Floats) -> float:

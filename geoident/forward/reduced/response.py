@@ -7,8 +7,9 @@ the reference, where the adjoints are known and the error is theirs to the last 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -23,16 +24,31 @@ ROUNDING = 1e-10
 """Part of the largest reading that may be rounding."""
 
 
+@dataclass(frozen=True, eq=False)
+class ReadingsAsked:
+    """Readings (g) that are asked for.
+
+    Args:
+        rows: (g,) their channels.
+        states: (g,) their states.
+        added: what instruments add to them and its derivatives (g, 1 + n) at the reference of the
+            reduced model; linear in the parameters.
+        dimensions: (g,) what is read: what is rounding is judged by the largest of the same.
+    """
+
+    rows: Ints
+    states: Ints
+    added: Floats
+    dimensions: Sequence[str]
+
+
 class ReducedResponse:
     """Readings of some channels at some states by a reduced model.
 
     Args:
         reduced: the model.
         observation: the gauges.
-        rows: (g,) channels.
-        states: (g,) states of their readings.
-        added: what instruments add to them and its derivatives (g, 1 + n) at the reference;
-            linear in the parameters.
+        asked: the readings.
         bases: (n_states,) the state on which each builds.
         admissible: says why parameters (n,) are outside the domain, or None.
         duals: adjoints of the readings, where their errors are to be bounded.
@@ -42,15 +58,15 @@ class ReducedResponse:
         self,
         reduced: ReducedModel,
         observation: Observation,
-        rows: Ints,
-        states: Ints,
-        added: Floats,
+        asked: ReadingsAsked,
         bases: Ints,
         admissible: Callable[[Floats], str | None],
         duals: ReadingDuals | None = None,
     ) -> None:
+        kinds = np.array(asked.dimensions, dtype=np.str_)
+        self._same = np.unique(kinds, return_inverse=True)[1]
         self.model, self._observation = reduced, observation
-        self.rows, self.states, self._added = rows, states, added
+        self.rows, self.states, self._added = asked.rows, asked.states, asked.added
         self._bases, self._admissible, self.duals = bases, admissible, duals
         self._evaluations = 0
         self._last: tuple[bytes, ReducedStates] | None = None
@@ -128,8 +144,16 @@ class ReducedResponse:
         found = self.model.states(values, derivatives=False)
         table = np.ascontiguousarray(self._table(found, values)[..., 0].T)
         left = duals.bounds(found, self.model.bounds(found))
-        rounding = (ROUNDING + duals.rounding) * np.abs(table).max(axis=1, initial=0.0)
-        return table, left.error + np.abs(left.correction) + rounding[:, None]
+        rounding = (ROUNDING + duals.rounding) * self._largest(table)
+        return table, left.error + np.abs(left.correction) + rounding
+
+    def _largest(self, table: Floats) -> Floats:
+        """Size (b, g) of the largest reading of the same dimension, of readings (b, g)."""
+        found = np.zeros_like(table)
+        for kind in range(int(self._same.max(initial=-1)) + 1):
+            mine = self._same == kind
+            found[:, mine] = np.abs(table[:, mine]).max(axis=1, initial=0.0)[:, None]
+        return found
 
     def see_rounding(self, moved: Floats) -> None:
         """Find what is rounding at the reference.
@@ -143,7 +167,9 @@ class ReducedResponse:
         found = self.model.states(at, derivatives=False)
         left = self.duals.bounds(found, self.model.bounds(found)).correction[0]
         left += self._table(found, at)[:, 0, 0] - self._added[:, 0] - moved
-        self.duals.rounding = float(np.abs(left).max() / np.abs(moved).max())
+        largest = self._largest(moved[None])[0]
+        part = np.abs(left) / np.where(largest > 0.0, largest, np.inf)
+        self.duals.rounding = float(part.max())
 
     def _at(self, p: Floats) -> ReducedStates:
         if self._last is None or self._last[0] != p.tobytes():

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -18,7 +17,7 @@ from geoident.io.cluster.file import cluster_of
 from geoident.io.schema.faults import add_schema_faults
 from geoident.io.schema.values import kind_of
 from geoident.io.text.faults import Faults, Places
-from geoident.io.text.overrides import parse_path
+from geoident.io.text.overrides import parse_path, written_value
 from geoident.io.text.text_file import decode, read_bytes
 from geoident.io.text.wording import Refusal, shorten
 from geoident.io.text.yaml_reader import MAX_BYTES, parse_yaml
@@ -52,7 +51,7 @@ def read_campaign(path: str) -> Campaign:
         command=section.command,
         case=str(folder / section.case),
         result="" if section.result is None else str(folder / section.result),
-        settings=tuple((key, _yaml(value)) for key, value in section.set.items()),
+        settings=tuple((key, written_value(value)) for key, value in section.set.items()),
         places=tuple(faults.places.locate(("set", key)) for key in section.set),
         variations=variations,
         sampling=None if sample is None else _sampling(sample, faults),
@@ -153,7 +152,7 @@ def _row(row: Mapping[str, Any], at: KeyPath, faults: Faults) -> Variation:
     name = row.get(NAME_COLUMN, "")
     values = {key: value for key, value in row.items() if key != NAME_COLUMN}
     places = [faults.places.locate((*at, key)) for key in values]
-    settings = tuple((key, _yaml(value)) for key, value in values.items())
+    settings = tuple((key, written_value(value)) for key, value in values.items())
     return Variation(str(name or ""), settings, (*places, faults.places.locate(at)))
 
 
@@ -169,7 +168,7 @@ def _product(
         return ()
     locate = faults.places.locate
     choices = [
-        [((key, _yaml(value)), locate((*at, key, n))) for n, value in enumerate(values)]
+        [((key, written_value(value)), locate((*at, key, n))) for n, value in enumerate(values)]
         for key, values in lists.items()
     ]
     return tuple(
@@ -207,20 +206,3 @@ def _named(runs: Sequence[Variation], faults: Faults) -> tuple[Variation, ...]:
         named.append(replace(run, name=name, places=run.places[:-1]))
     faults.extend(found)
     return tuple(named)
-
-
-def _yaml(value: Any) -> str:
-    """A value as an override has it: texts as they are written, all else as JSON, which is YAML."""
-    if value is None:
-        return "null"
-    if isinstance(value, str) and _stays(value):
-        return value
-    return json.dumps(value, ensure_ascii=False)
-
-
-def _stays(text: str) -> bool:
-    """Whether a text is the same when it is read as YAML."""
-    try:
-        return parse_yaml(text, "").data == text
-    except InputError:
-        return False

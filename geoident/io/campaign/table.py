@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from geoident.errors import Fault, InputError, Location
+from geoident.io.text.cells import TextCell, cells_of, delimiter_of, said_lines
 from geoident.io.text.overrides import parse_path
 from geoident.io.text.text_file import decode, read_bytes
 from geoident.io.text.wording import Refusal, shorten
@@ -18,12 +18,6 @@ NAME_COLUMN = "run"
 _MAX_BYTES = 50_000_000
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_+=,.@-]{0,79}")
 _MOST_FAULTS = 100
-
-
-@dataclass(frozen=True)
-class _Cell:
-    text: str
-    column: int  # of its first character, from 1
 
 
 def run_name_problem(name: str) -> str:
@@ -49,17 +43,17 @@ def read_table(path: str) -> tuple[Variation, ...]:
         InputError: with all faults, each with its line and column.
     """
     text = decode(read_bytes(path, limit=_MAX_BYTES, what="table of runs"), path)
-    lines = [(n, line) for n, line in enumerate(text.splitlines(), 1) if _says_something(line)]
+    lines = list(said_lines(text))
     if not lines:
         hint = "The first line names values of the case, such as parameters.E.start."
         raise InputError([Fault("empty", "the table is empty", hint, Location(path))])
-    delimiter = _delimiter(lines[0][1])
+    delimiter = delimiter_of(lines[0][1])
     faults: list[Fault] = []
-    header = _cells(lines[0][1], delimiter)
+    header = cells_of(lines[0][1], delimiter)
     _check_header(header, path, lines[0][0], faults)
     runs = []
     for number, line in lines[1:]:
-        cells = _cells(line, delimiter)
+        cells = cells_of(line, delimiter)
         if len(cells) != len(header):
             message = f"found {len(cells)} cells; {len(header)} are expected, as in the header"
             hint = "Put quotes around a cell that holds the character between cells."
@@ -76,39 +70,7 @@ def read_table(path: str) -> tuple[Variation, ...]:
     return tuple(runs)
 
 
-def _says_something(line: str) -> bool:
-    return bool(line.strip()) and not line.startswith("#")
-
-
-def _delimiter(header: str) -> str:
-    plain = re.sub(r"\"[^\"]*\"", "", header)
-    return max(",;\t", key=plain.count)
-
-
-def _cells(line: str, delimiter: str) -> list[_Cell]:
-    """The cells of a line; in quotes, two quotes are one and the delimiter is a character.
-
-    >>> [(c.text, c.column) for c in _cells('a, "[b, c]",', ",")]
-    [('a', 1), ('[b, c]', 4), ('', 13)]
-    """
-    cells: list[_Cell] = []
-    at = 0
-    while True:
-        start = at + len(line[at:]) - len(line[at:].lstrip(" "))
-        quoted = re.compile(r'"((?:[^"]|"")*)"\s*').match(line, start)
-        if quoted and (quoted.end() == len(line) or line[quoted.end()] == delimiter):
-            end, text = quoted.end(), quoted[1].replace('""', '"')
-        else:
-            end = line.find(delimiter, at)
-            end = len(line) if end < 0 else end
-            text = line[at:end].strip()
-        cells.append(_Cell(text, min(start, end) + 1))
-        if end >= len(line):
-            return cells
-        at = end + 1
-
-
-def _check_header(header: Sequence[_Cell], path: str, line: int, faults: list[Fault]) -> None:
+def _check_header(header: Sequence[TextCell], path: str, line: int, faults: list[Fault]) -> None:
     seen: set[str] = set()
     for cell in header:
         place = Location(path, line, cell.column)
@@ -125,7 +87,7 @@ def _check_header(header: Sequence[_Cell], path: str, line: int, faults: list[Fa
             faults.append(Fault(error.code, message, error.hint, place))
 
 
-def _run(header: Sequence[_Cell], cells: Sequence[_Cell], path: str, line: int) -> Variation:
+def _run(header: Sequence[TextCell], cells: Sequence[TextCell], path: str, line: int) -> Variation:
     """A run; its name is empty where the table does not give one."""
     name, settings, places = "", [], []
     for column, cell in zip(header, cells, strict=True):

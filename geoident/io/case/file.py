@@ -28,7 +28,9 @@ from geoident.io.case.case import (
     check_references,
     tied_parameters,
 )
-from geoident.io.case.elsewhere.build import Surroundings, build_elsewhere
+from geoident.io.case.elsewhere.build import build_elsewhere
+from geoident.io.case.elsewhere.surroundings import Surroundings
+from geoident.io.case.elsewhere.table import within_runs
 from geoident.io.case.gauges.accuracy import described_channels
 from geoident.io.case.readings_by_stage import read_all
 from geoident.io.case.site_files.measured_values import with_measured
@@ -42,7 +44,7 @@ from geoident.io.text.text_file import STDIN, decode, read_bytes
 from geoident.io.text.wording import shorten
 from geoident.io.text.yaml_reader import MAX_BYTES, Node, parse_yaml
 from geoident.model.case import Case, KeyPath
-from geoident.model.elsewhere import Elsewhere
+from geoident.model.elsewhere import Elsewhere, RunTable
 from geoident.model.methods import LOSS_OPTIONS, METHOD_OPTIONS, method_name
 from geoident.model.results.head import ReportHead
 
@@ -50,6 +52,8 @@ STDIN_NAME = "<stdin>"
 
 BLANK = "FILL_IN"
 """Stands in a skeleton for a value that its user is to give: a fault until it is replaced."""
+
+_TIE = re.compile(r"\$\{?([A-Za-z_]\w*)")
 
 _HINTS = {
     "E": "Young's modulus with its unit, such as 15 GPa, or $NAME of a parameter.",
@@ -120,6 +124,9 @@ def parse_case(
     """
     document = parse_yaml(text, _shown(path))
     places = apply_overrides(document, overrides)
+    idle = _left_idle(document.data, places.data)
+    if idle:
+        places = apply_overrides(document, [*overrides, *(f"parameters.{n}=null" for n in idle)])
     folder = Path() if path == STDIN else Path(path).parent
     files = dict.fromkeys((*named_files(document.data, folder), *named_files(places.data, folder)))
     section, places = _validate(places, folder)
@@ -128,13 +135,48 @@ def parse_case(
     if faults.found:
         left = _left(Rest.all_of(places), faults, built, folder)
         raise FaultyCase(faults, left)
-    chain = [method_name(options) for options in built.case.fit.methods]
+    case = replace(built.case, notes=(*built.case.notes, *_idle_notes(idle)))
+    chain = [method_name(options) for options in case.fit.methods]
     plain = section.model_copy(update={"report": None})
     resolved, computed = (
         _resolved_text(one, chain) if with_texts else "" for one in (section, plain)
     )
     paths = built.readings_paths
-    return LoadedCase(built.case, text, resolved, built.mesh_path, paths, tuple(files), computed)
+    return LoadedCase(case, text, resolved, built.mesh_path, paths, tuple(files), computed)
+
+
+def _left_idle(written: object, changed: object) -> list[str]:
+    """Parameters of which overrides have taken away all that depended on them.
+
+    Args:
+        written: the case as it is written.
+        changed: the case with its overrides.
+    """
+    if not (isinstance(written, Mapping) and isinstance(changed, Mapping)):
+        return []
+    had, has = written.get("parameters"), changed.get("parameters")
+    if not (isinstance(had, Mapping) and isinstance(has, Mapping)):
+        return []
+    lost = _ties(written) - _ties(changed)
+    return [name for name in has if name in lost and name in had]
+
+
+def _ties(node: object) -> set[str]:
+    """Names that the texts of a document refer to by ``$NAME``."""
+    if isinstance(node, Mapping):
+        return set().union(*map(_ties, node.values()))
+    if isinstance(node, list):
+        return set().union(*map(_ties, node))
+    return set(_TIE.findall(node)) if isinstance(node, str) else set()
+
+
+def _idle_notes(names: Sequence[str]) -> tuple[str, ...]:
+    """What is to be known of parameters that overrides have left idle."""
+    if not names:
+        return ()
+    them = "them" if len(names) > 1 else "it"
+    word = "are not sought" if len(names) > 1 else "is not sought"
+    return (f"{', '.join(names)} {word}: overrides took away what depended on {them}",)
 
 
 @dataclass(frozen=True)
@@ -162,6 +204,9 @@ def _build(section: CaseSection, folder: Path, faults: Faults, *, with_mesh: boo
     check_references(section, faults)
     read = read_all(section, partial(_find, folder, faults=faults), faults)
     built = build_case(section, faults)
+    elsewhere = _elsewhere(section, built, folder, faults) if with_mesh else None
+    if isinstance(elsewhere, RunTable):
+        built = replace(built, parameters=within_runs(built.parameters, elsewhere))
     case = replace(
         built,
         channels=described_channels(built, section, read.zeros, faults),
@@ -170,13 +215,13 @@ def _build(section: CaseSection, folder: Path, faults: Faults, *, with_mesh: boo
         dates=read.dates,
         notes=read.notes,
         when_read=read.by_stage,
-        elsewhere=_elsewhere(section, built, folder, faults) if with_mesh else None,
+        elsewhere=elsewhere,
     )
     return _Built(case, mesh_path, read.paths)
 
 
 def _elsewhere(section: CaseSection, case: Case, folder: Path, faults: Faults) -> Elsewhere | None:
-    """The program or function of a case; None for one that geoident computes."""
+    """The program, function or table of a case; None for one that geoident computes."""
     if section.model is None:
         return None
     around = Surroundings(

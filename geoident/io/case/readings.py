@@ -45,7 +45,9 @@ class ReadingSection(Section):
     """One reading."""
 
     gauge: Name = Field(description="Gauge, or GAUGE.ANCHOR of an extensometer.")
-    stage: Name = Field(description="Stage at whose end it was read.")
+    stage: Name | None = Field(
+        None, description="Stage at whose end it was read. Required where there are several."
+    )
     value: ReadValue | None = Field(description="What was read; empty if it is missing.")
     accuracy: ReadAccuracy | None = Field(None, description="Its own standard deviation.")
 

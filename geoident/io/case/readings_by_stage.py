@@ -63,7 +63,7 @@ def read_all(section: CaseSection, find: Find, faults: Faults) -> ReadReadings:
     found: list[Reading] = []
     for path, entry in entries(section.readings):
         if isinstance(entry, ReadingSection):
-            batch, alone = [_inline(entry, path, calendar, faults)], True
+            batch, alone = _inline(entry, path, calendar, faults), True
         else:
             batch, alone = _of_file(entry, path, (find, calendar, check), paths, notes)
         check.all(batch, alone=alone)
@@ -96,8 +96,18 @@ def _calendar(section: CaseSection, faults: Faults) -> Calendar:
     return Calendar(stages, dates, sections_of_channels(section.gauges))
 
 
-def _inline(entry: ReadingSection, path: KeyPath, calendar: Calendar, faults: Faults) -> Reading:
-    """A reading that stands in the case; its quantities must be those that its channel reads."""
+def _inline(
+    entry: ReadingSection, path: KeyPath, calendar: Calendar, faults: Faults
+) -> list[Reading]:
+    """A reading that stands in the case; its quantities must be those that its channel reads.
+
+    Where there is but one stage, it is of that one. Nothing, with a fault, where it may be of any.
+    """
+    stage = entry.stage
+    if stage is None and len(calendar.stages) > 2:
+        hint = "Add 'stage: ...', the stage at whose end it was read."
+        faults.add(path, "missing-key", "'stage' is missing", hint)
+        return []
     wanted = calendar.dimensions.get(entry.gauge)
     known: dict[str, float] = {}
     for name, given in (("value", entry.value), ("accuracy", entry.accuracy)):
@@ -110,15 +120,16 @@ def _inline(entry: ReadingSection, path: KeyPath, calendar: Calendar, faults: Fa
                 known[name] = quantity.value
             except UnitError as error:
                 faults.add((*path, name), "unit", error.message, error.hint)
-    return Reading(
+    reading = Reading(
         channel=entry.gauge,
-        stage=entry.stage,
+        stage=stage or calendar.stages[1],
         value=known.get("value"),
         accuracy=known.get("accuracy"),
         location=faults.places.locate((*path, "gauge")),
-        when=faults.places.locate((*path, "stage")),
+        when=faults.places.locate((*path, "gauge" if stage is None else "stage")),
         key=path,
     )
+    return [reading]
 
 
 def _of_file(

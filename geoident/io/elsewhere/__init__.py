@@ -1,1 +1,1 @@
-"""Files of programs that geoident runs: what is written for them, and what they leave."""
+"""Files of models elsewhere: what is written for programs, what they leave, tables of runs."""

@@ -24,6 +24,7 @@ from geoident.io.result import (
     posterior,
     reading_tables,
     reduced,
+    surface,
     tables,
     vtkhdf,
 )
@@ -37,6 +38,8 @@ from geoident.model.results.result import Counts, Diagnostics, GaugeTable, Prove
 FORMAT = "geoident-result/2"
 WIDE_FORMAT = "geoident-result/1"
 """The format before: no long table of readings."""
+PROJECT_FORMAT = "geoident-project-result/1"
+"""The format of results of several sections, see `geoident.io.result.project`."""
 _RESULT_TEXTS = ("kind", "status", "method", "reason")
 _RESULT_LISTS = ("findings", "notes")
 _PROVENANCE_TEXTS = tuple(
@@ -153,6 +156,8 @@ def _write_errors(file: h5py.File, result: Result) -> None:
         reading_tables.write_accuracies(file, result.accuracies)
     if result.model_error is not None:
         tables.write_model_error(file, result.model_error)
+    if result.surface is not None:
+        surface.write_surface(file, result.surface)
 
 
 def _write_findings(file: h5py.File, result: Result) -> None:
@@ -191,7 +196,8 @@ def read_identity(path: str | Path) -> ResultIdentity | None:
     """What identifies an existing result; None if there is none, or it is not readable as one."""
     try:
         with hdf5_input(path) as file:
-            _refuse_unknown_format(file, path)
+            if file.attrs.get("format") != PROJECT_FORMAT:
+                _refuse_unknown_format(file, path)
             root = _Attributes(file, path)
             return ResultIdentity(
                 root.text("identity"),
@@ -226,6 +232,9 @@ def _refuse_unknown_format(file: h5py.File, path: str | Path) -> None:
     if target is not None:
         hint = f"this is the sidecar for ParaView; the result is {target}"
         raise refusal(path, "not-a-result", "not a result of geoident", hint)
+    if found == PROJECT_FORMAT:
+        hint = "geoident show and geoident report read it; give one of a case here"
+        raise refusal(path, "not-a-result", "the result of several sections, not of a case", hint)
     if not isinstance(found, str) or not found.startswith("geoident-result/"):
         hint = "give the path of a result file, such as CASE.fit.h5"
         raise refusal(path, "not-a-result", "an HDF5 file, but not a result of geoident", hint)
@@ -300,6 +309,7 @@ def _read(file: h5py.File, root: _Attributes) -> Result:
         evidence=tables.read_evidence(file) if tables.EVIDENCE in contents else None,
         fields=vtkhdf.read_fields(file) if vtkhdf.GROUP in contents else None,
         model_error=(tables.read_model_error(file) if tables.MODEL_ERROR in contents else None),
+        surface=surface.read_surface(file) if surface.GROUP in contents else None,
         posterior=posterior.read_posterior(file) if posterior.GROUP in contents else None,
         varied=read_varied(file) if VARIED in contents else (),
         reduced=reduced.read_reduced(file) if reduced.GROUP in contents else None,

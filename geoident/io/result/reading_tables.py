@@ -105,7 +105,7 @@ def write_gauges(file: h5py.File, table: GaugeTable) -> None:
         file: the result.
         table: channels and readings.
     """
-    axes = {
+    axes: dict[str, Sequence[str] | Ints] = {
         "gauge": table.channels,
         "stage": table.stages,
         "end": ("first", "second"),
@@ -113,6 +113,8 @@ def write_gauges(file: h5py.File, table: GaugeTable) -> None:
     }
     if any(table.errors):
         axes["error_part"] = PARTS
+    if any(parts is not None and parts.surface for parts in table.errors):
+        axes[_SOURCES] = np.arange(_surface_errors(table).shape[2])
     out = TableWriter(file, "gauges", axes)
     unit = reading_unit(table)
     out.add("measured", table.measured, "gauge", "stage", unit=unit)
@@ -134,10 +136,14 @@ def write_gauges(file: h5py.File, table: GaugeTable) -> None:
     if any(parts is not None and parts.mesh for parts in table.errors):
         for name, values in zip(_OF_MESH, _mesh_errors(table), strict=True):
             out.add(name, values, "gauge", "stage", unit=unit)
+    if _SOURCES in axes:
+        found = _surface_errors(table)
+        out.add("surface_error", found, "gauge", "stage", _SOURCES, unit=unit)
     points = np.stack([table.first, table.second], axis=1)
     out.add("points", points, "gauge", "end", "axis", unit="m")
 
 
+_SOURCES = "surface_error_source"
 _OF_MESH = ("mesh_error", "mesh_doubt")
 
 
@@ -150,6 +156,20 @@ def _mesh_errors(table: GaugeTable) -> tuple[Floats, Floats]:
                 at = i, table.stages.index(stage)
                 error[at], doubt[at] = size, uncertain
     return error, doubt
+
+
+def _surface_errors(table: GaugeTable) -> Floats:
+    """(n_channels, n_stages, k) errors of response surfaces: sizes of the k that are shared."""
+    rows = [
+        (i, stage, sizes)
+        for i, parts in enumerate(table.errors)
+        for stage, sizes in (parts.surface if parts is not None else ())
+        if stage in table.stages
+    ]
+    found = np.zeros((len(table.channels), len(table.stages), max(len(r[2]) for r in rows)))
+    for i, stage, sizes in rows:
+        found[i, table.stages.index(stage), : len(sizes)] = sizes
+    return found
 
 
 _FORMER_DOUBT = 0.5
@@ -172,17 +192,27 @@ def _errors(group: TableReader, m: int) -> tuple[ErrorParts | None, ...]:
     shape = m, len(stages)
     mesh = group.floats("mesh_error", *shape) if "mesh_error" in group else np.zeros(shape)
     doubt = group.floats("mesh_doubt", *shape) if "mesh_doubt" in group else _FORMER_DOUBT * mesh
+    surface = _read_surface(group, *shape)
     found: list[ErrorParts | None] = []
-    rows = zip(sizes.tolist(), surveys, zeros, mesh.tolist(), doubt.tolist(), strict=True)
-    for row, survey, zero, of_mesh, of_doubt in rows:
+    rows = zip(sizes.tolist(), surveys, zeros, mesh.tolist(), doubt.tolist(), surface, strict=True)
+    for row, survey, zero, of_mesh, of_doubt, of_surface in rows:
         parts: dict[str, Any] = dict(zip(PARTS, row, strict=True))
         known = not np.isnan(row[0])
         each = zip(stages, of_mesh, of_doubt, strict=True)
         by_stage = tuple((s, e, d) for s, e, d in each if e or d)
-        found.append(
-            ErrorParts(**parts, survey=survey, zero_surveyed=zero, mesh=by_stage) if known else None
-        )
+        parts |= {"survey": survey, "zero_surveyed": zero, "mesh": by_stage}
+        here = tuple((s, tuple(row)) for s, row in zip(stages, of_surface, strict=True) if any(row))
+        found.append(ErrorParts(**parts, surface=here) if known else None)
     return tuple(found)
+
+
+def _read_surface(group: TableReader, m: int, stages: int) -> list[list[list[float]]]:
+    """What `_surface_errors` wrote of m channels."""
+    if "surface_error" not in group:
+        return [[[]] * stages] * m
+    k = len(group.array(_SOURCES, "iu"))
+    found: list[list[list[float]]] = group.floats("surface_error", m, stages, k).tolist()
+    return found
 
 
 def reading_unit(table: GaugeTable) -> str:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Sequence
 from copy import deepcopy
-from typing import cast
+from typing import Any, cast
 
 from geoident.errors import Fault, InputError, Location, Term
 from geoident.io.text.faults import OVERRIDES, Places
@@ -75,6 +76,27 @@ def parse_path(text: str) -> KeyPath:
         hint = "Write it like parameters.E.start or stages[1].name."
         raise Refusal("bad-override", f"'{shorten(text)}' is not the path of a key", hint)
     return tuple(keys)
+
+
+def written_value(value: Any) -> str:
+    """A value of a file as an override has it: texts as they are, all else as JSON, which is YAML.
+
+    >>> written_value("8 MPa"), written_value([1, 2])
+    ('8 MPa', '[1, 2]')
+    """
+    if value is None:
+        return "null"
+    if isinstance(value, str) and _stays(value):
+        return value
+    return json.dumps(value, ensure_ascii=False)
+
+
+def _stays(text: str) -> bool:
+    """Whether a text is the same when it is read as YAML."""
+    try:
+        return parse_yaml(text, "").data == text
+    except InputError:
+        return False
 
 
 def _parse_value(text: str) -> Node:

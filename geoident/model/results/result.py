@@ -19,6 +19,7 @@ from geoident.model.results.opening import GroundReaction
 from geoident.model.results.posterior import PosteriorDraws
 from geoident.model.results.reduced import KeptReducedModel
 from geoident.model.results.rivals import Evidence, ModelComparison, Rivals
+from geoident.model.results.surface import SurfaceTable
 from geoident.model.results.varied import FieldEstimate
 from geoident.model.yielding import Certificate
 from geoident.units import shown_unit, size_in
@@ -518,6 +519,7 @@ class Result:
         rivals: other minima that are nearly as low, with the lowest, or None.
         evidence: how well the model explains the readings, or None.
         comparison: of a ladder of models, of which this is the chosen one, or None.
+        surface: the response surfaces of a table of runs, or None.
         varied: what is known of each constant that varies from place to place.
         backtest: fits of the first stages and their predictions of later ones; of a fit that of all
             but its last stage; or None.
@@ -556,6 +558,7 @@ class Result:
     comparison: ModelComparison | None = None
     backtest: Backtest | None = None
     varied: tuple[FieldEstimate, ...] = ()
+    surface: SurfaceTable | None = None
 
     @cached_property
     def for_people(self) -> Result:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from geoident.model.arrays import Floats
 from geoident.model.gauges import StageReadings
 from geoident.model.results.result import ParameterTable
+from geoident.model.results.surface import SurfaceTable
 
 
 @dataclass(frozen=True)
@@ -176,6 +177,7 @@ class CaseSummary:
         notes: what else the user should know.
         when_read: when the dated readings were taken, stage by stage; empty without dates.
         resolved: the case as YAML, with overrides and defaults filled in.
+        surface: response surfaces of a table of runs; None for none.
     """
 
     case: str
@@ -199,6 +201,7 @@ class CaseSummary:
     resolved: str = ""
     evaluations: str = ""
     elsewhere: str = ""
+    surface: SurfaceTable | None = None
 
 
 @dataclass(frozen=True)

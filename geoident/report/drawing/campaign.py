@@ -14,6 +14,12 @@ from matplotlib.figure import Figure
 
 from geoident.model.arrays import Bools, Floats
 from geoident.model.results.campaign import CampaignTable, RunRecord
+from geoident.report.drawing.parameters.parallel import (
+    MOST_LINES,
+    ParallelAxis,
+    parallel_figure,
+    word_axis,
+)
 from geoident.report.drawing.parameters.scale import set_scale
 from geoident.report.drawing.style import (
     ACCENT,
@@ -29,6 +35,7 @@ from geoident.report.drawing.style import (
 from geoident.units import in_unit, shown_unit
 
 _PANELS = 9
+_AXES = 7
 _DECADES = 30.0
 """Ratio of the largest to the least of some values from which on an axis is logarithmic."""
 _NUMBER = re.compile(r"([-+]?[0-9]*\.?[0-9]+(?:[eE][-+]?[0-9]+)?)(?:\s+(\S.*))?")
@@ -71,6 +78,7 @@ def campaign_pictures(table: CampaignTable) -> tuple[Picture, ...]:
                 found, misfit, good, "campaign-parameters", "Parameters, and the misfit",
                 words + (bars if table.command == "fit" else ""),
             ),
+            *_parallel(runs, table.paths, varied, found, misfit),
         )  # fmt: skip
     readings = reading_columns(runs)
     if not varied or not readings:
@@ -103,6 +111,38 @@ def _scatters(
         most=_PANELS,
         picture=(name, title, words),
         label=lambda column: column.label,
+    )
+
+
+def _parallel(
+    runs: Sequence[RunRecord],
+    paths: Sequence[str],
+    varied: Sequence[RunColumn],
+    found: Sequence[RunColumn],
+    misfit: Floats,
+) -> tuple[Picture, ...]:
+    """All that varied and was found, and the misfit: a line a run."""
+    numbers = {column.label.split(" (")[0]: column for column in varied}
+    axes = [
+        ParallelAxis(numbers[path].label, numbers[path].values)
+        if path in numbers
+        else word_axis(path, [dict(run.settings).get(path, "") for run in runs])
+        for path in paths
+    ]
+    axes += [ParallelAxis(column.label, column.values) for column in found]
+    axes = [axis for axis in axes if np.unique(axis.values[np.isfinite(axis.values)]).size > 1]
+    if len(axes) < 2:
+        return ()
+    finite = int(np.isfinite(misfit).sum())
+    words = "One line a run, darker with less misfit; numbers are those of the ends and the middle."
+    if finite > MOST_LINES:
+        words += f" Shown are the {MOST_LINES} of {finite:,} runs with the least misfit."
+    return paged(
+        axes,
+        partial(parallel_figure, misfit=misfit),
+        most=_AXES,
+        picture=("campaign-parallel", "What varied, parameters and misfit together", words),
+        label=lambda axis: axis.label,
     )
 
 

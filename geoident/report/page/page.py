@@ -29,7 +29,6 @@ from geoident.report.page.logo import logo_element
 from geoident.report.text import (
     accuracies,
     backtest,
-    model_error,
     posterior,
     rivals,
     structures,
@@ -37,6 +36,7 @@ from geoident.report.text import (
     yielding,
 )
 from geoident.report.text.case import case_entries, case_title
+from geoident.report.text.errors import model_error, surface
 from geoident.report.text.gauges import (
     OUTLIER,
     in_sd_note,
@@ -190,6 +190,7 @@ def _parts(result: Result) -> tuple[PagePart, ...]:
         ),
         section(rivals.MODELS_TITLE, *_models(result)),
         section(model_error.TITLE, _model_error(result)),
+        section(surface.TITLE, *_surface(result)),
         section(rivals.TITLE, TitledTable(rivals.TITLE, rivals.rivals_table(result))),
         section("Gauges", Figures(tuple(p for p in pictures.readings if p.name not in _SIGNS))),
         section("Displacements and stresses", Figures(pictures.fields)),
@@ -263,6 +264,14 @@ def _in_sd(result: Result) -> Html:
 def _model_error(result: Result) -> Html:
     text = model_error.model_error_text(result.model_error)
     return tag("p", text) if text else Html("")
+
+
+def _surface(result: Result) -> tuple[Block, ...]:
+    """How well runs that are left out are foretold, and the table of it."""
+    if result.surface is None:
+        return ()
+    said = tag("p", surface.surface_words(result.surface))
+    return said, TitledTable(surface.TITLE, surface.surface_table(result.surface))
 
 
 def _posterior(result: Result) -> tuple[Block, ...]:

@@ -13,6 +13,7 @@ from geoident.io.text.dates import DateError, read_date
 from geoident.model.arrays import Floats
 from geoident.model.results.result import GaugeTable, Result
 from geoident.model.results.summary import CaseSummary, CostEstimate, StageSummary
+from geoident.report.text.errors import surface
 from geoident.report.text.gauges import moment_text
 from geoident.report.text.inputs.construction import load_texts
 from geoident.report.text.inputs.materials import ground_sentences, materials_table
@@ -185,6 +186,11 @@ def case_text(summary: CaseSummary) -> str:
         section("Structures", _inputs(summary, structures_table)),
         section("Supports", _inputs(summary, lambda case, _: supports_table(case))),
         section("Ground and loads", bullets(_begin(summary))),
+        section(
+            surface.TITLE,
+            surface.surface_table(summary.surface).text,
+            sentence(surface.surface_words(summary.surface)),
+        ),
         section("Stages", _stages(summary.stages)),
         section("Gauges", _gauges(summary)),
         section("Positions of the gauges", _places(summary)),

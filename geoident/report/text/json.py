@@ -22,6 +22,8 @@ from geoident.model.results.rivals import Evidence
 from geoident.model.results.summary import CaseSummary, Identifiability
 from geoident.report.text.accuracies import accuracies_list
 from geoident.report.text.backtest import backtest_object
+from geoident.report.text.errors.model_error import model_error_object
+from geoident.report.text.errors.surface import surface_object
 from geoident.report.text.gauges import (
     by_stage,
     compared_with,
@@ -29,7 +31,6 @@ from geoident.report.text.gauges import (
     each_reading,
     moment_text,
 )
-from geoident.report.text.model_error import model_error_object
 from geoident.report.text.posterior import posterior_object
 from geoident.report.text.rivals import models_object, rivals_list
 from geoident.report.text.structures import structures_list
@@ -95,6 +96,7 @@ def result_object(result: Result, *, case: str, output: str) -> dict[str, Any]:
             if result.model_error is not None
             else {}
         ),
+        **({"surface": surface_object(result.surface)} if result.surface is not None else {}),
         **({"fields": varied_list(result.varied)} if result.varied else {}),
         **({"certificate": certificate_object(proof)} if proof is not None else {}),
         **({"structures": structures_list(result.members)} if result.members is not None else {}),
@@ -308,9 +310,11 @@ def summary_object(summary: CaseSummary) -> dict[str, Any]:
         }
         for stage in summary.when_read
     ]
-    own = {"unused": dict(summary.unused), "when_read": when_read}
+    own: dict[str, Any] = {"unused": dict(summary.unused), "when_read": when_read}
     found = asdict(summary)
-    del found["resolved"]
+    del found["resolved"], found["surface"]
+    if summary.surface is not None:
+        own["surface"] = surface_object(summary.surface)
     return {"status": "valid", "exit_code": 0, **found, **own}
 
 

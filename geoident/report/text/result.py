@@ -15,13 +15,13 @@ from geoident.model.results.summary import Identifiability
 from geoident.report.text import (
     accuracies,
     backtest,
-    model_error,
     posterior,
     rivals,
     structures,
     varied,
     yielding,
 )
+from geoident.report.text.errors import model_error, surface
 from geoident.report.text.gauges import (
     OUTLIER,
     fit_table,
@@ -78,6 +78,11 @@ def result_text(result: Result, *, title: str = "") -> str:
         section(varied.TITLE, varied.varied_text(result.varied)),
         section(accuracies.TITLE, accuracies.accuracies_table(result.accuracies).text),
         section(model_error.TITLE, sentence(model_error.model_error_text(result.model_error))),
+        section(
+            surface.TITLE,
+            surface.surface_table(result.surface).text,
+            sentence(surface.surface_words(result.surface)),
+        ),
         section("Findings", bullets(result.findings)),
         section(rivals.MODELS_TITLE, *rivals.models_parts(result.comparison)),
         section(rivals.TITLE, rivals.rivals_table(result).text),

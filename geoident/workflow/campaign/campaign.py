@@ -42,6 +42,7 @@ def compute(
     csv: Callable[[CampaignTable], str],
     *,
     fresh: bool = False,
+    trust: bool = False,
 ) -> CampaignTable:
     """Compute the runs that are not known, and write the tables of all.
 
@@ -53,6 +54,7 @@ def compute(
         watch: is told of each run that has ended.
         csv: makes the text of ``runs.csv``.
         fresh: what is known of a run does not count.
+        trust: what a case names as its model may be run, whatever varies.
 
     Raises:
         OutputError: something cannot be written.
@@ -60,7 +62,7 @@ def compute(
     """
     found = dict(plan.known)
     left = plan.left
-    made = tasks(plan.campaign, plan.folder, fresh=fresh)
+    made = tasks(plan.campaign, plan.folder, fresh=fresh, trust=trust)
     with RunJournal(plan.folder, plan.head, tuple(plan.known.values())) as journal:
         lost: LostCluster | None = None
         try:

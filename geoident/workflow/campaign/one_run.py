@@ -30,6 +30,7 @@ from geoident.workflow.estimating.finished import Finished
 from geoident.workflow.executing.worker import STOP
 from geoident.workflow.fit import fit
 from geoident.workflow.predict import PredictRequest, plan_prediction, predict
+from geoident.workflow.programs.trust import decided_by, trusting
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.jobs import Job, Request, plan_fit, plan_scan, provenance
 from geoident.workflow.running.readings import gauge_table, reading_table
@@ -48,24 +49,29 @@ class RunTask:
         folder: for its result.
         run: the run.
         fresh: what is known of it does not count.
+        trust: what its case names as its model may be run.
     """
 
     campaign: Campaign
     folder: Path
     run: PlannedRun
     fresh: bool
+    trust: bool = False
 
 
-def tasks(campaign: Campaign, folder: Path, *, fresh: bool) -> Callable[[PlannedRun], RunTask]:
+def tasks(
+    campaign: Campaign, folder: Path, *, fresh: bool, trust: bool = False
+) -> Callable[[PlannedRun], RunTask]:
     """Makes tasks of runs.
 
     Args:
         campaign: that they are of.
         folder: for their results.
         fresh: what is known of them does not count.
+        trust: what their cases name as their model may be run.
     """
     bare = replace(campaign, variations=(), sampling=None, cluster=None)
-    return lambda run: RunTask(bare, folder, run, fresh)
+    return lambda run: RunTask(bare, folder, run, fresh, trust)
 
 
 def set_up() -> Callable[[RunTask], RunRecord]:
@@ -82,7 +88,8 @@ def compute(task: RunTask) -> RunRecord:
     """Run one variation; whatever happens, there is a record of it."""
     began = time.monotonic()
     try:
-        finished = _COMMANDS[task.campaign.command](task)
+        with decided_by(trusting(trust=task.trust)):
+            finished = _COMMANDS[task.campaign.command](task)
         record = _record(task, finished.result, Path(finished.paths[0]).name)
     except Interrupted as error:
         cut = error.exit_code == ExitCode.NOT_CONVERGED

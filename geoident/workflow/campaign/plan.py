@@ -11,6 +11,7 @@ from pathlib import Path
 
 from geoident import __version__
 from geoident.errors import Fault, InputError, Location, OutputError, Term
+from geoident.forward.elsewhere.model import ElsewhereModel
 from geoident.io.campaign.file import read_campaign
 from geoident.io.case.file import named_files, parse_case
 from geoident.io.mesh.file import mesh_files
@@ -24,7 +25,7 @@ from geoident.model.campaign import SEED, Campaign, Setting, Variation, override
 from geoident.model.case import format_path
 from geoident.model.results.campaign import RunRecord
 from geoident.workflow.campaign.sampling import sampled
-from geoident.workflow.running.jobs import NO_READINGS
+from geoident.workflow.running.jobs import NO_READINGS, build_model, load_inputs
 
 _CHECKED = 50
 """Runs whose cases are read before anything is computed."""
@@ -125,6 +126,23 @@ def plan_campaign(
     if left:
         _check(campaign, [run for run in variations if run.name in left])
     return plan
+
+
+def require_trust(plan: CampaignPlan) -> None:
+    """Ask whether the base case may run what it names, before processes that cannot ask begin.
+
+    Raises:
+        InputError: it may not.
+    """
+    if not plan.left:
+        return
+    campaign = plan.campaign
+    inputs = load_inputs(campaign.case, overrides=(*overrides_of(campaign.settings), NO_READINGS))
+    if inputs.case.elsewhere is None:
+        return
+    model = build_model(inputs)
+    if isinstance(model, ElsewhereModel):
+        model.runs.require_trust()
 
 
 def _known(

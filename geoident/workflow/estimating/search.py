@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from geoident.errors import TimeIsUp
+from geoident.forward.elsewhere.table import TableModel
 from geoident.forward.model import StagedModel
 from geoident.identify import descend, identify
 from geoident.identify.assessment.variance_components import VarianceComponents
@@ -17,6 +18,7 @@ from geoident.identify.problem.errors import ErrorStructure
 from geoident.identify.problem.methods import continued
 from geoident.identify.problem.problem import LocalMinimum, Outcome, Problem
 from geoident.model.arrays import Floats
+from geoident.model.case import Case
 from geoident.model.methods import (
     ComplementarityOptions,
     MethodOptions,
@@ -57,6 +59,7 @@ from geoident.workflow.estimating.setup import (
     used_response,
     used_rows,
 )
+from geoident.workflow.estimating.surface_error import is_steady, with_surface_error
 from geoident.workflow.running.control import OUT_OF_TIME, Control
 from geoident.workflow.running.errors import gauge_errors
 from geoident.workflow.running.evaluation_log import Log, known_nearly, led
@@ -64,6 +67,9 @@ from geoident.workflow.running.readings import (
     reading_table,
 )
 from geoident.workflow.running.reduced_scan import with_reduced_readings
+
+_SURFACES = 4
+"""Times that the error of response surfaces is found again where the answer has moved."""
 
 
 class SearchState(NamedTuple):
@@ -159,7 +165,7 @@ class _Search:
         """
         problem, minima = first.problem, first.outcome.minima
         with led(problem.response):
-            begun = self._with_mesh(first)
+            begun = self._with_mesh(self._with_surfaces(first))
             found = self._with_errors(begun)
             mesh = _mesh_beside_accuracies(found.setup, problem, found.outcome)
             if mesh is not None:
@@ -180,6 +186,36 @@ class _Search:
         outcome = kept_up(found.problem, found.outcome, [former, *minima], self.descent)
         return found._replace(outcome=outcome)
 
+    def _with_surfaces(self, at: SearchState) -> SearchState:
+        """The same with the error of the response surfaces of a table, as it is at the answer."""
+        model = at.setup.model
+        if not isinstance(model, TableModel) or at.outcome.status == STOPPED:
+            return at
+        for _ in range(_SURFACES):
+            before, case = (
+                at.setup.case,
+                with_surface_error(at.setup.case, model, at.outcome.values),
+            )
+            at = self._weighed(at, case)
+            if is_steady(before, case):
+                break
+        found = model.surface_table(at.outcome.values)
+        return at._replace(setup=replace(at.setup, surface=found))
+
+    def _weighed(self, at: SearchState, case: Case) -> SearchState:
+        """The same with the errors of another version of the case, from where it has come."""
+        setup, problem, outcome = at
+        structure = structure_of_used(case, setup.readings.used)
+        assert structure is not None  # its readings share errors
+        sd, shared = structure.at(np.zeros(len(structure.names)))
+        problem = replace(problem, sd=sd, shared=shared).begun_at(outcome.values)
+        if isinstance(self.methods[-1], ScanOptions):
+            again = self.identified(problem, self.methods)
+        else:
+            again = after(outcome, self.descent(problem))
+        table = reading_table(case, setup.readings.reason)
+        return SearchState(replace(setup, case=case, readings=table), problem, again)
+
     def _with_mesh(self, at: SearchState) -> SearchState:
         """The same with the error of the mesh among those of the readings, where it matters."""
         setup, problem, outcome = at
@@ -195,15 +231,8 @@ class _Search:
 
     def _counted(self, at: SearchState, found: FittedMesh) -> SearchState:
         """The same with the error of the mesh among those of the readings."""
-        setup, problem, outcome = at
-        case = with_mesh_error(setup.case, found.found)
-        structure = structure_of_used(case, setup.readings.used)
-        assert structure is not None  # the mesh is in it
-        sd, shared = structure.at(np.zeros(len(structure.names)))
-        problem = replace(problem, sd=sd, shared=shared).begun_at(outcome.values)
-        again = after(outcome, self.descent(problem))
-        table = reading_table(case, setup.readings.reason)
-        return SearchState(replace(setup, case=case, readings=table, mesh=found), problem, again)
+        weighed = self._weighed(at, with_mesh_error(at.setup.case, found.found))
+        return weighed._replace(setup=replace(weighed.setup, mesh=found))
 
     def _with_errors(self, at: SearchState) -> SearchState:
         """The same with all errors that are estimated: those of the model and of the gauges."""

@@ -25,6 +25,7 @@ from geoident.model.methods import (
 from geoident.model.response import Response
 from geoident.model.results.model_error import ModelErrorTable
 from geoident.model.results.result import NO_COST, AccuracyTable, Counts, Result
+from geoident.model.results.surface import SurfaceTable
 from geoident.workflow.estimating.fitted_mesh import FittedMesh
 from geoident.workflow.estimating.model_error import (
     FittedModelError,
@@ -60,6 +61,7 @@ class Setup:
         stated: the case before errors of gauges were found with the model error; None where none
             were.
         kept: a reduced model of the case that a result keeps, to be asked first; None for none.
+        surface: response surfaces of a table of runs, at the end of a search; None for none.
         workers: processes that have the model, too; None for none.
     """
 
@@ -71,6 +73,7 @@ class Setup:
     mesh: FittedMesh | None = None
     stated: Case | None = None
     kept: RestoredModel | None = None
+    surface: SurfaceTable | None = None
     workers: ModelWorkers | None = field(default=None, compare=False)
 
     def as_stated(self) -> Setup:

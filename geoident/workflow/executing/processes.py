@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 import threading
 import time
 from collections import deque
@@ -19,10 +20,10 @@ from dataclasses import dataclass, field
 from multiprocessing import current_process, get_context
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import SpawnProcess
-from types import TracebackType
+from types import ModuleType, TracebackType
 from typing import Any, Generic, Self, TypeVar
 
-from geoident.workflow.executing.executor import RETRIES, Answered, SetUp, usable_cores
+from geoident.workflow.executing.executor import CORES, RETRIES, Answered, SetUp, usable_cores
 from geoident.workflow.executing.worker import READY, VALUE, serve
 
 T = TypeVar("T")
@@ -191,7 +192,13 @@ class LocalProcesses(Generic[T, R]):
         process = get_context("spawn").Process(
             target=serve, args=(there, self._set_up), daemon=True
         )
-        with _STARTING, cores_shared(self._sharing), _signals_blocked(), _may_have_children():
+        with (
+            _STARTING,
+            cores_shared(self._sharing),
+            _signals_blocked(),
+            _may_have_children(),
+            _no_script(),
+        ):
             process.start()
         there.close()
         worker: _Worker[T] = _Worker(process, here)
@@ -294,18 +301,40 @@ def _why(code: int | None) -> str:
 def cores_shared(jobs: int) -> Iterator[None]:
     """Threads of libraries for a process that is started meanwhile: its share of the cores.
 
+    What the environment says of OMP_NUM_THREADS holds for all libraries of which it says nothing:
+    their own variables go before it.
+
     Args:
         jobs: among how many processes the cores are shared.
     """
-    threads = str(max(1, usable_cores() // jobs))
-    before = {name: os.environ.get(name) for name in _THREADS}
-    os.environ.update({name: value or threads for name, value in before.items()})
+    share = str(max(1, usable_cores() // jobs))
+    names = (*_THREADS, CORES)
+    before = {name: os.environ.get(name) for name in names}
+    threads = os.environ.get("OMP_NUM_THREADS") or share
+    os.environ.update({name: before[name] or threads for name in _THREADS})
+    os.environ[CORES] = share
     try:
         yield
     finally:
         for name, value in before.items():
             if value is None:
                 del os.environ[name]
+            else:
+                os.environ[name] = value
+
+
+@contextmanager
+def _no_script() -> Iterator[None]:
+    """Keep a process that is started meanwhile from running the script that we are called from.
+
+    It would run again from its first line where it does not guard itself; nothing of it is needed.
+    """
+    main = sys.modules["__main__"]
+    sys.modules["__main__"] = ModuleType("__main__")
+    try:
+        yield
+    finally:
+        sys.modules["__main__"] = main
 
 
 @contextmanager

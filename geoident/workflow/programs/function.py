@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +16,9 @@ from geoident.io.text.wording import shorten
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case
 from geoident.model.elsewhere import PythonFunction
+from geoident.workflow.executing.executor import in_order, usable_cores
+from geoident.workflow.executing.threads import WaitingThreads
 from geoident.workflow.programs.digest import digest_of
-from geoident.workflow.programs.pool import all_of
 from geoident.workflow.programs.program import executed, failed_note
 from geoident.workflow.programs.run_log import Made, RunLog
 from geoident.workflow.programs.trust import Execution, Permission
@@ -91,7 +93,23 @@ class FunctionRuns:
         Raises:
             InputError: the function may not be run.
         """
-        return self._all(points, self._function.name, check)
+        return list(self.each(points, check))
+
+    @property
+    def at_once(self) -> int:
+        """How many runs are made at a time."""
+        return self._function.machine.at_once or usable_cores()
+
+    def each(
+        self, points: Sequence[Floats], check: Callable[[], None]
+    ) -> Iterator[Floats | FailedRun]:
+        """Readings (n_stages, n_channels) in turn, each as it is there; runs go on meanwhile.
+
+        Args:
+            points: (n,) where.
+            check: see `results`.
+        """
+        return self._each(points, self._function.name, check)
 
     def jacobian(self, p: Floats, check: Callable[[], None]) -> Floats | FailedRun:
         """Derivatives (n_stages, n_channels, n) at p (n,), those by offsets and drifts 0.
@@ -100,11 +118,11 @@ class FunctionRuns:
             p: (n,) where.
             check: see `results`.
         """
-        return self._all([p], self._function.jacobian, check)[0]
+        return next(self._each([p], self._function.jacobian, check))
 
-    def _all(
+    def _each(
         self, points: Sequence[Floats], name: str, check: Callable[[], None]
-    ) -> list[Floats | FailedRun]:
+    ) -> Iterator[Floats | FailedRun]:
         values = [
             {n: float(x) for n, x, s in zip(self._names, p, self.seen, strict=True) if s}
             for p in points
@@ -118,17 +136,16 @@ class FunctionRuns:
         if new:
             self.require_trust()
             self._ended = False
-            at_once = self._function.machine.at_once
-            all_of(self._run, list(new.values()), at_once, check=check, end=self._end)
-        found = []
-        for key in keys:
-            made = self._log.find(key)
-            assert made is not None
-            self._asked.add(key)
-            if isinstance(made.found, FailedRun):
-                self._failed[key] = made.found
-            found.append(made.found)
-        return found
+        threads = WaitingThreads(self.at_once, self._run, check=check, end=self._end)
+        with closing(threads.run(new.values())) as made_now:
+            answers = in_order(made_now)
+            for key in keys:
+                while (made := self._log.find(key)) is None:
+                    next(answers)
+                self._asked.add(key)
+                if isinstance(made.found, FailedRun):
+                    self._failed[key] = made.found
+                yield made.found
 
     def require_trust(self) -> None:
         """Ask whether it may be run, unless that is known.

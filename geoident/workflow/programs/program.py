@@ -9,8 +9,8 @@ import signal
 import subprocess
 import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import closing, suppress
 from decimal import Decimal
 from pathlib import Path
 from queue import SimpleQueue
@@ -21,19 +21,28 @@ import numpy as np
 from geoident.errors import Fault, InputError, OutputError
 from geoident.forward.elsewhere.runs import FailedRun
 from geoident.io.elsewhere.outputs import NotFound, RunFiles
-from geoident.io.elsewhere.templates import FieldTooNarrow, field_texts, filled
+from geoident.io.elsewhere.templates import (
+    CannotBeFilled,
+    field_texts,
+    filled,
+    key_texts,
+    last_digit,
+)
 from geoident.io.text.wording import did_you_mean
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case
 from geoident.model.elsewhere import (
     Elsewhere,
     ExternalProgram,
+    JinjaTemplate,
     PythonFunction,
+    RunTable,
     TemplateField,
     seen_parameters,
 )
+from geoident.workflow.executing.executor import in_order, usable_cores
+from geoident.workflow.executing.threads import WaitingThreads
 from geoident.workflow.programs.digest import digest_of
-from geoident.workflow.programs.pool import all_of
 from geoident.workflow.programs.run_log import Made, RunLog
 from geoident.workflow.programs.trust import Execution, Permission
 from geoident.workflow.programs.worker import Worker
@@ -54,11 +63,13 @@ def executable(program: ExternalProgram) -> str | None:
 
 
 def executed(given: Elsewhere) -> str:
-    """What a model elsewhere runs, in words.
+    """What a model elsewhere runs, in words; of a table, what it has.
 
     Args:
         given: the model.
     """
+    if isinstance(given, RunTable):
+        return f"the {len(given)} runs of {Path(given.path).name}"
     if isinstance(given, PythonFunction):
         also = f" and '{given.jacobian}'" if given.jacobian else ""
         return f"the function '{given.name}'{also} of {Path(given.path).name}"
@@ -143,6 +154,9 @@ class ProgramRuns:
                     exponent = Decimal(field.written(p[j]).strip()).as_tuple().exponent
                     last = 10.0 ** int(exponent) * field.size
                     result[j] = max(result[j], last)
+            for template in self._program.templates:
+                if isinstance(template, JinjaTemplate):
+                    result[j] = max(result[j], last_digit(template, self._values(p), name))
         return result
 
     def results(
@@ -158,8 +172,23 @@ class ProgramRuns:
             InputError: the program may not be run.
             OutputError: a folder or the log cannot be written.
         """
+        return list(self.each(points, check))
+
+    @property
+    def at_once(self) -> int:
+        """How many runs are made at a time."""
+        return self._program.machine.at_once or usable_cores()
+
+    def each(
+        self, points: Sequence[Floats], check: Callable[[], None]
+    ) -> Iterator[Floats | FailedRun]:
+        """Readings (n_stages, n_channels) in turn, each as it is there; runs go on meanwhile.
+
+        Args:
+            points: (n,) where.
+            check: see `results`.
+        """
         asked = [self._texts(p) for p in points]
-        keys = [key for key, _ in asked]
         new: dict[str, tuple[str, list[list[str]], dict[str, float]]] = {}
         for (key, texts), p in zip(asked, points, strict=True):
             self._asked.add(key)
@@ -170,20 +199,19 @@ class ProgramRuns:
         if new:
             self.require_trust()
             self._ended = False
-            at_once = self._program.machine.at_once
-            all_of(self._run, list(new.values()), at_once, check=check, end=self._end)
-        found: list[Floats | FailedRun] = []
-        for key, (_, texts) in zip(keys, asked, strict=True):
-            made = self._log.find(key)
-            if isinstance(texts, FailedRun):
-                result: Floats | FailedRun = texts
-            else:
-                assert made is not None
-                result = made.found
-            if isinstance(result, FailedRun):
-                self._failed[key] = result
-            found.append(result)
-        return found
+        threads = WaitingThreads(self.at_once, self._run, check=check, end=self._end)
+        with closing(threads.run(new.values())) as made_now:
+            answers = in_order(made_now)
+            for key, texts in asked:
+                if isinstance(texts, FailedRun):
+                    result: Floats | FailedRun = texts
+                else:
+                    while (made := self._log.find(key)) is None:
+                        next(answers)
+                    result = made.found
+                if isinstance(result, FailedRun):
+                    self._failed[key] = result
+                yield result
 
     def jacobian(self, p: Floats, check: Callable[[], None]) -> Floats | FailedRun:
         """Derivatives (n_stages, n_channels, n) at p (n,): a program gives none.
@@ -195,12 +223,17 @@ class ProgramRuns:
         return FailedRun("a program gives no derivatives")
 
     def _texts(self, p: Floats) -> tuple[str, list[list[str]] | FailedRun]:
-        values = dict(zip(self._names, map(float, p), strict=True))
+        templates = self._program.templates
         try:
-            texts = [field_texts(template, values) for template in self._program.templates]
-        except FieldTooNarrow as error:
+            texts = [field_texts(template, self._values(p)) for template in templates]
+        except CannotBeFilled as error:
             return repr(p.tolist()), FailedRun(str(error))
-        return "\n".join(text.strip() for part in texts for text in part), texts
+        parts = zip(templates, texts, strict=True)
+        return "\n".join(word for part in parts for word in key_texts(*part)), texts
+
+    def _values(self, p: Floats) -> dict[str, float]:
+        """Parameters p (n,) by name."""
+        return dict(zip(self._names, map(float, p), strict=True))
 
     def require_trust(self) -> None:
         """Ask whether it may be run, unless that is known.

@@ -23,6 +23,9 @@ DAY = 86400.0
 MESH = "mesh"
 """The error of the mesh: one factor for all readings, and one for each channel."""
 
+SURFACE = "surface"
+"""The errors of response surfaces: independent ones that all readings share."""
+
 ErrorSource = tuple[str | float, ...]
 """What a shared error is that of, such as ``("zero", "EX1.a5")``."""
 
@@ -69,7 +72,9 @@ def total_sd(channel: Channel, reading: Reading) -> float:
     own = own_sd(channel, reading)
     if channel.errors is None:
         return own
-    of_gauge = (size for part, _, size in _shared(channel, reading, {}) if part != MESH)
+    of_gauge = (
+        size for part, _, size in _shared(channel, reading, {}) if part not in (MESH, SURFACE)
+    )
     return math.hypot(own, *of_gauge)
 
 
@@ -143,6 +148,10 @@ def _shared(
         if stage == reading.stage:
             yield MESH, (MESH,), error
             yield MESH, (MESH, channel.name), doubt
+    for stage, sizes in parts.surface:
+        if stage == reading.stage:
+            for number, size in enumerate(sizes):
+                yield SURFACE, (SURFACE, number), size
     yield from _of_epoch(channel, parts, (reading.stage, day), few, steps)
     yield from _of_epoch(channel, parts, ("zero at", channel.zero), parts.zero_surveyed, steps)
 

@@ -20,6 +20,7 @@ from geoident.fem.solvers import pick_solver
 from geoident.forward.checks import faults_on_mesh
 from geoident.forward.elsewhere.model import ElsewhereModel
 from geoident.forward.elsewhere.runs import ModelRuns
+from geoident.forward.elsewhere.table import SurfaceRuns, TableModel
 from geoident.forward.ground.field import mode_parameters
 from geoident.forward.model import StagedModel, staged_model
 from geoident.forward.openings.model import OpeningModel, opening_model
@@ -30,7 +31,7 @@ from geoident.io.result.file import FORMAT
 from geoident.io.text.text_file import STDIN, require_file, seen_from
 from geoident.model.arrays import Floats
 from geoident.model.case import Case, Source
-from geoident.model.elsewhere import ExternalProgram
+from geoident.model.elsewhere import ExternalProgram, RunTable
 from geoident.model.mesh import Mesh
 from geoident.model.methods import MethodOptions, method_name
 from geoident.model.results.result import Provenance, Result
@@ -234,7 +235,31 @@ def load_mesh(inputs: Inputs, path: str) -> Mesh:
     return _read_mesh(inputs.case, path)
 
 
+_last_mesh: list[tuple[object, Mesh]] = []
+"""The mesh that was read last, with what tells whether it is still the same: the next case of a
+campaign is on the same mesh mostly, and what was found of it is there (`model.of_mesh`)."""
+
+
 def _read_mesh(case: Case, path: str) -> Mesh:
+    key = case.analysis.dim, path, sums(mesh_files(path))
+    if not (_last_mesh and _last_mesh[0][0] == key):
+        _last_mesh[:] = [(key, _mesh_at(case, path))]
+    return _last_mesh[0][1]
+
+
+def sums(paths: Sequence[str]) -> tuple[str, ...]:
+    """Checksums of files; empty where there is none to read."""
+    found = []
+    for path in paths:
+        try:
+            with Path(path).open("rb") as file:
+                found.append(hashlib.file_digest(file, "sha256").hexdigest())
+        except OSError:
+            found.append("")
+    return tuple(found)
+
+
+def _mesh_at(case: Case, path: str) -> Mesh:
     try:
         return read_mesh(path, dim=case.analysis.dim)
     except InputError as error:
@@ -266,6 +291,8 @@ def build_model(
     elsewhere = inputs.case.elsewhere
     if elsewhere is not None:
         folder = runs_folder(inputs.path)
+        if isinstance(elsewhere, RunTable):
+            return TableModel(inputs.case, SurfaceRuns(inputs.case, elsewhere))
         if isinstance(elsewhere, ExternalProgram):
             runs: ModelRuns = ProgramRuns(inputs.case, elsewhere, folder, again=fresh)
         else:

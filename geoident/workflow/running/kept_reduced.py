@@ -17,6 +17,7 @@ from geoident.forward.protocols import CaseModel
 from geoident.forward.reduced.case_model import ReducedCaseModel
 from geoident.forward.reduced.kept import RestoredModel, kept_model
 from geoident.forward.reduced.reducible import ReducibleResponse
+from geoident.forward.reduced.stress_rows import beyond_reduction
 from geoident.io.case.file import parse_case
 from geoident.io.result.file import read_result
 from geoident.io.text.yaml_reader import parse_yaml
@@ -91,7 +92,8 @@ def made_to_keep(
         return NONE.format("the case is a closed form, which costs nothing")
     places = readable(model, case)
     linear = [
-        model.observation.not_linear(places[k : k + 1, 0]) is None for k in range(len(places))
+        beyond_reduction(model.march, model.observation, places[k : k + 1, 0]) is None
+        for k in range(len(places))
     ]
     pairs = [(case.channels[i].name, case.stages[j].name) for i, j in places[linear].tolist()]
     if not pairs:

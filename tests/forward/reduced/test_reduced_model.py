@@ -8,11 +8,13 @@ from functools import cache
 import numpy as np
 import pytest
 from support.reduced import (
+    PAIRS_GAUGED,
     PAIRS_PLANE,
     PAIRS_SINKING,
     PAIRS_SOLID,
     braced,
     errors_and_bounds,
+    gauged,
     plane,
     reduced_stresses,
     released,
@@ -39,6 +41,7 @@ CASES = {
     "released": (released, PAIRS_PLANE),
     "braced": (braced, PAIRS_PLANE),
     "sinking": (sinking, PAIRS_SINKING),
+    "gauged": (gauged, PAIRS_GAUGED),
 }
 
 
@@ -64,7 +67,8 @@ def test_readings_and_derivatives_are_exact_at_every_march_it_was_made_of(name):
         w, K = reduced.evaluate(p)
         np.testing.assert_allclose(w, v, atol=1e-8 * np.abs(v).max())
         scale = np.abs(J).max(axis=0)
-        np.testing.assert_allclose(K / scale, J / scale, atol=1e-6)
+        pointwise = name == "gauged"  # stresses at a point are known less sharply
+        np.testing.assert_allclose(K / scale, J / scale, atol=1e-5 if pointwise else 1e-6)
         assert reduced.error(p) < 1e-6
 
 
@@ -78,6 +82,7 @@ def test_readings_and_derivatives_are_exact_at_every_march_it_was_made_of(name):
         ("released", 100, 100),
         ("braced", 1000, 100),
         ("sinking", 1000, 100),
+        ("gauged", 300, 100),
     ],
 )
 def test_no_reading_is_further_off_than_its_bound(name, count, ratio):

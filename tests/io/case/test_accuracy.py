@@ -117,6 +117,10 @@ def test_errors_of_an_inclinometer_add_up_along_what_is_cumulated(reads_as):
         ("{reading: 1 mm, along: 1 mm/sqrt(s)}", "along", "such as 0.2 mm/sqrt(m)"),
         ("{reeding: 1 mm}", "reeding", "the key 'reeding' is not known here"),
         ("0 mm", "", "it must be positive"),
+        ("1e-30 mm", "", "'1e-30 mm' is no accuracy of a gauge"),
+        ("1e-9 mm", "", "'1e-9 mm' is no accuracy of a gauge"),
+        ("1 km", "", "'1 km' is no accuracy of a gauge"),
+        ("{reading: 1e-9 mm}", "reading", "'1e-9 mm' is no accuracy of a gauge"),
         ("guess", "", "'guess' is not a number with a unit"),
     ],
 )
@@ -126,6 +130,12 @@ def test_what_is_wrong_is_said_at_its_key(words, path, message):
     assert fault.path == ".".join(filter(None, ["gauges.X.accuracy", path]))
     assert fault.location.line == 19
     assert fault.hint
+
+
+def test_what_no_gauge_of_a_kind_has_is_said_with_what_is_usual():
+    (fault,) = refused(with_accuracy("1e-9 mm"))
+    assert fault.hint == "Gauges of the kind extensometer have about 0.1 mm; is it another unit?"
+    assert read(with_accuracy("0.001 um"))["X.a"].accuracy == 1e-9  # strange, but check says so
 
 
 def test_estimated_kinds_must_exist_and_the_loss_must_be_squared():

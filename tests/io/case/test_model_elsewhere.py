@@ -142,3 +142,25 @@ def test_without_a_model_the_ground_is_still_required(tmp_path):
     assert "'analysis' is missing" in said
     assert "'materials' is missing" in said
     assert any("at least 1 entry expected" in text for text in said)
+
+
+ONE_STAGE = """\
+parameters:
+  E: {start: 6 GPa, bounds: [1 GPa, 50 GPa], scale: log}
+  K0: {start: 1.0, bounds: [0.3, 3.0]}
+gauges: {H: {kind: reading, accuracy: 0.02 mm}}
+readings:
+  - {gauge: H, value: 1.03 mm}
+  - {gauge: H, stage: end, value: 1.04 mm, accuracy: 0.1 mm}
+"""
+
+
+def test_with_one_stage_a_reading_need_not_name_it(tmp_path):
+    case = write_case(tmp_path, PYTHON)
+    case.write_text(PYTHON + ONE_STAGE.replace("  - {gauge: H, stage", "#"))
+    [reading] = read_case(str(case)).case.readings
+    assert (reading.channel, reading.stage) == ("H", "end")
+    case.write_text(PYTHON + "stages: [{name: half}, {name: end}]\n" + ONE_STAGE)
+    [fault] = faults_of(case)
+    assert (fault.message, fault.code) == ("'stage' is missing", "missing-key")
+    assert (fault.location.line, fault.path) == (9, "readings[0]")

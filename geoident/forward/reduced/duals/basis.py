@@ -17,6 +17,10 @@ sum_k A_k b_k of matrices A of the material times strains, so its energy is
 
 with moments S that are kept of every material instead of the strains: no eigenvalue stands for the
 moduli any more, they are measured as they are. Where the ground is isotropic, two numbers of S do.
+
+What a displacement reads is in equilibrium with E b, which counts once. A stress is read by weights
+that are part of b_j itself (a_j has them beside what later states leave it, by minus the volume),
+and its E b is in equilibrium with nothing: of such readings the first c is 1, and d_0 is free.
 """
 
 from __future__ import annotations
@@ -60,7 +64,7 @@ class Combination:
 
     Args:
         strains: c (b, K).
-        stresses: d (b, K), the first of them 1.
+        stresses: d (b, K).
     """
 
     strains: Floats
@@ -75,12 +79,22 @@ class DualBasis:
         place: (n,) the parameter vector.
         by: (K - 1,) parameters of the derivatives, which are taken in units of their sizes.
         stages: of every state.
+        readings: (g,) which of all readings they are.
+        forces: they read stresses, not displacements.
     """
 
     def __init__(
-        self, form: AffineForm, place: Floats, by: Ints, stages: tuple[StageDual, ...]
+        self,
+        form: AffineForm,
+        place: Floats,
+        by: Ints,
+        stages: tuple[StageDual, ...],
+        readings: Ints,
+        *,
+        forces: bool,
     ) -> None:
         self.place, self.by, self.stages = place, by, stages
+        self.readings, self.forces = readings, forces
         self._form = form
         self.size = 1 + len(by)
         self.first, self.second = np.triu_indices(self.size)
@@ -106,9 +120,10 @@ class DualBasis:
         return found
 
     def only(self, tau: Floats) -> Combination:
-        """The adjoints at the place itself, times tau (b,)."""
+        """The adjoints at the place itself, their strains times tau (b,) by their stresses."""
         strains, stresses = np.zeros((2, len(tau), self.size))
-        strains[:, 0], stresses[:, 0] = tau, 1.0
+        strains[:, 0] = 1.0 if self.forces else tau
+        stresses[:, 0] = 1.0 / tau if self.forces else 1.0
         return Combination(strains, stresses)
 
     def best(self, moduli: Mapping[str, Floats], weights: Floats) -> Combination:
@@ -136,12 +151,13 @@ class DualBasis:
         size = np.sqrt(np.einsum("bkk->bk", square))
         size[~(size > 0.0)] = 1.0
         scaled = square / (size[:, :, None] * size[:, None, :])
-        free = np.delete(np.arange(2 * K), K)  # the first stress counts once
+        once = 0 if self.forces else K  # what reads, or is read, counts once
+        free = np.delete(np.arange(2 * K), once)
         rest = scaled[:, free[:, None], free] + _FLAT * np.eye(2 * K - 1)
-        found = np.linalg.solve(rest, -scaled[:, free, K, None])[..., 0]
-        found *= size[:, K, None] / size[:, free]
-        stresses = np.concatenate([np.ones((b, 1)), found[:, K:]], axis=1)
-        return Combination(found[:, :K], stresses)
+        found = np.ones((b, 2 * K))
+        found[:, free] = np.linalg.solve(rest, -scaled[:, free, once, None])[..., 0]
+        found[:, free] *= size[:, once, None] / size[:, free]
+        return Combination(found[:, :K], found[:, K:])
 
     @cached_property
     def _mean(self) -> dict[str, Floats]:

@@ -35,7 +35,7 @@ from geoident.forward.reduced.affine_march import AffineFactors
 from geoident.forward.reduced.duals.basis import Combination, DualBasis
 from geoident.forward.reduced.model import EnergyBounds, ReducedModel, ReducedStates
 from geoident.forward.reduced.moduli import relative_eigenvalues
-from geoident.model.arrays import Floats
+from geoident.model.arrays import Floats, Ints
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,13 +50,12 @@ class ReadingBounds:
     correction: Floats
     error: Floats
 
-    def or_less(self, other: ReadingBounds) -> ReadingBounds:
-        """Of each reading the one of two that is less."""
-        less = np.abs(other.correction) + other.error < np.abs(self.correction) + self.error
-        return ReadingBounds(
-            np.where(less, other.correction, self.correction),
-            np.where(less, other.error, self.error),
-        )
+    def take(self, readings: Ints, other: ReadingBounds) -> None:
+        """Take over the bounds of some readings (k,) where others are less."""
+        whole = np.abs(self.correction[:, readings]) + self.error[:, readings]
+        less = np.abs(other.correction) + other.error < whole
+        for mine, theirs in ((self.correction, other.correction), (self.error, other.error)):
+            mine[:, readings] = np.where(less, theirs, mine[:, readings])
 
 
 class ReadingDuals:
@@ -83,15 +82,15 @@ class ReadingDuals:
         """
         spans = self._reduced.form.spans
         moduli = {name: span.matrix(found.at.moduli[name]) for name, span in spans.items()}
-        best: ReadingBounds | None = None
+        count = len(np.unique(np.concatenate([basis.readings for basis in self.bases])))
+        shape = len(found.at.loads), count
+        best = ReadingBounds(np.zeros(shape), np.full(shape, np.inf))
         for basis in self.bases:
-            work = _work(basis, found)
+            work, mine = _work(basis, found), basis.readings
             for some in _combinations(basis, moduli, energy):
                 left = self._left(basis, found.at, energy, basis.measures(moduli, some))
                 correction = np.einsum("bk,bkg->bg", some.strains, work)
-                this = ReadingBounds(correction, left)
-                best = this if best is None else best.or_less(this)
-        assert best is not None
+                best.take(mine, ReadingBounds(correction, left))
         return best
 
     def _left(

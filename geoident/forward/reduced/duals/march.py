@@ -7,6 +7,7 @@ made of their strains (see `basis`). Both go through the same factorization.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
@@ -17,10 +18,33 @@ from geoident.forward.reduced.duals.basis import DualBasis, StageDual
 from geoident.forward.reduced.moduli import moment_basis
 from geoident.forward.reduced.projection import GalerkinProjection
 from geoident.forward.reduced.zones import StressTerm, Zone
-from geoident.model.arrays import Floats
+from geoident.model.arrays import Floats, Ints
 
 _AT_ONCE = 24
 """Columns that are taken back together: readings, and as many derivatives."""
+
+
+@dataclass(frozen=True, eq=False)
+class ReadRows:
+    """What readings (g) of one kind see of the states.
+
+    Args:
+        readings: (g,) which of all readings they are.
+        rows: G', (g, n_dofs); zero where they see stresses.
+        weights: (n_states, g) how often a reading counts what it sees of a state.
+        stresses: (g, s, q) weights of the stresses at the points of `StressRows`; None where they
+            see displacements.
+    """
+
+    readings: Ints
+    rows: sp.csr_array
+    weights: Floats
+    stresses: Floats | None = None
+
+    def some(self, which: slice) -> ReadRows:
+        """Some of the readings."""
+        stresses = None if self.stresses is None else self.stresses[which]
+        return ReadRows(self.readings[which], self.rows[which], self.weights[:, which], stresses)
 
 
 class DualMarch:
@@ -48,22 +72,25 @@ class DualMarch:
             for name, slopes in at.slopes.items()
         }
 
-    def basis(self, rows: sp.csr_array, weights: Floats) -> DualBasis:
+    def basis(self, read: ReadRows) -> DualBasis:
         """The adjoints in all states.
 
         Args:
-            rows: G', (g, n_dofs).
-            weights: (n_states, g) how often a reading counts the displacements of a state.
+            read: what readings see of the states.
         """
-        count, together = rows.shape[0], max(_AT_ONCE // (1 + len(self._by)), 1)
+        count, together = len(read.readings), max(_AT_ONCE // (1 + len(self._by)), 1)
         parts = [
-            self._some(rows[some : some + together], weights[:, some : some + together])
+            self._some(read.some(slice(some, some + together)))
             for some in range(0, max(count, 1), together)
         ]
-        stages = tuple(_joined([part[n] for part in parts]) for n in range(len(weights)))
-        return DualBasis(self._affine.form, self._place, self._by, stages)
+        stages = tuple(_joined([part[n] for part in parts]) for n in range(len(read.weights)))
+        forces = read.stresses is not None
+        return DualBasis(
+            self._affine.form, self._place, self._by, stages, read.readings, forces=forces
+        )
 
-    def _some(self, rows: sp.csr_array, weights: Floats) -> list[StageDual]:
+    def _some(self, reads: ReadRows) -> list[StageDual]:
+        rows, weights = reads.rows, reads.weights
         n_states, k = weights.shape
         K, s, points = 1 + len(self._by), self._points.n_strain, self._points.n_points
         left: dict[int, Floats] = {}
@@ -75,6 +102,10 @@ class DualMarch:
             task = self._run.traces[number].task
             state, system = task.state, task.system
             a = left.pop(number, np.zeros((s, points, K * k)))
+            if reads.stresses is not None:
+                mine = self._affine.rows.points
+                of_volume = reads.stresses / self._points.volume[mine]
+                a[:, mine, :k] -= np.moveaxis(of_volume, 0, -1) * weights[number]
             self._points.clear(a, state, system)
             strain = np.zeros_like(a)
             forces = np.zeros((rows.shape[1], k))
@@ -165,19 +196,13 @@ class DualMarch:
 
     def _moments(self, zone: Zone, b: Floats) -> Floats:
         """Moments (pairs, r, k) of strains (s, q, K, k) in a zone."""
-        first, second = np.triu_indices(b.shape[2])
-        weighted = b * self._points.volume[zone.points][:, None, None]
+        s, q, K, k = b.shape
+        x = np.ascontiguousarray(b.transpose(3, 2, 0, 1)).reshape(k, K * s, q)
+        S = (x * self._points.volume[zone.points]) @ x.swapaxes(1, 2)
+        first, second = np.triu_indices(K)
+        pairs = S.reshape(k, K, s, K, s)[:, first, :, second]  # (pairs, k, s, s)
         basis = moment_basis(self._affine.form.spans[zone.material])
-        found = []
-        for J in basis:
-            turned = np.tensordot(J, b, axes=1)
-            found.append(
-                [
-                    np.einsum("sqk,sqk->k", weighted[:, :, one], turned[:, :, other])
-                    for one, other in zip(first, second, strict=True)
-                ]
-            )
-        return np.array(found).swapaxes(0, 1)
+        return np.tensordot(pairs, basis, axes=((2, 3), (1, 2))).swapaxes(1, 2)
 
     def _nothing(self, k: int) -> StageDual:
         K, r = 1 + len(self._by), self._projection.particular.shape[1]

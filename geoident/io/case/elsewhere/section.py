@@ -214,6 +214,27 @@ _TIME_LIMIT = "Time after which a run is ended, and has failed; no limit if miss
 _AT_ONCE = "Number of runs at a time; one on each core if missing. 1 where there is one licence."
 
 
+class TemplateSection(Section):
+    """A template that says how its fields are written."""
+
+    template: Text = Field(description="File beside the case.", examples=["cube.j2"])
+    engine: Literal["fields", "jinja"] = Field(
+        "fields",
+        description="fields: `{{NAME [GPa]:10.3e}}` as in a template that is named alone; jinja: a "
+        'template of Jinja, `{{ NAME | to("GPa") }}` with loops and conditions (extra jinja).',
+    )
+
+
+def _template_shape(value: object) -> str:
+    return "<template>" if isinstance(value, Mapping | TemplateSection) else "text"
+
+
+AnyTemplateSection = Annotated[
+    Annotated[Text, Tag("text")] | Annotated[TemplateSection, Tag("<template>")],
+    Discriminator(_template_shape),
+]
+
+
 class ExternalModelSection(Section):
     """A program that is run with files of its own, each run in a folder of its own."""
 
@@ -223,7 +244,7 @@ class ExternalModelSection(Section):
         "the folder of the case.",
         examples=[["ccx", "-i", "cube"]],
     )
-    inputs: dict[Inside, Text] = Field(
+    inputs: dict[Inside, AnyTemplateSection] = Field(
         min_length=1,
         description="Name of a file in the folder of the run to its template beside the case: a "
         "text with fields such as `{{E_rock:10.3e}}` or `{{E_rock [GPa]:10.3f}}`.",
@@ -263,4 +284,25 @@ class PythonModelSection(Section):
     at_once: Annotated[int, Count()] | None = Field(None, description=_AT_ONCE)
 
 
-ElsewhereSection = Annotated[ExternalModelSection | PythonModelSection, Field(discriminator="kind")]
+class TableModelSection(Section):
+    """Runs that were made elsewhere: a table, between whose rows a response surface answers.
+
+    The first line names the columns: parameters (`E_rock [GPa]`) and readings (`roof [mm]`, of
+    several stages `roof @ heading [mm]`); each further line is a run.
+    """
+
+    kind: Literal["table"]
+    file: Text = Field(description="CSV file beside the case.", examples=["runs.csv"])
+    surface: Literal["auto", "gaussian-process", "polynomial"] = Field(
+        "auto",
+        description="Between the runs: a Gaussian process, a polynomial, or for each reading the "
+        "one with the smaller leave-one-out error.",
+    )
+    ignore: list[Text] = Field(
+        [], description="Columns that are neither parameter nor reading; `run` needs no mention."
+    )
+
+
+ElsewhereSection = Annotated[
+    ExternalModelSection | PythonModelSection | TableModelSection, Field(discriminator="kind")
+]

@@ -342,7 +342,12 @@ def error_parts(given: AnyAccuracy, kind: str, survey: str) -> ErrorParts | None
             sizes[name] = part.factor
     surveyed = float(given.zero is None)
     return ErrorParts(
-        **sizes, survey=survey, zero_surveyed=surveyed, estimated=tuple(estimated.items()), mesh=()
+        **sizes,
+        survey=survey,
+        zero_surveyed=surveyed,
+        estimated=tuple(estimated.items()),
+        mesh=(),
+        surface=(),
     )
 
 

@@ -11,7 +11,12 @@ from geoident.units import in_unit, shown_unit
 
 
 def runs_csv(table: CampaignTable) -> str:
-    """All runs as CSV: one row a run, values in the units of the case, readings not among them."""
+    """All runs as CSV: one row a run, values in the units of the case."""
+    return csv_text(runs_columns(table))
+
+
+def runs_columns(table: CampaignTable) -> CsvTable:
+    """The same as a table."""
     names = table.parameter_names
     known = {p.name: p for run in table.runs for p in run.parameters}
     places = _places(table)
@@ -27,7 +32,7 @@ def runs_csv(table: CampaignTable) -> str:
     header += ["evaluations", "factorizations", "solves", "seconds", "host", "processes_lost"]
     header += ["file", "reason"]
     rows = tuple(_csv_row(table, run, names, tuple(places)) for run in table.runs)
-    return csv_text(CsvTable(tuple(header), rows))
+    return CsvTable(tuple(header), rows)
 
 
 def _places(table: CampaignTable) -> dict[tuple[str, str], RunReading]:

@@ -78,7 +78,7 @@ def ground_sentences(case: CaseTexts, numbers: SaidNumbers) -> tuple[str, ...]:
     """
     model = entries(case, "model")
     if model:
-        run = model.get("command") or [model.get("function", "")]
+        run = model.get("command") or [model.get("function") or model.get("file", "")]
         return (f"The model is elsewhere ({model.get('kind')}): {' '.join(map(str, run))}.",)
     stress = entries(case, "in_situ")
     parts = [

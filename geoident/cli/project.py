@@ -1,0 +1,117 @@
+"""Fitting a project: what is said while it is computed, and at the end."""
+
+# ruff: noqa: PLC0415 - the parts are imported when needed: --help must not wait for them
+
+from __future__ import annotations
+
+import click
+from click.core import ParameterSource
+
+from geoident.cli.error_boundary import failures_as_json
+from geoident.cli.options import Options
+from geoident.cli.signals import stop_on_signals
+from geoident.cli.terminal import Terminal
+from geoident.errors import ExitCode, UsageError
+from geoident.report.text.json import dumps
+from geoident.report.text.project.json import project_object
+from geoident.report.text.project.tables import project_summary, project_text
+from geoident.workflow.executing.stop import StopRequest
+from geoident.workflow.project.plan import ProjectJob, ProjectRequest, plan_project
+from geoident.workflow.project.run import fit_project
+from geoident.workflow.running.control import Control
+
+
+def run_project(path: str, options: Options, *, leave_one_out: bool) -> int:
+    """Fit a project and say what came out.
+
+    Args:
+        path: of its file.
+        options: of the command.
+        leave_one_out: predict each section from the others, too.
+
+    Returns:
+        The exit code.
+
+    Raises:
+        UsageError: values are to be set, which a project does itself.
+    """
+    if options.overrides:
+        raise UsageError("A project sets values of its sections itself: sections[..].set.")
+    with failures_as_json(path, options):
+        request = ProjectRequest(
+            path=path,
+            output=options.output,
+            leave_one_out=leave_one_out,
+            solver=options.solver,
+            jobs=options.jobs if _said("jobs") else None,
+            seed=options.seed,
+            force=options.force,
+            fresh=options.fresh,
+        )
+        job = plan_project(request)
+        if options.dry_run:
+            return _say_plan(job, options)
+        terminal = Terminal(options)
+        control = Control(terminal, StopRequest(), max_time=options.max_time)
+        with terminal.live(path), stop_on_signals(control.stop):
+            finished = fit_project(job, control)
+    result = finished.result
+    for remark in finished.remarks:
+        terminal.inform(remark)
+    if finished.up_to_date:
+        terminal.inform(f"{finished.path} is up to date; --fresh computes it again")
+    terminal.inform(project_summary(result))
+    if result.exit_code != ExitCode.DONE and options.quiet:
+        terminal.warn(f"{path}: {result.status}: {result.reason}")
+    said = project_object(result, project=path, output=finished.path)
+    click.echo(dumps(said) if options.as_json else finished.path)
+    return result.exit_code
+
+
+def _said(name: str) -> bool:
+    """Whether an option was given."""
+    context = click.get_current_context(silent=True)
+    source = None if context is None else context.get_parameter_source(name)
+    return source not in (None, ParameterSource.DEFAULT)
+
+
+def _say_plan(job: ProjectJob, options: Options) -> int:
+    """What would be fitted; nothing is computed."""
+    project, path = job.project, str(job.place.path)
+    if options.as_json:
+        names = [[s.name, s.case, s.predicted] for s in project.sections]
+        click.echo(dumps({"output": path, "up_to_date": job.up_to_date, "sections": names}))
+        return ExitCode.DONE
+    predicted = len(project.sections) - len(project.fitted)
+    click.echo(f"{len(project.fitted)} sections to fit, {predicted} to predict")
+    click.echo(f"shared: {', '.join(project.shared) or 'nothing'}")
+    for law in project.laws:
+        click.echo(f"law: {law.parameter} = {law.text} (scatter: {law.scatter.kind})")
+    for section, one in zip(project.sections, job.inputs, strict=True):
+        known = ", ".join(f"{name} {value:g}" for name, value in section.covariates.items())
+        count = len(one.case.readings)
+        role = "  (predicted)" if section.predicted else ""
+        click.echo(f"{section.name}  {section.case}  {known}  {count} readings{role}")
+    click.echo(f"\n{path} is up to date" if job.up_to_date else f"\nWould write {path}")
+    return ExitCode.DONE
+
+
+def show_project(path: str, options: Options) -> int:
+    """Print the result of a project.
+
+    Args:
+        path: of the result.
+        options: of the command.
+    """
+    from geoident.io.result.project import read_project_result
+    from geoident.workflow.running.result_files import case_path
+
+    with failures_as_json(path, options):
+        result = read_project_result(path)
+    project = case_path(path, result.provenance.case_file)
+    if options.as_json:
+        click.echo(dumps(project_object(result, project=project, output=path)))
+    else:
+        title = f"{path}: fit of {len(result.sections)} sections of {project}"
+        click.echo(project_text(result, title=title))
+    return ExitCode.DONE

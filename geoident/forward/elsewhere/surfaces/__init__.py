@@ -1,0 +1,1 @@
+"""Response surfaces through runs that were made elsewhere, and their own errors (theory 4.8)."""

@@ -1,0 +1,165 @@
+"""Gauges that read stresses of the ground or forces of structures, as sums over strain points.
+
+What a load cell or a stress cell reads is a fixed sum of the forces of members or of the stresses
+around it, so it is known with the stress of the reduced model, and its error with that of this
+(theory 14.4). Left out is what is not linear in the stress (principal stresses), what makes a
+strain of a force by a rigidity that is sought, and total stresses where water is in the pores.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from geoident.forward.gauges.observable import MarchState, Observable
+from geoident.forward.gauges.observation import Observation
+from geoident.forward.march.march import March
+from geoident.forward.march.stage import GivenStress, StageEnd
+from geoident.forward.reduced.points import MarchPoints
+from geoident.forward.reduced.zones import StressTerm
+from geoident.model.arrays import Bools, Floats, Ints
+from geoident.model.dual import ParameterPoint
+
+_MOVED = 1e-3
+"""Part of their size by which parameters are moved to see whether a gauge depends on them."""
+
+
+@dataclass(frozen=True, eq=False)
+class StressRows:
+    """Channels (c) that read stresses or forces.
+
+    Args:
+        channels: (c,) which of all channels.
+        points: (q,) strain points and members that they read, ascending.
+        weights: (c, s, q) of the stresses there.
+    """
+
+    channels: Ints
+    points: Ints
+    weights: Floats
+
+    def at(self, points: Ints) -> tuple[Ints, Floats]:
+        """Those of some points (p,) that are read, and their weights (c, s, q).
+
+        Args:
+            points: (p,) strain points, ascending.
+        """
+        here = np.isin(self.points, points)
+        return self.points[here], self.weights[:, :, here]
+
+    def of(self, rows: Ints) -> Ints:
+        """(g,) places of some channels (g,) among those; -1 where they read something else."""
+        found = np.full(len(rows), -1)
+        for place, channel in enumerate(self.channels):
+            found[rows == channel] = place
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class StageForces:
+    """What these channels see of the stress of a state of the reduced model.
+
+    Args:
+        channels: (c,) which of all channels.
+        loads: (c, r) by the coordinates of the loads: the stress in situ, forces of jacks.
+        terms: (r_m, c, N_l) by state and material.
+    """
+
+    channels: Ints
+    loads: Floats
+    terms: Mapping[StressTerm, Floats]
+
+
+def stress_rows(march: March, observation: Observation) -> StressRows:
+    """The channels of a case that read stresses or forces in a way that is covered."""
+    points = MarchPoints(march.systems)
+    s = points.n_strain
+    channels, own = [], list[tuple[Ints, Floats]]()
+    for row, observable, wanted in _others(observation):
+        found = _covered(march, observable, wanted)
+        if found is None:
+            continue
+        stress, members = found
+        whole = np.zeros((s, points.n_points))
+        whole[:, : points.n_ground] = stress.reshape(s, -1)
+        whole[0, points.n_ground :] = members
+        read = np.flatnonzero(whole.any(axis=0))
+        channels.append(row)
+        own.append((read, whole[:, read]))
+    every = np.unique(np.concatenate([np.empty(0, np.int64), *(read for read, _ in own)]))
+    weights = np.zeros((len(own), s, len(every)))
+    for mine, (read, values) in zip(weights, own, strict=True):
+        mine[:, np.searchsorted(every, read)] = values
+    return StressRows(np.array(channels, dtype=np.int64), every, weights)
+
+
+def beyond_reduction(march: March, observation: Observation, rows: Ints) -> str | None:
+    """Why some channels have no reduced model, a clause, or None if they have.
+
+    Args:
+        march: of the case.
+        observation: its gauges.
+        rows: (g,) the channels.
+    """
+    if observation.not_linear(rows) is None:
+        return None
+    for row, observable, wanted in _others(observation):
+        if row in rows and _covered(march, observable, wanted) is None:
+            name = observation.channels[row]
+            return f"gauge '{name}' reads more than displacements, normal stresses and forces"
+    return None
+
+
+def _others(observation: Observation) -> list[tuple[int, Observable, Bools]]:
+    """Channels that read more than displacements: row, what reads it, which of its rows."""
+    found = []
+    for mine, observable in observation.parts:
+        if observable.rows is None:
+            for place, row in enumerate(mine):
+                found.append((int(row), observable, np.arange(len(mine)) == place))
+    return found
+
+
+def _covered(march: March, observable: Observable, wanted: Bools) -> tuple[Floats, Floats] | None:
+    """Weights of the stresses (s n_points,) and of the forces (n_rows,); None if not covered."""
+    start = march.case.start
+    moved = {name: value * (1.0 + _MOVED) + 1e-12 for name, value in start.items()}
+    nothing = _nothing(march)
+    found = []
+    for values in (start, moved):
+        point = ParameterPoint(values, ())
+        state = MarchState(nothing, point, march.systems.structures)
+        rows = observable.linear(state, wanted)
+        if rows is None or rows.u is not None:
+            return None
+        mine = np.flatnonzero(wanted)
+        stress, members = (
+            np.zeros(size) if part is None else part[mine].toarray()[0]
+            for part, size in (
+                (rows.stress, nothing.stress.size),
+                (rows.members, len(nothing.members)),
+            )
+        )
+        found.append((stress, members))
+        for number in range(len(march.sequence.states)):
+            still = replace(state, end=replace(nothing, state=number))
+            if np.any(observable.values(still)[wanted]):  # something beside the stress
+                return None
+    for one, other in zip(*found, strict=True):
+        if not np.array_equal(one, other):
+            return None
+    return found[0] if any(part.any() for part in found[0]) else None
+
+
+def _nothing(march: March) -> StageEnd:
+    """A state without displacements, stresses and forces."""
+    points = march.systems.discretization.points
+    return StageEnd(
+        0,
+        np.zeros((march.systems.discretization.n_dofs, 1)),
+        GivenStress(np.zeros((points.n_strain, points.n_points, 1))),
+        np.zeros((march.systems.structures.n_rows, 1)),
+        np.zeros(points.n_points, dtype=bool),
+    )

@@ -1,0 +1,143 @@
+"""The search for all unknowns of several sections and for their scatter (theory 15)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from geoident.identify.hierarchical.arrangement import (
+    Arrangement,
+    SectionModels,
+    SectionReadings,
+)
+from geoident.identify.hierarchical.restricted import LinearSections, most_likely
+from geoident.identify.least_squares.gauss_newton import gauss_newton_descent
+from geoident.identify.objective.discrepancy import Discrepancy
+from geoident.identify.problem.problem import History, Observer, Outcome, Problem
+from geoident.model.arrays import Bools, Floats
+from geoident.model.methods import GaussNewtonOptions
+from geoident.model.project.project import ParameterLaw
+from geoident.model.results.result import Iteration
+
+_ROUNDS = 40
+_SETTLED = 1e-5
+"""Relative change of a scatter that ends the rounds: a thousandth of what is known of it."""
+
+_ROUGH = 1e-8
+"""Tolerance of descents as long as the scatter is not settled."""
+
+_BEGINNING = 0.25
+"""Of the largest scatter: where the search for it begins."""
+
+
+@dataclass(frozen=True)
+class HierarchicalFit:
+    """Where the search ended.
+
+    Args:
+        arrangement: of the unknowns, with the laws about which sections scatter.
+        problem: of all sections at this scatter.
+        outcome: of the last descent; its values are those of all unknowns.
+        tau: (K,) scatter about the laws, on their scales.
+        free: (K,) that was estimated.
+        linear: the sections there.
+    """
+
+    arrangement: Arrangement
+    problem: Problem
+    outcome: Outcome
+    tau: Floats
+    free: Bools
+    linear: LinearSections
+
+
+@dataclass(frozen=True)
+class SectionsStart:
+    """Where a search begins.
+
+    Args:
+        common: (F,) shared parameters and constants of laws, SI; None for their starts.
+        points: of each section its parameters (n,), SI; NaN, or nothing at all, for what follows
+            from what is common, or for their starts.
+        tau: (K,) scatter on the scales; None for a quarter of the largest.
+    """
+
+    common: Floats | None = None
+    points: tuple[Floats, ...] = ()
+    tau: Floats | None = None
+
+
+def fit_sections(
+    sections: Sequence[SectionReadings],
+    shared: Sequence[str],
+    laws: Sequence[ParameterLaw],
+    models: SectionModels,
+    observe: Observer,
+    *,
+    options: GaussNewtonOptions | None = None,
+    begin: SectionsStart | None = None,
+) -> HierarchicalFit:
+    """The most likely scatter of sections about laws, and all other unknowns at it.
+
+    Args:
+        sections: with their readings.
+        shared: names of parameters with one value for all.
+        laws: of others.
+        models: of the sections.
+        observe: is told of every trial; its reason to stop ends the search.
+        options: tolerance and steps of each descent.
+        begin: where to begin; None for the starts of the parameters.
+
+    Raises:
+        ModelError: a model has no solution at the start.
+    """
+    options = options or GaussNewtonOptions(tolerance=1e-12)
+    rough = replace(options, tolerance=max(options.tolerance, _ROUGH))
+    begin = begin or SectionsStart()
+    free = np.array([law.scatter.kind == "estimate" for law in laws], dtype=np.bool_)
+    made = Arrangement(sections, shared, laws, np.ones(len(laws), dtype=np.bool_))
+    tau = np.array([law.scatter.size for law in laws], dtype=np.float64) / made.reference
+    first = _BEGINNING * made.largest if begin.tau is None else begin.tau
+    tau = np.where(free, first, tau)
+    common = np.array([q.start for q in made.unknowns[: made.n_common]], dtype=np.float64)
+    common = common if begin.common is None else begin.common
+    points = tuple(made.further_point(one, common) for one in made.sections)
+    if begin.points:
+        both = zip(begin.points, points, strict=True)
+        points = tuple(np.where(np.isnan(own), other, own) for own, other in both)
+    iterations: tuple[Iteration, ...] = ()
+    last = not free.any()
+    for _ in range(_ROUNDS):
+        made = Arrangement(sections, shared, laws, tau > 0.0)
+        problem = made.problem(models, tau).begun_at(made.joined(common, points))
+        found = _descended(problem, options if last else rough, observe)
+        iterations += tuple(
+            replace(step, number=len(iterations) + n) for n, step in enumerate(found.iterations)
+        )
+        common = found.values[: made.n_common]
+        points = tuple(made.point(s, found.values)[0] for s in range(len(sections)))
+        linear = LinearSections.at(made, models, found.values)
+        if last or found.status != "converged":
+            break
+        again = most_likely(linear, tau, free)
+        # a scatter that is settled, and then one descent to the end
+        last = bool(np.all(np.abs(again - tau) <= _SETTLED * np.maximum(again, tau)))
+        tau = again
+    else:
+        reason = f"The scatter about the laws was not settled after {_ROUNDS} rounds."
+        found = replace(found, status="not-converged", reason=reason)
+    outcome = replace(found, iterations=iterations)
+    return HierarchicalFit(made, problem, outcome, tau, free, linear)
+
+
+def _descended(problem: Problem, options: GaussNewtonOptions, observe: Observer) -> Outcome:
+    """One descent from where a problem begins."""
+    history = History("gauss-newton", problem.response, observe)
+    descent = gauss_newton_descent(Discrepancy(problem), options, history)
+    point = descent.evaluator.evaluate(descent.evaluator.scaling.start)
+    descent.evaluator.record(point.x, point, 0.0, "start")
+    ending = descent.run(point)
+    best = ending.point
+    return history.outcome(best.p, best.phi, ending.status, ending.reason)

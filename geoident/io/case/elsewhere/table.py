@@ -1,0 +1,132 @@
+"""From a table of runs to the model of a case: held against its parameters, gauges and bounds."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from geoident.errors import InputError
+from geoident.io.case.elsewhere.section import TableModelSection
+from geoident.io.case.elsewhere.surroundings import Surroundings
+from geoident.io.elsewhere.run_table import ReadRuns, read_run_table
+from geoident.model.arrays import Floats
+from geoident.model.elsewhere import RunTable
+from geoident.model.parameter import Parameter
+from geoident.units import in_unit, shown_unit
+
+FEW = 10
+"""Runs for each parameter below which it is said that they are few."""
+
+_BEYOND = 2.0
+"""By this part of the range of r runs, times 1 / r, a bound may be beyond them, to be moved there.
+
+A Latin hypercube over the bounds ends that far from them.
+"""
+
+
+def build_table(section: TableModelSection, around: Surroundings) -> RunTable:
+    """The table that a case names; what is wrong is noted.
+
+    Args:
+        section: the key ``model``.
+        around: what it refers to.
+    """
+    faults, before = around.faults, len(around.faults.found)
+    path = around.find(section.file, ("model", "file"))
+    asked = {name: p for name, p in around.parameters.items() if name not in around.tied}
+    found: ReadRuns | None = None
+    if len(faults.found) == before:
+        try:
+            found, wrong = read_run_table(
+                path, asked, around.channels, around.stages, section.ignore
+            )
+            faults.extend(wrong)
+        except InputError as error:
+            faults.extend(error.faults)
+    if found is None:
+        return RunTable(path, section.surface, (), np.zeros((0, 0)), np.zeros((0, 0, 0)))
+    _check_complete(found, asked, around, Path(path).name)
+    notes = found.notes
+    if len(found.values) < FEW * len(found.names):
+        notes += (
+            f"{len(found.values)} runs are few for {len(found.names)} parameters: "
+            f"{FEW * len(found.names)} and more make a good response surface",
+        )
+    table = RunTable(path, section.surface, found.names, found.values, found.readings, notes)
+    return replace(table, notes=(*table.notes, *_check_bounds(table, around)))
+
+
+def _check_complete(
+    found: ReadRuns, asked: dict[str, Parameter], around: Surroundings, file: str
+) -> None:
+    """Every parameter and every gauge has a column."""
+    for name in asked:
+        if name not in found.names:
+            message = f"the parameter '{name}' has no column in {file}"
+            hint = "Add it, with what each run was made with, or remove the parameter."
+            around.faults.add(("parameters", name), "no-column", message, hint, key=True)
+    for j, channel in enumerate(around.channels):
+        if np.isnan(found.readings[:, :, j]).all():
+            message = f"'{channel.name}' has no column in {file}"
+            hint = "Add it, with what each run gave, or remove the gauge."
+            around.faults.add(("gauges", channel.name), "no-column", message, hint, key=True)
+
+
+def _check_bounds(table: RunTable, around: Surroundings) -> list[str]:
+    """No bound is beyond the runs; those that are so by little are moved, which is said."""
+    moved = []
+    allowed = _BEYOND / len(table)
+    for name, column in zip(table.names, table.values.T, strict=True):
+        parameter = around.parameters[name]
+        low, high = float(column.min()), float(column.max())
+        beyond = _beyond(parameter, low, high)
+        if not beyond.any():
+            continue
+        least, most = (_shown(x, parameter) for x in (low, high))
+        if float(beyond.max()) > allowed + 1e-9:
+            end = int(np.argmax(beyond))
+            bound = _shown((parameter.lower, parameter.upper)[end], parameter)
+            message = f"the bound {bound} is beyond the runs of {Path(table.path).name}, "
+            message += f"which go from {least} to {most}"
+            hint = f"Write 'bounds: [{least}, {most}]', or add runs beyond them."
+            path = ("parameters", name, "bounds", end)
+            around.faults.add(path, "beyond-runs", message, hint)
+        else:
+            moved.append(f"{name} from {least} to {most}")
+    return [f"bounds are taken where the runs end: {', '.join(moved)}"] if moved else []
+
+
+def _beyond(parameter: Parameter, low: float, high: float) -> Floats:
+    """By which part of the range of the runs the bounds (2,) are beyond it, on its scale."""
+    ends = np.array([parameter.lower, low, high, parameter.upper])
+    if parameter.scale == "log":
+        ends = np.log(ends)
+    return np.asarray(np.maximum([ends[1] - ends[0], ends[3] - ends[2]], 0.0) / (ends[2] - ends[1]))
+
+
+def _shown(value: float, parameter: Parameter) -> str:
+    unit = parameter.unit, parameter.dimension
+    return f"{in_unit(value, *unit):.6g} {shown_unit(*unit)}".rstrip()
+
+
+def within_runs(parameters: Sequence[Parameter], table: RunTable) -> tuple[Parameter, ...]:
+    """Parameters with bounds and starts inside the runs of a table.
+
+    Args:
+        parameters: of the case.
+        table: of its runs.
+    """
+    found = []
+    for parameter in parameters:
+        if parameter.name not in table.names:
+            found.append(parameter)
+            continue
+        column = table.values[:, table.names.index(parameter.name)]
+        lower = max(parameter.lower, float(column.min()))
+        upper = min(parameter.upper, float(column.max()))
+        start = min(max(parameter.start, lower), upper)
+        found.append(replace(parameter, lower=lower, upper=upper, start=start))
+    return tuple(found)

@@ -1,0 +1,1 @@
+"""Project files: several sections of one ground."""

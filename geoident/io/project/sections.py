@@ -1,0 +1,142 @@
+"""The keys of a project file."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Field, GetJsonSchemaHandler
+from pydantic_core import CoreSchema
+
+from geoident.io.case.parameters import ParameterSection
+from geoident.io.project.formula import parse_formula
+from geoident.io.schema.section import Section
+from geoident.io.schema.values import (
+    AnyQuantity,
+    Flag,
+    Given,
+    Name,
+    Of,
+    ParameterName,
+    Text,
+    require_text,
+)
+from geoident.io.text.wording import Refusal, did_you_mean, shorten
+from geoident.units import DIMENSIONLESS, UnitError
+
+ESTIMATE, NONE = "estimate", "none"
+
+
+def _formula(value: object) -> str:
+    text = require_text(value, "a formula")
+    parse_formula(text)
+    return text
+
+
+@dataclass(frozen=True)
+class ScatterSize(Of):
+    """Annotation of a `Given`: a standard deviation, ``estimate`` or ``none`` (a NaN, a zero)."""
+
+    dimension: str | None = None
+
+    def parse(self, value: object) -> Given:
+        """The size that a text says.
+
+        Raises:
+            Refusal: no such text, or a size that is not positive.
+        """
+        if isinstance(value, Given):
+            return value
+        text = require_text(value, self.words()).strip()
+        if text in (ESTIMATE, NONE):
+            size = math.nan if text == ESTIMATE else 0.0
+            return Given(text, size, None, DIMENSIONLESS)
+        try:
+            given = super().parse(text)
+        except (UnitError, Refusal) as error:
+            message = f"'{shorten(text)}' is not {self.words()}"
+            hint = did_you_mean(text, (ESTIMATE, NONE), what="Words")
+            raise Refusal("bad-scatter", message, hint) from error
+        if given.factor <= 0.0:
+            message = f"'{shorten(text)}': a standard deviation is above zero"
+            raise Refusal("out-of-range", message, f"Write '{NONE}' where nothing scatters.")
+        return given
+
+    def words(self) -> str:
+        """What is expected, for a message."""
+        return "a standard deviation, such as 30 %, or estimate or none"
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        described = super().__get_pydantic_json_schema__(schema, handler)
+        found = described["pattern"].removeprefix(r"^\s*(").removesuffix(r")\s*$")
+        described["pattern"] = rf"^\s*({found}|{ESTIMATE}|{NONE})\s*$"
+        described["description"] = self.words()
+        described["examples"] = [ESTIMATE, NONE, "30 %"]
+        described["x-quantity"] = f"standard deviation, `{ESTIMATE}` or `{NONE}`"
+        return described
+
+
+class SiteSection(Section):
+    """A section: a case, and what is known of the section beside it."""
+
+    name: Name | None = Field(
+        None, description="Name of the section; by default that of the file of its case."
+    )
+    case: Text = Field(description="Path of its case.", examples=["km-1.yaml"])
+    set: dict[Name, Any] = Field(
+        {},
+        description="Path to a value that takes the place of that of its case.",
+        examples=[{"readings": "km-1.csv", "in_situ.vertical": "8 MPa"}],
+    )
+    covariates: dict[ParameterName, AnyQuantity] = Field(
+        {},
+        description="What is known of it, by which its parameters may differ; the same names for "
+        "all sections.",
+        examples=[{"GSI": 27, "depth": "120 m"}],
+    )
+    predict: Flag = Field(
+        False,
+        description="The section is left out of the fit, and predicted; its readings only judge "
+        "the prediction.",
+    )
+
+
+class LawSection(Section):
+    """How a parameter follows from what is known of a section."""
+
+    formula: Annotated[str, BeforeValidator(_formula)] = Field(
+        description="Its value, from covariates and constants of the law by + - * / ^, exp, log "
+        "(natural), log10 and sqrt, all in SI units.",
+        examples=["a * exp(b * GSI)"],
+    )
+    constants: dict[ParameterName, ParameterSection] = Field(
+        {}, description="Name to a constant of the law, which is found; it has its bounds and may "
+        "have a prior as a parameter of a case.",
+    )  # fmt: skip
+    scatter: Annotated[Given, ScatterSize()] = Field(
+        Given(ESTIMATE, math.nan, None, DIMENSIONLESS),
+        description="Standard deviation by which sections scatter about the law: `estimate`d from "
+        "them, given, or `none`. Of a parameter with `scale: log` it is that of the logarithm "
+        "(30 % or 0.3), else in the unit of the parameter.",
+    )
+
+
+class ProjectFile(Section):
+    """A project for geoident: several sections of one ground, and what they have in common."""
+
+    format: Literal["geoident-project/1"] = Field(description="Type and version of this file.")
+    title: Text = Field("", description="Free text.")
+    sections: list[SiteSection] = Field(min_length=1, description="The sections.")
+    shared: list[ParameterName] = Field(
+        [],
+        description="Parameters of the cases that have one value for all sections.",
+        examples=[["K0"]],
+    )
+    laws: dict[ParameterName, LawSection] = Field(
+        {},
+        description="Parameter of the cases to the law that it follows. Parameters that are "
+        "neither shared nor have a law are of each section alone.",
+    )

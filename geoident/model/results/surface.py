@@ -1,0 +1,55 @@
+"""The response surfaces of a table of runs, and how well runs left out are told (theory 4.8)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from geoident.model.arrays import Floats
+
+
+@dataclass(frozen=True)
+class SurfaceTable:
+    """The surface of each of m readings of a table of runs.
+
+    Args:
+        file: name of the table.
+        runs: number of its runs.
+        channels: m names of channels.
+        stages: m names of stages.
+        words: m kinds of surface.
+        left_out: (m,) root mean square of the errors of runs left out one by one, SI.
+        own: (m,) standard deviation of the surface's own error at the estimate, SI.
+        accuracy: (m,) of the readings, SI.
+        lower: (m,) the least that a run gave, SI.
+        upper: (m,) the largest, SI.
+        units: m units in which people want to see them.
+        dimensions: m dimensions.
+    """
+
+    file: str
+    runs: int
+    channels: tuple[str, ...]
+    stages: tuple[str, ...]
+    words: tuple[str, ...]
+    left_out: Floats
+    own: Floats
+    accuracy: Floats
+    lower: Floats
+    upper: Floats
+    units: tuple[str, ...]
+    dimensions: tuple[str, ...]
+
+    def __len__(self) -> int:
+        return len(self.channels)
+
+    @property
+    def part(self) -> float:
+        """Root mean square of the own errors at the estimate, in accuracies."""
+        return float(np.sqrt(np.mean((self.own / self.accuracy) ** 2)))
+
+    @property
+    def worst(self) -> int:
+        """Number of the reading of which the surface knows least, in its accuracy."""
+        return int(np.argmax(self.left_out / self.accuracy))

@@ -1,0 +1,249 @@
+"""Several sections in words and tables, in the units of their cases."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from geoident.model.results.project import (
+    GIVEN_SCATTER,
+    LAW,
+    NO_SCATTER,
+    SHARED,
+    UNKNOWN_SCATTER,
+    LawEstimate,
+    ProjectResult,
+    SectionEnd,
+    SectionParameter,
+    SectionReading,
+)
+from geoident.report.text.layout import (
+    TextTable,
+    bullets,
+    number,
+    section,
+    sections,
+    sentence,
+    with_interval,
+)
+from geoident.units import in_unit, shown_unit
+
+NOT_DETERMINED = "not determined"
+_STATUS = {
+    "converged": "The search converged",
+    "not-converged": "The search did not converge: the values are the best found so far",
+    "not-determined": "The sections do not determine everything",
+    "poor-fit": "The models do not fit the readings: parameters and bands are not to be relied on",
+    "out-of-budget": "The search ran out of its budget: the values are the best found so far",
+}
+_MOST = 60
+"""Rows of a table of readings on a terminal."""
+
+
+def project_text(result: ProjectResult, *, title: str) -> str:
+    """All of a result that fits a terminal.
+
+    Args:
+        result: what to show.
+        title: the first line, such as its path.
+    """
+    return sections(
+        f"{title}\n{head(result)}",
+        section("Common to all sections", common_table(result).folded()),
+        section("Laws", laws_table(result).folded()),
+        section("Findings", bullets(result.findings)),
+        section("Sections", sections_table(result).folded()),
+        section(
+            "Parameters of the sections (law; by itself; with all others)",
+            parameters_table(result).folded(2),
+        ),
+        *(
+            section(f"{one.name}: predicted readings", _few(readings_table(result, one)))
+            for one in result.predicted
+        ),
+        section("Left out in turn", left_out_table(result).folded()),
+        section("Notes", bullets(result.notes)),
+        f"Cost: {result.counts.evaluations} evaluations, {result.counts.factorizations} "
+        "factorizations",
+    )
+
+
+def project_summary(result: ProjectResult) -> str:
+    """The outcome in a few lines, for the end of a run."""
+    parts = (
+        head(result),
+        common_table(result).text,
+        laws_table(result).text,
+        bullets(result.findings),
+    )
+    return "\n".join(part for part in parts if part)
+
+
+def head(result: ProjectResult) -> str:
+    """How the search ended, and how well the readings are met."""
+    said = [f"{_STATUS.get(result.status, result.status)}. {result.reason}"]
+    fitted, predicted = len(result.fitted), len(result.predicted)
+    count = sum(one.readings for one in result.fitted)
+    words = f"{count} readings of {fitted} sections"
+    words += f"; {predicted} more predicted" if predicted else ""
+    scale = "" if math.isnan(result.misfit) else (
+        f" The residuals are {number(result.misfit, 3)} times as large as their errors explain."
+    )  # fmt: skip
+    said.append(f"{words}; misfit {number(result.objective)}.{scale}")
+    return "\n".join(sentence(text) for text in said)
+
+
+def common_table(result: ProjectResult) -> TextTable:
+    """Shared parameters and constants of laws."""
+    rows = []
+    for one in result.common:
+        value, interval = _value(one.value, one.lower95, one.upper95, one.unit, one.dimension,
+                                 determined=one.determined)  # fmt: skip
+        what = "shared" if one.kind == SHARED else f"law of {one.law}"
+        unit = shown_unit(one.unit, one.dimension)
+        rows.append([one.name, what, value, interval, unit, "at bound" if one.at_bound else ""])
+    return TextTable(["name", "of", "value", "95 % interval", "unit", ""], rows, right="llrr")
+
+
+def laws_table(result: ProjectResult) -> TextTable:
+    """The laws and the scatter about them."""
+    rows = [
+        [law.parameter, law.formula, scatter_cell(law), scatter_interval(law)]
+        for law in result.laws
+    ]
+    return TextTable(["parameter", "law", "scatter", "95 % interval"], rows, right="llrr")
+
+
+def scatter_cell(law: LawEstimate) -> str:
+    """The scatter about a law in words."""
+    if law.state == UNKNOWN_SCATTER:
+        return NOT_DETERMINED
+    if law.state == NO_SCATTER:
+        return "none"
+    given = " (given)" if law.state == GIVEN_SCATTER else ""
+    return f"{law.words(law.scatter)}{given}"
+
+
+def scatter_interval(law: LawEstimate) -> str:
+    """The interval of the scatter; empty where it is not estimated."""
+    if law.state in (GIVEN_SCATTER, NO_SCATTER, UNKNOWN_SCATTER):
+        return ""
+    return f"{law.words(law.lower95)} to {law.words(law.upper95)}"
+
+
+def sections_table(result: ProjectResult) -> TextTable:
+    """The sections: what is known of each, readings, misfit, whether it is of the same ground."""
+    names = list(dict.fromkeys(row.covariate for row in result.covariates))
+    units = {row.covariate: shown_unit(row.unit, row.dimension) for row in result.covariates}
+    heads = [f"{name} ({units[name]})" if units[name] else name for name in names]
+    rows = []
+    for one in result.sections:
+        known = {row.covariate: row for row in result.covariates if row.section == one.name}
+        cells = [
+            number(in_unit(known[name].value, known[name].unit, known[name].dimension))
+            if name in known
+            else "-"
+            for name in names
+        ]
+        rows.append(
+            [one.name, *cells, str(one.readings), number(one.misfit, 2), chance(one.outlying),
+             "predicted" if one.predicted else ""]
+        )  # fmt: skip
+    header = ["section", *heads, "readings", "misfit", "as far off", ""]
+    return TextTable(header, rows, right="l" + "r" * (len(header) - 2))
+
+
+def chance(probability: float) -> str:
+    """A probability in per cent.
+
+    >>> chance(0.25), chance(1e-7)
+    ('25 %', '< 0.01 %')
+    """
+    if math.isnan(probability):
+        return "-"
+    return f"{100 * probability:.2g} %" if probability >= 1e-4 else "< 0.01 %"
+
+
+def parameters_table(result: ProjectResult) -> TextTable:
+    """What the laws say of each section, what it says by itself, and what all say together."""
+    rows = [parameter_row(row) for row in result.parameters if row.kind != SHARED]
+    header = ["parameter", "section", "unit", "law", "by itself", "with all", "shrinkage", ""]
+    return TextTable(header, rows, right="lllrrrr")
+
+
+def parameter_row(row: SectionParameter) -> list[str]:
+    """A row of `parameters_table`."""
+    of = row.unit, row.dimension
+    law = _joined(row.law, row.law_lower95, row.law_upper95, *of)
+    alone = _joined(row.alone, row.alone_lower95, row.alone_upper95, *of)
+    value, interval = _value(row.value, row.lower95, row.upper95, *of, determined=row.determined)
+    shrunk = "-" if math.isnan(row.shrinkage) else f"{100 * row.shrinkage:.0f} %"
+    return [
+        row.parameter, row.section, shown_unit(*of) or "-", law if row.kind == LAW else "-", alone,
+        f"{value} ({interval})" if interval else value, shrunk, "at bound" if row.at_bound else "",
+    ]  # fmt: skip
+
+
+def readings_table(result: ProjectResult, one: SectionEnd) -> TextTable:
+    """The readings of a predicted section.
+
+    Args:
+        result: with them.
+        one: the section.
+    """
+    return bands_table([row for row in result.readings if row.section == one.name])
+
+
+def bands_table(rows: Sequence[SectionReading]) -> TextTable:
+    """Readings with their bands, and whether they lie inside."""
+    cells = []
+    for row in rows:
+        of = row.unit, row.dimension
+        value, interval = _value(row.computed, row.lower95, row.upper95, *of, determined=True)
+        read = number(in_unit(row.measured, *of))
+        verdict = "" if not row.judged else "inside" if row.inside else "OUTSIDE"
+        cells.append([row.gauge, row.stage, shown_unit(*of), value, interval, read, verdict])
+    header = ["gauge", "stage", "unit", "expected", "95 % band", "read", ""]
+    return TextTable(header, cells, right="lllrrr")
+
+
+def left_out_table(result: ProjectResult) -> TextTable:
+    """Each section as all others predict it."""
+    rows = []
+    for one in result.fitted:
+        judged = [r for r in result.left_out_readings if r.section == one.name]
+        inside = f"{sum(row.inside for row in judged)} of {len(judged)}" if judged else "-"
+        for row in result.left_out_parameters:
+            if row.section != one.name or row.kind != LAW:
+                continue
+            of = row.unit, row.dimension
+            predicted = _joined(row.value, row.lower95, row.upper95, *of)
+            alone = _joined(row.alone, row.alone_lower95, row.alone_upper95, *of)
+            cells = [one.name, row.parameter, shown_unit(*of) or "-", predicted, alone, inside]
+            rows.append(cells)
+    header = ["section", "parameter", "unit", "predicted by others", "by itself", "readings inside"]
+    return TextTable(header, rows, right="lllrrr")
+
+
+def _value(
+    value: float, low: float, high: float, unit: str, dimension: str, *, determined: bool
+) -> tuple[str, str]:
+    """A value and its interval in the unit in which people see it."""
+    if not determined:
+        return NOT_DETERMINED, ""
+    shown = with_interval(*(in_unit(x, unit, dimension) for x in (value, low, high)))
+    return shown[0], "" if shown[1] == "-" else f"{shown[1]} to {shown[2]}"
+
+
+def _joined(value: float, low: float, high: float, unit: str, dimension: str) -> str:
+    if math.isnan(value):
+        return "-"
+    text, interval = _value(value, low, high, unit, dimension, determined=True)
+    return f"{text} ({interval})" if interval else text
+
+
+def _few(table: TextTable) -> str:
+    """The first rows of a table, and how many more there are."""
+    text = TextTable(table.header, table.rows[:_MOST], table.right).folded(2)
+    left = len(table.rows) - _MOST
+    return f"{text}\n... and {left} more" if left > 0 else text

@@ -1,0 +1,113 @@
+"""The error of the response surfaces of a table of runs, among the errors of readings (theory 4.8).
+
+What the surfaces do not know is an error that all readings share, with its covariance at the
+parameters of the fit: as the error of the mesh it enters whatever is said of the fit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from geoident.forward.elsewhere.table import TableModel
+from geoident.forward.protocols import CaseModel
+from geoident.model.arrays import Floats
+from geoident.model.case import Case
+from geoident.model.gauges import Channel, ErrorParts
+from geoident.model.results.surface import SurfaceTable
+from geoident.units import in_unit, shown_unit
+
+MATTERS = 0.5
+"""Own error of the surfaces, in accuracies, from which on the user should add runs."""
+
+NOTICED = 0.1
+"""Likewise, from which on it is worth a word what it means."""
+
+STEADY = 0.05
+"""Relative change of the own error, beside accuracies, below which it is that of the answer."""
+
+
+def with_surface_error(case: Case, model: CaseModel, p: Floats, *, after: int = 0) -> Case:
+    """A case whose channels have the error of response surfaces among what their readings share.
+
+    Args:
+        case: the case.
+        model: of it; the case comes back as it is where no table answers.
+        p: (n,) parameters, SI.
+        after: number of such errors that belong to another table.
+    """
+    if not isinstance(model, TableModel):
+        return case
+    root = model.surfaces.error_root(p)
+    stages = [stage.name for stage in case.stages]
+    return replace(
+        case,
+        channels=tuple(
+            replace(channel, errors=_with_surface(channel, stages, root[:, j], after))
+            for j, channel in enumerate(case.channels)
+        ),
+    )
+
+
+def _with_surface(channel: Channel, stages: Sequence[str], root: Floats, after: int) -> ErrorParts:
+    parts = channel.errors or ErrorParts(channel.accuracy)
+    before = (0.0,) * after
+    each = zip(stages, root.tolist(), strict=True)
+    return replace(parts, surface=tuple((s, (*before, *row)) for s, row in each if any(row)))
+
+
+def surface_sources(case: Case) -> int:
+    """Number of the errors of response surfaces that the readings of a case share."""
+    sizes = (len(row) for c in case.channels if c.errors is not None for _, row in c.errors.surface)
+    return max(sizes, default=0)
+
+
+def is_steady(before: Case, after: Case) -> bool:
+    """Whether the own error is nearly the same in two versions of a case."""
+    for old, new in zip(before.channels, after.channels, strict=True):
+        sizes = [_sizes(channel) for channel in (old, new)]
+        for stage, size in sizes[1].items():
+            change = abs(size - sizes[0].get(stage, 0.0))
+            if change > STEADY * max(size, NOTICED * new.accuracy):
+                return False
+    return True
+
+
+def _sizes(channel: Channel) -> dict[str, float]:
+    errors = channel.errors
+    rows = errors.surface if errors is not None else ()
+    return {stage: float(np.linalg.norm(row)) for stage, row in rows}
+
+
+def surface_sentence(found: SurfaceTable) -> str:
+    """How well the surfaces foretell runs left out, and what they do not know at the answer."""
+    k = found.worst
+    unit = found.units[k], found.dimensions[k]
+    size = f"{in_unit(float(found.left_out[k]), *unit):.2g} {shown_unit(*unit)}".rstrip()
+    part = float(found.left_out[k] / found.accuracy[k])
+    worst = f"{size} at {found.channels[k]} in {found.stages[k]}, {part:.2g} accuracies"
+    said = (
+        f"Runs of {found.file} that are left out are foretold by the others within {worst}, or "
+        f"better. At these parameters the error of the response surfaces is {found.part:.2g} of "
+        "the accuracy in the mean"
+    )
+    if found.part < NOTICED:
+        return f"{said}."
+    return f"{said}; intervals and bands are widened by it."
+
+
+def surface_findings(found: SurfaceTable | None) -> tuple[str, ...]:
+    """The sentence, and what to do, where the surfaces know too little."""
+    if found is None or found.part < MATTERS:
+        return ()
+    more = "Runs around these parameters would narrow the intervals."
+    return (f"{surface_sentence(found)} {more}",)
+
+
+def surface_notes(found: SurfaceTable | None) -> tuple[str, ...]:
+    """The sentence where nothing has to be done."""
+    if found is None or found.part >= MATTERS:
+        return ()
+    return (surface_sentence(found),)

@@ -1,0 +1,1 @@
+"""Several sections of one ground: from a project file to a result."""

@@ -1,0 +1,104 @@
+"""Sentences on what several sections tell, and what they do not."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from geoident.model.results.project import (
+    UNKNOWN_SCATTER,
+    ZERO,
+    LawEstimate,
+    ProjectResult,
+    SectionReading,
+)
+
+UNLIKELY = 0.01
+"""Probability, of any of the sections, below which one is said to be of other ground."""
+
+_POOR = 1e-3
+_LEAST = 1.5
+"""Residuals by their errors from which on a section is named."""
+
+_BAD_BANDS = 0.85
+_FEW = 10
+
+
+def findings(result: ProjectResult, gaps: Sequence[str]) -> tuple[str, ...]:
+    """What is to be known of a result.
+
+    Args:
+        result: without findings.
+        gaps: sentences on what the sections together do not determine.
+    """
+    return (
+        *gaps,
+        *(text for law in result.laws for text in _of_scatter(law)),
+        *_of_sections(result),
+        *_of_bands(result.left_out_readings, "left out in turn"),
+        *_of_bands([r for r in result.readings if r.section in _predicted(result)], "predicted"),
+    )
+
+
+def _predicted(result: ProjectResult) -> set[str]:
+    return {section.name for section in result.predicted}
+
+
+def _of_scatter(law: LawEstimate) -> Iterator[str]:
+    if law.state == ZERO:
+        yield (
+            f"The sections do not show that {law.parameter} scatters about its law; up to "
+            f"{law.words(law.upper95)} is possible (95 %)."
+        )
+    elif law.state == UNKNOWN_SCATTER:
+        yield (
+            f"How far {law.parameter} scatters about its law is not determined: there are too few "
+            "sections for it, or they see too little. More sections, fewer constants, or a given "
+            "scatter help; what is predicted has wide bands."
+        )
+
+
+def _of_sections(result: ProjectResult) -> Iterator[str]:
+    judged = [s for s in result.fitted if s.outlying == s.outlying]
+    for section in judged:
+        if section.outlying < UNLIKELY / len(judged):
+            yield (
+                f"The section {section.name} does not fit what all others tell of it (of the same "
+                f"ground, one in {_one_in(section.outlying)} would be as far off): its ground, its "
+                f"case or its readings differ.{_off(result, section.name)}"
+            )
+    for section in result.fitted:
+        if section.above < _POOR and section.misfit >= _LEAST:
+            yield (
+                f"The model of {section.name} does not fit its readings: the residuals are "
+                f"{section.misfit:.2g} times as large as their errors explain."
+            )
+
+
+def _one_in(probability: float) -> str:
+    if probability < 1e-6:
+        return "more than a million"
+    return f"{float(f'{1.0 / probability:.2g}'):,.0f}".replace(",", " ")
+
+
+def _off(result: ProjectResult, name: str) -> str:
+    """By how much what a section says by itself is off its laws."""
+    said = []
+    for row in result.of(name):
+        if row.law == row.law and row.alone == row.alone and row.law != 0.0:
+            said.append(f"by itself it has {row.alone / row.law:.2g} times the {row.parameter} "
+                        "of the law")  # fmt: skip
+    return f" Of {name}, {' and '.join(said)}." if said else ""
+
+
+def _of_bands(rows: Sequence[SectionReading], which: str) -> Iterator[str]:
+    judged = [row for row in rows if row.judged]
+    if not judged:
+        return
+    inside = sum(row.inside for row in judged)
+    sections = len({row.section for row in judged})
+    text = f"Of {len(judged)} readings of {sections} sections that were {which}, {inside} "
+    text += f"({100 * inside / len(judged):.0f} %) lie within their 95 % bands"
+    if len(judged) >= _FEW and inside < _BAD_BANDS * len(judged):
+        yield f"{text}: the law, or the models, miss something that differs between sections."
+    else:
+        yield f"{text}."

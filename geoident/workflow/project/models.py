@@ -1,0 +1,249 @@
+"""The models of all sections, asked at once through an executor, and never twice for the same."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import partial
+
+import numpy as np
+
+from geoident.errors import ExitCode, Interrupted, ModelError
+from geoident.model.arrays import Floats
+from geoident.model.results.result import NO_COST, Counts
+from geoident.workflow.executing.executor import Answered, usable_cores
+from geoident.workflow.executing.processes import LocalProcesses
+from geoident.workflow.executing.stop import StopRequest
+from geoident.workflow.project.sections import (
+    EVALUATE,
+    PREPARE,
+    SHARPEN,
+    SHOWN,
+    PreparedSection,
+    SectionAnswer,
+    SectionsInProcess,
+    SectionSources,
+    SectionTask,
+    set_up_sections,
+)
+from geoident.workflow.running.control import Control
+from geoident.workflow.running.evaluation_log import Log
+
+
+class OneProcess:
+    """Computes the tasks here, one after the other.
+
+    Args:
+        sources: of the sections.
+        stop: the wish to stop.
+    """
+
+    def __init__(self, sources: SectionSources, stop: StopRequest) -> None:
+        self._answer = SectionsInProcess(sources, stop)
+        self._stop = stop
+
+    def __enter__(self) -> OneProcess:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """There is nothing to end."""
+
+    def run(self, tasks: Iterable[SectionTask]) -> Iterator[Answered[SectionAnswer]]:
+        """The answers in the order of the tasks."""
+        for number, task in enumerate(tasks):
+            self._stop.check()
+            yield Answered(number, self._answer(task))
+
+
+SectionExecutor = OneProcess | LocalProcesses[SectionTask, SectionAnswer]
+"""What computes tasks of sections; a context."""
+
+
+def section_executor(
+    sources: SectionSources, stop: StopRequest, *, jobs: int | None, here: bool
+) -> SectionExecutor:
+    """What computes the sections: processes of this machine, or this one.
+
+    Args:
+        sources: of the sections.
+        stop: the wish to stop.
+        jobs: number of processes; None for the cores there are.
+        here: formulas take less time than the start of a process, and programs share one log.
+    """
+    count = min(jobs or usable_cores(), len(sources.sources))
+    if here or count == 1:
+        return OneProcess(sources, stop)
+    return LocalProcesses[SectionTask, SectionAnswer](count, partial(set_up_sections, sources))
+
+
+class SectionAnswers:
+    """All sections of a project as `geoident.identify.hierarchical` asks them.
+
+    What was evaluated is kept in a log, from which an interrupted run goes on.
+
+    Args:
+        executor: computes the tasks.
+        log: of evaluations.
+        control: is told of the progress; stops the run.
+        names: of the sections.
+    """
+
+    def __init__(
+        self, executor: SectionExecutor, log: Log, control: Control, names: Sequence[str]
+    ) -> None:
+        self._executor, self._log, self._control = executor, log, control
+        self._names = tuple(names)
+        self._known: dict[tuple[int, bytes], tuple[Floats, Floats]] = {}
+        self._stale: set[tuple[int, bytes]] = set()  # whose derivatives are better now
+        self._counts = NO_COST
+        self.asked = 0
+
+    @property
+    def counts(self) -> Counts:
+        """Costs so far."""
+        return self._counts
+
+    def prepared(self) -> tuple[PreparedSection, ...]:
+        """All sections after their own fits.
+
+        Raises:
+            InputError, ModelError: the first section that cannot be set up or fitted says why.
+        """
+        numbers = range(len(self._names))
+        found: dict[int, PreparedSection] = {}
+
+        def take(number: int, answer: SectionAnswer) -> None:
+            if answer.error is not None:
+                raise answer.error
+            assert answer.prepared is not None
+            found[number] = answer.prepared
+            words = f"{len(found)} of {len(self._names)} sections fitted one by one"
+            self._control.monitor.part(words, len(found) / len(self._names))
+
+        self._run([SectionTask(n, PREPARE) for n in numbers], take)
+        return tuple(found[n] for n in numbers)
+
+    def evaluate(self, points: Mapping[int, Floats]) -> Mapping[int, tuple[Floats, Floats]]:
+        """Readings (g,) of some sections and their exact Jacobians (g, n).
+
+        Raises:
+            ModelError: one of them has no solution.
+        """
+        found = self.asked_all([(number, p) for number, p in points.items()], EVALUATE)
+        missing = [n for n, one in zip(points, found, strict=True) if one is None]
+        if missing:
+            named = ", ".join(self._names[n] for n in missing)
+            raise ModelError(f"The model has no solution for {named}.")
+        return {n: one for n, one in zip(points, found, strict=True) if one is not None}
+
+    def sharpen(self, points: Mapping[int, Floats]) -> bool:
+        """Make Jacobians that are differences better at points (n,); whether any were not exact."""
+        sharper: list[int] = []
+
+        def take(number: int, answer: SectionAnswer) -> None:
+            if answer.sharper:
+                sharper.append(number)
+
+        order = list(points)
+        self._run([SectionTask(n, SHARPEN, points[n]) for n in order], take)
+        for k in sharper:
+            key = (order[k], points[order[k]].tobytes())
+            self._known.pop(key, None)
+            self._stale.add(key)
+        return bool(sharper)
+
+    def shown(self, points: Sequence[tuple[int, Floats]]) -> list[tuple[Floats, Floats] | None]:
+        """All readings (g,) that are shown, with Jacobians (g, n); None without a solution.
+
+        Args:
+            points: numbers of sections and their parameters (n,), SI.
+        """
+        return self.asked_all(points, SHOWN)
+
+    def asked_all(
+        self, points: Sequence[tuple[int, Floats]], what: str
+    ) -> list[tuple[Floats, Floats] | None]:
+        """Readings (g,) and Jacobians (g, n) at points; None where there is no solution.
+
+        Args:
+            points: numbers of sections and their parameters (n,), SI.
+            what: `EVALUATE` or `SHOWN`.
+        """
+        found = [self._remembered(what, number, p) for number, p in points]
+        left = [k for k, one in enumerate(found) if one is None]
+
+        def take(number: int, answer: SectionAnswer) -> None:
+            k = left[number]
+            if answer.error is None:
+                found[k] = (answer.v, answer.J)
+                section, p = points[k]
+                self._keep(what, section, p, (answer.v, answer.J))
+            elif not isinstance(answer.error, ModelError):
+                raise answer.error
+
+        self._run([SectionTask(points[k][0], what, points[k][1]) for k in left], take)
+        return found
+
+    def _run(
+        self, tasks: Sequence[SectionTask], take: Callable[[int, SectionAnswer], None]
+    ) -> None:
+        if not tasks:
+            return
+        self._control.stop.check()
+        self.asked += len(tasks)
+        for answer in self._executor.run(tasks):
+            self._control.stop.check()
+            if answer.value is None:
+                name = self._names[tasks[answer.number].number]
+                if answer.stopped:
+                    raise Interrupted("Interrupted.", exit_code=ExitCode.TERMINATED)
+                why = answer.losses[-1] if answer.losses else "gave no answer"
+                raise ModelError(
+                    f"{name}: its process was lost {len(answer.losses)} times; the last one {why}."
+                )
+            self._counts = self._counts + answer.value.counts
+            take(answer.number, answer.value)
+
+    def _remembered(self, what: str, number: int, p: Floats) -> tuple[Floats, Floats] | None:
+        if what == EVALUATE and (number, p.tobytes()) in self._known:
+            return self._known[number, p.tobytes()]
+        if what == EVALUATE and (number, p.tobytes()) in self._stale:
+            return None
+        kept = self._log.find(f"{what} {number}", p)
+        if kept is None:
+            return None
+        found = (np.asarray(kept["v"]), np.asarray(kept["J"]))
+        if what == EVALUATE:
+            self._known[number, p.tobytes()] = found
+        return found
+
+    def _keep(self, what: str, number: int, p: Floats, found: tuple[Floats, Floats]) -> None:
+        if what == EVALUATE:
+            self._known[number, p.tobytes()] = found
+            self._stale.discard((number, p.tobytes()))
+        self._log.add(f"{what} {number}", p, {"v": found[0], "J": found[1]})
+
+
+class ChosenSections:
+    """Some of the sections, numbered from 0, as the search for these asks them.
+
+    Args:
+        models: of all.
+        numbers: of those that are chosen.
+    """
+
+    def __init__(self, models: SectionAnswers, numbers: Sequence[int]) -> None:
+        self._models, self._numbers = models, tuple(numbers)
+
+    @property
+    def counts(self) -> Counts:
+        """Costs so far, of all."""
+        return self._models.counts
+
+    def evaluate(self, points: Mapping[int, Floats]) -> Mapping[int, tuple[Floats, Floats]]:
+        """Readings (g,) of some sections and their exact Jacobians (g, n)."""
+        found = self._models.evaluate({self._numbers[k]: p for k, p in points.items()})
+        return {k: found[self._numbers[k]] for k in points}
+
+    def sharpen(self, points: Mapping[int, Floats]) -> bool:
+        """Make Jacobians that are differences better at points (n,); whether any were not exact."""
+        return self._models.sharpen({self._numbers[k]: p for k, p in points.items()})

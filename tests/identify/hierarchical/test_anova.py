@@ -1,0 +1,138 @@
+"""One level, sections that scatter about it, linear: restricted likelihood in closed form.
+
+Searle, Casella & McCulloch (1992), Variance Components, 4.8: the balanced one-way layout with the
+variance within the groups given.
+"""
+
+import numpy as np
+from scipy.stats import chi2, t
+from support.sections import Formulas, Z, level, linear_model, quiet, section
+
+from geoident.identify.hierarchical.knowledge import SectionsKnowledge, section_misfits
+from geoident.identify.hierarchical.search import fit_sections
+
+SD = 0.4
+N = 5
+
+
+def layout(tau, S=8, seed=1):
+    rng = np.random.default_rng(seed)
+    z = 2.0 + tau * rng.normal(size=S)
+    return z[:, None] + SD * rng.normal(size=(S, N))
+
+
+def fitted(y, **law):
+    sections = [section(f"S{s}", (Z,), row, SD) for s, row in enumerate(y)]
+    models = Formulas(tuple(linear_model(np.ones((N, 1))) for _ in y))
+    return fit_sections(sections, (), (level(**law),), models, quiet)
+
+
+def by_hand(y):
+    means = y.mean(axis=1)
+    between = N * np.sum((means - means.mean()) ** 2) / (len(y) - 1)
+    tau2 = max(0.0, (between - SD**2) / N)
+    kept = tau2 / (tau2 + SD**2 / N)
+    return np.sqrt(tau2), means.mean(), means.mean() + kept * (means - means.mean())
+
+
+def test_scatter_level_and_sections_are_those_of_the_closed_form():
+    y = layout(0.7)
+    tau, m, z = by_hand(y)
+    fit = fitted(y)
+    assert fit.outcome.status == "converged"
+    np.testing.assert_allclose(fit.tau * fit.arrangement.reference, tau, rtol=1e-5)
+    np.testing.assert_allclose(fit.outcome.values, [m, *z], rtol=1e-5)
+
+
+def test_a_scatter_that_the_sections_do_not_show_is_zero():
+    y = layout(0.0)
+    y += (y.mean() - y.mean(axis=1))[:, None] * 0.9  # nearer to each other than by chance
+    fit = fitted(y)
+    assert by_hand(y)[0] == 0.0
+    assert fit.tau[0] == 0.0
+    assert not fit.arrangement.scattering.any()
+    np.testing.assert_allclose(fit.outcome.values, [y.mean()], rtol=1e-7)
+    low, high = SectionsKnowledge(fit).scatter.interval(0)
+    assert low == 0.0
+    assert high > 0.0
+
+
+def test_the_restricted_likelihood_is_that_of_the_layout():
+    """-2 log L up to a constant: (S-1) log(tau2 + sd2/n) + SSB / (n tau2 + sd2)."""
+    y = layout(0.7)
+    S = len(y)
+    fit = fitted(y)
+    means = y.mean(axis=1)
+
+    def closed(tau):
+        var = tau**2 + SD**2 / N
+        return (S - 1) * np.log(var) + np.sum((means - means.mean()) ** 2) / var
+
+    sizes = np.array([0.0, 0.1, 0.5, 1.0, 3.0])
+    found = [fit.linear.minus_two_log(np.array([t]) / fit.arrangement.reference) for t in sizes]
+    known = closed(sizes)
+    np.testing.assert_allclose(np.array(found) - found[0], known - known[0], atol=1e-6)
+
+
+def test_given_scatter_stays():
+    y = layout(0.7)
+    fit = fitted(y, scatter="given", size=0.25)
+    kept = 0.25**2 / (0.25**2 + SD**2 / N)
+    means = y.mean(axis=1)
+    known = means.mean() + kept * (means - means.mean())
+    np.testing.assert_allclose(fit.outcome.values[1:], known, rtol=1e-7)
+    knowledge = SectionsKnowledge(fit)
+    sd = np.sqrt((0.25**2 + SD**2 / N) / len(y))
+    np.testing.assert_allclose(knowledge.common().sd, sd, rtol=1e-6)
+    np.testing.assert_allclose(knowledge.common().upper95 - means.mean(), 1.96 * sd, rtol=1e-4)
+    # what is known of a section: of its readings, and of the level by 1 - kept
+    var = kept * SD**2 / N + ((1 - kept) * sd) ** 2
+    np.testing.assert_allclose(knowledge.section(0).sd, np.sqrt(var), rtol=1e-6)
+    others = knowledge.further(section("new", (Z,), [], SD))
+    np.testing.assert_allclose(others.interval.sd, np.hypot(sd, 0.25), rtol=1e-6)
+
+
+def test_intervals_know_that_the_scatter_is_known_poorly():
+    """With a uniform density of tau and no noise the level has a t distribution."""
+    y = np.repeat(layout(0.7, S=6).mean(axis=1)[:, None], N, axis=1)
+    sections = [section(f"S{s}", (Z,), row, 1e-4) for s, row in enumerate(y)]
+    models = Formulas(tuple(linear_model(np.ones((N, 1))) for _ in y))
+    knowledge = SectionsKnowledge(fit_sections(sections, (), (level(),), models, quiet))
+    # the density of tau is tau^-(S-1) exp(-SS / 2 tau^2): t with S - 2 degrees of freedom
+    means = y.mean(axis=1)
+    half = t.ppf(0.975, 4) * np.sqrt(np.sum((means - means.mean()) ** 2) / 4 / 6)
+    low, high = knowledge.common().lower95[0], knowledge.common().upper95[0]
+    np.testing.assert_allclose(high - low, 2 * half, rtol=0.01)
+    # tau^2 = SS / chi2 with S - 2: the quantiles of its posterior hold 95 %
+    low, high = knowledge.scatter.interval(0) * knowledge_reference(knowledge)
+    inside = np.diff(chi2.cdf(np.sum((means - means.mean()) ** 2) / np.array([high, low]) ** 2, 4))
+    np.testing.assert_allclose(inside, 0.95, atol=0.003)
+
+
+def knowledge_reference(knowledge):
+    return knowledge._made.reference[0] * np.ones(2)
+
+
+def test_a_section_of_other_ground_is_found():
+    y = layout(0.3, S=10)
+    y[4] += 4.0
+    found = [misfit.outlying for misfit in section_misfits(fitted(y))]
+    assert found[4] < 1e-4
+    assert min(found[:4] + found[5:]) > 0.01
+
+
+def test_a_section_whose_readings_do_not_agree_is_found():
+    y = layout(0.5)
+    y[2] += [0.0, 3.0, -3.0, 2.0, -2.0]
+    found = section_misfits(fitted(y))
+    assert found[2].above < 1e-6
+    assert min(m.above for i, m in enumerate(found) if i != 2) > 0.01
+
+
+def test_intervals_leave_as_much_on_either_side():
+    """A mixture of normals about one value is symmetric, however different their sizes."""
+    knowledge = SectionsKnowledge(fitted(layout(0.7, S=4)))
+    found = knowledge.further(section("new", (Z,), [], SD)).interval
+    below, above = found.value - found.lower95, found.upper95 - found.value
+    np.testing.assert_allclose(below, above, rtol=0.02)
+    assert below[0] > 1.96 * np.hypot(0.7, 0.7 / 2)

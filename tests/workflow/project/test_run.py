@@ -1,0 +1,273 @@
+"""A project from its file to its result: equal to one stack, resumed, kept, predicted."""
+
+import json
+import math
+import shutil
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from scipy.optimize import least_squares
+from support.projects import CASES, SECTIONS, example
+
+from geoident.cli.app import geoident
+from geoident.errors import ExitCode, Interrupted
+from geoident.io.result.project import read_project_result
+from geoident.workflow.estimating.setup import prepare, used_response
+from geoident.workflow.project.plan import ProjectRequest, plan_project
+from geoident.workflow.project.run import fit_project
+from geoident.workflow.running.control import Control, Silent
+from geoident.workflow.running.jobs import Request, plan_fit
+from geoident.workflow.simulate import simulate
+
+
+def fitted(path, **options):
+    return fit_project(plan_project(ProjectRequest(path, **options)), Control()).result
+
+
+@pytest.fixture(scope="module")
+def shipped(tmp_path_factory):
+    path = example(tmp_path_factory.mktemp("shipped"))
+    return fitted(path, leave_one_out=True)
+
+
+def test_shared_parameters_over_two_cases_are_one_stack(tmp_path):
+    """Against scipy on the responses of the two cases, put together by hand."""
+    path = example(tmp_path, SECTIONS)
+    responses, measured, sd = [], [], []
+    for name, gsi in (("km-1", 34.0), ("km-2", 52.0)):
+        case = str(tmp_path / "section.yaml")
+        setup = prepare(plan_fit(Request(case, overrides=(f"readings={name}.csv",))))
+        responses.append((used_response(setup), gsi))
+        measured.append(setup.readings.value)
+        sd.append(setup.readings.sd)
+
+    def residuals(x):
+        log_a, b, k0 = x
+        parts = [
+            (one.readings(np.array([np.exp(log_a + b * gsi), k0])) - y) / s
+            for (one, gsi), y, s in zip(responses, measured, sd, strict=True)
+        ]
+        return np.concatenate(parts)
+
+    known = least_squares(
+        residuals, [np.log(1e9), 0.03, 1.0], xtol=1e-15, ftol=1e-15, gtol=1e-15, x_scale="jac"
+    )
+    result = fitted(path)
+    found = {row.name: row.value for row in result.common}
+    np.testing.assert_allclose([np.log(found["a"]), found["b"], found["K0"]], known.x, rtol=1e-6)
+    np.testing.assert_allclose(result.objective, 2 * known.cost, rtol=1e-7)
+
+
+def test_the_shipped_project_finds_its_law_and_predicts(shipped):
+    common = {row.name: row for row in shipped.common}
+    assert shipped.status == "converged"
+    assert common["K0"].lower95 <= 1.4 <= common["K0"].upper95
+    assert common["a"].lower95 <= 0.6e9 <= common["a"].upper95
+    assert common["b"].lower95 <= 0.045 <= common["b"].upper95
+    assert shipped.laws[0].lower95 <= 0.25 <= shipped.laws[0].upper95
+    assert all(row.inside for row in shipped.readings if not row.used)
+    assert sum(row.inside for row in shipped.left_out_readings) >= 28
+    assert len(shipped.left_out_readings) == 32
+
+
+def test_a_section_lies_between_its_law_and_what_it_says_by_itself(shipped):
+    for row in shipped.parameters:
+        if row.kind == "law" and not math.isnan(row.alone):
+            assert 0.0 <= row.shrinkage < 0.2
+            assert row.lower95 < row.value < row.upper95
+
+
+def test_a_result_is_read_as_it_was_written(tmp_path, shipped):
+    result = fitted(example(tmp_path, SECTIONS))
+    again = read_project_result(tmp_path / "project.fit.h5")
+    for entry in fields(result):
+        if entry.name in ("history", "provenance"):
+            continue
+        np.testing.assert_equal(
+            [_plain(row) for row in _rows(getattr(again, entry.name))],
+            [_plain(row) for row in _rows(getattr(result, entry.name))],
+        )
+    assert [one.objective for one in again.history] == [one.objective for one in result.history]
+    assert again.provenance.identity == result.provenance.identity
+
+
+def _rows(value):
+    return value if isinstance(value, tuple) else (value,)
+
+
+def _plain(row):
+    return vars(row) if hasattr(row, "__dict__") else row
+
+
+def test_a_result_of_the_same_input_is_kept_and_one_of_other_input_set_aside(tmp_path):
+    path = example(tmp_path, SECTIONS)
+    run = CliRunner()
+    first = run.invoke(geoident, ["fit", path])
+    assert first.exit_code == 0, first.output
+    assert "up to date" in run.invoke(geoident, ["fit", path]).stderr
+    example(tmp_path, SECTIONS.replace("GSI: 34", "GSI: 35"))
+    again = run.invoke(geoident, ["fit", path])
+    assert "project.fit.1.h5" in again.stderr
+    assert (tmp_path / "project.fit.1.h5").is_file()
+    (tmp_path / "km-2.csv").write_text((tmp_path / "km-3.csv").read_text())
+    assert "up to date" not in run.invoke(geoident, ["fit", path]).stderr
+
+
+class Stops(Silent):
+    """Asks to stop at the third iteration."""
+
+    def __init__(self, control):
+        self.control, self.count = control, 0
+
+    def step(self, iteration):
+        self.count += 1
+        if self.count == 3:
+            self.control.stop.ask(ExitCode.INTERRUPTED)
+
+
+def test_an_interrupted_fit_goes_on_from_its_checkpoint(tmp_path):
+    path = example(tmp_path, SECTIONS)
+    control = Control()
+    stopping = replace(control, monitor=Stops(control))
+    with pytest.raises(Interrupted, match="goes on from there"):
+        fit_project(plan_project(ProjectRequest(path)), stopping)
+    checkpoint = tmp_path / "project.fit.checkpoint"
+    assert checkpoint.stat().st_size > 1000
+    whole = fitted(path)
+    assert not checkpoint.exists()
+    assert not list(tmp_path.glob("*.checkpoint*"))
+    fresh = fitted(path, fresh=True)
+    assert whole.common == fresh.common
+    assert whole.counts.evaluations < fresh.counts.evaluations
+
+
+def test_commands_say_what_came_out(tmp_path):
+    path = example(tmp_path, SECTIONS)
+    run = CliRunner()
+    plan = run.invoke(geoident, ["fit", path, "--dry-run"])
+    assert "2 sections to fit, 1 to predict" in plan.stdout
+    assert not (tmp_path / "project.fit.h5").exists()
+    found = run.invoke(geoident, ["fit", path, "--json", "-q"])
+    assert found.exit_code == 0, found.output
+    said = json.loads(found.stdout)
+    assert said["status"] == "converged"
+    assert set(said["common"]) == {"K0", "a", "b"}
+    assert [one["name"] for one in said["sections"]] == ["A", "B", "C"]
+    shown = run.invoke(geoident, ["show", said["output"]])
+    assert "a * exp(b * GSI)" in shown.stdout
+    assert "C: predicted readings" in shown.stdout
+    assert json.loads(run.invoke(geoident, ["show", said["output"], "--json"]).stdout) == said
+    assert run.invoke(geoident, ["fit", path, path]).exit_code == ExitCode.USAGE
+    assert run.invoke(geoident, ["fit", path, "--set", "title=x"]).exit_code == ExitCode.USAGE
+    case = str(tmp_path / "section.yaml")
+    assert run.invoke(geoident, ["fit", case, "--leave-one-out"]).exit_code == ExitCode.USAGE
+    refused = run.invoke(geoident, ["predict", said["output"]])
+    assert refused.exit_code == ExitCode.INVALID_INPUT
+    assert "the result of several sections" in refused.stderr
+
+
+def test_a_section_of_other_ground_is_named(tmp_path):
+    path = example(tmp_path)
+    wrong = (tmp_path / "km-3.csv").read_text().splitlines()
+    rows = [line.split(",") for line in wrong]
+    scaled = [rows[0], *([r[0], r[1], f"{6 * float(r[2]):.2f}", r[3]] for r in rows[1:])]
+    (tmp_path / "km-3.csv").write_text("".join(",".join(row) + "\n" for row in scaled))
+    result = fitted(path)
+    assert [text for text in result.findings if text.startswith("The section km 3 does not fit")]
+    assert not [text for text in result.findings if text.startswith("The section km 5")]
+
+
+def test_too_few_sections_do_not_tell_the_scatter(tmp_path):
+    result = fitted(example(tmp_path, SECTIONS.replace("scatter: none", "scatter: estimate")))
+    assert result.status == "not-determined"
+    assert result.laws[0].state == "not determined"
+    assert any("is not determined: there are too few" in text for text in result.findings)
+
+
+MESHED = """\
+format: geoident-project/1
+sections:
+  - {name: A, case: fe.yaml, set: {readings: A.csv}, covariates: {GSI: 34}}
+  - {name: B, case: fe.yaml, set: {readings: B.csv, in_situ.vertical: 5 MPa}, covariates: {GSI: 52}}
+shared: [K0]
+laws:
+  E:
+    formula: a * exp(b * GSI)
+    constants:
+      a: {start: 1 GPa, bounds: [0.01 GPa, 20 GPa], scale: log}
+      b: {start: 0.03, bounds: [-0.1, 0.2]}
+    scatter: none
+"""
+
+
+def test_sections_on_meshes_are_computed_in_processes(tmp_path):
+    """Two elastic sections on a mesh: in two processes as in this one."""
+    meshed(tmp_path)
+    (tmp_path / "project.yaml").write_text(MESHED)
+    path = str(tmp_path / "project.yaml")
+    here = fitted(path, jobs=1)
+    processes = fitted(path, jobs=2, fresh=True)
+    for one, other in zip(here.common, processes.common, strict=True):
+        np.testing.assert_allclose(one.value, other.value, rtol=1e-9)
+    found = {row.name: row.value for row in processes.common}
+    np.testing.assert_allclose(
+        [found["K0"], found["a"], found["b"]], [1.4, 0.6e9, 0.045], rtol=2e-3
+    )
+
+
+def meshed(folder):
+    """An elastic case on the mesh of the pressure tunnel, and its readings in two sections."""
+    text = (CASES / "pressure-tunnel" / "case.yaml").read_text()
+    shutil.copy(CASES / "pressure-tunnel" / "tunnel.msh", folder)
+    head = text[: text.index("parameters:")]
+    gauges = text[text.index("gauges:") : text.index("  EX0:")].replace(
+        "zero: excavation", "zero: face"
+    )
+    (folder / "fe.yaml").write_text(
+        head + "parameters:\n"
+        "  E: {start: 3 GPa, bounds: [0.3 GPa, 60 GPa], scale: log}\n"
+        "  K0: {start: 1.0, bounds: [0.3, 3.0]}\n"
+        "materials: {rock: {elastic: isotropic, E: $E, nu: 0.25}}\n"
+        "groups: {core: rock, rock: rock}\n"
+        "supports: {far: [x, y]}\n"
+        "in_situ: {model: heim, vertical: 8 MPa, K0: $K0}\n"
+        "stages:\n"
+        "  - {name: face, excavate: [core], release: {core: 0.6}}\n"
+        "  - {name: far on, release: {core: 1.0}}\n"
+        + gauges
+        + "readings: []\nfit: {model_error: none, mesh_error: false}\n"
+    )
+    for name, gsi, stress in (("A", 34, 8), ("B", 52, 5)):
+        said = [
+            f"parameters.E.start={0.6 * math.exp(0.045 * gsi)} GPa", "parameters.K0.start=1.4",
+            f"in_situ.vertical={stress} MPa",
+        ]  # fmt: skip
+        found = simulate(str(folder / "fe.yaml"), overrides=said)
+        rows = [f"{r.channel},{r.stage},{1e3 * r.value:.6f},mm\n" for r in found.readings]
+        (folder / f"{name}.csv").write_text("gauge,stage,value,unit\n" + "".join(rows))
+
+
+def test_formulas_meet_readings_of_a_mesh(tmp_path):
+    """The truth is on a mesh of finite extent; sections in closed form find its law nonetheless."""
+    meshed(tmp_path)
+    example(tmp_path)
+    gauges = ["D0,CV0", "D90,CV90"]
+    text = SECTIONS.replace("km-1", "a").replace("km-2", "b")
+    for name in "AB":
+        rows = (tmp_path / f"{name}.csv").read_text()
+        for pair in gauges:
+            rows = rows.replace(*pair.split(","))
+        kept = [row for row in rows.splitlines() if not row.startswith("D45")]
+        (tmp_path / f"{name.lower()}.csv").write_text("\n".join(kept) + "\n")
+    # the chamber on the mesh has 3 m, that of the formulas as well
+    section = (tmp_path / "section.yaml").read_text().replace("2.5", "1.5")
+    (tmp_path / "section.yaml").write_text(section.replace("5.5 m", "4.5 m"))
+    text = text.replace("a.csv}", "a.csv, in_situ.vertical: 8 MPa}")
+    text = text.replace("b.csv}", "b.csv, in_situ.vertical: 5 MPa}")
+    (tmp_path / "project.yaml").write_text(text)
+    found = {row.name: row.value for row in fitted(str(tmp_path / "project.yaml")).common}
+    np.testing.assert_allclose(
+        [found["K0"], found["a"], found["b"]], [1.4, 0.6e9, 0.045], rtol=0.03
+    )
