@@ -43,9 +43,10 @@ def plastic_derivatives(
         balance: their solution.
     """
     trial, structures, points = balance.trial, systems.structures, systems.discretization.points
+    du = trial.du if task.motion is None else trial.du + task.motion[:, 0]
     members = task.carried.members[:, 1:]
-    members[:, : task.n] += task.moduli[:, 1:] * structures.strain(trial.du)[:, None]
-    slopes = _at_rest(task, systems, equations, trial)
+    members[:, : task.n] += task.moduli[:, 1:] * structures.strain(du)[:, None]
+    slopes = _at_rest(task, systems, equations, trial, du)
     rest = task.forces[:, 1:] - points.forces(slopes, task.system.volume)
     if structures.n_rows:
         rest -= structures.nodal_forces(members)
@@ -59,11 +60,11 @@ def plastic_derivatives(
 
 
 def _at_rest(
-    task: StageTask, systems: StageSystems, equations: StageEquations, trial: Trial
+    task: StageTask, systems: StageSystems, equations: StageEquations, trial: Trial, du: Floats
 ) -> Floats:
-    """Derivatives g (s, n_points, n + k) of the stress, the displacements kept."""
+    """Derivatives g (s, n_points, n + k) of the stress, the displacements (n_dofs,) kept."""
     slopes = np.ascontiguousarray(task.carried.stress[..., 1:])
-    strain = systems.discretization.points.strain(trial.du)
+    strain = systems.discretization.points.strain(du)
     if task.thermal is not None:
         strain[:NORMAL_COMPONENTS] -= task.thermal[:, 0]
     add_moduli_slopes(task, strain, slopes)

@@ -24,7 +24,7 @@ from geoident.forward.march.collapse import limit_of
 from geoident.forward.march.equilibrium import Balance, solve
 from geoident.forward.march.held_factors import ElasticByHeld, HeldFactors, StageTangents
 from geoident.forward.march.plastic_derivatives import plastic_derivatives
-from geoident.forward.march.stage import StageTask, not_positive_definite
+from geoident.forward.march.stage import StageTask, impose_motion, not_positive_definite
 from geoident.forward.march.stage_equations import (
     Ground,
     NoEquilibrium,
@@ -217,7 +217,8 @@ class PlasticSteps:
             for part in range(1, count + 1):
                 forces = before + part / count * (task.forces - before)
                 thermal = task.thermal if part == 1 else None
-                piece = replace(task, forces=forces, thermal=thermal)
+                motion = None if task.motion is None else task.motion / count
+                piece = replace(task, forces=forces, thermal=thermal, motion=motion)
                 try:
                     du, now = self._part(piece, laws, warm=False)
                 except CollapseError:
@@ -239,6 +240,7 @@ class PlasticSteps:
     def _part(
         self, task: StageTask, laws: Mapping[str, YieldLaw], *, warm: bool
     ) -> tuple[Floats, Bools]:
+        impose_motion(task, self.systems)
         equations = self._equations(task, laws)
         balance = self._balance(task, equations, self.warm.guesses(task) if warm else [])
         du = np.zeros_like(task.forces)
@@ -251,6 +253,8 @@ class PlasticSteps:
             self.findings.unbalanced[task.state.name] = max(balance.unbalanced, known)
         if warm:
             self.warm.keep(task, du)
+        if task.motion is not None:
+            du[:, : task.motion.shape[1]] += task.motion
         return du, yielded_points(equations, balance.trial)
 
     def _equations(self, task: StageTask, laws: Mapping[str, YieldLaw]) -> StageEquations:
@@ -320,7 +324,8 @@ class PlasticSteps:
         """Follow the arc of equilibria: it ends at collapse, or leads to the whole load."""
         limit = limit_of(equations)
         if limit.fraction < 1.0:
-            raise self._collapse(task, limit.fraction, error.mechanism) from error
+            carried = limit.fraction if task.motion is None else np.nan
+            raise self._collapse(task, carried, error.mechanism) from error
         try:
             return solve(equations, [limit.du])
         except NoEquilibrium as again:
