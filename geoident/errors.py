@@ -52,6 +52,7 @@ class Term(Enum):
 
     FORCE = ("--force", "force=True")
     FRESH = ("--fresh", "fresh=True")
+    CLUSTER = ("--cluster", "the cluster")
     OUTPUT = ("-o", "output=...")
     FIELDS = ("--fields", "fields=...")
     TRUST = ("--trust", "`geoident.trust(case)`")
@@ -268,6 +269,23 @@ class OutputError(GeoidentError):
     """An output exists already, or cannot be written."""
 
     exit_code = ExitCode.OUTPUT
+
+
+class LostCluster(GeoidentError):
+    """The scheduler of a cluster has gone, and did not come back; what had ended is kept.
+
+    Args:
+        address: of the scheduler.
+        seconds: that it was waited for.
+    """
+
+    exit_code = ExitCode.SOME_FAILED
+
+    def __init__(self, address: str, seconds: float) -> None:
+        super().__init__(
+            f"{address}: the scheduler of the cluster was lost, and was not back within "
+            f"{seconds:g} s\n    what has ended is kept. {Term.SAME_AGAIN} goes on with the rest."
+        )
 
 
 class Interrupted(GeoidentError):
