@@ -14,9 +14,9 @@ from support.meshes import opening
 _GMSH = {"quad8": 16, "line3": 8}
 
 
-def ring(n: int, *, reach: float = 8.0, whole: bool = False) -> Mesh:
+def ring(n: int, *, layers: int | None = None, reach: float = 8.0, whole: bool = False) -> Mesh:
     """An opening of radius 2 with the groups `wall` and `rim` of lines at both ends."""
-    mesh = opening("quad8", 2, n=n, layers=2 * n, radius=2.0, reach=reach, whole=whole)
+    mesh = opening("quad8", 2, n=n, layers=layers or 2 * n, radius=2.0, reach=reach, whole=whole)
     table = face_table(mesh)
     lines, groups = list(mesh.facets), dict(mesh.facet_groups)
     core = np.zeros(mesh.n_elements, dtype=bool)
