@@ -13,7 +13,9 @@ from support.shield import ring
 from support.yielding import mohr, parameters, rock
 
 from geoident.errors import InputError
+from geoident.forward.affine import affine_obstacle
 from geoident.forward.checks import check_on_mesh
+from geoident.forward.reduced.coverage import reduction_obstacle
 from geoident.model.actions import Contraction, MotionField, Pressure
 from geoident.model.case import Analysis, Stage, Support
 from geoident.model.mesh import nodes_in
@@ -259,3 +261,23 @@ def test_what_cannot_be_is_said_with_place_and_remedy():
         check_on_mesh(replace(case, supports=twice, stages=(Stage("one"),)), mesh)
     (fault,) = caught.value.faults
     assert (fault.code, fault.path) == ("two-motions", "supports.rim")
+
+
+def test_a_wall_in_a_solid_moves_towards_its_axis():
+    mesh = box("hex8", (2, 2, 1), size=(2.0, 2.0, 1.0))
+    around = tuple(
+        Support(side, (0, 1), contraction=Contraction(Scalar(0.02), (1.0, 1.0, 0.0), axis=2))
+        for side in ("x0", "x1", "y0", "y1")
+    )
+    found = surveyed(
+        mesh, supports=(*around, Support("z0", (2,)), Support("z1", (2,))), stages=(Stage("in"),)
+    )
+    exact = -0.01 * (mesh.points - np.array([1.0, 1.0, 0.0])) * np.array([1.0, 1.0, 0.0])
+    np.testing.assert_allclose(found.fields.displacement[1], exact, atol=1e-15)
+
+
+def test_who_does_not_cover_motions_says_so():
+    response, _, _, staged = _problem()
+    del response
+    assert "the support 'x1' is moved" in (affine_obstacle(staged.march) or "")
+    assert reduction_obstacle(staged.march) == "the support 'x1' is moved"
