@@ -11,7 +11,7 @@ from geoident.forward.elsewhere.model import ElsewhereModel
 from geoident.forward.elsewhere.runs import FailedRun
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case
-from geoident.model.dual import Dual, ParameterPoint, stacked
+from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.elsewhere import ConvergenceLaw
 from geoident.model.parameter import Scalar, Values
 
@@ -53,7 +53,8 @@ def final_convergence(law: ConvergenceLaw, values: Values, names: Sequence[str] 
 
 
 def _numbers(point: ParameterPoint, scalars: Sequence[Scalar]) -> Dual:
-    return stacked([point.number(scalar) for scalar in scalars])
+    found = [point.number(scalar).columns for scalar in scalars]
+    return Dual(np.array(found).reshape(-1, point.n_columns))  # also of no gauge
 
 
 class LawRuns:

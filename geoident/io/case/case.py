@@ -144,7 +144,8 @@ class CaseSection(Section):
         None,
         description="A program, a function of Python, a table of runs or a law of convergence "
         "that gives the readings, in place of `mesh`, ground and supports: of a stage only its "
-        "name is left then, of a gauge `kind: reading` with its accuracy. `analysis`, `materials` and `groups` are required without it.",
+        "name is left then, of a gauge `kind: reading` with its accuracy. `analysis`, `materials` "
+        "and `groups` are required without it.",
     )
     analysis: Annotated[
         Literal["plane-strain", "axisymmetric", "solid"], _or_elsewhere("plane-strain")

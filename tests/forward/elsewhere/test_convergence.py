@@ -107,6 +107,13 @@ def test_a_tunnel_is_driven_both_ways_and_passes_a_section_between_two_stages(tm
     np.testing.assert_allclose(law.age[1:3, 0] / 86400, [1.0, 7.0], rtol=1e-9)
 
 
+def test_a_law_without_gauges_is_a_case_too(tmp_path):
+    text = CASE.partition("gauges:")[0].replace("C_inf: {H: $C, V: 0.5 $C}", "C_inf: $C")
+    model = model_of(tmp_path, text)
+    assert model.survey(np.array(TRUTH), fields=False).computed.shape == (0, 7)
+    assert model.final(np.array(TRUTH)).value.shape == (0,)
+
+
 def test_the_fixed_exponent_is_no_parameter(tmp_path):
     model = model_of(tmp_path, FIXED)
     pairs = [("H", "fifth")]

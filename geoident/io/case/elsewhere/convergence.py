@@ -244,7 +244,7 @@ class _Build:
                     self._faults.add((*path, "gauges", n), "twice", message, "Remove one.")
                 else:
                     found.setdefault(name, []).append(self._names.index(gauge))
-        if all(section.gauges for section in sections.values()):
+        if all(section.gauges is not None for section in sections.values()):
             for gauge in self._names:
                 if gauge not in where:
                     message = f"'{gauge}' belongs to no section of 'model.sections'"

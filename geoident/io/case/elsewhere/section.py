@@ -322,7 +322,8 @@ class TunnelSectionSection(Section):
     chainage: Length = Field(description="Where it is along the tunnel.", examples=["1250 m"])
     excavated: Date | None = Field(
         None,
-        description="When the face passed it; if missing, between two stages by `face` and `dates`.",
+        description="When the face passed it; if missing, between two stages by `face` and "
+        "`dates`.",
     )
     gauges: list[Name] | None = Field(
         None, description="Its gauges; all of them if missing, where there is one section."

@@ -78,9 +78,8 @@ def ground_sentences(case: CaseTexts, numbers: SaidNumbers) -> tuple[str, ...]:
     """
     model = entries(case, "model")
     if model.get("kind") == "convergence-law":
-        return (
-            f"Convergence law of Sulem, Panet and Guenot (1987): {_convergence_law(model, numbers)}.",
-        )
+        law = _convergence_law(model, numbers)
+        return (f"Convergence law of Sulem, Panet and Guenot (1987): {law}.",)
     if model:
         run = model.get("command") or [model.get("function") or model.get("file", "")]
         return (f"The model is elsewhere ({model.get('kind')}): {' '.join(map(str, run))}.",)
