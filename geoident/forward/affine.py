@@ -83,6 +83,12 @@ def affine_obstacle(march: March) -> str | None:
     case = march.case
     for field in march.on_mesh.fields:
         return f"{field.constant} of {field.material} is a field: it is not linear in its modes"
+    moved = march.motions.moved()
+    if moved is not None:
+        return f"the support '{moved}' is moved: its motion times a modulus is a load"
+    for stage in case.stages:
+        if stage.supports:
+            return f"the stage '{stage.name}' changes what is held"
     admissible = partial(_is_admissible, march)
     return first_obstacle(_parts(march), case.parameters, admissible)
 

@@ -21,6 +21,7 @@ from geoident.fem.location import format_point
 from geoident.fem.measure import suspected_unit
 from geoident.fem.mechanism import LooseBody, loose_body
 from geoident.fem.orientation import oriented, turned_elements
+from geoident.forward.actions.motions import motion_faults
 from geoident.forward.actions.supports import (
     fixed_dofs,
     load_faults,
@@ -114,7 +115,7 @@ def _all_faults(on_mesh: CaseOnMesh) -> tuple[Observation | None, list[Fault]]:
     Gauges on structures that lack ground cannot be judged; there are no gauges then.
     """
     structures = structure_place_faults(on_mesh)
-    places = mesh_faults, load_place_faults, zone_faults, _field_faults
+    places = mesh_faults, motion_faults, load_place_faults, zone_faults, _field_faults
     faults = [*(fault for faults_of in places for fault in faults_of(on_mesh)), *structures]
     if structures:
         return None, [*faults, *_points_outside(on_mesh)]
@@ -259,13 +260,13 @@ def _refuse_mechanisms(on_mesh: CaseOnMesh) -> None:
         ModelError: a piece of the ground can move freely.
     """
     mesh, sequence, source = on_mesh.mesh, on_mesh.sequence, on_mesh.case.source
-    fixed = fixed_dofs(on_mesh)
     checked = set()
     for n, state in enumerate(sequence.states):
-        present = sequence.present(n)
-        if present.tobytes() in checked:
+        present, fixed = sequence.present(n), fixed_dofs(on_mesh, n)
+        what = present.tobytes() + fixed.tobytes()
+        if what in checked:
             continue
-        checked.add(present.tobytes())
+        checked.add(what)
         if not present.any():
             raise InputError([_no_ground(on_mesh, n)])
         loose = _loose_body_of(

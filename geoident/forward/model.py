@@ -19,7 +19,7 @@ from geoident.forward.gauges.instrument_errors import ReadingPlaces
 from geoident.forward.gauges.observable import MarchState
 from geoident.forward.gauges.observation import Observation
 from geoident.forward.ground.field import field_notes, point_field, with_modes
-from geoident.forward.march.fields import FieldRecorder
+from geoident.forward.march.fields import FieldRecorder, ReactionRecorder
 from geoident.forward.march.march import Run, RunFindings, RunOptions
 from geoident.forward.march.stage import StageEnd
 from geoident.forward.march.virgin import contradictions, overburden_notes, surface_gaps
@@ -161,11 +161,14 @@ class StagedModel(Marches):
         """
         values = self.values(p)
         recorder = FieldRecorder(self.on_mesh) if fields else None
+        reactions = ReactionRecorder(self.on_mesh, self.structures) if fields else None
         members = MemberRecorder(self.structures, self.sequence, values)
 
         def record(end: StageEnd) -> None:
             if recorder is not None:
                 recorder.add(end)
+            if reactions is not None:
+                reactions.add(end)
             if self.structures.parts and last is None:
                 members.add(end.state, end.members)
 
@@ -213,6 +216,7 @@ class StagedModel(Marches):
                 *self._contradiction_notes(values),
             ),
             self.observation.increments(seen_at[:, :, 0], self.sequence.bases),
+            reactions=None if reactions is None else reactions.table(),
         )
 
     def steps(self, pairs: Sequence[tuple[str, str]]) -> Floats:

@@ -32,9 +32,9 @@ from geoident.io.case.elsewhere.build import build_elsewhere
 from geoident.io.case.elsewhere.surroundings import Surroundings
 from geoident.io.case.elsewhere.table import within_runs
 from geoident.io.case.gauges.accuracy import described_channels
+from geoident.io.case.point_tables import with_tables
 from geoident.io.case.readings_by_stage import read_all
 from geoident.io.case.site_files.measured_values import with_measured
-from geoident.io.case.temperature_file import with_temperatures
 from geoident.io.schema.faults import add_schema_faults, paths_of
 from geoident.io.schema.partial import Rest
 from geoident.io.schema.values import kind_of
@@ -59,7 +59,7 @@ _HINTS = {
     "E": "Young's modulus with its unit, such as 15 GPa, or $NAME of a parameter.",
     "nu": "Poisson's ratio, such as 0.25.",
     "groups": "The name of a material, or absent.",
-    "supports": "Groups and the directions in which they are fixed, such as {bottom: [x, y]}.",
+    "supports": "Groups and the directions in which they are held, such as {bottom: [x, y]}.",
     "stages": "The steps of construction, such as [{name: heading, excavate: [GROUP]}].",
     "gauges": "What is measured; the comment there has examples, `geoident schema` all kinds.",
 }
@@ -399,7 +399,7 @@ def _validate(places: Places, folder: Path) -> tuple[CaseSection, Places]:
         message = f"found {kind_of(places.data)}; a mapping is expected"
         faults.add((), "wrong-kind", message, hint)
         faults.raise_any()
-    for read_files in (with_temperatures, with_measured):
+    for read_files in (with_tables, with_measured):
         places = read_files(places, folder, faults)
     paths = faults.of_keys()
     known: dict[int, tuple[str, ...]] = {}

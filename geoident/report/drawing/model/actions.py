@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.transforms import ScaledTranslation
 
 from geoident.fem.faces import face_table, load_patches
-from geoident.forward.actions.supports import group_nodes
+from geoident.forward.actions.supports import all_supports, group_nodes, support_nodes
 from geoident.model.actions import (
     Load,
     PointForce,
@@ -35,6 +35,7 @@ _POINTING = {(0, 1): ">", (0, -1): "<", (1, 1): "^", (1, -1): "v"}
 _OFF = 3.2  # from the edge of the model to the middle of a mark, points
 _MOST_MARKS = 11
 _MOST_ARROWS = 9
+_ROUND = 0.2  # across to along, from which on a group goes round
 
 
 def draw_supports(axes: Any, case: Case, mesh: Mesh, box: tuple[Floats, Floats]) -> list[Any]:
@@ -50,17 +51,18 @@ def draw_supports(axes: Any, case: Case, mesh: Mesh, box: tuple[Floats, Floats])
     """
     meanings: dict[str, Any] = {}
     low, high = mesh.points.min(axis=0), mesh.points.max(axis=0)
-    for support in case.supports:
+    for support in all_supports(case):
         fixed = len(support.components) == mesh.dim
-        nodes = _some(group_nodes(mesh, support.group), mesh)
+        held_nodes = support_nodes(mesh, support)
+        nodes = _some(held_nodes, mesh)
         points = mesh.points[nodes]
-        span = np.ptp(mesh.points[group_nodes(mesh, support.group)], axis=0)
+        span = np.ptp(mesh.points[held_nodes], axis=0)
         axis = int(span.argmin()) if fixed else support.components[0]
         side = 1 if points[:, axis].mean() < (low[axis] + high[axis]) / 2 else -1
         style = {**_SUPPORT, "mfc": "black" if fixed else "white"}
         away = np.zeros(2)
-        marker = "s"
-        if span.min() < 0.2 * span.max():  # along a side, not all around
+        marker = "D" if support.moves else "s"
+        if span.min() <= _ROUND * span.max():  # along a side, not all around
             marker = _POINTING[axis, side]
             away[axis] = -side * _OFF / 72
         moved = axes.transData + ScaledTranslation(away[0], away[1], axes.figure.dpi_scale_trans)
@@ -70,6 +72,7 @@ def draw_supports(axes: Any, case: Case, mesh: Mesh, box: tuple[Floats, Floats])
         axes.plot(*points.T, zorder=5, clip_on=False, transform=moved, marker=marker, **style)
         held = " and ".join("xyz"[c] for c in support.components)
         label = "held in all directions" if fixed else f"held along {held}"
+        label = label.replace("held", "moved") if support.moves else label
         meanings.setdefault(label, key(label, marker=marker, **style))
     return list(meanings.values())
 
@@ -77,7 +80,11 @@ def draw_supports(axes: Any, case: Case, mesh: Mesh, box: tuple[Floats, Floats])
 def _some(nodes: Ints, mesh: Mesh) -> Ints:
     """Nodes evenly out of many, from one end to the other."""
     points = mesh.points[nodes]
-    along = points[:, np.ptp(points, axis=0).argmax()]
+    span = np.ptp(points, axis=0)
+    along = points[:, span.argmax()]
+    if span.min() > _ROUND * span.max():  # all around, not along a side
+        away = points - (points.min(axis=0) + points.max(axis=0)) / 2
+        along = np.arctan2(away[:, 1], away[:, 0])
     order = nodes[np.argsort(along, kind="stable")]
     wanted = np.linspace(along.min(), along.max(), _MOST_MARKS)
     nearest = np.abs(np.sort(along)[:, None] - wanted[None]).argmin(axis=0)
