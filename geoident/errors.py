@@ -14,7 +14,11 @@ import re
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from enum import Enum, IntEnum
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import numpy as np
+    import numpy.typing as npt
 
 
 class ExitCode(IntEnum):
@@ -242,11 +246,22 @@ class CollapseError(ModelError):
         stage: name of the stage.
         fraction: part of the change of load of that stage that can be carried, 0 to 1; NaN where
             it was not computed.
+        mechanism: (n_dofs,) velocities with which the ground moves then, the largest 1; None
+            where they are not known.
     """
 
-    def __init__(self, message: str, hint: str = "", *, stage: str, fraction: float) -> None:
+    def __init__(
+        self,
+        message: str,
+        hint: str = "",
+        *,
+        stage: str,
+        fraction: float,
+        mechanism: npt.NDArray[np.float64] | None = None,
+    ) -> None:
         self.stage = stage
         self.fraction = fraction
+        self.mechanism = mechanism
         super().__init__(message, hint)
 
 

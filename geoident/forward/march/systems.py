@@ -82,6 +82,9 @@ class StageSystem:
         return self.make_pattern()
 
 
+_HALF = 0.5
+"""Part of the largest rate of shear from which on a mechanism shears strongly."""
+
 _order_of = OfMesh[tuple[Ints, int]]()
 
 
@@ -198,6 +201,20 @@ class StageSystems:
         """Where displacements (n_dofs,) are largest, for a message."""
         node = int(np.argmax(np.linalg.norm(u.reshape(-1, self._mesh.dim), axis=1)))
         return f" near {format_point(self._mesh.points[node])}"
+
+    def describe_mechanism(self, system: StageSystem, u: Floats) -> str:
+        """Where a mechanism (n_dofs,) shears most, and how far it reaches, for a message."""
+        points = self.discretization.points
+        rate = np.where(system.volume > 0.0, _shear(points.strain(u)), 0.0)
+        most = int(np.argmax(rate))
+        if not rate[most] > 0.0:
+            return self.describe_motion(u)
+        group = self._sequence.groups[self._sequence.group_of[points.element[most]]]
+        position = points.position.round(3)
+        where = position[rate > _HALF * rate[most]]
+        text = f"; it shears most in group '{group}' near {format_point(position[most])}"
+        ends = (format_point(where.min(axis=0)), format_point(where.max(axis=0)))
+        return f"{text}, and strongly between {ends[0]} and {ends[1]}"
 
     def _elimination_order(self, changes: Bools, stages: int) -> tuple[Ints, int]:
         """The nodes in the order of elimination, and how many, the first, last through all stages.
@@ -419,6 +436,13 @@ class GroundAt:
             else:
                 self._laws[material] = PolyhedralLaw(elasticity, planes)
         return self._laws[material]
+
+
+def _shear(strain: Floats) -> Floats:
+    """(m,) size of the part of strains (s, m) that changes shapes; shears are counted double."""
+    normal, shear = strain[:3], strain[3:]
+    apart = normal - normal.mean(axis=0)
+    return np.asarray(np.sqrt((apart**2).sum(axis=0) + 0.5 * (shear**2).sum(axis=0)))
 
 
 def strength_slopes(field: PointField, mean: Dual, names: Sequence[str]) -> Floats:

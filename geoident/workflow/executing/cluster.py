@@ -39,6 +39,9 @@ R = TypeVar("R")
 _TICK = 0.5
 """Seconds after which the scheduler is looked at, at the latest."""
 
+_AGAIN = 2.0
+"""Seconds after which workers are told again to stop, since some may have come in between."""
+
 _GATHER = 30.0
 """Seconds that an answer may take to come."""
 
@@ -93,12 +96,14 @@ class DaskCluster(Generic[T, R]):
         tell: Callable[[str], None] = lambda message: None,
     ) -> None:
         name = f"geoident-{uuid.uuid4().hex[:12]}"
-        self._order = Order(name, parcel, own_versions(), set_up, time_limit, retries)
+        self._order = Order(
+            name, parcel, own_versions(), set_up, time_limit, retries, deaf=cluster.local
+        )
         self._link = Connection(cluster, self._order, jobs or usable_cores(), self._on_event, tell)
         self._events: SimpleQueue[tuple[str, Any]] = SimpleQueue()
         self._out: dict[int, _Sent[T]] = {}
         self._stopping = False
-        self._told_to_stop = False
+        self._told_to_stop = -_AGAIN
         self._killing = False
 
     def __enter__(self) -> Self:
@@ -151,7 +156,7 @@ class DaskCluster(Generic[T, R]):
             while not self._killing:
                 if not self._stopping:
                     self._give_out(coming, again)
-                elif not self._told_to_stop:
+                elif time.monotonic() - self._told_to_stop > _AGAIN:
                     self._stop_workers()
                 if not self._out:
                     break
@@ -314,9 +319,12 @@ class DaskCluster(Generic[T, R]):
         )  # fmt: skip
 
     def _stop_workers(self) -> None:
-        """Take back what has not begun, and let the rest end soon."""
-        self._told_to_stop = True
-        self._link.client.run(stop_relay, self._order.name, False, wait=False)
+        """Take back what has not begun, and let the rest end soon; told again to new workers."""
+        self._told_to_stop = time.monotonic()
+        with suppress(OSError):  # a worker that is lost is told when it is back
+            self._link.client.run(
+                stop_relay, self._order.name, False, wait=False, on_error="ignore"
+            )
         waiting = [sent.future for sent in self._out.values() if not sent.begun]
         if waiting:
             self._link.client.cancel(waiting)

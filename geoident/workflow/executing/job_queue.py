@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import inspect
+import signal
+import threading
 from contextlib import suppress
 from difflib import get_close_matches
 from typing import Any
 
-import dask_jobqueue
 from distributed import Status
 
 from geoident.errors import Fault, InputError
@@ -109,4 +110,9 @@ def job_script(cluster: Cluster) -> str:
 
 
 def _class_of(queue: str) -> Any:
+    before = signal.getsignal(signal.SIGINT)
+    import dask_jobqueue  # noqa: PLC0415 - it takes Ctrl-C to itself
+
+    if threading.current_thread() is threading.main_thread():
+        signal.signal(signal.SIGINT, before)
     return getattr(dask_jobqueue, QUEUES[queue])

