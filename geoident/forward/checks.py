@@ -37,7 +37,7 @@ from geoident.forward.gauges.observation import (
 from geoident.forward.ground.checks import section_faults
 from geoident.forward.ground.elasticity import inadmissible
 from geoident.forward.ground.field import field_faults
-from geoident.forward.ground.growth import growth_faults
+from geoident.forward.in_situ.growth import growth_faults
 from geoident.forward.in_situ.stress import (
     NEGLIGIBLE_IMBALANCE,
     edges_held,

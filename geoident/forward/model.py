@@ -19,7 +19,7 @@ from geoident.forward.gauges.instrument_errors import ReadingPlaces
 from geoident.forward.gauges.observable import MarchState
 from geoident.forward.gauges.observation import Observation
 from geoident.forward.ground.field import field_notes, point_field, with_modes
-from geoident.forward.ground.growth import growth_notes, point_growths, start_faults
+from geoident.forward.in_situ.growth import growth_notes, point_growths, start_faults
 from geoident.forward.march.fields import FieldRecorder
 from geoident.forward.march.march import Run, RunFindings, RunOptions
 from geoident.forward.march.stage import StageEnd

@@ -17,6 +17,7 @@ from math import degrees, sqrt
 import numpy as np
 
 from geoident.model.arrays import Floats, Ints
+from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.in_situ import Surface
 from geoident.model.parameter import Scalar, Values, scalars_of
 
@@ -315,6 +316,30 @@ class PointField:
         xi = np.array([values[name] for name in self.names])
         held = self.pull * np.log(self.reference / mean)
         return np.asarray(np.exp(self.known + held + self.modes @ xi))
+
+
+@dataclass(frozen=True, eq=False)
+class PointGrowth:
+    """A constant at the strain points of its material.
+
+    Args:
+        growth: as the case says it.
+        points: (q,) numbers of the strain points of all ground that is ever of the material,
+            ascending.
+        positions: (q, dim) their coordinates, m.
+        names: parameters that its values may depend on.
+        value: its values (q,) at parameters, Pa.
+        typical: a number of its size, Pa, at which matrices are scaled; it depends on no parameter.
+        n_outside: points beside the footprint of the surface from which depth is counted.
+    """
+
+    growth: Growth
+    points: Ints
+    positions: Floats
+    names: frozenset[str]
+    value: Callable[[ParameterPoint], Dual]
+    typical: float
+    n_outside: int = 0
 
 
 def constants(elastic: Elastic) -> dict[str, Scalar]:

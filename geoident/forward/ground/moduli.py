@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from geoident.fem.location import format_point
 from geoident.fem.moduli import (
     Moduli,
     PointwiseModuli,
@@ -22,11 +23,10 @@ from geoident.fem.moduli import (
     UniformModuli,
 )
 from geoident.forward.ground.elasticity import elasticity, elasticity_of
-from geoident.forward.ground.point_growth import PointGrowth, not_positive
 from geoident.model.arrays import Floats, Ints
 from geoident.model.case import Material
 from geoident.model.dual import Dual, ParameterPoint
-from geoident.model.ground import Elastic, PointField, constants, numbers_of
+from geoident.model.ground import Elastic, PointField, PointGrowth, constants, numbers_of
 from geoident.model.parameter import Values
 
 
@@ -269,6 +269,17 @@ def inadmissible_moduli(
         f"where {names} of {material.name} varies most, its elasticity is not positive definite: "
         "ratios that its other constants allow at the mean are not allowed there"
     )
+
+
+def not_positive(one: PointGrowth, values: Values) -> str | None:
+    """Where a constant is not positive at parameter values, half a sentence; None for nowhere."""
+    with np.errstate(all="ignore"):
+        found = one.value(ParameterPoint(values, ())).value
+    if np.isfinite(found).all() and found.min() > 0.0:
+        return None
+    worst = int(np.argmin(np.where(np.isfinite(found), found, -np.inf)))
+    number, where = found[worst], format_point(one.positions[worst])
+    return f"{one.growth.words}: it is {number:.4g} Pa at {where}, where it must be positive"
 
 
 def _wide(number: Dual, extra: int) -> Dual:

@@ -8,14 +8,13 @@ import numpy as np
 import scipy.sparse as sp
 
 from geoident.errors import InputError
-from geoident.forward.ground.point_growth import PointGrowth
 from geoident.forward.model import StagedModel
 from geoident.forward.protocols import CaseModel
 from geoident.identify.assessment.uncertainty import Assessment
 from geoident.model.arrays import Floats, Ints
 from geoident.model.case import Case
 from geoident.model.dual import ParameterPoint
-from geoident.model.ground import Field, PointField
+from geoident.model.ground import Field, PointField, PointGrowth
 from geoident.model.results.result import Result
 from geoident.model.results.varied import FieldEstimate
 

@@ -14,14 +14,14 @@ import numpy as np
 
 from geoident.errors import Fault
 from geoident.fem.location import format_point
-from geoident.forward.ground.point_growth import PointGrowth, not_positive
+from geoident.forward.ground.moduli import not_positive
 from geoident.forward.in_situ.stress import InSituStress, StressPlaces
 from geoident.forward.in_situ.surfaces import Depths
 from geoident.forward.stages import CaseOnMesh
 from geoident.model.arrays import Floats
 from geoident.model.case import Case
 from geoident.model.dual import Dual, ParameterPoint
-from geoident.model.ground import Growth, WithDepth, WithStress
+from geoident.model.ground import Growth, PointGrowth, WithDepth, WithStress
 from geoident.model.in_situ import Surface
 from geoident.model.parameter import Scalar, Values
 from geoident.units import in_unit, shown_unit
