@@ -273,6 +273,11 @@ class CaseOnMesh:
         """The same with fields, and with the case that has their modes among its parameters.
 
         Nothing that was made before depends on either, so it is kept.
+
+        Args:
+            case: with the modes.
+            fields: at the strain points.
+            growths: constants that grow, at the strain points.
         """
         found = replace(self, case=case, fields=fields, growths=growths)
         given = {entry.name for entry in dataclass_fields(self)}

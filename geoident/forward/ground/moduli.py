@@ -118,7 +118,13 @@ def field_moduli(
 def grows_whole(
     elastic: Elastic, fields: Sequence[PointField], growths: Sequence[PointGrowth]
 ) -> bool:
-    """Whether the whole matrix grows in proportion to the one modulus that is given."""
+    """Whether the whole matrix grows in proportion to the one modulus that is given.
+
+    Args:
+        elastic: symmetry and constants.
+        fields: of the material.
+        growths: of the material.
+    """
     moduli = {name for name in constants(elastic) if not name.startswith("nu")}
     return not fields and len(growths) == 1 and moduli == {growths[0].growth.constant}
 

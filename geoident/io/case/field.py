@@ -519,7 +519,13 @@ def fields_in(
 
 
 def growths_in(section: Section, context: Context, *, material: str) -> tuple[Growth, ...]:
-    """The growths among the numbers of a section of a material."""
+    """The growths among the numbers of a section of a material.
+
+    Args:
+        section: of the material.
+        context: of the section.
+        material: name of the material.
+    """
     given = ((name, getattr(section, name)) for name in type(section).model_fields)
     return tuple(
         value.field.built(context.at(name), material=material, constant=name)
