@@ -14,7 +14,11 @@ import re
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from enum import Enum, IntEnum
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import numpy as np
+    import numpy.typing as npt
 
 
 class ExitCode(IntEnum):
@@ -48,7 +52,9 @@ class Term(Enum):
 
     FORCE = ("--force", "force=True")
     FRESH = ("--fresh", "fresh=True")
+    CLUSTER = ("--cluster", "the cluster")
     OUTPUT = ("-o", "output=...")
+    FIELDS = ("--fields", "fields=...")
     TRUST = ("--trust", "`geoident.trust(case)`")
     OVERRIDES = ("--set", "overrides")
     OVERRIDE = ("--set path=value", 'overrides={"path": value}')
@@ -240,11 +246,22 @@ class CollapseError(ModelError):
         stage: name of the stage.
         fraction: part of the change of load of that stage that can be carried, 0 to 1; NaN where
             it was not computed.
+        mechanism: (n_dofs,) velocities with which the ground moves then, the largest 1; None
+            where they are not known.
     """
 
-    def __init__(self, message: str, hint: str = "", *, stage: str, fraction: float) -> None:
+    def __init__(
+        self,
+        message: str,
+        hint: str = "",
+        *,
+        stage: str,
+        fraction: float,
+        mechanism: npt.NDArray[np.float64] | None = None,
+    ) -> None:
         self.stage = stage
         self.fraction = fraction
+        self.mechanism = mechanism
         super().__init__(message, hint)
 
 
@@ -252,6 +269,23 @@ class OutputError(GeoidentError):
     """An output exists already, or cannot be written."""
 
     exit_code = ExitCode.OUTPUT
+
+
+class LostCluster(GeoidentError):
+    """The scheduler of a cluster has gone, and did not come back; what had ended is kept.
+
+    Args:
+        address: of the scheduler.
+        seconds: that it was waited for.
+    """
+
+    exit_code = ExitCode.SOME_FAILED
+
+    def __init__(self, address: str, seconds: float) -> None:
+        super().__init__(
+            f"{address}: the scheduler of the cluster was lost, and was not back within "
+            f"{seconds:g} s\n    what has ended is kept. {Term.SAME_AGAIN} goes on with the rest."
+        )
 
 
 class Interrupted(GeoidentError):

@@ -34,7 +34,7 @@ from geoident.workflow.init import init_template
 from geoident.workflow.programs.trust import decided_by, trusting
 from geoident.workflow.running.jobs import NO_READINGS, build_model, load_inputs
 from geoident.workflow.running.remade import write_readings
-from geoident.workflow.simulate import ComputedBy, Noise, Simulated
+from geoident.workflow.simulate import ComputedBy, Noise, Outputs, Simulated
 from geoident.workflow.simulate import simulate as run_simulation
 
 if TYPE_CHECKING:
@@ -413,6 +413,8 @@ def simulate(
     seed: int = 0,
     solver: str = "auto",
     reduced: AnyPath | None = None,
+    fields: AnyPath | None = None,
+    force: bool = False,
 ) -> SimulationResult:
     """Compute what the gauges would read at the start values of the parameters.
 
@@ -427,11 +429,14 @@ def simulate(
         solver: name of the sparse solver, or ``auto``.
         reduced: result of a fit that keeps a reduced model (``fit.reduced: keep``), which answers
             where it is proven to be close enough; `SimulationResult.note` says whether it did.
+        fields: file for displacements and stresses of all states, such as ``case.vtkhdf``.
+        force: replace what stands there.
 
     Raises:
         InputError: with all faults of the case; or the reduced model is of another case.
         ModelError: the model has no solution at the start values.
-        UsageError: there is no such solver.
+        UsageError: there is no such solver, or there are no fields to write.
+        OutputError: something stands in the place of the file, or it cannot be written.
     """
     origin = origin_of(case)
     found = run_simulation(
@@ -441,6 +446,7 @@ def simulate(
         draw=draw,
         seed=seed,
         by=ComputedBy(solver, None if reduced is None else os.fspath(reduced)),
+        to=Outputs(fields=None if fields is None else os.fspath(fields), force=force),
         text=origin.text,
     )
     return SimulationResult(found)

@@ -1,23 +1,28 @@
 """Running a campaign: what is said of its runs while they are computed, and at the end."""
 
+# ruff: noqa: PLC0415 - a cluster is imported when one is asked for
+
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 import click
 
+from geoident.cli.clusters import cluster_given
 from geoident.cli.error_boundary import failures_as_json
 from geoident.cli.options import Options
 from geoident.cli.signals import stop_runs_on_signals
 from geoident.cli.terminal import Terminal
 from geoident.errors import ExitCode
 from geoident.io.result.campaign import record_object
+from geoident.model.cluster import Cluster
 from geoident.model.results.campaign import CampaignTable, RunRecord
 from geoident.report.text.campaign.spreadsheet import runs_csv
 from geoident.report.text.campaign.tables import failed_table, outcome_sentences, seconds_text
 from geoident.report.text.json import dumps
-from geoident.workflow.campaign.campaign import compute, local_executor
+from geoident.workflow.campaign.campaign import RunExecutor, compute, local_executor
 from geoident.workflow.campaign.plan import CampaignPlan, plan_campaign, require_trust
 from geoident.workflow.executing.executor import usable_cores
 
@@ -29,7 +34,7 @@ class _Progress:
     options: Options
     terminal: Terminal
     left: int
-    jobs: int
+    at_a_time: Callable[[], int]
     ended: list[RunRecord] = field(default_factory=list)
 
     def __call__(self, record: RunRecord) -> None:
@@ -43,7 +48,7 @@ class _Progress:
     def _words(self) -> str:
         failed = sum(not run.finished for run in self.ended)
         slowest = max(self.ended, key=lambda run: run.seconds)
-        running = min(self.jobs, self.left - len(self.ended))
+        running = min(self.at_a_time(), self.left - len(self.ended))
         return (
             f"{len(self.ended)} of {self.left} runs ended, {failed} failed, {running} running, "
             f"slowest {slowest.name} ({seconds_text(slowest.seconds)})"
@@ -54,19 +59,24 @@ def _first_line(text: str) -> str:
     return (text.splitlines() or [""])[0]
 
 
-def run_campaign(path: str, options: Options, *, jobs: int | None) -> int:
+def run_campaign(
+    path: str, options: Options, *, jobs: int | None, cluster: str | None = None
+) -> int:
     """Compute a campaign and say what came out.
 
     Args:
         path: of its file.
         options: of the command.
         jobs: number of processes; None for the cores there are.
+        cluster: address, ``local`` or file of a cluster in place of that of the campaign; None for
+            none.
 
     Returns:
         The exit code: 7 if some runs have failed.
     """
     with failures_as_json(path, options):
         plan = plan_campaign(path, output=options.output, fresh=options.fresh, force=options.force)
+        where = plan.campaign.cluster if cluster is None else cluster_given(cluster)
     if options.dry_run:
         return _say_plan(plan, options)
     with failures_as_json(path, options):
@@ -76,17 +86,34 @@ def run_campaign(path: str, options: Options, *, jobs: int | None) -> int:
         for run in plan.runs:
             if run.name in plan.known:
                 click.echo(dumps(record_object(plan.known[run.name])))
-    jobs = jobs or usable_cores()
-    with local_executor(plan, jobs) as executor:
-        progress = _Progress(options, terminal, len(plan.left), jobs)
+    with (
+        failures_as_json(path, options),
+        _executor(plan, where, jobs or usable_cores(), terminal) as (executor, at_a_time),
+    ):
+        progress = _Progress(options, terminal, len(plan.left), at_a_time)
         with terminal.live(f"{len(plan.left)} runs"), stop_runs_on_signals(executor) as heard:
-            table = compute(
-                plan, executor, progress, runs_csv, fresh=options.fresh, trust=options.trust
-            )
+            # elsewhere nobody remembers what has just been permitted here
+            trust = options.trust or where is not None
+            table = compute(plan, executor, progress, runs_csv, fresh=options.fresh, trust=trust)
     _say_end(table, plan, terminal)
     if not options.as_json:
         click.echo(plan.folder)
     return int(heard.code or table.exit_code)
+
+
+@contextmanager
+def _executor(
+    plan: CampaignPlan, where: Cluster | None, jobs: int, terminal: Terminal
+) -> Iterator[tuple[RunExecutor, Callable[[], int]]]:
+    """What computes the runs, and how many at a time."""
+    if where is None or not plan.left:
+        with local_executor(plan, jobs) as processes:
+            yield processes, lambda: jobs
+        return
+    from geoident.workflow.campaign.away import AwayRuns, cluster_executor
+
+    with cluster_executor(plan, where, jobs, terminal.inform) as cluster:
+        yield AwayRuns(cluster, plan), lambda: cluster.workers
 
 
 def _say_end(table: CampaignTable, plan: CampaignPlan, terminal: Terminal) -> None:

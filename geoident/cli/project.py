@@ -13,12 +13,14 @@ from geoident.cli.signals import stop_on_signals
 from geoident.cli.terminal import Terminal
 from geoident.errors import ExitCode, UsageError
 from geoident.report.text.json import dumps
-from geoident.report.text.project.json import project_object
-from geoident.report.text.project.tables import project_summary, project_text
+from geoident.report.text.project.json import plan_object, project_object
+from geoident.report.text.project.tables import plan_text, project_summary, project_text
 from geoident.workflow.executing.stop import StopRequest
 from geoident.workflow.project.plan import ProjectJob, ProjectRequest, plan_project
 from geoident.workflow.project.run import fit_project
 from geoident.workflow.running.control import Control
+
+_SETS_ITSELF = "A project sets values of its sections itself: sections[..].set."
 
 
 def run_project(path: str, options: Options, *, leave_one_out: bool) -> int:
@@ -36,7 +38,7 @@ def run_project(path: str, options: Options, *, leave_one_out: bool) -> int:
         UsageError: values are to be set, which a project does itself.
     """
     if options.overrides:
-        raise UsageError("A project sets values of its sections itself: sections[..].set.")
+        raise UsageError(_SETS_ITSELF)
     with failures_as_json(path, options):
         request = ProjectRequest(
             path=path,
@@ -78,21 +80,37 @@ def _said(name: str) -> bool:
 def _say_plan(job: ProjectJob, options: Options) -> int:
     """What would be fitted; nothing is computed."""
     project, path = job.project, str(job.place.path)
+    counts = [len(one.case.readings) for one in job.inputs]
     if options.as_json:
-        names = [[s.name, s.case, s.predicted] for s in project.sections]
-        click.echo(dumps({"output": path, "up_to_date": job.up_to_date, "sections": names}))
+        plan = {"output": path, "up_to_date": job.up_to_date}
+        click.echo(dumps({**plan_object(project, counts), **plan}))
         return ExitCode.DONE
-    predicted = len(project.sections) - len(project.fitted)
-    click.echo(f"{len(project.fitted)} sections to fit, {predicted} to predict")
-    click.echo(f"shared: {', '.join(project.shared) or 'nothing'}")
-    for law in project.laws:
-        click.echo(f"law: {law.parameter} = {law.text} (scatter: {law.scatter.kind})")
-    for section, one in zip(project.sections, job.inputs, strict=True):
-        known = ", ".join(f"{name} {value:g}" for name, value in section.covariates.items())
-        count = len(one.case.readings)
-        role = "  (predicted)" if section.predicted else ""
-        click.echo(f"{section.name}  {section.case}  {known}  {count} readings{role}")
+    click.echo(plan_text(project, counts))
     click.echo(f"\n{path} is up to date" if job.up_to_date else f"\nWould write {path}")
+    return ExitCode.DONE
+
+
+def check_one_project(path: str, options: Options) -> int:
+    """Say what a project amounts to, or all that is wrong with it.
+
+    Args:
+        path: of its file.
+        options: of the command.
+
+    Raises:
+        UsageError: values are to be set, which a project does itself.
+    """
+    from geoident.workflow.project.check import check_project
+
+    if options.overrides:
+        raise UsageError(_SETS_ITSELF)
+    with failures_as_json(path, options):
+        found = check_project(path, solver=options.solver)
+    counts = [summary.used for summary in found.summaries]
+    if options.as_json:
+        click.echo(dumps({"project": path, **plan_object(found.project, counts)}))
+    elif not options.quiet:
+        click.echo(f"{path}: {plan_text(found.project, counts)}")
     return ExitCode.DONE
 
 

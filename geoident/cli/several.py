@@ -8,11 +8,12 @@ What is up to date is known from the checksums of its files, before anything of 
 from __future__ import annotations
 
 import io
-from collections.abc import Callable, Sequence
-from contextlib import redirect_stderr, redirect_stdout
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
@@ -21,6 +22,9 @@ from geoident.cli.options import Options
 from geoident.cli.signals import stop_runs_on_signals
 from geoident.cli.terminal import Terminal
 from geoident.errors import ExitCode
+
+if TYPE_CHECKING:
+    from geoident.workflow.executing.executor import Executor
 
 WORDS = {
     ExitCode.DONE: "done",
@@ -60,13 +64,16 @@ class CaseEnd:
         return "up to date" if self.code == ExitCode.DONE else f"up to date: {said}"
 
 
-def run_cases(command: str, cases: Sequence[str], options: Options) -> int:
+def run_cases(
+    command: str, cases: Sequence[str], options: Options, *, cluster: str | None = None
+) -> int:
     """Fit or backtest several cases; their stdout comes in the order of the cases.
 
     Args:
         command: ``fit`` or ``backtest``.
         cases: their paths.
         options: as given.
+        cluster: address, ``local`` or file of a cluster; None for processes of this machine.
 
     Returns:
         The exit code: 7 if some have failed.
@@ -79,7 +86,7 @@ def run_cases(command: str, cases: Sequence[str], options: Options) -> int:
     order = _InOrder(cases, ends, options)
     order.say()
     left = [n for n, end in enumerate(ends) if end is None]
-    stopped = _compute(command, left, order, options) if left else None
+    stopped = _compute(command, left, order, options, cluster) if left else None
     order.say_total()
     return int(stopped or combined([ExitCode.TERMINATED if e is None else e.code for e in ends]))
 
@@ -103,21 +110,17 @@ def _known(command: str, case: str, options: Options) -> CaseEnd | None:
 
 
 def _compute(
-    command: str, left: Sequence[int], order: _InOrder, options: Options
+    command: str, left: Sequence[int], order: _InOrder, options: Options, cluster: str | None
 ) -> ExitCode | None:
     """Compute cases in processes; the exit code of the signal that has ended this, if one has."""
-    from geoident.workflow.executing.executor import usable_cores
-    from geoident.workflow.executing.processes import LocalProcesses
-
-    jobs = min(options.jobs or usable_cores(), len(left))
     terminal = Terminal(options)
-    set_up = partial(_set_up, command, options)
+    cases = [order.cases[n] for n in left]
     with (
-        LocalProcesses[str, CaseEnd](jobs, set_up) as processes,
+        _executor(command, cases, options, terminal, cluster) as processes,
         stop_runs_on_signals(processes) as heard,
         terminal.live(f"{len(left)} cases"),
     ):
-        for answer in processes.run([order.cases[n] for n in left]):
+        for answer in processes.run(cases):
             end = answer.value
             if end is None and answer.stopped:
                 end = CaseEnd(ExitCode.TERMINATED)
@@ -128,6 +131,33 @@ def _compute(
             done = sum(order.ends[n] is not None for n in left)
             terminal.part(f"{done} of {len(left)} cases done", done / len(left))
     return heard.code
+
+
+@contextmanager
+def _executor(
+    command: str,
+    cases: Sequence[str],
+    options: Options,
+    terminal: Terminal,
+    cluster: str | None,
+) -> Iterator[Executor[str, CaseEnd]]:
+    """What computes the cases: processes of this machine, or a cluster."""
+    from geoident.workflow.executing.executor import usable_cores
+    from geoident.workflow.executing.processes import LocalProcesses
+
+    set_up = partial(_set_up, command, options)
+    if cluster is None:
+        jobs = min(options.jobs or usable_cores(), len(cases))
+        with LocalProcesses[str, CaseEnd](jobs, set_up) as processes:
+            yield processes
+        return
+    from geoident.cli.clusters import cluster_given
+    from geoident.cli.several_away import AwayCases, cases_on
+
+    if any(Path(path).is_absolute() for path in (*cases, options.output or "")):
+        raise click.UsageError("With --cluster, name cases and -o as seen from this folder.")
+    with cases_on(cluster_given(cluster), cases, options, set_up, terminal.inform) as away:
+        yield AwayCases(away, command, options)
 
 
 def _set_up(command: str, options: Options) -> Callable[[str], CaseEnd]:

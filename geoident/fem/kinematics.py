@@ -325,14 +325,14 @@ class StrainPoints:
         first, end, _ = points.indices(self.n_points)
         if (first, end) not in self._runs:
             ends = self.gradients[0].indptr[first : end + 1]
-            part, shape = (
-                slice(int(ends[0]), int(ends[-1])),
-                (end - first, self.gradients[0].shape[1]),
-            )
-            self._runs[first, end] = tuple(
-                sp.csr_array((D.data[part], D.indices[part], ends - ends[0]), shape=shape)
-                for D in self.gradients
-            )
+            part = slice(int(ends[0]), int(ends[-1]))
+            found = []
+            for D in self.gradients:
+                view = sp.csr_array((end - first, D.shape[1]), dtype=D.dtype)
+                # set, not given: what is given to scipy is copied where it is a part of an array
+                view.data, view.indices, view.indptr = D.data[part], D.indices[part], ends - ends[0]
+                found.append(view)
+            self._runs[first, end] = tuple(found)
         return self._runs[first, end]
 
     @cached_property

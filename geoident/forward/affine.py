@@ -85,6 +85,12 @@ def affine_obstacle(march: March) -> str | None:
         return f"{field.constant} of {field.material} is a field: it is not linear in its modes"
     for growth in case.growths:
         return f"{growth.words}: its equations are not made as sums"
+    moved = march.motions.moved()
+    if moved is not None:
+        return f"the support '{moved}' is moved: its motion times a modulus is a load"
+    for stage in case.stages:
+        if stage.supports:
+            return f"the stage '{stage.name}' changes what is held"
     admissible = partial(_is_admissible, march)
     return first_obstacle(_parts(march), case.parameters, admissible)
 

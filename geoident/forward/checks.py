@@ -15,12 +15,13 @@ from typing import Protocol
 
 import numpy as np
 
-from geoident.errors import Fault, InputError, Location, ModelError
+from geoident.errors import Fault, InputError, ModelError
 from geoident.fem.kinematics import kinematics_of
 from geoident.fem.location import format_point
 from geoident.fem.measure import suspected_unit
 from geoident.fem.mechanism import LooseBody, loose_body
 from geoident.fem.orientation import oriented, turned_elements
+from geoident.forward.actions.motions import motion_faults
 from geoident.forward.actions.supports import (
     fixed_dofs,
     load_faults,
@@ -40,8 +41,6 @@ from geoident.forward.ground.field import field_faults
 from geoident.forward.in_situ.growth import growth_faults
 from geoident.forward.in_situ.stress import (
     NEGLIGIBLE_IMBALANCE,
-    edges_held,
-    in_situ_models,
     surface_faults,
     zone_faults,
 )
@@ -117,7 +116,9 @@ def _all_faults(on_mesh: CaseOnMesh) -> tuple[Observation | None, list[Fault]]:
     Gauges on structures that lack ground cannot be judged; there are no gauges then.
     """
     structures = structure_place_faults(on_mesh)
-    places = mesh_faults, load_place_faults, zone_faults, _field_faults, growth_faults
+    places = (
+        mesh_faults, motion_faults, load_place_faults, zone_faults, _field_faults, growth_faults
+    )  # fmt: skip
     faults = [*(fault for faults_of in places for fault in faults_of(on_mesh)), *structures]
     if structures:
         return None, [*faults, *_points_outside(on_mesh)]
@@ -131,13 +132,19 @@ def _points_outside(on_mesh: CaseOnMesh) -> list[Fault]:
 
 
 def notes_on_mesh(
-    on_mesh: CaseOnMesh, observation: Observation, *, n_outside: int, in_tension: bool
+    on_mesh: CaseOnMesh,
+    observation: Observation,
+    *,
+    edges_held: bool,
+    n_outside: int,
+    in_tension: bool,
 ) -> list[str]:
     """What the user should know of how the case was understood.
 
     Args:
         on_mesh: the case on its mesh.
         observation: its gauges there.
+        edges_held: whether tractions on edges hold the in-situ stress where no support does.
         n_outside: strain points beside the faces that give a level of the ground or of the water.
         in_tension: whether most of the virgin ground is in tension at the start values.
     """
@@ -146,7 +153,7 @@ def notes_on_mesh(
     on_axis = np.count_nonzero(on_mesh.kinematics.on_axis(on_mesh.mesh.points))
     if on_axis:
         notes.append(f"{on_axis} nodes on the axis of revolution x = 0 are held radially (u_r = 0)")
-    if any(edges_held(model) for _, model in in_situ_models(case)):
+    if edges_held:
         notes.append(
             "the in-situ stress is held at the edges of the model by tractions "
             "(in_situ: held: true)"
@@ -256,16 +263,15 @@ def _refuse_mechanisms(on_mesh: CaseOnMesh) -> None:
         ModelError: a piece of the ground can move freely.
     """
     mesh, sequence, source = on_mesh.mesh, on_mesh.sequence, on_mesh.case.source
-    fixed = fixed_dofs(on_mesh)
     checked = set()
     for n, state in enumerate(sequence.states):
-        present = sequence.present(n)
-        if present.tobytes() in checked:
+        present, fixed = sequence.present(n), fixed_dofs(on_mesh, n)
+        what = present.tobytes() + fixed.tobytes()
+        if what in checked:
             continue
-        checked.add(present.tobytes())
+        checked.add(what)
         if not present.any():
-            msg = f"at stage '{state.name}' no ground is present"
-            raise InputError([Fault("no-ground", msg, "see 'groups'", Location(mesh.file))])
+            raise InputError([_no_ground(on_mesh, n)])
         loose = _loose_body_of(
             mesh,
             (on_mesh.kinematics.rigid, present.tobytes(), fixed.tobytes()),
@@ -282,6 +288,22 @@ def _refuse_mechanisms(on_mesh: CaseOnMesh) -> None:
         hint = parted_from(on_mesh, loose.elements) or hint
         msg = f"at stage '{state.name}' {_loose_text(loose, sequence)}"
         raise ModelError(msg, hint, location=source.locate(place), path=format_path(place))
+
+
+def _no_ground(on_mesh: CaseOnMesh, n: int) -> Fault:
+    """A state in which nothing is left that could carry anything."""
+    if n:
+        place: KeyPath = ("stages", n - 1)
+        message = f"after stage '{on_mesh.sequence.states[n].name}' no ground is present"
+        hint = "Something has to stay: leave out what the stage takes away last."
+    else:
+        place, message = ("groups",), "no ground is present before the first stage"
+        hint = (
+            "Give one group a material from the beginning. Fill on a rigid base: the first layer, "
+            "held by 'supports' at its foot, whose motion the gauges do not count if they are "
+            "zeroed later; or a thin stiff layer under the fill."
+        )
+    return on_mesh.case.source.fault(place, code="no-ground", message=message, hint=hint)
 
 
 def _loose_text(loose: LooseBody, sequence: ConstructionSequence) -> str:

@@ -20,7 +20,7 @@ from geoident.forward.gauges.observable import MarchState
 from geoident.forward.gauges.observation import Observation
 from geoident.forward.ground.field import field_notes, point_field, with_modes
 from geoident.forward.in_situ.growth import growth_notes, point_growths, start_faults
-from geoident.forward.march.fields import FieldRecorder
+from geoident.forward.march.fields import FieldRecorder, ReactionRecorder
 from geoident.forward.march.march import Run, RunFindings, RunOptions
 from geoident.forward.march.stage import StageEnd
 from geoident.forward.march.virgin import contradictions, overburden_notes, surface_gaps
@@ -102,15 +102,18 @@ class StagedModel(Marches):
     @property
     def notes(self) -> tuple[str, ...]:
         """What the user should know of how the case was understood."""
+        start = self.case.start
+        unknowns = self.systems[0].dofs
         noted = notes_on_mesh(
             self.on_mesh,
             self.observation,
+            edges_held=self.actions.hold_edges(ParameterPoint(start, ()), unknowns),
             n_outside=max(
                 self.march.n_outside,
                 self.actions.n_outside,
                 *(growth.n_outside for growth in self.on_mesh.growths),
             ),
-            in_tension=self.march.virgin_tension(self.case.start),
+            in_tension=self.march.virgin_tension(start),
         )
         varied = field_notes(self.on_mesh.case, self.on_mesh.fields)
         return (*noted, *varied, *growth_notes(self.on_mesh.growths, self.case.start))
@@ -175,11 +178,14 @@ class StagedModel(Marches):
         """
         values = self.values(p)
         recorder = FieldRecorder(self.on_mesh) if fields else None
+        reactions = ReactionRecorder(self.on_mesh, self.structures) if fields else None
         members = MemberRecorder(self.structures, self.sequence, values)
 
         def record(end: StageEnd) -> None:
             if recorder is not None:
                 recorder.add(end)
+            if reactions is not None:
+                reactions.add(end)
             if self.structures.parts and last is None:
                 members.add(end.state, end.members)
 
@@ -227,6 +233,7 @@ class StagedModel(Marches):
                 *self._contradiction_notes(values),
             ),
             self.observation.increments(seen_at[:, :, 0], self.sequence.bases),
+            reactions=None if reactions is None else reactions.table(),
         )
 
     def steps(self, pairs: Sequence[tuple[str, str]]) -> Floats:

@@ -14,7 +14,7 @@ from geoident.model.arrays import Floats
 from geoident.model.case import Case
 from geoident.model.response import Response
 from geoident.model.results.opening import GroundReaction
-from geoident.model.results.result import Counts, FieldSeries, MemberForces
+from geoident.model.results.result import Counts, FieldSeries, MemberForces, SupportReactions
 from geoident.model.yielding import Activity
 
 
@@ -34,6 +34,7 @@ class Survey:
         increments: (n_states, n_channels) what the step of each state changes in what the channels
             see, SI; of the virgin state what is there. 0 where they cannot be read.
         reaction: of the ground around an opening in closed form, or None.
+        reactions: of the supports, with the fields, or None.
     """
 
     computed: Floats
@@ -45,6 +46,7 @@ class Survey:
     notes: tuple[str, ...] = ()
     increments: Floats = field(default_factory=lambda: np.zeros((0, 0)))
     reaction: GroundReaction | None = None
+    reactions: SupportReactions | None = None
 
 
 class CaseModel(Protocol):

@@ -21,7 +21,7 @@ from geoident.fem.kinematics import (
 from geoident.fem.location import Locator
 from geoident.model.actions import Load, Temperature, Water
 from geoident.model.arrays import Bools, Floats, Ints
-from geoident.model.case import VIRGIN, Case, KeyPath, Stage
+from geoident.model.case import VIRGIN, Case, KeyPath, Stage, Support
 from geoident.model.ground import Elastic, PointField, PointGrowth, with_constants
 from geoident.model.mesh import Mesh
 from geoident.model.of_mesh import OfMesh
@@ -54,6 +54,8 @@ class ConstructionState:
         stressed: structure to the force of one bar, N, for those whose force is given at this
             stage: a jack or a press holds it while the ground moves.
         locked: structure to the force at which its bars were locked off at an earlier stage.
+        supports: what is held, by name.
+        held_since: index of the state from which on each of the supports holds or moves so.
     """
 
     name: str
@@ -70,6 +72,13 @@ class ConstructionState:
     loads_since: Mapping[str, int] = field(default_factory=dict)
     stressed: Mapping[str, Scalar] = field(default_factory=dict)
     locked: Mapping[str, Scalar] = field(default_factory=dict)
+    supports: Mapping[str, Support] = field(default_factory=dict)
+    held_since: Mapping[str, int] = field(default_factory=dict)
+
+    @property
+    def held(self) -> frozenset[tuple[str, tuple[int, ...]]]:
+        """Which supports hold in which directions, however they move."""
+        return frozenset((name, one.components) for name, one in self.supports.items())
 
 
 @dataclass(frozen=True)
@@ -331,9 +340,11 @@ def _states_of(case: Case, groups: Sequence[str]) -> tuple[ConstructionState, ..
     index = {name: n for n, name in enumerate(groups)}
     materials = {index[g]: m for g, m in case.groups.items() if m is not None}
     since = dict.fromkeys(case.loads, 0)
+    supports = {support.group: support for support in case.supports}
     virgin = ConstructionState(
-        VIRGIN, materials, frozenset(), dict(case.loads), water=case.water, loads_since=since
-    )
+        VIRGIN, materials, frozenset(), dict(case.loads), water=case.water, loads_since=since,
+        supports=supports, held_since=dict.fromkeys(supports, 0),
+    )  # fmt: skip
     states = [virgin]
     trunk = 0
     for n, stage in enumerate(case.stages, start=1):
@@ -369,10 +380,22 @@ def _state_after(
     stressed = _stressed_at_building(stage, known) | dict(stage.prestress)
     kept = structures - set(stage.build) - stressed.keys()
     locked = {k: v for k, v in {**before.locked, **before.stressed}.items() if k in kept}
+    supports, held_since = _held_after(before, stage, number)
     return ConstructionState(
         stage.name, materials, placed, loads, base, stage.water or before.water, stays | warmed,
         leaving, release, structures, frozenset(stage.build), since, stressed, locked,
+        supports, held_since,
     )  # fmt: skip
+
+
+def _held_after(
+    before: ConstructionState, stage: Stage, number: int
+) -> tuple[dict[str, Support], dict[str, int]]:
+    """What is held at the end of a stage of a number, and since when each support does so."""
+    said = {name: one for name, one in stage.supports.items() if one is not None}
+    stays = {name: one for name, one in before.supports.items() if name not in stage.supports}
+    since = {name: before.held_since[name] for name in stays} | dict.fromkeys(said, number)
+    return stays | said, since
 
 
 def _stressed_at_building(stage: Stage, known: Mapping[str, Structure]) -> dict[str, Scalar]:

@@ -80,6 +80,38 @@ class Seismic:
     factors: tuple[Scalar, ...]
 
 
+@dataclass(frozen=True)
+class MotionField:
+    """Motions measured at points, linear between them.
+
+    Args:
+        points: (k, dim) coordinates, m.
+        components: (c,) directions that were measured, 0 for x, 1 for y, 2 for z.
+        values: (k, c) motions, m.
+        factor: multiplies them all.
+    """
+
+    points: tuple[tuple[float, ...], ...]
+    components: tuple[int, ...]
+    values: tuple[tuple[float, ...], ...]
+    factor: Scalar = Scalar(1.0)
+
+
+@dataclass(frozen=True)
+class Contraction:
+    """A wall moves towards its centre, so that a part of the area within it is lost (theory 2.6).
+
+    Args:
+        part: of the area.
+        centre: (2,) in the plane, m; None: the centroid of the area within.
+        axis: in a solid, direction (0, 1 or 2) of the axis through ``centre`` (3,).
+    """
+
+    part: Scalar
+    centre: tuple[float, ...] | None = None
+    axis: int | None = None
+
+
 FaceLoad = Pressure | Traction | WaterPressure
 Load = FaceLoad | PointForce | Seismic
 

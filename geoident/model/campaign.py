@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from geoident.errors import Location
+from geoident.model.cluster import Cluster
 
 COMMANDS = ("fit", "simulate", "predict", "scan")
 """What a campaign may compute of each variation."""
@@ -90,6 +91,7 @@ class Campaign:
         noise: of a simulation: noise of the gauges is added.
         draw: of a simulation: fields are drawn.
         stages: of a prediction: names of the stages; all that were not fitted if empty.
+        cluster: that computes the runs, or None for processes of this command.
     """
 
     path: str
@@ -109,6 +111,7 @@ class Campaign:
     noise: bool
     draw: bool
     stages: tuple[str, ...]
+    cluster: Cluster | None = None
 
 
 def paths_of(variations: Sequence[Variation]) -> tuple[str, ...]:

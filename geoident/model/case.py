@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 
 from geoident.errors import Fault, Location
-from geoident.model.actions import Load, Temperature, Water
+from geoident.model.actions import Contraction, Load, MotionField, Temperature, Water
 from geoident.model.elsewhere import Elsewhere
 from geoident.model.gauges import Channel, Reading, StageReadings
 from geoident.model.ground import Elastic, Field, Growth
@@ -100,15 +100,31 @@ class Material:
 
 @dataclass(frozen=True)
 class Support:
-    """A group (of facets, nodes or elements) whose nodes do not move in some directions.
+    """A group (of facets, nodes or elements) or a node that is held, or moved by what is given.
+
+    A motion is counted from the state on which the stage builds that gives it first; supports of
+    the case itself begin to move at the stages that build on the virgin state.
 
     Args:
-        group: name of the group in the mesh.
-        components: fixed directions, 0 for x, 1 for y, 2 for z.
+        group: name of the group in the mesh, or of the support where it is at a point.
+        components: directions that are held, 0 for x, 1 for y, 2 for z.
+        at: (dim,) a node in place of a group, m; None: the group.
+        motions: of directions (0, 1 or 2), m; those that are held and not here are still.
+        measured: motions from points, or None.
+        contraction: of a wall, or None.
     """
 
     group: str
     components: tuple[int, ...]
+    at: tuple[float, ...] | None = None
+    motions: tuple[tuple[int, Scalar], ...] = ()
+    measured: MotionField | None = None
+    contraction: Contraction | None = None
+
+    @property
+    def moves(self) -> bool:
+        """Whether any motion is given."""
+        return bool(self.motions) or self.measured is not None or self.contraction is not None
 
 
 @dataclass(frozen=True)
@@ -133,6 +149,8 @@ class Stage:
         water: water in the pores from this stage on; None: as before.
         temperature: group to change of temperature, counted from the initial state or from its
             placing, from this stage on.
+        supports: supports that begin to hold at this stage, or move otherwise from it on; None for
+            those that let go.
         independent: a load case on its own: nothing builds on it but stages that name it.
         base: name of the earlier stage on which this one builds; None: the last one before it
             that is not independent.
@@ -150,6 +168,7 @@ class Stage:
     prestress: Mapping[str, Scalar] = field(default_factory=dict)
     water: Water | None = None
     temperature: Mapping[str, Temperature] = field(default_factory=dict)
+    supports: Mapping[str, Support | None] = field(default_factory=dict)
     independent: bool = False
     base: str | None = None
 
@@ -212,7 +231,7 @@ class Case:
         parameters: what is identified, in the order of the file.
         materials: by name.
         groups: element group to material name at stage 0, or None for absent.
-        supports: fixed and rolling supports.
+        supports: what is held from the beginning.
         in_situ: in-situ stress, before the first stage, or None for none.
         gravity: (dim,) acceleration vector in m/s2, or None for none.
         loads: loads that act from the beginning, by name.

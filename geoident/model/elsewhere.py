@@ -67,6 +67,31 @@ class Template:
 
 
 @dataclass(frozen=True)
+class JinjaTemplate:
+    """A file that is written for every run by Jinja.
+
+    Args:
+        source: path of the template.
+        target: name of the file in the folder of the run.
+        text: of the template.
+        fields: one for each parameter that it names, with all digits.
+    """
+
+    source: str
+    target: str
+    text: str
+    fields: tuple[TemplateField, ...]
+
+    @property
+    def pieces(self) -> tuple[str, ...]:
+        """All of its text."""
+        return (self.text,)
+
+
+AnyTemplate = Template | JinjaTemplate
+
+
+@dataclass(frozen=True)
 class TableCell:
     """A cell of a table of comma-separated values, whose first row names the columns.
 
@@ -199,7 +224,7 @@ class ExternalProgram:
     """
 
     command: tuple[str, ...]
-    templates: tuple[Template, ...]
+    templates: tuple[AnyTemplate, ...]
     files: tuple[str, ...]
     outputs: tuple[Output, ...]
     machine: Machine

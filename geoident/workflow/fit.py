@@ -190,6 +190,7 @@ def _result(
         history=found.outcome.iterations,
         fields=survey.fields,
         members=survey.members,
+        reactions=survey.reactions,
         reaction=survey.reaction,
         singular_values=found.assessment.singular_values,
         diagnostics=found.diagnostics,

@@ -200,7 +200,13 @@ def predict(task: Task, control: Control) -> Finished:
     survey = model.survey(known.parameters.values, fields=True, partial=True)
     if isinstance(model, ReducedCaseModel) and not model.by_model:  # the fit has it all
         fit = task.fit
-        survey = replace(survey, fields=fit.fields, members=fit.members, reaction=fit.reaction)
+        survey = replace(
+            survey,
+            fields=fit.fields,
+            members=fit.members,
+            reactions=fit.reactions,
+            reaction=fit.reaction,
+        )
     result = _result(task, _followed(task, known, survey, model), survey, model)
     took = time.monotonic() - control.started
     result = replace(result, provenance=replace(result.provenance, seconds=took))
@@ -530,6 +536,7 @@ def _result(task: Task, known: Known, survey: Survey, model: CaseModel) -> Resul
         prediction=prediction,
         fields=survey.fields,
         members=survey.members,
+        reactions=survey.reactions,
         reaction=survey.reaction,
         singular_values=fit.singular_values,
         varied=fit.varied if task.request.case is None else (),

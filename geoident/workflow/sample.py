@@ -338,6 +338,7 @@ class _Found:
             history=(),
             fields=None,
             members=None,
+            reactions=None,
             diagnostics=None,
             evidence=None,
             rivals=None,

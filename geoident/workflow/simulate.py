@@ -5,19 +5,23 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
+from pathlib import Path
 
 import numpy as np
 
-from geoident.errors import InputError
+from geoident.errors import InputError, Term, UsageError
 from geoident.forward.elsewhere.model import ElsewhereModel
+from geoident.forward.model import StagedModel
 from geoident.forward.protocols import CaseModel
 from geoident.forward.reduced.case_model import ReducedCaseModel
 from geoident.io.bridges.values import WrittenValue, read_values, values_of
-from geoident.io.text.atomic import refuse_inputs
+from geoident.io.result.hdf5 import hdf5_output
+from geoident.io.result.vtkhdf import write_fields
+from geoident.io.text.atomic import atomic_output, refuse_inputs
 from geoident.model.arrays import Floats
 from geoident.model.case import Case
 from geoident.model.gauges import Reading
-from geoident.model.results.result import Counts
+from geoident.model.results.result import Counts, FieldSeries
 from geoident.workflow.running.errors import error_structure, own_sd
 from geoident.workflow.running.jobs import (
     NO_READINGS,
@@ -58,6 +62,25 @@ BY_MODEL = ComputedBy()
 
 
 @dataclass(frozen=True)
+class Outputs:
+    """What is written of a simulation.
+
+    Args:
+        readings: file into which its caller is going to write the readings, or None.
+        fields: file for the displacements and stresses of all states, as VTKHDF; or None.
+        force: replace fields that stand there.
+    """
+
+    readings: str | None = None
+    fields: str | None = None
+    force: bool = False
+
+
+NOTHING_WRITTEN = Outputs()
+"""No files."""
+
+
+@dataclass(frozen=True)
 class Simulated:
     """Readings of the model.
 
@@ -71,6 +94,7 @@ class Simulated:
         values: (n,) of the parameters, SI.
         computed: (n_channels, n_stages) by the model, without noise, SI.
         counts: what it cost.
+        fields: the states, where they were asked for.
     """
 
     path: str
@@ -82,6 +106,7 @@ class Simulated:
     values: Floats
     computed: Floats
     counts: Counts
+    fields: FieldSeries | None = None
 
 
 def simulate(
@@ -92,7 +117,7 @@ def simulate(
     draw: bool = False,
     seed: int = 0,
     by: ComputedBy = BY_MODEL,
-    output: str | None = None,
+    to: Outputs = NOTHING_WRITTEN,
     text: str | None = None,
 ) -> Simulated:
     """Readings of all gauges at all stages where they can be read, by stage.
@@ -106,25 +131,30 @@ def simulate(
         draw: the fields of the case are drawn from what is known of them before readings.
         seed: of the noise and of what is drawn.
         by: what computes them.
-        output: where they are going to be written, or None.
+        to: what is written, and where.
         text: of the case where it stands in no file.
 
     Raises:
         InputError: the reduced model is of another case or mesh, or the table of values is wrong.
-        OutputError: the output is the case, or a file that it names.
+        UsageError: the outputs are of another kind than their names say, or there are no fields.
+        OutputError: the output is the case, or a file that it names; fields stand there already.
         ModelError: the model has no solution at the start values.
     """
+    _refuse_names(to, by)
     written = () if by.values is None else read_values(by.values)
     inputs = load_inputs(path, overrides=[*overrides, NO_READINGS], text=text)
     files = inputs.files if by.values is None else (*inputs.files, by.values)
-    if output is not None:
-        refuse_inputs(output, files)
+    if to.readings is not None:
+        refuse_inputs(to.readings, files)
     inputs = with_starts(inputs, written)
     model = answering_model(inputs, by)
     p = values_for(model, written)
     if draw:
         p = _drawn(model, p, np.random.default_rng([seed, 1]))  # not the numbers of the noise
-    if isinstance(model, ElsewhereModel):
+    found = None
+    if to.fields is not None:
+        computed, found = _with_fields(model, p, to.fields, files, force=to.force)
+    elif isinstance(model, ElsewhereModel):
         computed = model.computed(p)  # derivatives would take more runs
     else:
         computed = model.survey(p, fields=False).computed
@@ -135,7 +165,47 @@ def simulate(
     if isinstance(model, ReducedCaseModel) and by.reduced is not None:
         note = answer_note(model, by.reduced)
     counts = replace(model.counts, evaluations=max(1, model.counts.evaluations))
-    return Simulated(path, model.case, readings, files, note, inputs, p, computed, counts)
+    return Simulated(path, model.case, readings, files, note, inputs, p, computed, counts, found)
+
+
+_BINARY = (".h5", ".hdf5", ".hdf", ".vtkhdf")
+
+
+def _refuse_names(to: Outputs, by: ComputedBy) -> None:
+    """Refuse outputs whose names say another kind of file, and fields of what has none.
+
+    Raises:
+        UsageError: they do.
+    """
+    output, fields = to.readings, to.fields
+    if output is not None and Path(output).suffix.lower() in _BINARY:
+        raise UsageError(
+            f"'{output}': readings are written as a table; give a name such as readings.csv, and "
+            f"{Term.FIELDS} for displacements and stresses."
+        )
+    if fields is not None and Path(fields).suffix.lower() != ".vtkhdf":
+        raise UsageError(f"'{fields}': fields are written as VTKHDF; give a name such as a.vtkhdf.")
+    if fields is not None and by.reduced is not None:
+        raise UsageError("A reduced model knows readings and no fields: leave it out.")
+
+
+def _with_fields(
+    model: CaseModel, p: Floats, file: str, inputs: Sequence[str], *, force: bool
+) -> tuple[Floats, FieldSeries]:
+    """What the channels read (n_channels, n_stages), SI, and the states, which are written.
+
+    Raises:
+        UsageError: the model has no mesh.
+        OutputError: something stands in the place of the file, or it cannot be written.
+    """
+    if not isinstance(model, StagedModel):
+        raise UsageError("The case has no mesh, and so no fields to write.")
+    with atomic_output(file, overwrite=force, inputs=inputs) as temporary:  # before the work
+        survey = model.survey(p, fields=True)
+        assert survey.fields is not None
+        with hdf5_output(temporary) as written:
+            write_fields(written, survey.fields)
+    return survey.computed, survey.fields
 
 
 def with_starts(inputs: Inputs, written: Sequence[WrittenValue]) -> Inputs:

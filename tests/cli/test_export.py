@@ -253,3 +253,32 @@ def test_xarray_opens_the_groups_of_a_result(fitted):
         assert float(gauges.measured.sel(gauge="CV", stage="first")) == pytest.approx(-0.598e-3)
     with xarray.open_dataset("case.fit.h5", group="sensitivity", engine="h5netcdf") as table:
         assert table.sensitivity.dims == ("gauge", "stage", "parameter")
+
+
+def test_simulated_fields_are_written_beside_the_readings(trench, run):
+    words = ("simulate", "case.yaml", "--fields", "start.vtkhdf")
+    found = run(*words)
+    assert found.exit_code == 0, found.stderr
+    assert found.stdout.startswith("gauge,stage,value,unit")
+    with h5py.File("start.vtkhdf") as file:
+        group = file["VTKHDF"]
+        motion = group["PointData/displacement"][:]
+        assert group["Steps"].attrs["NSteps"] == 3
+    assert np.abs(motion).max() > 1e-4
+    again = run(*words)
+    assert (again.exit_code, "start.vtkhdf" in again.stderr) == (6, True)
+    assert run(*words, "--force").exit_code == 0
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("-o", "a.h5"), "readings are written as a table"),
+        (("--fields", "a.csv"), "fields are written as VTKHDF"),
+        (("--fields", "a.vtkhdf", "--reduced", "b.h5"), "knows readings and no fields"),
+    ],
+)
+def test_a_simulation_is_not_written_under_a_name_of_another_kind(trench, run, words, said):
+    found = run("simulate", "case.yaml", *words)
+    assert found.exit_code == 2
+    assert said in " ".join(found.stderr.split())

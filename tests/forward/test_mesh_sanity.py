@@ -9,9 +9,10 @@ from geoident.errors import InputError
 from geoident.fem.faces import face_table
 from geoident.fem.measure import coinciding_nodes
 from geoident.fem.orientation import overlapping
+from geoident.model.case import Stage
 from geoident.model.mesh import ElementBlock
 from tests.support.cases import material, model, rollers
-from tests.support.meshes import KINDS, KINDS_2D, box, build
+from tests.support.meshes import KINDS, KINDS_2D, box, build, regroup
 
 
 def on(mesh):
@@ -112,3 +113,18 @@ def test_a_node_inside_the_side_of_another_element_is_told():
     assert note.startswith("a node stands inside the side of an element that does not have it")
     assert "(near (1, 0.5" in note
     assert not any("inside the side" in note for note in on(box("quad4", (4, 4))).notes)
+
+
+def test_ground_that_is_missing_is_told_where_the_case_says_so():
+    mesh = regroup(box("quad4", (2, 2)), top=lambda c: c[:, 1] > 0.5)
+    common = {"materials": {"rock": material("rock", 1e9, 0.2)}, "supports": rollers(2)}
+    with pytest.raises(InputError) as none_at_first:
+        model(mesh, groups={"rock": None, "top": None}, stages=(
+            Stage("first lift", install={"rock": "rock"}),), **common)  # fmt: skip
+    with pytest.raises(InputError) as none_left:
+        model(mesh, groups={"rock": "rock", "top": "rock"}, stages=(
+            Stage("all", excavate=("rock", "top")),), **common)  # fmt: skip
+    first, last = none_at_first.value.faults[0], none_left.value.faults[0]
+    assert (first.path, last.path) == ("groups", "stages[0]")
+    assert "Fill on a rigid base" in first.hint
+    assert "after stage 'all'" in last.message

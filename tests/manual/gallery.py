@@ -92,9 +92,10 @@ class Shown:
                 f"geoident report {self.name}/case.fit.h5",
             ]
         place = f"cases/{self.name}/case"
+        asked = " --trust" if "\n  kind: external" in self.text else ""
         return [
             f"geoident check {place}.yaml",
-            f"geoident fit {place}.yaml",
+            f"geoident fit {place}.yaml{asked}",
             f"geoident report {place}.fit.h5",
         ]
 

@@ -6,7 +6,8 @@ import numpy as np
 
 from geoident.identify.hierarchical.arrangement import SectionReadings
 from geoident.model.parameter import Parameter
-from geoident.model.project import LawTerm, ParameterLaw, Scatter
+from geoident.model.project.formulas import LawTerm
+from geoident.model.project.project import ParameterLaw, Scatter
 from geoident.model.results.result import Counts
 
 

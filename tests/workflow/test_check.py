@@ -61,3 +61,14 @@ def test_nothing_is_made_for_stages_that_are_not_solved(case, monkeypatch):
     summary = check(case).summary
     assert len(patterns) == len({tuple(stage.leaves) for stage in summary.stages})
     assert all(stage.dofs > 0 for stage in summary.stages)
+
+
+def test_a_gauge_that_nobody_can_read_is_said(case):
+    silent = "{kind: settlement, point: [3 m, 3.5 m], accuracy: 1 mm}"
+    notes = check(case, overrides=[f"gauges.core={silent}"]).summary.notes
+    (note,) = [note for note in notes if "at no stage" in note]
+    assert note.startswith("can be read at no stage after the zero: core, as ")
+    late = "{kind: settlement, point: [1 m, 4 m], accuracy: 1 mm, zero: second}"
+    notes = check(case, overrides=[f"gauges.late={late}"]).summary.notes
+    assert any(note.endswith("late, as it is zeroed at the last stage") for note in notes)
+    assert not any("at no stage" in note for note in check(case).summary.notes)

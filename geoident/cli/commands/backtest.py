@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import click
 
+from geoident.cli.clusters import cluster_option, refuse_cluster
 from geoident.cli.options import (
     Arguments,
     Options,
@@ -42,12 +43,13 @@ def _next(arguments: Arguments, options: Options) -> Steps:
 
 @click.command(epilog=EPILOG)
 @click.argument("cases", nargs=-1, required=True, metavar="CASE...", type=click.Path())
+@cluster_option
 @takes(
     "output", "jobs", "overrides", "seed", "max_time", "solver",
     "dry_run", "force", "fresh", "as_json", "trust",
     after=_next,
 )  # fmt: skip
-def command(cases: tuple[str, ...], options: Options) -> int:
+def command(cases: tuple[str, ...], cluster: str | None, options: Options) -> int:
     """Test predictions on stages that were read: do the bands hold?
 
     Fits the readings up to every stage, predicts the later ones, and compares: parameters as
@@ -58,7 +60,8 @@ def command(cases: tuple[str, ...], options: Options) -> int:
     if len(cases) > 1:
         from geoident.cli.several import run_cases
 
-        return run_cases("backtest", cases, options)
+        return run_cases("backtest", cases, options, cluster=cluster)
+    refuse_cluster(cluster)
     from geoident.cli.jobs import run_case
     from geoident.workflow.backtest import backtest
     from geoident.workflow.running.jobs import plan_backtest

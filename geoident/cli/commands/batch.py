@@ -6,12 +6,14 @@ from __future__ import annotations
 
 import click
 
+from geoident.cli.clusters import cluster_option
 from geoident.cli.options import Arguments, Options, Steps, line, takes
 
 EPILOG = """\b
 Examples:
   geoident batch campaign.yaml
   geoident batch campaign.yaml -j 4 --json > runs.jsonl
+  geoident batch campaign.yaml --cluster tcp://node1:8786
   geoident batch campaign.yaml --dry-run
   geoident show campaign.batch
   geoident report campaign.batch
@@ -42,8 +44,9 @@ def _next(arguments: Arguments, options: Options) -> Steps:
     metavar="N",
     help="Number of runs to compute at a time, one process each.  [default: the cores there are]",
 )
+@cluster_option
 @takes("output", "dry_run", "force", "fresh", "as_json", "trust", after=_next)
-def command(campaign: str, processes: int | None, options: Options) -> int:
+def command(campaign: str, processes: int | None, cluster: str | None, options: Options) -> int:
     """Compute many variations of one case: a campaign.
 
     A campaign file names a base case, what varies (a table, a product of lists, or a sampling), and
@@ -55,4 +58,4 @@ def command(campaign: str, processes: int | None, options: Options) -> int:
     """
     from geoident.cli.campaign import run_campaign
 
-    return run_campaign(campaign, options, jobs=processes)
+    return run_campaign(campaign, options, jobs=processes, cluster=cluster)

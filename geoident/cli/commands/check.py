@@ -29,6 +29,7 @@ Examples:
   geoident check case.yaml --mesh-error
   geoident check case.fit.h5 --mesh-error --json
   geoident check case.yaml --picture case.svg
+  geoident check project.yaml
 """
 
 _SUFFIXES = (".svg", ".png", ".pdf")
@@ -94,7 +95,14 @@ def command(
     which each parameter could be known if every gauge were read at every stage of the fit, and
     which parameters the readings could not separate. With --mesh-error it solves the model on the
     mesh and on one whose edges are halved, at the start values or those of a result CASE.fit.h5.
+
+    A project (several sections of one ground) is checked with the cases of all its sections.
     """
+    from geoident.io.project.head import is_project
+
+    if (identifiability or mesh_error or picture) and any(is_project(case) for case in cases):
+        message = "--identifiability, --mesh-error and --picture are of cases, not of projects."
+        raise click.UsageError(message)
     if identifiability and mesh_error:
         raise click.UsageError("--identifiability and --mesh-error are asked for one by one.")
     if picture is not None:
@@ -149,6 +157,12 @@ def _mesh_error(case: str, options: Options) -> int:
 
 
 def _check(case: str, picture: str | None, options: Options) -> int:
+    from geoident.io.project.head import is_project
+
+    if is_project(case):
+        from geoident.cli.project import check_one_project
+
+        return check_one_project(case, options)
     from geoident.report.text.case import case_text
     from geoident.report.text.json import dumps, summary_object
     from geoident.workflow.check import check

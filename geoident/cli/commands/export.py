@@ -28,6 +28,7 @@ TABLES = (
     "correlation",
     "sensitivity",
     "structures",
+    "reactions",
     "opening",
     "ground-reaction",
     "opening-stresses",

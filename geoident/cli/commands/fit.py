@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import click
 
+from geoident.cli.clusters import cluster_option, refuse_cluster
 from geoident.cli.options import (
     Arguments,
     Options,
@@ -49,12 +50,15 @@ def _next(arguments: Arguments, options: Options) -> Steps:
     is_flag=True,
     help="Of a project: predict each section from all others, too.",
 )
+@cluster_option
 @takes(
     "output", "jobs", "overrides", "seed", "max_time", "solver",
     "dry_run", "force", "fresh", "as_json", "trust",
     after=_next,
 )  # fmt: skip
-def command(cases: tuple[str, ...], leave_one_out: bool, options: Options) -> int:
+def command(
+    cases: tuple[str, ...], leave_one_out: bool, cluster: str | None, options: Options
+) -> int:
     """Identify the parameters from the readings.
 
     Writes CASE.fit.h5 beside each case and prints its path. A result of the same input is kept. An
@@ -69,6 +73,7 @@ def command(cases: tuple[str, ...], leave_one_out: bool, options: Options) -> in
     if any(is_project(case) for case in cases):
         if len(cases) > 1:
             raise UsageError("A project is fitted by itself: name it alone.")
+        refuse_cluster(cluster)
         from geoident.cli.project import run_project
 
         return run_project(cases[0], options, leave_one_out=leave_one_out)
@@ -77,7 +82,8 @@ def command(cases: tuple[str, ...], leave_one_out: bool, options: Options) -> in
     if len(cases) > 1:
         from geoident.cli.several import run_cases
 
-        return run_cases("fit", cases, options)
+        return run_cases("fit", cases, options, cluster=cluster)
+    refuse_cluster(cluster)
     from geoident.cli.jobs import run_case
     from geoident.workflow.fit import fit
     from geoident.workflow.running.jobs import plan_fit

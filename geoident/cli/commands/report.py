@@ -67,12 +67,16 @@ def command(
     Of a campaign (its folder CAMPAIGN.batch) the page report.html in it shows what varied and the
     parameters against the misfit, failed runs and why, and a table of all.
 
+    Of a project (several sections of one ground) it shows the laws with the sections about them,
+    each section by itself and with all others, and what is predicted.
+
     Its head is that of `report` in the case (project, client, author, revision, date, logo), which
     may be written after the fit; flags override it.
 
     Needs matplotlib: pip install "geoident[report]".
     """
     from geoident.io.result.campaign import is_campaign
+    from geoident.io.result.project import is_project_result
     from geoident.report.saving.collector import collector_paused
 
     _require_sense(folder, suffixes, no_page=no_page, output=options.output)
@@ -80,6 +84,10 @@ def command(
         if len(results) > 1 or folder is not None:
             raise UsageError("A campaign has a page of its own: name it alone, without --figures.")
         return _campaign_page(results[0], options, title=head["title"])
+    if any(is_project_result(path) for path in results):
+        if len(results) > 1 or folder is not None:
+            raise UsageError("A project has a page of its own: name it alone, without --figures.")
+        return _project_page(results[0], options, title=head["title"])
     if no_page and any(head.values()):
         raise UsageError("The head is that of the page, which --no-page leaves out.")
     with collector_paused():
@@ -172,4 +180,19 @@ def _campaign_page(path: str, options: Options, *, title: str) -> int:
     draw = partial(images, suffix="svg")
     content = campaign_page(table, draw=draw, title=title)
     click.echo(write_campaign_page(table, path, content, options.output, force=options.force))
+    return 0
+
+
+def _project_page(path: str, options: Options, *, title: str) -> int:
+    """The page of a project, beside its result."""
+    _require_matplotlib()
+    from geoident.io.result.project import read_project_result
+    from geoident.report.drawing.style import images
+    from geoident.report.page.project import project_page
+    from geoident.workflow.project.page import write_project_page
+
+    result = read_project_result(path)
+    content = project_page(result, draw=partial(images, suffix="svg"), title=title)
+    project = result.provenance.case_file
+    click.echo(write_project_page(path, project, content, options.output, force=options.force))
     return 0

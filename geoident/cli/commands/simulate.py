@@ -24,6 +24,7 @@ Examples:
   geoident simulate case.yaml --reduced case.fit.h5
   geoident simulate case.yaml --noise --seed 1 -o simulated.csv
   geoident simulate case.yaml --draw --seed 3
+  geoident simulate case.yaml --fields case.vtkhdf > simulated.csv
   geoident simulate case.yaml --dakota params.in results.out
 """
 
@@ -64,6 +65,12 @@ def _drawn(arguments: Arguments, options: Options) -> Steps:
     help="Draw what varies from place to place (fields) by --seed; else fields have their means.",
 )
 @click.option(
+    "--fields",
+    metavar="FILE.vtkhdf",
+    type=click.Path(),
+    help="Also write displacements and stresses of all states, for ParaView.",
+)
+@click.option(
     "--dakota",
     nargs=2,
     metavar="PARAMS RESULTS",
@@ -79,6 +86,7 @@ def command(
     values: str | None,
     noise: bool,
     draw: bool,
+    fields: str | None,
     dakota: tuple[str, str] | None,
     options: Options,
 ) -> int:
@@ -87,10 +95,11 @@ def command(
     Prints lines gauge,stage,value,unit, which a case takes as its readings. With -o into a file,
     which says that they are simulated; earlier ones of the case are kept beside (FILE.1.csv).
     """
-    from geoident.workflow.simulate import ComputedBy, Noise, simulate
+    from geoident.workflow.simulate import ComputedBy, Noise, Outputs, simulate
 
     if dakota is not None:
-        return _answer(case, dakota, _refused_with_dakota(values, noise, draw, options))
+        return _answer(case, dakota, _refused_with_dakota(values, noise, draw, fields, options))
+    file = None if options.output == "-" else options.output
     with failures_as_json(case, options):
         simulated = simulate(
             case,
@@ -99,18 +108,22 @@ def command(
             draw=draw,
             seed=options.seed,
             by=ComputedBy(options.solver, options.reduced, values),
-            output=None if options.output == "-" else options.output,
+            to=Outputs(file, fields, options.force),
         )
+        if fields is not None and not options.quiet:
+            click.echo(f"also written: {fields}", err=True)
         if simulated.note and not options.quiet:
             click.echo(simulated.note, err=True)
         _say(simulated, case, options)
     return 0
 
 
-def _refused_with_dakota(values: str | None, noise: bool, draw: bool, options: Options) -> Options:
+def _refused_with_dakota(
+    values: str | None, noise: bool, draw: bool, fields: str | None, options: Options
+) -> Options:
     """The options of an answer to Dakota, which takes no others."""
     others = {"--values": values, "--noise": noise, "--draw": draw, "-o": options.output}
-    others["--json"] = options.as_json
+    others |= {"--fields": fields, "--json": options.as_json}
     given = [name for name, value in others.items() if value]
     if given:
         raise UsageError(f"{given[0]} does not go with --dakota, whose files say all of that")

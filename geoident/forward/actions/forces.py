@@ -106,6 +106,9 @@ ForcePart: TypeAlias = tuple[str, Callable[[ParameterPoint], Floats]]
 
 HELD_EDGES = "what holds the edges of the model"
 
+_ROUNDING = 1e-9
+"""Part of the largest force below which a force is none."""
+
 
 class Actions:
     """Nodal forces of everything that acts from outside; what is given is computed once.
@@ -134,6 +137,20 @@ class Actions:
     def forces(self, state: int, point: ParameterPoint) -> Floats:
         """Forces (n_dofs, 1 + n) of a state in column 0, their derivatives in the others."""
         return self._sum(self.parts(state), point)
+
+    def hold_edges(self, point: ParameterPoint, unknowns: Ints) -> bool:
+        """Whether tractions on the edges act on anything that can move in the virgin state.
+
+        Args:
+            point: the parameters.
+            unknowns: (m,) numbers of the dofs that no support fixes.
+        """
+        edges = (edge for edges in self._edges.values() for edge in edges)
+        for forces in (e.forces(point)[:, 0] for e in edges if isinstance(e, _HeldEdge)):
+            largest = float(np.abs(forces).max(initial=0.0))
+            if np.abs(forces[unknowns]).max(initial=0.0) > _ROUNDING * largest:
+                return True
+        return False
 
     def carried(self, state: int, groups: Collection[int], point: ParameterPoint) -> Floats:
         """The part (n_dofs, 1 + n) that belongs to some present groups: weight, edges, water.

@@ -6,19 +6,25 @@ import numpy as np
 
 from geoident.errors import Fault
 from geoident.fem.faces import load_faces, load_patches
+from geoident.fem.location import format_point
 from geoident.forward.stages import CaseOnMesh, listed
 from geoident.model.actions import FaceLoad, Load, PointForce, Seismic
 from geoident.model.arrays import Bools, Ints
-from geoident.model.case import Case, KeyPath
+from geoident.model.case import Case, KeyPath, Support
 from geoident.model.mesh import Mesh, nodes_in
 
 
-def fixed_dofs(on_mesh: CaseOnMesh) -> Bools:
-    """(n_dofs,) which degrees of freedom the supports hold, and the axis of revolution."""
+def fixed_dofs(on_mesh: CaseOnMesh, state: int = 0) -> Bools:
+    """(n_dofs,) which degrees of freedom the supports hold in a state, and the axis of revolution.
+
+    Args:
+        on_mesh: the case on its mesh.
+        state: number of the state; the virgin state is 0.
+    """
     mesh = on_mesh.mesh
     fixed = np.zeros((mesh.n_nodes, mesh.dim), dtype=bool)
-    for support in on_mesh.case.supports:
-        nodes = group_nodes(mesh, support.group)
+    for support in on_mesh.sequence.states[state].supports.values():
+        nodes = support_nodes(mesh, support)
         for component in support.components:
             fixed[nodes, component] = True
     fixed[on_mesh.kinematics.on_axis(mesh.points), 0] = True
@@ -34,20 +40,59 @@ def group_nodes(mesh: Mesh, name: str) -> Ints:
     return nodes_in(mesh.blocks, mesh.groups[name])
 
 
+_NEAR_NODE = 1e-6
+"""How far a support at a point may be from its node, relative to the size of the mesh."""
+
+
+def support_nodes(mesh: Mesh, support: Support) -> Ints:
+    """Nodes (k,) that a support holds; none where a point is no node."""
+    if support.at is None:
+        return group_nodes(mesh, support.group)
+    away = np.linalg.norm(mesh.points - np.array(support.at), axis=1)
+    nearest = int(np.argmin(away))
+    if away[nearest] > _NEAR_NODE * np.ptp(mesh.points, axis=0).max():
+        return np.empty(0, np.int64)
+    return np.array([nearest])
+
+
+def support_keys(case: Case) -> list[tuple[KeyPath, Support]]:
+    """Every support of the case with the key where it is written."""
+    keys: list[tuple[KeyPath, Support]] = [(("supports", s.group), s) for s in case.supports]
+    for n, stage in enumerate(case.stages):
+        said = ((name, one) for name, one in stage.supports.items() if one is not None)
+        keys += [(("stages", n, "supports", name), one) for name, one in said]
+    return keys
+
+
+def all_supports(case: Case) -> tuple[Support, ...]:
+    """One support of every name, that which is given last."""
+    return tuple({support.group: support for _, support in support_keys(case)}.values())
+
+
+def support_key(name: str, since: int) -> KeyPath:
+    """Where a support is written that holds from a state on."""
+    return ("stages", since - 1, "supports", name) if since else ("supports", name)
+
+
 def support_faults(on_mesh: CaseOnMesh) -> list[Fault]:
-    """Supports on groups that the mesh does not have."""
-    mesh = on_mesh.mesh
+    """Supports on groups that the mesh does not have, or at points where no node is."""
+    mesh, source = on_mesh.mesh, on_mesh.case.source
     usual = {**mesh.facet_groups, **mesh.node_groups}
-    return [
-        on_mesh.missing_group(
-            ("supports", support.group),
-            f"group '{support.group}'",
-            "groups of faces and nodes",
-            usual,
-        )
-        for support in on_mesh.case.supports
-        if support.group not in {**usual, **mesh.groups}
-    ]
+    faults = []
+    for path, support in support_keys(on_mesh.case):
+        if support.at is not None:
+            if not len(support_nodes(mesh, support)):
+                away = np.linalg.norm(mesh.points - np.array(support.at), axis=1)
+                nearest = format_point(mesh.points[int(np.argmin(away))])
+                message = f"no node of {mesh.file} is at {format_point(np.array(support.at))}"
+                hint = f"The nearest node is at {nearest}; write its coordinates."
+                faults.append(
+                    source.fault((*path, "at"), code="no-node-there", message=message, hint=hint)
+                )
+        elif support.group not in {**usual, **mesh.groups}:
+            what = f"group '{support.group}'"
+            faults.append(on_mesh.missing_group(path, what, "groups of faces and nodes", usual))
+    return faults
 
 
 def load_keys(case: Case) -> list[tuple[KeyPath, Load]]:

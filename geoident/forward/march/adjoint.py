@@ -22,6 +22,9 @@ points that some stage takes away or at which a stress is read:
 
     K_l w_l = ubar_l - C^T V E_l d_l ,    b_l = C w_l + d_l
 
+At degrees of freedom that are held in a stage and not in a later one lambda is zero and w = M, so
+the forces of these M join the right side.
+
 Forces of structures are stresses of further points, with D in place of E. What a partial release
 holds of a group, H = f - C^T V sigma, has the adjoint Hbar: it adds C Hbar to a of the state that
 the group leaves.
@@ -255,6 +258,9 @@ class AdjointMarch:
             # lambda = w - M, at the unknowns
             slopes = self._force_slopes(number)
             self._by_ordinary[columns] += w.T @ slopes - carried.M.T @ slopes
+            motion = self._imposed(number)
+            if motion is not None:
+                self._by_ordinary[columns] += carried.u.T @ motion[self._plan.read]
             if trace.held:
                 self._hold(trace, w, carried, columns)
         self._strains(trace, w, carried.d, columns)
@@ -314,12 +320,37 @@ class AdjointMarch:
         if self._structures.n_rows:
             rest -= self._structures.nodal_forces(task.moduli[:, :1] * carried.members)
         dofs = task.system.dofs
+        later = self._let_go_later(task, carried.M)
+        if later is not None:
+            rest -= self._forces_of(task, later)
         factor = factorize(task, self._systems, self._factors)
         right = rest[dofs]
         rest[:] = 0.0
         if factor is not None:
             rest[dofs] = factor.solve(right)
-        return rest
+        return rest if later is None else rest + later
+
+    def _let_go_later(self, task: StageTask, M: Floats) -> Floats | None:
+        """Of M (n_dofs, k), what belongs to supports that hold now and not later; None for none.
+
+        There w = M, since lambda is zero.
+        """
+        held = task.system.touched.copy()
+        held[task.system.dofs] = False
+        if not np.any(M[held]):
+            return None
+        return np.where(held[:, None], M, 0.0)
+
+    def _forces_of(self, task: StageTask, u: Floats) -> Floats:
+        """Forces (n_dofs, k) of the ground and structures of a stage at displacements."""
+        stress = self._points.strain(u)
+        for material, mine in task.system.points_of.items():
+            moduli = task.ground.moduli(material, mine).value
+            stress[:, mine] = moduli.stress(stress[:, mine])
+        found = self._points.forces(stress, task.system.volume)
+        if self._structures.n_rows:
+            found += self._structures.nodal_forces(task.moduli[:, :1] * self._structures.strain(u))
+        return found
 
     def _special_stress(self, task: StageTask, d: Floats) -> Floats:
         """V E d (n_strain n_special, k) at the special points, zero where they are absent."""
@@ -342,6 +373,11 @@ class AdjointMarch:
             fraction = self._ordinary.number(trace.task.state.release[group]).columns[1:]
             forces[dofs] -= np.outer(support[dofs], fraction)
         return forces
+
+    def _imposed(self, number: int) -> Floats | None:
+        """Derivatives (n_dofs, n) of the displacement step that supports impose; None for none."""
+        motion = self._march.motions.change(number, self._ordinary)
+        return None if motion is None else motion[:, 1:]
 
     def _hold(self, trace: ElasticTrace, w: Floats, carried: _Adjoint, columns: Ints) -> None:
         """Adjoints of what is held; where the group leaves at this stage, of what made it."""
@@ -385,8 +421,12 @@ class AdjointMarch:
         thermal = self._march.thermal.change(task.number, ordinary) if task.number else None
         if thermal is not None:
             strain[:NORMAL_COMPONENTS] -= thermal[:, 0]
+        motion = self._imposed(task.number)
+        imposed = None if motion is None else points.strain(motion)
         for material, mine in task.system.points_of.items():
             moduli = task.ground.moduli(material, mine)
+            if imposed is not None:
+                by_ordinary[:, mine] += moduli.value.stress(imposed[:, mine])
             if trace.stepped:
                 for name, slope in moduli.slopes.items():
                     if name in ordinary.names:
@@ -425,6 +465,9 @@ class AdjointMarch:
         if trace.stepped:
             moduli = structures.moduli(task.state, self._ordinary)[:, 1:]
             slopes += moduli * structures.strain(trace.du)[:, None]
+        motion = self._imposed(task.number)
+        if motion is not None:
+            slopes += task.moduli[:, :1] * structures.strain(motion)
         if task.state.stressed:
             begun = np.zeros((structures.n_rows, self._ordinary.n_columns))
             structures.begin(task.state, begun, self._ordinary)

@@ -14,7 +14,8 @@ piecewise linear, so it ends, exactly, once the pieces are found; along each ste
 is followed to near its zero, which makes it converge from everywhere. Where K_T is singular, a
 little of the elastic stiffness is left in it.
 
-Flow that is not associated has no potential; there the norm of r is lowered instead.
+Flow that is not associated has no potential; its steps are judged by the next ones, and where
+they are lost a path of viscous grounds leads to the solution (`viscous_path`).
 
 A load beyond collapse has no minimum: Pi falls without end along a mechanism d. That is found
 by the slope of Pi far out along the steps (the kinematic theorem of limit analysis): if it is
@@ -39,28 +40,27 @@ from geoident.forward.march.stage_equations import (
     StageEquations,
     Trial,
 )
+from geoident.forward.march.viscous_path import (
+    BALANCED,
+    ROUNDING,
+    WAYS,
+    PathEnd,
+    follow,
+    newton,
+)
 from geoident.model.arrays import Floats
-
-BALANCED = 1e-11
-"""Out-of-balance force, relative to the forces at work, that counts as equilibrium."""
-
-ROUNDING = 1e-8
-"""The same where no step lowers it any more."""
 
 MOST_STEPS = 60
 """Newton steps at most; a stage rarely takes more than fifteen."""
 
-PATIENCE = 12
-"""Steps after which flow without potential is given up if the error has not come down by half."""
+PATIENCE = 15
+"""Newton steps after which flow without potential takes another way."""
 
 _SUSPICIOUS = 4
 """Steps after which a mechanism is looked for; fewer end most stages."""
 
 _UNBALANCED = 0.01
 """Part of the change of load that may stay unbalanced where flow is not associated."""
-
-_SHORTEST = {True: 1e-3, False: 0.05}
-"""Share of a step below which it is given up, by whether the way is the bold one."""
 
 FAR_OUT = 1e6
 """Where along a step its mechanism alone decides, in steps."""
@@ -101,7 +101,7 @@ def solve(equations: StageEquations, guesses: Iterable[Floats]) -> Balance:
     """
     trials = [equations.at(guess) for guess in guesses]
     if not equations.associated:
-        return _by_residual(equations, min(trials, key=equations.distance))
+        return _without_potential(equations, min(trials, key=equations.distance))
     if equations.at_hand is None:
         return _by_potential(equations, min(trials, key=equations.distance))
     directions = Directions(equations, equations.at_hand, BALANCED)
@@ -153,50 +153,42 @@ def _on_held_factors(equations: StageEquations, directions: Directions, trial: T
     raise NoEquilibrium(trial.du)
 
 
-def _by_residual(equations: StageEquations, start: Trial) -> Balance:
-    """Newton's method that lowers the residual.
+def _without_potential(equations: StageEquations, start: Trial) -> Balance:
+    """Newton's method, and where its steps are lost, the path of viscous grounds."""
+    found = newton(equations, start, most=PATIENCE)
+    if found.converged:
+        return Balance(found.trial, found.steps, found.factor, found.made_at)
+    best: PathEnd | None = None
+    for way in WAYS:
+        end = follow(equations, way)
+        if end is None:
+            continue
+        if end.runs_away is not None:
+            raise NoEquilibrium(end.runs_away, limit=True)
+        if end.mu == 0.0:
+            found = end.found
+            return Balance(found.trial, found.steps, found.factor, found.made_at)
+        best = end if best is None or end.mu < best.mu else best
+    if best is None:
+        raise NoEquilibrium(found.trial.du)
+    return _nearly(equations, best)
 
-    Where a step cannot, two ways are tried: to take the least harm and go on, or a stiffer tangent.
-    With a dilation far below the friction, ground without hardening prefers to shear in bands: near
-    the even flow tangents have negative directions, and neither way comes nearer. What is then left
-    of the load is small, and is said.
+
+def _nearly(equations: StageEquations, end: PathEnd) -> Balance:
+    """The even flow where its path turns before its end, if little of the load is left there.
+
+    Raises:
+        NoEquilibrium: it is not little.
     """
-    bold = _lower(equations, start, bold=True)
-    if bold.trial.error <= BALANCED or bold.unbalanced == 0.0:
-        return bold
-    cautious = _lower(equations, start, bold=False)
-    for found in (cautious, bold):  # the cautious way stays nearer to the even flow
-        if found.unbalanced <= _UNBALANCED:
-            return found
-    raise NoEquilibrium(cautious.trial.du)
-
-
-def _lower(equations: StageEquations, trial: Trial, *, bold: bool) -> Balance:
-    """One of the two ways; how much of the load is left at its best point."""
-    factor: Factor | None = None
-    made_at: Trial | None = None
-    least, reached, start, best = 0, (0, np.inf), trial.error, trial
-    for step in range(MOST_STEPS):
-        best = min(best, trial, key=lambda t: t.error)
-        if trial.error <= BALANCED:
-            return Balance(trial, step, factor, made_at)
-        if trial.error < 0.5 * reached[1]:
-            reached = step, trial.error
-        if step - reached[0] > (PATIENCE if bold else 2 * PATIENCE) or least == len(ELASTIC_PARTS):
-            break
-        factor, level = equations.factor(trial, least=least)
-        d = equations.spread(factor.solve(trial.residual[:, None])[:, 0])
-        following, share, lower = _shortened(equations, trial, d, _SHORTEST[bold])
-        made_at = trial if level == 0 else None
-        if lower or bold:
-            if following.error >= trial.error and trial.error <= ROUNDING:
-                return Balance(trial, step + 1, factor, made_at)
-            trial, least = following, _next_level(least, share)
-        elif trial.error <= ROUNDING:
-            return Balance(trial, step + 1, factor, made_at)
-        else:
-            least = max(least + 1, _STIFFER)
-    return Balance(best, MOST_STEPS, None, None, best.error / start)
+    found, at_rest = end.found, equations.at(np.zeros_like(equations.forces)).error
+    try:
+        trials = [equations.at(du) for du in (found.trial.du, end.ahead)]
+    except NoEquilibrium:
+        raise NoEquilibrium(found.trial.du) from None
+    trial = min(trials, key=lambda one: one.error)
+    if trial.error > _UNBALANCED * at_rest:
+        raise NoEquilibrium(found.trial.du)
+    return Balance(trial, found.steps, None, None, trial.error / at_rest)
 
 
 def _next_level(level: int, share: float) -> int:
@@ -241,22 +233,6 @@ def follow_slope(equations: StageEquations, trial: Trial, d: Floats) -> tuple[Tr
         else:
             high, s_high, s_low = share, found, 0.5 * s_low
     return following, share
-
-
-def _shortened(
-    equations: StageEquations, trial: Trial, d: Floats, shortest: float
-) -> tuple[Trial, float, bool]:
-    """A step halved until the residual is smaller: trial, share, and whether it is smaller."""
-    before = float(np.linalg.norm(trial.residual))
-    share = 1.0
-    tried: list[tuple[Trial, float]] = []
-    while share > shortest:
-        following = equations.at(trial.du + share * d)
-        if np.linalg.norm(following.residual) < (1.0 - 1e-4 * share) * before:
-            return following, share, True
-        tried.append((following, share))
-        share *= 0.5
-    return *min(tried, key=lambda found: found[0].error), False
 
 
 def _refuse_mechanism(equations: StageEquations, trial: Trial, d: Floats) -> None:

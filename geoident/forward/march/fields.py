@@ -1,13 +1,15 @@
-"""Collects the state of the whole mesh during a march."""
+"""Collects the state of the whole mesh, and the reactions of supports, during a march."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from geoident.forward.actions.supports import support_nodes
 from geoident.forward.march.stage import StageEnd
 from geoident.forward.stages import CaseOnMesh
+from geoident.forward.structures.members import Structures
 from geoident.model.arrays import Bools, Floats
-from geoident.model.results.result import FieldSeries
+from geoident.model.results.result import FieldSeries, SupportReactions
 
 
 class FieldRecorder:
@@ -65,3 +67,48 @@ class FieldRecorder:
             weighted = np.bincount(element, weights=volume * values, minlength=n)
             mean[:, component] = weighted / total
         return mean
+
+
+class ReactionRecorder:
+    """Adds up, state by state, what supports exert on the ground: C^T V sigma - f where they hold.
+
+    What two supports hold counts for the first of them, so that all reactions and all loads are in
+    balance. Tractions that hold the edges of the model (`in_situ: held`) are loads.
+
+    Args:
+        on_mesh: the case on its mesh.
+        structures: those of the case.
+    """
+
+    def __init__(self, on_mesh: CaseOnMesh, structures: Structures) -> None:
+        self._on_mesh, self._structures = on_mesh, structures
+        self._states = on_mesh.sequence.states
+        self._names = list(dict.fromkeys(n for state in self._states for n in state.supports))
+        self._forces: list[Floats] = []
+
+    def add(self, end: StageEnd) -> None:
+        """Record a state (column 0 of its arrays)."""
+        mesh, discretization = self._on_mesh.mesh, self._on_mesh.discretization
+        found = np.full((len(self._names), mesh.dim), np.nan)
+        self._forces.append(found)
+        supports = self._states[end.state].supports
+        if end.forces is None or not supports:
+            return
+        present = self._on_mesh.sequence.present(end.state)
+        stress, members = end.stress[..., 0], end.members[:, :1]
+        rest = discretization.points.forces(stress, discretization.volume(present))
+        if self._structures.n_rows:
+            rest += self._structures.nodal_forces(members)[:, 0]
+        rest = (rest - end.forces[:, 0]).reshape(mesh.n_nodes, mesh.dim)
+        free = np.ones(rest.shape, dtype=bool)
+        for name, support in supports.items():
+            nodes = support_nodes(mesh, support)
+            for component in support.components:
+                mine = nodes[free[nodes, component]]
+                found[self._names.index(name), component] = rest[mine, component].sum()
+                free[mine, component] = False
+
+    def table(self) -> SupportReactions:
+        """All that was recorded."""
+        names = tuple(state.name for state in self._states[: len(self._forces)])
+        return SupportReactions(tuple(self._names), names, np.stack(self._forces, axis=1))

@@ -24,7 +24,7 @@ from geoident.fem.moduli import Moduli
 from geoident.fem.solvers.direct import Factor, LowerPattern, SymbolicFactorization
 from geoident.fem.solvers.splu import GeneralFactor
 from geoident.forward.march.stage import StageTask
-from geoident.forward.march.systems import StageSystem, StageSystems
+from geoident.forward.march.systems import StageSystem, StageSystems, SystemKey
 from geoident.model.arrays import Floats, Ints
 
 HELD_ENTRIES = 8_000_000
@@ -39,7 +39,7 @@ _ROUNDING = 1e-13
 _ELASTIC, _TANGENT = "elastic", "tangent"
 _SPARE = {_TANGENT: 0, _ELASTIC: 1}
 
-_Ground = frozenset[int]
+_Ground = SystemKey
 
 
 @dataclass
@@ -122,12 +122,12 @@ class StageTangents:
 
     def elastic(self, *, again: bool = False) -> Factor:
         """Factor of the elastic K, perhaps of moduli of other parameters; ``again``: of these."""
-        found = None if again else self._held.find(self._system.groups, _ELASTIC)
+        found = None if again else self._held.find(self._system.key, _ELASTIC)
         return self._factorize(_ELASTIC, self._elastic) if found is None else found
 
     def last(self) -> Factor | None:
         """Factor of the last tangent of this ground, if it is still there."""
-        return self._held.find(self._system.groups, _TANGENT)
+        return self._held.find(self._system.key, _TANGENT)
 
     def product(self, points: Ints, change: Floats) -> Product:
         """Products of K plus symmetric changes (q, s, s) of V E at some points (q,)."""
@@ -144,9 +144,9 @@ class StageTangents:
         """Factor of a matrix, held from now on."""
         system = self._system
         size = len(values)
-        self._held.make_room(system.groups, kind, size)
+        self._held.make_room(system.key, kind, size)
         factor = self._analysis(system, kind).factorize(values)
-        self._held.keep(system.groups, kind, factor, size)
+        self._held.keep(system.key, kind, factor, size)
         return factor
 
     def _analysis(self, system: StageSystem, kind: str) -> SymbolicFactorization:

@@ -83,4 +83,5 @@ def _values(end: StageEnd) -> StageEnd:
         stresses=end.stresses.values(),
         members=end.members[:, :1].copy(),
         yielded=end.yielded.copy(),
+        forces=None if end.forces is None else end.forces[:, :1].copy(),
     )

@@ -149,7 +149,9 @@ class LastingGround:
         since, dofs = task.carried.since, task.system.dofs
         if since is None or not isinstance(factor, DirectFactor) or not factor.n_first:
             return None
-        if task.thermal is not None or not self._rests(since, task.forces):
+        if task.thermal is not None or task.motion is not None:
+            return None
+        if not self._rests(since, task.forces):
             return None
         moving = _Step(self, task, factor, since)
         rest = moving.advance(slice(0, 1))

@@ -12,6 +12,7 @@ and, for every parameter h, with the same factorization,
     K_j ddu_j/dp_h = df_j/dp_h - C^T V g_h
     dsigma/dp_h <- g_h + E C ddu_j/dp_h
 
+where supports impose a motion w_j, C w_j takes part in the strain of the step and w_j in u
 (linings and bolts add their internal forces and stiffness in the same way, see `structures`),
 so one factorization per stage and two calls of the solver give the response and its whole
 Jacobian. All columns travel together: column 0 of every array is the state, columns 1..n are
@@ -35,13 +36,14 @@ factorization.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from geoident.errors import CollapseError
 from geoident.forward.actions.forces import Actions
+from geoident.forward.actions.motions import GivenMotions
 from geoident.forward.actions.release import Held, PartialRelease
 from geoident.forward.actions.thermal import NORMAL_COMPONENTS, ThermalStrains
 from geoident.forward.in_situ.stress import NEGLIGIBLE_IMBALANCE, InSituStress, StressPlaces
@@ -128,6 +130,7 @@ class March:
         self.case, self.sequence = on_mesh.case, on_mesh.sequence
         self.actions = Actions(on_mesh, systems.structures.weights)
         self.thermal = ThermalStrains(on_mesh)
+        self.motions = GivenMotions(on_mesh)
         points = on_mesh.discretization.points
         groups = self.sequence.group_of[points.element]
         self.in_situ = InSituStress(on_mesh, StressPlaces(points.position, groups))
@@ -278,7 +281,7 @@ class Run:
                 lost.add(n)
                 yield _unknown(n, u, carried)
             else:
-                yield StageEnd(n, u, self._stresses(carried, u), carried.members, yielded)
+                yield StageEnd(n, u, self._stresses(carried, u), carried.members, yielded, forces)
                 bases.leave(n, u, carried)
         if not self._options.traced:
             self.factors.forget()
@@ -307,6 +310,7 @@ class Run:
         forces += march.release.forces(number, held, self._point)
         self._clear(self._systems[number], state, carried, u)
         task = self._task(number, carried, forces, march.thermal.change(number, self._point))
+        task = replace(task, motion=march.motions.change(number, self._point))
         if self._plastic.yields(state):
             du, yielded = self._plastic.step(task)
         else:

@@ -17,15 +17,19 @@ import numpy as np
 
 from geoident.fem.solvers.direct import Factor
 from geoident.forward.actions.thermal import NORMAL_COMPONENTS
-from geoident.forward.march.equilibrium import BALANCED, Balance
+from geoident.forward.march.equilibrium import Balance
 from geoident.forward.march.inexact_newton import Directions
 from geoident.forward.march.stage import StageTask, add_moduli_slopes
 from geoident.forward.march.stage_equations import Ground, StageEquations, Trial, flowing
 from geoident.forward.march.systems import StageSystems
+from geoident.forward.march.viscous_path import BALANCED
 from geoident.model.arrays import Floats, Ints
 
 _SAME_TANGENT = 1e-7
 """Relative difference of tangents up to which a factor serves the derivatives."""
+
+_SAME_GENERAL_TANGENT = 1e-11
+"""The same without potential, where eigenvalues may be a ten thousandth of the elastic ones."""
 
 _DERIVATIVES = slice(1, None)
 """Columns of what the march carries; column 0 is the state."""
@@ -43,9 +47,10 @@ def plastic_derivatives(
         balance: their solution.
     """
     trial, structures, points = balance.trial, systems.structures, systems.discretization.points
+    du = trial.du if task.motion is None else trial.du + task.motion[:, 0]
     members = task.carried.members[:, 1:]
-    members[:, : task.n] += task.moduli[:, 1:] * structures.strain(trial.du)[:, None]
-    slopes = _at_rest(task, systems, equations, trial)
+    members[:, : task.n] += task.moduli[:, 1:] * structures.strain(du)[:, None]
+    slopes = _at_rest(task, systems, equations, trial, du)
     rest = task.forces[:, 1:] - points.forces(slopes, task.system.volume)
     if structures.n_rows:
         rest -= structures.nodal_forces(members)
@@ -59,11 +64,11 @@ def plastic_derivatives(
 
 
 def _at_rest(
-    task: StageTask, systems: StageSystems, equations: StageEquations, trial: Trial
+    task: StageTask, systems: StageSystems, equations: StageEquations, trial: Trial, du: Floats
 ) -> Floats:
-    """Derivatives g (s, n_points, n + k) of the stress, the displacements kept."""
+    """Derivatives g (s, n_points, n + k) of the stress, the displacements (n_dofs,) kept."""
     slopes = np.ascontiguousarray(task.carried.stress[..., 1:])
-    strain = systems.discretization.points.strain(trial.du)
+    strain = systems.discretization.points.strain(du)
     if task.thermal is not None:
         strain[:NORMAL_COMPONENTS] -= task.thermal[:, 0]
     add_moduli_slopes(task, strain, slopes)
@@ -104,9 +109,10 @@ def _solved(equations: StageEquations, balance: Balance, rest: Floats) -> Floats
 def _exact_factor(equations: StageEquations, balance: Balance) -> Factor:
     """The factor of the tangent at the end: the last one, unless it was made on other pieces."""
     if balance.factor is not None and balance.made_at is not None:
+        same = _SAME_TANGENT if equations.associated else _SAME_GENERAL_TANGENT
         before, after = (equations.changes(t) for t in (balance.made_at, balance.trial))
         if np.array_equal(before[0], after[0]) and np.allclose(
-            before[1], after[1], rtol=0.0, atol=_SAME_TANGENT * np.abs(after[1]).max(initial=0.0)
+            before[1], after[1], rtol=0.0, atol=same * np.abs(after[1]).max(initial=0.0)
         ):
             return balance.factor
     return equations.factor(balance.trial)[0]

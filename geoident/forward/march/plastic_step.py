@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -24,7 +24,7 @@ from geoident.forward.march.collapse import limit_of
 from geoident.forward.march.equilibrium import Balance, solve
 from geoident.forward.march.held_factors import ElasticByHeld, HeldFactors, StageTangents
 from geoident.forward.march.plastic_derivatives import plastic_derivatives
-from geoident.forward.march.stage import StageTask, not_positive_definite
+from geoident.forward.march.stage import StageTask, impose_motion, not_positive_definite
 from geoident.forward.march.stage_equations import (
     Ground,
     NoEquilibrium,
@@ -55,8 +55,8 @@ _KEPT = 4
 _NEAR_BY = 1e-4
 """How far apart parameter vectors are of which one is worth keeping: 2 % in one parameter."""
 
-_LOAD_STEPS = (1, 4, 16)
-"""Parts in which the load of a stage is applied, tried in turn, where there is no potential."""
+_RESOLUTION = 1 / 512
+"""To which the part of a load that is carried is known where there is no potential."""
 
 
 @dataclass(frozen=True)
@@ -150,9 +150,13 @@ class PlasticSteps:
             ModelError: the stiffness is singular, or no stress satisfies all yield planes.
         """
         laws = _yield_laws(task)
-        if all(law.associated for law in laws.values()):
-            return self._part(task, laws, warm=True)
-        return self._in_load_steps(task, laws)
+        try:
+            return self._solved(task, laws)
+        except NoEquilibrium as error:  # of flow without potential
+            part = np.nan
+            if self.explain and task.motion is None:
+                part, error = self._carried_part(task, laws, error)
+            raise self._collapse(task, part, error.mechanism, proven=error.limit) from error
 
     def virgin_factor(self, task: StageTask) -> Factor | None:
         """The elastic stiffness of the virgin state where something yields, on what is held.
@@ -206,51 +210,41 @@ class PlasticSteps:
         path = ("materials", material, "yield")
         return ModelError(msg, hint, location=source.locate(path), path=format_path(path))
 
-    def _in_load_steps(self, task: StageTask, laws: Mapping[str, YieldLaw]) -> tuple[Floats, Bools]:
-        """The same in parts of the load; more of them where Newton's method fails."""
-        start, before, done = task.carried.copy(), self._internal(task), 0.0
-        for count in _LOAD_STEPS:
-            self.findings.unbalanced.pop(task.state.name, None)
-            self.findings.record.forget(task.number)
-            total = np.zeros_like(task.forces)
-            yielded = np.zeros(self.systems.discretization.points.n_points, dtype=bool)
-            for part in range(1, count + 1):
-                forces = before + part / count * (task.forces - before)
-                thermal = task.thermal if part == 1 else None
-                piece = replace(task, forces=forces, thermal=thermal)
-                try:
-                    du, now = self._part(piece, laws, warm=False)
-                except CollapseError:
-                    task.carried.restore(start)
-                    break
-                total, yielded, done = total + du, yielded | now, max(done, part / count)
-            else:
-                return total, yielded
-        raise self._collapse(task, done, None, proven=False)
-
-    def _internal(self, task: StageTask) -> Floats:
-        """Forces (n_dofs, 1 + n + k) that hold what is carried."""
-        points = self.systems.discretization.points
-        internal = points.forces(task.carried.stress, task.system.volume)
-        if self.systems.structures.n_rows:
-            internal += self.systems.structures.nodal_forces(task.carried.members)
-        return internal
-
-    def _part(
-        self, task: StageTask, laws: Mapping[str, YieldLaw], *, warm: bool
-    ) -> tuple[Floats, Bools]:
+    def _carried_part(
+        self, task: StageTask, laws: Mapping[str, YieldLaw], error: NoEquilibrium
+    ) -> tuple[float, NoEquilibrium]:
+        """The part of the change of load that is carried, found by halving, and how it fails."""
         equations = self._equations(task, laws)
-        balance = self._balance(task, equations, self.warm.guesses(task) if warm else [])
+        before, least, most = equations.before(), 0.0, 1.0
+        du = np.zeros_like(before)
+        while most - least > _RESOLUTION:
+            part = 0.5 * (least + most)
+            under = equations.under(before + part * (equations.forces - before))
+            try:
+                found = solve(under, [np.zeros_like(before), du])
+                if self._means_nothing(under, found):
+                    raise NoEquilibrium(found.trial.du)
+                least, du = part, found.trial.du
+            except NoEquilibrium as failed:
+                most = part
+                if failed.mechanism is not None and (failed.limit or not error.limit):
+                    error = failed
+        return least, error
+
+    def _solved(self, task: StageTask, laws: Mapping[str, YieldLaw]) -> tuple[Floats, Bools]:
+        impose_motion(task, self.systems)
+        equations = self._equations(task, laws)
+        balance = self._balance(task, equations, self.warm.guesses(task))
         du = np.zeros_like(task.forces)
         du[:, 0] = balance.trial.du
         if du.shape[1] > 1:
             du[:, 1:] = plastic_derivatives(task, self.systems, equations, balance)
         self._accept(task, equations, balance.trial)
         if balance.unbalanced > 0.0:
-            known = self.findings.unbalanced.get(task.state.name, 0.0)
-            self.findings.unbalanced[task.state.name] = max(balance.unbalanced, known)
-        if warm:
-            self.warm.keep(task, du)
+            self.findings.unbalanced[task.state.name] = balance.unbalanced
+        self.warm.keep(task, du)
+        if task.motion is not None:
+            du[:, : task.motion.shape[1]] += task.motion
         return du, yielded_points(equations, balance.trial)
 
     def _equations(self, task: StageTask, laws: Mapping[str, YieldLaw]) -> StageEquations:
@@ -303,8 +297,10 @@ class PlasticSteps:
             hint = "Leave out planes that are the same but for little, or move them apart."
             raise ModelError(msg, hint) from error
         except NoEquilibrium as error:
-            # Whoever searches needs only to know that there is none; load steps say it themselves.
-            if not (equations.associated and self.explain):
+            if not equations.associated:
+                raise
+            # Whoever searches needs only to know that there is none.
+            if not self.explain:
                 raise self._collapse(task, np.nan, error.mechanism) from error
             return self._after_limit(task, equations, error)
 
@@ -320,7 +316,8 @@ class PlasticSteps:
         """Follow the arc of equilibria: it ends at collapse, or leads to the whole load."""
         limit = limit_of(equations)
         if limit.fraction < 1.0:
-            raise self._collapse(task, limit.fraction, error.mechanism) from error
+            carried = limit.fraction if task.motion is None else np.nan
+            raise self._collapse(task, carried, error.mechanism) from error
         try:
             return solve(equations, [limit.du])
         except NoEquilibrium as again:
@@ -333,14 +330,19 @@ class PlasticSteps:
         hint = "Raise the strengths (their start values or bounds), or see whether the stage "
         hint += "lacks support or loads more than is meant."
         if not proven:
-            msg = f"at stage '{task.state.name}' no equilibrium was found: plastic collapse, or "
-            msg += "flow that shears in bands, as it may with a dilation far below the friction"
-            hint += " A larger dilation, or none given (associated), decides which it is."
+            msg = f"at stage '{task.state.name}' no equilibrium was found: flow with a dilation so "
+            msg += "far below the friction shears in bands on this mesh, or the ground collapses"
+            hint = "See whether a larger dilation, or none given (associated), or larger elements "
+            hint += "where it shears carry the stage: then the ground does not lack strength."
         if np.isfinite(fraction):
-            msg += f"; {100 * fraction:.3g} % of the change of load of this stage is carried"
+            said = "is carried" if proven else "was brought to equilibrium"
+            msg += f"; {100 * fraction:.3g} % of the change of load of this stage {said}"
         if mechanism is not None:
-            msg += self.systems.describe_motion(mechanism)
-        return CollapseError(msg, hint, stage=task.state.name, fraction=fraction)
+            msg += self.systems.describe_mechanism(task.system, mechanism)
+            mechanism = mechanism / (np.abs(mechanism).max() or 1.0)
+        return CollapseError(
+            msg, hint, stage=task.state.name, fraction=fraction, mechanism=mechanism
+        )
 
     def _accept(self, task: StageTask, equations: StageEquations, trial: Trial) -> None:
         """The state of what is carried after the step."""

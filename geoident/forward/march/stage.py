@@ -86,6 +86,8 @@ class StageEnd:
         stresses: of its strain points.
         members: (n_rows, 1 + n + k) forces in linings and bolts (`structures`).
         yielded: (n_points,) strain points that flow plastically in this state.
+        forces: (n_dofs, 1 + n + k) what acts on the nodes, supports aside, N; None where nobody
+            has said.
     """
 
     state: int
@@ -93,6 +95,7 @@ class StageEnd:
     stresses: StressAtEnd
     members: Floats
     yielded: Bools
+    forces: Floats | None = None
 
     @cached_property
     def stress(self) -> Floats:
@@ -255,6 +258,8 @@ class StageTask:
         forces: (n_dofs, 1 + n + k).
         moduli: (n_rows, 1 + n) of structures.
         thermal: (n_points, 1 + n) normal strains, or None.
+        motion: (n_dofs, 1 + n) displacement step that supports impose, zero where nothing is given;
+            None for none.
     """
 
     number: int
@@ -266,6 +271,7 @@ class StageTask:
     forces: Floats
     moduli: Floats
     thermal: Floats | None
+    motion: Floats | None = None
 
     @property
     def n(self) -> int:
@@ -283,7 +289,7 @@ class ElasticTrace:
 
     Args:
         task: the stage, without derivatives.
-        du: (n_dofs,) its displacement step.
+        du: (n_dofs,) its displacement step, what supports impose included.
         slopes: (n_dofs, n) df/dp by the parameters that are no modes, of what acts in it.
         held: group to H (n_dofs,) of what is partly released in it.
         in_situ: (n_strain, n_points, n) derivatives of the virgin stress; None in later states.
@@ -365,7 +371,10 @@ def elastic_step(task: StageTask, systems: StageSystems, last: LastFactor) -> Fl
         ModelError: the stiffness is not positive definite.
     """
     factor, structures = factorize(task, systems, last), systems.structures
+    impose_motion(task, systems)
     first = _advance(task, systems, factor, task.carried.columns(slice(1)), task.forces[:, :1])
+    if task.motion is not None:
+        first += task.motion[:, :1]
     if task.forces.shape[1] == 1:
         return first
     strain = systems.discretization.points.strain(first[:, 0])
@@ -376,7 +385,30 @@ def elastic_step(task: StageTask, systems: StageSystems, last: LastFactor) -> Fl
     members += task.moduli[:, 1:] * structures.strain(first)
     rest = task.carried.columns(slice(1, None))
     others = _advance(task, systems, factor, rest, task.forces[:, 1:])
+    if task.motion is not None:
+        others[:, : task.n] += task.motion[:, 1:]
     return np.hstack([first, others])
+
+
+def impose_motion(task: StageTask, systems: StageSystems) -> None:
+    """Bring what supports impose into what is carried, with its derivatives; those of E come later.
+
+    The other nodes stay where they are for now: what they are then out of balance by, the step of
+    the stage takes away.
+
+    Args:
+        task: the stage; what it carries is changed.
+        systems: the equations of the stages.
+    """
+    if task.motion is None:
+        return
+    strain, moduli = systems.discretization.points.strain(task.motion), task.elasticity()
+    columns = task.motion.shape[1]
+    for material, mine in task.system.points_of.items():
+        task.carried.stress[:, mine, :columns] += moduli[material].stress(strain[:, mine])
+    if systems.structures.n_rows:
+        more = task.moduli[:, :1] * systems.structures.strain(task.motion)
+        task.carried.members[:, :columns] += more
 
 
 def add_moduli_slopes(task: StageTask, strain: Floats, slopes: Floats) -> None:
@@ -472,6 +504,6 @@ def factorize(task: StageTask, systems: StageSystems, last: LastFactor) -> Facto
     return factor
 
 
-def _what_stands(state: ConstructionState) -> tuple[Mapping[int, str], frozenset[str], set[str]]:
-    """On what K depends: the material of every group, the structures, those under a given force."""
-    return state.materials, state.structures, set(state.stressed)
+def _what_stands(state: ConstructionState) -> tuple[object, ...]:
+    """On what K depends: materials of groups, structures, those under a given force, supports."""
+    return state.materials, state.structures, set(state.stressed), state.held

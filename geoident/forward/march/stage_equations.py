@@ -97,10 +97,12 @@ class NoEquilibrium(ArithmeticError):
 
     Args:
         mechanism: (n_dofs,) how the ground moves, or None.
+        limit: whether it moves without end under this load: no doubt is left.
     """
 
-    def __init__(self, mechanism: Floats | None) -> None:
+    def __init__(self, mechanism: Floats | None, *, limit: bool = False) -> None:
         self.mechanism = mechanism
+        self.limit = limit
         super().__init__("no equilibrium")
 
 
@@ -143,6 +145,7 @@ class StageEquations:
         tangents: makes factors.
         members: nodal forces (n_dofs,) of linings and bolts at a displacement step, or None.
         at_hand: factors that were made before; None: every step makes its own.
+        viscosity: part of the overstress s* - P(s*) that is kept (`viscous_path`).
     """
 
     operators: Operators
@@ -154,6 +157,7 @@ class StageEquations:
     tangents: Tangents
     members: Callable[[Floats], Floats] | None = None
     at_hand: FactorsAtHand | None = None
+    viscosity: float = 0.0
 
     @cached_property
     def associated(self) -> bool:
@@ -163,6 +167,10 @@ class StageEquations:
     def under(self, forces: Floats) -> StageEquations:
         """The same ground under other forces (n_dofs,)."""
         return replace(self, forces=forces)
+
+    def viscous(self, part: float) -> StageEquations:
+        """The same of a ground that keeps a part of its overstress."""
+        return replace(self, viscosity=part) if part != self.viscosity else self
 
     def before(self) -> Floats:
         """(n_dofs,) forces that hold what is carried into the stage."""
@@ -206,6 +214,8 @@ class StageEquations:
         except ArithmeticError as error:  # flow that is not associated may lead nowhere
             raise NoEquilibrium(None) from error
         stress[:, mine] = projection.stress
+        if self.viscosity > 0.0:
+            stress[:, mine] += self.viscosity * (trial - projection.stress)
         return projection
 
     def distance(self, trial: Trial) -> float:
@@ -231,10 +241,15 @@ class StageEquations:
         return energy
 
     def factor(self, trial: Trial, *, least: int = 0) -> tuple[Factor, int]:
-        """Factor of the consistent tangent, and the level of `ELASTIC_PARTS` it needed."""
+        """Factor of the consistent tangent, and the level of `ELASTIC_PARTS` it needed.
+
+        Without a potential, where pivots need not be positive, level 0 leaves nothing of the
+        elastic stiffness: eigenvalues may be so small that it would be seen in derivatives.
+        """
         points, change = self.changes(trial)
         for level in range(least, len(ELASTIC_PARTS)):
-            part = (1.0 - ELASTIC_PARTS[level]) * change
+            left = ELASTIC_PARTS[level] if level or self.associated else 0.0
+            part = (1.0 - left) * change
             try:
                 return self.tangents(points, part, symmetric=self.associated), level
             except NotPositiveDefinite:
@@ -252,7 +267,7 @@ class StageEquations:
             mine = numbers(ground.points, self.operators.n_points)[projection.yielded]
             points.append(mine)
             moduli = ground.elasticity.matrices(projection.yielded)
-            tangent = (projection.reduction - np.eye(s)) @ moduli
+            tangent = (1.0 - self.viscosity) * (projection.reduction - np.eye(s)) @ moduli
             changes.append(tangent * self.volume[mine][:, None, None])
         joined = np.concatenate(points)
         if not changes:

@@ -48,6 +48,9 @@ from geoident.model.mesh import Mesh, nodes_in
 from geoident.model.of_mesh import OfMesh
 from geoident.model.parameter import Values
 
+SystemKey = tuple[frozenset[int], int]
+"""Groups and structures that are there, and a number of what is held."""
+
 
 @dataclass(frozen=True)
 class StageSystem:
@@ -59,6 +62,7 @@ class StageSystem:
         volume: (n_points,) V, zero where absent.
         points_of: material name to its strain points.
         groups: indices of the present groups and keys of the structures that stand.
+        key: they, and the number of what is held: states of one key have one pattern.
         dofs: (n,) degree of freedom of each unknown, in elimination order.
         make_pattern: makes the pattern, which is large and which not every command needs.
     """
@@ -68,6 +72,7 @@ class StageSystem:
     volume: Floats
     points_of: Mapping[str, Index]
     groups: frozenset[int]
+    key: SystemKey
     dofs: Ints
     make_pattern: Callable[[], StiffnessPattern]
 
@@ -76,6 +81,9 @@ class StageSystem:
         """The stiffness pattern."""
         return self.make_pattern()
 
+
+_HALF = 0.5
+"""Part of the largest rate of shear from which on a mechanism shears strongly."""
 
 _order_of = OfMesh[tuple[Ints, int]]()
 
@@ -96,7 +104,8 @@ class StageSystems:
         self.discretization, self.structures = discretization, structures
         self._on_mesh, self._mesh, self._sequence = on_mesh, mesh, sequence
         self._solver = solver
-        self._fixed = fixed_dofs(on_mesh)
+        self._fixed: list[Bools] = []
+        self._numbers_of_held: dict[bytes, int] = {}
         changes = self.changing_nodes()
         made_of = {tuple(state.materials.items()) for state in sequence.states[1:]}
         order, self._lasting = _order_of(
@@ -112,12 +121,12 @@ class StageSystems:
             for g in discretization.points_of
         } | structures.blocks(rank)
         self._systems: dict[int, StageSystem] = {}
-        self._dofs: dict[frozenset[int], Ints] = {}
-        self._patterns: dict[frozenset[int], StiffnessPattern] = {}
+        self._dofs: dict[SystemKey, Ints] = {}
+        self._patterns: dict[SystemKey, StiffnessPattern] = {}
         self._point_blocks = PointBlocks(mesh, geometries, discretization.kinematics)
         self._pointwise = PointwiseStiffness(self._point_blocks)
-        self._tangents: dict[frozenset[int], TangentPattern] = {}
-        self._analyses: dict[tuple[frozenset[int], int], SymbolicFactorization | None] = {}
+        self._tangents: dict[SystemKey, TangentPattern] = {}
+        self._analyses: dict[tuple[SystemKey, int], SymbolicFactorization | None] = {}
         self._analysed: dict[tuple[bytes, int], SymbolicFactorization] = {}
         self._edges: Ints | None = None
 
@@ -133,16 +142,16 @@ class StageSystems:
             system: the equations of the state.
             spare: number of a further analysis of the same pattern, where its factors are in use.
         """
-        key = system.groups, spare
+        key = system.key, spare
         if key not in self._analyses:
             self._analyses[key] = self._analyse(system.pattern.lower, spare)
         return self._analyses[key]
 
     def tangents(self, system: StageSystem) -> TangentPattern:
         """Where changes of moduli at strain points go in K of a state."""
-        if system.groups not in self._tangents:
-            self._tangents[system.groups] = TangentPattern(self._point_blocks, system.pattern)
-        return self._tangents[system.groups]
+        if system.key not in self._tangents:
+            self._tangents[system.key] = TangentPattern(self._point_blocks, system.pattern)
+        return self._tangents[system.key]
 
     @property
     def solver_counts(self) -> SolverCounts:
@@ -193,6 +202,20 @@ class StageSystems:
         node = int(np.argmax(np.linalg.norm(u.reshape(-1, self._mesh.dim), axis=1)))
         return f" near {format_point(self._mesh.points[node])}"
 
+    def describe_mechanism(self, system: StageSystem, u: Floats) -> str:
+        """Where a mechanism (n_dofs,) shears most, and how far it reaches, for a message."""
+        points = self.discretization.points
+        rate = np.where(system.volume > 0.0, _shear(points.strain(u)), 0.0)
+        most = int(np.argmax(rate))
+        if not rate[most] > 0.0:
+            return self.describe_motion(u)
+        group = self._sequence.groups[self._sequence.group_of[points.element[most]]]
+        position = points.position.round(3)
+        where = position[rate > _HALF * rate[most]]
+        text = f"; it shears most in group '{group}' near {format_point(position[most])}"
+        ends = (format_point(where.min(axis=0)), format_point(where.max(axis=0)))
+        return f"{text}, and strongly between {ends[0]} and {ends[1]}"
+
     def _elimination_order(self, changes: Bools, stages: int) -> tuple[Ints, int]:
         """The nodes in the order of elimination, and how many, the first, last through all stages.
 
@@ -225,12 +248,22 @@ class StageSystems:
         return self._lasting > 0
 
     def changing_nodes(self) -> Bools:
-        """(n_nodes,) nodes of ground that changes or yields, and of structures."""
+        """(n_nodes,) nodes of ground that changes or yields, of structures, and held for a time."""
         found = nodes_in(self._mesh.blocks, self.changing[self._sequence.group_of])
         nodes = np.zeros(self._mesh.n_nodes, dtype=bool)
         nodes[found] = True
         nodes[self.structures.nodes()] = True
-        return nodes
+        held = [self._fixed[self._held(n)] for n in range(len(self._sequence.states))]
+        differ = np.any([one != held[0] for one in held], axis=0)
+        return np.asarray(nodes | differ.reshape(nodes.size, -1).any(axis=1))
+
+    def _held(self, state: int) -> int:
+        """The number of what is held in a state, among all that is held in any."""
+        fixed = fixed_dofs(self._on_mesh, state)
+        number = self._numbers_of_held.setdefault(fixed.tobytes(), len(self._fixed))
+        if number == len(self._fixed):
+            self._fixed.append(fixed)
+        return number
 
     @cached_property
     def changing(self) -> Bools:
@@ -254,30 +287,31 @@ class StageSystems:
         for material in set(state.materials.values()):
             points_of[material] = as_index(name_of_point == material)
         groups = frozenset(state.materials) | self.structures.keys(state)
-        if groups not in self._dofs:
-            self._dofs[groups] = free_dofs(
+        key = groups, self._held(number)
+        if key not in self._dofs:
+            self._dofs[key] = free_dofs(
                 [self._blocks[g] for g in groups],
                 node_of_rank=self._node_of_rank,
-                fixed=self._fixed,
+                fixed=self._fixed[key[1]],
                 dim=self._mesh.dim,
             )[1]
         volume = self.discretization.volume(here)
         touched = _touched(self._mesh, here)
-        dofs, pattern = self._dofs[groups], partial(self._pattern, groups)
-        return StageSystem(present, touched, volume, points_of, groups, dofs, pattern)
+        dofs, pattern = self._dofs[key], partial(self._pattern, key)
+        return StageSystem(present, touched, volume, points_of, groups, key, dofs, pattern)
 
-    def _pattern(self, groups: frozenset[int]) -> StiffnessPattern:
-        """The pattern of some groups and structures."""
-        if groups not in self._patterns:
-            self._patterns[groups] = stiffness_pattern(
-                {g: self._blocks[g] for g in groups},
+    def _pattern(self, key: SystemKey) -> StiffnessPattern:
+        """The pattern of some groups and structures, with what is held."""
+        if key not in self._patterns:
+            self._patterns[key] = stiffness_pattern(
+                {g: self._blocks[g] for g in key[0]},
                 node_of_rank=self._node_of_rank,
-                fixed=self._fixed,
+                fixed=self._fixed[key[1]],
                 dim=self._mesh.dim,
                 lasting=self._lasting,
                 places=self._places,
             )
-        return self._patterns[groups]
+        return self._patterns[key]
 
     def _analyse(self, lower: LowerPattern, spare: int) -> SymbolicFactorization | None:
         if lower.n == 0:
@@ -406,6 +440,13 @@ class GroundAt:
             else:
                 self._laws[material] = PolyhedralLaw(elasticity, planes)
         return self._laws[material]
+
+
+def _shear(strain: Floats) -> Floats:
+    """(m,) size of the part of strains (s, m) that changes shapes; shears are counted double."""
+    normal, shear = strain[:3], strain[3:]
+    apart = normal - normal.mean(axis=0)
+    return np.asarray(np.sqrt((apart**2).sum(axis=0) + 0.5 * (shear**2).sum(axis=0)))
 
 
 def strength_slopes(field: PointField, mean: Dual, names: Sequence[str]) -> Floats:

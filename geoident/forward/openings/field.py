@@ -307,6 +307,11 @@ def _ground(
 
 
 def _other(sequence: ConstructionSequence, _: OpeningSite, state: ConstructionState) -> str | None:
+    for name, support in state.supports.items():
+        if support.moves:
+            return f"the support '{name}' is moved by what is given"
+    if state.held != sequence.states[0].held:
+        return f"stage '{state.name}' changes what is held"
     if state.structures:
         return f"'{min(state.structures)}' supports the ground at stage '{state.name}'"
     if state.temperature:

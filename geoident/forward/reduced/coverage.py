@@ -42,6 +42,12 @@ def _obstacles(march: March) -> Iterator[str]:
 
 
 def _of_stages(march: March) -> Iterator[str]:
+    moved = march.motions.moved()
+    if moved is not None:
+        yield f"the support '{moved}' is moved"
+    for stage in march.case.stages:
+        if stage.supports:
+            yield f"the stage '{stage.name}' changes what is held"
     for stage in march.case.stages:
         if stage.temperature:
             yield f"the stage '{stage.name}' changes temperatures"

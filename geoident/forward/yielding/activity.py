@@ -30,13 +30,8 @@ class ActivityRecord:
         self._biactive = np.zeros(shape, dtype=np.int64)
         self._margin = np.full(shape[0], -np.inf)
 
-    def forget(self, state: int) -> None:
-        """A state is tried anew."""
-        self._points[:, state - 1] = 0
-        self._biactive[:, state - 1] = 0
-
     def flow(self, state: int, material: str, projection: Projection) -> None:
-        """What yields in a state; of several load steps the one where most does counts.
+        """What yields in a state.
 
         Args:
             state: index of the state.

@@ -31,7 +31,7 @@ from geoident.identify.problem.errors import SharedErrors
 from geoident.identify.problem.problem import Problem, Scaling
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.parameter import Parameter
-from geoident.model.project import ParameterLaw
+from geoident.model.project.project import ParameterLaw
 from geoident.model.results.result import Counts
 
 WIDEST = 10.0

@@ -198,13 +198,7 @@ def _interval(
     """Values p (l,) with intervals, from deviations (J, l) on their scales and variances."""
     sd = np.sqrt(np.maximum(variance, 0.0))
     mixture = NormalMixture(np.ascontiguousarray(mean.T), np.ascontiguousarray(sd.T), weights)
-    x = scaling.to_scaled(p) if cut else None
-    if x is None:
-        low, high = mixture.interval()
-    else:
-        low, high = mixture.interval(
-            np.minimum(scaling.lower - x, 0.0), np.maximum(scaling.upper - x, 0.0)
-        )
+    low, high = _quantile(mixture, 0.025), _quantile(mixture, 0.975)
     low, high = np.minimum(low, 0.0), np.maximum(high, 0.0)  # the estimate is among them
     if cut:
         lower, upper = scaling.away(p, low), scaling.away(p, high)
@@ -214,6 +208,20 @@ def _interval(
             for step in (low, high)
         )
     return Interval95(p, mixture.rms * scaling.slope(p), lower, upper)
+
+
+def _quantile(mixture: NormalMixture, tail: float) -> Floats:
+    """Where each of l quantities has a probability below it, by bisection, (l,).
+
+    Normals of one mixture may differ by orders of magnitude in size: no grid would serve all.
+    """
+    reach = 10.0 * mixture.sd.max(axis=1) + np.abs(mixture.mean).max(axis=1)
+    low, high = -reach, reach
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        above = mixture.below(middle[:, None])[:, 0] > tail
+        low, high = np.where(above, low, middle), np.where(above, middle, high)
+    return np.asarray(0.5 * (low + high))
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from geoident.identify.objective.discrepancy import Discrepancy
 from geoident.identify.problem.problem import History, Observer, Outcome, Problem
 from geoident.model.arrays import Bools, Floats
 from geoident.model.methods import GaussNewtonOptions
-from geoident.model.project import ParameterLaw
+from geoident.model.project.project import ParameterLaw
 from geoident.model.results.result import Iteration
 
 _ROUNDS = 40

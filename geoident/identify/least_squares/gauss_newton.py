@@ -108,7 +108,8 @@ def gauss_newton(
 ) -> Outcome:
     """Minimises the discrepancy with its exact Jacobian, theory [20] and 4.2.
 
-    Descents begin at the given start, which must have a solution, and where needed at others.
+    Descents begin at the given start and where needed at others. Where the given start has no
+    solution, the first of the others that has one takes its place, if several were asked for.
 
     Args:
         problem: readings, model and parameters.
@@ -120,14 +121,11 @@ def gauss_newton(
         The best point that was evaluated, and the other minima that descents came to.
 
     Raises:
-        ModelError: the model has no solution at the start.
+        ModelError: the model has no solution at the start, or at any where there are several.
     """
     history = History(method, problem.response, observe)
     starts = _several_starts(problem, options, history)
-    evaluator = starts.descent.evaluator
-    point = evaluator.evaluate(evaluator.scaling.start)
-    evaluator.record(point.x, point, 0.0, "start")
-    found = starts.run(point)
+    found = starts.run()
     best = found.best
     outcome = history.outcome(best.point.p, best.point.phi, best.status, best.reason)
     return replace(outcome, minima=found.minima, remarks=found.remarks)

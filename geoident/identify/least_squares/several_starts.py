@@ -26,6 +26,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from geoident.errors import ModelError
 from geoident.identify.least_squares.acceptance import Iterate, Step
 from geoident.identify.problem.ahead import Look, in_turns, knows_nothing_of_others
 from geoident.identify.problem.problem import LocalMinimum, Scaling
@@ -162,17 +163,19 @@ class SeveralStarts:
         self.evaluator = self.descent.evaluator
         self.angles = Angles(self.parameters, self.evaluator.scaling)
 
-    def run(self, start: Iterate) -> MinimaFound:
+    def run(self) -> MinimaFound:
         """All descents.
 
-        Args:
-            start: the given one.
+        Raises:
+            ModelError: there is no solution at the given start, and at no other that was asked for.
         """
+        start, begun, remarks = self._first()
         self._endings = [self.down(start, further=False)]
         why = self._reason()
         wanted = self.starts or (AUTOMATIC if why else 1)
-        begun, response = 1, self.evaluator.discrepancy.problem.response
-        places = list(islice(self._places(start.x), wanted - 1))
+        response = self.evaluator.discrepancy.problem.response
+        given = self.evaluator.scaling.start
+        places = list(islice(self._places(given), begun - 1, wanted - 1))
         apart = self.look is not None and knows_nothing_of_others(response)
         looks = [self.look(x) for x in places] if self.look is not None and apart else []
         with in_turns(response, looks) as turn:
@@ -187,8 +190,29 @@ class SeveralStarts:
                     self._endings.append(self.down(point, further=True))
         best = min(self._endings, key=lambda ending: ending.point.phi)
         minima = self._minima(best)
-        remarks = [f"the search had {begun} starts, as {why}"] if why and begun > 1 else []
+        if why and begun > 1:
+            remarks.append(f"the search had {begun} starts, as {why}")
         return MinimaFound(best, minima, tuple(remarks))
+
+    def _first(self) -> tuple[Iterate, int, list[str]]:
+        """Where to begin: the given start, or the first of the others that has a solution.
+
+        Returns:
+            The point, how many were tried, and what is to be said of it, clauses.
+        """
+        evaluator = self.evaluator
+        given = evaluator.scaling.start
+        try:
+            point = evaluator.evaluate(given)
+        except ModelError as error:
+            for n, x in enumerate(islice(self._places(given), (self.starts or 1) - 1), 2):
+                other = evaluator.start(x, f"start {n}")
+                if other is not None:
+                    why = error.message.rstrip(".")
+                    return other, n, [f"the search began elsewhere than at the given start: {why}"]
+            raise
+        evaluator.record(point.x, point, 0.0, "start")
+        return point, 1, []
 
     def _places(self, given: Floats) -> Iterator[Floats]:
         scaling = self.evaluator.scaling

@@ -13,6 +13,7 @@ from pydantic import ValidationError
 from geoident.errors import Fault, InputError, Location
 from geoident.io.campaign.sections import CampaignSection, SampleSection, VariationsSection
 from geoident.io.campaign.table import NAME_COLUMN, NAME_HINT, read_table, run_name_problem
+from geoident.io.cluster.file import cluster_of
 from geoident.io.schema.faults import add_schema_faults
 from geoident.io.schema.values import kind_of
 from geoident.io.text.faults import Faults, Places
@@ -41,8 +42,9 @@ def read_campaign(path: str) -> Campaign:
     table = _files_and_paths(Path(path).parent, faults)
     section = _validated(faults)
     variations = _named((*table, *_variations(section.variations, faults)), faults)
+    folder, sample, where = Path(path).parent, section.variations.sample, section.cluster
+    cluster = None if where is None else cluster_of(where, ("cluster",), folder, faults)
     faults.raise_any()
-    folder, sample = Path(path).parent, section.variations.sample
     return Campaign(
         path=path,
         title=section.title,
@@ -61,6 +63,7 @@ def read_campaign(path: str) -> Campaign:
         noise=section.noise,
         draw=section.draw,
         stages=tuple(section.stages),
+        cluster=cluster,
     )
 
 

@@ -7,29 +7,14 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 
+from geoident.io.cluster.sections import ClusterSection
+from geoident.io.schema.duration import GivenTime
 from geoident.io.schema.section import Section, SectionFaults
 from geoident.io.schema.values import Count, Flag, Name, Text, require_text
 from geoident.io.text.wording import Refusal, shorten
 from geoident.units import NUMBER_PATTERN
 
-_PART = re.compile(r"\s*([0-9]+(?:\.[0-9]*)?)\s*([a-z]+)\s*")
-_SECONDS = {"s": 1.0, "sec": 1.0, "min": 60.0, "m": 60.0, "h": 3600.0, "d": 86400.0}
 _SOLVERS = Literal["auto", "multifrontal", "iterative", "cholmod", "pardiso", "splu"]
-
-
-def _duration(value: object) -> float:
-    """Seconds of a text such as ``90 s``, ``10 min`` or ``1h30min``."""
-    if isinstance(value, float):
-        return value
-    text = require_text(value, "a time").strip()
-    parts = _PART.findall(text)
-    if not parts or _PART.sub("", text) or any(unit not in _SECONDS for _, unit in parts):
-        hint = "Write it like 90 s, 10 min or 1h30min."
-        raise Refusal("bad-time", f"'{shorten(text)}' is not a time", hint)
-    seconds = sum(float(number) * _SECONDS[unit] for number, unit in parts)
-    if seconds <= 0.0:
-        raise Refusal("bad-time", "a time of nothing leaves no time", "Remove the key.")
-    return seconds
 
 
 _WITH_UNIT = re.compile(rf"({NUMBER_PATTERN})\s*(.*)", re.DOTALL)
@@ -45,7 +30,6 @@ def _sampled(value: object) -> tuple[float, str]:
     return float(found[1]), found[2].strip()
 
 
-GivenTime = Annotated[float, BeforeValidator(_duration, json_schema_input_type=str)]
 Sampled = Annotated[
     tuple[float, str], BeforeValidator(_sampled, json_schema_input_type=str | float)
 ]
@@ -201,6 +185,9 @@ class CampaignSection(Section):
     )
     retries: Annotated[int, Count(0)] = Field(
         2, description="Times that a run is begun again after its process was lost."
+    )
+    cluster: ClusterSection | None = Field(
+        None, description="Cluster that computes the runs; the command line may name another."
     )
     noise: Flag = Field(False, description="Of `simulate`: add noise of each gauge's accuracy.")
     draw: Flag = Field(False, description="Of `simulate`: draw what varies from place to place.")

@@ -38,6 +38,7 @@ from geoident.io.case.parameters import ParameterSection
 from geoident.io.case.readings import BadSection, Date, Readings
 from geoident.io.case.stages import ABSENT, Begin, StageSection, check_sequence
 from geoident.io.case.structures import StructureSection
+from geoident.io.case.supports.section import SupportValue, build_supports
 from geoident.io.schema.section import Context, Section, SectionFaults
 from geoident.io.schema.values import (
     Acceleration,
@@ -49,7 +50,7 @@ from geoident.io.schema.values import (
     shape_of,
 )
 from geoident.io.text.faults import Faults
-from geoident.model.case import VIRGIN, Analysis, Case, KeyPath, Material, Support, format_path
+from geoident.model.case import VIRGIN, Analysis, Case, KeyPath, Material, format_path
 from geoident.units import with_article
 
 _AXES = "xyz"
@@ -81,12 +82,6 @@ class ReportSection(Section):
     )
 
 
-Component = Literal["x", "y", "z"]
-SupportValue = Annotated[
-    Annotated[Literal["x", "y", "z", "fixed"], Tag("text")]
-    | Annotated[list[Component], Field(min_length=1), Tag("list")],
-    Discriminator(shape_of),
-]
 Gravity = Annotated[
     Annotated[Acceleration, Tag("text")] | Annotated[Accelerations, Tag("list")],
     Discriminator(shape_of),
@@ -170,7 +165,10 @@ class CaseSection(Section):
         "or 'absent'.",
     )
     supports: dict[Name, SupportValue] = Field(
-        {}, description="Group to fixed directions: x, [x, y], or fixed for all."
+        {},
+        description="Group to fixed directions: x, [x, y], or fixed for all; or to how it moves, "
+        "from the stages on that build on the virgin state.",
+        examples=[{"bottom": "fixed", "outer": {"x": "1 mm"}}],
     )
     in_situ: InSituSection | None = Field(
         None, description="In-situ stress of the ground, before the first stage."
@@ -278,7 +276,7 @@ def build_case(section: CaseSection, faults: Faults) -> Case:
         parameters=oriented([p.parameter(name) for name, p in section.parameters.items()], ties),
         materials=materials,
         groups={group: None if m == ABSENT else m for group, m in section.groups.items()},
-        supports=_supports(section.supports, context.at("supports")),
+        supports=tuple(build_supports(section.supports, context.at("supports")).values()),
         in_situ=in_situ,
         gravity=_gravity(section.gravity, context.at("gravity")),
         loads=build_loads(section.loads, context.at("loads"), gravity=gravity),
@@ -319,18 +317,6 @@ def _refuse_fields(materials: Mapping[str, Material], context: Context) -> None:
             context.at(*growth.path).refuse("no-mesh", message, hint, key=True)
 
 
-def _supports(values: Mapping[str, SupportValue], context: Context) -> tuple[Support, ...]:
-    supports = []
-    for group, value in values.items():
-        names = _AXES[: context.dim] if value == "fixed" else value
-        components = tuple(sorted({_AXES.index(name) for name in names}))
-        if components[-1] >= context.dim:
-            message = "a plane model has no direction z"
-            context.at(group).refuse("wrong-dimension", message, "Use x and y.")
-        supports.append(Support(group, components))
-    return tuple(supports)
-
-
 def _gravity(given: Gravity | None, context: Context) -> tuple[float, ...] | None:
     if given is None:
         return None
@@ -366,7 +352,9 @@ def check_references(section: CaseSection, faults: Faults) -> None:
     _check_names(section, faults)
     _check_fit(section, faults)
     _check_mesh(section, faults)
-    begin = Begin(section.groups, section.materials, section.loads, section.structures)
+    begin = Begin(
+        section.groups, section.materials, section.loads, section.structures, section.supports
+    )
     check_sequence(begin, section.stages, faults)
 
 

@@ -32,9 +32,9 @@ from geoident.io.case.elsewhere.build import build_elsewhere
 from geoident.io.case.elsewhere.surroundings import Surroundings
 from geoident.io.case.elsewhere.table import within_runs
 from geoident.io.case.gauges.accuracy import described_channels
+from geoident.io.case.point_tables import with_tables
 from geoident.io.case.readings_by_stage import read_all
 from geoident.io.case.site_files.measured_values import with_measured
-from geoident.io.case.temperature_file import with_temperatures
 from geoident.io.schema.faults import add_schema_faults, paths_of
 from geoident.io.schema.partial import Rest
 from geoident.io.schema.values import kind_of
@@ -53,11 +53,13 @@ STDIN_NAME = "<stdin>"
 BLANK = "FILL_IN"
 """Stands in a skeleton for a value that its user is to give: a fault until it is replaced."""
 
+_TIE = re.compile(r"\$\{?([A-Za-z_]\w*)")
+
 _HINTS = {
     "E": "Young's modulus with its unit, such as 15 GPa, or $NAME of a parameter.",
     "nu": "Poisson's ratio, such as 0.25.",
     "groups": "The name of a material, or absent.",
-    "supports": "Groups and the directions in which they are fixed, such as {bottom: [x, y]}.",
+    "supports": "Groups and the directions in which they are held, such as {bottom: [x, y]}.",
     "stages": "The steps of construction, such as [{name: heading, excavate: [GROUP]}].",
     "gauges": "What is measured; the comment there has examples, `geoident schema` all kinds.",
 }
@@ -122,6 +124,9 @@ def parse_case(
     """
     document = parse_yaml(text, _shown(path))
     places = apply_overrides(document, overrides)
+    idle = _left_idle(document.data, places.data)
+    if idle:
+        places = apply_overrides(document, [*overrides, *(f"parameters.{n}=null" for n in idle)])
     folder = Path() if path == STDIN else Path(path).parent
     files = dict.fromkeys((*named_files(document.data, folder), *named_files(places.data, folder)))
     section, places = _validate(places, folder)
@@ -130,13 +135,48 @@ def parse_case(
     if faults.found:
         left = _left(Rest.all_of(places), faults, built, folder)
         raise FaultyCase(faults, left)
-    chain = [method_name(options) for options in built.case.fit.methods]
+    case = replace(built.case, notes=(*built.case.notes, *_idle_notes(idle)))
+    chain = [method_name(options) for options in case.fit.methods]
     plain = section.model_copy(update={"report": None})
     resolved, computed = (
         _resolved_text(one, chain) if with_texts else "" for one in (section, plain)
     )
     paths = built.readings_paths
-    return LoadedCase(built.case, text, resolved, built.mesh_path, paths, tuple(files), computed)
+    return LoadedCase(case, text, resolved, built.mesh_path, paths, tuple(files), computed)
+
+
+def _left_idle(written: object, changed: object) -> list[str]:
+    """Parameters of which overrides have taken away all that depended on them.
+
+    Args:
+        written: the case as it is written.
+        changed: the case with its overrides.
+    """
+    if not (isinstance(written, Mapping) and isinstance(changed, Mapping)):
+        return []
+    had, has = written.get("parameters"), changed.get("parameters")
+    if not (isinstance(had, Mapping) and isinstance(has, Mapping)):
+        return []
+    lost = _ties(written) - _ties(changed)
+    return [name for name in has if name in lost and name in had]
+
+
+def _ties(node: object) -> set[str]:
+    """Names that the texts of a document refer to by ``$NAME``."""
+    if isinstance(node, Mapping):
+        return set().union(*map(_ties, node.values()))
+    if isinstance(node, list):
+        return set().union(*map(_ties, node))
+    return set(_TIE.findall(node)) if isinstance(node, str) else set()
+
+
+def _idle_notes(names: Sequence[str]) -> tuple[str, ...]:
+    """What is to be known of parameters that overrides have left idle."""
+    if not names:
+        return ()
+    them = "them" if len(names) > 1 else "it"
+    word = "are not sought" if len(names) > 1 else "is not sought"
+    return (f"{', '.join(names)} {word}: overrides took away what depended on {them}",)
 
 
 @dataclass(frozen=True)
@@ -356,7 +396,7 @@ def _validate(places: Places, folder: Path) -> tuple[CaseSection, Places]:
         message = f"found {kind_of(places.data)}; a mapping is expected"
         faults.add((), "wrong-kind", message, hint)
         faults.raise_any()
-    for read_files in (with_temperatures, with_measured):
+    for read_files in (with_tables, with_measured):
         places = read_files(places, folder, faults)
     paths = faults.of_keys()
     known: dict[int, tuple[str, ...]] = {}

@@ -21,6 +21,7 @@ from geoident.io.case.actions import (
 )
 from geoident.io.case.ground import MaterialSection
 from geoident.io.case.structures import BeamSection, StructureSection, negative_force
+from geoident.io.case.supports.section import FREE, StageSupportValue, build_stage_supports
 from geoident.io.schema.section import Context, Section
 from geoident.io.schema.values import Coefficient, Flag, Force, Given, Name
 from geoident.io.text.faults import Faults
@@ -91,6 +92,12 @@ class StageSection(Section):
         "was installed), from this stage on; needs the `expansion` of its material.",
         examples=[{"dam": "-8 K"}],
     )
+    supports: dict[Name, StageSupportValue] = Field(
+        {},
+        description="Supports from this stage on: other motions, counted on from where the support "
+        "began; new ones, which begin where the ground is then; and 'free' for one that lets go.",
+        examples=[{"wall": {"contraction": "1.5 %"}}, {"outer": "free"}],
+    )
     independent: Flag = Field(
         False,
         description="A load case on its own: it builds on the last stage before it that is not "
@@ -121,6 +128,7 @@ class StageSection(Section):
             prestress={name: force.scalar for name, force in self.prestress.items()},
             water=None if self.water is None else self.water.water(),
             temperature=build_temperature(self.temperature, context.at("temperature")),
+            supports=build_stage_supports(self.supports, context.at("supports")),
             independent=self.independent,
             base=self.base,
         )
@@ -135,12 +143,14 @@ class Begin:
         materials: name to section.
         loads: names of the loads that act from the beginning.
         structures: all structures by name.
+        supports: names of the supports that hold from the beginning.
     """
 
     groups: Mapping[str, str]
     materials: Mapping[str, MaterialSection]
     loads: Collection[str]
     structures: Mapping[str, StructureSection]
+    supports: Collection[str] = ()
 
 
 def check_sequence(begin: Begin, stages: Sequence[StageSection], faults: Faults) -> None:
@@ -182,6 +192,7 @@ class _Ground:
         self.excavated: dict[str, str] = {}
         self.partly: set[str] = set()
         self.structures: set[str] = set()
+        self.supports = set(begin.supports)
         self.known = set(begin.groups)
         self.known.update(group for stage in stages for group in stage.install)
 
@@ -191,6 +202,7 @@ class _Ground:
         other.present, other.installed = dict(self.present), dict(self.installed)
         other.loads, other.excavated = set(self.loads), dict(self.excavated)
         other.partly, other.structures = set(self.partly), set(self.structures)
+        other.supports = set(self.supports)
         return other
 
     def build(self, path: KeyPath, stage: StageSection) -> None:
@@ -202,6 +214,20 @@ class _Ground:
         self._load(path, stage)
         self._warm(path, stage)
         self._support(path, stage)
+        self._hold(path, stage)
+
+    def _hold(self, path: KeyPath, stage: StageSection) -> None:
+        """Supports that let go, and those that begin to hold."""
+        for name, given in stage.supports.items():
+            if given != FREE:
+                self.supports.add(name)
+            elif name not in self.supports:
+                hint = self.faults.did_you_mean(
+                    name, sorted(self.supports), what="Supports at this stage"
+                )
+                message = f"no support '{name}' holds at this stage that could let go"
+                self.faults.add((*path, "supports", name), "no-such-support", message, hint)
+            self.supports -= {name} if given == FREE else set()
 
     def _warm(self, path: KeyPath, stage: StageSection) -> None:
         for group in stage.temperature:

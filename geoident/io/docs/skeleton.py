@@ -63,6 +63,7 @@ in_situ: {{model: geostatic, K0: {BLANK}}}
 # Where the mesh ends below the surface: surface: 394 m, cover: 26 kN/m3 (what the ground between
 # weighs). Far below it a stress that is the same everywhere may do, without gravity:
 # in_situ: {{model: heim, vertical: 8 MPa, K0: 1.0}}   # compression positive
+# in_situ: {{model: constant, xx: -8 MPa, yy: -6 MPa, zz: -7 MPa, xy: 1 MPa}}   # tension positive
 # water: {{table: 0 m}}   # stresses are then effective
 """
 _READINGS = """\

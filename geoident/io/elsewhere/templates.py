@@ -8,6 +8,7 @@ PEST, which begins with ``ptf``, is read as well (`pest_templates`).
 
 from __future__ import annotations
 
+import hashlib
 import re
 from collections.abc import Mapping
 
@@ -15,7 +16,7 @@ from geoident.errors import Fault, Location
 from geoident.io.elsewhere.pest_templates import pest_mark, pest_pieces
 from geoident.io.text.text_file import decode, position, read_bytes
 from geoident.io.text.wording import did_you_mean, shorten
-from geoident.model.elsewhere import Template, TemplateField
+from geoident.model.elsewhere import AnyTemplate, JinjaTemplate, Template, TemplateField
 from geoident.model.parameter import Parameter
 from geoident.units import UnitError, normal_unit, size_in, unit_list, with_article
 
@@ -109,20 +110,26 @@ def _size(unit: str, parameter: Parameter, place: Location) -> float | Fault:
     return Fault("unit", message, f"Its units: {unit_list(parameter.dimension)}.", place)
 
 
-class FieldTooNarrow(ValueError):
+class CannotBeFilled(ValueError):
+    """A template cannot be filled with these values."""
+
+
+class FieldTooNarrow(CannotBeFilled):
     """A value does not fit into its field."""
 
 
-def field_texts(template: Template, values: Mapping[str, float]) -> list[str]:
-    """What is written in each field of a template, in their order.
+def field_texts(template: AnyTemplate, values: Mapping[str, float]) -> list[str]:
+    """What is written in each field of a template, in their order; of one in Jinja all of it.
 
     Args:
         template: the template.
         values: parameters by name, SI.
 
     Raises:
-        FieldTooNarrow: a value is wider than its field.
+        CannotBeFilled: a value is wider than its field, or Jinja cannot compute what it says.
     """
+    if isinstance(template, JinjaTemplate):
+        return [_rendered(template, values)]
     found = []
     for field in template.fields:
         text = field.written(values[field.parameter])
@@ -136,13 +143,52 @@ def field_texts(template: Template, values: Mapping[str, float]) -> list[str]:
     return found
 
 
-def filled(template: Template, texts: list[str]) -> str:
+def _rendered(template: JinjaTemplate, values: Mapping[str, float]) -> str:
+    from geoident.io.elsewhere import jinja_templates  # noqa: PLC0415 - an optional library
+
+    try:
+        return jinja_templates.rendered(template, values)
+    except jinja_templates.CannotRender as error:
+        raise CannotBeFilled(str(error)) from error
+
+
+def last_digit(template: JinjaTemplate, values: Mapping[str, float], name: str) -> float:
+    """The smallest change of a parameter that a template in Jinja shows; 0 where none does.
+
+    Args:
+        template: the template.
+        values: parameters by name, SI.
+        name: of the parameter.
+    """
+    from geoident.io.elsewhere import jinja_templates  # noqa: PLC0415 - an optional library
+
+    try:
+        return jinja_templates.smallest_change(template, values, name)
+    except jinja_templates.CannotRender:
+        return 0.0
+
+
+def key_texts(template: AnyTemplate, texts: list[str]) -> list[str]:
+    """What tells a file that was filled from others: its fields; of one in Jinja a checksum.
+
+    Args:
+        template: the template.
+        texts: of its fields, in their order.
+    """
+    if isinstance(template, JinjaTemplate):
+        return [hashlib.sha256(texts[0].encode()).hexdigest()]
+    return [text.strip() for text in texts]
+
+
+def filled(template: AnyTemplate, texts: list[str]) -> str:
     """The text of a template with its fields filled.
 
     Args:
         template: the template.
         texts: of its fields, in their order.
     """
+    if isinstance(template, JinjaTemplate):
+        return texts[0]
     left = iter(texts)
     return "".join(
         next(left) if isinstance(piece, TemplateField) else piece for piece in template.pieces

@@ -18,7 +18,7 @@ from geoident.io.text.text_file import decode, read_bytes
 from geoident.io.text.wording import Refusal, listing, shorten
 from geoident.io.text.yaml_reader import MAX_BYTES, parse_yaml
 from geoident.model.case import KeyPath
-from geoident.model.project import Covariate, ParameterLaw, Project, ProjectSection, Scatter
+from geoident.model.project.project import Covariate, ParameterLaw, Project, ProjectSection, Scatter
 from geoident.units import with_article
 
 

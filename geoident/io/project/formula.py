@@ -11,7 +11,7 @@ import math
 import re
 
 from geoident.io.text.wording import Refusal, did_you_mean, shorten
-from geoident.model.project import FUNCTIONS, LawTerm
+from geoident.model.project.formulas import FUNCTIONS, LawTerm
 
 _LONGEST = 500
 _DEEPEST = 40

@@ -140,6 +140,8 @@ def _write(file: h5py.File, result: Result) -> None:
     write_varied(file, result.varied)
     if result.members is not None:
         tables.write_members(file, result.members)
+    if result.reactions is not None and result.reactions.supports:
+        tables.write_reactions(file, result.reactions)
     if result.reaction is not None:
         opening.write_reaction(file, result.reaction)
     if result.certificate is not None:
@@ -302,6 +304,7 @@ def _read(file: h5py.File, root: _Attributes) -> Result:
         diagnostics=diagnostics,
         grid=tables.read_grid(file) if "grid" in contents else None,
         members=tables.read_members(file) if "structures" in contents else None,
+        reactions=tables.read_reactions(file) if tables.REACTIONS in contents else None,
         reaction=opening.read_reaction(file) if opening.GROUP in contents else None,
         certificate=(tables.read_certificate(file) if "certificate" in contents else None),
         rivals=tables.read_rivals(file) if tables.RIVALS in contents else None,

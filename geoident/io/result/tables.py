@@ -25,6 +25,7 @@ from geoident.model.results.result import (
     MemberForces,
     ParameterTable,
     Prediction,
+    SupportReactions,
 )
 from geoident.model.results.rivals import Evidence, ModelComparison, ModelScore, Rivals
 from geoident.model.yielding import Activity, Certificate
@@ -365,6 +366,30 @@ def read_members(file: h5py.File) -> MemberForces:
         hoop=group.floats("N_hoop", n, k) if "N_hoop" in group else nowhere,
         prestress=group.floats("prestress", n, k) if "prestress" in group else nowhere,
     )
+
+
+REACTIONS = "reactions"
+"""Group of the reactions of supports."""
+
+
+def write_reactions(file: h5py.File, table: SupportReactions) -> None:
+    """Writes ``/reactions``: resultants of supports, NaN where one does not hold."""
+    axes = {
+        "support": table.supports,
+        "state": table.states,
+        "axis": ("x", "y", "z")[: table.force.shape[2]],
+    }
+    out = TableWriter(file, REACTIONS, axes)
+    unit = "N, or N/m in plane strain"
+    out.add("force", table.force, "support", "state", "axis", unit=unit)
+
+
+def read_reactions(file: h5py.File) -> SupportReactions:
+    """The reactions of supports."""
+    group = TableReader(file, REACTIONS)
+    supports, states = group.texts("support"), group.texts("state")
+    force = group.floats("force", len(supports), len(states), len(group.texts("axis")))
+    return SupportReactions(supports, states, force)
 
 
 MODEL_ERROR = "model_error"

@@ -428,6 +428,22 @@ class FieldSeries:
 
 
 @dataclass(frozen=True)
+class SupportReactions:
+    """Resultants of what supports exert on the ground.
+
+    Args:
+        supports: names, in the order of the case.
+        states: names of the states, the virgin state first.
+        force: (n_supports, n_states, dim) along the axes, N: per metre out of plane in plane
+            strain, of the whole circumference about an axis. NaN where a support does not hold.
+    """
+
+    supports: tuple[str, ...]
+    states: tuple[str, ...]
+    force: Floats
+
+
+@dataclass(frozen=True)
 class MemberForces:
     """Forces in beams and bars, NaN while a structure does not stand.
 
@@ -510,6 +526,7 @@ class Result:
         sensitivity: (n_channels, n_stages, n) derivative of the computed readings, or None.
         diagnostics: the influence of each of ``gauges.readings`` on a fit, or None.
         members: forces in linings and bolts, or None if there are none.
+        reactions: of the supports, or None if they were not asked for.
         reaction: of the ground around an opening in closed form, or None.
         reduced: a reduced model that was to be kept, or None.
         certificate: what an identification of yield limits can say for itself, or None.
@@ -547,6 +564,7 @@ class Result:
     notes: tuple[str, ...] = field(default_factory=tuple)
     diagnostics: Diagnostics | None = None
     members: MemberForces | None = None
+    reactions: SupportReactions | None = None
     reaction: GroundReaction | None = None
     reduced: KeptReducedModel | None = None
     certificate: Certificate | None = None

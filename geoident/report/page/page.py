@@ -220,6 +220,11 @@ def _parts(result: Result) -> tuple[PagePart, ...]:
             TitledTable(structures.TITLE, structures.force_table(result.members)),
             closed=True,
         ),
+        section(
+            "Reactions of supports",
+            TitledTable(structures.REACTIONS_TITLE, structures.reaction_table(result.reactions)),
+            closed=True,
+        ),
         section("Notes", joined([tag("p", note) for note in result.notes if note]), closed=True),
         section("Provenance", _provenance(result), closed=True),
         section("Case file", _case(result), closed=True),

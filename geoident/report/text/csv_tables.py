@@ -398,6 +398,21 @@ def _wall(pressure: float, displacement: float, plastic_radius: float) -> CsvRow
     return float(pressure) / 1e6, 1e3 * float(displacement) + 0.0, float(plastic_radius)  # no -0
 
 
+def _reactions(result: Result) -> CsvTable:
+    """Resultants of supports on the ground, kN."""
+    names = ("support", "stage", "R_x (kN)", "R_y (kN)", "R_z (kN)")
+    found = result.reactions
+    if found is None:
+        return CsvTable(names, ())
+    missing = 3 - found.force.shape[2]
+    force = np.pad(found.force, [(0, 0), (0, 0), (0, missing)], constant_values=math.nan)
+    rows: list[CsvRow] = [
+        (found.supports[i], found.states[j], *map(float, force[i, j] / _KILO))
+        for i, j in np.argwhere(np.isfinite(force).any(axis=2)).tolist()
+    ]
+    return CsvTable(names, tuple(rows))
+
+
 def _opening(result: Result) -> CsvTable:
     """The stages of a closed form; compression and motions inwards are positive."""
     found = result.reaction
@@ -442,6 +457,7 @@ _TABLES: Mapping[str, Callable[[Result], CsvTable]] = {
     "correlation": _correlation,
     "sensitivity": _sensitivity,
     "structures": _structures,
+    "reactions": _reactions,
     "opening": _opening,
     "ground-reaction": _ground_reaction,
     "opening-stresses": _opening_stresses,

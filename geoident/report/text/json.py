@@ -33,7 +33,7 @@ from geoident.report.text.gauges import (
 )
 from geoident.report.text.posterior import posterior_object
 from geoident.report.text.rivals import models_object, rivals_list
-from geoident.report.text.structures import structures_list
+from geoident.report.text.structures import reactions_list, structures_list
 from geoident.report.text.varied import varied_list
 from geoident.report.text.yielding import certificate_object
 from geoident.units import si_unit
@@ -100,6 +100,7 @@ def result_object(result: Result, *, case: str, output: str) -> dict[str, Any]:
         **({"fields": varied_list(result.varied)} if result.varied else {}),
         **({"certificate": certificate_object(proof)} if proof is not None else {}),
         **({"structures": structures_list(result.members)} if result.members is not None else {}),
+        **({"reactions": reactions_list(result.reactions)} if result.reactions is not None else {}),
         **({"posterior": posterior_object(result)} if result.posterior is not None else {}),
         **({"opening": opening_object(result.reaction)} if result.reaction is not None else {}),
         **({"grid": grid_object(result.grid)} if result.grid is not None else {}),

@@ -76,6 +76,8 @@ def _remarks(parameters: ParameterTable, i: int, proof: Certificate | None) -> s
     if parameters.priors[i]:
         text = prior_in_unit(parameters.priors[i], parameters.units[i], parameters.dimensions[i])
         remarks.append(f"prior {text}")
+        if not parameters.determined[i]:  # the other parameters hold for this value of it
+            remarks.append(f"computed with {_in_units(parameters, i, parameters.values)[0]}")
     return ", ".join(remarks)
 
 

@@ -91,6 +91,7 @@ def result_text(result: Result, *, title: str = "") -> str:
         section(influence_title(result.diagnostics), influence_table(result).text),
         section(prediction_title(result), prediction_table(result).text),
         section(structures.TITLE, structures.force_table(result.members).text),
+        section(structures.REACTIONS_TITLE, structures.reaction_table(result.reactions).text),
         section("Scan", grid_text(result)),
         backtest.backtest_text(result),
         section("Notes", bullets(result.notes)),

@@ -1,4 +1,4 @@
-"""Forces in beams and bars: extremes as text, all of them for JSON."""
+"""Forces in beams and bars, extremes as text; reactions of supports; all of them for JSON."""
 
 from __future__ import annotations
 
@@ -8,12 +8,47 @@ from typing import Any
 import numpy as np
 
 from geoident.model.arrays import Floats, Ints
-from geoident.model.results.result import MemberForces
+from geoident.model.results.result import MemberForces, SupportReactions
 from geoident.report.text.layout import TextTable, number
 
 NAME = "Structures"
 TITLE = f"{NAME} (kN, kNm; of walls and linings per metre; of bars each; tension positive)"
+REACTIONS_TITLE = "Reactions of supports (kN; per metre in plane strain; on the ground)"
 _KILO = 1e3
+
+
+def reaction_table(found: SupportReactions | None) -> TextTable:
+    """The resultant of each support at each state at which it holds."""
+    if found is None:
+        return TextTable(("support", "stage"), [])
+    axes = "xyz"[: found.force.shape[2]]
+    rows = [
+        [found.supports[i], found.states[j], *(_force(force) for force in found.force[i, j])]
+        for i, j in _holding(found)
+    ]
+    header = ("support", "stage", *(f"R_{axis}" for axis in axes))
+    return TextTable(header, rows, right="ll" + "r" * len(axes))
+
+
+def reactions_list(found: SupportReactions) -> list[dict[str, Any]]:
+    """The same for JSON, N; null in directions in which a support does not hold."""
+    return [
+        {
+            "support": found.supports[i],
+            "stage": found.states[j],
+            "force": [float(x) if np.isfinite(x) else None for x in found.force[i, j]],
+        }
+        for i, j in _holding(found)
+    ]
+
+
+def _holding(found: SupportReactions) -> list[tuple[int, int]]:
+    """Supports and states, by number, where one holds in the other."""
+    return [(int(i), int(j)) for i, j in np.argwhere(np.isfinite(found.force).any(axis=2))]
+
+
+def _force(force: float) -> str:
+    return number(float(force) / _KILO) if np.isfinite(force) else "-"
 
 
 def force_table(found: MemberForces | None) -> TextTable:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
-from geoident.errors import ExitCode
+from geoident.errors import ExitCode, LostCluster
 from geoident.io.result.campaign import (
     RunJournal,
 )
@@ -58,20 +58,27 @@ def compute(
 
     Raises:
         OutputError: something cannot be written.
+        LostCluster: the cluster has gone; the tables have what had ended.
     """
     found = dict(plan.known)
     left = plan.left
     made = tasks(plan.campaign, plan.folder, fresh=fresh, trust=trust)
     with RunJournal(plan.folder, plan.head, tuple(plan.known.values())) as journal:
-        for answer in executor.run(made(run) for run in left):
-            record = _of(answer, left[answer.number])
-            if not (answer.stopped and not answer.seconds):  # it was never begun
-                journal.add(record)
-                found[record.name] = record
-                watch(record)
+        lost: LostCluster | None = None
+        try:
+            for answer in executor.run(made(run) for run in left):
+                record = _of(answer, left[answer.number])
+                if not (answer.stopped and not answer.seconds):  # it was never begun
+                    journal.add(record)
+                    found[record.name] = record
+                    watch(record)
+        except LostCluster as error:
+            lost = error
         records = [found[run.name] for run in plan.runs if run.name in found]
         table = table_of(plan.head, records)
         write_tables(table, plan.folder, csv, inputs=plan.inputs)
+    if lost is not None:
+        raise lost
     return table
 
 

@@ -70,7 +70,7 @@ def tasks(
         fresh: what is known of them does not count.
         trust: what their cases name as their model may be run.
     """
-    bare = replace(campaign, variations=(), sampling=None)
+    bare = replace(campaign, variations=(), sampling=None, cluster=None)
     return lambda run: RunTask(bare, folder, run, fresh, trust)
 
 

@@ -81,9 +81,15 @@ def in_order(answers: Iterable[Answered[R]]) -> Iterator[Answered[R]]:
             following += 1
 
 
+CORES = "GEOIDENT_CORES"
+"""Variable of the environment with the number of cores that may be used, where it is not all."""
+
+
 def usable_cores() -> int:
-    """Cores that this process may use."""
+    """Cores that this process may use: those of the machine, or its share of them."""
     try:
-        return len(os.sched_getaffinity(0))
+        here = len(os.sched_getaffinity(0))
     except AttributeError:  # not on every system
-        return os.cpu_count() or 1
+        here = os.cpu_count() or 1
+    said = os.environ.get(CORES, "")
+    return max(1, min(here, int(said))) if said.isdecimal() else here

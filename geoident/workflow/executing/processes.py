@@ -23,7 +23,7 @@ from multiprocessing.context import SpawnProcess
 from types import ModuleType, TracebackType
 from typing import Any, Generic, Self, TypeVar
 
-from geoident.workflow.executing.executor import RETRIES, Answered, SetUp, usable_cores
+from geoident.workflow.executing.executor import CORES, RETRIES, Answered, SetUp, usable_cores
 from geoident.workflow.executing.worker import READY, VALUE, serve
 
 T = TypeVar("T")
@@ -301,18 +301,26 @@ def _why(code: int | None) -> str:
 def cores_shared(jobs: int) -> Iterator[None]:
     """Threads of libraries for a process that is started meanwhile: its share of the cores.
 
+    What the environment says of OMP_NUM_THREADS holds for all libraries of which it says nothing:
+    their own variables go before it.
+
     Args:
         jobs: among how many processes the cores are shared.
     """
-    threads = str(max(1, usable_cores() // jobs))
-    before = {name: os.environ.get(name) for name in _THREADS}
-    os.environ.update({name: value or threads for name, value in before.items()})
+    share = str(max(1, usable_cores() // jobs))
+    names = (*_THREADS, CORES)
+    before = {name: os.environ.get(name) for name in names}
+    threads = os.environ.get("OMP_NUM_THREADS") or share
+    os.environ.update({name: before[name] or threads for name in _THREADS})
+    os.environ[CORES] = share
     try:
         yield
     finally:
         for name, value in before.items():
             if value is None:
                 del os.environ[name]
+            else:
+                os.environ[name] = value
 
 
 @contextmanager

@@ -21,13 +21,20 @@ import numpy as np
 from geoident.errors import Fault, InputError, OutputError
 from geoident.forward.elsewhere.runs import FailedRun
 from geoident.io.elsewhere.outputs import NotFound, RunFiles
-from geoident.io.elsewhere.templates import FieldTooNarrow, field_texts, filled
+from geoident.io.elsewhere.templates import (
+    CannotBeFilled,
+    field_texts,
+    filled,
+    key_texts,
+    last_digit,
+)
 from geoident.io.text.wording import did_you_mean
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case
 from geoident.model.elsewhere import (
     Elsewhere,
     ExternalProgram,
+    JinjaTemplate,
     PythonFunction,
     RunTable,
     TemplateField,
@@ -147,6 +154,9 @@ class ProgramRuns:
                     exponent = Decimal(field.written(p[j]).strip()).as_tuple().exponent
                     last = 10.0 ** int(exponent) * field.size
                     result[j] = max(result[j], last)
+            for template in self._program.templates:
+                if isinstance(template, JinjaTemplate):
+                    result[j] = max(result[j], last_digit(template, self._values(p), name))
         return result
 
     def results(
@@ -213,12 +223,17 @@ class ProgramRuns:
         return FailedRun("a program gives no derivatives")
 
     def _texts(self, p: Floats) -> tuple[str, list[list[str]] | FailedRun]:
-        values = dict(zip(self._names, map(float, p), strict=True))
+        templates = self._program.templates
         try:
-            texts = [field_texts(template, values) for template in self._program.templates]
-        except FieldTooNarrow as error:
+            texts = [field_texts(template, self._values(p)) for template in templates]
+        except CannotBeFilled as error:
             return repr(p.tolist()), FailedRun(str(error))
-        return "\n".join(text.strip() for part in texts for text in part), texts
+        parts = zip(templates, texts, strict=True)
+        return "\n".join(word for part in parts for word in key_texts(*part)), texts
+
+    def _values(self, p: Floats) -> dict[str, float]:
+        """Parameters p (n,) by name."""
+        return dict(zip(self._names, map(float, p), strict=True))
 
     def require_trust(self) -> None:
         """Ask whether it may be run, unless that is known.

@@ -7,12 +7,14 @@ from functools import partial
 
 import numpy as np
 
-from geoident.errors import ExitCode, Interrupted, ModelError
+from geoident.errors import ExitCode, InputError, Interrupted, ModelError
 from geoident.model.arrays import Floats
+from geoident.model.project.project import Project
 from geoident.model.results.result import NO_COST, Counts
 from geoident.workflow.executing.executor import Answered, usable_cores
 from geoident.workflow.executing.processes import LocalProcesses
 from geoident.workflow.executing.stop import StopRequest
+from geoident.workflow.project.plan import placed
 from geoident.workflow.project.sections import (
     EVALUATE,
     PREPARE,
@@ -46,6 +48,9 @@ class OneProcess:
 
     def __exit__(self, *_: object) -> None:
         """There is nothing to end."""
+
+    def ask_to_stop(self) -> None:
+        """Nothing runs beside who asks."""
 
     def run(self, tasks: Iterable[SectionTask]) -> Iterator[Answered[SectionAnswer]]:
         """The answers in the order of the tasks."""
@@ -84,14 +89,15 @@ class SectionAnswers:
         executor: computes the tasks.
         log: of evaluations.
         control: is told of the progress; stops the run.
-        names: of the sections.
+        project: with the sections.
     """
 
     def __init__(
-        self, executor: SectionExecutor, log: Log, control: Control, names: Sequence[str]
+        self, executor: SectionExecutor, log: Log, control: Control, project: Project
     ) -> None:
         self._executor, self._log, self._control = executor, log, control
-        self._names = tuple(names)
+        self._project = project
+        self._names = tuple(section.name for section in project.sections)
         self._known: dict[tuple[int, bytes], tuple[Floats, Floats]] = {}
         self._stale: set[tuple[int, bytes]] = set()  # whose derivatives are better now
         self._counts = NO_COST
@@ -112,6 +118,9 @@ class SectionAnswers:
         found: dict[int, PreparedSection] = {}
 
         def take(number: int, answer: SectionAnswer) -> None:
+            if isinstance(answer.error, InputError):
+                section = self._project.sections[number]
+                raise InputError(placed(answer.error, section, self._project))
             if answer.error is not None:
                 raise answer.error
             assert answer.prepared is not None

@@ -25,7 +25,7 @@ from geoident.identify.hierarchical.search import HierarchicalFit
 from geoident.io.text.text_file import seen_from
 from geoident.model.arrays import Floats
 from geoident.model.parameter import Parameter
-from geoident.model.project import ParameterLaw
+from geoident.model.project.project import ParameterLaw
 from geoident.model.results.project import (
     CONSTANT,
     GIVEN_SCATTER,

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from geoident.errors import Fault, InputError, Location
+from geoident.errors import Fault, InputError
 from geoident.io.project.file import read_project
 from geoident.io.result.file import PROJECT_FORMAT
 from geoident.io.text.faults import OVERRIDES, shortened
@@ -19,7 +19,7 @@ from geoident.io.text.yaml_reader import MAX_BYTES
 from geoident.model.case import Case, KeyPath, format_path
 from geoident.model.methods import SquaredOptions
 from geoident.model.parameter import Parameter
-from geoident.model.project import ParameterLaw, Project, ProjectSection
+from geoident.model.project.project import ParameterLaw, Project, ProjectSection
 from geoident.units import DIMENSIONLESS, shown_unit, with_article
 from geoident.workflow.running.jobs import Inputs, load_inputs, sha256
 from geoident.workflow.running.outputs import (
@@ -106,11 +106,7 @@ def plan_project(request: ProjectRequest) -> ProjectJob:
             they have in common.
         OutputError: the result could not be written, or another one would be lost.
     """
-    project = read_project(request.path)
-    inputs = _section_inputs(project)
-    faults = [*_common_faults(project, inputs)]
-    if faults:
-        raise InputError(_in_order(faults))
+    project, inputs = read_sections(request.path)
     identity = _identity(project, inputs, request)
     place = target(request.path, COMMAND, output=request.output)
     found = standing(place, identity, kind=COMMAND, case=request.path)
@@ -121,6 +117,44 @@ def plan_project(request: ProjectRequest) -> ProjectJob:
     if not job.up_to_date:
         require_free(found, place, force=request.force, inputs=job.files)
     return job
+
+
+def read_sections(path: str) -> tuple[Project, tuple[Inputs, ...]]:
+    """A project and the cases of its sections.
+
+    Args:
+        path: of the project.
+
+    Raises:
+        InputError: with all faults of the project, or else of the cases of its sections, or of what
+            they have in common.
+    """
+    project = read_project(path)
+    inputs = _section_inputs(project)
+    faults = [*_common_faults(project, inputs)]
+    if faults:
+        raise InputError(in_order(faults))
+    return project, inputs
+
+
+def placed(error: InputError, section: ProjectSection, project: Project) -> list[Fault]:
+    """The faults of the case of a section where they are written: some in the project.
+
+    Args:
+        error: what is wrong with the case.
+        section: of the project.
+        project: with it.
+    """
+    return [_placed(fault, section, project) for fault in error.faults]
+
+
+def in_order(faults: Sequence[Fault]) -> list[Fault]:
+    """Faults of several files, each once, in the order of the files."""
+    once = {(fault.code, fault.message, fault.location): fault for fault in faults}
+    found = sorted(
+        once.values(), key=lambda f: (f.location.file, f.location.line, f.location.column)
+    )
+    return shortened(found)
 
 
 def _identity(project: Project, inputs: Sequence[Inputs], request: ProjectRequest) -> str:
@@ -153,29 +187,21 @@ def _section_inputs(project: Project) -> tuple[Inputs, ...]:
         try:
             inputs.append(load_inputs(section.case, overrides=section.overrides))
         except InputError as error:
-            faults += [_placed(fault, section, project) for fault in error.faults]
+            faults += placed(error, section, project)
     if faults:
-        raise InputError(_in_order(faults))
+        raise InputError(in_order(faults))
     return tuple(inputs)
-
-
-def _in_order(faults: Sequence[Fault]) -> list[Fault]:
-    once = {(fault.code, fault.message, fault.location): fault for fault in faults}
-    found = sorted(
-        once.values(), key=lambda f: (f.location.file, f.location.line, f.location.column)
-    )
-    return shortened(found)
 
 
 def _placed(fault: Fault, section: ProjectSection, project: Project) -> Fault:
     """A fault of a case where it is written: in the project, if its value comes from there."""
-    if fault.location.file != OVERRIDES:
-        return fault
+    from_there = fault.location.file == OVERRIDES
     for override, place in zip(section.overrides, section.places, strict=True):
         own = format_path(parse_path(override.partition("=")[0]))
-        if fault.path.startswith(own) or own.startswith(fault.path or "?"):
+        within = fault.path and own.startswith((f"{fault.path}.", f"{fault.path}["))
+        if within or (from_there and (fault.path.startswith(own) or own.startswith(fault.path))):
             return replace(fault, location=place)
-    return replace(fault, location=section.place or Location(project.path))
+    return replace(fault, location=section.place) if from_there else fault
 
 
 # Whether the sections have in common what the project says

@@ -150,9 +150,8 @@ def _found(
     here = all(one.loaded.mesh_path is None for one in job.inputs)
     here = here or any(case.elsewhere is not None for case in cases)
     executor = section_executor(sources, control.stop, jobs=job.request.jobs, here=here)
-    with executor:
-        names = [section.name for section in job.project.sections]
-        models = SectionAnswers(executor, log, control, names)
+    with executor, control.stop.heard_by(executor.ask_to_stop):
+        models = SectionAnswers(executor, log, control, job.project)
         prepared = models.prepared()
         fitted = _Fits(job, models, prepared, control)
         numbers = [n for n, s in enumerate(job.project.sections) if not s.predicted]

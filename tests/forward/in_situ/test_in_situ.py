@@ -339,3 +339,28 @@ def test_only_ground_that_is_there_has_an_in_situ_stress():
             supports=rollers(3),
             in_situ_of={"fault": ConstantStress(components())},
         )
+
+
+def held(stress, *sides):
+    """A block in a stress that is the same everywhere, its faces held by rollers."""
+    supports = tuple(Support(side, ("xyz".index(side[0]),)) for side in sides)
+    return model(
+        box("hex8", (2, 2, 2)), materials={"rock": ROCK}, groups={"all": "rock"},
+        supports=supports, in_situ=ConstantStress(components(**stress)),
+    )  # fmt: skip
+
+
+ALL_SIDES = ("x0", "x1", "y0", "y1", "z0", "z1")
+PRESSED = {"xx": Scalar(-8e6), "yy": Scalar(-6e6), "zz": Scalar(-7e6)}
+
+
+@pytest.mark.parametrize(
+    ("stress", "sides", "acts"),
+    [
+        (PRESSED, ALL_SIDES, False),
+        (PRESSED, ALL_SIDES[:-1], True),
+        (PRESSED | {"xy": Scalar(1e6)}, ALL_SIDES, True),  # rollers do not hold shear
+    ],
+)
+def test_tractions_that_hold_the_edges_are_noted_where_they_act_on_anything(stress, sides, acts):
+    assert any("by tractions" in note for note in held(stress, *sides).notes) is acts

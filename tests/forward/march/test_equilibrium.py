@@ -7,11 +7,8 @@ import numpy as np
 import pytest
 
 from geoident.forward.march.equilibrium import (
-    _by_residual,
-    _lower,
     _next_level,
     _refuse_mechanism,
-    _shortened,
     follow_slope,
     solve,
 )
@@ -29,9 +26,9 @@ class Given:
     dofs = np.array([0])
     at_hand = None
 
-    def __init__(self, residual, *, associated=False, forces=1.0, needs=0):
+    def __init__(self, residual, *, associated=False, forces=1.0):
         self.residual, self.associated = residual, associated
-        self.forces, self.needs = np.array([forces]), needs
+        self.forces = np.array([forces])
         self.asked, self.levels = [], []
 
     def at(self, du):
@@ -44,7 +41,7 @@ class Given:
 
     def factor(self, trial, *, least=0):
         self.levels.append(least)
-        return SimpleNamespace(solve=np.ones_like), max(least, self.needs)
+        return SimpleNamespace(solve=np.ones_like), least
 
     def spread(self, free):
         return free
@@ -113,40 +110,8 @@ def test_a_slope_that_jumps_across_zero_is_enclosed():
     assert share == pytest.approx(0.3, abs=1e-6)
 
 
-# --- a step that lowers the residual ---
-
-
-@pytest.mark.parametrize(
-    ("residual", "shortest", "expected"),
-    [
-        (lambda u: 1.0 - 1.1e-4 * u, 0.05, (1.0, True)),
-        (lambda u: 1.0 if u == 0.0 else 1.0 - 0.9e-4 * (u == 1.0), 0.05, (1.0, False)),
-        (lambda u: 1.0 if u in (0.0, 1.0) else 0.99994, 0.05, (0.5, True)),
-        (lambda u: 1.0 if u in (0.0, 1.0) else 0.99996, 0.05, (0.25, True)),
-        (lambda u: 1.0 + (u - 0.2) ** 2 * (u > 0.0), 0.05, (0.25, False)),
-    ],
-)
-def test_a_step_is_halved_until_the_residual_falls(residual, shortest, expected):
-    given = Given(residual)
-    following, share, lower = _shortened(given, given.at(ZERO), np.ones(1), shortest)
-    assert (share, lower) == expected
-    assert following.du[0] == share
-
-
-@pytest.mark.parametrize(("shortest", "halvings"), [(0.05, 5), (0.0625, 4), (1e-3, 10)])
-def test_a_step_is_halved_down_to_the_shortest(shortest, halvings):
-    given = Given(lambda u: 1.0)
-    given_start = given.at(ZERO)
-    assert _shortened(given, given_start, np.ones(1), shortest)[2] is False
-    assert given.asked[1:] == [0.5**k for k in range(halvings)]
-
-
 def test_ways_lie_along_the_step():
-    """From 3 on, with a step of 2: to 3.5 where the residual falls, to 3.4 where the slope ends."""
-    given = Given(lambda u: 1.0 - 0.5 * (u == 3.5))
-    start = given.at(np.array([3.0]))
-    following, share, lower = _shortened(given, start, np.array([2.0]), 0.05)
-    assert (following.du[0], share, lower) == (3.5, 0.25, True)
+    """From 3 on, with a step of 2: to 3.4 where the slope ends."""
     given = Given(lambda u: 1.0 - 2.5 * (u - 3.0))
     following, share = follow_slope(given, given.at(np.array([3.0])), np.array([2.0]))
     assert following.du[0] == pytest.approx(3.4)
@@ -174,113 +139,6 @@ def test_parts_of_the_elastic_stiffness_rise_to_the_whole():
     assert ELASTIC_PARTS[0] == 1e-10
     assert ELASTIC_PARTS[6:] == (0.01, 0.03, 0.1, 0.3, 1.0)
     assert all(0.0 < a < b for a, b in pairwise(ELASTIC_PARTS))
-
-
-# --- flow without potential ---
-
-
-def slowly(u):
-    """Falls by a hundredth of a per cent with every step, so that it is always lower."""
-    return (1.0 - 2e-4) ** u
-
-
-@pytest.mark.parametrize(("bold", "tangents"), [(True, 13), (False, 25)])
-def test_patience_ends_when_the_error_does_not_come_down_by_half(bold, tangents):
-    """Twelve steps after the last one that halved it, or twice as many on the cautious way."""
-    given = Given(slowly)
-    found = _lower(given, given.at(ZERO), bold=bold)
-    assert len(given.levels) == tangents
-    assert found.unbalanced == pytest.approx(slowly(tangents))
-    assert found.trial.du[0] == tangents
-    assert (found.factor, found.made_at, found.steps) == (None, None, 60)
-
-
-@pytest.mark.parametrize(("after", "tangents"), [(0.51, 13), (0.5, 24), (0.49, 23)])
-def test_patience_begins_anew_when_the_error_came_down_by_half(after, tangents):
-    """At the tenth step, or at the eleventh where the tenth leaves the half itself."""
-    given = Given(lambda u: (1.0 if u < 10.0 else after) * slowly(u) / slowly(min(u, 10.0)))
-    found = _lower(given, given.at(ZERO), bold=True)
-    assert len(given.levels) == tangents
-    assert found.unbalanced == pytest.approx(after * slowly(tangents - 10.0))
-
-
-def test_sixty_steps_are_taken_at_most():
-    given = Given(lambda u: 0.9**u)
-    found = _lower(given, given.at(ZERO), bold=True)
-    assert len(given.levels) == 60
-    assert found.unbalanced == pytest.approx(0.9**59)  # the best of those at the head of a step
-
-
-def test_the_cautious_way_stays_and_makes_the_tangent_stiffer():
-    """No step is lower: elastic parts from level 6 to 10 are tried, from the same place."""
-    given = Given(lambda u: 1.0 + u)
-    found = _lower(given, given.at(ZERO), bold=False)
-    assert given.levels == [0, 6, 7, 8, 9, 10]
-    assert found.trial.du[0] == 0.0
-    assert found.unbalanced == 1.0
-
-
-def test_the_bold_way_goes_on_with_the_least_harm():
-    """It makes the shortest of ten halvings and a stiffer tangent, up to level 9, and goes on."""
-    given = Given(lambda u: 1.0 + u)
-    found = _lower(given, given.at(ZERO), bold=True)
-    assert given.levels == [0, 6, 7, 8, *[9] * 9]
-    assert given.asked[1:11] == [0.5**k for k in range(10)]
-    assert given.asked[11:13] == [0.5**9 + 1.0, 0.5**9 + 0.5]
-    assert found.unbalanced == 1.0
-
-
-@pytest.mark.parametrize("bold", [True, False])
-def test_equilibrium_ends_at_once_with_the_factor_of_the_step_before(bold):
-    given = Given(lambda u: {0.0: 1.0, 1.0: 1.1e-11}.get(u, 0.9e-11))
-    found = _lower(given, given.at(ZERO), bold=bold)
-    assert (found.steps, found.unbalanced, found.trial.du[0]) == (2, 0.0, 2.0)
-    assert found.factor is not None
-    assert found.made_at is not None
-    assert found.made_at.du[0] == 1.0
-    stiffer = Given(lambda u: {0.0: 1.0}.get(u, 1e-12), needs=1)
-    assert _lower(stiffer, stiffer.at(ZERO), bold=bold).made_at is None
-
-
-@pytest.mark.parametrize("bold", [True, False])
-@pytest.mark.parametrize(("left", "ends"), [(0.9e-8, True), (1.1e-8, False)])
-def test_what_no_step_lowers_any_more_is_rounding_if_it_is_small(bold, left, ends):
-    given = Given(lambda u: 1.0 if u == 0.0 else left)
-    found = _lower(given, given.at(ZERO), bold=bold)
-    assert (found.factor is not None) == ends
-    assert found.unbalanced == (0.0 if ends else left)
-    if ends:
-        assert (found.steps, found.trial.du[0]) == (2, 1.0)
-
-
-@pytest.mark.parametrize(("left", "carried"), [(0.0099, True), (0.0101, False)])
-def test_a_hundredth_of_the_load_may_stay_unbalanced(left, carried):
-    given = Given(lambda u: 1.0 if u == 0.0 else left)
-    if carried:
-        assert solve(given, [ZERO]).unbalanced == left
-    else:
-        with pytest.raises(NoEquilibrium):
-            solve(given, [ZERO])
-
-
-def test_the_bold_way_crosses_a_hill_behind_which_there_is_equilibrium():
-    given = Given(lambda u: 1.0 if u == 0.0 else 2.0 if u < 8.0 else 0.0)
-    found = solve(given, [ZERO])
-    assert (found.trial.du[0], found.unbalanced, found.steps) == (8.0, 0.0, 8)
-
-
-def test_where_rounding_ends_the_bold_way_no_other_is_tried():
-    given = Given(lambda u: 1.0 if u == 0.0 else 0.9e-8)
-    assert solve(given, [ZERO]).trial.du[0] == 1.0
-    assert len(given.levels) == 2
-
-
-def test_the_cautious_way_is_the_answer_where_both_leave_something():
-    """The bold way comes to 0.002 beyond a hill that the cautious one does not cross."""
-    given = Given(lambda u: 1.0 if u == 0.0 else 0.005 if u <= 1.0 else 0.006 if u < 9.0 else 0.002)
-    found = _by_residual(given, given.at(ZERO))
-    assert found.unbalanced == 0.005
-    assert found.trial.du[0] == 1.0
 
 
 # --- loads that nothing carries ---

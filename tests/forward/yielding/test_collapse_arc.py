@@ -19,7 +19,11 @@ from support.plastic import Planes, polyhedral
 from geoident.fem.moduli import UniformModuli
 from geoident.forward.march.collapse import limit_of
 from geoident.forward.march.equilibrium import Balance
-from geoident.forward.march.plastic_derivatives import _SAME_TANGENT, _exact_factor
+from geoident.forward.march.plastic_derivatives import (
+    _SAME_GENERAL_TANGENT,
+    _SAME_TANGENT,
+    _exact_factor,
+)
 from geoident.forward.march.stage_equations import Ground, StageEquations
 
 
@@ -81,10 +85,13 @@ def test_the_last_factor_serves_again_where_the_pieces_are_the_same():
         assert found.solve(np.ones((1, 1))) == pytest.approx(np.array([[1.0 / 0.1]]))
 
 
+@pytest.mark.parametrize("associated", [True, False])
 @pytest.mark.parametrize(("off", "again"), [(0.9, True), (-0.9, True), (1.1, False), (-1.1, False)])
-def test_and_where_the_tangent_differs_by_rounding_only(off, again):
+def test_and_where_the_tangent_differs_by_rounding_only(off, again, associated):
+    same = _SAME_TANGENT if associated else _SAME_GENERAL_TANGENT
     equations = SimpleNamespace(
-        changes=lambda trial: (np.array([3]), np.array([2.0, 0.1 + 2.0 * _SAME_TANGENT * trial])),
+        associated=associated,
+        changes=lambda trial: (np.array([3]), np.array([2.0, 0.1 + 2.0 * same * trial])),
         factor=lambda trial: ("new", 0),
     )
     found = _exact_factor(equations, Balance(0.0, 1, "last", off))

@@ -127,3 +127,12 @@ def test_a_section_whose_readings_do_not_agree_is_found():
     found = section_misfits(fitted(y))
     assert found[2].above < 1e-6
     assert min(m.above for i, m in enumerate(found) if i != 2) > 0.01
+
+
+def test_intervals_leave_as_much_on_either_side():
+    """A mixture of normals about one value is symmetric, however different their sizes."""
+    knowledge = SectionsKnowledge(fitted(layout(0.7, S=4)))
+    found = knowledge.further(section("new", (Z,), [], SD)).interval
+    below, above = found.value - found.lower95, found.upper95 - found.value
+    np.testing.assert_allclose(below, above, rtol=0.02)
+    assert below[0] > 1.96 * np.hypot(0.7, 0.7 / 2)

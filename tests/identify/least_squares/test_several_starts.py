@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from geoident.errors import ModelError
 from geoident.identify.least_squares.gauss_newton import gauss_newton
 from geoident.identify.least_squares.several_starts import Angles, spread, start_ranges
 from geoident.identify.problem.problem import Scaling
@@ -140,3 +141,22 @@ def test_a_kink_that_hides_next_to_nothing_is_the_answer(make_problem, bend, sta
     promised = bend**2 / (100.0 + bend**2)
     said = f"promise {promised:.1g} less" if status == "converged" else "not smooth here"
     assert said in found.reason
+
+
+def collapsing(p):
+    """Readings of ground that collapses below a strength of 1."""
+    if p[0] < 1.0:
+        raise ModelError("the ground collapses")
+    return np.array([1.0 / p[0], 1.0 / p[0] ** 2])
+
+
+def test_where_the_given_start_has_no_solution_another_one_takes_its_place(make_problem):
+    strength = Parameter("strength", 0.5, 0.1, 20.0, "log")
+    problem = make_problem(collapsing, [strength], collapsing(np.array([3.0])), 0.01)
+    outcome = run(problem, starts=10)
+    np.testing.assert_allclose(outcome.values, [3.0], rtol=1e-6)
+    assert outcome.remarks == (
+        "the search began elsewhere than at the given start: the ground collapses",
+    )
+    with pytest.raises(ModelError, match="the ground collapses"):
+        run(problem, starts=1)

@@ -2,7 +2,7 @@
 
 import pytest
 
-from geoident.errors import Location
+from geoident.errors import InputError, Location
 from geoident.io.text.faults import OVERRIDES
 from geoident.model.methods import SimplexOptions
 
@@ -66,3 +66,14 @@ def test_a_faulty_override_is_located_at_the_flag(override, path, words, project
     assert words in f"{fault.message} {fault.hint}"
     if fault.path:
         assert fault.path.startswith(path) or path.startswith(fault.path)
+
+
+def test_parameters_that_an_override_leaves_idle_are_not_sought_and_that_is_noted(project):
+    text = project.read().text
+    case = project.read(text, "in_situ.K0=1.2").case
+    assert [parameter.name for parameter in case.parameters] == ["E_rock"]
+    assert case.notes == ("K0 is not sought: overrides took away what depended on it",)
+    both = ("in_situ.K0=$E_rock", "materials.rock.E=5 GPa")  # K0 idle, and another fault
+    with pytest.raises(InputError) as caught:
+        project.read(text, *both)
+    assert [fault.code for fault in caught.value.faults] == ["unit"]

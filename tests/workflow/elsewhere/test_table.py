@@ -281,7 +281,7 @@ def covered(folder, surface, runs, accuracy, seed):
 
 
 # surfaces whose errors are about as large as those of the gauges, and some that are exact
-KINDS = [("gaussian-process", 14, 0.002), ("polynomial", 30, 0.005), ("auto", 200, 0.02)]
+KINDS = [("gaussian-process", 20, 0.002), ("polynomial", 30, 0.005), ("auto", 200, 0.02)]
 
 
 @pytest.mark.parametrize(("surface", "runs", "accuracy"), KINDS[:2])

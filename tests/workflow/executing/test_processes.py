@@ -12,8 +12,9 @@ from pathlib import Path
 
 import pytest
 
-from geoident.workflow.executing.executor import in_order
-from geoident.workflow.executing.processes import LocalProcesses
+from geoident.workflow.executing import processes as own
+from geoident.workflow.executing.executor import in_order, usable_cores
+from geoident.workflow.executing.processes import LocalProcesses, cores_shared
 from tests.support.tasks import broken, dying, obedient, squares
 
 KILLS = [pytest.param(6), pytest.param(30, marks=pytest.mark.slow)]
@@ -164,3 +165,26 @@ def test_a_process_that_hangs_ends_with_who_asks_even_if_that_is_killed(tmp_path
     while runs(pid) and time.monotonic() < over:
         time.sleep(0.02)
     assert not runs(pid)
+
+
+@pytest.mark.parametrize("omp", [None, "1"])
+def test_each_process_has_its_share_of_the_cores_or_what_is_said(monkeypatch, omp):
+    """With OMP_NUM_THREADS one process has the bits of several; no library goes past it."""
+    names = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "GEOIDENT_CORES")
+    for name in names:
+        monkeypatch.delenv(name, raising=False)
+    if omp:
+        monkeypatch.setenv("OMP_NUM_THREADS", omp)
+    monkeypatch.setattr(own, "usable_cores", lambda: 8)
+    with cores_shared(2):
+        inside = [os.environ[name] for name in names]
+    assert inside == [omp or "4"] * 3 + ["4"]
+    assert os.environ.get("OMP_NUM_THREADS") == omp
+    assert not any(name in os.environ for name in names[1:])
+
+
+def test_a_share_of_the_cores_is_all_that_may_be_used(monkeypatch):
+    monkeypatch.setenv("GEOIDENT_CORES", "1")
+    assert usable_cores() == 1
+    monkeypatch.setenv("GEOIDENT_CORES", "many")
+    assert usable_cores() >= 1

@@ -271,3 +271,30 @@ def test_formulas_meet_readings_of_a_mesh(tmp_path):
     np.testing.assert_allclose(
         [found["K0"], found["a"], found["b"]], [1.4, 0.6e9, 0.045], rtol=0.03
     )
+
+
+def test_check_says_what_is_wrong_with_every_section(tmp_path):
+    path = example(tmp_path, SECTIONS)
+    run = CliRunner()
+    found = run.invoke(geoident, ["check", path])
+    assert found.exit_code == 0, found.output
+    assert "law: E_rock = a * exp(b * GSI) (scatter: none)" in found.stdout
+    said = json.loads(run.invoke(geoident, ["check", path, "--json"]).stdout)
+    assert [one["readings"] for one in said["sections"]] == [4, 4, 0]
+    wrong = SECTIONS.replace("km-1.csv}", "km-1.csv, gauges.EX0.zero: nowhere}")
+    wrong = wrong.replace("km-2.csv}", "km-2.csv, gauges.EX90.zero: nowhere}")
+    refused = run.invoke(geoident, ["check", example(tmp_path, wrong)])
+    assert refused.exit_code == ExitCode.INVALID_INPUT
+    assert "project.yaml:4:" in refused.stderr
+    assert "project.yaml:5:" in refused.stderr
+    assert run.invoke(geoident, ["check", path, "--identifiability"]).exit_code == ExitCode.USAGE
+
+
+def test_a_section_on_a_mesh_that_does_not_fit_is_said_where_it_is(tmp_path):
+    meshed(tmp_path)
+    wrong = MESHED.replace("B.csv,", "B.csv, gauges.D0.between: [[-99, 0 m], [99, 0 m]],")
+    (tmp_path / "project.yaml").write_text(wrong)
+    for command in ("check", "fit"):
+        found = CliRunner().invoke(geoident, [command, str(tmp_path / "project.yaml")])
+        assert found.exit_code == ExitCode.INVALID_INPUT, command
+        assert "project.yaml:4:" in found.stderr, command

@@ -132,6 +132,11 @@ class GaussianProcess:
         """What kind of function it is."""
         return "Gaussian process" + ("" if self.hyperparameters.smooth else " (Matern 5/2)")
 
+    @property
+    def freedom(self) -> int:
+        """Runs less coefficients of the trend, lengths and nugget."""
+        return len(self.y) - len(self.b) - len(self.hyperparameters.lengths) - 1
+
     @cached_property
     def _scaled(self) -> Floats:
         return np.asarray(self.u / self.hyperparameters.lengths)

@@ -70,6 +70,11 @@ class Polynomial:
         """What kind of function it is."""
         return f"polynomial of order {self.order}"
 
+    @property
+    def freedom(self) -> int:
+        """Runs less coefficients."""
+        return len(self.errors) - len(self.coefficients)
+
     @cached_property
     def _powers(self) -> Floats:
         return np.array(self.powers)

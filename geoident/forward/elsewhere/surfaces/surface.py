@@ -33,6 +33,10 @@ class ResponseSurface(Protocol):
         """What kind of function it is."""
 
     @property
+    def freedom(self) -> int:
+        """Runs less what was found from them: degrees of freedom."""
+
+    @property
     def errors(self) -> Floats:
         """(r,) of each run what the surface through all others says too little, SI."""
 
@@ -135,8 +139,16 @@ def _surprise(process: GaussianProcess) -> float:
 
 
 def calibration(surface: ResponseSurface) -> float:
-    """Factor on the standard deviation of a surface: at least 1, more where runs surprise it."""
-    return max(1.0, rms(surface.errors / surface.expected))
+    """Factor on the standard deviation of a surface: at least 1, more where runs surprise it.
+
+    Its variance is estimated from so many degrees of freedom: that of Student's distribution.
+    """
+    freedom = max(surface.freedom, _LEAST_FREEDOM)
+    student = np.sqrt(freedom / (freedom - 2.0))
+    return float(max(1.0, rms(surface.errors / surface.expected)) * student)
+
+
+_LEAST_FREEDOM = 3
 
 
 def together(surfaces: Sequence[ResponseSurface]) -> Floats:

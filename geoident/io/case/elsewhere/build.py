@@ -13,6 +13,7 @@ from geoident.io.case.elsewhere.section import (
     OutputSection,
     PythonModelSection,
     TableModelSection,
+    TemplateSection,
     seconds_of,
 )
 from geoident.io.case.elsewhere.surroundings import Surroundings
@@ -22,6 +23,7 @@ from geoident.io.text.faults import Faults
 from geoident.io.text.text_file import decode, read_bytes
 from geoident.model.case import KeyPath
 from geoident.model.elsewhere import (
+    AnyTemplate,
     Elsewhere,
     ExternalProgram,
     Finding,
@@ -34,7 +36,6 @@ from geoident.model.elsewhere import (
     PatternValue,
     PythonFunction,
     TableCell,
-    Template,
 )
 from geoident.model.gauges import Channel
 from geoident.units import DIMENSIONLESS, UnitError, normal_unit, size_in, unit_list, with_article
@@ -111,17 +112,27 @@ def _names(tree: ast.Module) -> Iterator[str]:
 def _program(
     section: ExternalModelSection, machine: Machine, around: Surroundings
 ) -> ExternalProgram:
-    templates, faults = list[Template](), around.faults
-    for target, source in section.inputs.items():
-        path = (*_AT, "inputs", target)
+    templates, faults = list[AnyTemplate](), around.faults
+    for target, given in section.inputs.items():
+        path: KeyPath = (*_AT, "inputs", target)
+        in_jinja = isinstance(given, TemplateSection) and given.engine == "jinja"
+        source = given.template if isinstance(given, TemplateSection) else given
+        path = path if isinstance(given, str) else (*path, "template")
         before = len(faults.found)
         found = around.find(source, path)
         if len(faults.found) > before:
             continue
         try:
-            template, wrong = read_template(found, target, around.parameters)
+            if in_jinja:
+                template, wrong = _jinja(found, target, around)
+            else:
+                template, wrong = read_template(found, target, around.parameters)
         except InputError as error:
             faults.extend(error.faults)
+            continue
+        except ImportError:
+            hint = 'Install the library that fills it: pip install "geoident[jinja]".'
+            faults.add(path, "no-package", "a template in Jinja needs jinja2", hint)
             continue
         faults.extend(wrong)
         templates.append(template)
@@ -148,6 +159,18 @@ def _program(
     )
 
 
+def _jinja(source: str, target: str, around: Surroundings) -> tuple[AnyTemplate, list[Fault]]:
+    """A template in Jinja, and what is wrong in it.
+
+    Raises:
+        ImportError: the library that fills it is missing.
+        InputError: it cannot be read.
+    """
+    from geoident.io.elsewhere.jinja_templates import read_jinja  # noqa: PLC0415 - optional
+
+    return read_jinja(source, target, around.parameters, limit=MAX_BYTES)
+
+
 def _check_targets(section: ExternalModelSection, faults: Faults) -> None:
     """Two files of a run must not have one name."""
     taken: dict[str, str] = {}
@@ -163,7 +186,7 @@ def _check_targets(section: ExternalModelSection, faults: Faults) -> None:
         taken.setdefault(key, ".".join(map(str, path)))
 
 
-def _check_fields(templates: Sequence[Template], around: Surroundings) -> None:
+def _check_fields(templates: Sequence[AnyTemplate], around: Surroundings) -> None:
     """Every parameter is written somewhere, or belongs to a gauge."""
     seen = {field.parameter for template in templates for field in template.fields}
     for name in around.parameters:

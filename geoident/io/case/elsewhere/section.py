@@ -214,6 +214,27 @@ _TIME_LIMIT = "Time after which a run is ended, and has failed; no limit if miss
 _AT_ONCE = "Number of runs at a time; one on each core if missing. 1 where there is one licence."
 
 
+class TemplateSection(Section):
+    """A template that says how its fields are written."""
+
+    template: Text = Field(description="File beside the case.", examples=["cube.j2"])
+    engine: Literal["fields", "jinja"] = Field(
+        "fields",
+        description="fields: `{{NAME [GPa]:10.3e}}` as in a template that is named alone; jinja: a "
+        'template of Jinja, `{{ NAME | to("GPa") }}` with loops and conditions (extra jinja).',
+    )
+
+
+def _template_shape(value: object) -> str:
+    return "<template>" if isinstance(value, Mapping | TemplateSection) else "text"
+
+
+AnyTemplateSection = Annotated[
+    Annotated[Text, Tag("text")] | Annotated[TemplateSection, Tag("<template>")],
+    Discriminator(_template_shape),
+]
+
+
 class ExternalModelSection(Section):
     """A program that is run with files of its own, each run in a folder of its own."""
 
@@ -223,7 +244,7 @@ class ExternalModelSection(Section):
         "the folder of the case.",
         examples=[["ccx", "-i", "cube"]],
     )
-    inputs: dict[Inside, Text] = Field(
+    inputs: dict[Inside, AnyTemplateSection] = Field(
         min_length=1,
         description="Name of a file in the folder of the run to its template beside the case: a "
         "text with fields such as `{{E_rock:10.3e}}` or `{{E_rock [GPa]:10.3f}}`.",

@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.transforms import ScaledTranslation
 
 from geoident.fem.faces import face_table, load_patches
-from geoident.forward.actions.supports import group_nodes
+from geoident.forward.actions.supports import all_supports, group_nodes, support_nodes
 from geoident.model.actions import (
     Load,
     PointForce,
@@ -50,11 +50,12 @@ def draw_supports(axes: Any, case: Case, mesh: Mesh, box: tuple[Floats, Floats])
     """
     meanings: dict[str, Any] = {}
     low, high = mesh.points.min(axis=0), mesh.points.max(axis=0)
-    for support in case.supports:
+    for support in all_supports(case):
         fixed = len(support.components) == mesh.dim
-        nodes = _some(group_nodes(mesh, support.group), mesh)
+        held_nodes = support_nodes(mesh, support)
+        nodes = _some(held_nodes, mesh)
         points = mesh.points[nodes]
-        span = np.ptp(mesh.points[group_nodes(mesh, support.group)], axis=0)
+        span = np.ptp(mesh.points[held_nodes], axis=0)
         axis = int(span.argmin()) if fixed else support.components[0]
         side = 1 if points[:, axis].mean() < (low[axis] + high[axis]) / 2 else -1
         style = {**_SUPPORT, "mfc": "black" if fixed else "white"}
@@ -70,6 +71,7 @@ def draw_supports(axes: Any, case: Case, mesh: Mesh, box: tuple[Floats, Floats])
         axes.plot(*points.T, zorder=5, clip_on=False, transform=moved, marker=marker, **style)
         held = " and ".join("xyz"[c] for c in support.components)
         label = "held in all directions" if fixed else f"held along {held}"
+        label = label.replace("held", "moved") if support.moves else label
         meanings.setdefault(label, key(label, marker=marker, **style))
     return list(meanings.values())
 

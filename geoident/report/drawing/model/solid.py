@@ -10,7 +10,7 @@ from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 
 from geoident.fem.faces import patches
-from geoident.forward.actions.supports import group_nodes
+from geoident.forward.actions.supports import all_supports, support_nodes
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.cells import CELLS
 from geoident.report.drawing.labels import hidden, place_labels
@@ -88,13 +88,14 @@ def _draw_outside(axes: Any, model: DrawnModel) -> None:
     _add_lines(axes, edges[~hidden(edges.mean(axis=1), surface, _towards())], lw=0.5)
     _frame(axes, model.box)
     named, places = [], []
-    for support in model.case.supports:
-        points = model.mesh.points[group_nodes(model.mesh, support.group)]
+    for support in all_supports(model.case):
+        points = model.mesh.points[support_nodes(model.mesh, support)]
         middle = (points.min(axis=0) + points.max(axis=0)) / 2
         nearest = points[np.linalg.norm(points - middle, axis=1).argmin()]
         if not hidden(nearest[None], surface, _towards()).any():
             held = ", ".join("xyz"[c] for c in support.components)
-            named.append(f"{short(support.group)}: {held}")
+            moved = " (moved)" if support.moves else ""
+            named.append(f"{short(support.group)}: {held}{moved}")
             places.append(nearest)
     _draw_loads(axes, model, surface)
     place_labels(axes, places, named, size=LETTERS, centred=True)

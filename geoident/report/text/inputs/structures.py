@@ -73,11 +73,28 @@ def _standing(case: CaseTexts, name: str) -> str:
 
 
 def supports_table(case: CaseTexts) -> TextTable:
-    """Groups that are held, and in which directions."""
-    rows = [
-        [group, "x, y, z" if held == "fixed" else ", ".join(listed(held)) or str(held)]
-        for group, held in entries(case, "supports").items()
-    ]
-    if case.get("analysis") != "solid":
-        rows = [[group, held.replace("x, y, z", "x, y")] for group, held in rows]
+    """Groups that are held, in which directions, and how they move."""
+    rows = [[group, _held(case, held)] for group, held in entries(case, "supports").items()]
+    for stage in case.get("stages") or ():
+        if isinstance(stage, Mapping):
+            since = f"from {stage.get('name')}"
+            for group, held in entries(stage, "supports").items():
+                rows.append([group, f"{since}: {_held(case, held)}"])
     return TextTable(("support", "held along"), rows)
+
+
+def _held(case: CaseTexts, held: object) -> str:
+    """What is said of a support, in words."""
+    if isinstance(held, Mapping):
+        parts = [
+            f"{axis} fixed" if held[axis] == "fixed" else f"{axis} moved by {held[axis]}"
+            for axis in "xyz"
+            if axis in held
+        ]
+        if "contraction" in held:
+            parts.append(f"contracted by {held['contraction']}")
+        parts += ["moved as measured"] * ("measured" in held)
+        return ", ".join(parts)
+    if held == "fixed":
+        return "x, y, z" if case.get("analysis") == "solid" else "x, y"
+    return ", ".join(listed(held)) or str(held)

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
+from geoident.model.project.project import Project
 from geoident.model.results.project import ProjectResult
 
 
@@ -46,6 +47,32 @@ def project_object(result: ProjectResult, *, project: str, output: str) -> dict[
         "findings": result.findings,
         "notes": result.notes,
         "counts": asdict(result.counts),
+    }
+
+
+def plan_object(project: Project, readings: Sequence[int]) -> dict[str, Any]:
+    """What a project consists of.
+
+    Args:
+        project: what its file says.
+        readings: number of them of each section.
+    """
+    return {
+        "shared": project.shared,
+        "laws": {
+            law.parameter: {"formula": law.text, "scatter": law.scatter.kind}
+            for law in project.laws
+        },
+        "sections": [
+            {
+                "name": section.name,
+                "case": section.case,
+                "covariates": section.covariates,
+                "predicted": section.predicted,
+                "readings": count,
+            }
+            for section, count in zip(project.sections, readings, strict=True)
+        ],
     }
 
 

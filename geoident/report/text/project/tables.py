@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from geoident.model.project.project import Project
 from geoident.model.results.project import (
     GIVEN_SCATTER,
     LAW,
@@ -66,6 +67,33 @@ def project_text(result: ProjectResult, *, title: str) -> str:
         f"Cost: {result.counts.evaluations} evaluations, {result.counts.factorizations} "
         "factorizations",
     )
+
+
+def plan_text(project: Project, readings: Sequence[int]) -> str:
+    """What a project consists of.
+
+    Args:
+        project: what its file says.
+        readings: number of them of each section.
+    """
+    predicted = len(project.sections) - len(project.fitted)
+    lines = [
+        f"{len(project.fitted)} sections to fit, {predicted} to predict",
+        f"shared: {', '.join(project.shared) or 'nothing'}",
+    ]
+    lines += [f"law: {law.parameter} = {law.text} (scatter: {law.scatter.kind})"
+              for law in project.laws]  # fmt: skip
+    units = {c.name: (c.unit, c.dimension) for c in project.covariates}
+    rows = []
+    for one, count in zip(project.sections, readings, strict=True):
+        known = [
+            f"{name} {number(in_unit(value, *units[name]))} {shown_unit(*units[name])}".rstrip()
+            for name, value in one.covariates.items()
+        ]
+        role = "predicted" if one.predicted else ""
+        rows.append([one.name, one.case, ", ".join(known), str(count), role])
+    table = TextTable(["section", "case", "covariates", "readings", ""], rows, right="lllr")
+    return "\n".join([*lines, "", table.text])
 
 
 def project_summary(result: ProjectResult) -> str:

@@ -1,0 +1,1 @@
+"""The key ``supports``: what is held, and how it moves."""

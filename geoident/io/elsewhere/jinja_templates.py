@@ -1,0 +1,179 @@
+"""Templates in Jinja: `{{ E_rock | to("GPa") }}`, loops and conditions, by the library jinja2.
+
+A template may come from anywhere, so it is filled in a sandbox, in which it reaches nothing but the
+parameters; names that are none are errors, and there is no other file to include.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+from jinja2 import StrictUndefined, TemplateError, TemplateSyntaxError, nodes
+from jinja2.sandbox import ImmutableSandboxedEnvironment
+
+from geoident.errors import Fault, Location
+from geoident.io.text.text_file import decode, read_bytes
+from geoident.io.text.wording import did_you_mean
+from geoident.model.elsewhere import JinjaTemplate, TemplateField
+from geoident.model.parameter import Parameter
+from geoident.units import UNITS, UnitError, normal_unit, size_in, unit_list, with_article
+
+_TO = "to"
+"""The filter that gives a parameter in a unit."""
+
+_COARSEST, _FINEST = -1, -15
+"""Exponents of ten of the changes of a parameter that are tried."""
+
+
+def _to(value: float, unit: str) -> float:
+    return value / UNITS[normal_unit(unit)][1]
+
+
+def _environment() -> ImmutableSandboxedEnvironment:
+    environment = ImmutableSandboxedEnvironment(
+        undefined=StrictUndefined, keep_trailing_newline=True, autoescape=False
+    )
+    environment.filters[_TO] = _to
+    return environment
+
+
+def read_jinja(
+    source: str, target: str, parameters: Mapping[str, Parameter], *, limit: int
+) -> tuple[JinjaTemplate, list[Fault]]:
+    """A template in Jinja, and what is wrong in it.
+
+    Args:
+        source: its path.
+        target: name of the file that is made of it.
+        parameters: of the case, by name.
+        limit: of its size, bytes.
+
+    Raises:
+        InputError: it cannot be read, or is no text.
+    """
+    text = decode(read_bytes(source, limit=limit, what="template"), source)
+    environment = _environment()
+    try:
+        tree = environment.parse(text)
+        environment.compile(tree)
+    except TemplateSyntaxError as error:
+        place = Location(source, error.lineno, 1)
+        hint = "Write {{ NAME }}; {% ... %} is a statement of Jinja."
+        fault = Fault("bad-template", f"this is not Jinja: {error.message}", hint, place)
+        return JinjaTemplate(source, target, text, ()), [fault]
+    lines = text.splitlines()
+    faults = list(_faults(tree, source, lines, parameters))
+    fields = {
+        node.name: TemplateField(node.name, location=_place(source, lines, node, node.name))
+        for node in tree.find_all(nodes.Name)
+        if node.name in parameters
+    }
+    if not faults and not fields:
+        message = "the template has no field, so no run differs from another by it"
+        hint = "Write {{ NAME }} where a parameter stands, or name the file under 'files'."
+        faults.append(Fault("no-field", message, hint, Location(source)))
+    return JinjaTemplate(source, target, text, tuple(fields.values())), faults
+
+
+def _faults(
+    tree: nodes.Template, source: str, lines: list[str], parameters: Mapping[str, Parameter]
+) -> Iterator[Fault]:
+    own = {node.name for node in tree.find_all(nodes.Name) if node.ctx != "load"}
+    own |= {"range", "loop", "namespace", "dict", "true", "false", "none"}
+    own |= {node.name for node in tree.find_all(nodes.Macro)}
+    seen = set[str]()
+    for node in tree.find_all(nodes.Name):
+        if node.name in own or node.name in parameters or node.name in seen:
+            continue
+        seen.add(node.name)
+        hint = did_you_mean(node.name, parameters, what="Parameters")
+        place = _place(source, lines, node, node.name)
+        yield Fault("unknown-parameter", f"there is no parameter '{node.name}'", hint, place)
+    for other in tree.find_all((nodes.Include, nodes.Import, nodes.FromImport, nodes.Extends)):
+        message = "a template cannot take in another file"
+        hint = "Write what stands there into this template."
+        yield Fault("bad-template", message, hint, Location(source, other.lineno, 1))
+    for call in tree.find_all(nodes.Filter):
+        if call.name == _TO:
+            yield from _unit_faults(call, source, lines, parameters)
+
+
+def _unit_faults(
+    call: nodes.Filter, source: str, lines: list[str], parameters: Mapping[str, Parameter]
+) -> Iterator[Fault]:
+    """What is wrong with a unit, which stands there as a text."""
+    given = call.args[0] if len(call.args) == 1 and not call.kwargs else None
+    if not isinstance(given, nodes.Const) or not isinstance(given.value, str):
+        message = "the unit is no text"
+        hint = 'Write {{ NAME | to("GPa") }}.'
+        yield Fault("unit", message, hint, Location(source, call.lineno, 1))
+        return
+    place = _place(source, lines, call, given.value)
+    named = call.node if isinstance(call.node, nodes.Name) else None
+    parameter = parameters.get(named.name) if named is not None else None
+    try:
+        unit = normal_unit(given.value, "" if parameter is None else parameter.dimension)
+    except UnitError as error:
+        yield Fault("unit", error.message, error.hint, place)
+        return
+    if parameter is not None and size_in(unit, parameter.dimension) is None:
+        message = f"'{given.value}' is no unit of {with_article(parameter.dimension)}, as "
+        message += f"'{parameter.name}' is"
+        yield Fault("unit", message, f"Its units: {unit_list(parameter.dimension)}.", place)
+
+
+def _place(source: str, lines: list[str], node: nodes.Node, word: str) -> Location:
+    """Where a word stands from the line of a node on."""
+    for number in range(node.lineno, min(node.lineno + 20, len(lines)) + 1):
+        at = lines[number - 1].find(word)
+        if at >= 0:
+            return Location(source, number, at + 1)
+    return Location(source, node.lineno, 1)
+
+
+class CannotRender(ValueError):
+    """A template cannot be filled with these values."""
+
+
+def rendered(template: JinjaTemplate, values: Mapping[str, float]) -> str:
+    """The text of a template with its fields filled.
+
+    Args:
+        template: the template.
+        values: parameters by name, SI.
+
+    Raises:
+        CannotRender: what it computes cannot be computed, or is not finite where it must be.
+    """
+    known = {field.parameter: values[field.parameter] for field in template.fields}
+    try:
+        return _environment().from_string(template.text).render(known)
+    except (TemplateError, ArithmeticError, TypeError, ValueError) as error:
+        raise CannotRender(f"{template.source}: {error}") from error
+
+
+def smallest_change(template: JinjaTemplate, values: Mapping[str, float], name: str) -> float:
+    """The smallest change of a parameter that changes what is written, to a power of ten.
+
+    0 where none does.
+
+    Args:
+        template: the template.
+        values: parameters by name, SI.
+        name: of the parameter.
+    """
+    if name not in {field.parameter for field in template.fields}:
+        return 0.0
+    before, size = rendered(template, values), abs(values[name]) or 1.0
+
+    def is_seen(exponent: int) -> bool:
+        moved = {**values, name: values[name] + size * 10.0**exponent}
+        return rendered(template, moved) != before
+
+    fine, coarse = _FINEST, _COARSEST
+    if not is_seen(coarse):
+        return 0.0
+    while fine < coarse:
+        middle = (fine + coarse) // 2
+        fine, coarse = (fine, middle) if is_seen(middle) else (middle + 1, coarse)
+    return size * 10.0**coarse

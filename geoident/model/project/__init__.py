@@ -1,0 +1,1 @@
+"""Several sections of one ground, and their laws."""

@@ -1,0 +1,1 @@
+"""Several sections in pictures."""

@@ -1,0 +1,203 @@
+"""Laws with the sections about them, and the parameters of sections one below the other."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+
+from geoident.model.arrays import Floats
+from geoident.model.results.project import (
+    LAW,
+    LawEstimate,
+    LawPoint,
+    ProjectResult,
+    SectionParameter,
+)
+from geoident.report.drawing.parameters.scale import set_scale
+from geoident.report.drawing.style import (
+    ACCENT,
+    COMPUTED,
+    FAINT,
+    MEASURED,
+    Picture,
+    key,
+    paged,
+    short,
+)
+from geoident.units import in_unit, shown_unit
+
+_PREDICTED = ACCENT
+_SECTIONS = 24
+"""Sections in a figure."""
+
+
+def law_pictures(result: ProjectResult) -> tuple[Picture, ...]:
+    """Each law over each of its covariates, with the sections."""
+    found: list[Picture] = []
+    for law in result.laws:
+        names = dict.fromkeys(p.covariate for p in result.points if p.parameter == law.parameter)
+        for name in names:
+            others = "" if len(names) < 2 else " Other covariates of the law at their medians."
+            found.append(
+                Picture(
+                    f"law-{len(found) + 1}",
+                    f"{law.parameter} over {name}: {law.formula}",
+                    "Line and dark band: the law and its 95 % interval; light band: where 95 % of "
+                    "sections are expected. Hollow: what a section says by itself; full: with all "
+                    f"others. Bars: 95 % intervals.{others}",
+                    partial(law_figure, result, law, name),
+                )
+            )
+    return tuple(found)
+
+
+def law_figure(result: ProjectResult, law: LawEstimate, name: str) -> Figure:
+    """A law over a covariate.
+
+    Args:
+        result: with the sections.
+        law: to draw.
+        name: of the covariate.
+    """
+    points = [p for p in result.points if (p.parameter, p.covariate) == (law.parameter, name)]
+    figure = Figure(figsize=(6.8, 4.4))
+    axes = figure.subplots()
+    known = {row.section: row for row in result.covariates if row.covariate == name}
+    one = next(iter(known.values()))
+    at = np.array([in_unit(p.at, one.unit, one.dimension) for p in points])
+    columns = _columns(law, points)
+    axes.fill_between(at, columns[3], columns[4], color=COMPUTED, alpha=0.12, lw=0)
+    axes.fill_between(at, columns[1], columns[2], color=COMPUTED, alpha=0.3, lw=0)
+    axes.plot(at, columns[0], color=COMPUTED, lw=1.4)
+    predicted = {section.name for section in result.predicted}
+    drawn: list[float] = columns.ravel().tolist()
+    for row in result.parameters:
+        if row.parameter == law.parameter and row.section in known:
+            x = in_unit(known[row.section].value, one.unit, one.dimension)
+            drawn += _draw_section(axes, x, row, predicted=row.section in predicted)
+    _value_axis(axes.yaxis, np.array(drawn), log=law.scale == "log")
+    unit, of = shown_unit(law.unit, law.dimension), shown_unit(one.unit, one.dimension)
+    axes.set_ylabel(f"{law.parameter} ({unit})" if unit else law.parameter)
+    axes.set_xlabel(f"{name} ({of})" if of else name)
+    axes.grid(visible=True)
+    handles: list[Any] = [
+        key("law", color=COMPUTED, lw=1.4),
+        Patch(color=COMPUTED, alpha=0.3, lw=0, label="law, 95 %"),
+        Patch(color=COMPUTED, alpha=0.12, lw=0, label="sections, 95 %"),
+        key("by itself", marker="o", mfc="none", mec=FAINT, ls="", ms=5),
+        key("with all", marker="o", color=MEASURED, ls="", ms=4),
+    ]
+    if predicted:
+        handles.append(key("predicted", marker="D", color=_PREDICTED, ls="", ms=4))
+    figure.legend(handles=handles, loc="outside lower center", ncols=6)
+    return figure
+
+
+def _columns(law: LawEstimate, points: Sequence[LawPoint]) -> Floats:
+    """Law and bands (5, k) in the unit of the parameter."""
+    names = ("value", "lower95", "upper95", "section_lower95", "section_upper95")
+    rows = [[in_unit(getattr(p, name), law.unit, law.dimension) for p in points] for name in names]
+    return np.array(rows, dtype=np.float64)
+
+
+def _draw_section(axes: Axes, x: float, row: SectionParameter, *, predicted: bool) -> list[float]:
+    """A section at its covariate; the values that are drawn."""
+    alone = _in_units(row, row.alone, row.alone_lower95, row.alone_upper95)
+    value = _in_units(row, row.value, row.lower95, row.upper95)
+    if math.isfinite(alone[0]):
+        axes.vlines([x], alone[1], alone[2], color=FAINT, lw=3.2, alpha=0.5)
+        axes.plot([x], [alone[0]], "o", mfc="none", mec=FAINT, ms=7)
+    if predicted:
+        axes.vlines([x], value[1], value[2], color=_PREDICTED, lw=1.2)
+        axes.plot([x], [value[0]], "D", color=_PREDICTED, ms=4)
+    else:
+        axes.vlines([x], value[1], value[2], color=MEASURED, lw=1.2)
+        axes.plot([x], [value[0]], "o", color=MEASURED, ms=4)
+    return [*alone, *value]
+
+
+def _in_units(row: SectionParameter, *values: float) -> list[float]:
+    return [in_unit(value, row.unit, row.dimension) for value in values]
+
+
+def _value_axis(axis: Any, values: Floats, *, log: bool) -> None:
+    known = values[np.isfinite(values)]
+    low, high = float(known.min()), float(known.max())
+    if log and low > 0.0:
+        set_scale(axis, low=0.9 * low, high=1.1 * high, log=True)
+        return
+    room = 0.05 * (high - low or 1.0)
+    set_scale(axis, low=low - room, high=high + room, log=False)
+
+
+def estimate_pictures(result: ProjectResult) -> tuple[Picture, ...]:
+    """Parameters of all sections: by the law, by themselves, and with all others."""
+    found: list[Picture] = []
+    for name in dict.fromkeys(row.parameter for row in result.parameters if row.kind == LAW):
+        rows = [row for row in result.parameters if row.parameter == name]
+        law = next(law for law in result.laws if law.parameter == name)
+        found += paged(
+            rows,
+            partial(estimate_figure, result, law),
+            most=_SECTIONS,
+            picture=(
+                f"sections-{len(found) + 1}",
+                f"{name} of the sections",
+                "Tick: the law at the section with its 95 % interval; hollow: what the section "
+                "says by itself; full: with all others. How far the full dot is from the hollow "
+                "one towards the tick is the shrinkage.",
+            ),
+            label=lambda row: row.section,
+        )
+    return tuple(found)
+
+
+def estimate_figure(
+    result: ProjectResult, law: LawEstimate, rows: Sequence[SectionParameter]
+) -> Figure:
+    """A parameter of some sections, one below the other.
+
+    Args:
+        result: that they are of.
+        law: of the parameter.
+        rows: the parameter of each section.
+    """
+    figure = Figure(figsize=(6.8, 0.3 * len(rows) + 1.3))
+    axes = figure.subplots()
+    predicted = {section.name for section in result.predicted}
+    drawn: list[float] = []
+    for y, row in enumerate(rows):
+        mean = _in_units(row, row.law, row.law_lower95, row.law_upper95)
+        alone = _in_units(row, row.alone, row.alone_lower95, row.alone_upper95)
+        value = _in_units(row, row.value, row.lower95, row.upper95)
+        axes.hlines([y - 0.22], mean[1], mean[2], color=COMPUTED, lw=2.5, alpha=0.35)
+        axes.plot([mean[0]], [y - 0.22], "|", color=COMPUTED, ms=7)
+        if math.isfinite(alone[0]):
+            axes.hlines([y], alone[1], alone[2], color=FAINT, lw=1.2)
+            axes.plot([alone[0]], [y], "o", mfc="white", mec=FAINT, ms=5)
+        colour, mark = (_PREDICTED, "D") if row.section in predicted else (MEASURED, "o")
+        axes.hlines([y + 0.22], value[1], value[2], color=colour, lw=1.2)
+        axes.plot([value[0]], [y + 0.22], mark, color=colour, ms=4)
+        drawn += [*mean, *alone, *value]
+    _value_axis(axes.xaxis, np.array(drawn), log=law.scale == "log")
+    axes.set_yticks(range(len(rows)), [short(row.section) for row in rows])
+    axes.set_ylim(len(rows) - 0.4, -0.6)
+    unit = shown_unit(law.unit, law.dimension)
+    axes.set_xlabel(f"{law.parameter} ({unit})" if unit else law.parameter)
+    axes.grid(visible=True, axis="x")
+    handles = [
+        key("law", color=COMPUTED, marker="|", ls="-", lw=2.0, ms=7),
+        key("by itself", marker="o", mfc="white", mec=FAINT, color=FAINT, lw=1.2, ms=5),
+        key("with all", marker="o", color=MEASURED, lw=1.2, ms=4),
+    ]
+    if any(row.section in predicted for row in rows):
+        handles.append(key("predicted", marker="D", color=_PREDICTED, lw=1.2, ms=4))
+    figure.legend(handles=handles, loc="outside upper center", ncols=4)
+    return figure

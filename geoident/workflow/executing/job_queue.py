@@ -1,0 +1,118 @@
+"""Workers of dask as jobs of a queue system: what dask-jobqueue makes of a cluster file."""
+
+from __future__ import annotations
+
+import inspect
+import signal
+import threading
+from contextlib import suppress
+from difflib import get_close_matches
+from typing import Any
+
+from distributed import Status
+
+from geoident.errors import Fault, InputError
+from geoident.model.cluster import QUEUES, Cluster
+
+_OURS = {"self", "name", "n_workers", "asynchronous", "loop", "config_name", "scheduler",
+         "scheduler_cls", "job_cls"}  # fmt: skip
+"""Arguments that are not for a file."""
+
+
+def known_options(queue: str) -> tuple[str, ...]:
+    """Names of the options of jobs, as dask-jobqueue has them.
+
+    Args:
+        queue: a key of `QUEUES`.
+    """
+    found: dict[str, None] = {}
+    cluster = _class_of(queue)
+    for kind in (*cluster.job_cls.__mro__, *cluster.__mro__):
+        if kind.__module__.startswith("dask_jobqueue"):
+            parameters = inspect.signature(kind.__init__).parameters.values()
+            kept = [p.name for p in parameters if p.kind in (p.POSITIONAL_OR_KEYWORD,
+                                                             p.KEYWORD_ONLY)]  # fmt: skip
+            found |= dict.fromkeys(name for name in kept if name not in _OURS)
+    return tuple(found)
+
+
+def check_options(cluster: Cluster) -> None:
+    """Refuse options that dask-jobqueue does not know.
+
+    Raises:
+        InputError: with all of them, where they are written.
+    """
+    known = known_options(cluster.queue)
+    faults = []
+    for name in cluster.options:
+        if name not in known:
+            near = get_close_matches(name, known, n=1)
+            hint = f"Did you mean '{near[0]}'?" if near else f"Known are {', '.join(known)}."
+            message = f"{QUEUES[cluster.queue]} of dask-jobqueue has no key '{name}'"
+            place = cluster.places.get(name, cluster.place)
+            faults.append(Fault("unknown-key", message, hint, place, f"{cluster.queue}.{name}"))
+    if faults:
+        raise InputError(faults)
+
+
+def job_queue(cluster: Cluster) -> Any:
+    """A scheduler in this process, and jobs for its workers, which are kept at their number.
+
+    Args:
+        cluster: which queue system, and its options.
+
+    Raises:
+        InputError: the options are not right.
+    """
+    check_options(cluster)
+    options = dict(cluster.options)
+    # a page of dask at a port that is free
+    options["scheduler_options"] = {"dashboard_address": ":0"} | options.get(
+        "scheduler_options", {}
+    )
+    made: Any = None
+    try:
+        made = _class_of(cluster.queue)(**options)
+        for _ in range(cluster.jobs):  # as made.scale, which would not tell what goes wrong
+            made.worker_spec.update(made.new_worker_spec())
+        made.sync(made._correct_state)
+    except (TypeError, ValueError, OSError, RuntimeError) as error:
+        if made is not None:
+            for worker in made.workers.values():  # they have not come about
+                worker.status = Status.failed
+            made.workers.clear()
+            made.worker_spec.clear()
+            with suppress(Exception):
+                made.close(timeout=5.0)
+        hint = "The keys are those of dask-jobqueue; cores and memory of a job are always needed."
+        raise cluster.refused("bad-cluster", _said(error), hint) from error
+    made.adapt(minimum_jobs=cluster.jobs, maximum_jobs=cluster.jobs)
+    return made
+
+
+def _said(error: Exception) -> str:
+    """What went wrong, in one line: that of the queue system, if it has said something."""
+    text = str(error)
+    _, _, heard = text.partition("stderr:\n")
+    lines = (heard if heard.strip() else text).strip().splitlines()
+    return f"the jobs cannot be submitted: {lines[0] if lines else type(error).__name__}"
+
+
+def job_script(cluster: Cluster) -> str:
+    """What would be given to the queue system for each job.
+
+    Args:
+        cluster: which queue system, and its options.
+    """
+    check_options(cluster)
+    with _class_of(cluster.queue)(**cluster.options) as made:
+        return str(made.job_script())
+
+
+def _class_of(queue: str) -> Any:
+    before = signal.getsignal(signal.SIGINT)
+    import dask_jobqueue  # noqa: PLC0415 - it takes Ctrl-C to itself
+
+    if threading.current_thread() is threading.main_thread():
+        signal.signal(signal.SIGINT, before)
+    return getattr(dask_jobqueue, QUEUES[queue])

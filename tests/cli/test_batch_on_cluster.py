@@ -1,0 +1,31 @@
+"""``geoident batch --cluster`` as a command: Ctrl-C, and a cluster that is not there."""
+
+import os
+import signal
+from contextlib import suppress
+
+from geoident.workflow.campaign.runs import read_runs
+from tests.cli.test_batch import begin, ended, family, here, on_linux, wait_until
+
+__all__ = ["here"]
+
+
+@on_linux
+def test_ctrl_c_ends_a_cluster_of_this_machine_with_what_is_kept(here):
+    process, mark = begin("--cluster", "local", "-j", "1")
+    wait_until(lambda: ended() >= 2)
+    for pid in family(mark):  # as a terminal does
+        with suppress(ProcessLookupError):
+            os.kill(pid, signal.SIGINT)
+    _, stderr = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert "have not ended; the same command goes on" in stderr
+    wait_until(lambda: not family(mark), 20.0)
+    assert 2 <= len(read_runs("campaign.batch").runs) < 24
+
+
+def test_a_word_that_is_no_cluster_and_a_cluster_of_one_case_are_refused(here, run):
+    failed = run("batch", "campaign.yaml", "--cluster", "nowhere")
+    assert failed.exit_code == 3
+    assert "--cluster: 'nowhere' is no address, and there is no file of that name" in failed.stderr
+    assert run("fit", "case.yaml", "--cluster", "local").exit_code == 2

@@ -1,0 +1,123 @@
+"""The path of viscous grounds, on one unknown whose equations are given."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from geoident.forward.march.equilibrium import solve
+from geoident.forward.march.stage_equations import NoEquilibrium, Trial
+from geoident.forward.march.viscous_path import Way, follow, newton
+
+
+class Given:
+    """One unknown u with the residual r(u, mu) and its slope; forces of 1.
+
+    Attributes:
+        asked: mu and u where the residual was asked for.
+    """
+
+    associated, at_hand, dofs = False, None, np.array([0])
+    forces = np.array([1.0])
+
+    def __init__(self, residual, slope, mu=0.0, asked=None):
+        self.residual, self.slope, self.mu = residual, slope, mu
+        self.asked = [] if asked is None else asked
+
+    def viscous(self, mu):
+        return Given(self.residual, self.slope, mu, self.asked)
+
+    def at(self, du):
+        u = float(du[0])
+        self.asked.append((self.mu, u))
+        found = self.residual(u, self.mu)
+        if np.isnan(found):
+            raise NoEquilibrium(None)
+        return Trial(du, np.zeros((1, 1)), (), np.array([found]), 1.0)
+
+    def distance(self, trial):
+        return trial.error
+
+    def factor(self, trial):
+        slope = self.slope(float(trial.du[0]), self.mu)
+        return SimpleNamespace(solve=lambda rhs: rhs / slope), 0
+
+    def spread(self, free):
+        return free
+
+
+ZERO = np.zeros(1)
+LIKE_GROUND = (lambda u, mu: 1.0 - np.tanh(u) - mu * u, lambda u, mu: 1 / np.cosh(u) ** 2 + mu)
+CARRIED = (lambda u, mu: 0.5 - np.tanh(u) - mu * u, LIKE_GROUND[1])
+BEYOND = (lambda u, mu: 1.5 - np.tanh(u) - mu * u, LIKE_GROUND[1])
+
+
+@pytest.mark.parametrize("bold", [False, True])
+def test_newton_finds_the_zero(bold):
+    given = Given(*CARRIED)
+    found = newton(given, given.at(ZERO), bold=bold)
+    assert found.converged
+    assert found.trial.du[0] == pytest.approx(np.arctanh(0.5))
+    assert found.made_at is not None
+
+
+def test_a_step_is_halved_until_the_next_is_shorter():
+    """From 2 Newton's steps on atan go ever further apart; halved ones do not."""
+    given = Given(lambda u, mu: -np.arctan(u), lambda u, mu: 1.0 / (1.0 + u * u))
+    found = newton(given, given.at(np.array([2.0])))
+    assert found.converged
+    assert abs(found.trial.du[0]) < 1e-11
+    assert given.asked[1][1] == pytest.approx(2.0 - np.arctan(2.0) * 5.0)
+    assert given.asked[2][1] == pytest.approx(2.0 - np.arctan(2.0) * 2.5)
+
+
+def test_newton_steps_back_from_where_there_is_no_stress():
+    given = Given(lambda u, mu: np.nan if u > 0.6 else 0.5 - np.tanh(u), LIKE_GROUND[1])
+    found = newton(given, given.at(np.array([-2.0])))
+    assert found.converged
+
+
+def test_the_path_leads_to_the_ground_itself():
+    given = Given(*CARRIED)
+    end = follow(given, Way(0.1, 0.3, bold=False))
+    assert end.mu == 0.0
+    assert end.runs_away is None
+    assert end.found.trial.du[0] == pytest.approx(np.arctanh(0.5))
+    on_the_way = list(dict.fromkeys(mu for mu, _ in given.asked))
+    np.testing.assert_allclose(on_the_way[:3], [0.1, 0.03, 0.009])
+    assert on_the_way[-1] == 0.0
+
+
+def test_a_load_beyond_the_limit_runs_away():
+    """u = 0.5 / mu: what is kept of the overstress carries what the ground does not."""
+    with pytest.raises(NoEquilibrium) as caught:
+        solve(Given(*BEYOND), [ZERO])
+    assert caught.value.limit
+    assert caught.value.mechanism[0] > 0.0
+
+
+def test_a_path_that_turns_is_stepped_over():
+    """No zero between mu = 0.02 and 0.004."""
+
+    def gap(u, mu):
+        return 1.0 if 0.004 < mu < 0.02 else CARRIED[0](u, mu)
+
+    end = follow(Given(gap, CARRIED[1]), Way(0.1, 0.3, bold=False))
+    assert end.mu == 0.0
+
+
+@pytest.mark.parametrize(("left", "said"), [(0.0049, True), (0.0051, False)])
+def test_a_hundredth_of_the_load_may_be_left_where_the_path_ends(left, said):
+    """Below mu = 0.01 there is no zero."""
+
+    def ends(u, mu):
+        return CARRIED[0](u, mu) if mu >= 0.01 else 0.5 if u < 0.3 else left
+
+    if said:
+        found = solve(Given(ends, CARRIED[1]), [ZERO])
+        assert found.unbalanced == pytest.approx(left / 0.5)
+        assert found.trial.du[0] == pytest.approx(np.arctanh(0.5), rel=0.02)
+    else:
+        with pytest.raises(NoEquilibrium) as caught:
+            solve(Given(ends, CARRIED[1]), [ZERO])
+        assert not caught.value.limit

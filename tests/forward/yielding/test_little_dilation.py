@@ -1,0 +1,168 @@
+"""Flow with little or no dilation on unstructured triangles, and loads that it does not carry.
+
+The opening of `test_cavities` on meshes whose elements are 0.15 to 0.03 radii long at the wall,
+made in three stages. The even flow is not stable there: its tangents have eigenvalues around zero.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from support.cases import displacement, model
+from support.meshes import box, elevate, regroup, with_outer_faces
+from support.yielding import NOTHING, Cavity, constant, mohr, parameters, rock
+
+from geoident.errors import CollapseError
+from geoident.forward.march.march import RunOptions
+from geoident.forward.model import StagedModel
+from geoident.forward.openings.closed_forms import Opening, Rock, mohr_coulomb
+from geoident.model.actions import Traction
+from geoident.model.case import Stage, Support
+from geoident.model.dual import Dual
+from geoident.model.mesh import ElementBlock, Mesh
+from geoident.model.parameter import Scalar
+
+CAVITY, C, PHI = Cavity(), 3.45e6, np.pi / 6
+RELEASED = (0.6, 0.9, 1.0)
+STAGES = tuple(
+    Stage(f"{part:.0%}", excavate=() if n else ("core",), release={"core": Scalar(part)})
+    for n, part in enumerate(RELEASED)
+)
+MESHES = Path(__file__).with_name("opening_meshes.npz")
+QUICK, FINE = (0.10, 0.05), (0.15, 0.03)
+
+
+@cache
+def unstructured(size: float) -> Mesh:
+    """A quarter out to 40 radii; middles of edges on the wall and the outer edge lie on them."""
+    kept = np.load(MESHES)
+    corners, cells = kept[f"points {size:.2f}"], kept[f"cells {size:.2f}"].astype(np.int64)
+    points, raised = elevate(corners, cells, "tri6")
+    radius = np.linalg.norm(corners, axis=1)
+    for ends, middle in (((0, 1), 3), ((1, 2), 4), ((2, 0), 5)):
+        for r in (1.0, radius.max()):
+            on = np.all(np.abs(radius[raised[:, ends]] - r) < 1e-9 * r, axis=1)
+            mine = raised[on, middle]
+            points[mine] *= r / np.linalg.norm(points[mine], axis=1)[:, None]
+    mesh = Mesh(points, (ElementBlock("tri6", raised, np.arange(1, len(raised) + 1)),))
+    return regroup(with_outer_faces(mesh), core=lambda c: np.linalg.norm(c, axis=1) < 1.0)
+
+
+def exact(psi: float, released: float) -> float:
+    """Outward displacement of the wall."""
+
+    def number(x: float) -> Dual:
+        return Dual(np.array([x]))
+
+    stress = number(CAVITY.pressure)
+    ground = Rock(number(CAVITY.E), number(CAVITY.nu), stress, stress)
+    strength = mohr_coulomb(number(C), number(PHI), number(psi))
+    state = Opening(CAVITY.radius, ground, strength).under((1.0 - released) * stress)
+    return float(state.displacement(np.array([CAVITY.radius])).value[0])
+
+
+def opened(size: float, psi: float) -> StagedModel:
+    return CAVITY.staged(unstructured(size), mohr(C, PHI, psi=psi), stages=STAGES)
+
+
+@pytest.mark.parametrize("psi", [0, 2, 5, 10, 30])
+@pytest.mark.parametrize(
+    "size", [*QUICK, *(pytest.param(size, marks=pytest.mark.slow) for size in FINE)]
+)
+def test_opening_of_unstructured_triangles(size, psi, verification):
+    """The mean of the wall within 1 % at all stages, nothing left of the load."""
+    staged = opened(size, np.radians(psi))
+    run = staged.at(NOTHING, RunOptions(derivatives=False))
+    walls = [CAVITY.outwards(staged, end) for end in run.states()][1:]
+    truth = [exact(np.radians(psi), released) for released in RELEASED]
+    assert run.findings.unbalanced == {}
+    for wall, right in zip(walls, truth, strict=True):
+        assert wall.mean() == pytest.approx(right, rel=0.005)
+        np.testing.assert_allclose(wall, right, rtol=0.015)
+    found = [-wall.mean() for wall in walls]
+    names = [f"{100 * released:.0f} % released" for released in RELEASED]
+    variant = f"{1000 * size:.0f} mm, dilation {psi} degrees"
+    verification("opening-dilation", variant, names, exact=[-x for x in truth], found=found)
+
+
+def parametric(size: float) -> StagedModel:
+    ground = rock(Scalar(1.0, "E"), CAVITY.nu, mohr(Scalar(1.0, "c"), Scalar(1.0, "phi"), psi=0.0))
+    return CAVITY.staged(
+        unstructured(size),
+        parameters=parameters(E=CAVITY.E, c=C, phi=PHI),
+        materials={"rock": ground},
+        channels=(
+            displacement("wall", (1.0, 0.0), (1.0, 0.0)),
+            displacement("crown", (0.0, 1.0), (0.0, 1.0)),
+            displacement("inside", (1.3, 1.0), (1.0, 0.0)),
+        ),
+    )
+
+
+def test_derivatives_without_dilation_are_those_of_the_response():
+    """By differences of marches that start afresh, where Newton's method alone finds no state."""
+    pairs = [(gauge, "open") for gauge in ("wall", "crown", "inside")]
+    p = np.array([CAVITY.E, 1.02 * C, PHI])
+    _, slopes = parametric(0.05).response(pairs).evaluate(p)
+    for column in range(3):
+        step = np.zeros(3)
+        step[column] = 4e-6 * p[column]
+        there = [parametric(0.05).response(pairs).readings(p + sign * step) for sign in (1, -1)]
+        differences = (there[0] - there[1]) / (2.0 * step[column])
+        scale = np.abs(slopes[:, column]).max()
+        np.testing.assert_allclose(differences, slopes[:, column], rtol=0, atol=1e-6 * scale)
+
+
+# --- loads that are not carried ---
+
+PRESSURE, COHESION = 1e5, 1e4
+LIMIT = PRESSURE * np.sin(PHI) + COHESION * np.cos(PHI)
+
+
+def sheared(psi: float | None, part: float, kind: str = "quad8") -> StagedModel:
+    """A box in simple shear, of whose load a part is carried: tau = p sin phi + c cos phi."""
+    tau = LIMIT / part
+
+    def traction(face: str, x: float, y: float) -> Traction:
+        return Traction(face, (Scalar(x), Scalar(y)))
+
+    loads = {
+        "top": traction("y1", tau, 0.0),
+        "right": traction("x1", 0.0, tau),
+        "left": traction("x0", 0.0, -tau),
+    }
+    soil = rock(3e7, 0.3, mohr(COHESION, PHI, psi=psi), name="soil")
+    return model(
+        box(kind, (4, 4)),
+        materials={"soil": soil},
+        groups={"all": "soil"},
+        supports=(Support("y0", (0, 1)),),
+        in_situ=constant(*(-PRESSURE,) * 3),
+        stages=(Stage("shear", loads=loads),),
+    )
+
+
+@pytest.mark.parametrize("part", [0.489, 0.931])
+@pytest.mark.parametrize("psi", [0.0, 0.1, None])
+def test_part_of_a_load_that_is_carried(psi, part):
+    with pytest.raises(CollapseError) as caught:
+        sheared(psi, part).survey(NOTHING, fields=False)
+    assert caught.value.fraction == pytest.approx(part, abs=0.003)
+    text = str(caught.value)
+    assert "the ground cannot carry the loads: plastic collapse" in text
+    assert "% of the change of load of this stage is carried; it shears most in group 'all'" in text
+    motion = caught.value.mechanism.reshape(-1, 2)
+    assert np.abs(motion).max() == pytest.approx(1.0)
+    assert np.all(motion[:, 0] >= -0.05)  # to where it is sheared
+    top = motion[:, 0].argmax()
+    assert sheared(psi, part).mesh.points[top, 1] > 0.7
+
+
+@pytest.mark.parametrize("psi", [0.0, 0.1, None])
+def test_what_is_just_carried_is_in_equilibrium(psi):
+    survey = sheared(psi, 1.01).survey(NOTHING, fields=False)
+    assert survey.collapses == ()
+    assert not [note for note in survey.notes if "not balanced" in note]

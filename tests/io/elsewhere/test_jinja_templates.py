@@ -1,0 +1,134 @@
+"""Templates in Jinja: what they say, what is wrong in them, and what they cannot do."""
+
+import sys
+
+import numpy as np
+import pytest
+from support.elsewhere import EXTERNAL, trusted, write_case
+
+from geoident.errors import InputError
+from geoident.io.case.file import parse_case, read_case
+from geoident.io.elsewhere.jinja_templates import (
+    CannotRender,
+    read_jinja,
+    rendered,
+    smallest_change,
+)
+from geoident.model.parameter import Parameter
+from geoident.workflow.running.jobs import build_model, load_inputs
+
+PARAMETERS = {
+    "E": Parameter("E", 6e9, 1e9, 5e10, dimension="pressure", unit="GPa"),
+    "K0": Parameter("K0", 1.0, 0.3, 3.0),
+}
+VALUES = {"E": 6.25e9, "K0": 0.8}
+IN_JINJA = EXTERNAL.replace(
+    "{opening.in: opening.template}", "{opening.in: {template: opening.template, engine: jinja}}"
+)
+DECK = """\
+{# what the program reads #}
+{{ E | to("GPa") }}
+{{ K0 }}
+"""
+
+
+def read(tmp_path, text):
+    source = tmp_path / "deck.j2"
+    source.write_text(text)
+    return read_jinja(str(source), "deck", PARAMETERS, limit=10**6)
+
+
+def case_of(tmp_path, text=DECK):
+    case = write_case(tmp_path, IN_JINJA)
+    (tmp_path / "opening.template").write_text(text)
+    program = (tmp_path / "opening.py").read_text()
+    (tmp_path / "opening.py").write_text(
+        program.replace('open("opening.in")', "LINES").replace(
+            "\nE, K = ", '\nLINES = [x for x in open("opening.in") if x.strip()]\nE, K = '
+        )
+    )
+    return case
+
+
+def test_it_is_filled_with_units_loops_and_conditions(tmp_path):
+    text = "{% for n in range(2) %}{{ n }},{{ '%8.3f' | format(E | to('MPa')) }}\n{% endfor %}"
+    text += "{% set wide = K0 * 2 %}{{ wide }}{% if K0 < 1 %} low{% endif %}\n"
+    template, faults = read(tmp_path, text)
+    assert faults == []
+    assert {field.parameter for field in template.fields} == {"E", "K0"}
+    assert rendered(template, VALUES) == "0,6250.000\n1,6250.000\n1.6 low\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "place", "said"),
+    [
+        ("{{ E }}\n  {{ nu }}\n", "2:6", "there is no parameter 'nu'"),
+        ("{{ E }}\n{% if K0 %}\n", "2:1", "this is not Jinja"),
+        ("{{ E:10.3e }}\n", "1:1", "this is not Jinja"),
+        ("{{ E | round_up }}\n", "1:1", "No filter named 'round_up'"),
+        ("\n{{ E | to('mm') }}\n", "2:12", "'mm' is no unit of a pressure, as 'E' is"),
+        ("{{ E | to('GPaa') }}\n", "1:12", "there is no unit 'GPaa'"),
+        ("{{ E | to(K0) }}\n", "1:1", "the unit is no text"),
+        ("{{ E }}{% include '/etc/passwd' %}\n", "1:1", "cannot take in another file"),
+        ("nothing\n", "", "the template has no field"),
+    ],
+)
+def test_what_is_wrong_is_said_where_it_stands(tmp_path, text, place, said):
+    _, faults = read(tmp_path, text)
+    fault = faults[0]
+    assert said in fault.message
+    assert str(fault.location) == str(tmp_path / "deck.j2") + (f":{place}" if place else "")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "{{ E.__class__.__mro__[1].__subclasses__() }}",
+        "{{ E }}{{ ''.__class__.__base__.__subclasses__() | length }}",
+        "{{ E / (K0 - 0.8) }}",
+        "{{ range(10 ** 9) | list | length + E }}",
+    ],
+)
+def test_it_reaches_nothing_and_what_it_cannot_compute_is_a_failed_run(tmp_path, text):
+    template, faults = read(tmp_path, text)
+    assert faults == []
+    with pytest.raises(CannotRender, match=r"deck.j2"):
+        rendered(template, VALUES)
+
+
+def test_the_digits_that_it_writes_are_found(tmp_path):
+    template, _ = read(tmp_path, "{{ '%.3e' | format(E) }} {{ K0 }}")
+    assert 1e-4 <= smallest_change(template, VALUES, "E") / 6.25e9 <= 1e-3
+    assert smallest_change(template, VALUES, "K0") < 1e-14
+    constant, _ = read(tmp_path, "{% if E > 1e9 %}stiff{% endif %}")
+    assert smallest_change(constant, VALUES, "E") == 0.0
+
+
+def test_a_case_is_read_checked_and_run_with_it(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    case = case_of(tmp_path)
+    loaded = read_case(str(case))
+    assert loaded.case.elsewhere.seen == {"E", "K0"}
+    assert parse_case(loaded.resolved, str(case)).case.elsewhere == loaded.case.elsewhere
+    model = build_model(load_inputs(str(case)))
+    plain = build_model(load_inputs(str(write_case(tmp_path / "plain"))))
+    with trusted():
+        found, expected = (m.computed(np.array([7e9, 0.9])) for m in (model, plain))
+    np.testing.assert_allclose(found, expected, rtol=1e-12)
+    log = (tmp_path / "case.runs" / "runs.jsonl").read_text()
+    assert "what the program reads" not in log
+
+
+def test_a_parameter_that_it_does_not_name_is_a_fault_of_the_case(tmp_path):
+    with pytest.raises(InputError, match="'K0' has no field in any template"):
+        read_case(str(case_of(tmp_path, "{{ E }}")))
+
+
+def test_without_the_library_it_is_named(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "jinja2", None)
+    monkeypatch.delitem(sys.modules, "geoident.io.elsewhere.jinja_templates")
+    with pytest.raises(InputError) as caught:
+        read_case(str(case_of(tmp_path)))
+    [fault] = caught.value.faults
+    assert fault.hint == 'Install the library that fills it: pip install "geoident[jinja]".'
+    assert fault.location.line == 5

@@ -1,0 +1,149 @@
+"""A scheduler and workers of dask as processes of this machine, which tests may kill."""
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+import uuid
+from contextlib import suppress
+from pathlib import Path
+
+import geoident
+
+MARK = "GEOIDENT_TEST_CLUSTER"
+ROOT = str(Path(geoident.__file__).parents[1])
+
+
+def free_port():
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+def runs(pid):
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+def wait_until(condition, seconds=60.0):
+    over = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < over
+        time.sleep(0.02)
+
+
+class RealCluster:
+    """A scheduler and its workers, each worker with a nanny that starts it again.
+
+    Args:
+        folder: for what they write.
+    """
+
+    def __init__(self, folder):
+        self.folder = folder
+        self.port = free_port()
+        self.address = f"tcp://127.0.0.1:{self.port}"
+        self.mark = uuid.uuid4().hex
+        self.scheduler = None
+        self.nodes = []
+
+    def _start(self, *words, path=""):
+        paths = os.pathsep.join(part for part in (path, ROOT) if part)
+        return subprocess.Popen(
+            [sys.executable, "-m", *words],
+            env={**os.environ, MARK: self.mark, "PYTHONPATH": paths, "OMP_NUM_THREADS": "1"},
+            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True,
+        )  # fmt: skip
+
+    def start_scheduler(self):
+        self.scheduler = self._start(
+            "distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", str(self.port),
+            "--no-dashboard", "--no-show", "--idle-timeout", "120",
+        )  # fmt: skip
+
+    def add_node(self, *words, path=""):
+        """A worker and its nanny.
+
+        Args:
+            words: more options.
+            path: a folder in front of PYTHONPATH.
+        """
+        node = self._start(
+            "distributed.cli.dask_worker", self.address, "--host", "127.0.0.1", "--nthreads", "1",
+            "--no-dashboard", "--memory-limit", "0", "--local-directory", str(self.folder),
+            "--death-timeout", "20", *words, path=path,
+        )  # fmt: skip
+        self.nodes.append(node)
+        return node
+
+    def family(self):
+        """Processes that belong to the cluster."""
+        found = []
+        for entry in Path("/proc").iterdir():
+            with suppress(OSError):
+                if entry.name.isdigit() and self.mark.encode() in (entry / "environ").read_bytes():
+                    found.append(int(entry.name))
+        return found
+
+    def children(self):
+        """Workers (without their nannies), and the processes in which tasks run."""
+        heads = {self.scheduler.pid, *(node.pid for node in self.nodes)}
+        return [pid for pid in self.family() if pid not in heads and b"spawn_main" in _words(pid)]
+
+    def run_processes(self):
+        """The processes in which tasks run: children of workers."""
+        own = self.children()
+        return [pid for pid in own if _parent(pid) in own]
+
+    def workers(self):
+        """The processes of dask's workers."""
+        own = self.children()
+        return [pid for pid in own if _parent(pid) not in own]
+
+    def kill_scheduler(self):
+        self.scheduler.kill()
+        self.scheduler.wait()
+
+    def kill_node(self, node):
+        """All processes of a worker at once."""
+        for pid in self.family():
+            with suppress(ProcessLookupError, PermissionError):
+                if os.getpgid(pid) == node.pid or _ancestor(pid, node.pid):
+                    os.kill(pid, signal.SIGKILL)
+        node.wait()
+        self.nodes.remove(node)
+
+    def __enter__(self):
+        self.start_scheduler()
+        return self
+
+    def __exit__(self, *_):
+        for pid in self.family():
+            with suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGKILL)
+        for process in (self.scheduler, *self.nodes):
+            process.wait()
+
+
+def _words(pid):
+    with suppress(OSError):
+        return Path(f"/proc/{pid}/cmdline").read_bytes()
+    return b""
+
+
+def _parent(pid):
+    with suppress(OSError, IndexError):
+        return int(Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[1])
+    return 0
+
+
+def _ancestor(pid, of):
+    while pid > 1:
+        if pid == of:
+            return True
+        pid = _parent(pid)
+    return False

@@ -1,0 +1,166 @@
+"""A campaign on a cluster: the same results, written as they come, whatever happens there."""
+
+import errno
+import os
+import shutil
+from contextlib import contextmanager
+from pathlib import Path
+
+import h5py
+import pytest
+
+import geoident
+from geoident.errors import ExitCode, InputError, LostCluster, OutputError
+from geoident.model.cluster import Cluster
+from geoident.report.text.campaign.spreadsheet import runs_csv
+from geoident.workflow.campaign import away
+from geoident.workflow.campaign.away import AwayRuns, cluster_executor, compute_away
+from geoident.workflow.campaign.campaign import compute
+from geoident.workflow.campaign.one_run import compute as compute_run
+from geoident.workflow.campaign.one_run import tasks
+from geoident.workflow.campaign.plan import plan_campaign
+from geoident.workflow.campaign.runs import read_runs
+from geoident.workflow.executing.executor import Answered
+
+OPENING = Path(geoident.__file__).parent / "templates" / "opening"
+VARY = "variations: {product: {parameters.E_rock.start: [1 GPa, 2 GPa, 3 GPa]}}"
+OF_EACH_RUN = {"created", "seconds"}
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    for path in OPENING.iterdir():
+        shutil.copy(path, tmp_path)
+    monkeypatch.chdir(tmp_path)
+    write(f"set: {{fit.backtest: false}}\n{VARY}")
+    return tmp_path
+
+
+def write(text):
+    Path("campaign.yaml").write_text(f"format: geoident-campaign/1\ncase: case.yaml\n{text}\n")
+
+
+def content(path):
+    """All that a result holds, but for when and how long."""
+    found = {}
+
+    def take(name, item):
+        found.update({f"{name}@{key}": repr(value) for key, value in item.attrs.items()
+                      if key not in ("DIMENSION_LIST", "REFERENCE_LIST")})  # fmt: skip
+        if isinstance(item, h5py.Dataset):
+            value = item[()]
+            found[name] = repr(value.tolist() if hasattr(value, "tolist") else value)
+
+    with h5py.File(path) as file:
+        file.visititems(take)
+        found.update({key: repr(value) for key, value in file.attrs.items()})
+    return {key: value for key, value in found.items() if key not in OF_EACH_RUN}
+
+
+def serial(plan):
+    """The same runs, one after the other in this process."""
+    plan.folder.mkdir()
+    make = tasks(plan.campaign, plan.folder, fresh=False)
+    return [compute_run(make(run)) for run in plan.runs]
+
+
+class There:
+    """A cluster in this process, in a folder of its own; it may be lost after some tasks."""
+
+    def __init__(self, place, parcel_of, lose_after=None):
+        self.place, self.parcel_of, self.lose_after = place, parcel_of, lose_after
+
+    def run(self, tasks):
+        for number, task in enumerate(tasks):
+            if number == self.lose_after:
+                raise LostCluster("tcp://node1:8786", 1.0)
+            with working_in(self.place):
+                end = compute_away(task)
+            yield Answered(number, end, seconds=0.1)
+
+
+@contextmanager
+def working_in(place):
+    before = Path.cwd()
+    os.chdir(place)
+    try:
+        yield
+    finally:
+        os.chdir(before)
+
+
+@pytest.fixture
+def there(here, tmp_path_factory):
+    place = tmp_path_factory.mktemp("there")
+    for path in OPENING.iterdir():
+        shutil.copy(path, place)
+    return place
+
+
+def computed(executor, **given):
+    plan = plan_campaign("campaign.yaml", **given)
+    return compute(plan, AwayRuns(executor, plan), lambda record: None, runs_csv), plan
+
+
+def test_results_of_a_cluster_are_those_of_the_serial_run_bit_for_bit(here):
+    write(f"command: simulate\n{VARY}")
+    plan = plan_campaign("campaign.yaml", output=str(here / "away"))
+    with cluster_executor(plan, Cluster(), 1, lambda message: None) as cluster:
+        table = compute(plan, AwayRuns(cluster, plan), lambda record: None, runs_csv)
+    assert table.exit_code == 0
+    expected = serial(plan_campaign("campaign.yaml", output="here"))
+    for run, one in zip(table.runs, expected, strict=True):
+        assert repr(run.readings) == repr(one.readings)
+        assert content(f"away/{run.file}") == content(f"here/{one.file}")
+    assert not plan_campaign("campaign.yaml", output=str(here / "away")).left
+
+
+def test_a_cluster_that_is_lost_leaves_what_had_ended(there):
+    with pytest.raises(LostCluster) as caught:
+        computed(There(there, None, lose_after=1))
+    assert caught.value.exit_code == ExitCode.SOME_FAILED
+    assert [run.name for run in read_runs("campaign.batch").runs] == ["0001"]
+    assert Path("campaign.batch/runs.csv").is_file()
+    table, plan = computed(There(there, None))
+    assert len(plan.left) == 2
+    assert table.exit_code == 0
+
+
+def test_a_disk_that_is_full_here_ends_the_campaign_and_costs_nothing_that_is_there(
+    there, monkeypatch
+):
+    whole, written = away.atomic_output, []
+
+    @contextmanager
+    def full(path, **given):
+        with whole(path, **given) as temporary:
+            yield temporary
+            written.append(path)
+            if len(written) == 2:
+                raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(away, "atomic_output", full)
+    with pytest.raises(OutputError, match="No space left on device") as caught:
+        computed(There(there, None))
+    assert caught.value.exit_code == ExitCode.OUTPUT
+    assert sorted(path.name for path in Path("campaign.batch").glob("*.h5")) == ["0001.fit.h5"]
+    _, plan = computed(There(there, None))
+    assert [run.name for run in plan.left] == ["0002", "0003"]
+
+
+def test_a_result_of_other_input_is_kept_beside(there):
+    computed(There(there, None))
+    write("set: {fit.backtest: false, materials.rock.nu: 0.3}\n" + VARY)
+    computed(There(there, None))
+    names = sorted(path.name for path in Path("campaign.batch").glob("0001*"))
+    assert names == ["0001.fit.1.h5", "0001.fit.h5"]
+
+
+def test_a_file_that_is_named_by_its_place_here_is_refused(here):
+    readings = str(here / "readings.csv")
+    Path(readings).touch()
+    case = Path("case.yaml")
+    case.write_text(f"{case.read_text()}\ntitle2: {readings}\n")
+    with pytest.raises(InputError, match="is not in this place on a cluster") as caught:
+        away._require_relative("case.yaml")
+    assert readings in str(caught.value)
