@@ -39,6 +39,7 @@ from geoident.io.schema.faults import add_schema_faults, paths_of
 from geoident.io.schema.partial import Rest
 from geoident.io.schema.values import kind_of
 from geoident.io.text.faults import Faults, Places
+from geoident.io.text.kinds import refuse_other_kind
 from geoident.io.text.overrides import apply_overrides
 from geoident.io.text.text_file import STDIN, decode, read_bytes
 from geoident.io.text.wording import shorten
@@ -123,6 +124,7 @@ def parse_case(
         InputError: with all faults found.
     """
     document = parse_yaml(text, _shown(path))
+    refuse_other_kind(document, "case")
     places = apply_overrides(document, overrides)
     idle = _left_idle(document.data, places.data)
     if idle:
@@ -204,7 +206,7 @@ def _build(section: CaseSection, folder: Path, faults: Faults, *, with_mesh: boo
     check_references(section, faults)
     read = read_all(section, partial(_find, folder, faults=faults), faults)
     built = build_case(section, faults)
-    elsewhere = _elsewhere(section, built, folder, faults) if with_mesh else None
+    elsewhere = _elsewhere(section, built, read.dates, folder, faults) if with_mesh else None
     if isinstance(elsewhere, RunTable):
         built = replace(built, parameters=within_runs(built.parameters, elsewhere))
     case = replace(
@@ -220,8 +222,10 @@ def _build(section: CaseSection, folder: Path, faults: Faults, *, with_mesh: boo
     return _Built(case, mesh_path, read.paths)
 
 
-def _elsewhere(section: CaseSection, case: Case, folder: Path, faults: Faults) -> Elsewhere | None:
-    """The program, function or table of a case; None for one that geoident computes."""
+def _elsewhere(
+    section: CaseSection, case: Case, dates: Mapping[str, float], folder: Path, faults: Faults
+) -> Elsewhere | None:
+    """The program, function, table or law of a case; None for one of ground."""
     if section.model is None:
         return None
     around = Surroundings(
@@ -232,6 +236,7 @@ def _elsewhere(section: CaseSection, case: Case, folder: Path, faults: Faults) -
         folder=folder,
         find=partial(_find, folder, faults=faults),
         faults=faults,
+        dates=dates,
     )
     return build_elsewhere(section.model, around)
 
