@@ -31,6 +31,7 @@ DIMENSIONS: Mapping[str, str] = {
     "temperature": "K",
     "expansion": "1/K",
     "frequency": "Hz",
+    "time": "s",
     DIMENSIONLESS: "",
     "strain": "m/m",
 }
@@ -197,6 +198,20 @@ _TABLE: Mapping[str, Mapping[str, float]] = {
     "temperature": {"K": 1.0, "degC": 1.0},
     "expansion": {"1/K": 1.0, "1/degC": 1.0, "1/degF": 1.8, "microstrain/degC": 1e-6},
     "frequency": {"Hz": 1.0, "kHz": 1e3},
+    "time": {
+        "s": 1.0,
+        "min": 60.0,
+        "h": 3600.0,
+        "d": _DAY,
+        "day": _DAY,
+        "days": _DAY,
+        "week": 7 * _DAY,
+        "weeks": 7 * _DAY,
+        "month": _YEAR / 12,
+        "months": _YEAR / 12,
+        "year": _YEAR,
+        "years": _YEAR,
+    },
     DIMENSIONLESS: {"": 1.0, "%": 1e-2},
     "strain": {
         "m/m": 1.0,

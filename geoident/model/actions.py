@@ -99,7 +99,7 @@ class MotionField:
 
 @dataclass(frozen=True)
 class Contraction:
-    """A wall moves towards its centre, so that a part of the area within it is lost (theory 2.6).
+    """A wall moves towards its centre, so that a part of the area within it is lost (theory 2.8).
 
     Args:
         part: of the area.

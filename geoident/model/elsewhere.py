@@ -1,4 +1,4 @@
-"""A model that geoident does not compute itself: a program, a function of Python, a table of runs.
+"""A model without ground of its own: a program, a function of Python, a table of runs, a law.
 
 What a case says of it, with the texts of its templates; nothing here is run. Runs are numbered
 computations at one parameter vector: a program has a folder for each.
@@ -14,6 +14,7 @@ import numpy as np
 
 from geoident.errors import Location
 from geoident.model.arrays import Bools, Floats
+from geoident.model.parameter import Scalar
 
 
 @dataclass(frozen=True)
@@ -304,7 +305,59 @@ class RunTable:
         return (self.path,)
 
 
-Elsewhere = ExternalProgram | PythonFunction | RunTable
+@dataclass(frozen=True)
+class Creep:
+    """What time adds to the convergence law: {1 + m [1 - (T / (t + T))^n]}, gauge by gauge.
+
+    Args:
+        size: n_channels of m, the part by which convergence grows in the end.
+        time: n_channels of T, s.
+        exponent: n_channels of n.
+    """
+
+    size: tuple[Scalar, ...]
+    time: tuple[Scalar, ...]
+    exponent: tuple[Scalar, ...]
+
+
+@dataclass(frozen=True)
+class ConvergenceLaw:
+    """Convergence of a tunnel in distance to the face and time (Sulem, Panet and Guenot 1987).
+
+    C(x, t) = C_inf [1 - (X / (x + X))^2] {1 + m [1 - (T / (t + T))^n]}
+
+    Args:
+        limit: n_channels of C_inf, in the unit of what the gauge reads.
+        range: n_channels of X, m.
+        creep: what time adds; None for nothing.
+        distance: (n_stages, n_channels) from the section to the face, m; NaN before it passed.
+        age: (n_stages, n_channels) since the section was excavated, s; NaN where it does not count.
+    """
+
+    limit: tuple[Scalar, ...]
+    range: tuple[Scalar, ...]
+    creep: Creep | None
+    distance: Floats = field(compare=False)
+    age: Floats = field(compare=False)
+
+    @property
+    def scalars(self) -> tuple[Scalar, ...]:
+        """All its constants."""
+        own = () if self.creep is None else self.creep.size + self.creep.time + self.creep.exponent
+        return self.limit + self.range + own
+
+    @property
+    def seen(self) -> frozenset[str]:
+        """Names of the parameters of which it is made."""
+        return frozenset(s.parameter for s in self.scalars if s.parameter is not None)
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Paths of all files that the model consists of: none."""
+        return ()
+
+
+Elsewhere = ExternalProgram | PythonFunction | RunTable | ConvergenceLaw
 
 
 def seen_parameters(given: Elsewhere, names: Sequence[str]) -> tuple[bool, ...]:

@@ -14,7 +14,7 @@ from geoident.forward.model import StagedModel
 from geoident.forward.protocols import CaseModel
 from geoident.forward.reduced.stress_rows import beyond_reduction
 from geoident.model.case import Case
-from geoident.model.elsewhere import RunTable
+from geoident.model.elsewhere import ConvergenceLaw, RunTable
 from geoident.model.gauges import ReadingTable, named_channels
 from geoident.model.mesh import Mesh
 from geoident.model.methods import method_name
@@ -141,6 +141,8 @@ def _elsewhere(case: Case) -> str:
     if case.elsewhere is None:
         return ""
     words = executed(case.elsewhere)
+    if isinstance(case.elsewhere, ConvergenceLaw):
+        return words
     if isinstance(case.elsewhere, RunTable):
         return f"the model is elsewhere: {words}, and response surfaces between them"
     return f"the model is elsewhere: {words}; a run gives all readings at one parameter vector"

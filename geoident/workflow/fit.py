@@ -44,6 +44,7 @@ from geoident.workflow.running.jobs import Job, job_provenance
 from geoident.workflow.running.kept_reduced import NONE, made_to_keep
 from geoident.workflow.running.reading_units import noted, unit_doubts
 from geoident.workflow.running.readings import gauge_table, stated_sd, unused_notes
+from geoident.workflow.scoring.convergence import convergence_notes
 from geoident.workflow.scoring.extrapolation import extrapolation_findings, stress_levels
 from geoident.workflow.scoring.ladder import climb
 from geoident.workflow.scoring.trials import LastStage, added, last_stage
@@ -207,6 +208,7 @@ def _result(
             *dict.fromkeys((*setup.model.notes, *found.survey.notes, *found.outcome.remarks)),
             *model_error_notes(setup.model_error, case, found.readings, job.methods),
             *surface_notes(setup.surface),
+            *convergence_notes(setup.model, found),
             *unused_notes(found.readings),
             *score(gauges, prediction),
             *last.notes,

@@ -2,7 +2,7 @@
 
 A state imposes w_j, the change of what its supports give since the state on which it builds: zero
 for a support that only holds. A support that begins later counts from the shape that the ground
-has then (theory 2.6).
+has then (theory 2.8).
 """
 
 from __future__ import annotations
@@ -289,7 +289,7 @@ def _contradictions(on_mesh: CaseOnMesh) -> Iterator[Fault]:
         for k, name in enumerate(names):
             dofs, moved = motions.step_of(n, name, point)
             shared = owner[dofs] >= 0
-            size = np.maximum(np.abs(moved), np.abs(step[dofs]))
+            size = np.maximum(np.abs(moved).max(axis=0, initial=0.0), np.abs(step).max(axis=0))
             differ = shared & (np.abs(moved - step[dofs]) > _SAME * size).any(axis=1)
             if differ.any():
                 dof = int(dofs[np.flatnonzero(differ)[0]])

@@ -44,7 +44,12 @@ _RIDGE = 1e-9
 _LEAST = 1e-5
 """Scatter in parts of its largest below which it is zero."""
 
-_NODES, _POINTS = 201, 10
+_NODES = {1: 201, 2: 45}
+"""Nodes along each tau, of a grid for so many; for more there are points of Sobol."""
+
+_POINTS = 12
+"""Power of two: number of these points."""
+
 _DROP = 24.0
 """Fall of -2 log L within which nodes lie: beyond it there is 1e-5 of the posterior."""
 
@@ -342,8 +347,8 @@ class ScatterPosterior:
 
     def interval(self, k: int) -> tuple[float, float]:
         """Ends of the shortest interval that holds 95 % of tau_k."""
-        order = np.argsort(self.nodes[:, k], kind="stable")
-        sizes, steps = self.nodes[order, k], self.weights[order]
+        sizes, place = np.unique(self.nodes[:, k], return_inverse=True)
+        steps = np.bincount(place.ravel(), self.weights)
         below = np.concatenate([[0.0], np.cumsum(steps) - 0.5 * steps, [1.0]])
         sizes = np.concatenate([[0.0], sizes, [sizes[-1]]])
         first = np.linspace(0.0, 0.05, 251)
@@ -365,8 +370,9 @@ def scatter_posterior(linear: LinearSections, tau: Floats, free: Bools) -> Scatt
     if not len(dims):
         return ScatterPosterior(tau[None, :], np.ones(1), linear.largest)
     top = np.array([_reach(linear, tau, int(k)) for k in dims])
-    if len(dims) == 1:
-        unit = (np.arange(_NODES) + 0.5)[:, None] / _NODES
+    if len(dims) in _NODES:
+        along = (np.arange(_NODES[len(dims)]) + 0.5) / _NODES[len(dims)]
+        unit = np.stack(np.meshgrid(*[along] * len(dims)), axis=-1).reshape(-1, len(dims))
     else:
         unit = qmc.Sobol(len(dims), scramble=False).random_base2(_POINTS) + 0.5 / 2**_POINTS
     nodes = np.tile(tau, (len(unit), 1))

@@ -25,7 +25,7 @@ from pydantic import (
 from pydantic_core import PydanticKnownError
 
 from geoident.io.case.actions import LoadSection, WaterSection, build_loads
-from geoident.io.case.elsewhere.section import ElsewhereSection
+from geoident.io.case.elsewhere.section import ConvergenceLawSection, ElsewhereSection
 from geoident.io.case.fit import AxisSection, FitSection
 from geoident.io.case.frames import oriented
 from geoident.io.case.gauges.kinds import GaugeSection, build_channels
@@ -111,7 +111,10 @@ def _or_elsewhere(instead: object) -> WrapValidator:
 def _stages(value: Any, handler: ValidatorFunctionWrapHandler, info: ValidationInfo) -> Any:
     if not isinstance(value, _Absent):
         return handler(value)
-    return [] if info.data.get("model") is None else [StageSection(name=ONE_STAGE)]
+    model = info.data.get("model")
+    if isinstance(model, ConvergenceLawSection):
+        return [StageSection(name=name) for name in model.face]
+    return [] if model is None else [StageSection(name=ONE_STAGE)]
 
 
 _GROUND = ("analysis", "materials", "groups")
@@ -134,9 +137,10 @@ class CaseSection(Section):
     title: Text = Field("", description="Free text.")
     model: ElsewhereSection | None = Field(
         None,
-        description="A program or a function of Python that gives the readings, in place of "
-        "`mesh`, ground and supports: of a stage only its name is left then, of a gauge `kind: "
-        "reading` with its accuracy. `analysis`, `materials` and `groups` are required without it.",
+        description="A program, a function of Python, a table of runs or a law of convergence "
+        "that gives the readings, in place of `mesh`, ground and supports: of a stage only its "
+        "name is left then, of a gauge `kind: reading` with its accuracy. `analysis`, `materials` "
+        "and `groups` are required without it.",
     )
     analysis: Annotated[
         Literal["plane-strain", "axisymmetric", "solid"], _or_elsewhere("plane-strain")
@@ -531,7 +535,7 @@ def _check_ties(section: CaseSection, faults: Faults) -> None:
             used.add(given.parameter)
             _check_tie(section, path, given, given.parameter, faults)
     for name in section.parameters:
-        if name not in used and section.model is None:
+        if name not in used and isinstance(section.model, ConvergenceLawSection | None):
             message = f"the parameter '{name}' is declared, but nothing depends on it"
             hint = f"Write ${name} where it stands, or remove it."
             faults.add(("parameters", name), "unused-parameter", message, hint, key=True)

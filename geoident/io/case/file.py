@@ -204,7 +204,7 @@ def _build(section: CaseSection, folder: Path, faults: Faults, *, with_mesh: boo
     check_references(section, faults)
     read = read_all(section, partial(_find, folder, faults=faults), faults)
     built = build_case(section, faults)
-    elsewhere = _elsewhere(section, built, folder, faults) if with_mesh else None
+    elsewhere = _elsewhere(section, built, read.dates, folder, faults) if with_mesh else None
     if isinstance(elsewhere, RunTable):
         built = replace(built, parameters=within_runs(built.parameters, elsewhere))
     case = replace(
@@ -220,8 +220,10 @@ def _build(section: CaseSection, folder: Path, faults: Faults, *, with_mesh: boo
     return _Built(case, mesh_path, read.paths)
 
 
-def _elsewhere(section: CaseSection, case: Case, folder: Path, faults: Faults) -> Elsewhere | None:
-    """The program, function or table of a case; None for one that geoident computes."""
+def _elsewhere(
+    section: CaseSection, case: Case, dates: Mapping[str, float], folder: Path, faults: Faults
+) -> Elsewhere | None:
+    """The program, function, table or law of a case; None for one of ground."""
     if section.model is None:
         return None
     around = Surroundings(
@@ -232,6 +234,7 @@ def _elsewhere(section: CaseSection, case: Case, folder: Path, faults: Faults) -
         folder=folder,
         find=partial(_find, folder, faults=faults),
         faults=faults,
+        dates=dates,
     )
     return build_elsewhere(section.model, around)
 

@@ -47,6 +47,7 @@ _EXAMPLES: Mapping[str | None, str] = {
     "unit weight": "26 kN/m3",
     "acceleration": "9.81 m/s2",
     "velocity": "0.5 mm/month",
+    "time": "10 days",
     "force": "100 kN",
     "line load": "100 kN/m",
     "area": "600 mm2",
@@ -432,6 +433,8 @@ AxialStiffness = Annotated[Given, Of("force", tied=True, above=0.0)]
 WallStiffness = Annotated[Given, Of("line load", tied=True, above=0.0)]
 BendingStiffness = Annotated[Given, Of("bending stiffness", tied=True, above=0.0)]
 Positive = Annotated[Given, Of(DIMENSIONLESS, above=0.0)]
+TiedLength = Annotated[Given, Of("length", tied=True, above=0.0)]
+TiedTime = Annotated[Given, Of("time", tied=True, above=0.0)]
 Dimensionless = Annotated[Given, Of(DIMENSIONLESS)]
 GivenAngle = Annotated[Given, Of("angle")]
 GivenSize = Annotated[Given, Of("length", above=0.0)]

@@ -13,6 +13,7 @@ from geoident.identify.assessment.model_error import SIZES, SizeWeights
 from geoident.identify.problem.errors import ErrorStructure
 from geoident.model.arrays import Bools, Ints
 from geoident.model.case import Case
+from geoident.model.elsewhere import ConvergenceLaw
 from geoident.model.gauges import Channel, ReadingTable
 from geoident.model.methods import ComplementarityOptions, MethodOptions, ScanOptions
 from geoident.model.results.model_error import USUAL, ModelErrorTable
@@ -73,6 +74,11 @@ def _not_asked(case: Case, methods: Sequence[MethodOptions]) -> str | None:
     last = methods[-1]
     if case.fit.model_error.kind == "none":
         return ""
+    if isinstance(case.elsewhere, ConvergenceLaw):
+        return (
+            "A convergence law has no ground, so no model error is estimated: intervals and bands "
+            "are those of a law without error."
+        )
     if case.elsewhere is not None:
         return (
             "The model is elsewhere and its readings have no place, so no model error is "

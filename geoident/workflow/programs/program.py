@@ -32,6 +32,7 @@ from geoident.io.text.wording import did_you_mean
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case
 from geoident.model.elsewhere import (
+    ConvergenceLaw,
     Elsewhere,
     ExternalProgram,
     JinjaTemplate,
@@ -68,6 +69,9 @@ def executed(given: Elsewhere) -> str:
     Args:
         given: the model.
     """
+    if isinstance(given, ConvergenceLaw):
+        also = "" if given.creep is None else " and time"
+        return f"convergence law in distance to the face{also} (Sulem, Panet and Guenot 1987)"
     if isinstance(given, RunTable):
         return f"the {len(given)} runs of {Path(given.path).name}"
     if isinstance(given, PythonFunction):

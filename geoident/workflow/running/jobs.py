@@ -18,6 +18,7 @@ from geoident import __version__
 from geoident.errors import Fault, InputError, Location, ModelError, Term
 from geoident.fem.solvers import pick_solver
 from geoident.forward.checks import faults_on_mesh
+from geoident.forward.elsewhere.convergence import LawModel
 from geoident.forward.elsewhere.model import ElsewhereModel
 from geoident.forward.elsewhere.runs import ModelRuns
 from geoident.forward.elsewhere.table import SurfaceRuns, TableModel
@@ -31,7 +32,7 @@ from geoident.io.result.file import FORMAT
 from geoident.io.text.text_file import STDIN, require_file, seen_from
 from geoident.model.arrays import Floats
 from geoident.model.case import Case, Source
-from geoident.model.elsewhere import ExternalProgram, RunTable
+from geoident.model.elsewhere import ConvergenceLaw, ExternalProgram, RunTable
 from geoident.model.mesh import Mesh
 from geoident.model.methods import MethodOptions, method_name
 from geoident.model.results.result import Provenance, Result
@@ -293,6 +294,8 @@ def build_model(
         folder = runs_folder(inputs.path)
         if isinstance(elsewhere, RunTable):
             return TableModel(inputs.case, SurfaceRuns(inputs.case, elsewhere))
+        if isinstance(elsewhere, ConvergenceLaw):
+            return LawModel(inputs.case, elsewhere)
         if isinstance(elsewhere, ExternalProgram):
             runs: ModelRuns = ProgramRuns(inputs.case, elsewhere, folder, again=fresh)
         else:

@@ -6,15 +6,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.cases import displacement, material, model, rollers
+from support.cases import displacement, make_case, material, model, rollers
 from support.derivatives import assert_exact
-from support.meshes import box, opening, regroup
+from support.meshes import box, regroup
+from support.shield import ring
 from support.yielding import mohr, parameters, rock
 
-from geoident.fem.faces import face_table, patches
+from geoident.errors import InputError
+from geoident.forward.affine import affine_obstacle
+from geoident.forward.checks import check_on_mesh
+from geoident.forward.reduced.coverage import reduction_obstacle
 from geoident.model.actions import Contraction, MotionField, Pressure
 from geoident.model.case import Analysis, Stage, Support
-from geoident.model.mesh import ElementBlock
+from geoident.model.mesh import nodes_in
 from geoident.model.parameter import Scalar
 from geoident.model.structures import Beam
 
@@ -82,23 +86,6 @@ def test_motions_about_an_axis_of_revolution():
     np.testing.assert_allclose(found.reactions.force[2, 1, 0], radial * 2 * np.pi * 2.0, rtol=1e-9)
 
 
-def _ring(n: int, *, reach: float = 8.0, whole: bool = False):
-    """An opening of radius 2 with the groups `wall` and `rim` of lines at both ends."""
-    mesh = opening("quad8", 2, n=n, layers=2 * n, radius=2.0, reach=reach, whole=whole)
-    table = face_table(mesh)
-    lines, groups = list(mesh.facets), dict(mesh.facet_groups)
-    core = np.zeros(mesh.n_elements, dtype=bool)
-    core[mesh.groups["core"]] = True
-    for name, inside, radius in (("wall", core, 2.0), ("rim", core | True, reach)):
-        r = np.linalg.norm(mesh.points, axis=1)
-        faces = [p.nodes for p in patches(mesh, table, table.free(inside))]
-        found = np.vstack([f[np.all(np.abs(r[f] - radius) < 1e-9, axis=1)] for f in faces])
-        first = sum(len(b) for b in lines)
-        lines.append(ElementBlock("line3", found, np.arange(len(found))))
-        groups[name] = first + np.arange(len(found))
-    return replace(mesh, facets=tuple(lines), facet_groups=groups)
-
-
 def lame(r, inner, wall_motion, outer):
     """Radial displacement between a wall r = inner that moves by this and a fixed edge."""
     # u = A r + B / r with u(outer) = 0
@@ -109,7 +96,7 @@ def lame(r, inner, wall_motion, outer):
 def test_a_wall_that_is_moved_converges_to_the_thick_walled_cylinder():
     errors = []
     for n in (1, 2, 4):
-        mesh = _ring(n)
+        mesh = ring(n)
         wall = Support("wall", (0, 1), contraction=Contraction(Scalar(0.01), centre=(0.0, 0.0)))
         found = surveyed(
             mesh,
@@ -118,18 +105,18 @@ def test_a_wall_that_is_moved_converges_to_the_thick_walled_cylinder():
             stages=(Stage("drive", excavate=("core",), supports={"wall": wall}),),
         )
         u, r = found.fields.displacement[1], np.linalg.norm(mesh.points, axis=1)
-        ring = r > 2.0 + 1e-9
-        exact = lame(r[ring], 2.0, -0.01, 8.0)
-        radial = (u[ring] * mesh.points[ring]).sum(axis=1) / r[ring]
+        out = r > 2.0 + 1e-9
+        exact = lame(r[out], 2.0, -0.01, 8.0)
+        radial = (u[out] * mesh.points[out]).sum(axis=1) / r[out]
         errors.append(np.abs(radial - exact).max() / 0.01)
     assert errors[1] < errors[0] / 3
     assert errors[2] < errors[1] / 3
     assert errors[2] < 1e-3
 
 
-def test_volume_loss_in_far_ground():
+def test_volume_loss_in_far_ground(verification):
     """Uniform convergence: u_r = -(V/2) a^2 / r in infinite ground."""
-    mesh = _ring(2, reach=400.0, whole=True)
+    mesh = ring(2, layers=14, reach=400.0, whole=True)
     mesh = replace(mesh, points=mesh.points + np.array([3.0, -20.0]))
     wall = Support("wall", (0, 1), contraction=Contraction(number("V")))
     found = surveyed(
@@ -145,6 +132,10 @@ def test_volume_loss_in_far_ground():
     near = (r > 1.99) & (r < 20.0)
     exact = -0.01 * 4.0 * from_centre[near] / r[near, None] ** 2
     np.testing.assert_allclose(u[near], exact, atol=0.01 * 0.02)
+    ray = np.flatnonzero(near & (from_centre[:, 0] > 0) & (np.abs(from_centre[:, 1]) < 1e-9))
+    ray = ray[np.argsort(r[ray])]
+    verification("volume-loss", "", r[ray], exact=-0.04 / r[ray], found=u[ray, 0])
+    np.testing.assert_allclose(u[ray, 0], -0.04 / r[ray], atol=1e-3 * 0.02)
 
 
 def _stages():
@@ -205,3 +196,88 @@ def test_derivatives_where_ground_yields(flow):
     response, p, names, staged = _problem(law, c=1e5, phi=0.5, v=-1e-3, f=-1.3)
     assert_exact(response, p, names, rtol=3e-7)
     assert staged.survey(p, fields=True).fields.yielded[1:].any()
+
+
+def test_motions_that_forces_made_need_these_forces():
+    """What a pressure moves, fed back as measured motions, is the same state of the ground."""
+    mesh = ring(2)
+    usual = {"groups": {"rock": "rock", "core": "rock"}}
+    sides = (*rollers(2), Support("rim", (0, 1)))
+    load = {"p": Pressure("wall", Scalar(1e5))}
+    pushed = surveyed(
+        mesh, supports=sides, stages=(Stage("one", excavate=("core",), loads=load),), **usual
+    )
+    wall = nodes_in(mesh.facets, mesh.facet_groups["wall"])
+    u = pushed.fields.displacement[1, wall]
+    field = MotionField(tuple(map(tuple, mesh.points[wall])), (0, 1), tuple(map(tuple, u)))
+    support = Support("wall", (0, 1), measured=field)
+    stages = (Stage("one", excavate=("core",), supports={"wall": support}),)
+    moved_ = surveyed(mesh, supports=sides, stages=stages, **usual)
+    scale = np.abs(u).max()
+    np.testing.assert_allclose(
+        moved_.fields.displacement[1], pushed.fields.displacement[1], atol=1e-9 * scale
+    )
+    np.testing.assert_allclose(moved_.fields.stress[1], pushed.fields.stress[1], atol=1e-4)
+    names = moved_.reactions.supports
+    force = moved_.reactions.force[names.index("wall"), 1]
+    held = pushed.reactions.force[:, 1]  # in balance with p on the quarter of the wall
+    np.testing.assert_allclose(np.nansum(held, axis=0), -2e5, rtol=1e-9)
+    total = np.nansum(moved_.reactions.force[:, 1], axis=0)
+    np.testing.assert_allclose(total, 0.0, atol=1e-6 * 2e5)
+    assert (force > 0).all()
+
+
+def test_what_cannot_be_is_said_with_place_and_remedy():
+    mesh = ring(1)
+    points = MotionField(((2.0, 0.0), (1.9, 0.5)), (0,), ((0.001,), (0.002,)))
+    supports = (
+        *rollers(2),
+        Support("rim", (0, 1)),
+        replace(moved("probe", at=(3.1, 0.2), x=1e-3)),
+        Support("nowhere", (0,), motions=((0, Scalar(1e-3)),)),
+    )
+    case = make_case(
+        mesh,
+        materials={"rock": material("rock", E, NU)},
+        groups={"rock": "rock", "core": "rock"},
+        supports=supports,
+        stages=(Stage("one"),),
+    )
+    with pytest.raises(InputError) as caught:
+        check_on_mesh(case, mesh)
+    found = {fault.code: fault for fault in caught.value.faults}
+    assert set(found) == {"no-node-there", "missing-group"}
+    assert "The nearest node is at" in found["no-node-there"].hint
+    wall = Support("wall", (0, 1), contraction=Contraction(Scalar(0.01)))
+    far = Support("rim", (0,), measured=points)
+    case = replace(
+        case, supports=(*rollers(2), far), stages=(Stage("one", supports={"wall": wall}),)
+    )
+    with pytest.raises(InputError) as caught:
+        check_on_mesh(case, mesh)
+    assert {f.code for f in caught.value.faults} == {"open-wall", "not-covered"}
+    twice = (*rollers(2), moved("rim", x=1e-3))
+    with pytest.raises(InputError, match="both hold the node at") as caught:
+        check_on_mesh(replace(case, supports=twice, stages=(Stage("one"),)), mesh)
+    (fault,) = caught.value.faults
+    assert (fault.code, fault.path) == ("two-motions", "supports.rim")
+
+
+def test_a_wall_in_a_solid_moves_towards_its_axis():
+    mesh = box("hex8", (2, 2, 1), size=(2.0, 2.0, 1.0))
+    around = tuple(
+        Support(side, (0, 1), contraction=Contraction(Scalar(0.02), (1.0, 1.0, 0.0), axis=2))
+        for side in ("x0", "x1", "y0", "y1")
+    )
+    found = surveyed(
+        mesh, supports=(*around, Support("z0", (2,)), Support("z1", (2,))), stages=(Stage("in"),)
+    )
+    exact = -0.01 * (mesh.points - np.array([1.0, 1.0, 0.0])) * np.array([1.0, 1.0, 0.0])
+    np.testing.assert_allclose(found.fields.displacement[1], exact, atol=1e-15)
+
+
+def test_who_does_not_cover_motions_says_so():
+    response, _, _, staged = _problem()
+    del response
+    assert "the support 'x1' is moved" in (affine_obstacle(staged.march) or "")
+    assert reduction_obstacle(staged.march) == "the support 'x1' is moved"

@@ -33,6 +33,7 @@ STAGES = tuple(
 )
 MESHES = Path(__file__).with_name("opening_meshes.npz")
 QUICK, FINE = (0.10, 0.05), (0.15, 0.03)
+DILATIONS = np.array([0.0, 2.0, 5.0, 10.0, 30.0])
 
 
 @cache
@@ -68,24 +69,24 @@ def opened(size: float, psi: float) -> StagedModel:
     return CAVITY.staged(unstructured(size), mohr(C, PHI, psi=psi), stages=STAGES)
 
 
-@pytest.mark.parametrize("psi", [0, 2, 5, 10, 30])
 @pytest.mark.parametrize(
     "size", [*QUICK, *(pytest.param(size, marks=pytest.mark.slow) for size in FINE)]
 )
-def test_opening_of_unstructured_triangles(size, psi, verification):
-    """The mean of the wall within 1 % at all stages, nothing left of the load."""
-    staged = opened(size, np.radians(psi))
-    run = staged.at(NOTHING, RunOptions(derivatives=False))
-    walls = [CAVITY.outwards(staged, end) for end in run.states()][1:]
-    truth = [exact(np.radians(psi), released) for released in RELEASED]
-    assert run.findings.unbalanced == {}
-    for wall, right in zip(walls, truth, strict=True):
-        assert wall.mean() == pytest.approx(right, rel=0.005)
-        np.testing.assert_allclose(wall, right, rtol=0.015)
-    found = [-wall.mean() for wall in walls]
-    names = [f"{100 * released:.0f} % released" for released in RELEASED]
-    variant = f"{1000 * size:.0f} mm, dilation {psi} degrees"
-    verification("opening-dilation", variant, names, exact=[-x for x in truth], found=found)
+def test_opening_of_unstructured_triangles(size, verification):
+    """The mean of the wall within 0.5 % at all stages, nothing left of the load."""
+    ends = []
+    for psi in np.radians(DILATIONS):
+        staged = opened(size, psi)
+        run = staged.at(NOTHING, RunOptions(derivatives=False))
+        walls = [CAVITY.outwards(staged, end) for end in run.states()][1:]
+        truth = [exact(psi, released) for released in RELEASED]
+        assert run.findings.unbalanced == {}
+        for wall, right in zip(walls, truth, strict=True):
+            assert wall.mean() == pytest.approx(right, rel=0.005)
+            np.testing.assert_allclose(wall, right, rtol=0.015)
+        ends.append((-truth[-1], -walls[-1].mean()))
+    right, found = np.transpose(ends)
+    verification("opening-dilation", f"{1000 * size:.0f} mm", DILATIONS, exact=right, found=found)
 
 
 def parametric(size: float) -> StagedModel:

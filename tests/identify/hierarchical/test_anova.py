@@ -4,9 +4,11 @@ Searle, Casella & McCulloch (1992), Variance Components, 4.8: the balanced one-w
 variance within the groups given.
 """
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.stats import chi2, t
-from support.sections import Formulas, Z, level, linear_model, quiet, section
+from support.sections import Formulas, Z, level, linear_model, name, quiet, section
 
 from geoident.identify.hierarchical.knowledge import SectionsKnowledge, section_misfits
 from geoident.identify.hierarchical.search import fit_sections
@@ -136,3 +138,25 @@ def test_intervals_leave_as_much_on_either_side():
     below, above = found.value - found.lower95, found.upper95 - found.value
     np.testing.assert_allclose(below, above, rtol=0.02)
     assert below[0] > 1.96 * np.hypot(0.7, 0.7 / 2)
+
+
+def test_two_laws_that_have_nothing_to_do_with_each_other_are_two_layouts():
+    first, second = layout(0.7, seed=1), layout(1.5, seed=2)
+    both = np.hstack([first, second])
+    matrix = np.kron(np.eye(2), np.ones((N, 1)))
+    other = replace(level(), parameter="y", formula=name("l"))
+    other = replace(other, constants=(replace(other.constants[0], name="l"),))
+    parameters = (Z, replace(Z, name="y"))
+    sections = [section(f"S{s}", parameters, row, SD) for s, row in enumerate(both)]
+    models = Formulas(tuple(linear_model(matrix) for _ in both))
+    fit = fit_sections(sections, (), (level(), other), models, quiet)
+    known = [by_hand(first), by_hand(second)]
+    sizes = fit.tau * fit.arrangement.reference
+    np.testing.assert_allclose(sizes, [known[0][0], known[1][0]], rtol=1e-4)
+    np.testing.assert_allclose(fit.outcome.values[:2], [known[0][1], known[1][1]], rtol=1e-5)
+    alone = SectionsKnowledge(fitted(second)).common()
+    joint = SectionsKnowledge(fit).common()
+    np.testing.assert_allclose(joint.sd[1], alone.sd[0], rtol=0.05)
+    ends = np.array(SectionsKnowledge(fit).scatter.interval(1))
+    apart = np.array(SectionsKnowledge(fitted(second)).scatter.interval(0))
+    np.testing.assert_allclose(ends, apart, rtol=0.05)

@@ -8,10 +8,12 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from geoident.errors import Fault, InputError, Location
+from geoident.io.case.elsewhere.convergence import build_law
 from geoident.io.case.elsewhere.section import (
+    ConvergenceLawSection,
+    ElsewhereSection,
     ExternalModelSection,
     OutputSection,
-    PythonModelSection,
     TableModelSection,
     TemplateSection,
     seconds_of,
@@ -43,9 +45,7 @@ from geoident.units import DIMENSIONLESS, UnitError, normal_unit, size_in, unit_
 _AT: KeyPath = ("model",)
 
 
-def build_elsewhere(
-    section: ExternalModelSection | PythonModelSection | TableModelSection, around: Surroundings
-) -> Elsewhere:
+def build_elsewhere(section: ElsewhereSection, around: Surroundings) -> Elsewhere:
     """The model that a case says, with the texts of its templates; what is wrong is noted.
 
     Args:
@@ -54,6 +54,8 @@ def build_elsewhere(
     """
     if isinstance(section, TableModelSection):
         return build_table(section, around)
+    if isinstance(section, ConvergenceLawSection):
+        return build_law(section, around)
     limit = None if section.time_limit is None else seconds_of(section.time_limit)
     machine = Machine(limit, section.at_once)
     if isinstance(section, ExternalModelSection):

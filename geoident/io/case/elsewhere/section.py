@@ -8,8 +8,21 @@ from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Discriminator, Field, Tag, WithJsonSchema, model_validator
 
+from geoident.io.case.readings import Date
 from geoident.io.schema.section import Section, SectionFaults, refuse
-from geoident.io.schema.values import Count, Name, Text, require_text
+from geoident.io.schema.values import (
+    Coefficient,
+    Count,
+    Given,
+    Length,
+    Multiple,
+    Name,
+    Of,
+    Text,
+    TiedLength,
+    TiedTime,
+    require_text,
+)
 from geoident.io.text.wording import Refusal, shorten
 
 _PART = re.compile(r"\s*([0-9]+(?:\.[0-9]*)?)\s*(s|min|h|d)\s*")
@@ -303,6 +316,94 @@ class TableModelSection(Section):
     )
 
 
+class TunnelSectionSection(Section):
+    """A section of the tunnel whose convergence is measured."""
+
+    chainage: Length = Field(description="Where it is along the tunnel.", examples=["1250 m"])
+    excavated: Date | None = Field(
+        None,
+        description="When the face passed it; if missing, between two stages by `face` and "
+        "`dates`.",
+    )
+    gauges: list[Name] | None = Field(
+        None, description="Its gauges; all of them if missing, where there is one section."
+    )
+
+
+def _by_gauge(value: object) -> str:
+    return "<by gauge>" if isinstance(value, Mapping) else "text"
+
+
+_BY_GAUGE = Discriminator(_by_gauge)
+LimitConstant = Annotated[
+    Annotated[Given, Of(None, tied=True), Tag("text")]
+    | Annotated[dict[Name, Annotated[Given, Of(None, tied=True)]], Tag("<by gauge>")],
+    _BY_GAUGE,
+]
+LengthConstant = Annotated[
+    Annotated[TiedLength, Tag("text")] | Annotated[dict[Name, TiedLength], Tag("<by gauge>")],
+    _BY_GAUGE,
+]
+TimeConstant = Annotated[
+    Annotated[TiedTime, Tag("text")] | Annotated[dict[Name, TiedTime], Tag("<by gauge>")],
+    _BY_GAUGE,
+]
+PartConstant = Annotated[
+    Annotated[Coefficient, Tag("text")] | Annotated[dict[Name, Coefficient], Tag("<by gauge>")],
+    _BY_GAUGE,
+]
+ExponentConstant = Annotated[
+    Annotated[Multiple, Tag("text")] | Annotated[dict[Name, Multiple], Tag("<by gauge>")],
+    _BY_GAUGE,
+]
+Constant = Given | dict[str, Given]
+"""A constant of all gauges, or one for each."""
+
+
+class ConvergenceLawSection(Section):
+    """Convergence of a tunnel in distance to the face and time (Sulem, Panet and Guenot 1987).
+
+    C = C_inf [1 - (X / (x + X))^2] {1 + m [1 - (T / (t + T))^n]}. Each constant is a number or
+    `$NAME`, for all gauges or by gauge (`{H: $C_H, V: $C_V}`). Without `m`, `T` and `n` there is no
+    growth in time.
+    """
+
+    kind: Literal["convergence-law"]
+    face: dict[Name, Length] = Field(
+        min_length=1,
+        description="Stage to the chainage of the face at its end; `stages` may be left out then.",
+        examples=[{"day 1": "1252 m", "day 2": "1255.5 m"}],
+    )
+    sections: dict[Name, TunnelSectionSection] = Field(
+        min_length=1, description="Sections of the tunnel by name.",
+        examples=[{"A": {"chainage": "1250 m", "excavated": "2024-03-01"}}],
+    )  # fmt: skip
+    C_inf: LimitConstant = Field(
+        description="Convergence far from the face before time adds to it, since the ground was "
+        "undisturbed.",
+        examples=["$C_inf"],
+    )
+    X: LengthConstant = Field(description="Length of the influence of the face.", examples=["$X"])
+    m: PartConstant | None = Field(
+        None, description="Part of `C_inf` that time adds in the end.", examples=["$m"]
+    )
+    T: TimeConstant | None = Field(None, description="Time of the growth.", examples=["$T"])
+    n: ExponentConstant | None = Field(
+        None, description="Exponent of the growth in time, often 0.3.", examples=["0.3"]
+    )
+
+    @model_validator(mode="after")
+    def _time_is_whole(self) -> ConvergenceLawSection:
+        missing = [name for name in ("m", "T", "n") if getattr(self, name) is None]
+        if 0 < len(missing) < 3:
+            message = f"of m, T and n, which belong together, {' and '.join(missing)} "
+            message += "is missing" if len(missing) == 1 else "are missing"
+            hint = "Give all three, or none for convergence that does not grow in time."
+            refuse((), "wrong-pair", message, hint)
+        return self
+
+
 ElsewhereSection = Annotated[
-    ExternalModelSection | PythonModelSection | TableModelSection, Field(discriminator="kind")
+    ExternalModelSection | PythonModelSection | TableModelSection | ConvergenceLawSection,
+    Field(discriminator="kind"),
 ]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from geoident.io.text.faults import Faults
@@ -27,6 +27,7 @@ class Surroundings:
         folder: of the case.
         find: finds files.
         faults: is told what is wrong.
+        dates: stage to the date of its end, seconds since 1970, where dates are given.
     """
 
     parameters: Mapping[str, Parameter]
@@ -36,3 +37,4 @@ class Surroundings:
     folder: Path
     find: FindFile
     faults: Faults
+    dates: Mapping[str, float] = field(default_factory=dict)

@@ -31,20 +31,20 @@ def _word(value: object) -> str:
 
 
 Component = Literal["x", "y", "z"]
-Motion = Annotated[
+GivenMotion = Annotated[
     Annotated[Literal["fixed"], Tag("word")] | Annotated[Level, Tag("length")],
     Discriminator(_word),
 ]
-Lengths = Annotated[list[Length], SharesUnit()]
+MotionLengths = Annotated[list[Length], SharesUnit()]
 
 
 class MeasuredMotionSection(Section):
     """Motions that were measured at points: linear between them, over all nodes of the support."""
 
     points: list[Coordinates] | None = Field(None, description="Coordinates of the points.")
-    x: Lengths | None = Field(None, description="Motion along x at each point.")
-    y: Lengths | None = Field(None, description="Motion along y at each point.")
-    z: Lengths | None = Field(None, description="Motion along z at each point (solid).")
+    x: MotionLengths | None = Field(None, description="Motion along x at each point.")
+    y: MotionLengths | None = Field(None, description="Motion along y at each point.")
+    z: MotionLengths | None = Field(None, description="Motion along z at each point (solid).")
     file: Text | None = Field(
         None,
         description="In place of all these: a CSV file whose first line names the columns with "
@@ -92,11 +92,11 @@ class SupportSection(Section):
         description="The point of a node that is held, in place of the group of this name; the "
         "support may have any name then.",
     )
-    x: Motion | None = Field(
+    x: GivenMotion | None = Field(
         None, description="Motion along x, or 'fixed'.", examples=["1 mm", "$u", "fixed"]
     )
-    y: Motion | None = Field(None, description="Motion along y, or 'fixed'.")
-    z: Motion | None = Field(None, description="Motion along z, or 'fixed' (solid).")
+    y: GivenMotion | None = Field(None, description="Motion along y, or 'fixed'.")
+    z: GivenMotion | None = Field(None, description="Motion along z, or 'fixed' (solid).")
     measured: MeasuredMotionSection | None = Field(
         None, description="Motions that were measured at points, in the directions that they have."
     )

@@ -35,6 +35,7 @@ _POINTING = {(0, 1): ">", (0, -1): "<", (1, 1): "^", (1, -1): "v"}
 _OFF = 3.2  # from the edge of the model to the middle of a mark, points
 _MOST_MARKS = 11
 _MOST_ARROWS = 9
+_ROUND = 0.2  # across to along, from which on a group goes round
 
 
 def draw_supports(axes: Any, case: Case, mesh: Mesh, box: tuple[Floats, Floats]) -> list[Any]:
@@ -60,8 +61,8 @@ def draw_supports(axes: Any, case: Case, mesh: Mesh, box: tuple[Floats, Floats])
         side = 1 if points[:, axis].mean() < (low[axis] + high[axis]) / 2 else -1
         style = {**_SUPPORT, "mfc": "black" if fixed else "white"}
         away = np.zeros(2)
-        marker = "s"
-        if span.min() < 0.2 * span.max():  # along a side, not all around
+        marker = "D" if support.moves else "s"
+        if span.min() <= _ROUND * span.max():  # along a side, not all around
             marker = _POINTING[axis, side]
             away[axis] = -side * _OFF / 72
         moved = axes.transData + ScaledTranslation(away[0], away[1], axes.figure.dpi_scale_trans)
@@ -79,7 +80,11 @@ def draw_supports(axes: Any, case: Case, mesh: Mesh, box: tuple[Floats, Floats])
 def _some(nodes: Ints, mesh: Mesh) -> Ints:
     """Nodes evenly out of many, from one end to the other."""
     points = mesh.points[nodes]
-    along = points[:, np.ptp(points, axis=0).argmax()]
+    span = np.ptp(points, axis=0)
+    along = points[:, span.argmax()]
+    if span.min() > _ROUND * span.max():  # all around, not along a side
+        away = points - (points.min(axis=0) + points.max(axis=0)) / 2
+        along = np.arctan2(away[:, 1], away[:, 0])
     order = nodes[np.argsort(along, kind="stable")]
     wanted = np.linspace(along.min(), along.max(), _MOST_MARKS)
     nearest = np.abs(np.sort(along)[:, None] - wanted[None]).argmin(axis=0)

@@ -77,6 +77,9 @@ def ground_sentences(case: CaseTexts, numbers: SaidNumbers) -> tuple[str, ...]:
         numbers: how its numbers are said.
     """
     model = entries(case, "model")
+    if model.get("kind") == "convergence-law":
+        law = _convergence_law(model, numbers)
+        return (f"Convergence law of Sulem, Panet and Guenot (1987): {law}.",)
     if model:
         run = model.get("command") or [model.get("function") or model.get("file", "")]
         return (f"The model is elsewhere ({model.get('kind')}): {' '.join(map(str, run))}.",)
@@ -94,6 +97,13 @@ def ground_sentences(case: CaseTexts, numbers: SaidNumbers) -> tuple[str, ...]:
     if case.get("water"):
         found.append(f"Water in the pores: {numbers.text(case['water'])}.")
     return tuple(found)
+
+
+def _convergence_law(model: CaseTexts, numbers: SaidNumbers) -> str:
+    """The constants of a convergence law as the case gives them."""
+    names = ("C_inf", "X", "m", "T", "n")
+    given = [(name, model[name]) for name in names if model.get(name) is not None]
+    return ", ".join(f"{name} = {_by_group(value, numbers)}" for name, value in given)
 
 
 def _by_group(value: object, numbers: SaidNumbers) -> str:

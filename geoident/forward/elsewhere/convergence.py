@@ -1,0 +1,166 @@
+"""A case whose readings a convergence law gives, with exact derivatives (theory 4.9)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+
+import numpy as np
+
+from geoident.forward.elsewhere.differences import Linear
+from geoident.forward.elsewhere.model import ElsewhereModel
+from geoident.forward.elsewhere.runs import FailedRun
+from geoident.model.arrays import Bools, Floats
+from geoident.model.case import Case
+from geoident.model.dual import Dual, ParameterPoint
+from geoident.model.elsewhere import ConvergenceLaw
+from geoident.model.parameter import Scalar, Values
+
+
+def convergence(law: ConvergenceLaw, values: Values, names: Sequence[str] = ()) -> Dual:
+    """C (n_stages, n_channels) since the ground was undisturbed, and its derivatives.
+
+    NaN before the face has passed the section.
+
+    Args:
+        law: the law.
+        values: of the parameters, SI.
+        names: of the parameters by which to differentiate.
+    """
+    point = ParameterPoint(values, names)
+    limit, reach = _numbers(point, law.limit), _numbers(point, law.range)
+    ratio = reach / reach.plus(law.distance)
+    found = limit * (1.0 - ratio * ratio)
+    if law.creep is None:
+        return found
+    size, time, exponent = (
+        _numbers(point, each) for each in (law.creep.size, law.creep.time, law.creep.exponent)
+    )
+    left = (time / time.plus(law.age)).power(exponent)
+    return found * (size * (1.0 - left)).plus(1.0)
+
+
+def final_convergence(law: ConvergenceLaw, values: Values, names: Sequence[str] = ()) -> Dual:
+    """C_inf (1 + m), (n_channels,): far from the face, in the end, and its derivatives.
+
+    Args:
+        law: the law.
+        values: of the parameters, SI.
+        names: of the parameters by which to differentiate.
+    """
+    point = ParameterPoint(values, names)
+    found = _numbers(point, law.limit)
+    return found if law.creep is None else found * _numbers(point, law.creep.size).plus(1.0)
+
+
+def _numbers(point: ParameterPoint, scalars: Sequence[Scalar]) -> Dual:
+    found = [point.number(scalar).columns for scalar in scalars]
+    return Dual(np.array(found).reshape(-1, point.n_columns))  # also of no gauge
+
+
+class LawRuns:
+    """A law in place of runs: what it gives, and its exact derivatives.
+
+    Args:
+        case: the case.
+        law: of the case.
+    """
+
+    has_jacobian = True
+    notes: tuple[str, ...] = ()
+    at_once = 1
+
+    def __init__(self, case: Case, law: ConvergenceLaw) -> None:
+        self._law = law
+        self._names = tuple(parameter.name for parameter in case.parameters)
+        self.seen: Bools = np.array([name in law.seen for name in self._names], dtype=bool)
+        self.given: Bools = np.isfinite(law.distance)
+
+    def require_trust(self) -> None:
+        """A law runs nothing."""
+
+    def written(self, p: Floats) -> Floats:
+        """The parameters (n,) themselves."""
+        return p
+
+    def quantum(self, p: Floats) -> Floats:
+        """(n,) rounding."""
+        return np.asarray(2.3e-16 * np.abs(p))
+
+    def results(
+        self, points: Sequence[Floats], check: Callable[[], None]
+    ) -> list[Floats | FailedRun]:
+        """Convergences (n_stages, n_channels), SI, at several p (n,).
+
+        Args:
+            points: where.
+            check: is called before each.
+        """
+        return list(self.each(points, check))
+
+    def each(
+        self, points: Sequence[Floats], check: Callable[[], None]
+    ) -> Iterator[Floats | FailedRun]:
+        """Convergences (n_stages, n_channels), SI, in turn.
+
+        Args:
+            points: (n,) where.
+            check: is called before each.
+        """
+        for p in points:
+            check()
+            yield convergence(self._law, self._values(p)).value
+
+    def jacobian(self, p: Floats, check: Callable[[], None]) -> Floats | FailedRun:
+        """Derivatives (n_stages, n_channels, n) at p (n,); NaN before the face has passed.
+
+        Args:
+            p: (n,) where.
+            check: is called before.
+        """
+        check()
+        return convergence(self._law, self._values(p), self._names).columns[..., 1:]
+
+    def _values(self, p: Floats) -> dict[str, float]:
+        return dict(zip(self._names, map(float, p), strict=True))
+
+
+class LawModel(ElsewhereModel):
+    """A case that a convergence law answers.
+
+    Args:
+        case: the case.
+        law: of the case.
+    """
+
+    def __init__(self, case: Case, law: ConvergenceLaw) -> None:
+        super().__init__(case, LawRuns(case, law))
+        self.law = law
+
+    def linear(self, p: Floats, *, exact: bool = False) -> Linear:
+        """What the law gives at p (n,), (m,), and its derivatives.
+
+        Args:
+            p: (n,) parameters.
+            exact: of no effect: derivatives are exact.
+        """
+        found = convergence(self.law, self.values(p), self.names).columns[self.runs.given]
+        self.differences.values(p)  # counts the evaluation
+        return Linear(p, found[:, 0], found[:, 1:])
+
+    def lost(self, p: Floats) -> Dual:
+        """Convergence before the first reading, (n_channels,), and its derivatives; 0 for none.
+
+        Args:
+            p: (n,) parameters.
+        """
+        found = convergence(self.law, self.values(p), self.names).columns
+        before = np.concatenate([np.zeros((1, *found.shape[1:])), found])
+        return Dual(before[self.zero, np.arange(len(self.zero))])
+
+    def final(self, p: Floats) -> Dual:
+        """All of the convergence in the end, (n_channels,), and its derivatives.
+
+        Args:
+            p: (n,) parameters.
+        """
+        return final_convergence(self.law, self.values(p), self.names)
