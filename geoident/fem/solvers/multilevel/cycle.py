@@ -134,7 +134,7 @@ class _Smoothed:
 
 
 def _elimination_order(matrix: sp.csr_array, point: Floats) -> Ints:
-    """Order (n,) in which to eliminate the unknowns of a matrix (n, n) that stand at points (n, dim).
+    """Order (n,) of elimination of the unknowns of a matrix (n, n), which stand at points (n, dim).
 
     Unknowns at one point stay together: apart they would make the graph several times as large,
     and the separators of so many equal vertices take hours to find.
