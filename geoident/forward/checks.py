@@ -44,6 +44,7 @@ from geoident.forward.in_situ.stress import (
     zone_faults,
 )
 from geoident.forward.mesh_checks import mesh_faults, mesh_notes, parted_from
+from geoident.forward.of_mesh import OfMesh
 from geoident.forward.stages import (
     CaseOnMesh,
     ConstructionSequence,
@@ -59,7 +60,6 @@ from geoident.forward.yielding.checks import no_stress_left, yield_faults, yield
 from geoident.model.case import Case, KeyPath, format_path
 from geoident.model.gauges import named_channels
 from geoident.model.mesh import Mesh
-from geoident.model.of_mesh import OfMesh
 from geoident.model.parameter import Scalar, Values
 
 

@@ -10,10 +10,10 @@ from geoident.fem.location import format_point
 from geoident.fem.measure import coinciding_nodes
 from geoident.fem.orientation import overlapping
 from geoident.fem.overlaps import Overlaps, overlaps
+from geoident.forward.of_mesh import OfMesh
 from geoident.forward.stages import CaseOnMesh, element_number, used_groups
 from geoident.model.arrays import Bools, Ints
 from geoident.model.mesh import nodes_in, spans
-from geoident.model.of_mesh import OfMesh
 
 _NAMED = 5
 

@@ -19,12 +19,12 @@ from geoident.fem.kinematics import (
     strain_points,
 )
 from geoident.fem.location import Locator
+from geoident.forward.of_mesh import OfMesh
 from geoident.model.actions import Load, Temperature, Water
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import VIRGIN, Case, KeyPath, Stage, Support
 from geoident.model.ground import PointField
 from geoident.model.mesh import Mesh
-from geoident.model.of_mesh import OfMesh
 from geoident.model.parameter import Scalar
 from geoident.model.structures import Bars, Structure
 

@@ -38,6 +38,7 @@ from geoident.fem.yielding.scaled_law import ScaledLaw
 from geoident.forward.actions.supports import fixed_dofs
 from geoident.forward.ground.elasticity import elasticity
 from geoident.forward.ground.moduli import MaterialModuli, field_moduli, uniform_moduli
+from geoident.forward.of_mesh import OfMesh
 from geoident.forward.stages import CaseOnMesh, ConstructionState, Index, as_index, numbers
 from geoident.forward.structures.members import Structures
 from geoident.forward.yielding.surfaces import is_smooth, yield_planes
@@ -45,7 +46,6 @@ from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.ground import PointField
 from geoident.model.mesh import Mesh, nodes_in
-from geoident.model.of_mesh import OfMesh
 from geoident.model.parameter import Values
 
 SystemKey = tuple[frozenset[int], int]

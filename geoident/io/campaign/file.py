@@ -17,6 +17,7 @@ from geoident.io.cluster.file import cluster_of
 from geoident.io.schema.faults import add_schema_faults
 from geoident.io.schema.values import kind_of
 from geoident.io.text.faults import Faults, Places
+from geoident.io.text.kinds import refuse_other_kind
 from geoident.io.text.overrides import parse_path, written_value
 from geoident.io.text.text_file import decode, read_bytes
 from geoident.io.text.wording import Refusal, shorten
@@ -38,6 +39,7 @@ def read_campaign(path: str) -> Campaign:
     """
     text = decode(read_bytes(path, limit=MAX_BYTES, what="campaign"), path)
     document = parse_yaml(text, path)
+    refuse_other_kind(document, "campaign")
     faults = Faults(Places(document, document.data))
     table = _files_and_paths(Path(path).parent, faults)
     section = _validated(faults)

@@ -39,6 +39,7 @@ from geoident.io.schema.faults import add_schema_faults, paths_of
 from geoident.io.schema.partial import Rest
 from geoident.io.schema.values import kind_of
 from geoident.io.text.faults import Faults, Places
+from geoident.io.text.kinds import refuse_other_kind
 from geoident.io.text.overrides import apply_overrides
 from geoident.io.text.text_file import STDIN, decode, read_bytes
 from geoident.io.text.wording import shorten
@@ -123,6 +124,7 @@ def parse_case(
         InputError: with all faults found.
     """
     document = parse_yaml(text, _shown(path))
+    refuse_other_kind(document, "case")
     places = apply_overrides(document, overrides)
     idle = _left_idle(document.data, places.data)
     if idle:

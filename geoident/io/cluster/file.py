@@ -13,6 +13,7 @@ from geoident.io.cluster.sections import ClusterFileSection, ClusterSection
 from geoident.io.schema.faults import add_schema_faults
 from geoident.io.schema.values import kind_of
 from geoident.io.text.faults import Faults, Places
+from geoident.io.text.kinds import refuse_other_kind
 from geoident.io.text.text_file import decode, read_bytes
 from geoident.io.text.wording import shorten
 from geoident.io.text.yaml_reader import MAX_BYTES, parse_yaml
@@ -49,6 +50,7 @@ def read_cluster(given: str) -> Cluster:
 
 def _of_file(path: str) -> Cluster:
     document = parse_yaml(decode(read_bytes(path, limit=MAX_BYTES, what="cluster"), path), path)
+    refuse_other_kind(document, "cluster")
     faults = Faults(Places(document, document.data))
     if not isinstance(document.data, dict):
         message = f"found {kind_of(document.data)}; a mapping is expected"

@@ -189,10 +189,8 @@ class _Reader:
         if not at or name in self._rows:
             gauge, stage = name, ""
         if gauge not in self._rows:
-            hint = did_you_mean(gauge, [*self.parameters, *self._rows], what="Known")
             message = f"the column '{shorten(name)}' is neither a parameter nor a gauge"
-            hint += " A column that is not wanted is named under 'ignore' of the case."
-            self._refuse(place, "unknown-column", message, hint)
+            self._refuse(place, "unknown-column", message, self._meant(name, gauge))
             return None
         if not stage and len(self.stages) > 1:
             message = f"the column '{shorten(name)}' does not say of which stage it is"
@@ -210,6 +208,24 @@ class _Reader:
             return None
         zero = channel.is_zeroed and channel.zero == stage
         return _Column(cell, size, place=(self.stages.index(stage), self._rows[gauge]), zero=zero)
+
+    def _meant(self, name: str, gauge: str) -> str:
+        """What a column may stand for: a misspelt name has no column of its own."""
+        before, at, stage = name.partition(" at ")  # as in the table of a campaign
+        if at and before in self._rows:
+            return f"Write '{before} @ {stage}'."
+        heads = {name.rpartition("@")[0].strip() or name for name in self._heads}
+        known = [*self.parameters, *self._rows]
+        absent = [one for one in known if one not in heads]
+        what = "Without a column" if absent else "Known"
+        hint = did_you_mean(gauge, absent or known, what=what)
+        return f"{hint} A column that is not wanted is named under 'ignore' of the case."
+
+    @property
+    def _heads(self) -> list[str]:
+        """The names of the columns, without their units."""
+        cells = cells_of(self.rows[0][1], self.delimiter)
+        return [match[1] for cell in cells if (match := _UNIT.fullmatch(cell.text))]
 
     @property
     def _rows(self) -> dict[str, int]:

@@ -13,9 +13,10 @@ from geoident.io.project.sections import NONE, LawSection, ProjectFile, SiteSect
 from geoident.io.schema.faults import add_schema_faults
 from geoident.io.schema.values import Given, kind_of
 from geoident.io.text.faults import Faults, Places
+from geoident.io.text.kinds import refuse_other_kind
 from geoident.io.text.overrides import parse_path, written_value
 from geoident.io.text.text_file import decode, read_bytes
-from geoident.io.text.wording import Refusal, listing, shorten
+from geoident.io.text.wording import Refusal, listing, nearest, shorten
 from geoident.io.text.yaml_reader import MAX_BYTES, parse_yaml
 from geoident.model.case import KeyPath
 from geoident.model.project.project import Covariate, ParameterLaw, Project, ProjectSection, Scatter
@@ -33,6 +34,7 @@ def read_project(path: str) -> Project:
     """
     text = decode(read_bytes(path, limit=MAX_BYTES, what="project"), path)
     document = parse_yaml(text, path)
+    refuse_other_kind(document, "project")
     faults = Faults(Places(document, document.data))
     _check_paths(Path(path).parent, faults)
     found = _validated(faults)
@@ -122,7 +124,9 @@ def _covariates(found: ProjectFile, faults: Faults) -> tuple[Covariate, ...]:
         if missing:
             where = (*at, "covariates") if section.covariates else at
             message = f"{listing(missing)} is not given for this section"
-            faults.add(where, "missing-covariate", message, "The laws need it of every section.")
+            near = nearest(missing[0], [c for c in section.covariates if c not in used])
+            hint = f"Write '{missing[0]}' in place of '{near}'; the laws" if near else "The laws"
+            faults.add(where, "missing-covariate", message, f"{hint} need it of every section.")
         for name, given in section.covariates.items():
             if given.dimension != first[name].dimension:
                 message = f"'{given.text}' is {with_article(given.dimension)}; elsewhere {name} is "

@@ -235,6 +235,9 @@ def _runs(
     return tuple(runs)
 
 
+_SEED_HINT = "Write seeds out, such as seed: [1, 2, 3] in a product; they cannot be sampled."
+
+
 def _seed(campaign: Campaign, run: Variation) -> tuple[int, Fault | None]:
     """The seed of a run: its own, else that of the campaign."""
     for (path, value), place in zip(run.settings, run.places, strict=True):
@@ -242,7 +245,7 @@ def _seed(campaign: Campaign, run: Variation) -> tuple[int, Fault | None]:
             if value.isdecimal() and len(value) < 19:
                 return int(value), None
             message = f"'{value}' is no seed; a whole number from 0 on is expected"
-            return 0, Fault("bad-count", message, "Write such as 3.", place, SEED)
+            return 0, Fault("bad-count", message, _SEED_HINT, place, SEED)
     return campaign.seed, None
 
 

@@ -238,7 +238,7 @@ def load_mesh(inputs: Inputs, path: str) -> Mesh:
 
 _last_mesh: list[tuple[object, Mesh]] = []
 """The mesh that was read last, with what tells whether it is still the same: the next case of a
-campaign is on the same mesh mostly, and what was found of it is there (`model.of_mesh`)."""
+campaign is on the same mesh mostly, and what was found of it is there (`forward.of_mesh`)."""
 
 
 def _read_mesh(case: Case, path: str) -> Mesh:

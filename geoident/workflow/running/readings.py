@@ -269,7 +269,11 @@ def _remedy(readings: ReadingTable) -> str:
     reasons = sorted({readings.reason[k] for k in readings.unused})
     if not reasons:
         return remedy
-    return f"{remedy} {len(readings.unused)} readings are not used: {'; '.join(reasons)}."
+    return f"{remedy} {_not_used(len(readings.unused))}: {'; '.join(reasons)}."
+
+
+def _not_used(number: int) -> str:
+    return f"{_count(number, 'reading')} {'is' if number == 1 else 'are'} not used"
 
 
 def _count(number: int, noun: str) -> str:
@@ -291,7 +295,7 @@ def unused_by_stage(readings: ReadingTable) -> tuple[str, ...]:
 def unused_notes(readings: ReadingTable) -> tuple[str, ...]:
     """One sentence for every reason for which readings are not used."""
     reasons = Counter(readings.reason[k] for k in readings.unused if not readings.bad[k])
-    counted = (f"{number} readings are not used: {why}." for why, number in reasons.items())
+    counted = (f"{_not_used(number)}: {why}." for why, number in reasons.items())
     return (*counted, *bad_notes(readings))
 
 

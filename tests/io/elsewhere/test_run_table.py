@@ -96,6 +96,23 @@ def test_what_is_wrong_in_a_table_is_said_where_it_stands(tmp_path, old, new, li
     assert fitting[0].hint or code == "unit"
 
 
+@pytest.mark.parametrize(
+    ("old", "new", "hint"),
+    [
+        ("V @ open [mm]", "V at open [mm]", "Write 'V @ open'."),
+        ("E [GPa]", "EE [GPa]", "Did you mean 'E'? A column that is not wanted"),
+        ("V @ ", "h @ ", "Without a column: V. A column"),
+    ],
+)
+def test_a_hint_names_what_has_no_column_yet(tmp_path, old, new, hint):
+    case = write_table_case(tmp_path, 20)
+    runs = tmp_path / "runs.csv"
+    assert old in runs.read_text()
+    runs.write_text(runs.read_text().replace(old, new))
+    [fault] = [fault for fault in faults_of(case) if fault.code == "unknown-column"][:1]
+    assert fault.hint.startswith(hint)
+
+
 def column(text, name, make):
     """The table with other numbers in a column."""
     head, *rows = (line.split(",") for line in text.splitlines())

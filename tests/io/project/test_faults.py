@@ -21,6 +21,7 @@ def faults_of(folder, text):
          "project.yaml:6:21: sections[2].case: there is no file"),
         ("covariates: {GSI: 52}", "covariates: {gsi: 52}",
          "project.yaml:5:74: sections[1].covariates: GSI is not given for this section"),
+        ("covariates: {GSI: 52}", "covariates: {GIS: 52}", "Write 'GSI' in place of 'GIS'"),
         (", covariates: {GSI: 52}", "",
          "project.yaml:5:5: sections[1]: GSI is not given for this section"),
         ("GSI: 52", "GSI: 52 m",

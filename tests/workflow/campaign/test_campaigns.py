@@ -192,6 +192,13 @@ def test_seeds_of_runs_give_other_noise(here):
     assert one.readings != two.readings
     with pytest.raises(InputError, match="is no seed"):
         plan_campaign(write("command: simulate\nvariations: {product: {seed: [1.5]}}"))
+    with pytest.raises(InputError, match="they cannot be sampled"):
+        plan_campaign(
+            write(
+                "command: simulate\n"
+                "variations: {sample: {count: 2, values: {seed: {from: 1, to: 5}}}}"
+            )
+        )
 
 
 def test_predictions_and_scans(here):

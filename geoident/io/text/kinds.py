@@ -1,0 +1,38 @@
+"""Files of geoident in place of one another: a campaign for a case, a case for a campaign."""
+
+from __future__ import annotations
+
+from geoident.errors import Fault, InputError, Term
+from geoident.io.text.faults import Places
+from geoident.io.text.yaml_reader import Document
+
+_KINDS = {
+    "case": ("a case", f"A case is for {Term.FIT} and most other commands."),
+    "campaign": ("a campaign", "A campaign is for `geoident batch`."),
+    "project": ("a project of several sections", "A project is for `geoident fit`."),
+    "cluster": ("a cluster file", f"A cluster file stands after {Term.CLUSTER}."),
+}
+"""What a format says that a file is, and what to do with one where it is not wanted."""
+
+
+def refuse_other_kind(document: Document, kind: str) -> None:
+    """Refuse a file that says to be one of another kind, before all of its keys are refused.
+
+    Args:
+        document: what was read.
+        kind: what is expected, as in its format: ``case``, ``campaign``, ``project``, ``cluster``.
+
+    Raises:
+        InputError: with one fault, at the format.
+    """
+    data = document.data
+    said = data.get("format") if isinstance(data, dict) else None
+    if not isinstance(said, str) or not said.startswith("geoident-"):
+        return
+    other = said.removeprefix("geoident-").partition("/")[0]
+    if other == kind or other not in _KINDS:
+        return
+    found, hint = _KINDS[other]
+    location = Places(document, data).locate(("format",))
+    message = f"this file is {found}; {_KINDS[kind][0]} is expected"
+    raise InputError([Fault("other-kind", message, hint, location, "format")])
