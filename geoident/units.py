@@ -103,6 +103,7 @@ _TABLE: Mapping[str, Mapping[str, float]] = {
         "MN/m3": 1e6,
         "kPa/m": 1e3,
         "MPa/m": 1e6,
+        "GPa/m": 1e9,
         "kgf/m3": _KGF,
         "tf/m3": _KGF * 1e3,
         "lbf/ft3": _LBF / _FT**3,

@@ -83,6 +83,8 @@ def affine_obstacle(march: March) -> str | None:
     case = march.case
     for field in march.on_mesh.fields:
         return f"{field.constant} of {field.material} is a field: it is not linear in its modes"
+    for growth in case.growths:
+        return f"{growth.words}: its equations are not made as sums"
     moved = march.motions.moved()
     if moved is not None:
         return f"the support '{moved}' is moved: its motion times a modulus is a load"

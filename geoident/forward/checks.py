@@ -38,6 +38,7 @@ from geoident.forward.gauges.observation import (
 from geoident.forward.ground.checks import section_faults
 from geoident.forward.ground.elasticity import inadmissible
 from geoident.forward.ground.field import field_faults
+from geoident.forward.in_situ.growth import growth_faults
 from geoident.forward.in_situ.stress import (
     NEGLIGIBLE_IMBALANCE,
     surface_faults,
@@ -115,7 +116,9 @@ def _all_faults(on_mesh: CaseOnMesh) -> tuple[Observation | None, list[Fault]]:
     Gauges on structures that lack ground cannot be judged; there are no gauges then.
     """
     structures = structure_place_faults(on_mesh)
-    places = mesh_faults, motion_faults, load_place_faults, zone_faults, _field_faults
+    places = (
+        mesh_faults, motion_faults, load_place_faults, zone_faults, _field_faults, growth_faults
+    )  # fmt: skip
     faults = [*(fault for faults_of in places for fault in faults_of(on_mesh)), *structures]
     if structures:
         return None, [*faults, *_points_outside(on_mesh)]

@@ -82,9 +82,11 @@ class Marches:
         found = inadmissible_numbers(self.case, self.sequence, values)
         for name in () if found else self.sequence.materials:
             fields = self.on_mesh.elastic_fields(name)
-            if fields:
+            growths = self.on_mesh.elastic_growths(name)
+            if fields or growths:
                 s = self.discretization.points.n_strain
-                found = found or inadmissible_moduli(self.case.materials[name], fields, values, s)
+                material = replace(self.case.materials[name], elastic=self.on_mesh.elastic(name))
+                found = found or inadmissible_moduli(material, fields, values, s, growths)
         return found
 
     def values(self, p: Floats) -> dict[str, float]:

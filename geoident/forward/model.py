@@ -7,7 +7,7 @@ from itertools import islice
 
 import numpy as np
 
-from geoident.errors import Fault
+from geoident.errors import Fault, InputError
 from geoident.fem.solvers.direct import Solver
 from geoident.forward.checks import (
     check_on_mesh,
@@ -19,6 +19,7 @@ from geoident.forward.gauges.instrument_errors import ReadingPlaces
 from geoident.forward.gauges.observable import MarchState
 from geoident.forward.gauges.observation import Observation
 from geoident.forward.ground.field import field_notes, point_field, with_modes
+from geoident.forward.in_situ.growth import growth_notes, point_growths, start_faults
 from geoident.forward.march.fields import FieldRecorder, ReactionRecorder
 from geoident.forward.march.march import Run, RunFindings, RunOptions
 from geoident.forward.march.stage import StageEnd
@@ -52,13 +53,24 @@ def staged_model(mesh: Mesh, case: Case, *, solver: Solver) -> StagedModel:
 
 
 def with_fields(on_mesh: CaseOnMesh) -> CaseOnMesh:
-    """A case on its mesh with its fields there, and their modes among its parameters."""
+    """A case on its mesh with its fields there, and their modes among its parameters.
+
+    What grows with depth or stress is there, too.
+
+    Raises:
+        InputError: a constant that grows is not positive somewhere at the start values.
+    """
     case, positions = on_mesh.case, on_mesh.discretization.points.position
     fields = []
     for field in case.fields:
         points = on_mesh.material_points(field.material)
         fields.append(point_field(field, points, positions[points], case.start))
-    return on_mesh.with_fields(with_modes(case, fields), tuple(fields)) if fields else on_mesh
+    growths = point_growths(on_mesh)
+    if faults := start_faults(case, growths):
+        raise InputError(faults)
+    if not fields and not growths:
+        return on_mesh
+    return on_mesh.with_fields(with_modes(case, fields), tuple(fields), growths)
 
 
 class StagedModel(Marches):
@@ -96,10 +108,15 @@ class StagedModel(Marches):
             self.on_mesh,
             self.observation,
             edges_held=self.actions.hold_edges(ParameterPoint(start, ()), unknowns),
-            n_outside=max(self.march.n_outside, self.actions.n_outside),
+            n_outside=max(
+                self.march.n_outside,
+                self.actions.n_outside,
+                *(growth.n_outside for growth in self.on_mesh.growths),
+            ),
             in_tension=self.march.virgin_tension(start),
         )
-        return (*noted, *field_notes(self.on_mesh.case, self.on_mesh.fields))
+        varied = field_notes(self.on_mesh.case, self.on_mesh.fields)
+        return (*noted, *varied, *growth_notes(self.on_mesh.growths, self.case.start))
 
     def virgin_notes(self) -> tuple[str, ...]:
         """What to know of the in-situ stress at the start values; nothing is factorized."""

@@ -23,7 +23,7 @@ from geoident.forward.of_mesh import OfMesh
 from geoident.model.actions import Load, Temperature, Water
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import VIRGIN, Case, KeyPath, Stage, Support
-from geoident.model.ground import PointField
+from geoident.model.ground import Elastic, PointField, PointGrowth, with_constants
 from geoident.model.mesh import Mesh
 from geoident.model.parameter import Scalar
 from geoident.model.structures import Bars, Structure
@@ -186,12 +186,14 @@ class CaseOnMesh:
             without elements where the case has none.
         fields: constants of its materials that vary from strain point to strain point.
         turned: numbers (k,) of the elements that were turned.
+        growths: constants of its materials that grow with depth or stress.
     """
 
     case: Case
     mesh: Mesh
     fields: tuple[PointField, ...] = ()
     turned: Ints = field(default_factory=lambda: np.empty(0, np.int64))
+    growths: tuple[PointGrowth, ...] = ()
 
     @property
     def kinematics(self) -> Kinematics:
@@ -260,16 +262,33 @@ class CaseOnMesh:
         """Elastic constants of a material that are fields."""
         return tuple(f for f in self.fields if f.material == material and f.surface is None)
 
+    def elastic_growths(self, material: str) -> tuple[PointGrowth, ...]:
+        """Elastic constants of a material that grow with depth or stress."""
+        return tuple(g for g in self.growths if g.growth.material == material)
+
+    def elastic(self, material: str) -> Elastic:
+        """The elasticity of a material; of constants that grow, at their typical numbers."""
+        typical = {g.growth.constant: Scalar(g.typical) for g in self.elastic_growths(material)}
+        found = self.case.materials[material].elastic
+        return with_constants(found, typical) if typical else found
+
     def strength_fields(self, material: str) -> tuple[PointField, ...]:
         """Strengths of a material that are fields."""
         return tuple(f for f in self.fields if f.material == material and f.surface is not None)
 
-    def with_fields(self, case: Case, fields: tuple[PointField, ...]) -> CaseOnMesh:
+    def with_fields(
+        self, case: Case, fields: tuple[PointField, ...], growths: tuple[PointGrowth, ...] = ()
+    ) -> CaseOnMesh:
         """The same with fields, and with the case that has their modes among its parameters.
 
         Nothing that was made before depends on either, so it is kept.
+
+        Args:
+            case: with the modes.
+            fields: at the strain points.
+            growths: constants that grow, at the strain points.
         """
-        found = replace(self, case=case, fields=fields)
+        found = replace(self, case=case, fields=fields, growths=growths)
         given = {entry.name for entry in dataclass_fields(self)}
         found.__dict__.update({k: v for k, v in self.__dict__.items() if k not in given})
         return found

@@ -10,7 +10,7 @@ from geoident.errors import Fault, Location
 from geoident.model.actions import Contraction, Load, MotionField, Temperature, Water
 from geoident.model.elsewhere import Elsewhere
 from geoident.model.gauges import Channel, Reading, StageReadings
-from geoident.model.ground import Elastic, Field
+from geoident.model.ground import Elastic, Field, Growth
 from geoident.model.in_situ import InSitu
 from geoident.model.methods import (
     ClosedFormOptions,
@@ -85,7 +85,8 @@ class Material:
     """A material: elasticity, density in kg/m3, thermal expansion in 1/K (0 if not given).
 
     Its yield surfaces hold together; none: it does not yield. A constant of which there is a field
-    varies from place to place; the constant itself is then the mean.
+    varies from place to place; the constant itself is then the mean. One that grows is the number
+    from which it grows.
     """
 
     name: str
@@ -94,6 +95,7 @@ class Material:
     expansion: Scalar = Scalar(0.0)
     yields: tuple[YieldSurface, ...] = ()
     fields: tuple[Field, ...] = ()
+    growths: tuple[Growth, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -287,6 +289,11 @@ class Case:
     def fields(self) -> tuple[Field, ...]:
         """The constants of all materials that vary from place to place."""
         return tuple(each for material in self.materials.values() for each in material.fields)
+
+    @property
+    def growths(self) -> tuple[Growth, ...]:
+        """The elastic constants of all materials that grow with depth or stress."""
+        return tuple(each for material in self.materials.values() for each in material.growths)
 
     def zero_of(self, channel: Channel) -> int:
         """The state at which a channel reads zero; the virgin state is 0."""

@@ -10,13 +10,15 @@ Lempriere, 1968, Poisson's ratio in orthotropic materials, AIAA Journal 6).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import degrees, sqrt
 
 import numpy as np
 
 from geoident.model.arrays import Floats, Ints
+from geoident.model.dual import Dual, ParameterPoint
+from geoident.model.in_situ import Surface
 from geoident.model.parameter import Scalar, Values, scalars_of
 
 Vector3 = tuple[float, float, float]
@@ -210,6 +212,72 @@ class Field:
 
 
 @dataclass(frozen=True)
+class WithDepth:
+    """A constant that grows in proportion to depth: value = base + gradient * depth.
+
+    Args:
+        gradient: per metre of depth, Pa/m.
+        surface: where depth is counted from, downwards; above it depth is negative.
+    """
+
+    gradient: Scalar
+    surface: Surface
+
+
+@dataclass(frozen=True)
+class WithStress:
+    """A constant that grows with the stress in situ: value = base (p' / pressure)^exponent.
+
+    p' is the mean effective in-situ stress as the case gives it, compression positive, and at
+    least ``least``: soil that is pulled, or bears nothing, keeps the stiffness of that pressure.
+
+    Args:
+        exponent: of the power.
+        pressure: at which the constant is its base, Pa.
+        least: the least p' that counts, Pa.
+    """
+
+    exponent: Scalar
+    pressure: Scalar
+    least: Scalar
+
+
+@dataclass(frozen=True)
+class Growth:
+    """An elastic constant that grows with depth or with the stress in situ (theory 10.7).
+
+    Args:
+        material: of this material.
+        constant: name among `constants` of its elasticity.
+        base: the number from which it grows, Pa: at the surface, or at the reference pressure; the
+            constant without its growth.
+        law: how it grows.
+        dimension: physical dimension, a key of `geoident.units.DIMENSIONS`.
+        unit: in which the user wrote the base, for tables.
+        path: keys of the case that lead to it.
+    """
+
+    material: str
+    constant: str
+    base: Scalar
+    law: WithDepth | WithStress
+    dimension: str = "pressure"
+    unit: str = ""
+    path: tuple[str | int, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """By which people and files know it."""
+        return f"{self.material}.{self.constant}"
+
+    @property
+    def words(self) -> str:
+        """That it grows, a clause."""
+        with_what = "depth" if isinstance(self.law, WithDepth) else "the in-situ stress"
+        return f"{self.constant} of {self.material} grows with {with_what}"
+
+
+@dataclass(frozen=True)
 class PointField:
     """A field at the strain points of its material, as a sum of modes (theory 10).
 
@@ -250,11 +318,54 @@ class PointField:
         return np.asarray(np.exp(self.known + held + self.modes @ xi))
 
 
+@dataclass(frozen=True, eq=False)
+class PointGrowth:
+    """A constant at the strain points of its material.
+
+    Args:
+        growth: as the case says it.
+        points: (q,) numbers of the strain points of all ground that is ever of the material,
+            ascending.
+        positions: (q, dim) their coordinates, m.
+        names: parameters that its values may depend on.
+        value: its values (q,) at parameters, Pa.
+        typical: a number of its size, Pa, at which matrices are scaled; it depends on no parameter.
+        n_outside: points beside the footprint of the surface from which depth is counted.
+    """
+
+    growth: Growth
+    points: Ints
+    positions: Floats
+    names: frozenset[str]
+    value: Callable[[ParameterPoint], Dual]
+    typical: float
+    n_outside: int = 0
+
+
 def constants(elastic: Elastic) -> dict[str, Scalar]:
     """The numbers that the elasticity matrix is made of, by name, without the frame's angles."""
     if isinstance(elastic, Anisotropic):
         return dict(elastic.entries)
     return scalars_of(elastic)
+
+
+def with_constants(elastic: Elastic, given: Mapping[str, Scalar]) -> Elastic:
+    """An elasticity with other numbers for some of its constants, by name."""
+    if isinstance(elastic, Anisotropic):
+        return Anisotropic({**elastic.entries, **given})
+    known = {**elastic.__dict__, **given}
+    return type(elastic)(**known)
+
+
+def bounded(elastic: Elastic, growths: Sequence[Growth]) -> Elastic:
+    """The elasticity whose constants bounds are asked of.
+
+    A modulus of isotropic ground may begin to grow from zero, and its bounds do not depend on
+    others; whether it is positive is asked at the points of the ground.
+    """
+    if not isinstance(elastic, Isotropic):
+        return elastic
+    return with_constants(elastic, {growth.constant: Scalar(1.0) for growth in growths})
 
 
 def angles(elastic: Elastic) -> dict[str, Scalar]:

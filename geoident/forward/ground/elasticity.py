@@ -18,6 +18,7 @@ from geoident.model.ground import (
     LoveModuli,
     Orthotropic,
     TransverselyIsotropic,
+    bounded,
     breach,
     constants,
 )
@@ -90,7 +91,8 @@ def material_axes(frame: Frame, point: ParameterPoint, *, section: bool) -> Dual
 def inadmissible(material: Material, values: Values) -> str | None:
     """Why moduli or strengths are none, a sentence, or None if they are."""
     breaches = (surface.breach(values) for surface in material.yields)
-    found = breach(material.elastic, values) or next(filter(None, breaches), None)
+    elastic = bounded(material.elastic, material.growths)
+    found = breach(elastic, values) or next(filter(None, breaches), None)
     if found is None:
         return None
     return f"{found.constant} of {material.name} is {found.shown}, {found.limit}"

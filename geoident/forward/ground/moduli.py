@@ -4,6 +4,7 @@ Where constants are fields, the formulas of `fem.elasticity` are taken at all st
 with dual numbers whose derivatives are by few things: the parameters that the material's own
 numbers depend on, and the logarithm of each field. The modes follow by the chain rule,
 dE/dxi_k = (dE/dlog c) modes[:, k]; no array has as many columns as there are modes.
+Constants that grow with depth or stress bring their values and derivatives at every point along.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from geoident.fem.location import format_point
 from geoident.fem.moduli import (
     Moduli,
     PointwiseModuli,
@@ -24,7 +26,7 @@ from geoident.forward.ground.elasticity import elasticity, elasticity_of
 from geoident.model.arrays import Floats, Ints
 from geoident.model.case import Material
 from geoident.model.dual import Dual, ParameterPoint
-from geoident.model.ground import Elastic, PointField, constants, numbers_of
+from geoident.model.ground import Elastic, PointField, PointGrowth, constants, numbers_of
 from geoident.model.parameter import Values
 
 
@@ -86,22 +88,61 @@ def uniform_moduli(columns: Dual, names: Sequence[str]) -> MaterialModuli:
 
 
 def field_moduli(
-    elastic: Elastic, fields: Sequence[PointField], point: ParameterPoint, n_strain: int
+    elastic: Elastic,
+    fields: Sequence[PointField],
+    point: ParameterPoint,
+    n_strain: int,
+    growths: Sequence[PointGrowth] = (),
 ) -> MaterialModuli:
-    """Moduli with constants that are fields, at all strain points of their material.
+    """Moduli with constants that are fields or grow, at all strain points of their material.
 
     Args:
-        elastic: symmetry, constants and axes; the constants of the fields are their means.
-        fields: of the material, one at least.
+        elastic: symmetry, constants and axes; the constants of the fields are their means, those
+            that grow are their typical numbers.
+        fields: of the material.
         point: the parameters.
         n_strain: number s of strain components of the analysis.
+        growths: of the material; one of these or of the fields at least.
     """
-    own = {scalar.parameter for scalar in numbers_of(elastic).values()}
+    own: set[str | None] = {scalar.parameter for scalar in numbers_of(elastic).values()}
+    own = own.union(*(growth.names for growth in growths))
     local = ParameterPoint(point.values, tuple(name for name in point.names if name in own))
     by_modes = any(name in point.names for field in fields for name in field.names)
-    if scales_whole(elastic, fields):
+    if grows_whole(elastic, fields, growths):
+        return _grown(elastic, growths[0], local, n_strain)
+    if not growths and scales_whole(elastic, fields):
         return _scaled(elastic, fields[0], local, n_strain, by_modes=by_modes)
-    return _pointwise(elastic, fields, local, n_strain, by_modes=by_modes)
+    return _pointwise(elastic, fields, growths, local, n_strain, by_modes=by_modes)
+
+
+def grows_whole(
+    elastic: Elastic, fields: Sequence[PointField], growths: Sequence[PointGrowth]
+) -> bool:
+    """Whether the whole matrix grows in proportion to the one modulus that is given.
+
+    Args:
+        elastic: symmetry and constants.
+        fields: of the material.
+        growths: of the material.
+    """
+    moduli = {name for name in constants(elastic) if not name.startswith("nu")}
+    return not fields and len(growths) == 1 and moduli == {growths[0].growth.constant}
+
+
+def _grown(elastic: Elastic, growth: PointGrowth, local: ParameterPoint, s: int) -> MaterialModuli:
+    """E of the typical number times a factor of every point, with the derivatives of both."""
+    matrix = Dual(elasticity(elastic, local, section=s < 6).columns[:s, :s])
+    found = np.ascontiguousarray(growth.value(local).columns / growth.typical)
+    value = ScaledModuli(np.ascontiguousarray(matrix.value), np.ascontiguousarray(found[:, 0]))
+    slopes: dict[str, Moduli] = {}
+    for n, name in enumerate(local.names):
+        slope, grows = matrix.slope(n), found[:, 1 + n]
+        parts = [] if slope is None else [ScaledModuli(slope, value.factor)]
+        if grows.any():
+            parts.append(ScaledModuli(value.matrix, np.ascontiguousarray(grows)))
+        if parts:
+            slopes[name] = parts[0] if len(parts) == 1 else SummedModuli(tuple(parts))
+    return MaterialModuli(value, slopes)
 
 
 def scales_whole(elastic: Elastic, fields: Sequence[PointField]) -> bool:
@@ -151,6 +192,7 @@ def _scaled(
 def _pointwise(
     elastic: Elastic,
     fields: Sequence[PointField],
+    growths: Sequence[PointGrowth],
     local: ParameterPoint,
     s: int,
     *,
@@ -164,6 +206,10 @@ def _pointwise(
         if by_modes:
             columns = numbers[field.constant].columns
             columns[..., columns.shape[-1] - extra + n] = columns[..., 0]
+    for growth in growths:
+        columns = growth.value(local).columns
+        columns = np.concatenate([columns, np.zeros((len(columns), extra))], axis=1)
+        numbers[growth.growth.constant] = Dual(columns[:, None, None])
     dual = elasticity_of(elastic, numbers, local, section=s < 6, extra=extra)
     entries = np.moveaxis(dual.columns[:, :s, :s], 0, 2)  # (s, s, q, 1 + k)
     parts = [PointwiseModuli(np.ascontiguousarray(entries[..., k])) for k in range(dual.n + 1)]
@@ -191,33 +237,55 @@ def varying(field: PointField, mean: Dual, values: Mapping[str, float]) -> Dual:
 
 
 def inadmissible_moduli(
-    material: Material, fields: Sequence[PointField], values: Values, n_strain: int
+    material: Material,
+    fields: Sequence[PointField],
+    values: Values,
+    n_strain: int,
+    growths: Sequence[PointGrowth] = (),
 ) -> str | None:
-    """Why moduli with fields are none somewhere, a sentence, or None if they are.
+    """Why moduli that vary from point to point are none somewhere, or None if they are.
 
     Args:
-        material: the material.
-        fields: its elastic constants that are fields, one at least.
+        material: the material; of constants that grow it has the typical numbers.
+        fields: its elastic constants that are fields.
         values: parameters by name, SI.
         n_strain: number s of strain components of the analysis.
+        growths: its elastic constants that grow; one of these or of the fields at least.
     """
     elastic, given = material.elastic, constants(material.elastic)
+    for growth in growths:
+        said = not_positive(growth, values)
+        if said is not None:
+            return said
     for field in fields:
         with np.errstate(over="ignore"):
             factor = field.factor(values, given[field.constant].value(values))
         if not (np.isfinite(factor).all() and factor.min() > 0.0):
             return f"{field.constant} of {material.name} is beyond all measure at a strain point"
-    if scales_whole(elastic, fields):
+    if grows_whole(elastic, fields, growths) or (not growths and scales_whole(elastic, fields)):
         return None
-    found = field_moduli(elastic, fields, ParameterPoint(values, ()), n_strain).value
-    matrices = found.matrices(np.arange(len(fields[0].points)))
+    found = field_moduli(elastic, fields, ParameterPoint(values, ()), n_strain, growths).value
+    points = fields[0].points if fields else growths[0].points
+    matrices = found.matrices(np.arange(len(points)))
     if np.linalg.eigvalsh(matrices).min() > 0.0:
         return None
-    names = ", ".join(field.constant for field in fields)
+    grown = (growth.growth.constant for growth in growths)
+    names = ", ".join((*(field.constant for field in fields), *grown))
     return (
         f"where {names} of {material.name} varies most, its elasticity is not positive definite: "
         "ratios that its other constants allow at the mean are not allowed there"
     )
+
+
+def not_positive(one: PointGrowth, values: Values) -> str | None:
+    """Where a constant is not positive at parameter values, half a sentence; None for nowhere."""
+    with np.errstate(all="ignore"):
+        found = one.value(ParameterPoint(values, ())).value
+    if np.isfinite(found).all() and found.min() > 0.0:
+        return None
+    worst = int(np.argmin(np.where(np.isfinite(found), found, -np.inf)))
+    number, where = found[worst], format_point(one.positions[worst])
+    return f"{one.growth.words}: it is {number:.4g} Pa at {where}, where it must be positive"
 
 
 def _wide(number: Dual, extra: int) -> Dual:

@@ -23,6 +23,7 @@ from geoident.model.actions import Water
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case, KeyPath
 from geoident.model.dual import Dual, ParameterPoint
+from geoident.model.ground import WithDepth
 from geoident.model.in_situ import (
     Components,
     ConstantStress,
@@ -111,12 +112,17 @@ def in_situ_models(case: Case) -> Iterator[tuple[KeyPath, InSitu]]:
 
 
 def surface_faults(on_mesh: CaseOnMesh) -> list[Fault]:
-    """Surfaces of the in-situ stress and tables of the water that the mesh does not have."""
+    """Surfaces of in-situ stress and growth, and tables of water, that the mesh does not have."""
     case, mesh = on_mesh.case, on_mesh.mesh
     wanted: list[tuple[KeyPath, Surface]] = [
         ((*path, "surface"), model.surface)
         for path, model in in_situ_models(case)
         if model.surface is not None
+    ]
+    wanted += [
+        ((*growth.path, "surface"), growth.law.surface)
+        for growth in case.growths
+        if isinstance(growth.law, WithDepth)
     ]
     waters: list[tuple[KeyPath, Water | None]] = [(("water",), case.water)]
     waters += [(("stages", n, "water"), stage.water) for n, stage in enumerate(case.stages)]

@@ -142,7 +142,7 @@ class March:
         """Ground that no stage touches, where it is eliminated first and only follows then."""
         systems, case = self.systems, self.case
         yields = any(material.yields for material in case.materials.values())
-        if not systems.keeps_lasting or yields or self.on_mesh.fields:
+        if not systems.keeps_lasting or yields or self.on_mesh.fields or self.on_mesh.growths:
             return None
         group_of_point = self.sequence.group_of[systems.discretization.points.element]
         lasts = ~systems.changing[group_of_point]

@@ -351,13 +351,14 @@ class GroundAt:
 
         Args:
             material: its name.
-            points: (q,) which of its points; needed only where a constant is a field.
+            points: (q,) which of its points; needed only where a constant varies.
         """
         if material not in self._moduli:
             fields = self._on_mesh.elastic_fields(material)
-            if fields:
-                elastic = self._case.materials[material].elastic
-                found = field_moduli(elastic, fields, self._point, self.n_strain)
+            growths = self._on_mesh.elastic_growths(material)
+            if fields or growths:
+                elastic, s = self._on_mesh.elastic(material), self.n_strain
+                found = field_moduli(elastic, fields, self._point, s, growths)
             else:
                 found = uniform_moduli(self.elasticity(material), self._point.names)
             self._moduli[material] = found
@@ -376,9 +377,12 @@ class GroundAt:
         return kept[1]
 
     def elasticity(self, material: str) -> Dual:
-        """E (s, s) of a material, Pa; where a constant is a field, that of its mean."""
+        """E (s, s) of a material, Pa; where a constant is a field, that of its mean.
+
+        Where one grows, that of its typical number.
+        """
         if material not in self._elasticities:
-            elastic, s = self._case.materials[material].elastic, self.n_strain
+            elastic, s = self._on_mesh.elastic(material), self.n_strain
             full = elasticity(elastic, self._point, section=s < 6)
             self._elasticities[material] = Dual(np.ascontiguousarray(full.columns[:s, :s]))
         return self._elasticities[material]

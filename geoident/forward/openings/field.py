@@ -60,7 +60,7 @@ def unsuitable(case: Case, material: str, *, has_mesh: bool) -> str | None:
         return f"'{material}' is not isotropic"
     if len(ground.yields) > 1 or not all(isinstance(s, MohrCoulomb) for s in ground.yields):
         return f"'{material}' has other yield limits than one of Mohr-Coulomb"
-    if ground.fields:
+    if ground.fields or ground.growths:
         return f"'{material}' varies from place to place"
     if case.in_situ_of:
         return "groups have in-situ stresses of their own"

@@ -32,6 +32,8 @@ def _obstacles(march: March) -> Iterator[str]:
             yield f"{name} yields: its stresses are not linear in the displacements"
     for field in march.on_mesh.fields:
         yield f"{field.constant} of {field.material} is a field"
+    for growth in case.growths:
+        yield growth.words
     jacked = [name for state in march.sequence.states for name in state.stressed]
     for name, count in Counter(jacked).items():
         if count > 1:

@@ -14,7 +14,7 @@ from geoident.forward.yielding.surfaces import is_smooth, yield_planes
 from geoident.model.arrays import Floats
 from geoident.model.case import Analysis, Case, KeyPath, Material
 from geoident.model.dual import ParameterPoint
-from geoident.model.ground import Field, constants
+from geoident.model.ground import Field, Growth, constants
 from geoident.model.parameter import Parameter, Values
 from geoident.model.yielding import GivenPlanes, WeakPlane, YieldSurface
 
@@ -65,14 +65,15 @@ def _field_faults(case: Case, material: Material) -> Iterator[Fault]:
 
     The law of a point is that of the means with one factor on all strengths, and one on the moduli.
     """
-    for field in material.fields:
-        if field.surface is None:
+    entries: tuple[Field | Growth, ...] = (*material.fields, *material.growths)
+    for field in entries:
+        if isinstance(field, Growth) or field.surface is None:
             moduli = [name for name in constants(material.elastic) if not name.startswith("nu")]
             if moduli != [field.constant]:
                 others = ", ".join(name for name in moduli if name != field.constant)
                 message = f"{field.constant} of '{material.name}' varies from place to place, but "
                 message += f"{others} not, and it yields: its elasticity must vary as a whole"
-                hint = "Give E and nu with a field of E, or leave out 'yield' or the field."
+                hint = "Give E and nu and let E vary, or leave out 'yield' or what varies."
                 yield case.source.fault(field.path, code="field", message=message, hint=hint)
         elif field.constant in _ANGLES:
             message = (
@@ -86,10 +87,10 @@ def _field_faults(case: Case, material: Material) -> Iterator[Fault]:
             yield case.source.fault(field.path, code="field", message=message, hint=hint)
         else:
             yield from _other_strengths(case, material, field)
-    if material.fields and any(_hardens(surface) for surface in material.yields):
-        message = f"'{material.name}' hardens, and a field says that it varies from place to place"
-        hint = "Leave out the hardening or the field: the hardening would have to vary along."
-        path = material.fields[0].path
+    if entries and any(_hardens(surface) for surface in material.yields):
+        message = f"'{material.name}' hardens, and {entries[0].constant} varies from place to place"
+        hint = "Leave out the hardening, or let nothing vary: the hardening would have to as well."
+        path = entries[0].path
         yield case.source.fault(path, code="field", message=message, hint=hint)
 
 

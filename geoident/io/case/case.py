@@ -26,6 +26,7 @@ from pydantic_core import PydanticKnownError
 
 from geoident.io.case.actions import LoadSection, WaterSection, build_loads
 from geoident.io.case.elsewhere.section import ConvergenceLawSection, ElsewhereSection
+from geoident.io.case.field import GrowthBase
 from geoident.io.case.fit import AxisSection, FitSection
 from geoident.io.case.frames import oriented
 from geoident.io.case.gauges.kinds import GaugeSection, build_channels
@@ -314,6 +315,10 @@ def _refuse_fields(materials: Mapping[str, Material], context: Context) -> None:
             message = f"{field.name} varies from place to place, and there is no mesh"
             hint = "Closed forms are of uniform ground: write one number."
             context.at(*field.path).refuse("no-mesh", message, hint, key=True)
+        for growth in material.growths:
+            message = f"{growth.words}, and there is no mesh"
+            hint = "Closed forms are of uniform ground: write one number."
+            context.at(*growth.path).refuse("no-mesh", message, hint, key=True)
 
 
 def _gravity(given: Gravity | None, context: Context) -> tuple[float, ...] | None:
@@ -543,7 +548,9 @@ def _check_ties(section: CaseSection, faults: Faults) -> None:
 
 def _numbers(node: object, path: KeyPath) -> Iterator[tuple[KeyPath, Given]]:
     """Every number of the case with its path."""
-    if isinstance(node, Given):
+    if isinstance(node, Given) and isinstance(node.field, GrowthBase):
+        yield from _numbers(node.field, path)
+    elif isinstance(node, Given):
         yield (path if node.field is None else (*path, "field", "mean")), node
     elif isinstance(node, BaseModel):
         for name, info in type(node).model_fields.items():

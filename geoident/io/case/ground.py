@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from geoident.io.case.field import FieldModulus, fields_in
+from geoident.io.case.field import FieldModulus, fields_in, growths_in
 from geoident.io.case.frames import attitude, axes_along, strata
 from geoident.io.case.parameters import ParameterSection, start_values
 from geoident.io.case.yielding import YieldSections, build_yields, fields_of_yields
@@ -33,6 +33,7 @@ from geoident.model.ground import (
     LoveModuli,
     Orthotropic,
     TransverselyIsotropic,
+    bounded,
     breach,
 )
 from geoident.model.parameter import Scalar
@@ -288,8 +289,8 @@ def build_materials(
     materials = {}
     for name, section in sections.items():
         place = context.at(name)
-        elastic = section.elasticity(place)
-        _check_start(elastic, section, parameters, place)
+        elastic, growths = section.elasticity(place), growths_in(section, place, material=name)
+        _check_start(bounded(elastic, growths), section, parameters, place)
         materials[name] = Material(
             name,
             elastic,
@@ -300,6 +301,7 @@ def build_materials(
                 *fields_in(section, place, material=name),
                 *fields_of_yields(section.yields, place.at("yield"), material=name),
             ),
+            growths,
         )
     return materials
 

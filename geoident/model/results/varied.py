@@ -23,7 +23,7 @@ class FieldEstimate:
         sd: (n,) standard deviation of the logarithm; NaN where the mean is not determined.
         prior_sd: (n,) the same before the readings, with the mean as it is: what tests leave.
         reduction: (n,) part of the prior variance that the readings take away, 0 to 1.
-        modes: number of modes.
+        modes: number of modes; 0 where it grows by a law: prior_sd is NaN and reduction 0 then.
         explained: part of the variance that the modes hold.
         tests: number of values that were measured.
     """

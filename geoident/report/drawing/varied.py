@@ -23,6 +23,16 @@ from geoident.units import in_unit, shown_unit
 _VALUES, _DEVIATIONS, _SEEN = "viridis", "Oranges", "Blues"
 _BANDS = 10
 
+_OF_FIELD = (
+    "Median of the values; standard deviation of their logarithm, about that of the values in "
+    "parts; and how much of the variance that the field had before, with the measured values, the "
+    "readings take away: where it is 0 they do not see the ground. Lines: the gauges."
+)
+_OF_GROWTH = (
+    "The values, which grow with depth or with the stress in situ; and their standard deviation in "
+    "parts, as the parameters of the growth are known. Lines: the gauges."
+)
+
 
 def varied_pictures(scene: Scene) -> tuple[Picture, ...]:
     """One figure for each field and sheet of a scene."""
@@ -30,10 +40,7 @@ def varied_pictures(scene: Scene) -> tuple[Picture, ...]:
         Picture(
             f"field-{found.name.replace('.', '-')}{f'-section-{n}' if scene.solid else ''}",
             f"Field {found.name}{f', section {sheet.plane}' if sheet.plane is not None else ''}",
-            "Median of the values; standard deviation of their logarithm, about that of the values "
-            "in parts; and how much of the variance that the field had before, with the measured "
-            "values, the readings take away: where it is 0 they do not see the ground. Lines: the "
-            "gauges.",
+            _OF_FIELD if found.modes else _OF_GROWTH,
             partial(varied_figure, scene, sheet, found),
         )
         for found in scene.result.varied
@@ -51,14 +58,15 @@ def varied_figure(scene: Scene, sheet: Sheet, found: FieldEstimate) -> Figure:
         found: the field.
     """
     window = scene.window(sheet)
-    figure, panels = panel_figure(scene, window, 3)
     factor = in_unit(1.0, found.unit, found.dimension)
     unit = shown_unit(found.unit, found.dimension)
-    shown = (
+    every = (
         (f"{found.constant} ({unit})" if unit else found.constant, factor * found.values, _VALUES),
         ("standard deviation (%)", 100 * found.sd, _DEVIATIONS),
         ("variance reduction (%)", 100 * found.reduction, _SEEN),
     )
+    shown = every if found.modes else every[:2]  # what grows by a law has no variance to reduce
+    figure, panels = panel_figure(scene, window, len(shown))
     for axes, (label, values, colours) in zip(panels, shown, strict=True):
         shading = _shade(axes, scene, sheet, found, values, colours)
         draw_lines(axes, scene, sheet, 0)

@@ -30,6 +30,8 @@ def varied_table(estimates: Sequence[FieldEstimate]) -> TextTable:
 
 def _row(found: FieldEstimate) -> list[str]:
     shown = [number(in_unit(float(x), found.unit, found.dimension)) for x in _values(found)]
+    if not found.modes:  # it grows by a law: there is nothing that readings see here or there
+        return [found.name, shown_unit(found.unit, found.dimension), *shown, "0", "-", "-", "-"]
     best = int(np.argmax(found.reduction))
     where = f"({', '.join(f'{x:.3g}' for x in found.centres[best])}) m"
     seen = int(np.count_nonzero(found.reduction >= SEEN))
@@ -58,6 +60,8 @@ def varied_text(estimates: Sequence[FieldEstimate]) -> str:
         "median, least and largest of the elements' values; best seen: where the readings reduce "
         "the variance most, and by how much there; seen: elements where they take half of it away"
     )
+    if not all(found.modes for found in estimates):
+        note += "; without modes: it grows by a law, and its numbers are parameters"
     return f"{varied_table(estimates).text}\n{sentence(note)}"
 
 
@@ -80,7 +84,9 @@ def _object(found: FieldEstimate) -> dict[str, Any]:
         "modes": found.modes,
         "explained": found.explained,
         "measured": found.tests,
-        "best_seen": {"at": found.centres[best], "reduction": float(found.reduction[best])},
+        "best_seen": None
+        if not found.modes
+        else {"at": found.centres[best], "reduction": float(found.reduction[best])},
         "elements": len(found.values),
         "seen": int(np.count_nonzero(found.reduction >= SEEN)),
     }

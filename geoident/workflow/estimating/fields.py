@@ -13,7 +13,8 @@ from geoident.forward.protocols import CaseModel
 from geoident.identify.assessment.uncertainty import Assessment
 from geoident.model.arrays import Floats, Ints
 from geoident.model.case import Case
-from geoident.model.ground import Field, PointField
+from geoident.model.dual import ParameterPoint
+from geoident.model.ground import Field, PointField, PointGrowth
 from geoident.model.results.result import Result
 from geoident.model.results.varied import FieldEstimate
 
@@ -37,14 +38,74 @@ def field_estimates(
         values: (n,) the estimate, SI.
         assessment: how well the parameters are known.
     """
-    if not isinstance(model, StagedModel) or not model.on_mesh.fields:
+    if not isinstance(model, StagedModel) or not _varies(model):
         return ()
     slope = assessment.slope
     covariance = np.outer(slope, slope) * assessment.posterior.covariance
-    return tuple(
+    fields = (
         _estimate(model, field, made, values, covariance)
         for field, made in zip(model.case.fields, model.on_mesh.fields, strict=True)
     )
+    return (*fields, *(_grown(model, g, values, covariance) for g in model.on_mesh.growths))
+
+
+def _varies(model: StagedModel) -> bool:
+    """Whether a constant of the ground varies from place to place."""
+    return bool(model.on_mesh.fields or model.on_mesh.growths)
+
+
+def _grown(
+    model: StagedModel, made: PointGrowth, values: Floats, covariance: Floats
+) -> FieldEstimate:
+    """A constant that grows, at its elements; its deviation stems from its parameters."""
+    point = ParameterPoint(model.values(values), model.names)
+    elements, mean_of = _averages(model, made.points)
+    columns = np.asarray(mean_of @ made.value(point).columns)
+    relative = columns[:, 1:] / columns[:, :1]
+    moved = np.flatnonzero(relative.any(axis=0))  # an undetermined parameter elsewhere is NaN
+    part = covariance[np.ix_(moved, moved)]
+    variance = np.einsum("qi,qi->q", relative[:, moved] @ part, relative[:, moved])
+    return _growth_estimate(model, made, (elements, mean_of), columns[:, 0], variance)
+
+
+def _growth_estimate(
+    model: StagedModel,
+    made: PointGrowth,
+    averages: tuple[Ints, sp.csr_array],
+    values: Floats,
+    variance: Floats,
+) -> FieldEstimate:
+    """Values (n,) at elements, and the variance (n,) of their logarithm."""
+    growth, (elements, mean_of) = made.growth, averages
+    return FieldEstimate(
+        name=growth.name,
+        material=growth.material,
+        constant=growth.constant,
+        dimension=growth.dimension,
+        unit=_unit(model, growth.unit, growth.base.parameter),
+        elements=elements,
+        centres=np.asarray(mean_of @ made.positions),
+        values=values,
+        sd=np.sqrt(np.maximum(variance, 0.0)),
+        prior_sd=np.full(len(values), np.nan),
+        reduction=np.zeros(len(values)),
+        modes=0,
+        explained=1.0,
+    )
+
+
+def _drawn_growth(model: StagedModel, made: PointGrowth, draws: Floats) -> FieldEstimate:
+    """Median over the draws as that of the logarithm, whose deviation is that of the draws."""
+    elements, mean_of = _averages(model, made.points)
+    total, squares, first = np.zeros(len(elements)), np.zeros(len(elements)), None
+    for row in draws:
+        found = np.log(mean_of @ made.value(ParameterPoint(model.values(row), ())).value)
+        first = found if first is None else first
+        total, squares = total + (found - first), squares + (found - first) ** 2
+    assert first is not None
+    shift = total / len(draws)
+    values, variance = np.exp(first + shift), squares / len(draws) - shift**2
+    return _growth_estimate(model, made, (elements, mean_of), values, variance)
 
 
 def _estimate(
@@ -91,7 +152,7 @@ def _described(model: StagedModel, field: Field, made: PointField, known: _Known
         material=field.material,
         constant=field.constant,
         dimension=field.dimension,
-        unit=_unit(model, field),
+        unit=_unit(model, field.unit, field.mean.parameter),
         elements=known.elements,
         centres=np.asarray(known.mean_of @ position),
         values=np.exp(known.logarithm),
@@ -167,12 +228,13 @@ def drawn_fields(model: CaseModel, draws: Floats) -> tuple[FieldEstimate, ...]:
         model: of the case.
         draws: (k, n) parameters and modes, SI.
     """
-    if not isinstance(model, StagedModel) or not model.on_mesh.fields:
+    if not isinstance(model, StagedModel) or not _varies(model):
         return ()
-    return tuple(
+    fields = (
         _drawn(model, field, made, draws)
         for field, made in zip(model.case.fields, model.on_mesh.fields, strict=True)
     )
+    return (*fields, *(_drawn_growth(model, made, draws) for made in model.on_mesh.growths))
 
 
 def _drawn(model: StagedModel, field: Field, made: PointField, draws: Floats) -> FieldEstimate:
@@ -208,7 +270,7 @@ def _averages(model: StagedModel, points: Ints) -> tuple[Ints, sp.csr_array]:
     )
 
 
-def _unit(model: StagedModel, field: Field) -> str:
-    """The unit of a field: that of its mean, or of the parameter to which that is tied."""
+def _unit(model: StagedModel, unit: str, parameter: str | None) -> str:
+    """The unit of a number: its own, or that of the parameter to which it is tied."""
     units = {q.name: q.unit for q in model.case.parameters}
-    return field.unit or units.get(field.mean.parameter or "", "")
+    return unit or units.get(parameter or "", "")

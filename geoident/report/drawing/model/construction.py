@@ -141,11 +141,15 @@ def material_label(
     """
     units = {p.name: (p.unit, p.dimension) for p in parameters}
     said = []
+    grown = {growth.constant for growth in material.growths}
     for name, scalar in constants(material):
+        if name in grown:
+            continue
         if scalar.parameter is not None and scalar.parameter in units:
             said.append(f"{name} = {_identified(scalar, found, *units[scalar.parameter])}")
         elif name.startswith("E") and scalar.parameter is None:
             said.append(f"{name} = {stress_text(scalar.value({}))}")
+    said += [f"{name} grows" for name in sorted(grown)]
     varies = [field.constant for field in material.fields]
     said += [f"{name} varies" for name in varies if not any(s.startswith(f"{name} ") for s in said)]
     shown = ", ".join(said[:4]) + (", ..." if len(said) > 4 else "")
