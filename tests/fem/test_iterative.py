@@ -7,11 +7,12 @@ from functools import lru_cache
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 from support.cases import make_case, material, rollers
 from support.meshes import box, regroup
 
 from geoident.errors import ModelError
-from geoident.fem.solvers import auto, iterative, memory_limit, pick_solver, picked
+from geoident.fem.solvers import auto, iterative, memory_limit, ordering, pick_solver, picked
 from geoident.fem.solvers.auto import FactorSize, is_beyond
 from geoident.fem.solvers.direct import NotPositiveDefinite, UnknownPlaces
 from geoident.fem.solvers.iterative import IterativeSolver, lower_values, whole_matrix
@@ -280,3 +281,22 @@ def test_places_name_the_unknowns():
     assert isinstance(places, UnknownPlaces)
     ends = places.points[places.edges[:, 1:]].mean(axis=1)
     np.testing.assert_allclose(places.points[places.edges[:, 0]], ends, atol=1e-12)
+
+
+def test_the_coarsest_level_is_ordered_by_nodes(monkeypatch):
+    """Three unknowns of a node are one vertex: apart they cost tens of minutes in large models."""
+    sizes = []
+
+    def counted(points, indptr, indices):
+        sizes.append((len(points), len(indices)))
+        return ordering.nested_dissection(points, indptr, indices)
+
+    monkeypatch.setattr(cycle, "nested_dissection", counted)
+    point = np.repeat(np.random.default_rng(1).normal(size=(40, 3)), 3, axis=0)
+    chain = sp.diags_array([1.0, 1.0, 1.0], offsets=[-1, 0, 1], shape=(40, 40))
+    matrix = sp.csr_array(sp.kron(chain, np.ones((3, 3))))
+    order = cycle._elimination_order(matrix, point)
+    assert sizes == [(40, 40 + 2 * 39)]
+    assert np.array_equal(np.sort(order), np.arange(120))
+    nodes = order.reshape(40, 3) // 3
+    assert np.array_equal(nodes, nodes[:, :1].repeat(3, axis=1))

@@ -133,14 +133,33 @@ class _Smoothed:
         return self._smoother.go_on(x, rhs)
 
 
+def _elimination_order(matrix: sp.csr_array, point: Floats) -> Ints:
+    """Order (n,) of elimination of the unknowns of a matrix (n, n), which stand at points (n, dim).
+
+    Unknowns at one point stay together: apart they would make the graph several times as large,
+    and the separators of so many equal vertices take hours to find.
+    """
+    order = np.lexsort(point.T)
+    begins = np.r_[True, (np.diff(point[order], axis=0) != 0.0).any(axis=1)]
+    place = np.empty(len(point), dtype=np.int64)
+    place[order] = np.cumsum(begins) - 1
+    rows = place[np.repeat(np.arange(len(point)), np.diff(matrix.indptr))]
+    edges = (np.ones(len(rows), dtype=np.int8), (rows, place[matrix.indices]))
+    graph = sp.csr_array(sp.coo_array(edges, shape=(place.max() + 1,) * 2))
+    dissected = nested_dissection(
+        point[order[begins]], graph.indptr.astype(np.int64), graph.indices.astype(np.int64)
+    )
+    rank = np.empty_like(dissected)
+    rank[dissected] = np.arange(len(dissected))
+    return np.asarray(np.argsort(rank[place], kind="stable"))
+
+
 class _Coarsest:
     """The pattern of the coarsest level in the order of its elimination."""
 
     def __init__(self, matrix: sp.csr_array, point: Floats, counts: SolverCounts) -> None:
         self._indptr, self._indices = matrix.indptr, matrix.indices
-        self._order = nested_dissection(
-            point, matrix.indptr.astype(np.int64), matrix.indices.astype(np.int64)
-        )
+        self._order = _elimination_order(matrix, point)
         lower = self._lower(matrix)
         pattern = LowerPattern(lower.indptr.astype(np.int64), lower.indices.astype(np.int64))
         own = MultifrontalSolver(single=True)
