@@ -26,7 +26,6 @@ from pydantic_core import PydanticKnownError
 
 from geoident.io.case.actions import LoadSection, WaterSection, build_loads
 from geoident.io.case.elsewhere.section import ConvergenceLawSection, ElsewhereSection
-from geoident.io.case.field import GrowthBase
 from geoident.io.case.fit import AxisSection, FitSection
 from geoident.io.case.frames import oriented
 from geoident.io.case.gauges.kinds import GaugeSection, build_channels
@@ -39,6 +38,7 @@ from geoident.io.case.readings import BadSection, Date, Readings
 from geoident.io.case.stages import ABSENT, Begin, StageSection, check_sequence
 from geoident.io.case.structures import StructureSection
 from geoident.io.case.supports.section import SupportValue, build_supports
+from geoident.io.case.varied.growth import GrowthBase
 from geoident.io.schema.section import Context, Section, SectionFaults
 from geoident.io.schema.values import (
     Acceleration,

@@ -8,9 +8,9 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from geoident.io.case.field import FieldModulus, fields_in, growths_in
 from geoident.io.case.frames import attitude, axes_along, strata
 from geoident.io.case.parameters import ParameterSection, start_values
+from geoident.io.case.varied.number import FieldModulus, fields_in, growths_in
 from geoident.io.case.yielding import YieldSections, build_yields, fields_of_yields
 from geoident.io.schema.section import Context, Section, refuse, require_one_of
 from geoident.io.schema.values import (

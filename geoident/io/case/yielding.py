@@ -9,9 +9,9 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from geoident.io.case.field import FieldAngle, FieldStrength, fields_in
 from geoident.io.case.frames import strata
 from geoident.io.case.parameters import ParameterSection, start_values
+from geoident.io.case.varied.number import FieldAngle, FieldStrength, fields_in
 from geoident.io.schema.section import Context, Section, require_one_of
 from geoident.io.schema.values import Angle, Count, DirectionVector, Given, Name, Stress, scalar_of
 from geoident.model.ground import Elastic, Isotropic

@@ -1,51 +1,39 @@
 """Constants that vary from place to place: their section, tests that measured them, their field.
 
 Written as `E: {field: {mean: $E_rock, sd: 30 %, length: [20 m, 5 m], along: {dip: 30 deg}}}`.
-Moduli may also grow: `E: {at: 20 MPa, gradient: 0.5 MPa/m, surface: 0 m}` with depth, or
-`E: {reference: 30 MPa, exponent: 0.5, pressure: 100 kPa}` with the stress in situ.
 """
 
 from __future__ import annotations
 
-from abc import abstractmethod
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
-from typing import Annotated, Any
+from collections.abc import Iterator
+from typing import Annotated
 
 from pydantic import (
     Discriminator,
     Field,
-    GetCoreSchemaHandler,
-    GetJsonSchemaHandler,
     Tag,
     model_validator,
 )
-from pydantic_core import CoreSchema, core_schema
 
 from geoident.io.case.frames import attitude, axes_along
 from geoident.io.schema.section import Context, Section, refuse, require_one_of
 from geoident.io.schema.values import (
     Angle,
     AnyQuantity,
-    Coefficient,
     Coordinates,
     Count,
     DirectionVector,
     Given,
     GivenAngle,
     GivenSize,
-    LevelOrGroup,
     Modulus,
     Positive,
     SharesUnit,
-    Stress,
     Text,
-    UnitWeight,
     shape_of,
 )
-from geoident.model.ground import Attitude, Axes, Growth, PointValue, WithDepth, WithStress
+from geoident.model.ground import Attitude, Axes, PointValue
 from geoident.model.ground import Field as RandomField
-from geoident.model.parameter import Scalar
 from geoident.units import (
     DIMENSIONLESS,
     with_article,
@@ -281,109 +269,6 @@ class AngleFieldSection(FieldBase):
     mean: Angle = Field(description="Median of the values.", examples=["35 deg"])
 
 
-LEAST_PRESSURE = 0.01
-"""Least mean stress that counts where the case gives none, in parts of the reference pressure."""
-
-
-class GrowthBase(Section):
-    """A modulus that grows."""
-
-    @property
-    @abstractmethod
-    def base(self) -> Given:
-        """The number from which it grows."""
-
-    @abstractmethod
-    def law(self) -> WithDepth | WithStress:
-        """How it grows, for the model."""
-
-    def built(self, context: Context, *, material: str, constant: str) -> Growth:
-        """The growth for the model.
-
-        Args:
-            context: of the key of the constant.
-            material: of which it is.
-            constant: its name in the model.
-        """
-        base = self.base
-        return Growth(
-            material=material,
-            constant=constant,
-            base=base.scalar,
-            law=self.law(),
-            dimension=base.dimension,
-            unit=base.unit,
-            path=context.path,
-        )
-
-
-class DepthGrowthSection(GrowthBase):
-    """A modulus that grows with depth: at + gradient * depth."""
-
-    at: Stress = Field(
-        description="The modulus at the surface; it may be 0, as in Gibson's soil.",
-        examples=["20 MPa", "$E_top"],
-    )
-    gradient: UnitWeight = Field(
-        description="By how much it grows per metre of depth; it may be negative, where the "
-        "modulus stays positive in all ground of the material.",
-        examples=["0.5 MPa/m"],
-    )
-    surface: LevelOrGroup = Field(
-        description="Where depth is counted from, downwards: a level, or a group of lines (2-D) or "
-        "surfaces (solid) of the mesh with topography. Depth is negative above it.",
-        examples=["0 m", "topography"],
-    )
-
-    @property
-    def base(self) -> Given:
-        """The modulus at the surface."""
-        return self.at
-
-    def law(self) -> WithDepth:
-        """With depth."""
-        surface = self.surface
-        level = surface if isinstance(surface, str) else surface.scalar
-        return WithDepth(self.gradient.scalar, level)
-
-
-class StressGrowthSection(GrowthBase):
-    """A modulus that grows with the mean effective stress p' in situ.
-
-    It is reference * (p' / pressure)^exponent, with p' as `in_situ` gives it before the first
-    stage, compression positive: no stage changes it.
-    """
-
-    reference: Modulus = Field(
-        description="The modulus at p' = pressure.", examples=["30 MPa", "$E_ref"]
-    )
-    exponent: Coefficient = Field(
-        description="Exponent: about 0.5 for sand, up to 1 for soft clay; 0 for no growth.",
-        examples=["0.5", "$m"],
-    )
-    pressure: Modulus = Field(
-        description="Mean effective stress at which the modulus is the reference.",
-        examples=["100 kPa"],
-    )
-    least: Modulus | None = Field(
-        None,
-        description="Least p' that counts: ground in tension or without stress has the modulus of "
-        "this one. 1 % of `pressure` if missing.",
-        examples=["1 kPa"],
-    )
-
-    @property
-    def base(self) -> Given:
-        """The modulus at the reference pressure."""
-        return self.reference
-
-    def law(self) -> WithStress:
-        """With stress."""
-        least, pressure = self.least, self.pressure.scalar
-        small = Scalar(LEAST_PRESSURE * pressure.factor, pressure.parameter)
-        return WithStress(self.exponent.scalar, pressure, small if least is None else least.scalar)
-
-
 class VariedModulusSection(Section):
     """In place of one number: a field."""
 
@@ -394,144 +279,6 @@ class VariedAngleSection(Section):
     """In place of one number: a field."""
 
     field: AngleFieldSection = Field(description="How it varies from place to place.")
-
-
-@dataclass(frozen=True)
-class FieldOf:
-    """Annotation of a `Given`: it is written as a field, and the number is its mean."""
-
-    section: type[Section]
-
-    def __get_pydantic_core_schema__(
-        self, source: object, handler: GetCoreSchemaHandler
-    ) -> CoreSchema:
-        def mean_of(section: Any) -> Given:
-            mean: Given = section.field.mean
-            return replace(mean, field=section.field)
-
-        def written(given: Given) -> Any:
-            return {"field": given.field.model_dump(by_alias=True, exclude_none=True)}
-
-        return core_schema.no_info_after_validator_function(
-            mean_of,
-            handler.generate_schema(self.section),
-            serialization=core_schema.plain_serializer_function_ser_schema(written),
-        )
-
-    def __get_pydantic_json_schema__(
-        self, schema: CoreSchema, handler: GetJsonSchemaHandler
-    ) -> dict[str, Any]:
-        return handler(schema)
-
-
-@dataclass(frozen=True)
-class GrowthOf:
-    """Annotation of a `Given`: it is written as growth, and the number is what it grows from."""
-
-    section: type[GrowthBase]
-
-    def __get_pydantic_core_schema__(
-        self, source: object, handler: GetCoreSchemaHandler
-    ) -> CoreSchema:
-        def base_of(section: GrowthBase) -> Given:
-            return replace(section.base, field=section)
-
-        def written(given: Given) -> Any:
-            return given.field.model_dump(by_alias=True, exclude_none=True)
-
-        return core_schema.no_info_after_validator_function(
-            base_of,
-            handler.generate_schema(self.section),
-            serialization=core_schema.plain_serializer_function_ser_schema(written),
-        )
-
-    def __get_pydantic_json_schema__(
-        self, schema: CoreSchema, handler: GetJsonSchemaHandler
-    ) -> dict[str, Any]:
-        return handler(schema)
-
-
-_BY_DEPTH, _BY_STRESS = DepthGrowthSection.model_fields, StressGrowthSection.model_fields
-
-
-def _number_or_varied(value: object) -> str:
-    """Which form a modulus has, by the keys that only one form has."""
-    if isinstance(value, Given) and isinstance(value.field, GrowthBase):
-        return "<depth>" if isinstance(value.field, DepthGrowthSection) else "<stress>"
-    if isinstance(value, dict) and "field" not in value:
-        if not value.keys().isdisjoint(_BY_DEPTH):
-            return "<depth>"
-        if not value.keys().isdisjoint(_BY_STRESS):
-            return "<stress>"
-    return _number_or_field(value)
-
-
-def _number_or_field(value: object) -> str:
-    varied = value.field is not None if isinstance(value, Given) else isinstance(value, dict)
-    return "<field>" if varied else "<number>"
-
-
-FieldModulus = Annotated[
-    Annotated[Modulus, Tag("<number>")]
-    | Annotated[Given, FieldOf(VariedModulusSection), Tag("<field>")]
-    | Annotated[Given, GrowthOf(DepthGrowthSection), Tag("<depth>")]
-    | Annotated[Given, GrowthOf(StressGrowthSection), Tag("<stress>")],
-    Discriminator(_number_or_varied),
-]
-FieldStrength = Annotated[
-    Annotated[Stress, Tag("<number>")]
-    | Annotated[Given, FieldOf(VariedModulusSection), Tag("<field>")],
-    Discriminator(_number_or_field),
-]
-FieldAngle = Annotated[
-    Annotated[Angle, Tag("<number>")]
-    | Annotated[Given, FieldOf(VariedAngleSection), Tag("<field>")],
-    Discriminator(_number_or_field),
-]
-
-
-def fields_in(
-    section: Section,
-    context: Context,
-    *,
-    material: str,
-    surface: int | None = None,
-    names: Mapping[str, str] | None = None,
-) -> tuple[RandomField, ...]:
-    """The fields among the numbers of a section.
-
-    Args:
-        section: of a material, or of one of its yield surfaces.
-        context: of the section.
-        material: name of the material.
-        surface: index of the yield surface, or None.
-        names: key to the constant's name in the model, where it is another one.
-    """
-    found = []
-    for name in type(section).model_fields:
-        given = getattr(section, name)
-        if isinstance(given, Given) and isinstance(given.field, FieldBase):
-            place, constant = context.at(name, "field"), (names or {}).get(name, name)
-            found.append(
-                given.field.built(place, material=material, constant=constant, surface=surface)
-            )
-    return tuple(found)
-
-
-def growths_in(section: Section, context: Context, *, material: str) -> tuple[Growth, ...]:
-    """The growths among the numbers of a section of a material.
-
-    Args:
-        section: of the material.
-        context: of the section.
-        material: name of the material.
-    """
-    given = ((name, getattr(section, name)) for name in type(section).model_fields)
-    return tuple(
-        value.field.built(context.at(name), material=material, constant=name)
-        for name, value in given
-        if isinstance(value, Given) and isinstance(value.field, GrowthBase)
-    )
 
 
 def _upright(context: Context) -> Attitude | Axes:

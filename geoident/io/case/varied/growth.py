@@ -1,0 +1,127 @@
+"""Moduli that grow with depth, or with the stress in situ.
+
+Written as `E: {at: 20 MPa, gradient: 0.5 MPa/m, surface: 0 m}` or as
+`E: {reference: 30 MPa, exponent: 0.5, pressure: 100 kPa}`.
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+
+from pydantic import (
+    Field,
+)
+
+from geoident.io.schema.section import Context, Section
+from geoident.io.schema.values import (
+    Coefficient,
+    Given,
+    LevelOrGroup,
+    Modulus,
+    Stress,
+    UnitWeight,
+)
+from geoident.model.ground import Growth, WithDepth, WithStress
+from geoident.model.parameter import Scalar
+
+LEAST_PRESSURE = 0.01
+"""Least mean stress that counts where the case gives none, in parts of the reference pressure."""
+
+
+class GrowthBase(Section):
+    """A modulus that grows."""
+
+    @property
+    @abstractmethod
+    def base(self) -> Given:
+        """The number from which it grows."""
+
+    @abstractmethod
+    def law(self) -> WithDepth | WithStress:
+        """How it grows, for the model."""
+
+    def built(self, context: Context, *, material: str, constant: str) -> Growth:
+        """The growth for the model.
+
+        Args:
+            context: of the key of the constant.
+            material: of which it is.
+            constant: its name in the model.
+        """
+        base = self.base
+        return Growth(
+            material=material,
+            constant=constant,
+            base=base.scalar,
+            law=self.law(),
+            dimension=base.dimension,
+            unit=base.unit,
+            path=context.path,
+        )
+
+
+class DepthGrowthSection(GrowthBase):
+    """A modulus that grows with depth: at + gradient * depth."""
+
+    at: Stress = Field(
+        description="The modulus at the surface; it may be 0, as in Gibson's soil.",
+        examples=["20 MPa", "$E_top"],
+    )
+    gradient: UnitWeight = Field(
+        description="By how much it grows per metre of depth; it may be negative, where the "
+        "modulus stays positive in all ground of the material.",
+        examples=["0.5 MPa/m"],
+    )
+    surface: LevelOrGroup = Field(
+        description="Where depth is counted from, downwards: a level, or a group of lines (2-D) or "
+        "surfaces (solid) of the mesh with topography. Depth is negative above it.",
+        examples=["0 m", "topography"],
+    )
+
+    @property
+    def base(self) -> Given:
+        """The modulus at the surface."""
+        return self.at
+
+    def law(self) -> WithDepth:
+        """With depth."""
+        surface = self.surface
+        level = surface if isinstance(surface, str) else surface.scalar
+        return WithDepth(self.gradient.scalar, level)
+
+
+class StressGrowthSection(GrowthBase):
+    """A modulus that grows with the mean effective stress p' in situ.
+
+    It is reference * (p' / pressure)^exponent, with p' as `in_situ` gives it before the first
+    stage, compression positive: no stage changes it.
+    """
+
+    reference: Modulus = Field(
+        description="The modulus at p' = pressure.", examples=["30 MPa", "$E_ref"]
+    )
+    exponent: Coefficient = Field(
+        description="Exponent: about 0.5 for sand, up to 1 for soft clay; 0 for no growth.",
+        examples=["0.5", "$m"],
+    )
+    pressure: Modulus = Field(
+        description="Mean effective stress at which the modulus is the reference.",
+        examples=["100 kPa"],
+    )
+    least: Modulus | None = Field(
+        None,
+        description="Least p' that counts: ground in tension or without stress has the modulus of "
+        "this one. 1 % of `pressure` if missing.",
+        examples=["1 kPa"],
+    )
+
+    @property
+    def base(self) -> Given:
+        """The modulus at the reference pressure."""
+        return self.reference
+
+    def law(self) -> WithStress:
+        """With stress."""
+        least, pressure = self.least, self.pressure.scalar
+        small = Scalar(LEAST_PRESSURE * pressure.factor, pressure.parameter)
+        return WithStress(self.exponent.scalar, pressure, small if least is None else least.scalar)

@@ -1,0 +1,158 @@
+"""The forms of a constant: a number, a field whose mean is the number, or what it grows from."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Annotated, Any
+
+from pydantic import (
+    Discriminator,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
+    Tag,
+)
+from pydantic_core import CoreSchema, core_schema
+
+from geoident.io.case.varied.field import FieldBase, VariedAngleSection, VariedModulusSection
+from geoident.io.case.varied.growth import DepthGrowthSection, GrowthBase, StressGrowthSection
+from geoident.io.schema.section import Context, Section
+from geoident.io.schema.values import (
+    Angle,
+    Given,
+    Modulus,
+    Stress,
+)
+from geoident.model.ground import Field as RandomField
+from geoident.model.ground import Growth
+
+
+@dataclass(frozen=True)
+class _InPlaceOfNumber(ABC):
+    """Annotation of a `Given`: it is written as a section, which becomes its `field`."""
+
+    section: type[Section]
+
+    @abstractmethod
+    def _given(self, section: Any) -> Given:
+        """The number that stands for the section."""
+
+    def _written(self, given: Given) -> Any:
+        """How the section is written."""
+        return given.field.model_dump(by_alias=True, exclude_none=True)
+
+    def __get_pydantic_core_schema__(
+        self, source: object, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
+        return core_schema.no_info_after_validator_function(
+            self._given,
+            handler.generate_schema(self.section),
+            serialization=core_schema.plain_serializer_function_ser_schema(self._written),
+        )
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        return handler(schema)
+
+
+class FieldOf(_InPlaceOfNumber):
+    """It is written as a field, and the number is its mean."""
+
+    def _given(self, section: Any) -> Given:
+        mean: Given = section.field.mean
+        return replace(mean, field=section.field)
+
+    def _written(self, given: Given) -> Any:
+        return {"field": super()._written(given)}
+
+
+class GrowthOf(_InPlaceOfNumber):
+    """It is written as growth, and the number is what it grows from."""
+
+    def _given(self, section: GrowthBase) -> Given:
+        return replace(section.base, field=section)
+
+
+_BY_DEPTH, _BY_STRESS = DepthGrowthSection.model_fields, StressGrowthSection.model_fields
+
+
+def _number_or_varied(value: object) -> str:
+    """Which form a modulus has, by the keys that only one form has."""
+    if isinstance(value, Given) and isinstance(value.field, GrowthBase):
+        return "<depth>" if isinstance(value.field, DepthGrowthSection) else "<stress>"
+    if isinstance(value, dict) and "field" not in value:
+        if not value.keys().isdisjoint(_BY_DEPTH):
+            return "<depth>"
+        if not value.keys().isdisjoint(_BY_STRESS):
+            return "<stress>"
+    return _number_or_field(value)
+
+
+def _number_or_field(value: object) -> str:
+    varied = value.field is not None if isinstance(value, Given) else isinstance(value, dict)
+    return "<field>" if varied else "<number>"
+
+
+FieldModulus = Annotated[
+    Annotated[Modulus, Tag("<number>")]
+    | Annotated[Given, FieldOf(VariedModulusSection), Tag("<field>")]
+    | Annotated[Given, GrowthOf(DepthGrowthSection), Tag("<depth>")]
+    | Annotated[Given, GrowthOf(StressGrowthSection), Tag("<stress>")],
+    Discriminator(_number_or_varied),
+]
+FieldStrength = Annotated[
+    Annotated[Stress, Tag("<number>")]
+    | Annotated[Given, FieldOf(VariedModulusSection), Tag("<field>")],
+    Discriminator(_number_or_field),
+]
+FieldAngle = Annotated[
+    Annotated[Angle, Tag("<number>")]
+    | Annotated[Given, FieldOf(VariedAngleSection), Tag("<field>")],
+    Discriminator(_number_or_field),
+]
+
+
+def fields_in(
+    section: Section,
+    context: Context,
+    *,
+    material: str,
+    surface: int | None = None,
+    names: Mapping[str, str] | None = None,
+) -> tuple[RandomField, ...]:
+    """The fields among the numbers of a section.
+
+    Args:
+        section: of a material, or of one of its yield surfaces.
+        context: of the section.
+        material: name of the material.
+        surface: index of the yield surface, or None.
+        names: key to the constant's name in the model, where it is another one.
+    """
+    found = []
+    for name in type(section).model_fields:
+        given = getattr(section, name)
+        if isinstance(given, Given) and isinstance(given.field, FieldBase):
+            place, constant = context.at(name, "field"), (names or {}).get(name, name)
+            found.append(
+                given.field.built(place, material=material, constant=constant, surface=surface)
+            )
+    return tuple(found)
+
+
+def growths_in(section: Section, context: Context, *, material: str) -> tuple[Growth, ...]:
+    """The growths among the numbers of a section of a material.
+
+    Args:
+        section: of the material.
+        context: of the section.
+        material: name of the material.
+    """
+    given = ((name, getattr(section, name)) for name in type(section).model_fields)
+    return tuple(
+        value.field.built(context.at(name), material=material, constant=name)
+        for name, value in given
+        if isinstance(value, Given) and isinstance(value.field, GrowthBase)
+    )
