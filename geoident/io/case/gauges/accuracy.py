@@ -265,7 +265,7 @@ def check_parts(given: AnyAccuracy, dimension: str, kind: str, key: str = "accur
         _refuse_nonsense(given, (key,), kind, faults)
         faults.raise_any()
         return
-    if given.reading is not None:
+    if given.reading is not None and given.reading.dimension == dimension:
         _refuse_nonsense(given.reading, (key, "reading"), kind, faults)
     for name in PARTS:
         part: Given | None = getattr(given, name)
