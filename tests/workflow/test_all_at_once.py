@@ -114,3 +114,10 @@ def test_every_pair_of_faults_ends_in_faults(tmp_path):
             text = text.replace(line, f"{key}: [3 furlong]")
         with pytest.raises(GeoidentError):
             check(str(path), text=text)
+
+
+def test_a_material_whose_parameter_is_missing_is_not_judged_beside_a_faulty_stage(tmp_path):
+    gone = "parameters:\n  E:  {start: 2 GPa, bounds: [0.1 GPa, 50 GPa], scale: log}\n"
+    changes = [(gone, "parameters:\n"), ("excavate: [upper]", "excavate: {}")]
+    paths = {fault.path for fault in faults_of(tmp_path, changes)}
+    assert {"materials.rock.E", "stages[0].excavate"} <= paths

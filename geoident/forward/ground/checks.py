@@ -15,7 +15,7 @@ from geoident.forward.ground.elasticity import elasticity
 from geoident.model.arrays import Floats
 from geoident.model.case import Analysis, Case, KeyPath, Material
 from geoident.model.dual import ParameterPoint
-from geoident.model.ground import Anisotropic, Elastic
+from geoident.model.ground import Anisotropic, Elastic, numbers_of
 from geoident.model.parameter import Parameter, Scalar, Values
 
 _NEGLIGIBLE = 1e-9
@@ -27,8 +27,15 @@ def section_faults(case: Case) -> list[Fault]:
     """Materials under which the section of a case would not stay in its plane."""
     if case.analysis is Analysis.SOLID:
         return []
-    found = [_fault(case, material) for material in case.materials.values()]
+    known = [m for m in case.materials.values() if _is_known(case, m.elastic)]
+    found = [_fault(case, material) for material in known]
     return [fault for fault in found if fault is not None]
+
+
+def _is_known(case: Case, elastic: Elastic) -> bool:
+    """Whether all parameters of a material are there: in a faulty case some may be missing."""
+    ties = {number.parameter for number in numbers_of(elastic).values()} - {None}
+    return ties <= case.start.keys()
 
 
 def _fault(case: Case, material: Material) -> Fault | None:

@@ -12,6 +12,8 @@ _HEAD = 4096
 def is_project(path: str) -> bool:
     """Whether a file says that it is a project."""
     try:
+        if not Path(path).is_file():  # a pipe would wait for who writes into it
+            return False
         with Path(path).open("rb") as file:
             head = file.read(_HEAD)
     except (OSError, ValueError):

@@ -262,7 +262,8 @@ def check_parts(given: AnyAccuracy, dimension: str, kind: str, key: str = "accur
     """
     faults = SectionFaults()
     if isinstance(given, Given):
-        _refuse_nonsense(given, (key,), kind, faults)
+        if given.dimension == dimension:
+            _refuse_nonsense(given, (key,), kind, faults)
         faults.raise_any()
         return
     if given.reading is not None and given.reading.dimension == dimension:
