@@ -295,6 +295,8 @@ def _refuse_nonsense(given: Given, key: tuple[str, ...], kind: str, faults: Sect
     usual = TYPICAL.get(kind)
     if usual is None or given.text == ESTIMATE or given.factor == 0.0:
         return
+    if UNITS.get(usual.unit, ("",))[0] != given.dimension:
+        return  # of another quantity, if it may be
     if usual.reading / NONSENSE <= given.factor <= usual.reading * NONSENSE:
         return
     unit = shown_unit(usual.unit, given.dimension)
