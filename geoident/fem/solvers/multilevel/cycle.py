@@ -137,7 +137,7 @@ def _elimination_order(matrix: sp.csr_array, point: Floats) -> Ints:
     """Order (n,) of elimination of the unknowns of a matrix (n, n), which stand at points (n, dim).
 
     Unknowns at one point stay together: apart they would make the graph several times as large,
-    and the separators of so many equal vertices take hours to find.
+    and the separators of so many equal vertices take tens of minutes to find.
     """
     order = np.lexsort(point.T)
     begins = np.r_[True, (np.diff(point[order], axis=0) != 0.0).any(axis=1)]
