@@ -84,8 +84,14 @@ class HoekBrownConstants:
 
     @property
     def cut(self) -> Dual:
-        """T, Pa."""
-        return self.s * self.sigci / self.mb if self.tension is None else self.tension
+        """T, Pa: a tension beyond the tip has no effect."""
+        tip = self.s * self.sigci / self.mb
+        return tip if self.tension is None or self.tension.value >= tip.value else self.tension
+
+    @property
+    def natural(self) -> bool:
+        """Whether the tip alone limits tension."""
+        return self.tension is None or self.cut is not self.tension
 
 
 class HoekBrownCurve:
@@ -100,7 +106,7 @@ class HoekBrownCurve:
     def __init__(self, constants: HoekBrownConstants, lame: float, shear: float) -> None:
         self.sigci, self.mb = float(constants.sigci.value), float(constants.mb.value)
         self.s, self.a = float(constants.s.value), float(constants.a.value)
-        self.cut, self.natural = float(constants.cut.value), constants.tension is None
+        self.cut, self.natural = float(constants.cut.value), constants.natural
         self.y_cut = 0.0 if self.natural else max(self.s - self.mb * self.cut / self.sigci, 0.0)
         self.lame, self.shear = lame, shear
         self.c = self.mb * self.a
@@ -111,30 +117,30 @@ class HoekBrownCurve:
             self.flow = 1.0 + sine, 1.0 - sine
 
     def strain(self, stress: Floats) -> Floats:
-        """E^-1 of principal stresses (3, ...)."""
+        """E^-1 times principal stresses (3, ...), Pa: strains (3, ...)."""
         part = self.lame / (3.0 * self.lame + 2.0 * self.shear)
         return np.asarray((stress - part * stress.sum(axis=0)) / (2.0 * self.shear))
 
     def y_of(self, largest: Floats) -> Floats:
-        """y >= 0 of largest principal stresses."""
+        """The y >= 0 (...) of largest principal stresses (...), Pa."""
         return np.maximum(self.s - self.mb * largest / self.sigci, 0.0)
 
     def width(self, y: Floats) -> Floats:
-        """q, Pa."""
+        """The width q (...) of y (...), Pa."""
         return np.asarray(self.sigci * y**self.a)
 
     def largest(self, y: Floats) -> Floats:
-        """sigma_1 of y, Pa."""
+        """The sigma_1 (...) of y (...), Pa."""
         return np.asarray((self.s - y) * (self.sigci / self.mb))
 
     def excess(self, values: Floats) -> Floats:
         """(m,) the larger of f_13 and sigma_1 - T of sorted principal stresses (3, m), Pa."""
         beyond = values[0] - self.cut
         width = self.width(self.y_of(values[0]))
-        return np.maximum(values[0] - values[2] - width, beyond)
+        return np.asarray(np.maximum(values[0] - values[2] - width, beyond))
 
     def directions(self, z: Floats) -> tuple[Floats, Floats, Floats]:
-        """The flow on i, against j, and their difference: that is the change of volume."""
+        """The flow on i, against j, and their difference, the change of volume, (...) of z (...)."""
         if self.flow is not None:
             grows, shrinks = (np.full_like(z, part) for part in self.flow)
             return grows, shrinks, grows - shrinks
@@ -273,7 +279,7 @@ def returned(curve: HoekBrownCurve, trial: Floats) -> Returned:
         stress[:, rest] = np.stack([one[1] for one in sets])[best, :, at].T
         y[rest] = np.stack([one[2] for one in sets])[best, at]
     if curve.natural:
-        active[active > APEX] = APEX  # the surface has no width there
+        active[(active > APEX) | (y <= 0.0)] = APEX  # the surface has no width there
     stress[:, active == APEX] = curve.cut
     plastic = curve.strain(trial - stress)
     return Returned(stress, plastic, active, y, _multipliers(curve, plastic, active, y))
@@ -289,7 +295,7 @@ def _on_face(curve: HoekBrownCurve, trial: Floats, face: _OnCurve) -> Floats:
 def _face_broken(stress: Floats, face: _OnCurve) -> Floats:
     """By how much (q,) the order of the stresses is broken, or no return found, Pa."""
     order = np.maximum(stress[1] - stress[0], stress[2] - stress[1])
-    return np.maximum(np.maximum(order, face.missing), 0.0)
+    return np.asarray(np.maximum(np.maximum(order, face.missing), 0.0))
 
 
 _Set = tuple[int, Floats, Floats, Floats]
@@ -334,7 +340,7 @@ def _corners(curve: HoekBrownCurve, trial: Floats) -> list[_Set]:
         shears = -strain[2] if pairs == 1 else -strain[1:].sum(axis=0)
         signs = [-shears, strain[1]] if pairs == 2 else [-shears, -strain[1]]
         signs += [strain[2], grows * shears - shrinks * opens]
-        return np.maximum(np.stack(signs).max(axis=0), 0.0)
+        return _largest(signs)
 
     opening = np.maximum(trial[0] - top, 0.0) / (lame + twice)
     one = np.stack([top, trial[1] - lame * opening, trial[2] - lame * opening])
@@ -359,7 +365,7 @@ def _corners(curve: HoekBrownCurve, trial: Floats) -> list[_Set]:
 
 
 def _largest(signs: list[Floats]) -> Floats:
-    return np.maximum(np.stack(signs).max(axis=0), 0.0)
+    return np.asarray(np.maximum(np.stack(signs).max(axis=0), 0.0))
 
 
 def _multipliers(curve: HoekBrownCurve, plastic: Floats, active: Ints, y: Floats) -> Floats:

@@ -40,8 +40,8 @@ _ROUNDING = 1e-13
 _ROUGH = 1e-6
 """Of the largest stress: an error that rough principal values never have."""
 
-_FAR = 1e6
-"""Times the strength: what stresses that no strength could bear would need."""
+_LEAST, _FAR = 1e-9, 1e6
+"""Times the strength: the least and the most that a stress may need."""
 
 
 class HoekBrownLaw:
@@ -102,36 +102,33 @@ class HoekBrownLaw:
         """
         values = principal_values(stress)
         rows = [self._needed(values) - self.curve.sigci]
-        if not self.curve.natural:
-            rows.append(values[0] - self.curve.cut)
+        if self._constants.tension is not None:
+            rows.append(values[0] - float(self._constants.tension.value))
         return np.stack(rows)
 
     def _needed(self, values: Floats) -> Floats:
-        """The sigci (m,) on whose surface sorted principal stresses (3, m) lie, Pa."""
+        """The sigci (m,) on whose surface sorted principal stresses (3, m) lie, Pa.
+
+        The root t = sigci' / sigci of  ln t + a ln(s - mb sigma_1 / sigci') = ln(apart / sigci).
+        """
         curve = self.curve
-        first, apart = values[0], values[0] - values[2]
-        scale = np.abs(values).max(axis=0, initial=0.0)
-        # Rounding beyond the tip is no tension.
-        near = (curve.s == 0.0) & (first > 0.0) & (first <= 1e-10 * (scale + curve.sigci))
-        first = np.where(near, 0.0, first)
-        least = np.maximum(first * curve.mb, 0.0) / (curve.s or 1.0)
-        far = _FAR * (scale + curve.sigci)
-        power = 1.0 / curve.a - 1.0
-        part = np.maximum(apart / curve.sigci, 1e-300)
+        first, apart = values[0] / curve.sigci, (values[0] - values[2]) / curve.sigci
+        scale = np.abs(values).max(axis=0, initial=0.0) / curve.sigci
+        if curve.s == 0.0:  # rounding beyond the tip is no tension
+            first = np.where(first <= 1e-10 * (scale + 1.0), np.minimum(first, 0.0), first)
+        torn = np.maximum(first, 0.0) * curve.mb / (curve.s or _LEAST)
+        low, high = np.maximum(torn, _LEAST), np.maximum(_FAR * (1.0 + scale), 2.0 * torn)
+        sought = np.log(np.maximum(apart, 1e-100))
 
-        def equation(size: Floats) -> tuple[Floats, Floats]:
-            """In sigci: (sigci)^(1/a - 1) (s sigci - mb sigma_1) - apart^(1/a), by its powers."""
-            y = np.maximum(curve.s - curve.mb * first / size, 1e-300)
-            value = np.log(size / curve.sigci) + curve.a * np.log(y) - np.log(part)
-            slope = 1.0 / size + curve.a * curve.mb * first / (size**2 * y)
-            return value, np.asarray(slope)
+        def equation(t: Floats) -> tuple[Floats, Floats]:
+            y = np.maximum(curve.s - curve.mb * first / t, 1e-100)
+            slope = 1.0 / t + curve.a * curve.mb * first / (t * t * y)
+            return np.log(t) + curve.a * np.log(y) - sought, np.asarray(slope)
 
-        assert power > 0.0
-        low = np.maximum(least, 1e-12 * (scale + 1e-300))
-        value, _ = equation(low)
-        top, _ = equation(far)
-        found = bracketed(equation, low, far)
-        return np.where(value >= 0.0, low, np.where(top <= 0.0, far, found))
+        at_low, at_high = equation(low)[0], equation(high)[0]
+        found = bracketed(equation, low, high)
+        found = np.where(at_low >= 0.0, low, np.where(at_high <= 0.0, high, found))
+        return np.asarray(curve.sigci * found)
 
 
 class HoekBrownStep:
@@ -334,7 +331,9 @@ class _Linearised:
             with np.errstate(divide="ignore"):
                 rest = y / (bends * np.maximum(total, 0.0))  # 1 / D_i
             column = soft[:, :, i]
-            soft = soft - column[:, :, None] * column[:, None] / (rest + soft[:, i, i])[:, None, None]
+            soft = (
+                soft - column[:, :, None] * column[:, None] / (rest + soft[:, i, i])[:, None, None]
+            )
         return soft
 
     def solve(self, strain: Floats, limits: Floats) -> tuple[Floats, Floats]:
@@ -391,7 +390,13 @@ class HoekBrownProjection(OnAxes):
     def derivatives(
         self, trial: Floats, hardened: Floats | None = None, *, of_law: bool
     ) -> tuple[Floats, Floats]:
-        """Derivatives (s, q, n) of stress and (y, q, n) of multipliers, see `law.Projection`."""
+        """Derivatives (s, q, n + k) of stress and (y, q, n + k) of multipliers.
+
+        Args:
+            trial: (s, q, n + k) of the trial stress.
+            hardened: none, since nothing hardens.
+            of_law: the first n columns are by the parameters of the law.
+        """
         along = self.along(trial)
         values, multipliers = self.step.derivatives(along[:3], of_law=of_law)
         return self.assembled(values, along), multipliers[: self._count]
