@@ -140,7 +140,7 @@ class HoekBrownCurve:
         return np.asarray(np.maximum(values[0] - values[2] - width, beyond))
 
     def directions(self, z: Floats) -> tuple[Floats, Floats, Floats]:
-        """The flow on i, against j, and their difference, the change of volume, (...) of z (...)."""
+        """The flow on i, against j, and the change of volume of both, (...) of z (...)."""
         if self.flow is not None:
             grows, shrinks = (np.full_like(z, part) for part in self.flow)
             return grows, shrinks, grows - shrinks
