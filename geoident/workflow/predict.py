@@ -41,10 +41,10 @@ from geoident.workflow.estimating.setup import (
     Setup,
     model_error_of_result,
     problem_of_result,
-    used_rows,
 )
 from geoident.workflow.estimating.surface_error import surface_sources, with_surface_error
 from geoident.workflow.running.control import Control
+from geoident.workflow.running.errors import used_rows
 from geoident.workflow.running.jobs import (
     Inputs,
     build_model,

@@ -314,10 +314,9 @@ def with_noise(case: Case, readings: Sequence[Reading], *, seed: int) -> tuple[R
     channels = {channel.name: channel for channel in case.channels}
     rows = [(channels[reading.channel], reading) for reading in readings]
     own = [own_sd(*row) * generator.standard_normal() for row in rows]
+    shared = error_structure(rows).columns
     noise = np.array(own, dtype=np.float64)
-    structure = error_structure(rows)
-    if structure is not None:
-        noise += structure.columns @ generator.standard_normal(structure.columns.shape[1])
+    noise += shared @ generator.standard_normal(shared.shape[1])
     return tuple(
         Reading(reading.channel, reading.stage, (reading.value or 0.0) + float(added))
         for reading, added in zip(readings, noise, strict=True)

@@ -249,8 +249,7 @@ def _notes(model: CaseModel, used: dict[tuple[str, str], int]) -> Iterator[str]:
         yield f"the priors of {listing(priors)} are left out: least squares of Dakota has none"
     channels = {channel.name: channel for channel in case.channels}
     rows = [(channels[r.channel], r) for r in case.readings if (r.channel, r.stage) in used]
-    structure = error_structure(rows)
-    if structure is not None and structure.columns.nnz:
+    if error_structure(rows).columns.nnz:
         yield "readings share errors, of which Dakota knows only their size"
     if not isinstance(case.fit.loss, SquaredOptions):
         yield "Dakota weighs residuals by their squares; the robust loss of the case is left out"

@@ -185,7 +185,7 @@ class _PestFiles:
             (self._channels[pair[0]], by_place[pair]) for pair in pairs
         ]
         structure = error_structure(owners)
-        if structure is None or not structure.columns.nnz:
+        if not structure.columns.nnz:
             return None
         scale = np.array([1.0 / _shown(1.0, channel) for channel, _ in owners])
         B = structure.columns.toarray() / scale[:, None]

@@ -15,6 +15,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from geoident.identify.problem.errors import ErrorStructure
+from geoident.model.arrays import Bools
+from geoident.model.case import Case
 from geoident.model.gauges import Channel, ErrorParts, Reading
 
 DAY = 86400.0
@@ -33,18 +35,14 @@ ChannelReading = tuple[Channel, Reading]
 """A reading and its channel."""
 
 
-def error_structure(rows: Sequence[ChannelReading]) -> ErrorStructure | None:
-    """The errors of readings; None where all are independent and of given size.
-
-    Args:
-        rows: readings with their channels.
-    """
-    if all(channel.errors is None for channel, _ in rows):
-        return None
-    return gauge_errors(rows)
+def used_rows(case: Case, used: Bools) -> tuple[ChannelReading, ...]:
+    """The used readings (k,) of a case with their channels."""
+    channels = {channel.name: channel for channel in case.channels}
+    taken = [reading for reading, flag in zip(case.readings, used, strict=True) if flag]
+    return tuple((channels[reading.channel], reading) for reading in taken)
 
 
-def gauge_errors(rows: Sequence[ChannelReading]) -> ErrorStructure:
+def error_structure(rows: Sequence[ChannelReading]) -> ErrorStructure:
     """The errors of readings, whether they share any or not.
 
     Args:
