@@ -20,7 +20,6 @@ from geoident.model.gauges import Reading
 from geoident.model.results.summary import Identifiability
 from geoident.workflow.estimating.diagnosis import parameter_table
 from geoident.workflow.estimating.surface_error import with_surface_error
-from geoident.workflow.running.errors import error_structure
 from geoident.workflow.running.jobs import (
     NO_READINGS,
     Inputs,
@@ -28,6 +27,7 @@ from geoident.workflow.running.jobs import (
     load_inputs,
     start_values,
 )
+from geoident.workflow.running.readings import error_structure
 
 
 def identifiability(

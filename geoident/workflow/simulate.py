@@ -22,7 +22,6 @@ from geoident.model.arrays import Floats
 from geoident.model.case import Case
 from geoident.model.gauges import Reading
 from geoident.model.results.result import Counts, FieldSeries
-from geoident.workflow.running.errors import error_structure, own_sd
 from geoident.workflow.running.jobs import (
     NO_READINGS,
     Inputs,
@@ -31,6 +30,7 @@ from geoident.workflow.running.jobs import (
     start_values,
 )
 from geoident.workflow.running.kept_reduced import answer_note, answered, restored_for
+from geoident.workflow.running.readings import error_structure, own_sd
 
 
 class Noise(Enum):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from geoident.model.gauges import Channel, ErrorParts, Reading
-from geoident.workflow.running.errors import error_structure, own_sd, total_sd
+from geoident.workflow.running.readings import error_structure, own_sd, total_sd
 
 DAY = 86400.0
 

@@ -72,7 +72,7 @@ def read_all(section: CaseSection, find: Find, faults: Faults) -> ReadReadings:
     check.bad()
     readings = tuple(replace(row, bad=row.bad or _bad_reason(section, row)) for row in found)
     by_stage = when_read(check.dated, calendar)
-    if not faults.found:
+    if by_stage and not faults.found:
         notes += gaps(check.dated, by_stage, calendar, readings)
     return ReadReadings(
         readings, tuple(paths), calendar.dates, tuple(notes), check.measured_zeros, by_stage

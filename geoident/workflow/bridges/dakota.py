@@ -39,9 +39,8 @@ from geoident.model.methods import ModelErrorOptions, SquaredOptions
 from geoident.model.parameter import Parameter
 from geoident.units import in_unit, size_in
 from geoident.workflow.export import ListedFiles, Writer
-from geoident.workflow.running.errors import error_structure
 from geoident.workflow.running.jobs import NO_READINGS, build_model, load_inputs
-from geoident.workflow.running.readings import select_readings
+from geoident.workflow.running.readings import error_structure, select_readings
 from geoident.workflow.simulate import (
     BY_MODEL,
     ComputedBy,

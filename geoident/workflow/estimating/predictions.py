@@ -21,8 +21,8 @@ from geoident.model.gauges import Reading, ReadingTable
 from geoident.model.results.result import GaugeTable, Prediction
 from geoident.workflow.estimating.diagnosis import at_used
 from geoident.workflow.estimating.model_error import LaterModelError
-from geoident.workflow.running.errors import ChannelReading, error_structure
-from geoident.workflow.running.readings import with_computed
+from geoident.workflow.running.computed import with_computed
+from geoident.workflow.running.readings import ChannelReading, error_structure
 
 
 def predicted_stages(gauges: GaugeTable) -> Bools:

@@ -59,11 +59,8 @@ from geoident.workflow.estimating.setup import (
 )
 from geoident.workflow.estimating.surface_error import is_steady, with_surface_error
 from geoident.workflow.running.control import OUT_OF_TIME, Control
-from geoident.workflow.running.errors import error_structure, used_rows
 from geoident.workflow.running.evaluation_log import Log, known_nearly, led
-from geoident.workflow.running.readings import (
-    reading_table,
-)
+from geoident.workflow.running.readings import error_structure, reading_table, used_rows
 from geoident.workflow.running.reduced_scan import with_reduced_readings
 
 _SURFACES = 4

@@ -29,15 +29,16 @@ from geoident.workflow.estimating.model_error import (
 )
 from geoident.workflow.executing.looking_ahead import ResponseBeside
 from geoident.workflow.running.control import Control
-from geoident.workflow.running.errors import error_structure, used_rows
 from geoident.workflow.running.evaluation_log import Log, Remembered
 from geoident.workflow.running.jobs import Job, build_model
 from geoident.workflow.running.kept_reduced import restored_for
 from geoident.workflow.running.readings import (
+    error_structure,
     reading_table,
     require_enough,
     select_readings,
     times_of,
+    used_rows,
 )
 from geoident.workflow.running.workers import ModelParts, ModelWorkers
 

@@ -27,13 +27,14 @@ from geoident.workflow.estimating.predictions import correlations
 from geoident.workflow.estimating.search import estimated
 from geoident.workflow.estimating.setup import Setup
 from geoident.workflow.executing.looking_ahead import EvaluationArrays
+from geoident.workflow.running.computed import gauge_table
 from geoident.workflow.running.control import Control
-from geoident.workflow.running.errors import error_structure, used_rows
 from geoident.workflow.running.evaluation_log import Log, carry_over
 from geoident.workflow.running.readings import (
-    gauge_table,
+    error_structure,
     reading_table,
     require_enough,
+    used_rows,
 )
 from geoident.workflow.scoring.extrapolation import (
     StressLevels,
