@@ -18,8 +18,8 @@ from geoident.errors import Fault, Location
 from geoident.io.elsewhere.run_checks import (
     SHOWN,
     FoundRuns,
-    ReadRuns,
     HeldColumn,
+    ReadRuns,
     checked_runs,
     left_out_note,
     too_few,
