@@ -271,6 +271,13 @@ def test_weights_are_believed_by_their_tail_and_their_efficiency():
     assert not found.believable(0.1001)
 
 
+def test_bounds_themselves_are_inside():
+    density = PosteriorDensity(problem_of_ridge(None))
+    beyond = 1e-12 * np.ones(2)
+    u = np.array([density.lower, density.upper, density.lower - beyond, density.upper + beyond])
+    assert density.inside(u).tolist() == [True, True, False, False]
+
+
 class Normal:
     """A density of two independent normal coordinates, and how often it was asked."""
 
