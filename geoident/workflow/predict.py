@@ -205,6 +205,7 @@ def predict(task: Task, control: Control) -> Finished:
             fields=fit.fields,
             members=fit.members,
             reactions=fit.reactions,
+            yielded=fit.yielded,
             reaction=fit.reaction,
         )
     result = _result(task, _followed(task, known, survey, model), survey, model)
@@ -537,6 +538,7 @@ def _result(task: Task, known: Known, survey: Survey, model: CaseModel) -> Resul
         fields=survey.fields,
         members=survey.members,
         reactions=survey.reactions,
+        yielded=survey.yielded,
         reaction=survey.reaction,
         singular_values=fit.singular_values,
         varied=fit.varied if task.request.case is None else (),

@@ -339,6 +339,7 @@ class _Found:
             fields=None,
             members=None,
             reactions=None,
+            yielded=None,
             diagnostics=None,
             evidence=None,
             rivals=None,
