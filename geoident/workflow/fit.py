@@ -38,12 +38,13 @@ from geoident.workflow.estimating.predictions import (
 from geoident.workflow.estimating.rivals import not_settled, rival_findings, with_rivals
 from geoident.workflow.estimating.setup import Setup
 from geoident.workflow.estimating.surface_error import surface_findings, surface_notes
+from geoident.workflow.running.computed import gauge_table
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.evaluation_log import Log, Remembered, led
 from geoident.workflow.running.jobs import Job, job_provenance
 from geoident.workflow.running.kept_reduced import NONE, made_to_keep
 from geoident.workflow.running.reading_units import noted, unit_doubts
-from geoident.workflow.running.readings import gauge_table, stated_sd, unused_notes
+from geoident.workflow.running.readings import stated_sd, unused_notes
 from geoident.workflow.scoring.convergence import convergence_notes
 from geoident.workflow.scoring.extrapolation import extrapolation_findings, stress_levels
 from geoident.workflow.scoring.ladder import climb

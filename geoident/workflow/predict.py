@@ -41,9 +41,9 @@ from geoident.workflow.estimating.setup import (
     Setup,
     model_error_of_result,
     problem_of_result,
-    used_rows,
 )
 from geoident.workflow.estimating.surface_error import surface_sources, with_surface_error
+from geoident.workflow.running.computed import accuracies, gauge_table, with_computed
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.jobs import (
     Inputs,
@@ -54,14 +54,7 @@ from geoident.workflow.running.jobs import (
 )
 from geoident.workflow.running.kept_reduced import answer_note, answered, restored_of
 from geoident.workflow.running.outputs import Standing, Target, require_free, standing, target
-from geoident.workflow.running.readings import (
-    accuracies,
-    bad_notes,
-    gauge_table,
-    reading_table,
-    why_useless,
-    with_computed,
-)
+from geoident.workflow.running.readings import bad_notes, reading_table, used_rows, why_useless
 from geoident.workflow.running.result_files import case_path, files_of_result
 
 POOR = " Its model does not fit the readings: these predictions are not to be relied on."

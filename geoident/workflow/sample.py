@@ -36,6 +36,7 @@ from geoident.workflow.estimating.setup import (
     problem_of_result,
 )
 from geoident.workflow.running.answers import Asked, Compute, KeptAnswers, here, in_processes
+from geoident.workflow.running.computed import accuracies
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.jobs import (
     Inputs,
@@ -47,7 +48,6 @@ from geoident.workflow.running.jobs import (
 )
 from geoident.workflow.running.kept_reduced import restored_of, spread_around
 from geoident.workflow.running.outputs import require_free, standing, target
-from geoident.workflow.running.readings import accuracies
 from geoident.workflow.running.reduced_answers import ReducedAnswers, reduced_answers
 from geoident.workflow.running.result_files import case_path, files_of_result
 

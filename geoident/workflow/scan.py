@@ -10,10 +10,11 @@ from geoident.workflow.estimating.diagnosis import bare_parameter_table
 from geoident.workflow.estimating.estimate import searched, surveyed
 from geoident.workflow.estimating.finished import Finished
 from geoident.workflow.estimating.setup import Setup
+from geoident.workflow.running.computed import gauge_table
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.evaluation_log import Log
 from geoident.workflow.running.jobs import Job, job_provenance
-from geoident.workflow.running.readings import gauge_table, unused_notes
+from geoident.workflow.running.readings import unused_notes
 from geoident.workflow.running.reduced_scan import LedReadings
 
 
