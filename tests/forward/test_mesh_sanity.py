@@ -135,6 +135,11 @@ def test_ground_that_is_missing_is_told_where_the_case_says_so():
     assert "fill on a rigid base" in first.hint
     assert "after stage 'all'" in last.message
     with pytest.raises(InputError) as stressed:
-        model(mesh, groups={"rock": None, "top": None}, in_situ=HeimStress(vertical=Scalar(1e6), K0=Scalar(1.0)),
-              stages=(Stage("first lift", install={"rock": "rock"}),), **common)  # fmt: skip
+        model(
+            mesh,
+            groups={"rock": None, "top": None},
+            in_situ=HeimStress(vertical=Scalar(1e6), K0=Scalar(1.0)),
+            stages=(Stage("first lift", install={"rock": "rock"}),),
+            **common,
+        )
     assert [fault.path for fault in stressed.value.faults] == ["in_situ"]

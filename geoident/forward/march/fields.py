@@ -37,7 +37,8 @@ class MeshRecorder:
         self.fields.add(end)
         self.reactions.add(end)
         if self._yielded is not None:
-            self._yielded.add(end)
+            known = bool(np.isfinite(end.u[:, 0]).all())
+            self._yielded.add(end.state, end.yielded, known=known)
 
     def yielded_ground(self) -> YieldedGround | None:
         """How far ground yields; None where nothing can."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from geoident.fem.faces import FacetPatch, distance_to_faces, patches
-from geoident.forward.march.stage import StageEnd
 from geoident.forward.stages import CaseOnMesh
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Analysis
@@ -37,20 +36,24 @@ class YieldRecorder:
         self._rows: list[tuple[float, ...]] = []
         self._walls: dict[frozenset[int], tuple[FacetPatch, ...]] = {}
 
-    def add(self, end: StageEnd) -> None:
-        """Record a state."""
-        state = self._sequence.states[end.state]
+    def add(self, number: int, yielded: Bools, *, known: bool) -> None:
+        """Record a state.
+
+        Args:
+            number: of the state; states come in their order.
+            yielded: (n_points,) strain points that yield in it.
+            known: whether it was reached.
+        """
+        state = self._sequence.states[number]
         can = {g for g, m in state.materials.items() if self._on_mesh.case.materials[m].yields}
         able = np.isin(self._group, sorted(can))
-        so_far, dug = end.yielded.copy(), frozenset[int]()
-        if end.state:
+        so_far, dug = yielded.copy(), frozenset[int]()
+        if number:
             so_far |= self._yielded[state.base] & ~np.isin(self._group, sorted(state.placed))
             dug = self._dug[state.base] | state.leaving
         so_far &= able
         self._yielded.append(so_far)
         self._dug.append(dug)
-        # a state that is not reached has NaN
-        known = bool(np.isfinite(end.u[:, 0]).all())
         self._rows.append(self._row(so_far, able, dug, known=known))
 
     def table(self) -> YieldedGround:

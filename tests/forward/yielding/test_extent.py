@@ -1,4 +1,4 @@
-"""How far ground yields, in numbers: against the closed form of an opening, and where it is flat."""
+"""How far ground yields, in numbers: against the closed form of an opening, and at a flat wall."""
 
 from __future__ import annotations
 
