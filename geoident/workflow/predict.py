@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from geoident.errors import ExitCode, Fault, InputError, Location, ModelError, Term, UsageError
+from geoident.fem.solvers.threads import one_thread
 from geoident.forward.elsewhere.table import TableModel
 from geoident.forward.protocols import CaseModel, Survey
 from geoident.forward.reduced.case_model import ReducedCaseModel
@@ -178,6 +179,7 @@ def plan_prediction(request: PredictRequest) -> Task:
     return Task(request, fit, origin, inputs, place, identity, found)
 
 
+@one_thread()
 def predict(task: Task, control: Control) -> Finished:
     """Predict readings with their bands and write them; keep a result that is up to date."""
     request, place, found = task.request, task.place, task.found
