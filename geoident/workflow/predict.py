@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from geoident.errors import ExitCode, Fault, InputError, Location, ModelError, Term, UsageError
+from geoident.fem.solvers.threads import one_thread
 from geoident.forward.elsewhere.table import TableModel
 from geoident.forward.protocols import CaseModel, Survey
 from geoident.forward.reduced.case_model import ReducedCaseModel
@@ -178,6 +179,7 @@ def plan_prediction(request: PredictRequest) -> Task:
     return Task(request, fit, origin, inputs, place, identity, found)
 
 
+@one_thread()
 def predict(task: Task, control: Control) -> Finished:
     """Predict readings with their bands and write them; keep a result that is up to date."""
     request, place, found = task.request, task.place, task.found
@@ -198,6 +200,7 @@ def predict(task: Task, control: Control) -> Finished:
             fields=fit.fields,
             members=fit.members,
             reactions=fit.reactions,
+            yielded=fit.yielded,
             reaction=fit.reaction,
         )
     result = _result(task, _followed(task, known, survey, model), survey, model)
@@ -530,6 +533,7 @@ def _result(task: Task, known: Known, survey: Survey, model: CaseModel) -> Resul
         fields=survey.fields,
         members=survey.members,
         reactions=survey.reactions,
+        yielded=survey.yielded,
         reaction=survey.reaction,
         singular_values=fit.singular_values,
         varied=fit.varied if task.request.case is None else (),

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from geoident.errors import ExitCode, Fault, InputError, Interrupted, Location
+from geoident.fem.solvers.threads import one_thread
 from geoident.forward.model import StagedModel
 from geoident.forward.openings.model import OpeningModel
 from geoident.identify.assessment.diagnostics import effective_sd
@@ -176,6 +177,7 @@ def fit_and_inputs(path: str) -> tuple[Result, Inputs]:
     return fit, inputs
 
 
+@one_thread()
 def sample(task: SampleTask, control: Control) -> Finished:
     """Draw from the posterior and write the draws; keep a sample that is up to date.
 
@@ -339,6 +341,7 @@ class _Found:
             fields=None,
             members=None,
             reactions=None,
+            yielded=None,
             diagnostics=None,
             evidence=None,
             rivals=None,

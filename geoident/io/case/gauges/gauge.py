@@ -61,7 +61,9 @@ class GaugeBase(Section):
         "share its error, `epoch`.",
     )
     zero: Name = Field(
-        VIRGIN, description=f"Stage at whose end the gauge reads zero, or '{VIRGIN}'."
+        VIRGIN,
+        description=f"Stage at whose end the gauge reads zero, or '{VIRGIN}'. In ground that is "
+        "placed at the very next stage readings count from its placing on.",
     )
     offset: Offset | None = Field(
         None,
