@@ -9,7 +9,8 @@ convergence-confinement method). When a group g leaves, it takes with it the nod
 on the ground that stays: what acted on itself (weight, edges, water) less its stress. As long as
 only lambda is released, (1 - lambda) H_g goes on acting as external force. So nothing moves for
 lambda = 0, and lambda = 1 is the usual excavation. H_g is linear in the stress; its derivatives
-travel in the same columns, and lambda may be a parameter.
+travel in the same columns, and lambda may be a parameter, or follow from the distance to the face
+(`openings.advance`).
 """
 
 from __future__ import annotations
@@ -19,9 +20,17 @@ from collections.abc import Mapping
 import numpy as np
 
 from geoident.forward.actions.forces import Actions
+from geoident.forward.openings.face import (
+    FaceState,
+    advancing_face,
+    conversion_note,
+    face_note,
+    face_states,
+)
 from geoident.forward.stages import CaseOnMesh
 from geoident.model.arrays import Floats
-from geoident.model.dual import ParameterPoint
+from geoident.model.dual import Dual, ParameterPoint
+from geoident.model.parameter import Values
 
 Held = Mapping[int, Floats]
 """Group that left with part of its stress held to the nodal forces H_g, (n_dofs, 1 + n + k)."""
@@ -36,8 +45,37 @@ class PartialRelease:
     """
 
     def __init__(self, on_mesh: CaseOnMesh, actions: Actions) -> None:
+        self._on_mesh = on_mesh
         self._sequence, self._discretization = on_mesh.sequence, on_mesh.discretization
         self._actions = actions
+        self._face = advancing_face(on_mesh)
+
+    def part(self, state: int, group: int, point: ParameterPoint) -> Dual:
+        """The part () of the stress of a group that is released at a state.
+
+        Args:
+            state: number of the state.
+            group: index of the group, of which something is said there.
+            point: the parameters.
+
+        Raises:
+            ModelError: the ground has no reaction curve, by which a distance to the face says it.
+        """
+        at = self._sequence.states[state]
+        return self._face.part(at.release[group], point, at.name)
+
+    def face_states(self, values: Values) -> tuple[FaceState, ...]:
+        """What distances to the face become at some parameters; see `face_states`."""
+        return face_states(self._face, self._on_mesh, values)
+
+    def note(self, values: Values) -> tuple[str, ...]:
+        """The same as a sentence; see `face_note`."""
+        return face_note(self._face, self._on_mesh, values)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """How distances to the face become released stress; see `conversion_note`."""
+        return conversion_note(self._face, self._on_mesh)
 
     def held(self, state: int, before: Held, stress: Floats, point: ParameterPoint) -> Held:
         """The forces H_g that count at a state.
@@ -64,11 +102,13 @@ class PartialRelease:
             state: number of the state.
             held: the forces H_g of the groups that left.
             point: the parameters.
+
+        Raises:
+            ModelError: see `part`.
         """
         total: Floats | float = 0.0
-        release = self._sequence.states[state].release
         for group, support in held.items():
-            fraction = point.number(release[group]).columns
+            fraction = self.part(state, group, point).columns
             part = (1.0 - fraction[0]) * support
             part[:, 1 : point.n_columns] -= support[:, :1] * fraction[1:]
             total = total + part

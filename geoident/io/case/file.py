@@ -31,6 +31,7 @@ from geoident.io.case.case import (
 from geoident.io.case.elsewhere.build import build_elsewhere
 from geoident.io.case.elsewhere.surroundings import Surroundings
 from geoident.io.case.elsewhere.table import within_runs
+from geoident.io.case.face import with_zero_stages
 from geoident.io.case.gauges.accuracy import described_channels
 from geoident.io.case.point_tables import with_tables
 from geoident.io.case.readings_by_stage import read_all
@@ -198,6 +199,8 @@ class _Built:
 
 def _build(section: CaseSection, folder: Path, faults: Faults, *, with_mesh: bool = True) -> _Built:
     """The case of sections that are right by themselves; what is wrong beyond that is noted."""
+    gauges = with_zero_stages(section.gauges, section.stages, faults)
+    section = section.model_copy(update={"gauges": gauges})
     mesh_path = None
     if section.mesh is not None and not with_mesh:
         mesh_path = section.mesh.file
