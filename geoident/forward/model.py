@@ -20,7 +20,7 @@ from geoident.forward.gauges.observable import MarchState
 from geoident.forward.gauges.observation import Observation
 from geoident.forward.ground.field import field_notes, point_field, with_modes
 from geoident.forward.in_situ.growth import growth_notes, point_growths, start_faults
-from geoident.forward.march.fields import FieldRecorder, ReactionRecorder
+from geoident.forward.march.fields import MeshRecorder
 from geoident.forward.march.march import Run, RunFindings, RunOptions
 from geoident.forward.march.stage import StageEnd
 from geoident.forward.march.virgin import contradictions, overburden_notes, surface_gaps
@@ -183,15 +183,12 @@ class StagedModel(Marches):
             CollapseError: a stage collapses; with ``partial``, only if nothing is left.
         """
         values = self.values(p)
-        recorder = FieldRecorder(self.on_mesh) if fields else None
-        reactions = ReactionRecorder(self.on_mesh, self.structures) if fields else None
+        recorder = MeshRecorder(self.on_mesh, self.structures) if fields else None
         members = MemberRecorder(self.structures, self.sequence, values)
 
         def record(end: StageEnd) -> None:
             if recorder is not None:
                 recorder.add(end)
-            if reactions is not None:
-                reactions.add(end)
             if self.structures.parts and last is None:
                 members.add(end.state, end.members)
 
@@ -228,7 +225,7 @@ class StagedModel(Marches):
         return Survey(
             table[..., 0],
             table[..., 1:],
-            None if recorder is None else recorder.series(),
+            None if recorder is None else recorder.fields.series(),
             members.table() if last is None else None,
             tuple(error.message for error in found.collapses),
             found.activity,
@@ -240,7 +237,8 @@ class StagedModel(Marches):
                 *self._contradiction_notes(values),
             ),
             self.observation.increments(seen_at[:, :, 0], self.sequence.bases),
-            reactions=None if reactions is None else reactions.table(),
+            reactions=None if recorder is None else recorder.reactions.table(),
+            yielded=None if recorder is None else recorder.yielded_ground(),
         )
 
     def steps(self, pairs: Sequence[tuple[str, str]]) -> Floats:

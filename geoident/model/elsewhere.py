@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
@@ -282,6 +283,7 @@ class RunTable:
         values: (r, n) parameters of the r runs, SI.
         readings: (r, n_stages, n_channels) what they gave, SI; NaN where there is no column.
         notes: what was left out of the file, or taken otherwise than it stands in the case.
+        campaign: the file is that of a campaign, which stands for its folder.
     """
 
     path: str
@@ -290,6 +292,13 @@ class RunTable:
     values: Floats = field(compare=False)
     readings: Floats = field(compare=False)
     notes: tuple[str, ...] = ()
+    campaign: bool = False
+
+    @property
+    def called(self) -> str:
+        """The name of the file; of a campaign that of its folder."""
+        path = Path(self.path)
+        return path.resolve().parent.name if self.campaign else path.name
 
     def __len__(self) -> int:
         return len(self.values)

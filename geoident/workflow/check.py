@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from geoident.fem.solvers.threads import one_thread
 from geoident.forward.elsewhere.table import TableModel
 from geoident.forward.gauges.placement import placements
 from geoident.forward.model import StagedModel
@@ -59,6 +60,7 @@ class Checked:
     files_read: tuple[str, ...]
 
 
+@one_thread()
 def check(
     path: str, *, overrides: Sequence[str] = (), solver: str = "auto", text: str | None = None
 ) -> Checked:

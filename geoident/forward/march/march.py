@@ -166,7 +166,8 @@ class March:
         """Whether most of the virgin ground is pulled on average, sigma_xx + yy + zz > 0."""
         stress, _ = self.virgin(ParameterPoint(values, ()))
         here = stress[:NORMAL_COMPONENTS, self.systems[0].present, 0]
-        return bool(np.mean(here.sum(axis=0) > 0.0) > 0.5)
+        pulled = here.sum(axis=0) > 0.0
+        return bool(2 * np.count_nonzero(pulled) > pulled.size)
 
     def virgin(self, point: ParameterPoint) -> tuple[Floats, Floats]:
         """The in-situ stress (n_strain, n_points, 1 + n) as given, and how far out of balance.

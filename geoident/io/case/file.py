@@ -39,6 +39,7 @@ from geoident.io.case.site_files.measured_values import with_measured
 from geoident.io.schema.faults import add_schema_faults, paths_of
 from geoident.io.schema.partial import Rest
 from geoident.io.schema.values import kind_of
+from geoident.io.text.campaign_folder import over_all_of
 from geoident.io.text.faults import Faults, Places
 from geoident.io.text.kinds import refuse_other_kind
 from geoident.io.text.overrides import apply_overrides
@@ -370,6 +371,8 @@ def files_of_text(text: str, path: str) -> tuple[str, ...]:
 def named_files(data: Node, folder: Path) -> Iterator[str]:
     """Paths of the files that a case names: of every text in it that is the name of a file.
 
+    The folder of a campaign stands for the file of all its runs.
+
     Args:
         data: the case as mappings, lists and texts.
         folder: against which its paths are meant.
@@ -379,7 +382,10 @@ def named_files(data: Node, folder: Path) -> Iterator[str]:
             yield from named_files(part, folder)
     elif data is not None:
         with suppress(OSError, ValueError):  # too long or strange for a name
-            if (folder / data).is_file():
+            over_all = over_all_of(folder / data)
+            if over_all is not None and over_all.is_file():
+                yield str(over_all)
+            elif (folder / data).is_file():
                 yield str(folder / data)
 
 

@@ -301,18 +301,24 @@ class TableModelSection(Section):
     """Runs that were made elsewhere: a table, between whose rows a response surface answers.
 
     The first line names the columns: parameters (`E_rock [GPa]`) and readings (`roof [mm]`, of
-    several stages `roof @ heading [mm]`); each further line is a run.
+    several stages `roof @ heading [mm]`); each further line is a run. Or the simulations of a
+    campaign of `geoident batch`.
     """
 
     kind: Literal["table"]
-    file: Text = Field(description="CSV file beside the case.", examples=["runs.csv"])
+    file: Text = Field(
+        description="CSV file beside the case, or the folder of a campaign of simulations.",
+        examples=["runs.csv", "campaign.batch"],
+    )
     surface: Literal["auto", "gaussian-process", "polynomial"] = Field(
         "auto",
         description="Between the runs: a Gaussian process, a polynomial, or for each reading the "
         "one with the smaller leave-one-out error.",
     )
     ignore: list[Text] = Field(
-        [], description="Columns that are neither parameter nor reading; `run` needs no mention."
+        [],
+        description="Columns that are neither parameter nor reading; `run` needs no mention. Of a "
+        "campaign: what varies and is passed over.",
     )
 
 

@@ -64,7 +64,8 @@ class GaugeBase(Section):
     zero: ZeroValue = Field(
         VIRGIN,
         description=f"Stage at whose end the gauge reads zero, or '{VIRGIN}'; or the `distance` to "
-        "the face that a stage has: `{distance: 2.5 m}`.",
+        "the face that a stage has: `{distance: 2.5 m}`. In ground that is placed at the very next "
+        "stage readings count from its placing on.",
     )
     offset: Offset | None = Field(
         None,
