@@ -16,24 +16,37 @@ travel in the same columns, and lambda may be a parameter, or follow from the di
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Protocol
 
 import numpy as np
 
 from geoident.forward.actions.forces import Actions
-from geoident.forward.openings.face import (
-    FaceState,
-    advancing_face,
-    conversion_note,
-    face_note,
-    face_states,
-)
 from geoident.forward.stages import CaseOnMesh
+from geoident.model.actions import Release
 from geoident.model.arrays import Floats
 from geoident.model.dual import Dual, ParameterPoint
-from geoident.model.parameter import Values
 
 Held = Mapping[int, Floats]
 """Group that left with part of its stress held to the nodal forces H_g, (n_dofs, 1 + n + k)."""
+
+
+class ReleasedParts(Protocol):
+    """Says how much of its stress a group releases, where that is given or the distance to a face.
+
+    See `openings.advance`.
+    """
+
+    def part(self, release: Release, point: ParameterPoint, stage: str) -> Dual:
+        """The part of the stress (), 0 to 1, that is released.
+
+        Args:
+            release: what the case says of it.
+            point: the parameters.
+            stage: at which, for messages.
+
+        Raises:
+            ModelError: the ground has no reaction curve that would tell.
+        """
 
 
 class PartialRelease:
@@ -42,13 +55,13 @@ class PartialRelease:
     Args:
         on_mesh: the case on its mesh.
         actions: what acts on a group itself.
+        parts: how much of the stress is released.
     """
 
-    def __init__(self, on_mesh: CaseOnMesh, actions: Actions) -> None:
-        self._on_mesh = on_mesh
+    def __init__(self, on_mesh: CaseOnMesh, actions: Actions, parts: ReleasedParts) -> None:
         self._sequence, self._discretization = on_mesh.sequence, on_mesh.discretization
         self._actions = actions
-        self._face = advancing_face(on_mesh)
+        self._parts = parts
 
     def part(self, state: int, group: int, point: ParameterPoint) -> Dual:
         """The part () of the stress of a group that is released at a state.
@@ -62,20 +75,7 @@ class PartialRelease:
             ModelError: the ground has no reaction curve, by which a distance to the face says it.
         """
         at = self._sequence.states[state]
-        return self._face.part(at.release[group], point, at.name)
-
-    def face_states(self, values: Values) -> tuple[FaceState, ...]:
-        """What distances to the face become at some parameters; see `face_states`."""
-        return face_states(self._face, self._on_mesh, values)
-
-    def note(self, values: Values) -> tuple[str, ...]:
-        """The same as a sentence; see `face_note`."""
-        return face_note(self._face, self._on_mesh, values)
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """How distances to the face become released stress; see `conversion_note`."""
-        return conversion_note(self._face, self._on_mesh)
+        return self._parts.part(at.release[group], point, at.name)
 
     def held(self, state: int, before: Held, stress: Floats, point: ParameterPoint) -> Held:
         """The forces H_g that count at a state.
