@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from geoident.errors import ExitCode, Fault, InputError, Interrupted, Location
+from geoident.fem.solvers.threads import one_thread
 from geoident.forward.model import StagedModel
 from geoident.forward.openings.model import OpeningModel
 from geoident.identify.assessment.diagnostics import effective_sd
@@ -36,6 +37,7 @@ from geoident.workflow.estimating.setup import (
     problem_of_result,
 )
 from geoident.workflow.running.answers import Asked, Compute, KeptAnswers, here, in_processes
+from geoident.workflow.running.computed import accuracies
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.jobs import (
     Inputs,
@@ -47,7 +49,6 @@ from geoident.workflow.running.jobs import (
 )
 from geoident.workflow.running.kept_reduced import restored_of, spread_around
 from geoident.workflow.running.outputs import require_free, standing, target
-from geoident.workflow.running.readings import accuracies
 from geoident.workflow.running.reduced_answers import ReducedAnswers, reduced_answers
 from geoident.workflow.running.result_files import case_path, files_of_result
 
@@ -176,6 +177,7 @@ def fit_and_inputs(path: str) -> tuple[Result, Inputs]:
     return fit, inputs
 
 
+@one_thread()
 def sample(task: SampleTask, control: Control) -> Finished:
     """Draw from the posterior and write the draws; keep a sample that is up to date.
 
@@ -339,6 +341,7 @@ class _Found:
             fields=None,
             members=None,
             reactions=None,
+            yielded=None,
             diagnostics=None,
             evidence=None,
             rivals=None,

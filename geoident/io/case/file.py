@@ -30,6 +30,7 @@ from geoident.io.case.case import (
 from geoident.io.case.elsewhere.build import build_elsewhere
 from geoident.io.case.elsewhere.surroundings import Surroundings
 from geoident.io.case.elsewhere.table import within_runs
+from geoident.io.case.face import with_zero_stages
 from geoident.io.case.gauges.accuracy import described_channels
 from geoident.io.case.point_tables import with_tables
 from geoident.io.case.readings_by_stage import read_all
@@ -37,6 +38,7 @@ from geoident.io.case.site_files.measured_values import with_measured
 from geoident.io.schema.faults import add_schema_faults, paths_of
 from geoident.io.schema.partial import Rest
 from geoident.io.schema.values import kind_of
+from geoident.io.text.campaign_folder import OVER_ALL, over_all_of
 from geoident.io.text.faults import Faults, Places
 from geoident.io.text.kinds import refuse_other_kind
 from geoident.io.text.overrides import apply_overrides
@@ -197,6 +199,8 @@ class _Built:
 
 def _build(section: CaseSection, folder: Path, faults: Faults, *, with_mesh: bool = True) -> _Built:
     """The case of sections that are right by themselves; what is wrong beyond that is noted."""
+    gauges = with_zero_stages(section.gauges, section.stages, faults)
+    section = section.model_copy(update={"gauges": gauges})
     mesh_path = None
     if section.mesh is not None and not with_mesh:
         mesh_path = section.mesh.file
@@ -366,15 +370,22 @@ def files_of_text(text: str, path: str) -> tuple[str, ...]:
 def named_files(data: Node, folder: Path) -> tuple[str, ...]:
     """Paths of the files that a case names: of every text in it that is the name of a file.
 
+    The folder of a campaign stands for the file of all its runs.
+
     Args:
         data: the case as mappings, lists and texts.
         folder: against which its paths are meant.
     """
     found: dict[str, None] = {}
     for text in dict.fromkeys(_texts(data)):
-        path = folder / text
         with suppress(OSError, ValueError):  # too long or strange for a name
-            if path.is_file():
+            path = folder / text
+            if path.name != OVER_ALL and not path.exists():  # most texts: to ask is dear
+                continue
+            over_all = over_all_of(path)
+            if over_all is not None and over_all.is_file():
+                found[str(over_all)] = None
+            elif path.is_file():
                 found[str(path)] = None
     return tuple(found)
 

@@ -139,18 +139,25 @@ def _write(file: h5py.File, result: Result) -> None:
     if result.grid is not None:
         tables.write_grid(file, result.grid)
     write_varied(file, result.varied)
-    if result.members is not None:
-        tables.write_members(file, result.members)
-    if result.reactions is not None and result.reactions.supports:
-        tables.write_reactions(file, result.reactions)
-    if result.reaction is not None:
-        opening.write_reaction(file, result.reaction)
+    _write_states(file, result)
     if result.certificate is not None:
         tables.write_certificate(file, result.certificate, names)
     tables.write_rival_answers(file, result.rivals, result.evidence, result.comparison, names)
     if result.fields is not None:
         vtkhdf.write_fields(file, result.fields, result.varied)
     file.attrs["contents"] = " ".join(sorted(file))
+
+
+def _write_states(file: h5py.File, result: Result) -> None:
+    """What the states hold beside their fields: forces, reactions, what yields."""
+    if result.members is not None:
+        tables.write_members(file, result.members)
+    if result.reactions is not None and result.reactions.supports:
+        tables.write_reactions(file, result.reactions)
+    if result.yielded is not None:
+        tables.write_yielded(file, result.yielded)
+    if result.reaction is not None:
+        opening.write_reaction(file, result.reaction)
 
 
 def _write_errors(file: h5py.File, result: Result) -> None:
@@ -306,6 +313,7 @@ def _read(file: h5py.File, root: _Attributes) -> Result:
         grid=tables.read_grid(file) if "grid" in contents else None,
         members=tables.read_members(file) if "structures" in contents else None,
         reactions=tables.read_reactions(file) if tables.REACTIONS in contents else None,
+        yielded=tables.read_yielded(file) if tables.YIELDED in contents else None,
         reaction=opening.read_reaction(file) if opening.GROUP in contents else None,
         certificate=(tables.read_certificate(file) if "certificate" in contents else None),
         rivals=tables.read_rivals(file) if tables.RIVALS in contents else None,

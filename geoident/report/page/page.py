@@ -29,6 +29,7 @@ from geoident.report.page.logo import logo_element
 from geoident.report.text import (
     accuracies,
     backtest,
+    extent,
     posterior,
     rivals,
     structures,
@@ -200,6 +201,7 @@ def _parts(result: Result) -> tuple[PagePart, ...]:
             *_influence(result),
             Figures(tuple(sorted(fit, key=lambda p: p.name not in _SMALL))),
         ),
+        section(extent.NAME, TitledTable(extent.UNITS, extent.extent_table(result.yielded))),
         section(yielding.TITLE, *_yield_planes(result)),
         section(structures.NAME, Figures(pictures.structures)),
         section(

@@ -32,9 +32,10 @@ from geoident.workflow.executing.worker import STOP
 from geoident.workflow.fit import fit
 from geoident.workflow.predict import PredictRequest, plan_prediction, predict
 from geoident.workflow.programs.trust import decided_by, trusting
+from geoident.workflow.running.computed import gauge_table
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.jobs import Job, Request, plan_fit, plan_scan, provenance
-from geoident.workflow.running.readings import gauge_table, reading_table
+from geoident.workflow.running.readings import reading_table
 from geoident.workflow.scan import scan
 from geoident.workflow.simulate import ComputedBy, Noise, Simulated, simulate
 

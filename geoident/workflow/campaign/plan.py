@@ -15,8 +15,9 @@ from geoident.forward.elsewhere.model import ElsewhereModel
 from geoident.io.campaign.file import read_campaign
 from geoident.io.case.file import named_files, parse_case
 from geoident.io.mesh.file import mesh_files
-from geoident.io.result.campaign import JOURNAL, CampaignHead, read_journal
+from geoident.io.result.campaign import CampaignHead, read_journal
 from geoident.io.result.file import FORMAT
+from geoident.io.text.campaign_folder import JOURNAL
 from geoident.io.text.faults import OVERRIDES, shortened
 from geoident.io.text.overrides import parse_path
 from geoident.io.text.text_file import decode, read_bytes, seen_from

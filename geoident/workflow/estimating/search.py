@@ -55,17 +55,12 @@ from geoident.workflow.estimating.setup import (
     Setup,
     kept_response,
     problem_of,
-    structure_of_used,
     used_response,
-    used_rows,
 )
 from geoident.workflow.estimating.surface_error import is_steady, with_surface_error
 from geoident.workflow.running.control import OUT_OF_TIME, Control
-from geoident.workflow.running.errors import gauge_errors
 from geoident.workflow.running.evaluation_log import Log, known_nearly, led
-from geoident.workflow.running.readings import (
-    reading_table,
-)
+from geoident.workflow.running.readings import error_structure, reading_table, used_rows
 from geoident.workflow.running.reduced_scan import with_reduced_readings
 
 _SURFACES = 4
@@ -205,9 +200,7 @@ class _Search:
     def _weighed(self, at: SearchState, case: Case) -> SearchState:
         """The same with the errors of another version of the case, from where it has come."""
         setup, problem, outcome = at
-        structure = structure_of_used(case, setup.readings.used)
-        assert structure is not None  # its readings share errors
-        sd, shared = structure.at(np.zeros(len(structure.names)))
+        sd, shared = error_structure(used_rows(case, setup.readings.used)).stated
         problem = replace(problem, sd=sd, shared=shared).begun_at(outcome.values)
         if isinstance(self.methods[-1], ScanOptions):
             again = self.identified(problem, self.methods)
@@ -259,7 +252,7 @@ class _Search:
         length = correlation_length(case, case.fit.model_error)
         rows = used_rows(case, readings.used)
         pairs = used_pairs(readings)
-        structure = gauge_errors(rows)
+        structure = error_structure(rows)
         search = ModelErrorSearch(
             case.fit.model_error,
             length,
@@ -283,8 +276,8 @@ class _Search:
 
     def _with_accuracies(self, at: SearchState) -> SearchState:
         """The same with the accuracies that the case wants estimated, if it wants any."""
-        structure = structure_of_used(at.setup.case, at.setup.readings.used)
-        if structure is None or not structure.names:
+        structure = error_structure(used_rows(at.setup.case, at.setup.readings.used))
+        if not structure.names:
             return at
         onwards = continued(self.methods)
         found = weighed(
@@ -307,8 +300,7 @@ def _mesh_beside_accuracies(found: Setup, problem: Problem, outcome: Outcome) ->
     mesh, case = found.mesh, found.case
     if mesh is None or mesh.counts or found.accuracies is None or outcome.status == STOPPED:
         return None
-    structure = gauge_errors(used_rows(case, found.readings.used))
-    sd, shared = structure.at(np.zeros(len(structure.names)))
+    sd, shared = error_structure(used_rows(case, found.readings.used)).stated
     accuracy = np.array([channel.accuracy for channel in case.channels], dtype=np.float64)
     estimated = replace(mesh.found, accuracy=accuracy)
     again = replace(problem, sd=sd, shared=shared)

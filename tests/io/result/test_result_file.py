@@ -166,6 +166,7 @@ TABLES = {
     "history": {"objective": ("iteration",), "values": ("iteration", "parameter")},
     "prediction": {"mean": ("gauge", "stage")},
     "grid": {"objective": ("E_rock", "sigma_v")},
+    "yielded": {"volume": ("state",), "upper": ("state", "axis")},
 }
 
 

@@ -16,7 +16,8 @@ ROOT = Path(geoident.__file__).parents[1]
 
 NASTY = st.sampled_from(
     ["", " ", "~", "null", "NULL", "nullable", "- a", "-", "-2.5 m", "--- a", "...", "? a", ": b",
-     "a: b", "a:", "a #b", "#a", "$E", "[a]", "{a", "*a", "&a", "!a", "%a", "@a", "`a", "'a'", '"a"',
+     "a: b", "a:", "a #b", "#a", "$E", "[a]", "{a", "*a", "&a", "!a", "%a", "@a", "`a", "'a'",
+     '"a"',
      "it's", "a\nb", "a\n", "\ta", "a ", " a", "a  b", "25 µm", "é", "\x07", "1e9", "yes", "x" * 99,
      "word " * 30, "a, b", "a/b.c", "10 %", "2*(a-b)^2", "a\u2028b", "\ufeffa", "\U0001f600"]
 )  # fmt: skip
