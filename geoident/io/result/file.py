@@ -114,7 +114,8 @@ def write_result(
     """
     sidecar = vtkhdf.sidecar_path(path)
     with atomic_output(path, overwrite=overwrite, inputs=inputs) as temporary:
-        with hdf5_output(temporary) as file:
+        small = result.fields is None and result.reduced is None and result.posterior is None
+        with hdf5_output(temporary, small=small) as file:
             _write(file, result)
         if sidecar and result.fields is not None:
             _write_sidecar(sidecar, Path(path).name, overwrite=overwrite, inputs=inputs)
