@@ -14,6 +14,7 @@ from functools import reduce
 import numpy as np
 
 from geoident.errors import ExitCode, InputError, ModelError, TimeIsUp
+from geoident.fem.solvers.threads import one_thread
 from geoident.identify.assessment.findings import join
 from geoident.model.case import Case
 from geoident.model.gauges import ReadingTable
@@ -49,6 +50,7 @@ BANDS_FAIL = "bands-fail"
 """Status of a backtest more of whose readings lie outside of their bands than chance explains."""
 
 
+@one_thread()
 def backtest(job: Job, control: Control) -> Finished:
     """Fit and predict for every number of stages, score, and write; keep what is up to date.
 

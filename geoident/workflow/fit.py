@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from geoident.errors import ExitCode
+from geoident.fem.solvers.threads import one_thread
 from geoident.identify.problem.problem import Outcome, Problem
 from geoident.model.arrays import Bools
 from geoident.model.methods import method_name
@@ -55,6 +56,7 @@ ENOUGH = 1e-4
 linear over an interval, where the misfit must rise by 3.8 within a fifth."""
 
 
+@one_thread()
 def fit(job: Job, control: Control) -> Finished:
     """Identify the parameters of a case and write the result; keep one that is up to date.
 
@@ -193,6 +195,7 @@ def _result(
         fields=survey.fields,
         members=survey.members,
         reactions=survey.reactions,
+        yielded=survey.yielded,
         reaction=survey.reaction,
         singular_values=found.assessment.singular_values,
         diagnostics=found.diagnostics,

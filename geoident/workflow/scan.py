@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from geoident.errors import ExitCode
+from geoident.fem.solvers.threads import one_thread
 from geoident.identify.problem.problem import Outcome, Problem
 from geoident.model.methods import method_name
 from geoident.model.results.result import Counts, GaugeTable, Result
@@ -18,6 +19,7 @@ from geoident.workflow.running.readings import unused_notes
 from geoident.workflow.running.reduced_scan import LedReadings
 
 
+@one_thread()
 def scan(job: Job, control: Control) -> Finished:
     """Compute the discrepancy on a grid and write the result; keep one that is up to date.
 

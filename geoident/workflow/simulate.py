@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from geoident.errors import InputError, Term, UsageError
+from geoident.fem.solvers.threads import one_thread
 from geoident.forward.elsewhere.model import ElsewhereModel
 from geoident.forward.model import StagedModel
 from geoident.forward.protocols import CaseModel
@@ -109,6 +110,7 @@ class Simulated:
     fields: FieldSeries | None = None
 
 
+@one_thread()
 def simulate(
     path: str,
     *,

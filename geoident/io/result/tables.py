@@ -27,6 +27,7 @@ from geoident.model.results.result import (
     Prediction,
     SupportReactions,
 )
+from geoident.model.results.yielded import YieldedGround
 from geoident.model.yielding import Activity, Certificate
 from geoident.units import DIMENSIONS
 
@@ -389,6 +390,32 @@ def read_reactions(file: h5py.File) -> SupportReactions:
     supports, states = group.texts("support"), group.texts("state")
     force = group.floats("force", len(supports), len(states), len(group.texts("axis")))
     return SupportReactions(supports, states, force)
+
+
+YIELDED = "yielded"
+"""Group of how far ground yields."""
+
+_OF_YIELDED = {"volume": "m3, or m2 in plane strain", "share": "1", "reach": "m", "radius": "m"}
+
+
+def write_yielded(file: h5py.File, table: YieldedGround) -> None:
+    """Writes ``/yielded``: how far ground yields, NaN where that has no meaning."""
+    axes = {"state": table.states, "axis": ("x", "y", "z")[: table.lower.shape[1]]}
+    out = TableWriter(file, YIELDED, axes)
+    out.group.attrs["unit"] = plain_text(table.unit)
+    for name, unit in _OF_YIELDED.items():
+        out.add(name, getattr(table, name), "state", unit=unit)
+    for name in ("lower", "upper"):
+        out.add(name, getattr(table, name), "state", "axis", unit="m")
+
+
+def read_yielded(file: h5py.File) -> YieldedGround:
+    """How far ground yields."""
+    group = TableReader(file, YIELDED)
+    states, dim = group.texts("state"), len(group.texts("axis"))
+    columns = {name: group.floats(name, len(states)) for name in _OF_YIELDED}
+    ends = {name: group.floats(name, len(states), dim) for name in ("lower", "upper")}
+    return YieldedGround(states, **columns, **ends, unit=group.attribute("unit", str))
 
 
 MODEL_ERROR = "model_error"
