@@ -18,6 +18,7 @@ from geoident.forward.march.kept import MOST_KEPT, KeptMarch
 from geoident.forward.march.march import KnownMotion, March, Run, RunOptions
 from geoident.forward.march.stage import StageEnd
 from geoident.forward.march.systems import StageSystems
+from geoident.forward.openings.face import advancing_face
 from geoident.forward.stages import CaseOnMesh
 from geoident.model.arrays import Floats
 from geoident.model.dual import ParameterPoint
@@ -38,6 +39,7 @@ class Marches:
     Attributes:
         on_state: is told of every state computed.
         last_adjoints: readings with their derivatives at the parameters that were evaluated last.
+        face: what turns distances to a tunnel face into released parts.
     """
 
     def __init__(self, on_mesh: CaseOnMesh, observation: Observation, *, solver: Solver) -> None:
@@ -52,7 +54,8 @@ class Marches:
         self.discretization = on_mesh.discretization
         self.systems = StageSystems(on_mesh, solver)
         self.structures = self.systems.structures
-        self.march = March(on_mesh, self.systems)
+        self.face = advancing_face(on_mesh)
+        self.march = March(on_mesh, self.systems, self.face)
         self.actions = self.march.actions
         self._kept: KeptMarch | None = None
         self._paid: tuple[bytes | None, int] = None, -1

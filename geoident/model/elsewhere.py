@@ -175,7 +175,55 @@ class FunctionValue:
     name: str
 
 
-Finding = TableCell | JsonValue | Hdf5Value | LineValue | PatternValue | FunctionValue
+@dataclass(frozen=True)
+class Instruction:
+    """One item of an instruction file of PEST.
+
+    Args:
+        kind: what it is: ``primary`` or ``marker`` (a text), ``advance`` (lines), ``blank`` (to the
+            next word), ``tab`` (a column); ``free``, ``fixed``, ``semi``: an observation.
+        text: of a marker; name of an observation. In small letters.
+        first: number of lines; column, or first column, from 1.
+        last: last column.
+    """
+
+    kind: Literal["primary", "marker", "advance", "blank", "tab", "free", "fixed", "semi"]
+    text: str = ""
+    first: int = 0
+    last: int = 0
+
+
+@dataclass(frozen=True)
+class InstructionLine:
+    """A line of an instruction file of PEST, with those that go on with it.
+
+    Args:
+        number: of the line, from 1.
+        items: in their order.
+    """
+
+    number: int
+    items: tuple[Instruction, ...]
+
+
+@dataclass(frozen=True)
+class InstructedValue:
+    """What an instruction file of PEST finds.
+
+    Args:
+        path: of that file.
+        observation: its name there, in small letters.
+        lines: of the file.
+    """
+
+    path: str
+    observation: str
+    lines: tuple[InstructionLine, ...] = field(compare=False, repr=False)
+
+
+Finding = (
+    TableCell | JsonValue | Hdf5Value | LineValue | PatternValue | FunctionValue | InstructedValue
+)
 
 
 @dataclass(frozen=True)
@@ -238,7 +286,8 @@ class ExternalProgram:
     def inputs(self) -> tuple[str, ...]:
         """Paths of all files that the model consists of."""
         sources = (template.source for template in self.templates)
-        return tuple(dict.fromkeys((*sources, *self.files, *self.code)))
+        finds = (o.how.path for o in self.outputs if isinstance(o.how, InstructedValue))
+        return tuple(dict.fromkeys((*sources, *self.files, *self.code, *finds)))
 
     @property
     def seen(self) -> frozenset[str]:

@@ -195,6 +195,7 @@ def _result(
         fields=survey.fields,
         members=survey.members,
         reactions=survey.reactions,
+        yielded=survey.yielded,
         reaction=survey.reaction,
         singular_values=found.assessment.singular_values,
         diagnostics=found.diagnostics,

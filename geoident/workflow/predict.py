@@ -51,6 +51,7 @@ from geoident.workflow.running.jobs import (
     build_model,
     inputs_of_result,
     load_inputs,
+    of_fit,
     provenance,
 )
 from geoident.workflow.running.kept_reduced import answer_note, answered, restored_of
@@ -148,13 +149,14 @@ class Task:
     @property
     def provenance(self) -> Provenance:
         """Where the result comes from."""
-        return provenance(
+        found = provenance(
             self.inputs,
             command="predict",
             identity=self.identity,
             seed=self.fit.provenance.seed,
             output=self.place.path,
         )
+        return of_fit(found, self.fit, self.request.result, self.place.path)
 
 
 def plan_prediction(request: PredictRequest) -> Task:
@@ -173,7 +175,7 @@ def plan_prediction(request: PredictRequest) -> Task:
     require_identified(fit, inputs)
     _require_same_fields(fit, origin.case, inputs)
     place = target(request.result, "predict", output=request.output)
-    purpose = f"predict {fit.provenance.identity} {request.stages}"
+    purpose = f"predict {fit.fingerprint} {request.stages}"
     identity = inputs.identity(purpose, (), seed=fit.provenance.seed)
     found = standing(place, identity, kind="predict", case=inputs.path)
     return Task(request, fit, origin, inputs, place, identity, found)
@@ -200,6 +202,7 @@ def predict(task: Task, control: Control) -> Finished:
             fields=fit.fields,
             members=fit.members,
             reactions=fit.reactions,
+            yielded=fit.yielded,
             reaction=fit.reaction,
         )
     result = _result(task, _followed(task, known, survey, model), survey, model)
@@ -532,6 +535,7 @@ def _result(task: Task, known: Known, survey: Survey, model: CaseModel) -> Resul
         fields=survey.fields,
         members=survey.members,
         reactions=survey.reactions,
+        yielded=survey.yielded,
         reaction=survey.reaction,
         singular_values=fit.singular_values,
         varied=fit.varied if task.request.case is None else (),

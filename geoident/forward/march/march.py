@@ -44,7 +44,7 @@ import numpy as np
 from geoident.errors import CollapseError
 from geoident.forward.actions.forces import Actions
 from geoident.forward.actions.motions import GivenMotions
-from geoident.forward.actions.release import Held, PartialRelease
+from geoident.forward.actions.release import Held, PartialRelease, ReleasedParts
 from geoident.forward.actions.thermal import NORMAL_COMPONENTS, ThermalStrains
 from geoident.forward.in_situ.stress import NEGLIGIBLE_IMBALANCE, InSituStress, StressPlaces
 from geoident.forward.march.lasting import LastingGround, LastingStress
@@ -131,9 +131,10 @@ class March:
     Args:
         on_mesh: the case on its mesh.
         systems: the equations of the stages.
+        parts: how much of the stress is released.
     """
 
-    def __init__(self, on_mesh: CaseOnMesh, systems: StageSystems) -> None:
+    def __init__(self, on_mesh: CaseOnMesh, systems: StageSystems, parts: ReleasedParts) -> None:
         self.on_mesh, self.systems = on_mesh, systems
         self.case, self.sequence = on_mesh.case, on_mesh.sequence
         self.actions = Actions(on_mesh, systems.structures.weights)
@@ -142,7 +143,7 @@ class March:
         points = on_mesh.discretization.points
         groups = self.sequence.group_of[points.element]
         self.in_situ = InSituStress(on_mesh, StressPlaces(points.position, groups))
-        self.release = PartialRelease(on_mesh, self.actions)
+        self.release = PartialRelease(on_mesh, self.actions, parts)
         self.warm = WarmStart()
 
     @cached_property
@@ -174,7 +175,8 @@ class March:
         """Whether most of the virgin ground is pulled on average, sigma_xx + yy + zz > 0."""
         stress, _ = self.virgin(ParameterPoint(values, ()))
         here = stress[:NORMAL_COMPONENTS, self.systems[0].present, 0]
-        return bool(np.mean(here.sum(axis=0) > 0.0) > 0.5)
+        pulled = here.sum(axis=0) > 0.0
+        return bool(2 * np.count_nonzero(pulled) > pulled.size)
 
     def virgin(self, point: ParameterPoint) -> tuple[Floats, Floats]:
         """The in-situ stress (n_strain, n_points, 1 + n) as given, and how far out of balance.
