@@ -352,18 +352,21 @@ def _release_parts(march: March) -> Iterator[EquationPart]:
     """What groups that left still hold: a fraction of forces that depend on parameters."""
     for n, state in enumerate(march.sequence.states):
         for group, fraction in state.release.items():
-            if fraction.parameter is None:
+            if isinstance(fraction, Scalar) and fraction.parameter is None:
                 continue
+            part = partial(march.release.part, n, group)
             name = f"what '{march.sequence.groups[group]}' still holds at stage '{state.name}'"
             for columns in _support_of(march, n, group):
-                yield EquationPart(name, partial(_held, fraction, columns))
+                yield EquationPart(name, partial(_held, part, columns))
 
 
 def _held(
-    fraction: Scalar, columns: Callable[[ParameterPoint], Floats], point: ParameterPoint
+    fraction: Callable[[ParameterPoint], Dual],
+    columns: Callable[[ParameterPoint], Floats],
+    point: ParameterPoint,
 ) -> Floats:
     """What is not released of something (..., 1 + n)."""
-    return ((1.0 - point.number(fraction)) * Dual(columns(point))).columns
+    return ((1.0 - fraction(point)) * Dual(columns(point))).columns
 
 
 def _support_of(

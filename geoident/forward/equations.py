@@ -55,7 +55,7 @@ def export_obstacle(march: March, point: ParameterPoint) -> str | None:
 def _obstacles(march: March, point: ParameterPoint) -> Iterator[str]:
     case = march.case
     for stage in case.stages:
-        if stage.release:
+        if stage.release or stage.distance is not None:
             yield f"the stage '{stage.name}' releases stress in part"
         if stage.temperature:
             yield f"the stage '{stage.name}' changes temperatures"

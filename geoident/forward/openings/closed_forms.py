@@ -39,7 +39,7 @@ All are written with dual numbers, so derivatives by every parameter are exact.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -222,21 +222,33 @@ class Opening:
             raise BeyondClosedForm(OUT_OF_PLANE)
         return GroundState(self, pressure)
 
-    def history(self, pressures: Sequence[Dual]) -> Iterator[GroundState]:
+    def history(self, pressures: Iterable[Dual]) -> Iterator[GroundState]:
         """The ground under pressures that follow each other, p0 before the first.
 
         Raises:
             BeyondClosedForm: see `under`; or the wall yields in contraction and in expansion.
         """
-        turned: GroundState | None = None  # first loading ended there, and all since is elastic
+        state: GroundState | None = None
         for pressure in pressures:
-            if not isinstance(turned, PlasticState) or turned.goes_on(pressure):
-                turned = self.under(pressure)
-                yield turned
-            elif turned.bears(pressure):
-                yield Unloaded(turned, pressure)
-            else:
-                raise BeyondClosedForm(BOTH_WAYS)
+            state = self.onward(state, pressure)
+            yield state
+
+    def onward(self, before: GroundState | None, pressure: Dual) -> GroundState:
+        """The ground when the pressure inside goes on from a state to this, Pa.
+
+        Args:
+            before: under the last pressure; None: at p0.
+            pressure: inside.
+
+        Raises:
+            BeyondClosedForm: see `under`; or the wall yields in contraction and in expansion.
+        """
+        turned = before.turned if isinstance(before, Unloaded) else before
+        if not isinstance(turned, PlasticState) or turned.goes_on(pressure):
+            return self.under(pressure)
+        if turned.bears(pressure):  # first loading ended there, and all since is elastic
+            return Unloaded(turned, pressure)
+        raise BeyondClosedForm(BOTH_WAYS)
 
 
 NO_EQUILIBRIUM = "its strength cannot carry the stress at the wall, however far it yields"
@@ -386,22 +398,26 @@ class PlasticState(GroundState):
 
 
 class Unloaded(GroundState):
-    """The ground after the pressure went back elastically from where it had yielded."""
+    """The ground after the pressure went back elastically from where it had yielded.
+
+    Attributes:
+        turned: the ground there.
+    """
 
     def __init__(self, turned: PlasticState, pressure: Dual) -> None:
         super().__init__(turned.opening, pressure)
-        self._turned = turned
+        self.turned = turned
         self.plastic_radius, self.edge_radius = turned.plastic_radius, turned.edge_radius
 
     def displacement(self, r: Floats) -> Dual:
         """u_r (m,) at radii r (m,) >= a, m."""
-        return self._turned.displacement(r) + self._back(r) * r / (2.0 * self.opening.rock.shear)
+        return self.turned.displacement(r) + self._back(r) * r / (2.0 * self.opening.rock.shear)
 
     def stresses(self, r: Floats) -> tuple[Dual, Dual, Dual]:
         """sigma_r, sigma_t, sigma_z, each (m,), Pa."""
-        radial, hoop, axial = self._turned.stresses(r)
+        radial, hoop, axial = self.turned.stresses(r)
         return radial + self._back(r), hoop - self._back(r), axial
 
     def _back(self, r: Floats) -> Dual:
         """The change of sigma_r since."""
-        return (self.pressure - self._turned.pressure) * (self.opening.radius / r) ** 2
+        return (self.pressure - self.turned.pressure) * (self.opening.radius / r) ** 2
