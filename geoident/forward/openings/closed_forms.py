@@ -39,8 +39,10 @@ All are written with dual numbers, so derivatives by every parameter are exact.
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
@@ -102,6 +104,23 @@ class Strength:
         """sigma_R, the inner pressure at which the wall begins to yield."""
         return (2.0 * pressure - self.Y) / (self.N + 1.0)
 
+    def bounds(self, pressure: Dual) -> tuple[Dual, Dual]:
+        """Inner pressures below and above which the wall yields, Pa."""
+        return self.critical(pressure), self.reversed.critical(pressure)
+
+    def yielded(self, opening: Opening, pressure: Dual, *, expands: bool) -> YieldedState:
+        """The ground beyond a bound.
+
+        Args:
+            opening: the opening.
+            pressure: inside, Pa.
+            expands: whether it is the upper bound.
+
+        Raises:
+            BeyondClosedForm: the limit cannot carry it, or the ground yields out of the plane.
+        """
+        return PlasticState(opening, pressure, self.reversed if expands else self)
+
 
 def mohr_coulomb(cohesion: Dual, friction: Dual, dilation: Dual) -> Strength:
     """The limit of Mohr-Coulomb.
@@ -113,14 +132,37 @@ def mohr_coulomb(cohesion: Dual, friction: Dual, dilation: Dual) -> Strength:
         friction: angle phi, rad.
         dilation: angle psi, rad.
     """
-    sine, N = friction.through(np.sin, np.cos), _slope(friction)
+    sine, N = friction.through(np.sin, np.cos), flow_slope(friction)
     cosine = friction.through(np.cos, lambda x: -np.sin(x))
-    return Strength(N, 2.0 * cohesion * cosine / (1.0 - sine), _slope(dilation))
+    return Strength(N, 2.0 * cohesion * cosine / (1.0 - sine), flow_slope(dilation))
 
 
-def _slope(angle: Dual) -> Dual:
+def flow_slope(angle: Dual) -> Dual:
+    """(1 + sin) / (1 - sin) of an angle, rad."""
     sine = angle.through(np.sin, np.cos)
     return (1.0 + sine) / (1.0 - sine)
+
+
+class WallStrength(Protocol):
+    """A strength of the ground around an opening."""
+
+    def hoop(self, radial: Dual) -> Dual:
+        """The sigma_t at the limit in contraction, of sigma_r."""
+
+    def bounds(self, pressure: Dual) -> tuple[Dual, Dual]:
+        """Inner pressures below and above which the wall yields, Pa, of the far stress p0."""
+
+    def yielded(self, opening: Opening, pressure: Dual, *, expands: bool) -> YieldedState:
+        """The ground beyond a bound.
+
+        Args:
+            opening: the opening.
+            pressure: inside, Pa.
+            expands: whether it is the upper bound.
+
+        Raises:
+            BeyondClosedForm: there is no equilibrium, or none in closed form.
+        """
 
 
 @dataclass(frozen=True)
@@ -190,7 +232,7 @@ class Opening:
         strength: its limit, or None for elastic ground.
     """
 
-    def __init__(self, radius: float, rock: Rock, strength: Strength | None = None) -> None:
+    def __init__(self, radius: float, rock: Rock, strength: WallStrength | None = None) -> None:
         self.radius = radius
         self.rock = rock
         self.strength = strength
@@ -200,8 +242,7 @@ class Opening:
         """Pressures below and above which the wall yields, Pa; None where it never does."""
         if self.strength is None:
             return None
-        p0 = self.rock.pressure
-        return self.strength.critical(p0), self.strength.reversed.critical(p0)
+        return self.strength.bounds(self.rock.pressure)
 
     def under(self, pressure: Dual) -> GroundState:
         """The ground when the pressure inside went from p0 to this, Pa, in one direction.
@@ -213,9 +254,9 @@ class Opening:
             return GroundState(self, pressure)
         below, above = self.critical
         if pressure.value < below.value:
-            return PlasticState(self, pressure, self.strength)
+            return self.strength.yielded(self, pressure, expands=False)
         if pressure.value > above.value:
-            return PlasticState(self, pressure, self.strength.reversed)
+            return self.strength.yielded(self, pressure, expands=True)
         hoop = 2.0 * self.rock.pressure - pressure
         wall = [float(dual.value) for dual in (pressure, hoop, self.rock.out_of_plane)]
         if max(wall) > self.strength.hoop(self.rock.pressure * 0.0 + min(wall)).value:
@@ -244,7 +285,7 @@ class Opening:
             BeyondClosedForm: see `under`; or the wall yields in contraction and in expansion.
         """
         turned = before.turned if isinstance(before, Unloaded) else before
-        if not isinstance(turned, PlasticState) or turned.goes_on(pressure):
+        if not isinstance(turned, YieldedState) or turned.goes_on(pressure):
             return self.under(pressure)
         if turned.bears(pressure):  # first loading ended there, and all since is elastic
             return Unloaded(turned, pressure)
@@ -265,7 +306,7 @@ class BeyondClosedForm(Exception):
 
 
 class GroundState:
-    """The ground under an inner pressure: elastic here, see `PlasticState` and `Unloaded`.
+    """The ground under an inner pressure: elastic here, see `YieldedState` and `Unloaded`.
 
     Attributes:
         plastic_radius: R, m; None where nothing yields.
@@ -281,22 +322,42 @@ class GroundState:
 
     def displacement(self, r: Floats) -> Dual:
         """u_r (m,) at radii r (m,) >= a from the virgin state, m, outwards."""
-        return _lame(self.opening.rock, self.pressure, self.opening.radius, r)[0]
+        return lame(self.opening.rock, self.pressure, self.opening.radius, r)[0]
 
     def stresses(self, r: Floats) -> tuple[Dual, Dual, Dual]:
         """sigma_r, sigma_t, sigma_z, each (m,), Pa."""
         rock = self.opening.rock
-        _, change = _lame(rock, self.pressure, self.opening.radius, r)
+        _, change = lame(rock, self.pressure, self.opening.radius, r)
         return rock.pressure + change, rock.pressure - change, rock.out_of_plane + 0.0 * change
 
 
-def _lame(rock: Rock, pressure: Dual, radius: Number, r: Floats) -> tuple[Dual, Dual]:
-    """u_r and the change of sigma_r at radii r (m,) around a pressure at a radius."""
+def lame(rock: Rock, pressure: Dual, radius: Number, r: Floats) -> tuple[Dual, Dual]:
+    """Motion u_r and change of sigma_r, (m,), around a pressure at a radius.
+
+    Args:
+        rock: elastic ground.
+        pressure: sigma_r at the radius, Pa.
+        radius: m.
+        r: (m,) radii, m.
+    """
     change = (pressure - rock.pressure) * radius * radius / r**2
     return change * r / (2.0 * rock.shear), change
 
 
-class PlasticState(GroundState):
+class YieldedState(GroundState):
+    """The ground around a wall that yields, loaded in one direction."""
+
+    def goes_on(self, pressure: Dual) -> bool:
+        """Whether a next pressure loads further in the same direction."""
+        onward = self.pressure.value - self.opening.rock.pressure.value
+        return bool((pressure.value - self.pressure.value) * onward >= 0.0)
+
+    @abstractmethod
+    def bears(self, pressure: Dual) -> bool:
+        """Whether the wall stays elastic on the way back to a pressure."""
+
+
+class PlasticState(YieldedState):
     """The ground around a wall that yields, loaded in one direction.
 
     Args:
@@ -321,11 +382,6 @@ class PlasticState(GroundState):
         self.plastic_radius = self._outer
         self._find_edge()
 
-    def goes_on(self, pressure: Dual) -> bool:
-        """Whether a next pressure loads further in the same direction."""
-        onward = self.pressure.value - self.opening.rock.pressure.value
-        return bool((pressure.value - self.pressure.value) * onward >= 0.0)
-
     def bears(self, pressure: Dual) -> bool:
         """Whether the wall stays elastic on the way back to a pressure.
 
@@ -336,13 +392,13 @@ class PlasticState(GroundState):
 
     def displacement(self, r: Floats) -> Dual:
         """u_r (m,) at radii r (m,) >= a, m."""
-        outside, _ = _lame(self.opening.rock, self._critical, self._outer, r)
+        outside, _ = lame(self.opening.rock, self._critical, self._outer, r)
         return self._replaced(outside, r, lambda zone, inner: zone.displacement(inner))
 
     def stresses(self, r: Floats) -> tuple[Dual, Dual, Dual]:
         """sigma_r, sigma_t, sigma_z, each (m,), Pa."""
         rock, limit = self.opening.rock, self._limit
-        _, change = _lame(rock, self._critical, self._outer, r)
+        _, change = lame(rock, self._critical, self._outer, r)
         far = rock.pressure + change, rock.pressure - change, rock.out_of_plane + 0.0 * change
         return (
             self._replaced(far[0], r, lambda zone, inner: zone.stress(inner)),
@@ -404,7 +460,7 @@ class Unloaded(GroundState):
         turned: the ground there.
     """
 
-    def __init__(self, turned: PlasticState, pressure: Dual) -> None:
+    def __init__(self, turned: YieldedState, pressure: Dual) -> None:
         super().__init__(turned.opening, pressure)
         self.turned = turned
         self.plastic_radius, self.edge_radius = turned.plastic_radius, turned.edge_radius
