@@ -112,13 +112,13 @@ class Strength:
         """sigma_r further in: radial - Q (1 - e^(-(N-1) l)) / (N - 1), with l the ``way``."""
         return radial - self.difference(radial) * way * exp_divided((1.0 - self.N) * way)
 
-    def integral(self, zone: Zone, way: Dual) -> Dual:
+    def integral(self, zone: PlasticZone, way: Dual) -> Dual:
         """Integral over t = 0..l of e^(-(K+1) t) g(t), inwards from the edge of a zone."""
         first, second = -(self.K + 1.0) * way, -(self.K + self.N) * way
         fall = self.difference(zone.radial) * way * exp_divided(first, second)
         return way * (zone.source(zone.radial) * exp_divided(first) - self._slope_in(zone) * fall)
 
-    def _slope_in(self, zone: Zone) -> Dual:
+    def _slope_in(self, zone: PlasticZone) -> Dual:
         """Change dg / d sigma_r of the source g, which is affine in sigma_r, 1/Pa."""
         nu, N = zone.rock.nu, self.N
         return zone.strain(1.0, N + N if zone.edge else N + nu * (1.0 + N))
@@ -143,7 +143,7 @@ class Strength:
         return radial if radial is not None and low < radial.value < high else None
 
 
-class Limit(Protocol):
+class WallLimit(Protocol):
     """What a limit sigma_t = f(sigma_r) of contraction says; see `Strength` for each of these."""
 
     @property
@@ -151,7 +151,7 @@ class Limit(Protocol):
         """The slope of the flow."""
 
     @property
-    def reversed(self) -> Limit:
+    def reversed(self) -> WallLimit:
         """The same limit for expansion."""
 
     def hoop(self, radial: Dual) -> Dual:
@@ -169,11 +169,17 @@ class Limit(Protocol):
     def inwards(self, radial: Dual, way: Dual) -> Dual:
         """sigma_r further in."""
 
-    def integral(self, zone: Zone, way: Dual) -> Dual:
+    def integral(self, zone: PlasticZone, way: Dual) -> Dual:
         """Integral of what moves the ground, inwards from the edge of a zone."""
 
     def meets_axial(self, rock: Rock, pressure: Dual, critical: Dual) -> Dual | None:
-        """sigma_r between two at which sigma_z meets sigma_t, or None."""
+        """sigma_r between two at which sigma_z meets sigma_t, or None.
+
+        Args:
+            rock: the ground.
+            pressure: at the wall.
+            critical: at the edge of the plastic zone.
+        """
 
 
 def mohr_coulomb(cohesion: Dual, friction: Dual, dilation: Dual) -> Strength:
@@ -197,7 +203,7 @@ def _slope(angle: Dual) -> Dual:
 
 
 @dataclass(frozen=True)
-class Zone:
+class PlasticZone:
     """A plastic ring from its outer radius inwards.
 
     Args:
@@ -210,7 +216,7 @@ class Zone:
     """
 
     rock: Rock
-    limit: Limit
+    limit: WallLimit
     outer: Dual
     radial: Dual
     moved: Dual
@@ -254,7 +260,7 @@ class Opening:
         strength: its limit, or None for elastic ground.
     """
 
-    def __init__(self, radius: float, rock: Rock, strength: Limit | None = None) -> None:
+    def __init__(self, radius: float, rock: Rock, strength: WallLimit | None = None) -> None:
         self.radius = radius
         self.rock = rock
         self.strength = strength
@@ -372,7 +378,7 @@ class PlasticState(GroundState):
         BeyondClosedForm: the limit cannot carry it, or the ground yields out of the plane.
     """
 
-    def __init__(self, opening: Opening, pressure: Dual, limit: Limit) -> None:
+    def __init__(self, opening: Opening, pressure: Dual, limit: WallLimit) -> None:
         super().__init__(opening, pressure)
         self._limit = limit
         rock = opening.rock
@@ -381,7 +387,7 @@ class PlasticState(GroundState):
             raise BeyondClosedForm(NO_EQUILIBRIUM)
         self._critical, self._outer = critical, self._radius(critical)
         moved = (critical - rock.pressure) * self._outer / (2.0 * rock.shear)
-        self._zones = [Zone(rock, limit, self._outer, critical, moved, edge=False)]
+        self._zones = [PlasticZone(rock, limit, self._outer, critical, moved, edge=False)]
         self.plastic_radius = self._outer
         self._find_edge()
 
@@ -414,7 +420,9 @@ class PlasticState(GroundState):
             self._replaced(far[2], r, lambda zone, inner: zone.axial(zone.stress(inner))),
         )
 
-    def _replaced(self, far: Dual, r: Floats, formula: Callable[[Zone, Floats], Dual]) -> Dual:
+    def _replaced(
+        self, far: Dual, r: Floats, formula: Callable[[PlasticZone, Floats], Dual]
+    ) -> Dual:
         """What holds far away, (m,), with what the zones say inside them."""
         columns = far.columns.copy()
         for zone in self._zones:
@@ -439,7 +447,7 @@ class PlasticState(GroundState):
             inner = radial
             self.edge_radius = self._radius(radial)
             moved = face.displacement(self.edge_radius)
-            self._zones.append(Zone(rock, limit, self.edge_radius, radial, moved, edge=True))
+            self._zones.append(PlasticZone(rock, limit, self.edge_radius, radial, moved, edge=True))
         if not (self._is_middle(self._critical) and self._is_middle(inner)):
             raise BeyondClosedForm(OUT_OF_PLANE)
 

@@ -26,7 +26,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import brentq
 
-from geoident.forward.openings.closed_forms import BeyondClosedForm, Limit, Rock, Zone
+from geoident.forward.openings.closed_forms import BeyondClosedForm, PlasticZone, Rock, WallLimit
 from geoident.model.dual import Dual, Number
 
 EXPANDED = "the wall yields in expansion, for which there is no closed form of Hoek and Brown"
@@ -57,7 +57,7 @@ class HoekBrownLimit:
     K: Dual
 
     @property
-    def reversed(self) -> Limit:
+    def reversed(self) -> WallLimit:
         """The same limit for expansion: only where that begins is known."""
         return _Expansion(self.sigci, self.mb, self.s, self.a, self.K)
 
@@ -103,7 +103,7 @@ class HoekBrownLimit:
         scaled = (self._scaled(radial).power(left) - left * self.mb * way).power(1.0 / left)
         return (scaled - self.s) * self.sigci / self.mb
 
-    def integral(self, zone: Zone, way: Dual) -> Dual:
+    def integral(self, zone: PlasticZone, way: Dual) -> Dual:
         """Integral over t = 0..l of e^(-(K+1) t) g(t), inwards from the edge of a zone.
 
         Args:
