@@ -33,7 +33,14 @@ from geoident.io.result.varied import GROUP as VARIED
 from geoident.io.result.varied import read_varied, write_varied
 from geoident.io.text.atomic import atomic_output
 from geoident.model.arrays import Floats
-from geoident.model.results.result import Counts, Diagnostics, GaugeTable, Provenance, Result
+from geoident.model.results.result import (
+    Counts,
+    Diagnostics,
+    GaugeTable,
+    Provenance,
+    Result,
+    fingerprint,
+)
 
 FORMAT = "geoident-result/2"
 WIDE_FORMAT = "geoident-result/1"
@@ -45,8 +52,11 @@ _RESULT_LISTS = ("findings", "notes")
 _PROVENANCE_TEXTS = tuple(
     entry.name
     for entry in fields(Provenance)
-    if entry.name not in ("versions", "seed", "format", "seconds", "stamp")
+    if entry.name not in ("versions", "seed", "format", "seconds")
+    and not entry.name.startswith(("stamp", "fit_"))
 )
+_MAY_MISS = ("stamp", "fit_file", "fit_fingerprint")
+"""Texts of the provenance that not every result has."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +70,10 @@ class ResultIdentity:
         exit_code: of the command.
         case_file: path of its case as seen from the folder of the result.
         seconds: that it took to compute; infinite where that is unknown.
+        objective: its misfit.
         stamp: see `geoident.model.results.result.Provenance`.
+        fit_file: likewise.
+        fit_fingerprint: likewise.
     """
 
     identity: str
@@ -69,7 +82,15 @@ class ResultIdentity:
     exit_code: int
     case_file: str
     seconds: float
+    objective: float = math.nan
     stamp: str = ""
+    fit_file: str = ""
+    fit_fingerprint: str = ""
+
+    @property
+    def fingerprint(self) -> str:
+        """See `geoident.model.results.result.Result.fingerprint`."""
+        return fingerprint(self.identity, self.status, self.objective)
 
 
 def write_result(
@@ -93,7 +114,8 @@ def write_result(
     """
     sidecar = vtkhdf.sidecar_path(path)
     with atomic_output(path, overwrite=overwrite, inputs=inputs) as temporary:
-        with hdf5_output(temporary) as file:
+        small = result.fields is None and result.reduced is None and result.posterior is None
+        with hdf5_output(temporary, small=small) as file:
             _write(file, result)
         if sidecar and result.fields is not None:
             _write_sidecar(sidecar, Path(path).name, overwrite=overwrite, inputs=inputs)
@@ -195,8 +217,9 @@ def _write_attributes(file: h5py.File, result: Result) -> None:
     attributes["seed"] = np.int64(result.provenance.seed)
     if math.isfinite(result.provenance.seconds):
         attributes["seconds"] = np.float64(result.provenance.seconds)
-    if result.provenance.stamp:
-        attributes["stamp"] = plain_text(result.provenance.stamp)
+    for name in _MAY_MISS:
+        if getattr(result.provenance, name):
+            attributes[name] = plain_text(getattr(result.provenance, name))
     attributes["exit_code"] = np.int64(result.exit_code)
     attributes["objective"] = np.float64(result.objective)
 
@@ -215,7 +238,8 @@ def read_identity(path: str | Path) -> ResultIdentity | None:
                 root.int("exit_code"),
                 root.text("case_file"),
                 root.float("seconds", math.inf),
-                root.text("stamp", ""),
+                root.float("objective", math.nan),
+                *(root.text(name, "") for name in _MAY_MISS),
             )
     except InputError:
         return None
@@ -351,6 +375,6 @@ def _read_provenance(root: _Attributes) -> Provenance:
         seed=root.int("seed"),
         format=root.text("format").replace(FORMAT, ""),
         seconds=root.float("seconds", math.nan),
-        stamp=root.text("stamp", ""),
+        **{name: root.text(name, "") for name in _MAY_MISS},
         **texts_,
     )

@@ -14,6 +14,7 @@ import numpy as np
 
 from geoident.errors import ExitCode, GeoidentError, InputError, Interrupted, ModelError
 from geoident.io.result.file import write_result
+from geoident.io.text.atomic import names_may_be_lost
 from geoident.model.campaign import Campaign
 from geoident.model.results.campaign import (
     FAILED,
@@ -89,7 +90,7 @@ def compute(task: RunTask) -> RunRecord:
     """Run one variation; whatever happens, there is a record of it."""
     began = time.monotonic()
     try:
-        with decided_by(trusting(trust=task.trust)):
+        with decided_by(trusting(trust=task.trust)), names_may_be_lost():
             finished = _COMMANDS[task.campaign.command](task)
         record = _record(task, finished.result, Path(finished.paths[0]).name)
     except Interrupted as error:
