@@ -1,4 +1,4 @@
-"""Makes km-*.csv: what a squeezing tunnel shows, by a calculation that shares no code with geoident.
+"""Makes km-*.csv: what a squeezing tunnel shows, by a calculation that shares no code with ours.
 
 Each section is integrated from the edge of its plastic zone to its wall (Runge-Kutta), with the
 generalised criterion of Hoek and Brown (2002), plastic flow without change of volume, elastic
