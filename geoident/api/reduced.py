@@ -15,7 +15,7 @@ from geoident.errors import UsageError
 from geoident.forward.reduced.kept import RestoredModel
 from geoident.model.arrays import Bools, Floats
 from geoident.units import UnitError, in_unit, read_quantity, require_dimension, shown_unit
-from geoident.workflow.running.readings import accuracies
+from geoident.workflow.running.computed import accuracies
 from geoident.workflow.running.reduced_answers import CLOSE
 
 ParameterValues = Mapping[str, float | str] | npt.ArrayLike

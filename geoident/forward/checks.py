@@ -46,6 +46,7 @@ from geoident.forward.in_situ.stress import (
 )
 from geoident.forward.mesh_checks import mesh_faults, mesh_notes, parted_from
 from geoident.forward.of_mesh import OfMesh
+from geoident.forward.openings.face import face_faults
 from geoident.forward.stages import (
     CaseOnMesh,
     ConstructionSequence,
@@ -117,7 +118,8 @@ def _all_faults(on_mesh: CaseOnMesh) -> tuple[Observation | None, list[Fault]]:
     """
     structures = structure_place_faults(on_mesh)
     places = (
-        mesh_faults, motion_faults, load_place_faults, zone_faults, _field_faults, growth_faults
+        mesh_faults, motion_faults, load_place_faults, zone_faults, _field_faults, growth_faults,
+        _stress_without_ground, face_faults,
     )  # fmt: skip
     faults = [*(fault for faults_of in places for fault in faults_of(on_mesh)), *structures]
     if structures:
@@ -162,6 +164,11 @@ def notes_on_mesh(
         notes.append(
             "points just outside the mesh, taken by the nearest element: "
             + named_channels(observation.snapped)
+        )
+    if observation.as_built:
+        notes.append(
+            "readings that count from the placing of their ground on, what its own placing does "
+            f"included: {named_channels(observation.as_built)}"
         )
     if n_outside:
         notes.append(
@@ -271,7 +278,9 @@ def _refuse_mechanisms(on_mesh: CaseOnMesh) -> None:
             continue
         checked.add(what)
         if not present.any():
-            raise InputError([_no_ground(on_mesh, n)])
+            if sequence.states[state.base].materials or not sequence.materials:
+                raise InputError([_no_ground(on_mesh, n)])
+            continue  # fill on a rigid base is still to come
         loose = _loose_body_of(
             mesh,
             (on_mesh.kinematics.rigid, present.tobytes(), fixed.tobytes()),
@@ -290,6 +299,17 @@ def _refuse_mechanisms(on_mesh: CaseOnMesh) -> None:
         raise ModelError(msg, hint, location=source.locate(place), path=format_path(place))
 
 
+def _stress_without_ground(on_mesh: CaseOnMesh) -> list[Fault]:
+    """An in-situ stress where nothing is there before the first stage that could have it."""
+    case = on_mesh.case
+    if case.in_situ is None or on_mesh.sequence.states[0].materials:
+        return []
+    message = "no ground is there before the first stage that could have an in-situ stress"
+    hint = "Remove 'in_situ': what is placed has none; or give a group a material under 'groups'."
+    fault = case.source.fault(("in_situ",), code="absent-group", message=message, hint=hint)
+    return [fault]
+
+
 def _no_ground(on_mesh: CaseOnMesh, n: int) -> Fault:
     """A state in which nothing is left that could carry anything."""
     if n:
@@ -299,9 +319,8 @@ def _no_ground(on_mesh: CaseOnMesh, n: int) -> Fault:
     else:
         place, message = ("groups",), "no ground is present before the first stage"
         hint = (
-            "Give one group a material from the beginning. Fill on a rigid base: the first layer, "
-            "held by 'supports' at its foot, whose motion the gauges do not count if they are "
-            "zeroed later; or a thin stiff layer under the fill."
+            "Give one group a material from the beginning, or place one by 'install' in the first "
+            "stage (fill on a rigid base: 'supports' hold its foot)."
         )
     return on_mesh.case.source.fault(place, code="no-ground", message=message, hint=hint)
 

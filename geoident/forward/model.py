@@ -20,11 +20,17 @@ from geoident.forward.gauges.observable import MarchState
 from geoident.forward.gauges.observation import Observation
 from geoident.forward.ground.field import field_notes, point_field, with_modes
 from geoident.forward.in_situ.growth import growth_notes, point_growths, start_faults
-from geoident.forward.march.fields import FieldRecorder, ReactionRecorder
+from geoident.forward.march.fields import MeshRecorder
 from geoident.forward.march.march import Run, RunFindings, RunOptions
 from geoident.forward.march.stage import StageEnd
 from geoident.forward.march.virgin import contradictions, overburden_notes, surface_gaps
 from geoident.forward.marches import Marches
+from geoident.forward.openings.face import (
+    FaceState,
+    conversion_note,
+    face_note,
+    face_states,
+)
 from geoident.forward.protocols import Survey
 from geoident.forward.reduced.reducible import ReducibleResponse, SharedReduction
 from geoident.forward.stages import CaseOnMesh
@@ -116,7 +122,12 @@ class StagedModel(Marches):
             in_tension=self.march.virgin_tension(start),
         )
         varied = field_notes(self.on_mesh.case, self.on_mesh.fields)
-        return (*noted, *varied, *growth_notes(self.on_mesh.growths, self.case.start))
+        growing = growth_notes(self.on_mesh.growths, self.case.start)
+        return (*noted, *conversion_note(self.face, self.on_mesh), *varied, *growing)
+
+    def face_states(self, values: Values) -> tuple[FaceState, ...]:
+        """What distances to the face become at some parameters; see `openings.face`."""
+        return face_states(self.face, self.on_mesh, values)
 
     def virgin_notes(self) -> tuple[str, ...]:
         """What to know of the in-situ stress at the start values; nothing is factorized."""
@@ -177,15 +188,12 @@ class StagedModel(Marches):
             CollapseError: a stage collapses; with ``partial``, only if nothing is left.
         """
         values = self.values(p)
-        recorder = FieldRecorder(self.on_mesh) if fields else None
-        reactions = ReactionRecorder(self.on_mesh, self.structures) if fields else None
+        recorder = MeshRecorder(self.on_mesh, self.structures) if fields else None
         members = MemberRecorder(self.structures, self.sequence, values)
 
         def record(end: StageEnd) -> None:
             if recorder is not None:
                 recorder.add(end)
-            if reactions is not None:
-                reactions.add(end)
             if self.structures.parts and last is None:
                 members.add(end.state, end.members)
 
@@ -200,7 +208,8 @@ class StagedModel(Marches):
         else:
             self.count_evaluation()
             ways, observed = self._readings_until(until), []
-            back = ways if ways.cost_less(len(self.names)) else None
+            backwards = ways.cost_less(len(self.names)) and not self.is_lent(p)
+            back = ways if backwards else None
             run = self.at(p, RunOptions(partial=partial, last=last, traced=back is not None))
             for end in run.states():
                 state = MarchState(end, run.point, self.structures)
@@ -222,18 +231,20 @@ class StagedModel(Marches):
         return Survey(
             table[..., 0],
             table[..., 1:],
-            None if recorder is None else recorder.series(),
+            None if recorder is None else recorder.fields.series(),
             members.table() if last is None else None,
             tuple(error.message for error in found.collapses),
             found.activity,
             (
+                *face_note(self.face, self.on_mesh, values),
                 *_equal_notes(equal, self.case.stage_names),
                 *_unbalanced_notes(found),
                 *imbalance_notes(found.imbalance),
                 *self._contradiction_notes(values),
             ),
             self.observation.increments(seen_at[:, :, 0], self.sequence.bases),
-            reactions=None if reactions is None else reactions.table(),
+            reactions=None if recorder is None else recorder.reactions.table(),
+            yielded=None if recorder is None else recorder.yielded_ground(),
         )
 
     def steps(self, pairs: Sequence[tuple[str, str]]) -> Floats:

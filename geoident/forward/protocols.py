@@ -15,6 +15,7 @@ from geoident.model.case import Case
 from geoident.model.response import Response
 from geoident.model.results.opening import GroundReaction
 from geoident.model.results.result import Counts, FieldSeries, MemberForces, SupportReactions
+from geoident.model.results.yielded import YieldedGround
 from geoident.model.yielding import Activity
 
 
@@ -35,6 +36,7 @@ class Survey:
             see, SI; of the virgin state what is there. 0 where they cannot be read.
         reaction: of the ground around an opening in closed form, or None.
         reactions: of the supports, with the fields, or None.
+        yielded: how far ground yields, with the fields; None where nothing can.
     """
 
     computed: Floats
@@ -47,6 +49,7 @@ class Survey:
     increments: Floats = field(default_factory=lambda: np.zeros((0, 0)))
     reaction: GroundReaction | None = None
     reactions: SupportReactions | None = None
+    yielded: YieldedGround | None = None
 
 
 class CaseModel(Protocol):

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
@@ -174,7 +175,55 @@ class FunctionValue:
     name: str
 
 
-Finding = TableCell | JsonValue | Hdf5Value | LineValue | PatternValue | FunctionValue
+@dataclass(frozen=True)
+class Instruction:
+    """One item of an instruction file of PEST.
+
+    Args:
+        kind: what it is: ``primary`` or ``marker`` (a text), ``advance`` (lines), ``blank`` (to the
+            next word), ``tab`` (a column); ``free``, ``fixed``, ``semi``: an observation.
+        text: of a marker; name of an observation. In small letters.
+        first: number of lines; column, or first column, from 1.
+        last: last column.
+    """
+
+    kind: Literal["primary", "marker", "advance", "blank", "tab", "free", "fixed", "semi"]
+    text: str = ""
+    first: int = 0
+    last: int = 0
+
+
+@dataclass(frozen=True)
+class InstructionLine:
+    """A line of an instruction file of PEST, with those that go on with it.
+
+    Args:
+        number: of the line, from 1.
+        items: in their order.
+    """
+
+    number: int
+    items: tuple[Instruction, ...]
+
+
+@dataclass(frozen=True)
+class InstructedValue:
+    """What an instruction file of PEST finds.
+
+    Args:
+        path: of that file.
+        observation: its name there, in small letters.
+        lines: of the file.
+    """
+
+    path: str
+    observation: str
+    lines: tuple[InstructionLine, ...] = field(compare=False, repr=False)
+
+
+Finding = (
+    TableCell | JsonValue | Hdf5Value | LineValue | PatternValue | FunctionValue | InstructedValue
+)
 
 
 @dataclass(frozen=True)
@@ -237,7 +286,8 @@ class ExternalProgram:
     def inputs(self) -> tuple[str, ...]:
         """Paths of all files that the model consists of."""
         sources = (template.source for template in self.templates)
-        return tuple(dict.fromkeys((*sources, *self.files, *self.code)))
+        finds = (o.how.path for o in self.outputs if isinstance(o.how, InstructedValue))
+        return tuple(dict.fromkeys((*sources, *self.files, *self.code, *finds)))
 
     @property
     def seen(self) -> frozenset[str]:
@@ -284,6 +334,7 @@ class RunTable:
         values: (r, n) parameters of the r runs, SI.
         readings: (r, n_stages, n_channels) what they gave, SI; NaN where there is no column.
         notes: what was left out of the file, or taken otherwise than it stands in the case.
+        campaign: the file is that of a campaign, which stands for its folder.
     """
 
     path: str
@@ -292,6 +343,13 @@ class RunTable:
     values: Floats = field(compare=False)
     readings: Floats = field(compare=False)
     notes: tuple[str, ...] = ()
+    campaign: bool = False
+
+    @property
+    def called(self) -> str:
+        """The name of the file; of a campaign that of its folder."""
+        path = Path(self.path)
+        return path.resolve().parent.name if self.campaign else path.name
 
     def __len__(self) -> int:
         return len(self.values)

@@ -14,6 +14,7 @@ from functools import reduce
 import numpy as np
 
 from geoident.errors import ExitCode, InputError, ModelError, TimeIsUp
+from geoident.fem.solvers.threads import one_thread
 from geoident.identify.assessment.findings import join
 from geoident.model.case import Case
 from geoident.model.gauges import ReadingTable
@@ -25,15 +26,11 @@ from geoident.workflow.estimating.diagnosis import bare_parameter_table, opened,
 from geoident.workflow.estimating.finished import Finished, evaluation_log, job_at_hand, write
 from geoident.workflow.estimating.predictions import collapse_findings
 from geoident.workflow.estimating.setup import Setup, require_possible, with_workers
+from geoident.workflow.running.computed import gauge_table
 from geoident.workflow.running.control import OUT_OF_TIME, Control
 from geoident.workflow.running.evaluation_log import Log
 from geoident.workflow.running.jobs import Job, build_model, job_provenance
-from geoident.workflow.running.readings import (
-    gauge_table,
-    reading_table,
-    select_readings,
-    unused_notes,
-)
+from geoident.workflow.running.readings import reading_table, select_readings, unused_notes
 from geoident.workflow.scoring.trials import (
     FitLog,
     PartialFit,
@@ -53,6 +50,7 @@ BANDS_FAIL = "bands-fail"
 """Status of a backtest more of whose readings lie outside of their bands than chance explains."""
 
 
+@one_thread()
 def backtest(job: Job, control: Control) -> Finished:
     """Fit and predict for every number of stages, score, and write; keep what is up to date.
 

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from geoident.errors import ExitCode
+from geoident.fem.solvers.threads import one_thread
 from geoident.identify.problem.problem import Outcome, Problem
 from geoident.model.arrays import Bools
 from geoident.model.methods import method_name
@@ -38,12 +39,13 @@ from geoident.workflow.estimating.predictions import (
 from geoident.workflow.estimating.rivals import not_settled, rival_findings, with_rivals
 from geoident.workflow.estimating.setup import Setup
 from geoident.workflow.estimating.surface_error import surface_findings, surface_notes
+from geoident.workflow.running.computed import gauge_table
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.evaluation_log import Log, Remembered, led
 from geoident.workflow.running.jobs import Job, job_provenance
 from geoident.workflow.running.kept_reduced import NONE, made_to_keep
 from geoident.workflow.running.reading_units import noted, unit_doubts
-from geoident.workflow.running.readings import gauge_table, stated_sd, unused_notes
+from geoident.workflow.running.readings import stated_sd, unused_notes
 from geoident.workflow.scoring.convergence import convergence_notes
 from geoident.workflow.scoring.extrapolation import extrapolation_findings, stress_levels
 from geoident.workflow.scoring.ladder import climb
@@ -54,6 +56,7 @@ ENOUGH = 1e-4
 linear over an interval, where the misfit must rise by 3.8 within a fifth."""
 
 
+@one_thread()
 def fit(job: Job, control: Control) -> Finished:
     """Identify the parameters of a case and write the result; keep one that is up to date.
 
@@ -119,7 +122,7 @@ def _last_stage(
         return LastStage()
     left = replace(control, out_of_time=False)  # that this runs out of time does not undo the fit
     response = problem.response
-    visited = response.evaluated() if isinstance(response, Remembered) else ()
+    visited = response.visited() if isinstance(response, Remembered) else ()
     return last_stage(setup, outcome.values, log, left, visited)
 
 
@@ -192,6 +195,7 @@ def _result(
         fields=survey.fields,
         members=survey.members,
         reactions=survey.reactions,
+        yielded=survey.yielded,
         reaction=survey.reaction,
         singular_values=found.assessment.singular_values,
         diagnostics=found.diagnostics,

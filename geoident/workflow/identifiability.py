@@ -20,7 +20,6 @@ from geoident.model.gauges import Reading
 from geoident.model.results.summary import Identifiability
 from geoident.workflow.estimating.diagnosis import parameter_table
 from geoident.workflow.estimating.surface_error import with_surface_error
-from geoident.workflow.running.errors import error_structure
 from geoident.workflow.running.jobs import (
     NO_READINGS,
     Inputs,
@@ -28,6 +27,7 @@ from geoident.workflow.running.jobs import (
     load_inputs,
     start_values,
 )
+from geoident.workflow.running.readings import error_structure
 
 
 def identifiability(
@@ -54,16 +54,12 @@ def identifiability(
     case = with_surface_error(case, model, p)
     survey = model.survey(p, fields=False)
     rows = planned_readings(case, survey.computed)
-    sd = np.array([case.channels[i].accuracy for i in rows[:, 0]])
-    shared = None
-    structure = error_structure(
+    sd, shared = error_structure(
         [
             (case.channels[i], Reading(case.channels[i].name, case.stages[j].name, None))
             for i, j in rows.tolist()
         ]
-    )
-    if structure is not None:
-        sd, shared = structure.at(np.zeros(len(structure.names)))
+    ).stated
     problem = Problem(
         model.response(()), survey.computed[*rows.T], sd, case.parameters, shared=shared
     )

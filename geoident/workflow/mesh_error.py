@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from geoident.errors import InputError
+from geoident.fem.solvers.threads import one_thread
 from geoident.forward.model import StagedModel
 from geoident.io.result.file import read_result
 from geoident.model.results.mesh_error import MeshError
@@ -32,6 +33,7 @@ class MeshChecked:
     sentence: str
 
 
+@one_thread()
 def check_mesh_error(
     path: str, *, overrides: Sequence[str] = (), solver: str = "auto"
 ) -> MeshChecked:

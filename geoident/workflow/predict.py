@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from geoident.errors import ExitCode, Fault, InputError, Location, ModelError, Term, UsageError
+from geoident.fem.solvers.threads import one_thread
 from geoident.forward.elsewhere.table import TableModel
 from geoident.forward.protocols import CaseModel, Survey
 from geoident.forward.reduced.case_model import ReducedCaseModel
@@ -41,27 +42,21 @@ from geoident.workflow.estimating.setup import (
     Setup,
     model_error_of_result,
     problem_of_result,
-    used_rows,
 )
 from geoident.workflow.estimating.surface_error import surface_sources, with_surface_error
+from geoident.workflow.running.computed import accuracies, gauge_table, with_computed
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.jobs import (
     Inputs,
     build_model,
     inputs_of_result,
     load_inputs,
+    of_fit,
     provenance,
 )
 from geoident.workflow.running.kept_reduced import answer_note, answered, restored_of
 from geoident.workflow.running.outputs import Standing, Target, require_free, standing, target
-from geoident.workflow.running.readings import (
-    accuracies,
-    bad_notes,
-    gauge_table,
-    reading_table,
-    why_useless,
-    with_computed,
-)
+from geoident.workflow.running.readings import bad_notes, reading_table, used_rows, why_useless
 from geoident.workflow.running.result_files import case_path, files_of_result
 
 POOR = " Its model does not fit the readings: these predictions are not to be relied on."
@@ -154,13 +149,14 @@ class Task:
     @property
     def provenance(self) -> Provenance:
         """Where the result comes from."""
-        return provenance(
+        found = provenance(
             self.inputs,
             command="predict",
             identity=self.identity,
             seed=self.fit.provenance.seed,
             output=self.place.path,
         )
+        return of_fit(found, self.fit, self.request.result, self.place.path)
 
 
 def plan_prediction(request: PredictRequest) -> Task:
@@ -179,12 +175,13 @@ def plan_prediction(request: PredictRequest) -> Task:
     require_identified(fit, inputs)
     _require_same_fields(fit, origin.case, inputs)
     place = target(request.result, "predict", output=request.output)
-    purpose = f"predict {fit.provenance.identity} {request.stages}"
+    purpose = f"predict {fit.fingerprint} {request.stages}"
     identity = inputs.identity(purpose, (), seed=fit.provenance.seed)
     found = standing(place, identity, kind="predict", case=inputs.path)
     return Task(request, fit, origin, inputs, place, identity, found)
 
 
+@one_thread()
 def predict(task: Task, control: Control) -> Finished:
     """Predict readings with their bands and write them; keep a result that is up to date."""
     request, place, found = task.request, task.place, task.found
@@ -205,6 +202,7 @@ def predict(task: Task, control: Control) -> Finished:
             fields=fit.fields,
             members=fit.members,
             reactions=fit.reactions,
+            yielded=fit.yielded,
             reaction=fit.reaction,
         )
     result = _result(task, _followed(task, known, survey, model), survey, model)
@@ -537,6 +535,7 @@ def _result(task: Task, known: Known, survey: Survey, model: CaseModel) -> Resul
         fields=survey.fields,
         members=survey.members,
         reactions=survey.reactions,
+        yielded=survey.yielded,
         reaction=survey.reaction,
         singular_values=fit.singular_values,
         varied=fit.varied if task.request.case is None else (),

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from geoident.errors import ExitCode, Fault, InputError, Interrupted, Location
+from geoident.fem.solvers.threads import one_thread
 from geoident.forward.model import StagedModel
 from geoident.forward.openings.model import OpeningModel
 from geoident.identify.assessment.diagnostics import effective_sd
@@ -24,7 +25,13 @@ from geoident.io.result.file import read_result
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.parameter import Parameter
 from geoident.model.results.posterior import LEVELS, PosteriorDraws
-from geoident.model.results.result import Counts, ParameterTable, Prediction, Result
+from geoident.model.results.result import (
+    Counts,
+    ParameterTable,
+    Prediction,
+    Provenance,
+    Result,
+)
 from geoident.workflow.estimating.estimate import known_errors
 from geoident.workflow.estimating.fields import drawn_fields, require_same_modes
 from geoident.workflow.estimating.finished import Finished, evaluation_log, job_at_hand, write
@@ -36,6 +43,7 @@ from geoident.workflow.estimating.setup import (
     problem_of_result,
 )
 from geoident.workflow.running.answers import Asked, Compute, KeptAnswers, here, in_processes
+from geoident.workflow.running.computed import accuracies
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.jobs import (
     Inputs,
@@ -44,10 +52,10 @@ from geoident.workflow.running.jobs import (
     build_model,
     inputs_of_result,
     job_provenance,
+    of_fit,
 )
 from geoident.workflow.running.kept_reduced import restored_of, spread_around
 from geoident.workflow.running.outputs import require_free, standing, target
-from geoident.workflow.running.readings import accuracies
 from geoident.workflow.running.reduced_answers import ReducedAnswers, reduced_answers
 from geoident.workflow.running.result_files import case_path, files_of_result
 
@@ -136,7 +144,7 @@ def plan_sample(request: SampleRequest) -> SampleTask:
     fit, inputs = fit_and_inputs(request.result)
     place = target(request.result, "sample", output=request.output)
     wish = request.wish
-    purpose = f"sample {fit.provenance.identity} {wish.draws} {wish.effective} {wish.evaluations}"
+    purpose = f"sample {fit.fingerprint} {wish.draws} {wish.effective} {wish.evaluations}"
     identity = inputs.identity(purpose, (), seed=request.seed)
     asked = Request(
         case=request.result,
@@ -176,6 +184,7 @@ def fit_and_inputs(path: str) -> tuple[Result, Inputs]:
     return fit, inputs
 
 
+@one_thread()
 def sample(task: SampleTask, control: Control) -> Finished:
     """Draw from the posterior and write the draws; keep a sample that is up to date.
 
@@ -313,6 +322,11 @@ class _Found:
     places: Ints
     led: ReducedAnswers | None
 
+    def _provenance(self) -> Provenance:
+        task = self.task
+        found = job_provenance(task.job)
+        return of_fit(found, task.fit, task.request.result, task.job.place.path)
+
     def result(self) -> Result:
         fit, case = self.task.fit, self.setup.case
         posterior = self._posterior()
@@ -329,7 +343,7 @@ class _Found:
             reason=reason,
             findings=(*_findings(table), *fit.findings),
             notes=(*granted(fit, case.parameters), *self._led(), *case.notes),
-            provenance=job_provenance(self.task.job),
+            provenance=self._provenance(),
             parameters=table,
             counts=self._counts(),
             prediction=self._prediction(posterior),
@@ -339,6 +353,7 @@ class _Found:
             fields=None,
             members=None,
             reactions=None,
+            yielded=None,
             diagnostics=None,
             evidence=None,
             rivals=None,

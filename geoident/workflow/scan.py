@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from geoident.errors import ExitCode
+from geoident.fem.solvers.threads import one_thread
 from geoident.identify.problem.problem import Outcome, Problem
 from geoident.model.methods import method_name
 from geoident.model.results.result import Counts, GaugeTable, Result
@@ -10,13 +11,15 @@ from geoident.workflow.estimating.diagnosis import bare_parameter_table
 from geoident.workflow.estimating.estimate import searched, surveyed
 from geoident.workflow.estimating.finished import Finished
 from geoident.workflow.estimating.setup import Setup
+from geoident.workflow.running.computed import gauge_table
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.evaluation_log import Log
 from geoident.workflow.running.jobs import Job, job_provenance
-from geoident.workflow.running.readings import gauge_table, unused_notes
+from geoident.workflow.running.readings import unused_notes
 from geoident.workflow.running.reduced_scan import LedReadings
 
 
+@one_thread()
 def scan(job: Job, control: Control) -> Finished:
     """Compute the discrepancy on a grid and write the result; keep one that is up to date.
 

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from geoident.errors import InputError, Term, UsageError
+from geoident.fem.solvers.threads import one_thread
 from geoident.forward.elsewhere.model import ElsewhereModel
 from geoident.forward.model import StagedModel
 from geoident.forward.protocols import CaseModel
@@ -22,7 +23,6 @@ from geoident.model.arrays import Floats
 from geoident.model.case import Case
 from geoident.model.gauges import Reading
 from geoident.model.results.result import Counts, FieldSeries
-from geoident.workflow.running.errors import error_structure, own_sd
 from geoident.workflow.running.jobs import (
     NO_READINGS,
     Inputs,
@@ -31,6 +31,7 @@ from geoident.workflow.running.jobs import (
     start_values,
 )
 from geoident.workflow.running.kept_reduced import answer_note, answered, restored_for
+from geoident.workflow.running.readings import error_structure, own_sd
 
 
 class Noise(Enum):
@@ -109,6 +110,7 @@ class Simulated:
     fields: FieldSeries | None = None
 
 
+@one_thread()
 def simulate(
     path: str,
     *,
@@ -314,10 +316,9 @@ def with_noise(case: Case, readings: Sequence[Reading], *, seed: int) -> tuple[R
     channels = {channel.name: channel for channel in case.channels}
     rows = [(channels[reading.channel], reading) for reading in readings]
     own = [own_sd(*row) * generator.standard_normal() for row in rows]
+    shared = error_structure(rows).columns
     noise = np.array(own, dtype=np.float64)
-    structure = error_structure(rows)
-    if structure is not None:
-        noise += structure.columns @ generator.standard_normal(structure.columns.shape[1])
+    noise += shared @ generator.standard_normal(shared.shape[1])
     return tuple(
         Reading(reading.channel, reading.stage, (reading.value or 0.0) + float(added))
         for reading, added in zip(readings, noise, strict=True)

@@ -10,7 +10,9 @@ from geoident.fem.faces import face_table
 from geoident.fem.measure import coinciding_nodes
 from geoident.fem.orientation import overlapping
 from geoident.model.case import Stage
+from geoident.model.in_situ import HeimStress
 from geoident.model.mesh import ElementBlock
+from geoident.model.parameter import Scalar
 from tests.support.cases import material, model, rollers
 from tests.support.meshes import KINDS, KINDS_2D, box, build, regroup
 
@@ -119,12 +121,25 @@ def test_ground_that_is_missing_is_told_where_the_case_says_so():
     mesh = regroup(box("quad4", (2, 2)), top=lambda c: c[:, 1] > 0.5)
     common = {"materials": {"rock": material("rock", 1e9, 0.2)}, "supports": rollers(2)}
     with pytest.raises(InputError) as none_at_first:
-        model(mesh, groups={"rock": None, "top": None}, stages=(
-            Stage("first lift", install={"rock": "rock"}),), **common)  # fmt: skip
+        model(mesh, groups={"rock": None, "top": None}, **common)
     with pytest.raises(InputError) as none_left:
         model(mesh, groups={"rock": "rock", "top": "rock"}, stages=(
             Stage("all", excavate=("rock", "top")),), **common)  # fmt: skip
+    later = model(mesh, groups={"rock": None, "top": None}, stages=(
+        Stage("wait"), Stage("first lift", install={"rock": "rock"})), **common)  # fmt: skip
+    assert later.survey(np.empty(0), fields=True).fields.present.any(axis=1).tolist() == [
+        False, False, True
+    ]  # fmt: skip
     first, last = none_at_first.value.faults[0], none_left.value.faults[0]
     assert (first.path, last.path) == ("groups", "stages[0]")
-    assert "Fill on a rigid base" in first.hint
+    assert "fill on a rigid base" in first.hint
     assert "after stage 'all'" in last.message
+    with pytest.raises(InputError) as stressed:
+        model(
+            mesh,
+            groups={"rock": None, "top": None},
+            in_situ=HeimStress(vertical=Scalar(1e6), K0=Scalar(1.0)),
+            stages=(Stage("first lift", install={"rock": "rock"}),),
+            **common,
+        )
+    assert [fault.path for fault in stressed.value.faults] == ["in_situ"]

@@ -22,7 +22,7 @@ from geoident.model.parameter import Parameter
 from geoident.model.results.result import Counts
 from geoident.workflow.estimating.accuracies import weighed
 from geoident.workflow.estimating.predictions import KnownErrors, predict_stages
-from geoident.workflow.running.errors import error_structure
+from geoident.workflow.running.readings import error_structure
 from geoident.workflow.simulate import with_noise
 from tests.support.trench import CASE, write_case
 

@@ -36,7 +36,8 @@ from geoident.report.text.gauges import readings_csv
 from geoident.report.text.json import dumps, result_object, simulation_object
 from geoident.report.text.result import result_text
 from geoident.workflow.diff import numbers
-from geoident.workflow.running.readings import gauge_table, reading_table
+from geoident.workflow.running.computed import gauge_table
+from geoident.workflow.running.readings import reading_table
 from tests.support.cases import make_case
 from tests.support.results import example_result, grid_mesh
 from tests.support.trench import CASE, write_case

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from geoident.model.gauges import Channel, ErrorParts, Reading
-from geoident.workflow.running.errors import error_structure, own_sd, total_sd
+from geoident.workflow.running.readings import error_structure, own_sd, total_sd
 
 DAY = 86400.0
 
@@ -25,8 +25,13 @@ def covariance(rows):
     return np.diag(structure.sd**2) + B @ B.T
 
 
-def test_independent_readings_have_no_structure():
-    assert error_structure([(channel("a"), Reading("a", "s", 1.0))]) is None
+def test_independent_readings_share_nothing():
+    own = Reading("b", "s", 1.0, accuracy=3e-4)
+    structure = error_structure([(channel("a"), Reading("a", "s", 1.0)), (channel("b"), own)])
+    sd, shared = structure.stated
+    assert sd.tolist() == [1e-4, 3e-4]
+    assert shared is None
+    assert structure.names == ()
 
 
 def test_a_zero_is_shared_by_all_readings_of_its_channel_and_by_no_other():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from geoident.model.gauges import Channel, ErrorParts, Reading
-from geoident.workflow.running.errors import error_structure, total_sd
+from geoident.workflow.running.readings import error_structure, total_sd
 
 OWN, EPOCH, WALK = 0.3, 0.4, 0.2
 

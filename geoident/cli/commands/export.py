@@ -29,6 +29,7 @@ TABLES = (
     "sensitivity",
     "structures",
     "reactions",
+    "yielded",
     "opening",
     "ground-reaction",
     "opening-stresses",

@@ -22,7 +22,7 @@ from geoident.fem.solvers.direct import (
     SolverCounts,
     check_pivots,
 )
-from geoident.fem.solvers.fronts.blas import Dense, Kernels, kernels, one_thread
+from geoident.fem.solvers.fronts.blas import Dense, Kernels, kernels
 from geoident.fem.solvers.fronts.elimination import Eliminated, Strips, eliminate
 from geoident.fem.solvers.fronts.lasting import LastingPart, lasting_columns
 from geoident.fem.solvers.fronts.layout import EliminationPlan, layout
@@ -37,6 +37,7 @@ from geoident.fem.solvers.fronts.single import (
     single_pays,
 )
 from geoident.fem.solvers.fronts.tasks import run_tasks
+from geoident.fem.solvers.threads import one_thread
 from geoident.model.arrays import Floats, Ints
 
 SUSPICIOUS = 1e-6

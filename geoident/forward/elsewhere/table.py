@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from functools import lru_cache
-from pathlib import Path
 
 import numpy as np
 
@@ -149,7 +148,7 @@ class SurfaceRuns:
         places = np.argwhere(self.given).tolist()
         channels = [case.channels[j] for _, j in places]
         return SurfaceTable(
-            file=Path(self._table.path).name,
+            file=self._table.called,
             runs=len(self._table),
             channels=tuple(channel.name for channel in channels),
             stages=tuple(case.stages[i].name for i, _ in places),

@@ -81,6 +81,7 @@ class Placed:
         snapped: names of those with a point just outside the mesh.
         faults: what is wrong with them; then the observable is of no use.
         unreadable: why they cannot be read where they are not, a clause.
+        as_built: names of those that count from the placing of their ground on (`best_site`).
     """
 
     observable: Observable
@@ -88,6 +89,7 @@ class Placed:
     snapped: tuple[str, ...] = ()
     faults: tuple[Fault, ...] = ()
     unreadable: str = "a point of it stands in ground that is no longer there"
+    as_built: tuple[str, ...] = ()
 
 
 class RelativeDisplacements:
@@ -113,10 +115,12 @@ def relative_displacements(channels: Sequence[Channel], on_mesh: CaseOnMesh) -> 
     """Channels that read the motion of a point, or of two against each other.
 
     They can be read while their points stand in ground that has been there since the zero, on the
-    way of construction from one to the other.
+    way of construction from one to the other; or that is placed right after the zero: what has
+    moved before is then no motion of theirs, and the readings count from the placing on.
     """
     kinematics, mesh, rows, readable = on_mesh.kinematics, on_mesh.mesh, [], []
     snapped: list[str] = []
+    as_built: list[str] = []
     faults: list[Fault] = []
     nowhere: set[tuple[str, tuple[float, ...], str]] = set()
     for channel in channels:
@@ -139,12 +143,18 @@ def relative_displacements(channels: Sequence[Channel], on_mesh: CaseOnMesh) -> 
             stays.append(there)
             if is_beside(site):
                 snapped.append(channel.name)
+            if is_placed_after(on_mesh.sequence, on_mesh.case.zero_of(channel), site):
+                as_built.append(channel.name)
         rows.append(_row(mesh, ends))
         readable.append(np.all(stays, axis=0))
     operator = sp.csr_array(sp.vstack(rows)) if rows else sp.csr_array((0, mesh.n_nodes * mesh.dim))
     when = np.array(readable, bool).reshape(-1, len(on_mesh.sequence.states))
     return Placed(
-        RelativeDisplacements(operator), when, tuple(dict.fromkeys(snapped)), tuple(faults)
+        RelativeDisplacements(operator),
+        when,
+        tuple(dict.fromkeys(snapped)),
+        tuple(faults),
+        as_built=tuple(dict.fromkeys(as_built)),
     )
 
 
@@ -155,36 +165,63 @@ def from_zero(on_mesh: CaseOnMesh, channel: Channel) -> Bools:
 
 
 def best_site(
-    sites: tuple[Site, ...], sequence: ConstructionSequence, zero: int
+    sites: tuple[Site, ...], sequence: ConstructionSequence, zero: int, *, as_built: bool = True
 ) -> tuple[Site | None, Bools]:
     """The site that stays for most states from the zero on, the best-lying one among equals.
+
+    Where none is there at the zero, it is one that is placed right after it: what stands there
+    then has not moved before, so the change since the zero is all of its motion, what its own
+    placing does included ("as built").
 
     Args:
         sites: elements that hold the point.
         sequence: the states of construction.
         zero: index of the state at which the channel reads zero.
+        as_built: whether ground that is placed right after the zero will do.
 
     Returns:
-        The site, None if none is there at the zero; (n_states,) the states at which it is there and
-        has been there on the way of construction from the zero.
+        The site, None if none is there; (n_states,) the states at which it is there and has been
+        there on the way of construction from the zero, with the zero.
     """
-    best, longest = None, np.zeros(len(sequence.states), dtype=bool)
-    for site in sites:
-        stays = _stays(sequence, zero, site.element)
-        if stays.sum() > longest.sum():
-            best, longest = site, stays
+    for before in (False, True) if as_built else (False,):
+        best, longest = None, np.zeros(len(sequence.states), dtype=bool)
+        for site in sites:
+            stays = _stays(sequence, zero, site.element, before=before)
+            if stays.sum() > longest.sum():
+                best, longest = site, stays
+        if best is not None:
+            break
     return best, longest
 
 
-def _stays(sequence: ConstructionSequence, zero: int, element: int) -> Bools:
-    """(n_states,) states from the zero on to which no stage without the element leads."""
+def is_placed_after(sequence: ConstructionSequence, zero: int, site: Site) -> bool:
+    """Whether the ground of a site is placed only after its zero.
+
+    Args:
+        sequence: the states of construction.
+        zero: index of the state at which the channel reads zero.
+        site: of one of its points.
+    """
+    return int(sequence.group_of[site.element]) not in sequence.states[zero].materials
+
+
+def _stays(sequence: ConstructionSequence, zero: int, element: int, *, before: bool) -> Bools:
+    """(n_states,) states from the zero on to which no stage without the element leads.
+
+    Args:
+        sequence: the states of construction.
+        zero: index of the state at which the channel reads zero.
+        element: its number.
+        before: the element is placed by a stage that builds on the zero.
+    """
     group = sequence.group_of[element]
     gone = np.array([group not in state.materials for state in sequence.states])
     built_on = sequence.built_on
     way = built_on ^ built_on[:, [zero]]
-    way[zero] = True
+    way[zero] = not before
     later = np.arange(len(sequence.states)) >= zero
-    return np.asarray(~(gone[:, None] & way).any(axis=0) & later)
+    stays = np.asarray(~(gone[:, None] & way).any(axis=0) & later)
+    return stays if not before or stays[zero + 1 :].any() else np.zeros_like(stays)
 
 
 def _row(mesh: Mesh, ends: list[tuple[Site, Floats]]) -> sp.csr_array:
@@ -236,6 +273,11 @@ def point_fault(
     elif channel.is_zeroed:
         when = f"is not there at stage '{channel.zero}', where the gauge is zeroed"
         hint = "set 'zero' to a stage at which that ground is present, or correct the point"
+        placed = _first_placing(sequence, groups)
+        if placed is not None:
+            own, base = (sequence.states[n].name for n in placed)
+            hint = f"set 'zero' to '{own}', which places that ground, or to '{base}' before it: "
+            hint += "then what its own placing does counts, too"
     return on_mesh.case.source.fault(
         channel.key,
         code="gauge-in-absent-ground",
@@ -243,3 +285,12 @@ def point_fault(
         + when,
         hint=hint,
     )
+
+
+def _first_placing(sequence: ConstructionSequence, groups: Sequence[str]) -> tuple[int, int] | None:
+    """The first state that places ground of one of some groups, and that on which it builds."""
+    wanted = {sequence.groups.index(name) for name in groups}
+    for n, state in enumerate(sequence.states[1:], start=1):
+        if wanted & (state.materials.keys() - sequence.states[state.base].materials.keys()):
+            return n, state.base
+    return None

@@ -87,6 +87,7 @@ class Observation:
         readable: (n_states, n_channels) when it can be read.
         snapped: names of channels with a point just outside the mesh.
         reasons: why each channel cannot be read where it is zeroed and cannot, a clause.
+        as_built: names of channels whose readings count from the placing of their ground on.
     """
 
     channels: tuple[str, ...]
@@ -96,6 +97,7 @@ class Observation:
     readable: Bools
     snapped: tuple[str, ...]
     reasons: tuple[str, ...]
+    as_built: tuple[str, ...] = ()
 
     def values(self, state: MarchState) -> Floats:
         """What all channels see of a state since placing, (n_channels, 1 + n + k), SI."""
@@ -247,13 +249,14 @@ def observe(on_mesh: CaseOnMesh) -> tuple[Observation, list[Fault]]:
     channels, states = on_mesh.case.channels, len(on_mesh.sequence.states)
     readable = np.zeros((len(channels), states), dtype=bool)
     reasons = [""] * len(channels)
-    parts, snapped, faults = [], set[str](), list[Fault]()
+    parts, snapped, as_built, faults = [], set[str](), set[str](), list[Fault]()
     placing = [placing_of(channel) for channel in channels]
     for place in dict.fromkeys(placing):
         mine = np.flatnonzero([other is place for other in placing])
         placed = place([channels[row] for row in mine], on_mesh)
         faults += placed.faults
         snapped |= set(placed.snapped)
+        as_built |= set(placed.as_built)
         readable[mine] = placed.readable
         if not placed.faults:
             parts.append((mine, placed.observable))
@@ -263,7 +266,10 @@ def observe(on_mesh: CaseOnMesh) -> tuple[Observation, list[Fault]]:
     zero = np.array([on_mesh.case.zero_of(channel) for channel in channels], np.int64)
     beside = tuple(name for name in names if name in snapped)
     weights = np.array([_WEIGHTS[channel.reads] for channel in channels]).reshape(-1, 2).T
-    found = Observation(names, tuple(parts), zero, weights, readable.T, beside, tuple(reasons))
+    built = tuple(name for name in names if name in as_built)
+    found = Observation(
+        names, tuple(parts), zero, weights, readable.T, beside, tuple(reasons), built
+    )
     return found, faults
 
 

@@ -16,6 +16,7 @@ from geoident.fem.recovery import recovery
 from geoident.forward.gauges.observable import (
     Placed,
     RelativeDisplacements,
+    is_placed_after,
 )
 from geoident.forward.gauges.stress import NORMAL_COMPONENTS, Spots, component_weights
 from geoident.forward.stages import CaseOnMesh
@@ -25,11 +26,13 @@ from geoident.model.gauges import Channel
 def strains(channels: Sequence[Channel], on_mesh: CaseOnMesh) -> Placed:
     """Channels that read a strain at a point, while its ground stays from their zero on.
 
+    Ground that is placed right after the zero counts from its placing on.
+
     The coefficients of a stress n . S n hold for a strain n . eps n too, with shear strains
     gamma = 2 eps halved.
     """
-    kinematics, spots = on_mesh.kinematics, Spots.of(channels, on_mesh)
-    rows = [sp.csr_array((0, on_mesh.mesh.points.size))]
+    kinematics, spots = on_mesh.kinematics, Spots.of(channels, on_mesh, as_built=True)
+    rows, as_built = [sp.csr_array((0, on_mesh.mesh.points.size))], []
     for spot in spots.found:
         if spot.site is None:
             continue
@@ -40,5 +43,13 @@ def strains(channels: Sequence[Channel], on_mesh: CaseOnMesh) -> Placed:
         if not spot.channel.quantity:
             weights[NORMAL_COMPONENTS:] /= 2.0
         rows.append(sp.csr_array(weights[None] @ found.gradients))
+        if is_placed_after(sequence, on_mesh.case.zero_of(spot.channel), spot.site):
+            as_built.append(spot.channel.name)
     operator = sp.csr_array(sp.vstack(rows))
-    return Placed(RelativeDisplacements(operator), spots.readable, spots.snapped, spots.faults)
+    return Placed(
+        RelativeDisplacements(operator),
+        spots.readable,
+        spots.snapped,
+        spots.faults,
+        as_built=tuple(as_built),
+    )

@@ -312,6 +312,8 @@ class Spots:
         channels: Sequence[Channel],
         on_mesh: CaseOnMesh,
         given: Sequence[tuple[Site, ...]] | None = None,
+        *,
+        as_built: bool = False,
     ) -> Spots:
         """The places of channels.
 
@@ -319,13 +321,14 @@ class Spots:
             channels: some channels (g,), each read at its second point.
             on_mesh: the case on its mesh.
             given: g times the elements that count as holding the point; None: all that do.
+            as_built: whether ground that is placed right after the zero will do.
         """
         kinematics = on_mesh.kinematics
         found, faults = [], []
         for row, channel in enumerate(channels):
             place, signs = kinematics.in_section(channel.second)
             sites = on_mesh.locator.sites(place) if given is None else given[row]
-            site, there = _site(channel, sites, on_mesh)
+            site, there = _site(channel, sites, on_mesh, as_built=as_built)
             found.append(_Spot(channel, np.array(place), signs, site, there))
             beside = None if given else beside_fault(on_mesh, channel, channel.second, sites)
             if site is None or beside is not None:
@@ -349,7 +352,7 @@ class Spots:
 
 
 def _site(
-    channel: Channel, sites: tuple[Site, ...], on_mesh: CaseOnMesh
+    channel: Channel, sites: tuple[Site, ...], on_mesh: CaseOnMesh, *, as_built: bool
 ) -> tuple[Site | None, Bools]:
     """The element that holds the point of a channel, and (n_states,) when it can be read there.
 
@@ -357,7 +360,7 @@ def _site(
     """
     sequence = on_mesh.sequence
     if channel.is_zeroed:
-        return best_site(sites, sequence, on_mesh.case.zero_of(channel))
+        return best_site(sites, sequence, on_mesh.case.zero_of(channel), as_built=as_built)
     states = range(len(sequence.states))
     best, longest = None, np.zeros(len(sequence.states), dtype=np.bool_)
     for site in sites:

@@ -1,4 +1,4 @@
-"""Collects the state of the whole mesh, and the reactions of supports, during a march."""
+"""Collects the state of the whole mesh during a march: fields, reactions, what yields."""
 
 from __future__ import annotations
 
@@ -8,8 +8,41 @@ from geoident.forward.actions.supports import support_nodes
 from geoident.forward.march.stage import StageEnd
 from geoident.forward.stages import CaseOnMesh
 from geoident.forward.structures.members import Structures
+from geoident.forward.yielding.extent import YieldRecorder
 from geoident.model.arrays import Bools, Floats
 from geoident.model.results.result import FieldSeries, SupportReactions
+from geoident.model.results.yielded import YieldedGround
+
+
+class MeshRecorder:
+    """All that is recorded of the whole mesh, state by state.
+
+    Args:
+        on_mesh: the case on its mesh.
+        structures: those of the case.
+
+    Attributes:
+        fields: displacements and stresses.
+        reactions: of the supports.
+    """
+
+    def __init__(self, on_mesh: CaseOnMesh, structures: Structures) -> None:
+        self.fields = FieldRecorder(on_mesh)
+        self.reactions = ReactionRecorder(on_mesh, structures)
+        yields = any(material.yields for material in on_mesh.case.materials.values())
+        self._yielded = YieldRecorder(on_mesh) if yields else None
+
+    def add(self, end: StageEnd) -> None:
+        """Record a state."""
+        self.fields.add(end)
+        self.reactions.add(end)
+        if self._yielded is not None:
+            known = bool(np.isfinite(end.u[:, 0]).all())
+            self._yielded.add(end.state, end.yielded, known=known)
+
+    def yielded_ground(self) -> YieldedGround | None:
+        """How far ground yields; None where nothing can."""
+        return None if self._yielded is None else self._yielded.table()
 
 
 class FieldRecorder:

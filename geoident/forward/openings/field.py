@@ -21,6 +21,7 @@ from geoident.errors import ModelError
 from geoident.forward.gauges.observation import reads_displacements
 from geoident.forward.ground.elasticity import inadmissible
 from geoident.forward.in_situ.stress import InSituStress, StressPlaces
+from geoident.forward.openings.advance import AdvancingFace
 from geoident.forward.openings.closed_forms import GroundState
 from geoident.forward.openings.load import OpeningLoad
 from geoident.forward.openings.site import OpeningSite
@@ -82,9 +83,11 @@ class OpeningField:
     Args:
         on_mesh: the case, for which `unsuitable` finds nothing, on its mesh or on an empty one.
         site: where the opening is.
+        face: what turns distances to the face into released parts.
     """
 
-    def __init__(self, on_mesh: CaseOnMesh, site: OpeningSite) -> None:
+    def __init__(self, on_mesh: CaseOnMesh, site: OpeningSite, face: AdvancingFace) -> None:
+        self._face = face
         case, sequence = on_mesh.case, on_mesh.sequence
         self._case, self._sequence, self._site = case, sequence, site
         virgin = sequence.states[0]
@@ -230,7 +233,7 @@ class OpeningField:
     def _load(self, values: Values, names: Sequence[str]) -> OpeningLoad:
         point = ParameterPoint(values, names)
         stress = Dual(self._in_situ.columns(point))
-        return OpeningLoad(self._sequence, self._site, self._material, stress, point)
+        return OpeningLoad(self._sequence, self._site, self._material, stress, point, self._face)
 
 
 class _End:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from geoident.errors import CollapseError, ModelError
+from geoident.forward.openings.advance import AdvancingFace
 from geoident.forward.openings.closed_forms import (
     NO_EQUILIBRIUM,
     BeyondClosedForm,
@@ -35,6 +36,7 @@ class OpeningLoad:
         material: of the ground around it.
         stress: (4, k) in-situ stress xx, yy, zz, xy, the first at the centre; tension positive, Pa.
         point: the parameters.
+        face: what turns distances to it into released parts.
 
     Attributes:
         stress: see above.
@@ -51,16 +53,18 @@ class OpeningLoad:
         material: Material,
         stress: Dual,
         point: ParameterPoint,
+        face: AdvancingFace,
     ) -> None:
         self._sequence, self._site, self._point = sequence, site, point
+        self._face = face
+        self._reached: dict[int, GroundState] = {}
         surfaces = [s for s in material.yields if isinstance(s, MohrCoulomb)]
         self._limits = [s.tension for s in surfaces if s.tension is not None]
         self.stress = stress
-        xx, yy, zz, xy = (-stress[row][0] for row in range(4))
-        E, nu = young_and_poisson(material, point)
-        self.rock = Rock(E, nu, 0.5 * (xx + yy), zz)
+        xx, yy, _, xy = (-stress[row][0] for row in range(4))
         self.deviation, self.shear = 0.5 * (xx - yy), xy
-        self.opening = Opening(site.radius, self.rock, _strength(material, point))
+        self.opening = opening_in(material, stress, site.radius, point)
+        self.rock = self.opening.rock
 
     def at(self, n: int) -> tuple[GroundState, Dual]:
         """The ground at a state in which the opening is there, and the released part of stress.
@@ -68,17 +72,26 @@ class OpeningLoad:
         Raises:
             ModelError: it has no equilibrium, or none in closed form.
         """
-        way = [int(k) for k in self._sequence.built_on[:, n].nonzero()[0] if self._is_open(int(k))]
-        reached: list[GroundState] = []
-        try:
-            for state in self.opening.history([self._pressure(k) for k in way]):
-                reached.append(state)
-        except BeyondClosedForm as beyond:
-            failed = self._sequence.states[way[len(reached)]].name
-            raise _failure(failed, beyond.reason) from beyond
-        state = reached[-1]
+        if n not in self._reached:
+            self._follow(n)
+        state = self._reached[n]
         self._refuse_tension(state, self._sequence.states[n].name)
         return state, self._released(n)
+
+    def _follow(self, n: int) -> None:
+        """Go the way to a state, from the last that is known on it.
+
+        Raises:
+            ModelError: the ground has no equilibrium on it, or none in closed form.
+        """
+        way = [int(k) for k in self._sequence.built_on[:, n].nonzero()[0] if self._is_open(int(k))]
+        before: GroundState | None = None
+        for k in way:
+            try:
+                before = self._reached.get(k) or self.opening.onward(before, self._pressure(k))
+            except BeyondClosedForm as beyond:
+                raise _failure(self._sequence.states[k].name, beyond.reason) from beyond
+            self._reached[k] = before
 
     def _refuse_tension(self, state: GroundState, name: str) -> None:
         """The cut-off of tension is no part of the closed form: the wall must not meet it."""
@@ -91,8 +104,9 @@ class OpeningLoad:
         return not self._site.groups & self._sequence.states[n].materials.keys()
 
     def _released(self, n: int) -> Dual:
-        (part,) = {self._sequence.states[n].release.get(g, _WHOLE) for g in self._site.groups}
-        return self._point.number(part)
+        state = self._sequence.states[n]
+        (part,) = {state.release.get(g, _WHOLE) for g in self._site.groups}
+        return self._face.part(part, self._point, state.name)
 
     def _pressure(self, n: int) -> Dual:
         """What presses on the wall from inside, Pa."""
@@ -101,6 +115,20 @@ class OpeningLoad:
             assert isinstance(load, Pressure)
             total = total + self._point.number(load.value)
         return total
+
+
+def opening_in(material: Material, stress: Dual, radius: float, point: ParameterPoint) -> Opening:
+    """A circular opening in ground under a far stress of which the mean counts.
+
+    Args:
+        material: the ground.
+        stress: (4, k) in-situ stress xx, yy, zz, xy, the first at the centre; tension positive, Pa.
+        radius: of the opening, m.
+        point: the parameters.
+    """
+    xx, yy, zz = (-stress[row][0] for row in range(3))
+    E, nu = young_and_poisson(material, point)
+    return Opening(radius, Rock(E, nu, 0.5 * (xx + yy), zz), _strength(material, point))
 
 
 def _failure(stage: str, reason: str) -> ModelError:

@@ -54,7 +54,7 @@ def given_used(
         later: the errors of the later readings, with the shared errors of the used ones.
         later_jacobian: (l, n) SI.
     """
-    sd, shared = later.at(np.zeros(len(later.names)))
+    sd, shared = later.stated
     if problem.covariance is None or shared is None:
         total = sd**2 + _squares(shared) if shared is not None else sd**2
         return LaterReadings(np.zeros(len(sd)), later_jacobian, np.sqrt(total))
@@ -74,7 +74,7 @@ def left_covariance(problem: Problem, later: ErrorStructure) -> Floats:
         problem: the used readings.
         later: the errors of the later readings, with the shared errors of the used ones.
     """
-    sd, shared = later.at(np.zeros(len(later.names)))
+    sd, shared = later.stated
     left = np.array(np.diag(sd**2))
     if shared is not None and problem.covariance is None:
         left += (shared.columns @ shared.columns.T).toarray()

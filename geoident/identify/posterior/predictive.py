@@ -33,7 +33,7 @@ def with_errors(
         later: the errors of the later readings, with the shared errors of the used ones.
         rng: of random numbers.
     """
-    sd, shared = later.at(np.zeros(len(later.names)))
+    sd, shared = later.stated
     found = later_answers + sd * rng.standard_normal(later_answers.shape)
     if shared is None:
         return np.asarray(found)

@@ -376,6 +376,11 @@ class ErrorStructure:
         columns = sp.csr_array(self.columns @ sp.diags_array(size))
         return sd, SharedErrors(columns, self._blocks)
 
+    @property
+    def stated(self) -> tuple[Floats, SharedErrors | None]:
+        """Own standard deviations (g,) and shared errors at factors of one."""
+        return self.at(np.zeros(len(self.names)))
+
     @cached_property
     def _blocks(self) -> tuple[tuple[Ints, Ints], ...]:
         return SharedErrors(self.columns).blocks

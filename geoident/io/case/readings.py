@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any
+from typing import Annotated
 
 from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag, WithJsonSchema
 
@@ -86,12 +86,3 @@ Readings = Annotated[
     | Annotated[list[Entry], Tag("list")],
     Discriminator(_readings_shape),
 ]
-
-
-def entries(readings: Any) -> list[tuple[tuple[str | int, ...], Any]]:
-    """What ``readings`` names, each with its path of keys: paths, files or single readings."""
-    if readings is None:
-        return []
-    if isinstance(readings, list):
-        return [(("readings", n), entry) for n, entry in enumerate(readings)]
-    return [(("readings",), readings)]

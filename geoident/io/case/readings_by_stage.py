@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 from geoident.errors import Fault, InputError, Location
 from geoident.io.case.case import CaseSection
 from geoident.io.case.gauges.kinds import sections_of_channels
-from geoident.io.case.readings import ReadingSection, entries
+from geoident.io.case.readings import ReadingSection
 from geoident.io.case.site_files.assignment import Calendar, assign
-from geoident.io.case.site_files.dates import DatedReading, gaps, when_read
+from geoident.io.case.site_files.dates import gaps, when_read
 from geoident.io.case.site_files.file import ReadingsFileSection
 from geoident.io.case.site_files.surveyed import surveyed
 from geoident.io.readings.file import format_of
@@ -61,7 +62,7 @@ def read_all(section: CaseSection, find: Find, faults: Faults) -> ReadReadings:
     notes: list[str] = []
     check = _Check(section, calendar, faults)
     found: list[Reading] = []
-    for path, entry in entries(section.readings):
+    for path, entry in _entries(section.readings):
         if isinstance(entry, ReadingSection):
             batch, alone = _inline(entry, path, calendar, faults), True
         else:
@@ -71,11 +72,20 @@ def read_all(section: CaseSection, find: Find, faults: Faults) -> ReadReadings:
     check.bad()
     readings = tuple(replace(row, bad=row.bad or _bad_reason(section, row)) for row in found)
     by_stage = when_read(check.dated, calendar)
-    if not faults.found:
+    if by_stage and not faults.found:
         notes += gaps(check.dated, by_stage, calendar, readings)
     return ReadReadings(
         readings, tuple(paths), calendar.dates, tuple(notes), check.measured_zeros, by_stage
     )
+
+
+def _entries(readings: Any) -> list[tuple[KeyPath, Any]]:
+    """What ``readings`` names, each with its path of keys: paths, files or single readings."""
+    if readings is None:
+        return []
+    if isinstance(readings, list):
+        return [(("readings", n), entry) for n, entry in enumerate(readings)]
+    return [(("readings",), readings)]
 
 
 def _calendar(section: CaseSection, faults: Faults) -> Calendar:
@@ -163,7 +173,7 @@ def _of_file(
         return [], True
     several = described.several or ("last" if dated else "")
     check.dated += [
-        DatedReading(row.stage or calendar.stage_at(row.time), row.time, row)
+        row if row.stage else replace(row, stage=calendar.stage_at(row.time))
         for row in rows
         if row.time is not None and row.value is not None and not row.bad
     ]
@@ -264,7 +274,7 @@ class _Check:
         self.undated: set[tuple[str, str]] = set()
         self.hints: dict[tuple[str, str], str] = {}
         self.measured_zeros: dict[str, Reading] = {}
-        self.dated: list[DatedReading] = []
+        self.dated: list[Reading] = []
 
     def all(self, readings: Iterable[Reading], *, alone: bool) -> None:
         """Note readings of unknown gauges or stages, before the zero of a gauge, or given twice."""

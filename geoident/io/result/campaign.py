@@ -23,14 +23,12 @@ from geoident.errors import OutputError
 from geoident.io.result.hdf5 import TableWriter, hdf5_output, plain_text
 from geoident.io.result.tables import COUNTS
 from geoident.io.text.atomic import atomic_output, make_folder, output_error
+from geoident.io.text.campaign_folder import JOURNAL, OVER_ALL
 from geoident.model.arrays import Floats
 from geoident.model.results.campaign import CampaignTable, RunParameter, RunReading, RunRecord
 from geoident.model.results.result import Counts
 
 FORMAT = "geoident-campaign-result/1"
-JOURNAL = "runs.jsonl"
-OVER_ALL = "campaign.h5"
-TABLE = "runs.csv"
 
 _EACH = 3.0
 """Seconds of runs that a power failure may cost."""

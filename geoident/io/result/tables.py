@@ -27,7 +27,7 @@ from geoident.model.results.result import (
     Prediction,
     SupportReactions,
 )
-from geoident.model.results.rivals import Evidence, ModelComparison, ModelScore, Rivals
+from geoident.model.results.yielded import YieldedGround
 from geoident.model.yielding import Activity, Certificate
 from geoident.units import DIMENSIONS
 
@@ -392,6 +392,32 @@ def read_reactions(file: h5py.File) -> SupportReactions:
     return SupportReactions(supports, states, force)
 
 
+YIELDED = "yielded"
+"""Group of how far ground yields."""
+
+_OF_YIELDED = {"volume": "m3, or m2 in plane strain", "share": "1", "reach": "m", "radius": "m"}
+
+
+def write_yielded(file: h5py.File, table: YieldedGround) -> None:
+    """Writes ``/yielded``: how far ground yields, NaN where that has no meaning."""
+    axes = {"state": table.states, "axis": ("x", "y", "z")[: table.lower.shape[1]]}
+    out = TableWriter(file, YIELDED, axes)
+    out.group.attrs["unit"] = plain_text(table.unit)
+    for name, unit in _OF_YIELDED.items():
+        out.add(name, getattr(table, name), "state", unit=unit)
+    for name in ("lower", "upper"):
+        out.add(name, getattr(table, name), "state", "axis", unit="m")
+
+
+def read_yielded(file: h5py.File) -> YieldedGround:
+    """How far ground yields."""
+    group = TableReader(file, YIELDED)
+    states, dim = group.texts("state"), len(group.texts("axis"))
+    columns = {name: group.floats(name, len(states)) for name in _OF_YIELDED}
+    ends = {name: group.floats(name, len(states), dim) for name in ("lower", "upper")}
+    return YieldedGround(states, **columns, **ends, unit=group.attribute("unit", str))
+
+
 MODEL_ERROR = "model_error"
 """Group of the model error."""
 
@@ -442,126 +468,4 @@ def read_model_error(file: h5py.File) -> ModelErrorTable:
         floors=group.floats("floors", rows, len(states)),
         findings=tuple(str(text) for text in group.group.attrs.get("findings", ())),
         **{name: group.attribute(name, float) for name in _OF_GAUGES if name in group.group.attrs},
-    )
-
-
-RIVALS = "rivals"
-EVIDENCE = "evidence"
-
-
-def write_rival_answers(
-    file: h5py.File,
-    rivals: Rivals | None,
-    evidence: Evidence | None,
-    comparison: ModelComparison | None,
-    names: tuple[str, ...],
-) -> None:
-    """Writes ``/rivals``, ``/evidence`` and ``/models``, each where there is one.
-
-    Args:
-        file: the result.
-        rivals: other minima.
-        evidence: of the model.
-        comparison: of several models.
-        names: of the parameters.
-    """
-    if comparison is not None:
-        _write_models(file, comparison)
-    if rivals is not None:
-        _write_rivals(file, rivals, names)
-    if evidence is not None:
-        _write_evidence(file, evidence)
-
-
-def _write_rivals(file: h5py.File, found: Rivals, names: tuple[str, ...]) -> None:
-    """Writes ``/rivals``: one row a minimum, the lowest first.
-
-    Args:
-        file: the result.
-        found: the minima.
-        names: of the parameters.
-    """
-    rows = np.arange(len(found), dtype=np.int64)
-    out = TableWriter(file, RIVALS, {"minimum": rows, "parameter": names, "other": names})
-    out.add("value", found.values, "minimum", "parameter", unit="SI unit of the parameter")
-    out.add("objective", found.objectives, "minimum")
-    out.add("odds", found.odds, "minimum")
-    out.add("covariance", found.covariance, "minimum", "parameter", "other")
-
-
-def read_rivals(file: h5py.File) -> Rivals:
-    """The minima."""
-    group = TableReader(file, RIVALS)
-    k, n = len(group.array("minimum", "i")), len(group.texts("parameter"))
-    return Rivals(
-        values=group.floats("value", k, n),
-        objectives=group.floats("objective", k),
-        odds=group.floats("odds", k),
-        covariance=group.floats("covariance", k, n, n),
-    )
-
-
-def _write_evidence(file: h5py.File, found: Evidence) -> None:
-    """Writes ``/evidence``: attributes of an empty group."""
-    group = file.create_group(EVIDENCE)
-    group.attrs["log_evidence"] = np.float64(found.log_evidence)
-    group.attrs["log_likelihood"] = np.float64(found.log_likelihood)
-    group.attrs["readings"] = np.int64(found.readings)
-
-
-def read_evidence(file: h5py.File) -> Evidence:
-    """How well the model explains the readings."""
-    group = TableReader(file, EVIDENCE)
-    return Evidence(
-        log_evidence=group.attribute("log_evidence", float),
-        log_likelihood=group.attribute("log_likelihood", float),
-        readings=int(group.attribute("readings", float)),
-    )
-
-
-MODELS = "models"
-_MODEL_NUMBERS = ("objective", "log_evidence", "log_likelihood", "backtest")
-_MODEL_COUNTS = ("parameters", "backtested", "modes")
-
-
-def _write_models(file: h5py.File, found: ModelComparison) -> None:
-    """Writes ``/models``: one row a model, from the simplest on."""
-    models = found.models
-    names = tuple(model.name for model in models)
-    out = TableWriter(file, MODELS, {"model": names, "sentence": found.sentences})
-    out.add("path", [model.path for model in models], "model")
-    out.add("status", [model.status for model in models], "model")
-    for name in _MODEL_NUMBERS:
-        out.add(name, np.array([getattr(m, name) for m in models], dtype=np.float64), "model")
-    for name in _MODEL_COUNTS:
-        out.add(name, np.array([getattr(m, name) for m in models], dtype=np.int64), "model")
-    out.group.attrs["chosen"] = np.int64(found.chosen)
-    out.group.attrs["decided"] = np.int64(found.decided)
-    out.group.attrs["readings"] = np.int64(found.readings)
-
-
-def read_models(file: h5py.File) -> ModelComparison:
-    """The comparison of several models."""
-    group = TableReader(file, MODELS)
-    names = group.texts("model")
-    k = len(names)
-    paths, statuses = group.texts("path", k), group.texts("status", k)
-    numbers = {name: group.floats(name, k).tolist() for name in _MODEL_NUMBERS}
-    counts = {name: group.ints(name, k).tolist() for name in _MODEL_COUNTS if name in group}
-    models = tuple(
-        ModelScore(
-            name=names[i],
-            path=paths[i],
-            status=statuses[i],
-            **{name: column[i] for name, column in {**numbers, **counts}.items()},
-        )
-        for i in range(k)
-    )
-    whole = {name: int(group.attribute(name, float)) for name in ("chosen", "decided", "readings")}
-    return ModelComparison(
-        models=models,
-        chosen=whole["chosen"],
-        decided=bool(whole["decided"]),
-        readings=whole["readings"],
-        sentences=group.texts("sentence"),
     )

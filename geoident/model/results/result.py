@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -21,6 +22,7 @@ from geoident.model.results.reduced import KeptReducedModel
 from geoident.model.results.rivals import Evidence, ModelComparison, Rivals
 from geoident.model.results.surface import SurfaceTable
 from geoident.model.results.varied import FieldEstimate
+from geoident.model.results.yielded import YieldedGround
 from geoident.model.yielding import Certificate
 from geoident.units import shown_unit, size_in
 
@@ -474,6 +476,17 @@ class MemberForces:
     prestress: Floats
 
 
+def fingerprint(identity: str, status: str, objective: float) -> str:
+    """SHA-256 that tells the outcome of a command from others.
+
+    Args:
+        identity: hash of all that it depends on.
+        status: how it ended.
+        objective: the misfit.
+    """
+    return hashlib.sha256(f"{identity} {status} {float(objective)!r}".encode()).hexdigest()
+
+
 @dataclass(frozen=True)
 class Provenance:
     """Where a result comes from.
@@ -490,6 +503,8 @@ class Provenance:
         seconds: that the computation took, NaN if unknown.
         stamp: checksums of the files that it was made from, by which it is known to be up to date
             without reading them as a case; empty where they are not all files.
+        fit_file: path of the fit that it was made from, as seen from its folder; empty for none.
+        fit_fingerprint: `Result.fingerprint` of that fit.
     """
 
     command: str
@@ -504,6 +519,8 @@ class Provenance:
     format: str = ""
     seconds: float = float("nan")
     stamp: str = ""
+    fit_file: str = ""
+    fit_fingerprint: str = ""
 
 
 @dataclass(frozen=True)
@@ -527,6 +544,7 @@ class Result:
         diagnostics: the influence of each of ``gauges.readings`` on a fit, or None.
         members: forces in linings and bolts, or None if there are none.
         reactions: of the supports, or None if they were not asked for.
+        yielded: how far ground yields, or None where nothing can.
         reaction: of the ground around an opening in closed form, or None.
         reduced: a reduced model that was to be kept, or None.
         certificate: what an identification of yield limits can say for itself, or None.
@@ -565,6 +583,7 @@ class Result:
     diagnostics: Diagnostics | None = None
     members: MemberForces | None = None
     reactions: SupportReactions | None = None
+    yielded: YieldedGround | None = None
     reaction: GroundReaction | None = None
     reduced: KeptReducedModel | None = None
     certificate: Certificate | None = None
@@ -577,6 +596,11 @@ class Result:
     backtest: Backtest | None = None
     varied: tuple[FieldEstimate, ...] = ()
     surface: SurfaceTable | None = None
+
+    @property
+    def fingerprint(self) -> str:
+        """Tells this outcome from others, also of the same input: one that was cut short."""
+        return fingerprint(self.provenance.identity, self.status, self.objective)
 
     @cached_property
     def for_people(self) -> Result:

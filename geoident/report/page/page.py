@@ -29,6 +29,7 @@ from geoident.report.page.logo import logo_element
 from geoident.report.text import (
     accuracies,
     backtest,
+    extent,
     posterior,
     rivals,
     structures,
@@ -200,6 +201,7 @@ def _parts(result: Result) -> tuple[PagePart, ...]:
             *_influence(result),
             Figures(tuple(sorted(fit, key=lambda p: p.name not in _SMALL))),
         ),
+        section(extent.NAME, TitledTable(extent.UNITS, extent.extent_table(result.yielded))),
         section(yielding.TITLE, *_yield_planes(result)),
         section(structures.NAME, Figures(pictures.structures)),
         section(
@@ -373,6 +375,8 @@ def _provenance(result: Result) -> Html:
         ("SHA-256 of the mesh", _hash(origin.mesh_sha256)),
         ("SHA-256 of the readings", _hash(origin.readings_sha256)),
         ("identity of the result", _hash(origin.identity)),
+        ("fingerprint of the result", _hash(result.fingerprint)),
+        *([("made from the fit", origin.fit_file)] if origin.fit_file else []),
     ]
     return table(TextTable(("item", "value"), rows))
 

@@ -413,6 +413,21 @@ def _reactions(result: Result) -> CsvTable:
     return CsvTable(names, tuple(rows))
 
 
+def _yielded(result: Result) -> CsvTable:
+    """How far ground yields; areas in plane strain."""
+    names = ("stage", "volume (m3)", "share", "from_excavation (m)", "from_centre (m)")
+    places = tuple(f"{axis}_{end} (m)" for end in ("min", "max") for axis in "xyz")
+    found = result.yielded
+    if found is None:
+        return CsvTable((*names, *places), ())
+    missing = [(0, 0), (0, 3 - found.lower.shape[1])]
+    ends = [np.pad(x, missing, constant_values=math.nan) for x in (found.lower, found.upper)]
+    columns = [found.volume, found.share, found.reach, found.radius]
+    numbers = np.column_stack([*columns, *ends]).tolist()
+    rows = tuple((name, *row) for name, row in zip(found.states, numbers, strict=True))
+    return CsvTable((*names, *places), rows)
+
+
 def _opening(result: Result) -> CsvTable:
     """The stages of a closed form; compression and motions inwards are positive."""
     found = result.reaction
@@ -458,6 +473,7 @@ _TABLES: Mapping[str, Callable[[Result], CsvTable]] = {
     "sensitivity": _sensitivity,
     "structures": _structures,
     "reactions": _reactions,
+    "yielded": _yielded,
     "opening": _opening,
     "ground-reaction": _ground_reaction,
     "opening-stresses": _opening_stresses,

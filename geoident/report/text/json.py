@@ -24,6 +24,7 @@ from geoident.report.text.accuracies import accuracies_list
 from geoident.report.text.backtest import backtest_object
 from geoident.report.text.errors.model_error import model_error_object
 from geoident.report.text.errors.surface import surface_object
+from geoident.report.text.extent import yielded_list
 from geoident.report.text.gauges import (
     by_stage,
     compared_with,
@@ -55,13 +56,16 @@ def _plain(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def result_object(result: Result, *, case: str, output: str) -> dict[str, Any]:
+def result_object(
+    result: Result, *, case: str, output: str, outdated: Sequence[str] = ()
+) -> dict[str, Any]:
     """A result.
 
     Args:
         result: what was found.
         case: path of the case, as seen from here.
         output: path of the result file.
+        outdated: paths of what was made from an earlier fit: of this result, or beside it.
     """
     proof, result = result.certificate, result.for_people
     return {
@@ -79,6 +83,7 @@ def result_object(result: Result, *, case: str, output: str) -> dict[str, Any]:
         "readings": readings_list(result),
         "findings": result.findings,
         "notes": result.notes,
+        **({"outdated": list(outdated)} if outdated else {}),
         "singular_values": result.singular_values,
         "diagnostics": diagnostics_object(result),
         "counts": asdict(result.counts),
@@ -101,6 +106,7 @@ def result_object(result: Result, *, case: str, output: str) -> dict[str, Any]:
         **({"certificate": certificate_object(proof)} if proof is not None else {}),
         **({"structures": structures_list(result.members)} if result.members is not None else {}),
         **({"reactions": reactions_list(result.reactions)} if result.reactions is not None else {}),
+        **({"yielded": yielded_list(result.yielded)} if result.yielded is not None else {}),
         **({"posterior": posterior_object(result)} if result.posterior is not None else {}),
         **({"opening": opening_object(result.reaction)} if result.reaction is not None else {}),
         **({"grid": grid_object(result.grid)} if result.grid is not None else {}),

@@ -15,6 +15,7 @@ from geoident.model.results.summary import Identifiability
 from geoident.report.text import (
     accuracies,
     backtest,
+    extent,
     posterior,
     rivals,
     structures,
@@ -92,6 +93,7 @@ def result_text(result: Result, *, title: str = "") -> str:
         section(prediction_title(result), prediction_table(result).text),
         section(structures.TITLE, structures.force_table(result.members).text),
         section(structures.REACTIONS_TITLE, structures.reaction_table(result.reactions).text),
+        section(extent.TITLE, extent.extent_table(result.yielded).text),
         section("Scan", grid_text(result)),
         backtest.backtest_text(result),
         section("Notes", bullets(result.notes)),
@@ -110,6 +112,7 @@ def summary_text(result: Result) -> str:
         section(f"{accuracies.TITLE}:", accuracies.accuracies_table(result.accuracies).text),
         backtest.backtest_text(result) if result.kind == "backtest" else "",
         sentence(_model_error(result)),
+        sentence(extent.extent_sentence(result.yielded)),
         bullets(result.findings),
     )
     return "\n".join(part for part in parts if part)

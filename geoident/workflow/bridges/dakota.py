@@ -39,9 +39,8 @@ from geoident.model.methods import ModelErrorOptions, SquaredOptions
 from geoident.model.parameter import Parameter
 from geoident.units import in_unit, size_in
 from geoident.workflow.export import ListedFiles, Writer
-from geoident.workflow.running.errors import error_structure
 from geoident.workflow.running.jobs import NO_READINGS, build_model, load_inputs
-from geoident.workflow.running.readings import select_readings
+from geoident.workflow.running.readings import error_structure, select_readings
 from geoident.workflow.simulate import (
     BY_MODEL,
     ComputedBy,
@@ -249,8 +248,7 @@ def _notes(model: CaseModel, used: dict[tuple[str, str], int]) -> Iterator[str]:
         yield f"the priors of {listing(priors)} are left out: least squares of Dakota has none"
     channels = {channel.name: channel for channel in case.channels}
     rows = [(channels[r.channel], r) for r in case.readings if (r.channel, r.stage) in used]
-    structure = error_structure(rows)
-    if structure is not None and structure.columns.nnz:
+    if error_structure(rows).columns.nnz:
         yield "readings share errors, of which Dakota knows only their size"
     if not isinstance(case.fit.loss, SquaredOptions):
         yield "Dakota weighs residuals by their squares; the robust loss of the case is left out"

@@ -35,9 +35,8 @@ from geoident.model.methods import ModelErrorOptions, SquaredOptions
 from geoident.model.parameter import Parameter
 from geoident.units import in_unit, shown_unit, size_in
 from geoident.workflow.export import ListedFiles, Writer
-from geoident.workflow.running.errors import error_structure
 from geoident.workflow.running.jobs import build_model, load_inputs
-from geoident.workflow.running.readings import select_readings
+from geoident.workflow.running.readings import error_structure, select_readings
 from geoident.workflow.simulate import simulated_pairs
 
 NOT_USED = "not_used"
@@ -185,7 +184,7 @@ class _PestFiles:
             (self._channels[pair[0]], by_place[pair]) for pair in pairs
         ]
         structure = error_structure(owners)
-        if structure is None or not structure.columns.nnz:
+        if not structure.columns.nnz:
             return None
         scale = np.array([1.0 / _shown(1.0, channel) for channel, _ in owners])
         B = structure.columns.toarray() / scale[:, None]

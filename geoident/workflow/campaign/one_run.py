@@ -14,6 +14,7 @@ import numpy as np
 
 from geoident.errors import ExitCode, GeoidentError, InputError, Interrupted, ModelError
 from geoident.io.result.file import write_result
+from geoident.io.text.atomic import names_may_be_lost
 from geoident.model.campaign import Campaign
 from geoident.model.results.campaign import (
     FAILED,
@@ -31,9 +32,10 @@ from geoident.workflow.executing.worker import STOP
 from geoident.workflow.fit import fit
 from geoident.workflow.predict import PredictRequest, plan_prediction, predict
 from geoident.workflow.programs.trust import decided_by, trusting
+from geoident.workflow.running.computed import gauge_table
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.jobs import Job, Request, plan_fit, plan_scan, provenance
-from geoident.workflow.running.readings import gauge_table, reading_table
+from geoident.workflow.running.readings import reading_table
 from geoident.workflow.scan import scan
 from geoident.workflow.simulate import ComputedBy, Noise, Simulated, simulate
 
@@ -102,7 +104,7 @@ def compute(task: RunTask, *, remembered: bool = True) -> RunRecord:
     began = time.monotonic()
     decide = trusting(trust=task.trust, permitted=task.permitted)
     try:
-        with decided_by(decide, remembered=remembered):
+        with decided_by(decide, remembered=remembered), names_may_be_lost():
             finished = _COMMANDS[task.campaign.command](task)
         record = _record(task, finished.result, Path(finished.paths[0]).name)
     except Interrupted as error:

@@ -9,14 +9,12 @@ from pathlib import Path
 
 from geoident.errors import Fault, InputError, Location, Term, UsageError
 from geoident.io.result.campaign import (
-    JOURNAL,
-    OVER_ALL,
-    TABLE,
     CampaignHead,
     read_journal,
     write_over_all,
 )
 from geoident.io.text.atomic import atomic_output
+from geoident.io.text.campaign_folder import JOURNAL, OVER_ALL, TABLE
 from geoident.io.text.text_file import STDIN
 from geoident.model.results.campaign import CampaignTable, RunRecord
 from geoident.workflow.running.jobs import versions

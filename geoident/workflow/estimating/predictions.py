@@ -21,8 +21,8 @@ from geoident.model.gauges import Reading, ReadingTable
 from geoident.model.results.result import GaugeTable, Prediction
 from geoident.workflow.estimating.diagnosis import at_used
 from geoident.workflow.estimating.model_error import LaterModelError
-from geoident.workflow.running.errors import ChannelReading, gauge_errors
-from geoident.workflow.running.readings import with_computed
+from geoident.workflow.running.computed import with_computed
+from geoident.workflow.running.readings import ChannelReading, error_structure
 
 
 def predicted_stages(gauges: GaugeTable) -> Bools:
@@ -154,13 +154,13 @@ class KnownErrors:
             (channels[i], Reading(channels[i].name, stages[j].name, None))
             for i, j in places.tolist()
         ]
-        whole = gauge_errors([*self.rows, *later])
+        whole = error_structure([*self.rows, *later])
         if self.model_error is not None:
             pairs = [(reading.channel, reading.stage) for _, reading in later]
             steps = self.model_error.later(pairs)
             whole = self.model_error.fitted.with_later(whole, steps)
         g = len(self.rows)
-        _, shared = whole.rows(np.arange(g)).at(np.zeros(len(whole.names)))
+        _, shared = whole.rows(np.arange(g)).stated
         return replace(self.problem, shared=shared), whole.rows(np.arange(g, g + len(later)))
 
 

@@ -21,6 +21,7 @@ from geoident.model.arrays import Floats
 from geoident.model.case import Case
 from geoident.model.methods import (
     ComplementarityOptions,
+    GaussNewtonOptions,
     MethodOptions,
     ScanOptions,
     SquaredOptions,
@@ -55,17 +56,20 @@ from geoident.workflow.estimating.setup import (
     Setup,
     kept_response,
     problem_of,
-    structure_of_used,
     used_response,
-    used_rows,
 )
 from geoident.workflow.estimating.surface_error import is_steady, with_surface_error
 from geoident.workflow.running.control import OUT_OF_TIME, Control
-from geoident.workflow.running.errors import gauge_errors
-from geoident.workflow.running.evaluation_log import Log, known_nearly, led
-from geoident.workflow.running.readings import (
-    reading_table,
+from geoident.workflow.running.evaluation_log import (
+    CERTAIN,
+    EXACT,
+    Log,
+    known_certainly,
+    known_nearly,
+    led,
+    lent,
 )
+from geoident.workflow.running.readings import error_structure, reading_table, used_rows
 from geoident.workflow.running.reduced_scan import with_reduced_readings
 
 _SURFACES = 4
@@ -97,8 +101,9 @@ def estimated(
 ) -> SearchState:
     """The parameters that meet the readings of a setup, and all that is estimated with them.
 
-    A search that begins where another ended is led by the reduced model, if there is one that is
-    `EXACT` there; the model itself is asked at the end of it.
+    Linearised steps are led by the reduced model wherever that is `CERTAIN`, and a search that
+    begins where another ended wherever it is `EXACT`. The model itself is asked at the end; not by
+    the latter where the reduced model is `CERTAIN`.
 
     Everything that is said of an estimate (assessment, diagnostics, predictions) is computed from
     the problem that comes back.
@@ -123,8 +128,10 @@ def estimated(
     if isinstance(only, ScanOptions) and staged:
         kept = kept_response(setup)
         problem = with_reduced_readings(problem, used_response(setup), only, kept)
-    search = _Search(methods, control)
-    with led(problem.response) if near else nullcontext():
+    search = _Search(methods, control, near)
+    linear = all(isinstance(options, GaussNewtonOptions) for options in methods)
+    exact = EXACT if near else CERTAIN
+    with led(problem.response, exact) if near or linear else nullcontext():
         first = SearchState(setup, problem, search.identified(problem, methods))
     try:
         return search.with_all_errors(first)
@@ -140,10 +147,13 @@ class _Search:
     Args:
         methods: the identifiers to run, one after the other.
         control: progress, budget and stops.
+        near: another fit of the same model has ended near: the model itself need not be asked at
+            the end where the reduced model is `CERTAIN`.
     """
 
     methods: Sequence[MethodOptions]
     control: Control
+    near: bool = False
 
     def identified(self, problem: Problem, methods: Sequence[MethodOptions]) -> Outcome:
         """Run identifiers, one after the other."""
@@ -205,9 +215,7 @@ class _Search:
     def _weighed(self, at: SearchState, case: Case) -> SearchState:
         """The same with the errors of another version of the case, from where it has come."""
         setup, problem, outcome = at
-        structure = structure_of_used(case, setup.readings.used)
-        assert structure is not None  # its readings share errors
-        sd, shared = structure.at(np.zeros(len(structure.names)))
+        sd, shared = error_structure(used_rows(case, setup.readings.used)).stated
         problem = replace(problem, sd=sd, shared=shared).begun_at(outcome.values)
         if isinstance(self.methods[-1], ScanOptions):
             again = self.identified(problem, self.methods)
@@ -224,6 +232,7 @@ class _Search:
         plain = not isinstance(last, ScanOptions) and not _proves(last)
         if not (asked and plain and isinstance(model, StagedModel)) or outcome.status == STOPPED:
             return at._replace(setup=setup.not_asked_of_the_mesh())
+        lent(problem.response, outcome.values)
         found = fitted_mesh(model, problem, setup.readings, outcome, setup.mesh)
         if found is None or not found.counts:
             return at._replace(setup=replace(setup, mesh=found))
@@ -246,6 +255,8 @@ class _Search:
         _, problem, outcome = at
         if outcome.status == STOPPED or not known_nearly(problem.response, outcome.values):
             return at
+        if self.near and known_certainly(problem.response, outcome.values):
+            return at
         again = self.descent(problem.begun_at(outcome.values))
         return at._replace(outcome=after(outcome, again))
 
@@ -259,7 +270,7 @@ class _Search:
         length = correlation_length(case, case.fit.model_error)
         rows = used_rows(case, readings.used)
         pairs = used_pairs(readings)
-        structure = gauge_errors(rows)
+        structure = error_structure(rows)
         search = ModelErrorSearch(
             case.fit.model_error,
             length,
@@ -283,8 +294,8 @@ class _Search:
 
     def _with_accuracies(self, at: SearchState) -> SearchState:
         """The same with the accuracies that the case wants estimated, if it wants any."""
-        structure = structure_of_used(at.setup.case, at.setup.readings.used)
-        if structure is None or not structure.names:
+        structure = error_structure(used_rows(at.setup.case, at.setup.readings.used))
+        if not structure.names:
             return at
         onwards = continued(self.methods)
         found = weighed(
@@ -307,8 +318,7 @@ def _mesh_beside_accuracies(found: Setup, problem: Problem, outcome: Outcome) ->
     mesh, case = found.mesh, found.case
     if mesh is None or mesh.counts or found.accuracies is None or outcome.status == STOPPED:
         return None
-    structure = gauge_errors(used_rows(case, found.readings.used))
-    sd, shared = structure.at(np.zeros(len(structure.names)))
+    sd, shared = error_structure(used_rows(case, found.readings.used)).stated
     accuracy = np.array([channel.accuracy for channel in case.channels], dtype=np.float64)
     estimated = replace(mesh.found, accuracy=accuracy)
     again = replace(problem, sd=sd, shared=shared)

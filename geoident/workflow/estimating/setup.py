@@ -6,17 +6,13 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 
-import numpy as np
-
 from geoident.errors import InputError
 from geoident.forward.protocols import CaseModel
 from geoident.forward.reduced.kept import RestoredModel
 from geoident.forward.reduced.reducible import ReducibleResponse
 from geoident.forward.reduced.response import ReducedResponse
 from geoident.identify import refusals
-from geoident.identify.problem.errors import ErrorStructure
 from geoident.identify.problem.problem import Problem
-from geoident.model.arrays import Bools
 from geoident.model.case import Case
 from geoident.model.gauges import ReadingTable
 from geoident.model.methods import (
@@ -33,15 +29,16 @@ from geoident.workflow.estimating.model_error import (
 )
 from geoident.workflow.executing.looking_ahead import ResponseBeside
 from geoident.workflow.running.control import Control
-from geoident.workflow.running.errors import ChannelReading, error_structure, gauge_errors
 from geoident.workflow.running.evaluation_log import Log, Remembered
 from geoident.workflow.running.jobs import Job, build_model
 from geoident.workflow.running.kept_reduced import restored_for
 from geoident.workflow.running.readings import (
+    error_structure,
     reading_table,
     require_enough,
     select_readings,
     times_of,
+    used_rows,
 )
 from geoident.workflow.running.workers import ModelParts, ModelWorkers
 
@@ -183,11 +180,7 @@ def problem_of(setup: Setup, log: Log, control: Control) -> Problem:
         pairs, times = _asked(setup)
         where = None if setup.workers is None else ResponseBeside(setup.workers, pairs, times)
         response = Remembered(staged, log, before=control.stop.check, elsewhere=where)
-    structure = structure_of_used(case, used)
-    if structure is None:
-        sd, shared = readings.sd[used], None
-    else:
-        sd, shared = structure.at(np.zeros(len(structure.names)))
+    sd, shared = error_structure(used_rows(case, used)).stated
     return Problem(response, readings.value[used], sd, case.parameters, case.fit.loss, shared)
 
 
@@ -224,11 +217,11 @@ def problem_of_result(fit: Result, case: Case, response: Response) -> Problem:
     """
     readings = fit.gauges.readings
     used = readings.used
-    structure = gauge_errors(used_rows(case, used))
+    structure = error_structure(used_rows(case, used))
     found = model_error_of_result(fit, case)
     if found is not None:
         structure = found.with_later(structure)
-    _, shared = structure.at(np.zeros(len(structure.names)))
+    _, shared = structure.stated
     own = (readings.sd if readings.own_sd is None else readings.own_sd)[used]
     return Problem(response, readings.value[used], own, case.parameters, case.fit.loss, shared)
 
@@ -244,20 +237,3 @@ def model_error_of_result(fit: Result, case: Case) -> FittedModelError | None:
         return None
     used = fit.gauges.readings.used
     return of_result(fit.model_error, [channel for channel, _ in used_rows(case, used)], used)
-
-
-def structure_of_used(case: Case, used: Bools) -> ErrorStructure | None:
-    """The errors of the used readings of a case; None where all are independent.
-
-    Args:
-        case: with k readings.
-        used: (k,) which of them.
-    """
-    return error_structure(used_rows(case, used))
-
-
-def used_rows(case: Case, used: Bools) -> tuple[ChannelReading, ...]:
-    """The used readings (k,) of a case with their channels."""
-    channels = {channel.name: channel for channel in case.channels}
-    taken = [reading for reading, flag in zip(case.readings, used, strict=True) if flag]
-    return tuple((channels[reading.channel], reading) for reading in taken)

@@ -91,7 +91,7 @@ def executed(given: Elsewhere) -> str:
         also = "" if given.creep is None else " and time"
         return f"convergence law in distance to the face{also} (Sulem, Panet and Guenot 1987)"
     if isinstance(given, RunTable):
-        return f"the {len(given)} runs of {Path(given.path).name}"
+        return f"the {len(given)} runs of {given.called}"
     if isinstance(given, PythonFunction):
         also = f" and '{given.jacobian}'" if given.jacobian else ""
         return f"the function '{given.name}'{also} of {Path(given.path).name}"

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from geoident.errors import ExitCode, InputError, Interrupted, ModelError, Term, TimeIsUp
+from geoident.fem.solvers.threads import one_thread
 from geoident.identify.hierarchical.arrangement import SectionReadings
 from geoident.identify.hierarchical.search import SectionsStart, fit_sections
 from geoident.io.result.checkpoint import EvaluationLog
@@ -46,6 +47,7 @@ class FinishedProject:
     remarks: tuple[str, ...] = ()
 
 
+@one_thread()
 def fit_project(job: ProjectJob, control: Control) -> FinishedProject:
     """Fit all sections of a project and write the result; keep one that is up to date.
 

@@ -25,9 +25,8 @@ from geoident.workflow.estimating.setup import Setup, problem_of, require_possib
 from geoident.workflow.executing.stop import StopRequest
 from geoident.workflow.executing.worker import STOP
 from geoident.workflow.running.control import Control
-from geoident.workflow.running.errors import total_sd
 from geoident.workflow.running.jobs import build_model, load_inputs
-from geoident.workflow.running.readings import select_readings, times_of
+from geoident.workflow.running.readings import select_readings, times_of, total_sd
 
 PREPARE, EVALUATE, SHARPEN, SHOWN = "prepare", "evaluate", "sharpen", "shown"
 """What a section is asked: its own fit, its readings with derivatives, better derivatives, and all

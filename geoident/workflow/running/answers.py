@@ -23,9 +23,10 @@ from geoident.model.case import Case
 from geoident.model.gauges import ReadingTable
 from geoident.workflow.executing.executor import Executor, in_order
 from geoident.workflow.executing.processes import LocalProcesses
+from geoident.workflow.running.computed import accuracies
 from geoident.workflow.running.control import OUT_OF_TIME, Control
 from geoident.workflow.running.evaluation_log import Log
-from geoident.workflow.running.readings import accuracies, times_of
+from geoident.workflow.running.readings import times_of
 
 _KIND = "answers"
 _SECONDS = 3.0  # of computing that a power failure may cost

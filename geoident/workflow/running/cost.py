@@ -27,6 +27,9 @@ from geoident.model.results.summary import CostEstimate
 _FLOPS = {"multifrontal": 40e9, "cholmod": 25e9, "pardiso": 25e9, "splu": 3e9}
 """Multiplications and additions a second in a factorization: two cores of 2.5 GHz, measured."""
 
+_SINGLE_FLOPS = 120e9
+"""The same of our own solver in single precision, with large fronts."""
+
 _BYTES = {"multifrontal": BYTES, "cholmod": 8.0, "pardiso": 9.0, "splu": 24.0}
 """Memory for an entry of the factor; splu keeps L and U with an index each."""
 
@@ -36,6 +39,7 @@ _ITERATED_BYTES = 40.0
 _PRODUCT_FLOPS = 2.5e9  # a second, in products with sparse matrices
 _ITERATED_COLUMNS = 8  # right-hand sides in `ITERATED`
 _SOLVE_FLOPS = 1.5e9  # a second, in the triangular solves, which wait for the memory
+_MAKING_SECONDS = 3e-5  # an unknown of a finer mesh: its model, order and patterns
 _POINT_SECONDS = 3e-7  # a strain point, stage and column: stresses, forces, their derivatives
 _NEWTON_STEPS = 10  # a stage in which ground yields, from a start that is not near
 _YIELD_SECONDS = 2.5e-6  # a strain point and Newton step: trial stresses to the yield surface
@@ -71,15 +75,16 @@ def estimate_cost(
     nonzeros = max((_nonzeros(model, n) for n in _states(model)), default=0)
     if solver == AUTO:
         solver = picked(FactorSize(most, largest, nonzeros, lasting=once > 0, places=True))
+    single = solver == LARGE and single_pays(0.0 if once else most, largest)
     if solver == BEYOND:
         flops = steps * len(costs) * ITERATED * nonzeros * columns / _ITERATED_COLUMNS
         seconds = flops / _PRODUCT_FLOPS
     else:
-        seconds = flops / _FLOPS[solver] + 4.0 * entries * columns / _SOLVE_FLOPS
+        rate = _SINGLE_FLOPS if single else _FLOPS[solver]
+        seconds = flops / rate + 4.0 * entries * columns / _SOLVE_FLOPS
     seconds += _POINT_SECONDS * points * columns * len(costs)
     if model.yields:
         seconds += _YIELD_SECONDS * points * steps * len(costs)
-    single = solver == LARGE and single_pays(0.0 if once else most, largest)
     size = _BYTES.get(solver, BYTES) * (0.5 if single else 1.0)
     solved = _ITERATED_BYTES * nonzeros if solver == BEYOND else largest * size
     memory = _PROGRAM + solved + _memory_beside(model, columns)
@@ -146,7 +151,10 @@ def _is_beyond(
 
 
 def _iterated(model: StagedModel, cost: CostEstimate, rest: float) -> CostEstimate:
-    """What one evaluation by conjugate gradients costs on a mesh of so many times the nodes."""
+    """What one evaluation by conjugate gradients costs on a mesh of so many times the nodes.
+
+    The making of the model, which serves that one evaluation, is in it: it takes as long.
+    """
     columns, points = 1 + len(model.names), model.discretization.points.n_points
     nonzeros = rest * max((_nonzeros(model, n) for n in _states(model)), default=0)
     each = cost.newton_steps * len(_states(model))
@@ -154,6 +162,7 @@ def _iterated(model: StagedModel, cost: CostEstimate, rest: float) -> CostEstima
     seconds = flops / _PRODUCT_FLOPS + _POINT_SECONDS * rest * points * columns * each
     if model.yields:
         seconds += _YIELD_SECONDS * rest * points * each
+    seconds += _MAKING_SECONDS * rest * max(model.n_dofs, default=0)
     memory = _PROGRAM + _ITERATED_BYTES * nonzeros + rest * _memory_beside(model, columns)
     return replace(cost, solver=BEYOND, factor_flops=flops, memory=memory, seconds=seconds)
 

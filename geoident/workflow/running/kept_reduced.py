@@ -27,9 +27,9 @@ from geoident.model.parameter import Parameter
 from geoident.model.results.reduced import FORM, KeptReducedModel
 from geoident.model.results.result import ParameterTable, Result
 from geoident.workflow.running.answers import readable
+from geoident.workflow.running.computed import accuracies
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.jobs import NO_READINGS, Inputs
-from geoident.workflow.running.readings import accuracies
 from geoident.workflow.running.reduced_answers import CLOSE, MARCHES, reduced_around
 from geoident.workflow.running.result_files import case_path
 

@@ -1,30 +1,48 @@
-"""Readings as a long table: which take part and why not, and what the model says of each.
+"""Readings as a long table: which take part and why not, and what their errors share (theory 7).
 
 From the case to the weighted residual a reading is a row of one `ReadingTable`: the search takes
-the values and standard deviations of the rows that are used, the result holds the whole table.
+the values and errors of the rows that are used, the result holds the whole table.
+
+Shared errors are named by what shares them: the zero of a channel; the head of a gauge, the set-up
+of a survey or a step along a casing at an epoch. An epoch is a day of a stage, or the stage
+where no dates are known.
 """
 
 from __future__ import annotations
 
+import math
 from collections import Counter
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+import scipy.sparse as sp
 
 from geoident.errors import InputError
-from geoident.forward.gauges.instrument_errors import ReadingPlaces
-from geoident.forward.protocols import CaseModel, Survey
-from geoident.identify.problem.problem import HasIncrements, Problem
-from geoident.model.arrays import Bools, Floats, Ints
+from geoident.forward.protocols import CaseModel
+from geoident.identify.problem.errors import ErrorStructure
+from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case
-from geoident.model.gauges import Channel, Reading, ReadingTable, named_channels
-from geoident.model.results.result import GaugeTable
-from geoident.workflow.running.errors import own_sd, total_sd
+from geoident.model.gauges import Channel, ErrorParts, Reading, ReadingTable, named_channels
 
 FLAGGED = "flagged as bad: "
 """Beginning of the reason why a reading that is known to be wrong is not used."""
+
+DAY = 86400.0
+"""Seconds."""
+
+MESH = "mesh"
+"""The error of the mesh: one factor for all readings, and one for each channel."""
+
+SURFACE = "surface"
+"""The errors of response surfaces: independent ones that all readings share."""
+
+ErrorSource = tuple[str | float, ...]
+"""What a shared error is that of, such as ``("zero", "EX1.a5")``."""
+
+ChannelReading = tuple[Channel, Reading]
+"""A reading and its channel."""
 
 
 def select_readings(case: Case, model: CaseModel) -> ReadingTable:
@@ -128,118 +146,6 @@ def times_of(table: ReadingTable, rows: Bools) -> tuple[float | None, ...]:
     return tuple(None if np.isnan(time) else float(time) for time in table.time[rows])
 
 
-def with_computed(
-    readings: ReadingTable, case: Case, model: CaseModel, survey: Survey, p: Floats
-) -> ReadingTable:
-    """The readings with what the model says of each at p, and its derivatives.
-
-    The survey has one value a channel and stage, at the mean of the times of its readings. What
-    drift adds between that and the time of a reading is added here.
-
-    Args:
-        readings: k of them.
-        case: of the model.
-        model: knows the drift.
-        survey: of the model at p.
-        p: (n,) parameters, SI.
-    """
-    place, more = _drift(readings, case, model, p)
-    return replace(
-        readings,
-        computed=survey.computed[place] + more[:, 0],
-        sensitivity=survey.sensitivity[place] + more[:, 1:],
-    )
-
-
-def survey_of_used(
-    readings: ReadingTable, case: Case, model: CaseModel, problem: Problem, p: Floats
-) -> Survey:
-    """What the search knows of the model at p: the readings used, and nothing of the others.
-
-    Args:
-        readings: k of them, of which g are used.
-        case: of the model.
-        model: knows the drift.
-        problem: of the search.
-        p: (n,) parameters, SI, that it has evaluated.
-
-    Raises:
-        TimeIsUp: it has not, and there is no time for it.
-    """
-    v, J = problem.response.evaluate(p)
-    (rows, stages), more = _drift(readings, case, model, p)
-    place, more = (rows[readings.used], stages[readings.used]), more[readings.used]
-    shape = len(case.channels), len(case.stages)
-    computed, sensitivity = np.full(shape, np.nan), np.full((*shape, len(p)), np.nan)
-    computed[place], sensitivity[place] = v - more[:, 0], J - more[:, 1:]
-    response = problem.response
-    steps = response.increments(p) if isinstance(response, HasIncrements) else np.zeros((0, 0))
-    return Survey(computed, sensitivity, None, notes=(NO_TIME_LEFT,), increments=steps)
-
-
-NO_TIME_LEFT = (
-    "No time was left to compute all stages at the answer: the result has the fitted readings "
-    "alone, no predictions, forces and fields."
-)
-
-
-def _drift(
-    readings: ReadingTable, case: Case, model: CaseModel, p: Floats
-) -> tuple[tuple[Ints, Ints], Floats]:
-    """Channels and stages of k readings, and what drift adds at their own times, (k, 1 + n)."""
-    common = ReadingPlaces.of(case, readings.pairs, ())
-    own = replace(common, times=readings.time)
-    values = model.values(p)
-    at_own, at_common = (
-        model.instrument_errors.added(values, model.names, places) for places in (own, common)
-    )
-    return (common.rows, common.states - 1), at_own - at_common  # without the virgin state
-
-
-def gauge_table(case: Case, readings: ReadingTable, computed: Floats) -> GaugeTable:
-    """The channels of a case with their readings, and what the model says at all stages.
-
-    Args:
-        case: the case.
-        readings: all of them.
-        computed: (n_channels, n_stages) SI.
-    """
-    channels = case.channels
-    return GaugeTable(
-        channels=tuple(channel.name for channel in channels),
-        stages=tuple(stage.name for stage in case.stages),
-        computed=computed,
-        first=_points([channel.first for channel in channels], case),
-        second=_points([channel.second for channel in channels], case),
-        readings=readings,
-        gauges=tuple(channel.gauge for channel in channels),
-        dimensions=tuple(channel.dimension for channel in channels),
-        units=tuple(channel.unit for channel in channels),
-        accuracy=np.array([channel.accuracy for channel in channels], dtype=np.float64),
-        errors=tuple(channel.errors for channel in channels),
-    )
-
-
-def _points(points: Sequence[tuple[float, ...] | None], case: Case) -> Floats:
-    none = (np.nan,) * case.analysis.dim
-    table = [point or none for point in points]  # a plain reading is nowhere
-    return np.array(table, dtype=np.float64).reshape(len(table), case.analysis.dim)
-
-
-def accuracies(case: Case) -> Floats:
-    """Standard deviation of a reading of each channel (n_channels, n_stages), SI.
-
-    NaN at the stage at which a channel is zeroed: it reads nothing there.
-    """
-    each = np.array([channel.accuracy for channel in case.channels], dtype=np.float64)
-    zero = [
-        [channel.is_zeroed and channel.zero == stage.name for stage in case.stages]
-        for channel in case.channels
-    ]
-    at_zero = np.array(zero, dtype=np.bool_).reshape(len(case.channels), len(case.stages))
-    return np.where(at_zero, np.nan, each[:, None])
-
-
 def require_enough(case: Case, readings: ReadingTable) -> None:
     """Refuse readings and priors that are fewer than the parameters.
 
@@ -310,3 +216,162 @@ def bad_notes(readings: ReadingTable) -> tuple[str, ...]:
         f"{named_channels(names)} at {stage} {'is' if len(names) == 1 else 'are'} not used, {why}."
         for (stage, why), names in together.items()
     )
+
+
+def used_rows(case: Case, used: Bools) -> tuple[ChannelReading, ...]:
+    """The used readings (k,) of a case with their channels."""
+    channels = {channel.name: channel for channel in case.channels}
+    taken = [reading for reading, flag in zip(case.readings, used, strict=True) if flag]
+    return tuple((channels[reading.channel], reading) for reading in taken)
+
+
+def error_structure(rows: Sequence[ChannelReading]) -> ErrorStructure:
+    """The errors of readings, whether they share any or not.
+
+    Args:
+        rows: readings with their channels.
+    """
+    table = _Table(steps=_steps(rows))
+    for number, row in enumerate(rows):
+        table.add(number, row)
+    return table.structure()
+
+
+def own_sd(channel: Channel, reading: Reading) -> float:
+    """Standard deviation of what a reading has by itself, SI.
+
+    Its own if it has one; that of a mean of n falls with the root of n.
+    """
+    if reading.accuracy is not None:
+        return reading.accuracy
+    size = channel.accuracy if channel.errors is None else channel.errors.reading
+    return size / math.sqrt(reading.count) if reading.count > 1 else size
+
+
+def total_sd(channel: Channel, reading: Reading) -> float:
+    """Standard deviation of a reading with all that it shares, SI."""
+    own = own_sd(channel, reading)
+    if channel.errors is None:
+        return own
+    of_gauge = (
+        size for part, _, size in _shared(channel, reading, {}) if part not in (MESH, SURFACE)
+    )
+    return math.hypot(own, *of_gauge)
+
+
+@dataclass
+class _Table:
+    """Collects the entries of B."""
+
+    steps: Mapping[str, tuple[float, ...]]
+    sources: dict[ErrorSource, int] = field(default_factory=dict)
+    components: dict[str, None] = field(default_factory=dict)
+    of_source: list[str] = field(default_factory=list)
+    entries: list[tuple[int, int, float]] = field(default_factory=list)
+    sd: list[float] = field(default_factory=list)
+    component: list[str] = field(default_factory=list)
+
+    def add(self, number: int, row: ChannelReading) -> None:
+        """Takes a reading."""
+        channel, reading = row
+        self.sd.append(own_sd(channel, reading))
+        estimated = channel.errors is not None and reading.accuracy is None
+        self.component.append(self._component(channel, "reading") if estimated else "")
+        if channel.errors is None:
+            return
+        for part, source, size in _shared(channel, reading, self.steps):
+            if size == 0.0:
+                continue
+            place = self.sources.setdefault(source, len(self.sources))
+            name = self._component(channel, part)
+            if place == len(self.of_source):
+                self.of_source.append(name)
+            # Kinds of gauges that share a set-up need not say the same of its error: that it is
+            # estimated counts, whichever row of a file comes first.
+            known = (self.of_source[place], name)
+            self.of_source[place] = min(filter(None, known), default="")
+            self.entries.append((number, place, size))
+
+    def structure(self) -> ErrorStructure:
+        """All of it."""
+        at = np.array([(i, k) for i, k, _ in self.entries], dtype=np.int64).reshape(-1, 2)
+        size = np.array([size for _, _, size in self.entries], dtype=np.float64)
+        shape = (len(self.sd), len(self.sources))
+        taken = {*self.component, *self.of_source}
+        names = tuple(name for name in self.components if name in taken)
+        numbers = {"": -1} | {name: number for number, name in enumerate(names)}
+        return ErrorStructure(
+            sd=np.array(self.sd, dtype=np.float64),
+            component=np.array([numbers[name] for name in self.component], dtype=np.int64),
+            columns=sp.csr_array((size, (at[:, 0], at[:, 1])), shape=shape),
+            column_component=np.array([numbers[name] for name in self.of_source], dtype=np.int64),
+            names=names,
+        )
+
+    def _component(self, channel: Channel, part: str) -> str:
+        """The component of a part of the error of a channel; empty where its size is given."""
+        name = channel.errors.component(part) if channel.errors else None
+        if name is not None:
+            self.components.setdefault(name)
+        return name or ""
+
+
+def _shared(
+    channel: Channel, reading: Reading, steps: Mapping[str, tuple[float, ...]]
+) -> Iterator[tuple[str, ErrorSource, float]]:
+    """The shared errors of a reading: part, what it is that of, and standard deviation."""
+    parts = channel.errors
+    assert parts is not None
+    few = 1.0 / math.sqrt(reading.epochs)
+    day = -1.0 if reading.time is None else reading.time // DAY
+    yield "zero", ("zero", channel.name), parts.zero
+    for stage, error, doubt in parts.mesh:
+        if stage == reading.stage:
+            yield MESH, (MESH,), error
+            yield MESH, (MESH, channel.name), doubt
+    for stage, sizes in parts.surface:
+        if stage == reading.stage:
+            for number, size in enumerate(sizes):
+                yield SURFACE, (SURFACE, number), size
+    yield from _of_epoch(channel, parts, (reading.stage, day), few, steps)
+    yield from _of_epoch(channel, parts, ("zero at", channel.zero), parts.zero_surveyed, steps)
+
+
+def _of_epoch(
+    channel: Channel,
+    parts: ErrorParts,
+    epoch: ErrorSource,
+    few: float,
+    steps: Mapping[str, tuple[float, ...]],
+) -> Iterator[tuple[str, ErrorSource, float]]:
+    """What a survey shares: of an epoch of readings, or of that of the zero.
+
+    Args:
+        channel: the channel.
+        parts: what its errors are made of.
+        epoch: of the survey.
+        few: part of the errors that is left of a mean of several days.
+        steps: run to the places of its channels, m.
+    """
+    yield "head", ("head", channel.gauge, channel.probe, *epoch), parts.head * few
+    yield (
+        "epoch",
+        ("epoch", parts.survey or channel.gauge, channel.probe, *epoch),
+        parts.epoch * few,
+    )
+    before = 0.0
+    for place in steps.get(channel.run, (channel.along,)):
+        if place > channel.along:
+            break
+        size = parts.along * math.sqrt(place - before) * few
+        yield "along", ("along", channel.run or channel.name, *epoch, place), size
+        before = place
+
+
+def _steps(rows: Sequence[ChannelReading]) -> dict[str, tuple[float, ...]]:
+    """Run to the places of its channels, from the reference end on, m."""
+    found: dict[str, set[float]] = {}
+    for channel, _ in rows:
+        if channel.run:
+            found.setdefault(channel.run, set()).add(channel.along)
+    return {run: tuple(sorted(places)) for run, places in found.items()}

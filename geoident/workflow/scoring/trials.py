@@ -25,14 +25,16 @@ from geoident.workflow.estimating.diagnosis import assess_robustly, opened, para
 from geoident.workflow.estimating.estimate import Estimate, look, predicted
 from geoident.workflow.estimating.predictions import correlations
 from geoident.workflow.estimating.search import estimated
-from geoident.workflow.estimating.setup import Setup, structure_of_used
+from geoident.workflow.estimating.setup import Setup
 from geoident.workflow.executing.looking_ahead import EvaluationArrays
+from geoident.workflow.running.computed import gauge_table
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.evaluation_log import Log, carry_over
 from geoident.workflow.running.readings import (
-    gauge_table,
+    error_structure,
     reading_table,
     require_enough,
+    used_rows,
 )
 from geoident.workflow.scoring.extrapolation import (
     StressLevels,
@@ -137,8 +139,7 @@ def _require_known_accuracies(case: Case, readings: ReadingTable) -> None:
     Raises:
         InputError: they are; a fit can be made, but its bands would be those of an accident.
     """
-    structure = structure_of_used(case, readings.used)
-    sizes = 0 if structure is None else len(structure.names)
+    sizes = len(error_structure(used_rows(case, readings.used)).names)
     used, n = int(np.count_nonzero(readings.used)), len(named_parameters(case))
     if not sizes or used - n >= SPARE * sizes:
         return

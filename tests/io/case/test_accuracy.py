@@ -8,7 +8,7 @@ from geoident.io.case.file import parse_case
 from geoident.io.case.gauges.accuracy import TYPICAL
 from geoident.model.gauges import Reading
 from geoident.workflow.estimating.accuracies import with_accuracies
-from geoident.workflow.running.errors import error_structure
+from geoident.workflow.running.readings import error_structure
 from tests.support.trench import CASE, write_case
 
 X = "anchors: {a: [1 m, 3 m]}, accuracy: 0.01 mm"

@@ -8,7 +8,7 @@ from geoident.errors import InputError
 from geoident.io.readings.file import FORMATS, Format
 from geoident.io.text.dates import read_date
 from geoident.model.gauges import Reading
-from geoident.workflow.running.errors import total_sd
+from geoident.workflow.running.readings import total_sd
 
 DATES = "dates: {heading: 2024-03-01, bench 1: 2024-04-01}\nreadings: "
 

@@ -23,6 +23,7 @@ from geoident.model.results.result import (
     Provenance,
     Result,
 )
+from geoident.model.results.yielded import YieldedGround
 from tests.support.results import wide_gauges
 
 CHANNELS = ("EX1.a5", "EX1.a15", "CV1")
@@ -244,10 +245,22 @@ def make_result(dim: int = 2, *, full: bool = True) -> Result:
             np.array([[1.0, 2.0], [3.0, np.inf], [5.0, 6.0]]),
         ),
         reaction=make_reaction(),
+        yielded=make_yielded(dim),
         reduced=make_reduced(),
         fields=make_fields(plane_mesh() if dim == 2 else solid_mesh()),
         singular_values=np.array([3.0, 1e-9]),
         diagnostics=make_diagnostics(len(gauges.readings)),
+    )
+
+
+def make_yielded(dim: int) -> YieldedGround:
+    """Nothing yields in the first of three states."""
+    size = np.array([0.0, 1.5, 2.5])
+    reach = np.array([np.nan, 0.5, 0.75])
+    ends = np.arange(3.0 * dim).reshape(3, dim)
+    unit = "m2" if dim == 2 else "m3"
+    return YieldedGround(
+        ("virgin", *STAGES), size, size / 10, reach, reach + 1, ends, ends + 1, unit
     )
 
 

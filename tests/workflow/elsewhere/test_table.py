@@ -296,3 +296,41 @@ def test_intervals_hold_the_truth_though_the_surfaces_err(tmp_path, surface, run
 def test_intervals_hold_the_truth_as_often_as_they_say(tmp_path, surface, runs, accuracy):
     found = [covered(tmp_path, surface, runs, accuracy, seed) for seed in range(400)]
     assert 0.93 <= np.mean([inside for inside, _ in found]) <= 0.97
+
+
+CAMPAIGN = """\
+format: geoident-campaign/1
+command: simulate
+case: own.yaml
+variations:
+  sample:
+    count: 40
+    values:
+      parameters.E.start: {from: 1 GPa, to: 50 GPa, scale: log}
+      parameters.K0.start: {from: 0.3, to: 2.85}
+"""
+
+
+def test_a_campaign_of_simulations_is_a_model_whose_fit_is_that_of_the_case(tmp_path):
+    readings = READINGS
+    for name in "HVD":
+        readings = readings.replace(f"\n{name},", f"\n{name}.a,")
+    (tmp_path / "own.yaml").write_text(OWN)
+    (tmp_path / "many.yaml").write_text(CAMPAIGN)
+    case = write_table_case(tmp_path, model=TABLE.replace("runs.csv", "many.batch"))
+    (tmp_path / "readings.csv").write_text(readings)
+    run("batch", tmp_path / "many.yaml", "-j", 1)
+    text = case.read_text()
+    for name in "HVD":
+        text = text.replace(f"  {name}: {{kind", f"  {name}.a: {{kind")
+    case.write_text(text)
+    found, own = fitted(case), fitted(tmp_path / "own.yaml")
+    assert found.status == own.status == "converged"
+    np.testing.assert_allclose(found.parameters.values, own.parameters.values, rtol=1e-2)
+    np.testing.assert_allclose(found.parameters.sd, own.parameters.sd, rtol=0.1)
+    assert found.surface.file == "many.batch"
+    assert found.surface.runs == 40
+    run("report", tmp_path / "case.fit.h5")
+    again = CliRunner().invoke(geoident, ["batch", str(tmp_path / "many.yaml")])
+    assert "40 up to date" in again.output
+    assert "up to date" in CliRunner().invoke(geoident, ["fit", str(case)]).output

@@ -4,18 +4,16 @@ scipy's wrappers copy what is not contiguous and hold Python's lock while they c
 routines stand behind `scipy.linalg.cython_blas` as pointers, as compiled code takes them; called
 through `ctypes` they work on any part of an array in Fortran order, and threads run side by side.
 
-Every call is made with one thread of the BLAS (`one_thread`): what is large is divided here into
-tasks, always the same, so that the numbers do not depend on how many threads there are.
+Every call is made with one thread of the BLAS (`threads.one_thread`): what is large is divided here
+into tasks, always the same, so that the numbers do not depend on how many threads there are.
 """
 
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from functools import lru_cache
 from importlib import import_module
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -155,37 +153,6 @@ class Kernels:
 def kernels(dtype: npt.DTypeLike) -> Kernels:
     """The operations in a precision, made once."""
     return Kernels(dtype)
-
-
-@contextmanager
-def one_thread() -> Iterator[None]:
-    """Within, calls of scipy's BLAS take one thread each, where it can be told so."""
-    library = _library()
-    if library is None:
-        yield
-        return
-    before = int(library.scipy_openblas_get_num_threads())
-    library.scipy_openblas_set_num_threads(1)
-    try:
-        yield
-    finally:
-        library.scipy_openblas_set_num_threads(before)
-
-
-@lru_cache(maxsize=1)
-def _library() -> ctypes.CDLL | None:
-    """OpenBLAS as it comes with scipy's wheel, or None."""
-    package = Path(str(import_module("scipy").__file__)).parent
-    places = (package.parent / "scipy.libs", package / ".dylibs")
-    for path in (found for place in places for found in sorted(place.glob("*openblas*"))):
-        try:
-            library = ctypes.CDLL(str(path))
-            library.scipy_openblas_get_num_threads.restype = ctypes.c_int
-            library.scipy_openblas_set_num_threads.argtypes = [ctypes.c_int]
-        except (OSError, AttributeError):
-            continue
-        return library
-    return None
 
 
 def _routine(module: str, name: str, n_arguments: int) -> _Routine:

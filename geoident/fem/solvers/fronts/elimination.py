@@ -11,10 +11,11 @@ from itertools import pairwise
 import numpy as np
 
 from geoident.fem.solvers.direct import NotPositiveDefinite
-from geoident.fem.solvers.fronts.blas import Dense, Kernels, one_thread
+from geoident.fem.solvers.fronts.blas import Dense, Kernels
 from geoident.fem.solvers.fronts.layout import EliminationPlan, FrontLayout, Runs
 from geoident.fem.solvers.fronts.memory import Memory
 from geoident.fem.solvers.fronts.tasks import Work, run_tasks
+from geoident.fem.solvers.threads import one_thread
 from geoident.model.arrays import Floats, Ints
 
 BLOCK = 1024

@@ -121,16 +121,17 @@ TextLine = Annotated[
     Discriminator(_line_shape),
 ]
 
-WAYS = ("column", "pointer", "dataset", "line", "find", "function")
+WAYS = ("column", "pointer", "dataset", "line", "find", "instructions", "function")
 _WITH = {"row": "column", "index": "dataset", "after": "line", "word": "line", "columns": "line",
-         "occurrence": "find"}  # fmt: skip
+         "occurrence": "find", "observation": "instructions"}  # fmt: skip
 
 
 class OutputSection(Section):
     """How readings are found in what a run of the program leaves.
 
-    In `file`, `column`, `row`, `pointer`, `dataset`, `line` and `find`, `{gauge}`, `{stage}` and
-    `{number}` (of the stage, from 1) stand for those of the reading that is looked for.
+    In `file`, `column`, `row`, `pointer`, `dataset`, `line`, `find` and `observation`, `{gauge}`,
+    `{stage}` and `{number}` (of the stage, from 1) stand for those of the reading that is looked
+    for.
     """
 
     gauges: list[Name] | None = Field(
@@ -183,6 +184,16 @@ class OutputSection(Section):
     )
     occurrence: CountedPlace | None = Field(
         None, description="Text: which match of `find`, from 1; -1 for the last. Default 1."
+    )
+    instructions: Text | None = Field(
+        None,
+        description="Text: an instruction file of PEST (`pif ~`) beside the case.",
+        examples=["opening.ins"],
+    )
+    observation: Text | None = Field(
+        None,
+        description="Name of the observation in `instructions`. Default `{gauge}`.",
+        examples=["{gauge}_{number}"],
     )
     function: Called | None = Field(
         None,
@@ -307,18 +318,24 @@ class TableModelSection(Section):
     """Runs that were made elsewhere: a table, between whose rows a response surface answers.
 
     The first line names the columns: parameters (`E_rock [GPa]`) and readings (`roof [mm]`, of
-    several stages `roof @ heading [mm]`); each further line is a run.
+    several stages `roof @ heading [mm]`); each further line is a run. Or the simulations of a
+    campaign of `geoident batch`.
     """
 
     kind: Literal["table"]
-    file: Text = Field(description="CSV file beside the case.", examples=["runs.csv"])
+    file: Text = Field(
+        description="CSV file beside the case, or the folder of a campaign of simulations.",
+        examples=["runs.csv", "campaign.batch"],
+    )
     surface: Literal["auto", "gaussian-process", "polynomial"] = Field(
         "auto",
         description="Between the runs: a Gaussian process, a polynomial, or for each reading the "
         "one with the smaller leave-one-out error.",
     )
     ignore: list[Text] = Field(
-        [], description="Columns that are neither parameter nor reading; `run` needs no mention."
+        [],
+        description="Columns that are neither parameter nor reading; `run` needs no mention. Of a "
+        "campaign: what varies and is passed over.",
     )
 
 

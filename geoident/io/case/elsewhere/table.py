@@ -11,7 +11,9 @@ import numpy as np
 from geoident.errors import InputError
 from geoident.io.case.elsewhere.section import TableModelSection
 from geoident.io.case.elsewhere.surroundings import Surroundings
-from geoident.io.elsewhere.run_table import ReadRuns, read_run_table
+from geoident.io.elsewhere.run_checks import FoundRuns
+from geoident.io.elsewhere.run_table import read_run_table
+from geoident.io.text.campaign_folder import over_all_of
 from geoident.model.arrays import Floats
 from geoident.model.elsewhere import RunTable
 from geoident.model.parameter import Parameter
@@ -34,43 +36,65 @@ def build_table(section: TableModelSection, around: Surroundings) -> RunTable:
         section: the key ``model``.
         around: what it refers to.
     """
-    faults, before = around.faults, len(around.faults.found)
-    path = around.find(section.file, ("model", "file"))
+    over_all = over_all_of(around.folder / section.file)
+    empty = np.zeros((0, 0)), np.zeros((0, 0, 0))
+    path = str(over_all or around.folder / section.file)
+    table = RunTable(path, section.surface, (), *empty, campaign=over_all is not None)
     asked = {name: p for name, p in around.parameters.items() if name not in around.tied}
-    found: ReadRuns | None = None
-    if len(faults.found) == before:
-        try:
-            found, wrong = read_run_table(
-                path, asked, around.channels, around.stages, section.ignore
-            )
-            faults.extend(wrong)
-        except InputError as error:
-            faults.extend(error.faults)
+    found = _found(section, table, asked, around)
     if found is None:
-        return RunTable(path, section.surface, (), np.zeros((0, 0)), np.zeros((0, 0, 0)))
-    _check_complete(found, asked, around, Path(path).name)
-    notes = found.notes
-    if len(found.values) < FEW * len(found.names):
+        return table
+    around.faults.extend(found.faults)
+    if found.named is not None:
+        _check_complete(found.named, asked, around, table)
+    runs = found.runs
+    if runs is None:
+        return table
+    notes = runs.notes
+    if len(runs.values) < FEW * len(runs.names):
         notes += (
-            f"{len(found.values)} runs are few for {len(found.names)} parameters: "
-            f"{FEW * len(found.names)} and more make a good response surface",
+            f"{len(runs.values)} runs are few for {len(runs.names)} parameters: "
+            f"{FEW * len(runs.names)} and more make a good response surface",
         )
-    table = RunTable(path, section.surface, found.names, found.values, found.readings, notes)
-    return replace(table, notes=(*table.notes, *_check_bounds(table, around)))
+    table = replace(table, names=runs.names, values=runs.values, readings=runs.readings)
+    return replace(table, notes=(*notes, *_check_bounds(table, around)))
+
+
+def _found(
+    section: TableModelSection,
+    table: RunTable,
+    asked: dict[str, Parameter],
+    around: Surroundings,
+) -> FoundRuns | None:
+    """What the file of a table has for a case; None where it cannot be read."""
+    known = asked, around.channels, around.stages, section.ignore
+    try:
+        if table.campaign:
+            # with it comes h5py, which no other case waits for
+            from geoident.io.elsewhere.campaign_runs import read_campaign_runs  # noqa: PLC0415
+
+            return read_campaign_runs(Path(table.path), *known)
+        before = len(around.faults.found)
+        path = around.find(section.file, ("model", "file"))
+        return None if len(around.faults.found) > before else read_run_table(path, *known)
+    except InputError as error:
+        around.faults.extend(error.faults)
+        return None
 
 
 def _check_complete(
-    found: ReadRuns, asked: dict[str, Parameter], around: Surroundings, file: str
+    named: frozenset[str], asked: dict[str, Parameter], around: Surroundings, table: RunTable
 ) -> None:
     """Every parameter and every gauge has a column."""
+    where = f"is not in {table.called}" if table.campaign else f"has no column in {table.called}"
     for name in asked:
-        if name not in found.names:
-            message = f"the parameter '{name}' has no column in {file}"
+        if name not in named:
+            message = f"the parameter '{name}' {where}"
             hint = "Add it, with what each run was made with, or remove the parameter."
             around.faults.add(("parameters", name), "no-column", message, hint, key=True)
-    for j, channel in enumerate(around.channels):
-        if np.isnan(found.readings[:, :, j]).all():
-            message = f"'{channel.name}' has no column in {file}"
+    for channel in around.channels:
+        if channel.name not in named:
+            message = f"'{channel.name}' {where}"
             hint = "Add it, with what each run gave, or remove the gauge."
             around.faults.add(("gauges", channel.name), "no-column", message, hint, key=True)
 
@@ -89,7 +113,7 @@ def _check_bounds(table: RunTable, around: Surroundings) -> list[str]:
         if float(beyond.max()) > allowed + 1e-9:
             end = int(np.argmax(beyond))
             bound = _shown((parameter.lower, parameter.upper)[end], parameter)
-            message = f"the bound {bound} is beyond the runs of {Path(table.path).name}, "
+            message = f"the bound {bound} is beyond the runs of {table.called}, "
             message += f"which go from {least} to {most}"
             hint = f"Write 'bounds: [{least}, {most}]', or add runs beyond them."
             path = ("parameters", name, "bounds", end)

@@ -9,11 +9,11 @@ change inside a stage, in which nothing is said to happen.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
-from typing import Protocol
 
+from geoident.io.case.site_files.assignment import DAY, Calendar
 from geoident.io.text.dates import date_text
 from geoident.model.case import VIRGIN
 from geoident.model.gauges import Reading, StageReadings
@@ -22,59 +22,20 @@ from geoident.units import DIMENSIONS, in_unit
 STRONG = 4.0
 """A change inside a stage is strong from this many standard deviations of a difference of two
 readings on; errors alone exceed it once in 16 000 channels and stages."""
-_DAY = 86400.0  # s
 
 
-class StageDates(Protocol):
-    """Stages, their dates, and what their channels read."""
-
-    @property
-    def stages(self) -> tuple[str, ...]:
-        """Names, the virgin state first."""
-
-    @property
-    def dates(self) -> Mapping[str, float]:
-        """Stage to seconds since 1970."""
-
-    @property
-    def zeros(self) -> Mapping[str, str]:
-        """Channel to the stage at whose end it reads zero."""
-
-    @property
-    def dimensions(self) -> Mapping[str, str]:
-        """Channel to the dimension of its readings."""
-
-    def accuracy(self, reading: Reading) -> float | None:
-        """Standard deviation of a reading, SI; None where its channel is unknown."""
-
-
-@dataclass(frozen=True)
-class DatedReading:
-    """A good reading with a date, as it stands in a file.
-
-    Args:
-        stage: to which it was given.
-        time: seconds since 1970.
-        reading: itself.
-    """
-
-    stage: str
-    time: float
-    reading: Reading
-
-
-def when_read(dated: Sequence[DatedReading], calendar: StageDates) -> tuple[StageReadings, ...]:
+def when_read(dated: Sequence[Reading], calendar: Calendar) -> tuple[StageReadings, ...]:
     """When the readings of each stage were taken; none where no reading has a date.
 
     The virgin state is shown if readings were taken before the first stage was complete.
 
     Args:
-        dated: the readings of all files.
+        dated: the good readings of all files that have a date, with their stages.
         calendar: stages and dates.
     """
     if not dated:
         return ()
-    together: dict[str, list[DatedReading]] = {}
+    together: dict[str, list[Reading]] = {}
     for row in dated:
         together.setdefault(row.stage, []).append(row)
     return tuple(
@@ -82,10 +43,10 @@ def when_read(dated: Sequence[DatedReading], calendar: StageDates) -> tuple[Stag
             stage=stage,
             complete=calendar.dates.get(stage),
             number=len(rows),
-            channels=len({row.reading.channel for row in rows}),
-            first=min((row.time for row in rows), default=None),
-            last=max((row.time for row in rows), default=None),
-            between=sum(_between(row.stage, row.time, calendar) for row in rows),
+            channels=len({row.channel for row in rows}),
+            first=min(map(_time, rows), default=None),
+            last=max(map(_time, rows), default=None),
+            between=sum(_between(row.stage, _time(row), calendar) for row in rows),
         )
         for stage in calendar.stages
         for rows in (together.get(stage, []),)
@@ -94,15 +55,15 @@ def when_read(dated: Sequence[DatedReading], calendar: StageDates) -> tuple[Stag
 
 
 def gaps(
-    dated: Sequence[DatedReading],
+    dated: Sequence[Reading],
     by_stage: Sequence[StageReadings],
-    calendar: StageDates,
+    calendar: Calendar,
     counting: Sequence[Reading],
 ) -> list[str]:
     """What looks wrong with the dates, in sentences.
 
     Args:
-        dated: the readings of all files.
+        dated: the good readings of all files that have a date, with their stages.
         by_stage: as `when_read` found them.
         calendar: stages and dates.
         counting: the readings that are left when several of a stage are made into one.
@@ -114,13 +75,13 @@ def gaps(
     return found
 
 
-def _next(stage: str, calendar: StageDates) -> str | None:
+def _next(stage: str, calendar: Calendar) -> str | None:
     """The next stage that has a date."""
     later = calendar.stages[calendar.stages.index(stage) + 1 :]
     return next((name for name in later if name in calendar.dates), None)
 
 
-def _between(stage: str, time: float, calendar: StageDates) -> bool:
+def _between(stage: str, time: float, calendar: Calendar) -> bool:
     """Whether a reading is nearer to the end of the next stage than to that of its own."""
     after = _next(stage, calendar) if stage in calendar.stages else None
     if after is None or stage not in calendar.dates:
@@ -130,7 +91,7 @@ def _between(stage: str, time: float, calendar: StageDates) -> bool:
 
 def _without_readings(
     by_stage: Sequence[StageReadings],
-    calendar: StageDates,
+    calendar: Calendar,
     counting: Sequence[Reading],
 ) -> list[str]:
     """Stages with a date, or before others that were read, of which no reading counts."""
@@ -151,7 +112,7 @@ def _without_readings(
     return found
 
 
-def _between_stages(calendar: StageDates, counting: Sequence[Reading]) -> list[str]:
+def _between_stages(calendar: Calendar, counting: Sequence[Reading]) -> list[str]:
     """Readings that count for a stage, but were taken shortly before the next one was complete."""
     found = []
     for stage in calendar.stages:
@@ -164,7 +125,7 @@ def _between_stages(calendar: StageDates, counting: Sequence[Reading]) -> list[s
         after = _next(stage, calendar) if late else None
         if after is None:
             continue
-        days = (calendar.dates[after] - max(late)) / _DAY
+        days = (calendar.dates[after] - max(late)) / DAY
         number = "reading, taken" if len(late) == 1 else "readings, taken"
         found.append(
             f"'{stage}' counts {len(late)} {number} {_period(late)}, between its end "
@@ -175,16 +136,16 @@ def _between_stages(calendar: StageDates, counting: Sequence[Reading]) -> list[s
     return found
 
 
-def _changing(stage: str, rows: Sequence[DatedReading], calendar: StageDates) -> list[str]:
+def _changing(stage: str, rows: Sequence[Reading], calendar: Calendar) -> list[str]:
     """The sentence on channels that change strongly inside a stage, if there are any."""
-    together: dict[str, list[DatedReading]] = {}
+    together: dict[str, list[Reading]] = {}
     for row in rows:
-        together.setdefault(row.reading.channel, []).append(row)
+        together.setdefault(row.channel, []).append(row)
     strong: dict[str, float] = {}
     several = 0
     for channel, series in together.items():
-        series.sort(key=lambda row: row.time)
-        sd = calendar.accuracy(replace(series[0].reading, count=1))
+        series.sort(key=_time)
+        sd = calendar.accuracy(replace(series[0], count=1))
         if len(series) < 2 or not sd:
             continue
         several += 1
@@ -205,17 +166,24 @@ def _changing(stage: str, rows: Sequence[DatedReading], calendar: StageDates) ->
     where = f"Inside '{stage}'" if stage != VIRGIN else "Before the first stage was complete"
     step_text = ""
     if len(read) > 2:
-        step_text = f", {step} of it between {date_text(before.time)} and {date_text(after.time)}"
+        step_text = (
+            f", {step} of it between {date_text(_time(before))} and {date_text(_time(after))}"
+        )
+    since, until = (date_text(_time(row)) for row in (read[0], read[-1]))
     return [
         f"{where} {who} {verb} by more than {STRONG:g} standard deviations of a difference of two "
-        f"readings, most {worst}: {change} from {date_text(read[0].time)} to "
-        f"{date_text(read[-1].time)}{step_text}. Nothing is built in between, as the case has it: "
-        "check the dates of the stages."
+        f"readings, most {worst}: {change} from {since} to {until}{step_text}. "
+        "Nothing is built in between, as the case has it: check the dates of the stages."
     ]
 
 
-def _value(row: DatedReading) -> float:
-    return row.reading.value or 0.0
+def _value(row: Reading) -> float:
+    return row.value or 0.0
+
+
+def _time(row: Reading) -> float:
+    assert row.time is not None  # it is one with a date
+    return row.time
 
 
 def _shown(value: float, dimension: str) -> str:

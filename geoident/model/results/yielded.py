@@ -1,0 +1,45 @@
+"""How far ground yields: area or volume, reach from what was excavated, stage by stage."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from geoident.model.arrays import Floats
+
+
+@dataclass(frozen=True)
+class YieldedGround:
+    """Ground that yields in a state or did in those that it builds on, as far as it is there.
+
+    Places are those of strain points, so distances are known to about half an element.
+
+    Args:
+        states: (k) names of the states, the virgin state first.
+        volume: (k,) m2 in plane strain (m3 per metre), else m3, about an axis of the whole
+            circumference.
+        share: (k,) part of the ground that is there and can yield.
+        reach: (k,) largest distance from the outline of what was excavated so far, m; NaN where
+            nothing yields or nothing was excavated.
+        radius: (k,) largest distance from the centre of that outline, m; NaN also where the
+            outline is no circle.
+        lower: (k, dim) least coordinates, m; NaN where nothing yields.
+        upper: (k, dim) largest coordinates, m.
+        unit: of the volume, ``m2`` or ``m3``.
+    """
+
+    states: tuple[str, ...]
+    volume: Floats
+    share: Floats
+    reach: Floats
+    radius: Floats
+    lower: Floats
+    upper: Floats
+    unit: str = "m3"
+
+    @property
+    def most(self) -> int | None:
+        """The state in which most has yielded; None where nothing does."""
+        known = np.nan_to_num(self.volume)
+        return int(known.argmax()) if known.any() else None

@@ -1,0 +1,144 @@
+"""How far ground yields, in numbers: against the closed form of an opening, and at a flat wall."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from support.cases import displacement, model, rollers
+from support.meshes import box, regroup
+from support.yielding import NOTHING, Cavity, constant, mohr, rock
+
+from geoident.forward.openings.closed_forms import Opening, PlasticState, Rock, mohr_coulomb
+from geoident.forward.yielding.extent import circle_centre
+from geoident.model.case import Stage
+from geoident.model.dual import Dual
+from geoident.model.parameter import Scalar
+from geoident.report.text.extent import extent_sentence, extent_table, yielded_list
+
+CAVITY, C, PHI = Cavity(), 3.45e6, np.pi / 6
+
+
+def plastic_radius(released: float) -> float:
+    def number(x: float) -> Dual:
+        return Dual(np.array([x]))
+
+    stress = number(CAVITY.pressure)
+    ground = Rock(number(CAVITY.E), number(CAVITY.nu), stress, stress)
+    strength = mohr_coulomb(number(C), number(PHI), number(0.0))
+    state = Opening(CAVITY.radius, ground, strength).under((1.0 - released) * stress)
+    return float(state.plastic_radius.value) if isinstance(state, PlasticState) else 1.0
+
+
+def test_plastic_radius_and_area_of_an_opening():
+    stages = (
+        Stage("half", excavate=("core",), release={"core": Scalar(0.8)}),
+        Stage("whole", release={"core": Scalar(1.0)}),
+    )
+    mesh = CAVITY.mesh("quad8", n=4, layers=60, reach=40)
+    staged = CAVITY.staged(mesh, mohr(C, PHI, psi=0.0), stages=stages)
+    found = staged.survey(NOTHING, fields=True).yielded
+    assert found.states == ("virgin", "half", "whole")
+    assert found.unit == "m2"
+    assert (found.volume[0], found.share[0]) == (0.0, 0.0)
+    assert np.isnan([found.reach[0], found.radius[0], *found.lower[0]]).all()
+    for k, released in ((1, 0.8), (2, 1.0)):
+        radius = plastic_radius(released)
+        assert radius > 1.05
+        assert found.radius[k] == pytest.approx(radius, rel=0.025)
+        assert found.reach[k] == pytest.approx(found.radius[k] - 1.0, abs=3e-3)
+        assert found.volume[k] == pytest.approx(np.pi / 4 * (radius**2 - 1.0), rel=0.06)
+        np.testing.assert_allclose(found.upper[k], found.radius[k], rtol=0.01)
+    assert found.most == 2
+    said = extent_sentence(found)
+    assert said.startswith("Yielded ground: ")
+    assert f"at stage 'whole', up to {found.radius[2]:.3g} m from the centre." in said
+    table = extent_table(found)
+    assert [row[0] for row in table.rows] == ["half", "whole"]
+    assert table.header == (
+        "stage", "m2", "of the ground", "from the wall", "from the centre", "x", "y"
+    )  # fmt: skip
+    listed = yielded_list(found)
+    assert listed[0] == {
+        "stage": "virgin", "volume": 0.0, "share": 0.0, "from_excavation": None,
+        "from_centre": None, "lower": [None, None], "upper": [None, None],
+    }  # fmt: skip
+    assert listed[2]["from_centre"] == pytest.approx(found.radius[2])
+
+
+def pit(**changes):
+    """Ground of 4 m by 4 m, the upper half in the strata of 'soil'; the right of it is dug."""
+    mesh = regroup(
+        box("quad8", (4, 4), size=(4.0, 4.0)),
+        dug=lambda c: (c[:, 1] > 2) & (c[:, 0] > 2),
+        soil=lambda c: c[:, 1] > 2,
+    )
+    settings = {
+        "materials": {
+            "soil": rock(3e7, 0.3, mohr(3.5e3, 0.3), name="soil"),
+            "rock": rock(3e9, 0.3, mohr(1e8, 0.3), name="rock"),
+        },
+        "groups": {"dug": "soil", "soil": "soil", "rock": "rock"},
+        "supports": rollers(2),
+        "in_situ": constant(-1e4, -1e4, -1e4),
+        "stages": (Stage("dig", excavate=("dug",)),),
+    }
+    return model(mesh, **(settings | changes))
+
+
+def test_a_flat_wall_has_a_reach_but_no_centre():
+    found = pit().survey(NOTHING, fields=True).yielded
+    assert found.volume[1] > 0.1
+    assert np.isnan(found.radius[1])
+    assert found.reach[1] == pytest.approx(2.0 - found.lower[1, 0], abs=1e-9)
+    able = 4.0 * 4.0 - 4.0
+    assert found.share[1] == pytest.approx(found.volume[1] / able)
+    assert "m from the excavation." in extent_sentence(found)
+    assert "from the centre" not in extent_table(found).header
+
+
+def test_what_cannot_yield_is_not_asked():
+    elastic = {
+        "soil": rock(3e7, 0.3, name="soil"),
+        "rock": rock(3e9, 0.3, name="rock"),
+    }
+    staged = pit(materials=elastic)
+    assert staged.survey(NOTHING, fields=True).yielded is None
+    assert pit().survey(NOTHING, fields=False).yielded is None
+    assert extent_sentence(None) == ""
+    assert extent_table(None).text == ""
+
+
+def test_what_was_placed_anew_has_not_yielded():
+    again = (
+        Stage("dig", excavate=("dug",)),
+        Stage("renew", install={"soil": "rock"}),
+    )
+    found = pit(stages=again).survey(NOTHING, fields=True).yielded
+    assert found.volume[1] > 0.1
+    assert found.volume[2] == 0.0
+
+
+def test_a_stage_that_collapses_has_no_numbers():
+    weak = {
+        "soil": rock(3e7, 0.3, mohr(10.0, 0.01), name="soil"),
+        "rock": rock(3e9, 0.3, mohr(1e8, 0.3), name="rock"),
+    }
+    stages = (Stage("wait"), Stage("dig", excavate=("dug",)))
+    corner = displacement("D", (0.0, 4.0), (0.0, -1.0))
+    staged = pit(materials=weak, stages=stages, channels=(corner,))
+    survey = staged.survey(NOTHING, fields=True, partial=True)
+    assert len(survey.collapses) == 1
+    assert np.isnan(survey.yielded.volume[2])
+    assert survey.yielded.most is None
+
+
+def test_circles_are_told_from_other_outlines():
+    angle = np.linspace(0.0, np.pi / 2, 12)
+    arc = np.array([3.0, -1.0]) + 2.0 * np.column_stack([np.cos(angle), np.sin(angle)])
+    np.testing.assert_allclose(circle_centre(arc), [3.0, -1.0], atol=1e-12)
+    assert circle_centre(arc[:5]) is None
+    flat = np.column_stack([np.linspace(0, 1, 12), np.zeros(12)])
+    assert circle_centre(flat) is None
+    assert circle_centre(flat + [0.0, 1e-9] * np.arange(12)[:, None] ** 2) is None
+    square = np.array([[x, y] for x in np.linspace(-1, 1, 9) for y in (-1.0, 1.0)])
+    assert circle_centre(square) is None
