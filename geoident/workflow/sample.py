@@ -26,7 +26,13 @@ from geoident.io.result.file import read_result
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.parameter import Parameter
 from geoident.model.results.posterior import LEVELS, PosteriorDraws
-from geoident.model.results.result import Counts, ParameterTable, Prediction, Result
+from geoident.model.results.result import (
+    Counts,
+    ParameterTable,
+    Prediction,
+    Provenance,
+    Result,
+)
 from geoident.workflow.estimating.estimate import known_errors
 from geoident.workflow.estimating.fields import drawn_fields, require_same_modes
 from geoident.workflow.estimating.finished import Finished, evaluation_log, job_at_hand, write
@@ -54,6 +60,7 @@ from geoident.workflow.running.jobs import (
     build_model,
     inputs_of_result,
     job_provenance,
+    of_fit,
 )
 from geoident.workflow.running.kept_reduced import restored_of, spread_around
 from geoident.workflow.running.outputs import require_free, standing, target
@@ -144,7 +151,7 @@ def plan_sample(request: SampleRequest) -> SampleTask:
     fit, inputs = fit_and_inputs(request.result)
     place = target(request.result, "sample", output=request.output)
     wish = request.wish
-    purpose = f"sample {fit.provenance.identity} {wish.draws} {wish.effective} {wish.evaluations}"
+    purpose = f"sample {fit.fingerprint} {wish.draws} {wish.effective} {wish.evaluations}"
     identity = inputs.identity(purpose, (), seed=request.seed)
     asked = Request(
         case=request.result,
@@ -330,6 +337,11 @@ class _Found:
     places: Ints
     led: ReducedAnswers | None
 
+    def _provenance(self) -> Provenance:
+        task = self.task
+        found = job_provenance(task.job)
+        return of_fit(found, task.fit, task.request.result, task.job.place.path)
+
     def result(self) -> Result:
         fit, case = self.task.fit, self.setup.case
         posterior = self._posterior()
@@ -346,7 +358,7 @@ class _Found:
             reason=reason,
             findings=(*_findings(table), *fit.findings),
             notes=(*granted(fit, case.parameters), *self._led(), *case.notes),
-            provenance=job_provenance(self.task.job),
+            provenance=self._provenance(),
             parameters=table,
             counts=self._counts(),
             prediction=self._prediction(posterior),

@@ -479,6 +479,19 @@ def provenance(
     )
 
 
+def of_fit(found: Provenance, fit: Result, path: str, output: Path) -> Provenance:
+    """A provenance with the fit that a result was made from.
+
+    Args:
+        found: the provenance.
+        fit: the fit.
+        path: of its file.
+        output: path of the result.
+    """
+    seen = seen_from(output.parent, path)
+    return replace(found, fit_file=seen, fit_fingerprint=fit.fingerprint)
+
+
 def job_provenance(job: Job) -> Provenance:
     """The provenance of the result of a job."""
     found = provenance(

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm, truncnorm
 
-from geoident.identify.assessment.posterior import NormalMixture, cut_normal
+from geoident.identify.assessment.posterior import NormalMixture, _midpoints, cut_normal
 from geoident.identify.assessment.uncertainty import assess, predict_band
 from geoident.identify.problem.problem import Problem
 from geoident.model.parameter import Parameter
@@ -159,3 +159,17 @@ def test_a_direction_does_not_fall_between_two_spectra():
     band = predict_band(known, np.array([[0.0, 1.0]]), np.array([0.01]))
     # within its bounds the second is not known at all, so hardly less than evenly spread
     assert band.sd[0] >= 0.8 / np.sqrt(12.0)
+
+
+@pytest.mark.parametrize(("low", "high"), [(-1.0, 2.0), (0.5, 0.7), (-9.0, 1.5), (-3.0, 40.0)])
+def test_slices_between_bounds_fill_them_and_weigh_by_the_normal_density(low, high):
+    """Ends at a bound that is near; where it is far, where hardly any probability is left."""
+    part = (np.arange(50) + 0.5) / 50
+    y, logs = _midpoints(low, high, part)
+    law = truncnorm(low, high)
+    first, last = law.ppf([1e-8, 1.0 - 1e-8])
+    first = low if low > first - 0.1 * (last - first) else first
+    last = high if high < last + 0.1 * (last - first) else last
+    assert ((first == low), (last == high)) == (low > -9.0, high < 40.0)
+    np.testing.assert_allclose(y, first + part * (last - first), atol=1e-7)
+    np.testing.assert_allclose(logs - logs[0], norm.logpdf(y) - norm.logpdf(y[0]), atol=1e-12)

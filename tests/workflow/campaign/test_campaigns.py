@@ -243,3 +243,58 @@ def test_faults_of_runs_are_said_where_they_are_written(here):
     (fault,) = caught.value.faults
     assert (fault.location.file, fault.location.line) == ("campaign.yaml", 3)
     assert "E_rock" in fault.hint
+
+
+WRONG = """tytle: what if
+set: {parameters.E_rok.start: 1 GPa}
+variations:
+  product:
+    parameters.E_rock.strt: [1 GPa, 2 GPa]
+    materials.rock.nu: [0.2, 0.7]
+    in_situ.sigma: [1 MPa]
+    gauges[0: [1]"""
+
+
+def places_of(text):
+    with pytest.raises(InputError) as caught:
+        plan_campaign(write(text))
+    return [(f.location.line, f.location.column, f.code) for f in caught.value.faults]
+
+
+def test_all_that_is_wrong_in_a_campaign_and_in_its_runs_is_said_at_once(here):
+    assert places_of(WRONG) == [
+        (3, 1, "unknown-key"),
+        (4, 31, "bad-override"),
+        (7, 30, "unknown-key"),
+        (8, 30, "out-of-range"),
+        (9, 21, "unknown-key"),
+        (10, 5, "bad-override"),
+    ]
+
+
+def test_names_of_runs_and_a_wrong_command_hide_nothing(here):
+    runs = "variations: {rows: [{run: a/b, materials.rock.nu: 0.7}, {run: a}, {run: A}]}"
+    assert places_of(f"command: simulat\nnoise: true\n{runs}") == [
+        (3, 10, "not-listed"),
+        (5, 21, "bad-name"),
+        (5, 51, "out-of-range"),
+        (5, 67, "same-run"),
+    ]
+
+
+def test_faults_of_the_base_case_are_said_once_beside_those_of_runs(here):
+    Path("case.yaml").write_text(Path("case.yaml").read_text().replace("K0: 1.0", "K1: 1.0"))
+    with pytest.raises(InputError) as caught:
+        plan_campaign(write("variations: {product: {materials.rock.nu: [0.2, 0.7]}}"))
+    found = [(f.location.file, f.code) for f in caught.value.faults]
+    own = [("case.yaml", "missing-key"), ("case.yaml", "unknown-key")]
+    assert found == [("campaign.yaml", "out-of-range"), *own]
+
+
+def test_of_a_campaign_without_a_case_its_own_faults_are_said(here):
+    Path("none.yaml").write_text(
+        "format: geoident-campaign/1\nvariations: {product: {a: [1]}, b: 2}"
+    )
+    with pytest.raises(InputError) as caught:
+        plan_campaign("none.yaml")
+    assert [fault.code for fault in caught.value.faults] == ["missing-key", "unknown-key"]
