@@ -229,7 +229,7 @@ class Run:
         self.traces: list[ElasticTrace] = []
         n_strain = systems.discretization.points.n_strain
         self._ground = GroundAt(march.on_mesh, point, n_strain)
-        record = ActivityRecord(self._ground.yield_planes(), march.case.stage_names[1:])
+        record = ActivityRecord(self._ground.yield_limits(), march.case.stage_names[1:])
         self._plastic_findings = PlasticFindings(record)
         self._plastic = PlasticSteps(
             march.case, systems, march.warm, self._plastic_findings, explain=options.explain
