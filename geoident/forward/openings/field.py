@@ -60,8 +60,8 @@ def unsuitable(case: Case, material: str, *, has_mesh: bool) -> str | None:
         return NO_SECTION
     if not isinstance(ground.elastic, Isotropic):
         return f"'{material}' is not isotropic"
-    if (strength := _unsuitable_strength(ground)) is not None:
-        return strength
+    if why := _unknown_limit(ground):
+        return why
     if ground.fields or ground.growths:
         return f"'{material}' varies from place to place"
     if case.in_situ_of:
@@ -69,12 +69,13 @@ def unsuitable(case: Case, material: str, *, has_mesh: bool) -> str | None:
     return None if has_mesh else _needs_mesh(in_situ)
 
 
-def _unsuitable_strength(ground: Material) -> str | None:
-    known = all(isinstance(s, MohrCoulomb | HoekBrown) for s in ground.yields)
-    if len(ground.yields) > 1 or not known:
+def _unknown_limit(ground: Material) -> str | None:
+    """Why there is no closed form of how a material yields, a clause, or None if there is one."""
+    of_one = all(isinstance(s, MohrCoulomb | HoekBrown) for s in ground.yields)
+    if len(ground.yields) > 1 or not of_one:
         return f"'{ground.name}' has other yield limits than one of Mohr-Coulomb or Hoek-Brown"
     if any(isinstance(s, HoekBrown) and s.dilation is None for s in ground.yields):
-        return f"'{ground.name}' flows along the normals of Hoek-Brown, without a dilation angle"
+        return f"'{ground.name}' flows along the normals of Hoek-Brown; with 'dilation' it has one"
     return None
 
 

@@ -12,7 +12,8 @@ from geoident.forward.openings.closed_forms import (
     GroundState,
     Opening,
     Rock,
-    WallStrength,
+    WallLimit,
+    flow_slope,
     mohr_coulomb,
 )
 from geoident.forward.openings.hoek_brown import HoekBrownLimit
@@ -151,15 +152,14 @@ def young_and_poisson(material: Material, point: ParameterPoint) -> tuple[Dual, 
     return 9.0 * K * G / (3.0 * K + G), (3.0 * K - 2.0 * G) / (6.0 * K + 2.0 * G)
 
 
-def _strength(material: Material, point: ParameterPoint) -> WallStrength | None:
+def _strength(material: Material, point: ParameterPoint) -> WallLimit | None:
     for surface in material.yields:
+        assert isinstance(surface, MohrCoulomb | HoekBrown)
+        dilation = None if surface.dilation is None else point.number(surface.dilation)
         if isinstance(surface, HoekBrown):
-            assert surface.dilation is not None
-            mb, s, a = surface.rock_mass(point.number)
-            sigci, dilation = point.number(surface.sigci), point.number(surface.dilation)
-            return HoekBrownLimit(sigci, mb, s, a, dilation)
-        assert isinstance(surface, MohrCoulomb)
+            assert dilation is not None
+            constants = surface.rock_mass(point.number)
+            return HoekBrownLimit(point.number(surface.sigci), *constants, flow_slope(dilation))
         cohesion, friction = point.number(surface.cohesion), point.number(surface.friction)
-        dilation = friction if surface.dilation is None else point.number(surface.dilation)
-        return mohr_coulomb(cohesion, friction, dilation)
+        return mohr_coulomb(cohesion, friction, friction if dilation is None else dilation)
     return None

@@ -4,6 +4,7 @@ import csv
 import io
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import h5py
@@ -13,10 +14,11 @@ import pytest
 import geoident
 from geoident.errors import InputError, ModelError, OutputError
 from geoident.io.result.file import read_result
+from geoident.model.results.campaign import CampaignTable, RunRecord
 from geoident.report.drawing.campaign import campaign_pictures
 from geoident.report.page.campaign import campaign_page
 from geoident.report.text.campaign.spreadsheet import runs_csv
-from geoident.report.text.campaign.tables import campaign_text
+from geoident.report.text.campaign.tables import campaign_text, outcome_sentences
 from geoident.workflow.campaign.campaign import compute
 from geoident.workflow.campaign.one_run import compute as compute_run
 from geoident.workflow.campaign.plan import plan_campaign
@@ -298,3 +300,16 @@ def test_of_a_campaign_without_a_case_its_own_faults_are_said(here):
     with pytest.raises(InputError) as caught:
         plan_campaign("none.yaml")
     assert [fault.code for fault in caught.value.faults] == ["missing-key", "unknown-key"]
+
+
+def test_all_runs_of_the_least_misfit_are_named_and_a_page_without_title_names_its_file():
+    runs = tuple(
+        RunRecord(name, "", (), "done", 0, file="x.h5", objective=misfit)
+        for name, misfit in (("a", 2.0), ("b", 1.0), ("c", 1.0 + 1e-9), ("d", 1.1))
+    )
+    table = CampaignTable("", "fit", "../site/many.yaml", "c.yaml", (), runs, 4, {}, "2024-01-01")
+    assert "The least misfit, 1, have the runs b and c." in " ".join(outcome_sentences(table))
+    alone = replace(table, runs=runs[:2], total=2)
+    assert "The least misfit, 1, has the run b." in " ".join(outcome_sentences(alone))
+    page = campaign_page(table, draw=lambda pictures: [])
+    assert "<h1>Campaign many.yaml</h1>" in page
