@@ -115,8 +115,10 @@ def batch(
     place = None if output is None else os.fspath(output)
     with decided_by(trusting(trust=trust)):
         plan = plan_campaign(os.fspath(campaign), output=place, fresh=fresh, force=force)
-        require_trust(plan)
+        permitted = require_trust(plan)
     watch = progress or (lambda record: None)
     with local_executor(plan, jobs or usable_cores()) as executor:
-        table = compute(plan, executor, watch, runs_csv, fresh=fresh, trust=trust)
+        table = compute(
+            plan, executor, watch, runs_csv, fresh=fresh, trust=trust, permitted=permitted
+        )
     return CampaignResult(table, str(plan.folder), len(plan.known))

@@ -80,7 +80,7 @@ def run_campaign(
     if options.dry_run:
         return _say_plan(plan, options)
     with failures_as_json(path, options):
-        require_trust(plan)
+        permitted = require_trust(plan)
     terminal = Terminal(options)
     if options.as_json:
         for run in plan.runs:
@@ -92,9 +92,10 @@ def run_campaign(
     ):
         progress = _Progress(options, terminal, len(plan.left), at_a_time)
         with terminal.live(f"{len(plan.left)} runs"), stop_runs_on_signals(executor) as heard:
-            # elsewhere nobody remembers what has just been permitted here
-            trust = options.trust or where is not None
-            table = compute(plan, executor, progress, runs_csv, fresh=options.fresh, trust=trust)
+            table = compute(
+                plan, executor, progress, runs_csv,
+                fresh=options.fresh, trust=options.trust, permitted=permitted,
+            )  # fmt: skip
     _say_end(table, plan, terminal)
     if not options.as_json:
         click.echo(plan.folder)

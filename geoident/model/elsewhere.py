@@ -324,17 +324,19 @@ class PythonFunction:
         name: of the function.
         jacobian: name of the function in the same file that gives derivatives; empty for none.
         machine: what a run may take.
+        files: paths of what it imports from beside it, and of what it reads.
     """
 
     path: str
     name: str
     jacobian: str
     machine: Machine
+    files: tuple[str, ...] = ()
 
     @property
     def inputs(self) -> tuple[str, ...]:
         """Paths of all files that the model consists of."""
-        return (self.path,)
+        return tuple(dict.fromkeys((self.path, *self.files)))
 
 
 SurfaceKind = Literal["auto", "gaussian-process", "polynomial"]

@@ -24,6 +24,7 @@ from geoident.io.result import (
     posterior,
     reading_tables,
     reduced,
+    rivals,
     surface,
     tables,
     vtkhdf,
@@ -163,7 +164,7 @@ def _write(file: h5py.File, result: Result) -> None:
     _write_states(file, result)
     if result.certificate is not None:
         tables.write_certificate(file, result.certificate, names)
-    tables.write_rival_answers(file, result.rivals, result.evidence, result.comparison, names)
+    rivals.write_rival_answers(file, result.rivals, result.evidence, result.comparison, names)
     if result.fields is not None:
         vtkhdf.write_fields(file, result.fields, result.varied)
     file.attrs["contents"] = " ".join(sorted(file))
@@ -339,9 +340,9 @@ def _read(file: h5py.File, root: _Attributes) -> Result:
         yielded=tables.read_yielded(file) if tables.YIELDED in contents else None,
         reaction=opening.read_reaction(file) if opening.GROUP in contents else None,
         certificate=(tables.read_certificate(file) if "certificate" in contents else None),
-        rivals=tables.read_rivals(file) if tables.RIVALS in contents else None,
-        comparison=tables.read_models(file) if tables.MODELS in contents else None,
-        evidence=tables.read_evidence(file) if tables.EVIDENCE in contents else None,
+        rivals=rivals.read_rivals(file) if rivals.RIVALS in contents else None,
+        comparison=rivals.read_models(file) if rivals.MODELS in contents else None,
+        evidence=rivals.read_evidence(file) if rivals.EVIDENCE in contents else None,
         fields=vtkhdf.read_fields(file) if vtkhdf.GROUP in contents else None,
         model_error=(tables.read_model_error(file) if tables.MODEL_ERROR in contents else None),
         surface=surface.read_surface(file) if surface.GROUP in contents else None,

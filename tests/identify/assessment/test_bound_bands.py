@@ -10,7 +10,7 @@ import pytest
 from scipy.optimize import brentq
 from scipy.stats import norm, truncnorm
 
-from geoident.identify.assessment.posterior import NormalMixture, cut_normal
+from geoident.identify.assessment.posterior import NormalMixture, _midpoints, cut_normal
 from geoident.identify.assessment.uncertainty import assess, predict_band
 from geoident.identify.problem.problem import Problem
 from geoident.model.parameter import Parameter
@@ -191,3 +191,17 @@ def test_parts_that_are_far_from_each_other_do_not_smear_each_other():
     (low,), (high,) = NormalMixture.joined(parts).interval()
     half = norm.ppf(0.5 + 0.475 / 0.97)
     assert (low, high) == pytest.approx((-half, half), rel=0.02)
+
+
+@pytest.mark.parametrize(("low", "high"), [(-1.0, 2.0), (0.5, 0.7), (-9.0, 1.5), (-3.0, 40.0)])
+def test_slices_between_bounds_fill_them_and_weigh_by_the_normal_density(low, high):
+    """Ends at a bound that is near; where it is far, where hardly any probability is left."""
+    part = (np.arange(50) + 0.5) / 50
+    y, logs = _midpoints(low, high, part)
+    law = truncnorm(low, high)
+    first, last = law.ppf([1e-8, 1.0 - 1e-8])
+    first = low if low > first - 0.1 * (last - first) else first
+    last = high if high < last + 0.1 * (last - first) else last
+    assert ((first == low), (last == high)) == (low > -9.0, high < 40.0)
+    np.testing.assert_allclose(y, first + part * (last - first), atol=1e-7)
+    np.testing.assert_allclose(logs - logs[0], norm.logpdf(y) - norm.logpdf(y[0]), atol=1e-12)
