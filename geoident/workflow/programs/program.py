@@ -13,7 +13,6 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing, suppress
 from dataclasses import replace
-from decimal import Decimal
 from pathlib import Path
 from queue import SimpleQueue
 from typing import Any
@@ -190,10 +189,7 @@ class ProgramRuns:
         result = 2.3e-16 * np.abs(p)
         for j, name in enumerate(self._names):
             for field in self._fields.get(name, ()):
-                if field.form:
-                    exponent = Decimal(field.written(p[j]).strip()).as_tuple().exponent
-                    last = 10.0 ** int(exponent) * field.size
-                    result[j] = max(result[j], last)
+                result[j] = max(result[j], field.last_digit(p[j]))
             for template in self._program.templates:
                 if in_jinja and isinstance(template, JinjaTemplate):
                     result[j] = max(result[j], last_digit(template, self._values(p), name))
