@@ -208,7 +208,8 @@ class StagedModel(Marches):
         else:
             self.count_evaluation()
             ways, observed = self._readings_until(until), []
-            back = ways if ways.cost_less(len(self.names)) else None
+            backwards = ways.cost_less(len(self.names)) and not self.is_lent(p)
+            back = ways if backwards else None
             run = self.at(p, RunOptions(partial=partial, last=last, traced=back is not None))
             for end in run.states():
                 state = MarchState(end, run.point, self.structures)

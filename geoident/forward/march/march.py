@@ -61,6 +61,7 @@ from geoident.forward.march.stage import (
     UnitForces,
     elastic_step,
     factorize,
+    follow_motion,
 )
 from geoident.forward.march.systems import GroundAt, StageSystem, StageSystems
 from geoident.forward.stages import CaseOnMesh, ConstructionState
@@ -77,6 +78,10 @@ Their factors have ten (in the plane) to fifty times as many: 1 to 3 GB.
 """
 
 
+KnownMotion = Callable[[int], Floats | None]
+"""Displacements (n_dofs, 1 + n) at the end of a state, or None where they are to be solved for."""
+
+
 @dataclass(frozen=True)
 class RunOptions:
     """How a march is made.
@@ -89,6 +94,8 @@ class RunOptions:
         partial: go on after a collapse with the states that do not build on it.
         traced: keep what adjoints need of every stage; without derivatives, and only where nothing
             yields.
+        known: displacements of states that are known: nothing is solved in these. Only where
+            nothing yields, the virgin ground rests, and temperatures and supports stay.
     """
 
     derivatives: bool = True
@@ -97,6 +104,7 @@ class RunOptions:
     explain: bool = True
     partial: bool = False
     traced: bool = False
+    known: KnownMotion | None = None
 
 
 @dataclass(frozen=True)
@@ -221,7 +229,7 @@ class Run:
         self.traces: list[ElasticTrace] = []
         n_strain = systems.discretization.points.n_strain
         self._ground = GroundAt(march.on_mesh, point, n_strain)
-        record = ActivityRecord(self._ground.yield_planes(), march.case.stage_names[1:])
+        record = ActivityRecord(self._ground.yield_limits(), march.case.stage_names[1:])
         self._plastic_findings = PlasticFindings(record)
         self._plastic = PlasticSteps(
             march.case, systems, march.warm, self._plastic_findings, explain=options.explain
@@ -337,7 +345,12 @@ class Run:
 
     def _elastic_step(self, task: StageTask, u: Floats) -> Floats:
         """Displacement steps (n_dofs, 1 + n + k) where nothing yields, after displacements u."""
-        systems, following = self._systems, self._following
+        systems, following, known = self._systems, self._following, self._options.known
+        motion = None if known is None else known(task.number)
+        if motion is not None:
+            step = motion[:, : u.shape[1]] - u
+            follow_motion(task, systems, step)
+            return step
         if following is None:
             return elastic_step(task, systems, self.factors)
         factor = factorize(task, systems, self.factors)
@@ -375,7 +388,7 @@ class Run:
         if self._options.traced:
             trace = ElasticTrace(task, du, self._slopes, {}, given[..., 1:], stepped)
             self.traces.append(trace)
-        if self._following is not None:
+        if self._following is not None and self._options.known is None:
             still = np.zeros(forces.shape)
             lasting = self._following.lasting
             lasting.begin(task, still) if stepped else lasting.begin_virgin(task, still)

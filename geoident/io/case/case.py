@@ -40,6 +40,7 @@ from geoident.io.case.stages import ABSENT, Begin, StageSection, check_sequence
 from geoident.io.case.structures import StructureSection
 from geoident.io.case.supports.section import SupportValue, build_supports
 from geoident.io.case.varied.growth import GrowthBase
+from geoident.io.case.varied.rock_mass import RockMassModulusSection
 from geoident.io.schema.section import Context, Section, SectionFaults
 from geoident.io.schema.values import (
     Acceleration,
@@ -572,7 +573,7 @@ def _check_ties(section: CaseSection, faults: Faults) -> None:
 
 def _numbers(node: object, path: KeyPath) -> Iterator[tuple[KeyPath, Given]]:
     """Every number of the case with its path."""
-    if isinstance(node, Given) and isinstance(node.field, GrowthBase):
+    if isinstance(node, Given) and isinstance(node.field, GrowthBase | RockMassModulusSection):
         yield from _numbers(node.field, path)
     elif isinstance(node, Given):
         yield (path if node.field is None else (*path, "field", "mean")), node

@@ -21,9 +21,10 @@ from geoident.io.text.campaign_folder import JOURNAL
 from geoident.io.text.faults import OVERRIDES, shortened
 from geoident.io.text.overrides import parse_path
 from geoident.io.text.text_file import decode, read_bytes, seen_from
-from geoident.io.text.yaml_reader import MAX_BYTES, parse_yaml
+from geoident.io.text.yaml_reader import MAX_BYTES, Node, parse_yaml
 from geoident.model.campaign import SEED, Campaign, Setting, Variation, overrides_of, paths_of
 from geoident.model.case import format_path
+from geoident.model.elsewhere import Elsewhere
 from geoident.model.results.campaign import RunRecord
 from geoident.workflow.campaign.sampling import sampled
 from geoident.workflow.running.jobs import NO_READINGS, build_model, load_inputs
@@ -135,21 +136,23 @@ def _variations(campaign: Campaign) -> tuple[Variation, ...]:
     return campaign.variations if campaign.sampling is None else sampled(campaign.sampling)
 
 
-def require_trust(plan: CampaignPlan) -> None:
+def require_trust(plan: CampaignPlan) -> tuple[str, ...]:
     """Ask whether the base case may run what it names, before processes that cannot ask begin.
+
+    Returns:
+        `Execution.portable` of what may be run; nothing where nothing is.
 
     Raises:
         InputError: it may not.
     """
     if not plan.left:
-        return
+        return ()
     campaign = plan.campaign
     inputs = load_inputs(campaign.case, overrides=(*overrides_of(campaign.settings), NO_READINGS))
     if inputs.case.elsewhere is None:
-        return
+        return ()
     model = build_model(inputs)
-    if isinstance(model, ElsewhereModel):
-        model.runs.require_trust()
+    return (model.runs.require_trust(),) if isinstance(model, ElsewhereModel) else ()
 
 
 def _known(
@@ -190,13 +193,38 @@ def _inputs(campaign: Campaign, variations: Sequence[Variation]) -> tuple[str, .
     """Paths of the base case and of all files that it or a run names."""
     folder = Path(campaign.case).parent
     text = decode(read_bytes(campaign.case, limit=MAX_BYTES, what="case"), campaign.case)
-    named = list(named_files(parse_yaml(text, campaign.case).data, folder))
+    data = parse_yaml(text, campaign.case).data
+    named = [*named_files(data, folder), *_of_model(campaign, data)]
     values = {value for run in variations for _, value in run.settings}
     named += [str(folder / value) for value in sorted(values | _values(campaign.settings))
               if _is_file(folder / value)]  # fmt: skip
     parts = [part for name in named for part in mesh_files(name)]
     of_fit = [campaign.result] if campaign.result else []
     return tuple(dict.fromkeys((campaign.path, campaign.case, *of_fit, *parts)))
+
+
+def _of_model(campaign: Campaign, data: Node) -> tuple[str, ...]:
+    """Files that a model elsewhere consists of, also those that the case does not name itself."""
+    with suppress(InputError):  # its faults are told with those of the runs
+        found = model_of(campaign, data)
+        return () if found is None else found.inputs
+    return ()
+
+
+def model_of(campaign: Campaign, data: Node) -> Elsewhere | None:
+    """The model of the base case where that is elsewhere; None of one with ground of its own.
+
+    Args:
+        campaign: with it.
+        data: the base case as mappings, lists and texts.
+
+    Raises:
+        InputError: the case is wrong.
+    """
+    if not (isinstance(data, dict) and "model" in data):
+        return None
+    said = (*overrides_of(campaign.settings), NO_READINGS)
+    return load_inputs(campaign.case, overrides=said).case.elsewhere
 
 
 def _values(settings: Sequence[Setting]) -> set[str]:

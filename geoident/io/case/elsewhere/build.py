@@ -19,6 +19,7 @@ from geoident.io.case.elsewhere.section import (
 )
 from geoident.io.case.elsewhere.surroundings import Surroundings
 from geoident.io.case.elsewhere.table import build_table
+from geoident.io.elsewhere.imports import imported_files
 from geoident.io.elsewhere.templates import MAX_BYTES, read_template
 from geoident.io.text.faults import Faults
 from geoident.model.case import KeyPath
@@ -56,7 +57,8 @@ def build_elsewhere(section: ElsewhereSection, around: Surroundings) -> Elsewher
         if other != path:
             message = "the derivatives are in another file than the readings"
             around.faults.add((*_AT, "jacobian"), "other-file", message, "Put both in one file.")
-    return PythonFunction(path, name, jacobian, machine)
+    read = tuple(around.find(file, (*_AT, "files", n)) for n, file in enumerate(section.files))
+    return PythonFunction(path, name, jacobian, machine, (*imported_files(path), *read))
 
 
 def _program(
@@ -91,7 +93,8 @@ def _program(
     outputs = tuple(build_outputs(section.outputs, around))
     if len(templates) == len(section.inputs):
         _check_fields(templates, around)
-    code = [o.how.path for o in outputs if isinstance(o.how, FunctionValue)]
+    found_by = {o.how.path: None for o in outputs if isinstance(o.how, FunctionValue)}
+    code = [file for path in found_by for file in (path, *imported_files(path))]
     local = section.command[0]
     if ("/" in local or "\\" in local) and not Path(local).is_absolute():
         place = around.folder / local

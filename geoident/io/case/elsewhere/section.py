@@ -304,6 +304,12 @@ class PythonModelSection(Section):
         description="A function of the same file that gives the derivatives, an array (gauges, "
         "stages, parameters); without it differences are taken.",
     )
+    files: list[Text] = Field(
+        [],
+        description="Files beside the case that the function reads. With what it imports from "
+        "beside it they are part of the model: runs of another state of them do not count.",
+        examples=[["profile.csv"]],
+    )
     time_limit: Time | None = Field(None, description=_TIME_LIMIT, examples=["10 min"])
     at_once: Annotated[int, Count()] | None = Field(None, description=_AT_ONCE)
 
