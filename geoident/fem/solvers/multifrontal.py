@@ -108,7 +108,9 @@ class MultifrontalAnalysis(DirectAnalysis):
         indptr, indices = pattern.indptr[n:] - self._first, pattern.indices[self._first :] - n
         cliques = [] if lasting is None else [self._border[c] for c in lasting.cliques()]
         rest = pattern.n - n
-        self._plan = layout(indptr, indices, rest, cliques, keep_order=lasting is not None)
+        known = (pattern.graph, pattern.fronts) if lasting is None else None
+        keeps = lasting is not None
+        self._plan = layout(indptr, indices, rest, cliques, keep_order=keeps, known=known)
         self._whole: EliminationPlan | None = self._plan if lasting is None else None
         entries = self._plan.panel_size + (0 if lasting is None else lasting.plan.panel_size)
         work = self._plan.flops if lasting is None else 0.0

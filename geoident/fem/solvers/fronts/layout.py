@@ -212,6 +212,7 @@ def layout(
     cliques: Sequence[Ints] = (),
     *,
     keep_order: bool = False,
+    known: tuple[NodeGraph, list[Front]] | None = None,
 ) -> EliminationPlan:
     """Plan the elimination of the first unknowns of a matrix.
 
@@ -222,9 +223,10 @@ def layout(
         n_eliminated: number of unknowns to be eliminated.
         cliques: (h,) each, unknowns of matrices that are added from outside, each ascending.
         keep_order: leave pivots of a front in their order, which matrices from outside have.
+        known: graph and fronts of the matrix; None to find them.
     """
-    graph = node_graph(indptr, indices, n_eliminated, cliques)
-    fronts = assembly_tree(graph)
+    graph = known[0] if known else node_graph(indptr, indices, n_eliminated, cliques)
+    fronts = known[1] if known else assembly_tree(graph)
     parent = _parents(fronts)
     if keep_order:
         for front in fronts:
