@@ -29,7 +29,7 @@ from geoident.workflow.project.export import export_project
 from geoident.workflow.project.plan import ProjectRequest, plan_project
 from geoident.workflow.project.run import fit_project as run_project
 
-_Item = TypeVar("_Item")
+_OfName = TypeVar("_OfName")
 
 
 @dataclass(frozen=True)
@@ -158,7 +158,7 @@ class ProjectFit:
         return joined([table(common_table(self.data)), table(laws_table(self.data)), found])
 
 
-class ByName(Mapping[str, _Item]):
+class ByName(Mapping[str, _OfName]):
     """What a project has several of, by name.
 
     Args:
@@ -166,10 +166,10 @@ class ByName(Mapping[str, _Item]):
         kind: what they are, for messages.
     """
 
-    def __init__(self, items: Mapping[str, _Item], kind: str) -> None:
+    def __init__(self, items: Mapping[str, _OfName], kind: str) -> None:
         self._items, self._kind = dict(items), kind
 
-    def __getitem__(self, name: str) -> _Item:
+    def __getitem__(self, name: str) -> _OfName:
         if name not in self._items:
             said = f"there is no {self._kind} '{name}'. {did_you_mean(name, self._items)}"
             raise KeyError(said.strip())

@@ -242,7 +242,7 @@ class ProgramRuns:
         """Derivatives (n_stages, n_channels, n) at p (n,): a program gives none.
 
         Args:
-            p: where.
+            p: (n,) where.
             check: see `results`.
         """
         return FailedRun("a program gives no derivatives")
