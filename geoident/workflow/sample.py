@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -42,7 +43,14 @@ from geoident.workflow.estimating.setup import (
     problem_of,
     problem_of_result,
 )
-from geoident.workflow.running.answers import Asked, Compute, KeptAnswers, here, in_processes
+from geoident.workflow.running.answers import (
+    Asked,
+    Compute,
+    KeptAnswers,
+    WhereWorthWhile,
+    here,
+    in_processes,
+)
 from geoident.workflow.running.computed import accuracies
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.jobs import (
@@ -58,6 +66,7 @@ from geoident.workflow.running.kept_reduced import restored_of, spread_around
 from geoident.workflow.running.outputs import require_free, standing, target
 from geoident.workflow.running.reduced_answers import ReducedAnswers, reduced_answers
 from geoident.workflow.running.result_files import case_path, files_of_result
+from geoident.workflow.running.workers import WORTH, as_many_as_fit
 
 EFFECTIVE = 1000
 """Effective size at which draws are enough, unless another one is asked for."""
@@ -86,7 +95,6 @@ class SampleRequest:
         draws: how many to write.
         effective: effective size at which it is enough; at most ``draws``.
         evaluations: of the model at most.
-        jobs: processes that evaluate the model.
         output: a file or an existing folder; None for beside the result.
         seed: of random numbers.
         solver: name of the sparse solver, or ``auto``.
@@ -98,7 +106,6 @@ class SampleRequest:
     draws: int = 10_000
     effective: int = EFFECTIVE
     evaluations: int = EVALUATIONS
-    jobs: int = 1
     output: str | None = None
     seed: int = 0
     solver: str = "auto"
@@ -258,7 +265,7 @@ def _answers(
     """The model as the sampler asks it, and what helps it."""
     cheap = isinstance(asked.model, OpeningModel)  # to compute again costs less than to keep
     kept, request = None if cheap else log, task.request
-    with _computed(request, asked) as compute:
+    with _computed(request, asked, control.jobs) as compute:
         led = _reduced(task.fit, asked, compute, control)
         answers = KeptAnswers(led or compute, kept, control)
         try:
@@ -268,13 +275,21 @@ def _answers(
 
 
 @contextmanager
-def _computed(request: SampleRequest, asked: Asked) -> Iterator[Compute]:
-    """The model's own answers."""
-    if request.jobs == 1:
+def _computed(request: SampleRequest, asked: Asked, jobs: int | None) -> Iterator[Compute]:
+    """The model's own answers.
+
+    Args:
+        request: says where other processes find the model.
+        asked: it, in this process.
+        jobs: number of processes; None for the cores there are, where it is worth while.
+    """
+    most = as_many_as_fit(asked.model, request.solver) if jobs is None else jobs
+    if most == 1:
         yield here(asked)
         return
     where = request.result, request.solver
-    with in_processes(request.jobs, build_elsewhere, where) as compute:
+    begin = partial(in_processes, most, build_elsewhere, where, asked.beside)
+    with WhereWorthWhile(asked, begin, WORTH if jobs is None else 0.0) as compute:
         yield compute
 
 

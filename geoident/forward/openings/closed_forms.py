@@ -192,12 +192,13 @@ def mohr_coulomb(cohesion: Dual, friction: Dual, dilation: Dual) -> Strength:
         friction: angle phi, rad.
         dilation: angle psi, rad.
     """
-    sine, N = friction.through(np.sin, np.cos), _slope(friction)
+    sine, N = friction.through(np.sin, np.cos), flow_slope(friction)
     cosine = friction.through(np.cos, lambda x: -np.sin(x))
-    return Strength(N, 2.0 * cohesion * cosine / (1.0 - sine), _slope(dilation))
+    return Strength(N, 2.0 * cohesion * cosine / (1.0 - sine), flow_slope(dilation))
 
 
-def _slope(angle: Dual) -> Dual:
+def flow_slope(angle: Dual) -> Dual:
+    """(1 + sin) / (1 - sin) of an angle, rad: K of a dilation, N of a friction."""
     sine = angle.through(np.sin, np.cos)
     return (1.0 + sine) / (1.0 - sine)
 

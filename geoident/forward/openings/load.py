@@ -12,9 +12,11 @@ from geoident.forward.openings.closed_forms import (
     GroundState,
     Opening,
     Rock,
-    Strength,
+    WallLimit,
+    flow_slope,
     mohr_coulomb,
 )
+from geoident.forward.openings.hoek_brown import HoekBrownLimit
 from geoident.forward.openings.site import OpeningSite
 from geoident.forward.stages import ConstructionSequence
 from geoident.model.actions import Pressure
@@ -22,7 +24,7 @@ from geoident.model.case import Material
 from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.ground import Isotropic
 from geoident.model.parameter import Scalar
-from geoident.model.yielding import MohrCoulomb
+from geoident.model.yielding import HoekBrown, MohrCoulomb
 
 _WHOLE = Scalar(1.0)
 
@@ -58,7 +60,7 @@ class OpeningLoad:
         self._sequence, self._site, self._point = sequence, site, point
         self._face = face
         self._reached: dict[int, GroundState] = {}
-        surfaces = [s for s in material.yields if isinstance(s, MohrCoulomb)]
+        surfaces = [s for s in material.yields if isinstance(s, MohrCoulomb | HoekBrown)]
         self._limits = [s.tension for s in surfaces if s.tension is not None]
         self.stress = stress
         xx, yy, _, xy = (-stress[row][0] for row in range(4))
@@ -150,10 +152,14 @@ def young_and_poisson(material: Material, point: ParameterPoint) -> tuple[Dual, 
     return 9.0 * K * G / (3.0 * K + G), (3.0 * K - 2.0 * G) / (6.0 * K + 2.0 * G)
 
 
-def _strength(material: Material, point: ParameterPoint) -> Strength | None:
+def _strength(material: Material, point: ParameterPoint) -> WallLimit | None:
     for surface in material.yields:
-        assert isinstance(surface, MohrCoulomb)
+        assert isinstance(surface, MohrCoulomb | HoekBrown)
+        dilation = None if surface.dilation is None else point.number(surface.dilation)
+        if isinstance(surface, HoekBrown):
+            assert dilation is not None
+            constants = surface.rock_mass(point.number)
+            return HoekBrownLimit(point.number(surface.sigci), *constants, flow_slope(dilation))
         cohesion, friction = point.number(surface.cohesion), point.number(surface.friction)
-        dilation = friction if surface.dilation is None else point.number(surface.dilation)
-        return mohr_coulomb(cohesion, friction, dilation)
+        return mohr_coulomb(cohesion, friction, friction if dilation is None else dilation)
     return None

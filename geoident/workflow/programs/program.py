@@ -13,7 +13,6 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing, suppress
 from dataclasses import replace
-from decimal import Decimal
 from pathlib import Path
 from queue import SimpleQueue
 from typing import Any
@@ -153,7 +152,8 @@ class ProgramRuns:
         """Runs that failed, and parameters that are written with few digits."""
         found = []
         start = np.array([parameter.start for parameter in self._case.parameters])
-        for name, value, quantum in zip(self._names, start, self.quantum(start), strict=True):
+        digits = self._digits(start, in_jinja=self._permission.is_given)
+        for name, value, quantum in zip(self._names, start, digits, strict=True):
             if abs(quantum) > _COARSE * abs(value) > 0.0:
                 found.append(
                     f"the template writes {name} with few digits (its last one is "
@@ -171,16 +171,27 @@ class ProgramRuns:
         return result
 
     def quantum(self, p: Floats) -> Floats:
-        """(n,) the last digit of each parameter, of several fields the coarsest."""
+        """(n,) the last digit of each parameter, of several fields the coarsest.
+
+        Raises:
+            InputError: that takes to fill a template in Jinja, and the case is not trusted.
+        """
+        self._trust_jinja()
+        return self._digits(p, in_jinja=True)
+
+    def _trust_jinja(self) -> None:
+        """What is filled in by Jinja may compute whatever it likes: that is asked for before."""
+        if any(isinstance(template, JinjaTemplate) for template in self._program.templates):
+            self.require_trust()
+
+    def _digits(self, p: Floats, *, in_jinja: bool) -> Floats:
+        """(n,) the same, with those that templates in Jinja show or without."""
         result = 2.3e-16 * np.abs(p)
         for j, name in enumerate(self._names):
             for field in self._fields.get(name, ()):
-                if field.form:
-                    exponent = Decimal(field.written(p[j]).strip()).as_tuple().exponent
-                    last = 10.0 ** int(exponent) * field.size
-                    result[j] = max(result[j], last)
+                result[j] = max(result[j], field.last_digit(p[j]))
             for template in self._program.templates:
-                if isinstance(template, JinjaTemplate):
+                if in_jinja and isinstance(template, JinjaTemplate):
                     result[j] = max(result[j], last_digit(template, self._values(p), name))
         return result
 
@@ -213,6 +224,7 @@ class ProgramRuns:
             points: (n,) where.
             check: see `results`.
         """
+        self._trust_jinja()
         asked = [self._texts(p) for p in points]
         new: dict[str, tuple[str, list[list[str]], dict[str, float]]] = {}
         for (key, texts), p in zip(asked, points, strict=True):

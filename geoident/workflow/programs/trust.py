@@ -85,6 +85,12 @@ class Permission:
         self._execution, self._folder, self._source, self._key = execution, folder, source, key
         self._given = False
 
+    @property
+    def is_given(self) -> bool:
+        """Whether it is known or remembered that it may; nobody is asked."""
+        self._given = self._given or is_remembered(self._execution, self._folder)
+        return self._given
+
     def require(self) -> None:
         """Ask, unless that is known or remembered.
 
@@ -92,8 +98,7 @@ class Permission:
             InputError: it may not.
         """
         execution = self._execution
-        if self._given or is_remembered(execution, self._folder):
-            self._given = True
+        if self.is_given:
             return
         if not _decide.get()(execution):
             message = f"the case runs {execution.words}, and nobody has said that it may"

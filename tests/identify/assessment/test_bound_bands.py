@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 from scipy.stats import norm, truncnorm
 
 from geoident.identify.assessment.posterior import NormalMixture, _midpoints, cut_normal
@@ -159,6 +160,37 @@ def test_a_direction_does_not_fall_between_two_spectra():
     band = predict_band(known, np.array([[0.0, 1.0]]), np.array([0.01]))
     # within its bounds the second is not known at all, so hardly less than evenly spread
     assert band.sd[0] >= 0.8 / np.sqrt(12.0)
+
+
+@pytest.mark.parametrize("ratio", [10.0, 1e3, 1e6, 1e9])
+@pytest.mark.parametrize(("weight", "apart"), [(0.97, 0.0), (0.5, 0.0), (0.2, 0.0), (0.96, 30.0)])
+def test_normals_of_very_different_widths_have_their_shortest_interval(ratio, weight, apart):
+    mean, sd = np.array([[0.0, apart * ratio]]), np.array([[1.0, ratio]])
+    mixture = NormalMixture(mean, sd, np.array([weight, 1.0 - weight]), np.zeros((1, 2)))
+    (low,), (high,) = mixture.interval()
+    held = weight * (norm.cdf(high) - norm.cdf(low)) + (1 - weight) * (
+        norm.cdf(high / ratio - apart) - norm.cdf(low / ratio - apart)
+    )
+    assert held == pytest.approx(0.95, abs=1e-9)
+    if apart == 0.0:  # symmetric
+        half = brentq(
+            lambda h: weight * (2 * norm.cdf(h) - 1) + (1 - weight) * (2 * norm.cdf(h / ratio) - 1)
+            - 0.95, 0.0, 10.0 * ratio,
+        )  # fmt: skip
+        assert high - low == pytest.approx(2.0 * half, rel=2e-3)
+    else:
+        inside = norm.ppf(0.5 + 0.475 / weight)
+        assert high - low == pytest.approx(2.0 * inside, rel=0.02)
+
+
+def test_parts_that_are_far_from_each_other_do_not_smear_each_other():
+    parts = [
+        (0.97, NormalMixture(np.zeros((1, 1)), np.ones((1, 1)), np.ones(1))),
+        (0.03, NormalMixture(np.full((1, 1), 1e4), np.ones((1, 1)), np.ones(1))),
+    ]
+    (low,), (high,) = NormalMixture.joined(parts).interval()
+    half = norm.ppf(0.5 + 0.475 / 0.97)
+    assert (low, high) == pytest.approx((-half, half), rel=0.02)
 
 
 @pytest.mark.parametrize(("low", "high"), [(-1.0, 2.0), (0.5, 0.7), (-9.0, 1.5), (-3.0, 40.0)])
