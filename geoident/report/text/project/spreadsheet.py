@@ -49,7 +49,7 @@ def project_csv(result: ProjectResult) -> str:
 
 def _common(result: ProjectResult) -> CsvTable:
     header = ("name", "of", "unit", "value", "sd", "lower95", "upper95", "at_bound", "determined")
-    rows = [
+    rows: list[CsvRow] = [
         (
             one.name, one.law or one.kind, shown_unit(one.unit, one.dimension),
             *_shown((one.value, one.sd, one.lower95, one.upper95), one.unit, one.dimension,
@@ -80,7 +80,7 @@ def _sections(result: ProjectResult) -> CsvTable:
     labels = [f"{name} [{unit}]" if unit else name for name, unit in units.items()]
     header = ("section", "case", *labels, "predicted", "readings", "misfit", "chance", "as_far_off",
               "alone")  # fmt: skip
-    rows = []
+    rows: list[CsvRow] = []
     for one in result.sections:
         known = {
             row.covariate: in_unit(row.value, row.unit, row.dimension)
@@ -136,7 +136,7 @@ def _curves(result: ProjectResult) -> CsvTable:
               "section lower95", "section upper95")  # fmt: skip
     laws = {law.parameter: (law.unit, law.dimension) for law in result.laws}
     known = {row.covariate: (row.unit, row.dimension) for row in result.covariates}
-    rows = []
+    rows: list[CsvRow] = []
     for point in result.points:
         of, along = laws[point.parameter], known[point.covariate]
         values = (point.value, point.lower95, point.upper95, point.section_lower95,
