@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from geoident.errors import Fault, InputError, OutputError
-from geoident.forward.elsewhere.runs import FailedRun
+from geoident.forward.elsewhere.runs import FailedRun, RunsInTurn
 from geoident.io.elsewhere.outputs import NotFound, RunFiles
 from geoident.io.elsewhere.templates import (
     CannotBeFilled,
@@ -100,7 +100,7 @@ def executed(given: Elsewhere) -> str:
     return f"`{shlex.join((first, *given.command[1:]))}`{also}"
 
 
-class ProgramRuns:
+class ProgramRuns(RunsInTurn):
     """Runs of the program of a case.
 
     Args:
@@ -194,21 +194,6 @@ class ProgramRuns:
                 if in_jinja and isinstance(template, JinjaTemplate):
                     result[j] = max(result[j], last_digit(template, self._values(p), name))
         return result
-
-    def results(
-        self, points: Sequence[Floats], check: Callable[[], None]
-    ) -> list[Floats | FailedRun]:
-        """Readings (n_stages, n_channels) at several p (n,); each run is made once.
-
-        Args:
-            points: where.
-            check: is called every moment; raises to end the runs.
-
-        Raises:
-            InputError: the program may not be run.
-            OutputError: a folder or the log cannot be written.
-        """
-        return list(self.each(points, check))
 
     @property
     def at_once(self) -> int:
