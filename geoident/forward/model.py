@@ -341,14 +341,23 @@ class StageByStage:
         model: the staged model.
         p: (n,) parameters, SI.
         tell: is given every state.
+        even_only: no flow in bands of shear is looked for; where there is no other, the model
+            counts as one without solution.
     """
 
     def __init__(
-        self, model: StagedModel, p: Floats, tell: Callable[[StageEnd], None] = lambda end: None
+        self,
+        model: StagedModel,
+        p: Floats,
+        tell: Callable[[StageEnd], None] = lambda end: None,
+        *,
+        even_only: bool = False,
     ) -> None:
         model.count_evaluation()
         self._model, self._values, self._tell = model, model.values(p), tell
-        self._run = model.at(p, RunOptions(derivatives=False, partial=True, explain=False))
+        self._run = model.at(
+            p, RunOptions(derivatives=False, partial=True, explain=False, even_only=even_only)
+        )
         self._states = self._run.states()
         self._observed: list[Floats] = []
 
@@ -381,10 +390,20 @@ def _equal_notes(equal: Mapping[str, int], stages: Sequence[str]) -> Iterator[st
 
 
 def _unbalanced_notes(found: RunFindings) -> Iterator[str]:
-    """What a march left unbalanced."""
+    """What a march left unbalanced, or beyond the yield surface."""
+    why = (
+        "with a dilation far below the friction the flow tends to shear in bands: the acoustic "
+        "tensor has no positive determinant at {:.0f} % of the strain points that yield. A larger "
+        "dilation (or none given: associated) has an exact solution"
+    )
     for stage, part in found.unbalanced.items():
         yield (
-            f"at stage '{stage}' {100 * part:.2g} % of the change of load is not balanced: with a "
-            "dilation far below the friction the flow tends to shear in bands; a larger dilation "
-            "(or none given: associated) has an exact solution"
+            f"at stage '{stage}' {100 * part:.2g} % of the change of load is not balanced: "
+            + why.format(100 * found.localising[stage])
+        )
+    for stage, part in found.overstressed.items():
+        yield (
+            f"at stage '{stage}' the ground keeps {100 * part:.1g} % of the stress beyond the "
+            "yield surface, where the even flow ends (motions err by about ten times that part): "
+            + why.format(100 * found.localising[stage])
         )
