@@ -7,7 +7,7 @@ from itertools import islice
 
 import numpy as np
 
-from geoident.errors import Fault, InputError
+from geoident.errors import CollapseError, Fault, InputError
 from geoident.fem.solvers.direct import Solver
 from geoident.forward.checks import (
     check_on_mesh,
@@ -34,6 +34,7 @@ from geoident.model.case import Case
 from geoident.model.dual import ParameterPoint
 from geoident.model.mesh import Mesh
 from geoident.model.parameter import Values
+from geoident.model.results.mechanism import Mechanism
 
 
 def staged_model(mesh: Mesh, case: Case, *, solver: Solver) -> StagedModel:
@@ -232,6 +233,7 @@ class StagedModel(Marches):
             self.observation.increments(seen_at[:, :, 0], self.sequence.bases),
             reactions=None if recorder is None else recorder.reactions.table(),
             yielded=None if recorder is None else recorder.yielded_ground(),
+            mechanism=None if recorder is None else _first_mechanism(found.collapses),
         )
 
     def steps(self, pairs: Sequence[tuple[str, str]]) -> Floats:
@@ -387,6 +389,12 @@ def _equal_notes(equal: Mapping[str, int], stages: Sequence[str]) -> Iterator[st
             f"'{stages[state]}': which of them is not determined, and its sensitivities are those "
             "for growing parameters"
         )
+
+
+def _first_mechanism(collapses: Sequence[CollapseError]) -> Mechanism | None:
+    """How the ground moves at the first stage that collapses, where that is known."""
+    motions = (error.motion for error in collapses)
+    return next((motion for motion in motions if isinstance(motion, Mechanism)), None)
 
 
 def _unbalanced_notes(found: RunFindings) -> Iterator[str]:

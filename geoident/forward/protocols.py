@@ -13,6 +13,7 @@ from geoident.forward.stages import ConstructionSequence
 from geoident.model.arrays import Floats
 from geoident.model.case import Case
 from geoident.model.response import Response
+from geoident.model.results.mechanism import Mechanism
 from geoident.model.results.opening import GroundReaction
 from geoident.model.results.result import Counts, FieldSeries, MemberForces, SupportReactions
 from geoident.model.results.yielded import YieldedGround
@@ -37,6 +38,7 @@ class Survey:
         reaction: of the ground around an opening in closed form, or None.
         reactions: of the supports, with the fields, or None.
         yielded: how far ground yields, with the fields; None where nothing can.
+        mechanism: how the ground moves at the first stage that collapses, or None.
     """
 
     computed: Floats
@@ -50,6 +52,7 @@ class Survey:
     reaction: GroundReaction | None = None
     reactions: SupportReactions | None = None
     yielded: YieldedGround | None = None
+    mechanism: Mechanism | None = None
 
 
 class CaseModel(Protocol):

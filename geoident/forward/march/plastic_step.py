@@ -353,11 +353,18 @@ class PlasticSteps:
         if np.isfinite(fraction):
             said = "is carried" if proven else "was brought to equilibrium"
             msg += f"; {100 * fraction:.3g} % of the change of load of this stage {said}"
+        motion = None
         if mechanism is not None:
             msg += self.systems.describe_mechanism(task.system, mechanism)
             mechanism = mechanism / (np.abs(mechanism).max() or 1.0)
+            motion = self.systems.mechanism(task.system, task.number, mechanism, fraction)
         return CollapseError(
-            msg, hint, stage=task.state.name, fraction=fraction, mechanism=mechanism
+            msg,
+            hint,
+            stage=task.state.name,
+            fraction=fraction,
+            mechanism=mechanism,
+            motion=motion,
         )
 
     def _accept(self, task: StageTask, equations: StageEquations, trial: Trial) -> None:

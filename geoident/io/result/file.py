@@ -144,6 +144,8 @@ def _write(file: h5py.File, result: Result) -> None:
     tables.write_rival_answers(file, result.rivals, result.evidence, result.comparison, names)
     if result.fields is not None:
         vtkhdf.write_fields(file, result.fields, result.varied)
+        if result.mechanism is not None:
+            tables.write_mechanism(file, result.mechanism)
     file.attrs["contents"] = " ".join(sorted(file))
 
 
@@ -292,6 +294,8 @@ def _read(file: h5py.File, root: _Attributes) -> Result:
     case = TableReader(file, "case")
     said: dict[str, Any] = {name: root.text(name) for name in _RESULT_TEXTS}
     said |= {name: root.list(name) for name in _RESULT_LISTS}
+    fields = vtkhdf.read_fields(file) if vtkhdf.GROUP in contents else None
+    moving = fields is not None and tables.MECHANISM in contents
     return Result(
         **said,
         exit_code=root.int("exit_code"),
@@ -318,7 +322,8 @@ def _read(file: h5py.File, root: _Attributes) -> Result:
         rivals=tables.read_rivals(file) if tables.RIVALS in contents else None,
         comparison=tables.read_models(file) if tables.MODELS in contents else None,
         evidence=tables.read_evidence(file) if tables.EVIDENCE in contents else None,
-        fields=vtkhdf.read_fields(file) if vtkhdf.GROUP in contents else None,
+        fields=fields,
+        mechanism=tables.read_mechanism(file, fields.mesh) if fields and moving else None,
         model_error=(tables.read_model_error(file) if tables.MODEL_ERROR in contents else None),
         surface=surface.read_surface(file) if surface.GROUP in contents else None,
         posterior=posterior.read_posterior(file) if posterior.GROUP in contents else None,

@@ -14,6 +14,7 @@ from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.gauges import ErrorParts, ReadingTable
 from geoident.model.mesh import Mesh
 from geoident.model.parameter import Prior
+from geoident.model.results.mechanism import Mechanism
 from geoident.model.results.model_error import ModelErrorTable
 from geoident.model.results.opening import GroundReaction
 from geoident.model.results.posterior import PosteriorDraws
@@ -529,6 +530,7 @@ class Result:
         members: forces in linings and bolts, or None if there are none.
         reactions: of the supports, or None if they were not asked for.
         yielded: how far ground yields, or None where nothing can.
+        mechanism: how the ground moves at the first stage that collapses, or None.
         reaction: of the ground around an opening in closed form, or None.
         reduced: a reduced model that was to be kept, or None.
         certificate: what an identification of yield limits can say for itself, or None.
@@ -568,6 +570,7 @@ class Result:
     members: MemberForces | None = None
     reactions: SupportReactions | None = None
     yielded: YieldedGround | None = None
+    mechanism: Mechanism | None = None
     reaction: GroundReaction | None = None
     reduced: KeptReducedModel | None = None
     certificate: Certificate | None = None
