@@ -248,7 +248,7 @@ class CollapseError(ModelError):
             it was not computed.
         mechanism: (n_dofs,) velocities with which the ground moves then, the largest 1; None
             where they are not known.
-        motion: the same on its mesh (`geoident.model.results.mechanism.Mechanism`), to be drawn;
+        motion: the same on its mesh (`geoident.model.results.yielded.Mechanism`), to be drawn;
             None where it is not known. It does not leave its process.
     """
 

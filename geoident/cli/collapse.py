@@ -31,7 +31,7 @@ def mechanism_drawn(case: str, options: Options) -> Iterator[None]:
 
 def _drawn(error: CollapseError, case: str, options: Options) -> str:
     """A line that names the picture, or says why there is none; empty where nothing is known."""
-    from geoident.model.results.mechanism import Mechanism
+    from geoident.model.results.yielded import Mechanism
 
     found = error.motion
     if not isinstance(found, Mechanism):

@@ -34,7 +34,7 @@ from geoident.model.case import Case
 from geoident.model.dual import ParameterPoint
 from geoident.model.mesh import Mesh
 from geoident.model.parameter import Values
-from geoident.model.results.mechanism import Mechanism
+from geoident.model.results.yielded import Mechanism
 
 
 def staged_model(mesh: Mesh, case: Case, *, solver: Solver) -> StagedModel:

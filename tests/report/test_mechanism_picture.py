@@ -11,7 +11,7 @@ from support.lifts import CASE, write_case
 from support.meshes import box
 
 from geoident.errors import CollapseError
-from geoident.model.results.mechanism import Mechanism
+from geoident.model.results.yielded import Mechanism
 from geoident.report.drawing.fields.mechanism import mechanism_figure, mechanism_picture
 
 WEAK = (

@@ -47,7 +47,7 @@ from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.ground import PointField
 from geoident.model.mesh import Mesh, nodes_in
 from geoident.model.parameter import Values
-from geoident.model.results.mechanism import Mechanism
+from geoident.model.results.yielded import Mechanism
 
 SystemKey = tuple[frozenset[int], int]
 """Groups and structures that are there, and a number of what is held."""

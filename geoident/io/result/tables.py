@@ -17,7 +17,6 @@ from geoident.io.result.reading_tables import reading_unit
 from geoident.model.arrays import Floats, Ints
 from geoident.model.mesh import Mesh
 from geoident.model.parameter import Prior
-from geoident.model.results.mechanism import Mechanism
 from geoident.model.results.model_error import ModelErrorTable
 from geoident.model.results.result import (
     Counts,
@@ -30,7 +29,7 @@ from geoident.model.results.result import (
     SupportReactions,
 )
 from geoident.model.results.rivals import Evidence, ModelComparison, ModelScore, Rivals
-from geoident.model.results.yielded import YieldedGround
+from geoident.model.results.yielded import Mechanism, YieldedGround
 from geoident.model.yielding import Activity, Certificate
 from geoident.units import DIMENSIONS
 

@@ -14,7 +14,6 @@ from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.gauges import ErrorParts, ReadingTable
 from geoident.model.mesh import Mesh
 from geoident.model.parameter import Prior
-from geoident.model.results.mechanism import Mechanism
 from geoident.model.results.model_error import ModelErrorTable
 from geoident.model.results.opening import GroundReaction
 from geoident.model.results.posterior import PosteriorDraws
@@ -22,7 +21,7 @@ from geoident.model.results.reduced import KeptReducedModel
 from geoident.model.results.rivals import Evidence, ModelComparison, Rivals
 from geoident.model.results.surface import SurfaceTable
 from geoident.model.results.varied import FieldEstimate
-from geoident.model.results.yielded import YieldedGround
+from geoident.model.results.yielded import Mechanism, YieldedGround
 from geoident.model.yielding import Certificate
 from geoident.units import shown_unit, size_in
 

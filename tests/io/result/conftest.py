@@ -9,7 +9,6 @@ import pytest
 from geoident.model.cells import CELLS
 from geoident.model.mesh import ElementBlock, Mesh
 from geoident.model.parameter import Prior
-from geoident.model.results.mechanism import Mechanism
 from geoident.model.results.opening import GroundReaction
 from geoident.model.results.reduced import FORM, KeptReducedModel
 from geoident.model.results.result import (
@@ -24,7 +23,7 @@ from geoident.model.results.result import (
     Provenance,
     Result,
 )
-from geoident.model.results.yielded import YieldedGround
+from geoident.model.results.yielded import Mechanism, YieldedGround
 from tests.support.results import wide_gauges
 
 CHANNELS = ("EX1.a5", "EX1.a15", "CV1")

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.tri import Triangulation
 
 from geoident.model.arrays import Floats, Ints
-from geoident.model.results.mechanism import Mechanism
+from geoident.model.results.yielded import Mechanism
 from geoident.report.drawing.sheets import Plane, Sheet, SheetMaker, element_centres
 from geoident.report.drawing.style import COMPUTED, Picture, short
 
