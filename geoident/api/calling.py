@@ -10,7 +10,7 @@ from functools import wraps
 from importlib import import_module
 from typing import Any, ParamSpec, TypeVar
 
-from geoident.errors import Caller, GeoidentError, MissingExtra
+from geoident.errors import Caller, GeoidentError, MissingExtra, UsageError
 from geoident.model.results.result import Iteration
 from geoident.workflow.running.control import Control, Silent
 
@@ -57,14 +57,31 @@ def needed(package: str, *, extra: str, what: str) -> Any:
         raise MissingExtra(msg, name=package) from error
 
 
-def control(progress: Progress | None = None, max_time: float | None = None) -> Control:
+def control(
+    progress: Progress | None = None, max_time: float | None = None, jobs: int | None = 1
+) -> Control:
     """What a running call reports to and obeys.
 
     Args:
         progress: is told of every iteration.
         max_time: seconds after which a search ends with what it has.
+        jobs: number of processes; None for the cores there are, where it is worth while.
+
+    Raises:
+        UsageError: there is no such number of processes.
     """
-    return Control(_Telling(progress), max_time=max_time)
+    return Control(_Telling(progress), max_time=max_time, jobs=processes(jobs))
+
+
+def processes(jobs: int | None) -> int | None:
+    """A number of processes that was asked for; None for the cores there are.
+
+    Raises:
+        UsageError: it is no number from 1 on.
+    """
+    if jobs is not None and (isinstance(jobs, bool) or not isinstance(jobs, int) or jobs < 1):
+        raise UsageError(f"jobs is {jobs!r}: give a whole number from 1 on, or None for all cores.")
+    return jobs
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
-from geoident.api.calling import AnyPath, spoken
+from geoident.api.calling import AnyPath, processes, spoken
 from geoident.api.files import read_result
 from geoident.api.results import ResultFile
 from geoident.api.tables import ResultTable
@@ -111,12 +111,15 @@ def batch(
         InputError: the campaign, its table or the case is wrong, or nobody has said that what the
             case names may be run; with all faults.
         OutputError: the folder is of something else, or cannot be written.
+        UsageError: there is no such number of processes.
     """
-    place = None if output is None else os.fspath(output)
+    place, at_once = None if output is None else os.fspath(output), processes(jobs)
     with decided_by(trusting(trust=trust)):
         plan = plan_campaign(os.fspath(campaign), output=place, fresh=fresh, force=force)
-        require_trust(plan)
+        permitted = require_trust(plan)
     watch = progress or (lambda record: None)
-    with local_executor(plan, jobs or usable_cores()) as executor:
-        table = compute(plan, executor, watch, runs_csv, fresh=fresh, trust=trust)
+    with local_executor(plan, at_once or usable_cores()) as executor:
+        table = compute(
+            plan, executor, watch, runs_csv, fresh=fresh, trust=trust, permitted=permitted
+        )
     return CampaignResult(table, str(plan.folder), len(plan.known))

@@ -31,6 +31,7 @@ from geoident.workflow.report import (
     read_results,
     write_page,
 )
+from geoident.workflow.running.result_files import with_outdated
 
 _FORMATS = ("csv", "vtu", "vtkhdf")
 
@@ -49,7 +50,7 @@ def read_result(path: AnyPath) -> ResultFile:
         InputError: the file is missing, damaged, or no result.
     """
     file = os.fspath(path)
-    data = read_file(file)
+    data, _ = with_outdated(read_file(file), file)
     return KINDS.get(data.kind, ResultFile)(data, file, up_to_date=True)
 
 

@@ -36,6 +36,7 @@ def fit(
     output: AnyPath | None = None,
     seed: int = 0,
     max_time: float | None = None,
+    jobs: int | None = None,
     force: bool = False,
     fresh: bool = False,
     progress: Progress | None = None,
@@ -51,6 +52,8 @@ def fit(
         output: file or existing folder of the result; ``CASE.fit.h5`` beside the case if None.
         seed: of random numbers.
         max_time: seconds after which the search ends with what it has.
+        jobs: number of processes for what a search can compute at a time; None for the cores there
+            are, where it is worth while.
         force: overwrite a result of other input.
         fresh: compute again what is up to date.
         progress: is told of every iteration.
@@ -63,7 +66,7 @@ def fit(
         UsageError: there is no such solver.
     """
     request = _request(case, output, seed=seed, force=force, fresh=fresh, solver=solver)
-    return FitResult(*_run(request, plan_fit, run_fit, control(progress, max_time)))
+    return FitResult(*_run(request, plan_fit, run_fit, control(progress, max_time, jobs)))
 
 
 @spoken
@@ -72,6 +75,7 @@ def scan(
     *,
     output: AnyPath | None = None,
     max_time: float | None = None,
+    jobs: int | None = None,
     force: bool = False,
     fresh: bool = False,
     progress: Progress | None = None,
@@ -84,6 +88,8 @@ def scan(
         case: as loaded, or its path.
         output: file or existing folder of the result; ``CASE.scan.h5`` beside the case if None.
         max_time: seconds after which the scan ends with what it has.
+        jobs: number of processes for what a scan can compute at a time; None for the cores there
+            are, where it is worth while.
         force: overwrite a result of other input.
         fresh: compute again what is up to date.
         progress: is told of every point.
@@ -100,7 +106,7 @@ def scan(
     request = _request(case, output, seed=0, force=force, fresh=fresh, solver=solver)
     if reduced is not None:
         request = replace(request, reduced=path_of(reduced))
-    return ScanResult(*_run(request, plan_scan, run_scan, control(progress, max_time)))
+    return ScanResult(*_run(request, plan_scan, run_scan, control(progress, max_time, jobs)))
 
 
 @spoken
@@ -110,6 +116,7 @@ def backtest(
     output: AnyPath | None = None,
     seed: int = 0,
     max_time: float | None = None,
+    jobs: int | None = None,
     force: bool = False,
     fresh: bool = False,
     progress: Progress | None = None,
@@ -122,6 +129,8 @@ def backtest(
         output: file or existing folder of the result; ``CASE.backtest.h5`` beside the case if None.
         seed: of random numbers.
         max_time: seconds after which it ends with what it has.
+        jobs: number of processes for what a search can compute at a time; None for the cores there
+            are, where it is worth while.
         force: overwrite a result of other input.
         fresh: compute again what is up to date.
         progress: is told of every iteration.
@@ -134,7 +143,9 @@ def backtest(
         UsageError: there is no such solver.
     """
     request = _request(case, output, seed=seed, force=force, fresh=fresh, solver=solver)
-    return BacktestResult(*_run(request, plan_backtest, run_backtest, control(progress, max_time)))
+    return BacktestResult(
+        *_run(request, plan_backtest, run_backtest, control(progress, max_time, jobs))
+    )
 
 
 @spoken
@@ -192,6 +203,7 @@ def sample(
     output: AnyPath | None = None,
     seed: int = 0,
     max_time: float | None = None,
+    jobs: int | None = None,
     force: bool = False,
     fresh: bool = False,
 ) -> SampleResult:
@@ -204,6 +216,8 @@ def sample(
         output: file or existing folder of the result; beside the fit if None.
         seed: of random numbers.
         max_time: seconds after which sampling ends with what it has.
+        jobs: number of processes that evaluate the model; None for the cores there are, where it
+            is worth while.
         force: overwrite a sample of other input.
         fresh: compute again what is up to date.
 
@@ -216,6 +230,7 @@ def sample(
         OutputError: the result cannot be written, or would replace one of other input.
         UsageError: a package that samples is not installed.
     """
+    obeyed = control(max_time=max_time, jobs=jobs)
     request = SampleRequest(
         result=path_of(fitted),
         draws=draws,
@@ -225,7 +240,7 @@ def sample(
         force=force,
         fresh=fresh,
     )
-    return SampleResult(*_parts(run_sample(plan_sample(request), control(max_time=max_time))))
+    return SampleResult(*_parts(run_sample(plan_sample(request), obeyed)))
 
 
 def path_of(found: ResultFile | AnyPath) -> str:

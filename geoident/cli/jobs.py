@@ -24,6 +24,7 @@ from geoident.workflow.predict import PredictRequest, plan_prediction, predict
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.jobs import Job, Request
 from geoident.workflow.running.outputs import Standing
+from geoident.workflow.running.result_files import outdated_beside, outdated_sentence
 from geoident.workflow.sample import SampleRequest, plan_sample, sample
 
 PlanJob = Callable[[Request], Job]
@@ -113,9 +114,15 @@ def _run(
     terminal.inform(summary_text(result))
     if result.exit_code != ExitCode.DONE and options.quiet:
         terminal.warn(f"{case}: {result.status}: {result.reason}")
+    outdated = outdated_beside(result, path)
+    if outdated:
+        terminal.inform(outdated_sentence(outdated))
     for other in finished.paths[1:]:
         terminal.detail(f"also written: {other}")
-    click.echo(dumps(result_object(result, case=case, output=path)) if options.as_json else path)
+    if options.as_json:
+        click.echo(dumps(result_object(result, case=case, output=path, outdated=outdated)))
+    else:
+        click.echo(path)
     return int(result.exit_code)
 
 

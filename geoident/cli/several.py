@@ -145,23 +145,35 @@ def _executor(
     from geoident.workflow.executing.executor import usable_cores
     from geoident.workflow.executing.processes import LocalProcesses
 
-    set_up = partial(_set_up, command, options)
     if cluster is None:
         jobs = min(options.jobs or usable_cores(), len(cases))
-        with LocalProcesses[str, CaseEnd](jobs, set_up) as processes:
+        with LocalProcesses[str, CaseEnd](jobs, partial(_set_up, command, options)) as processes:
             yield processes
         return
     from geoident.cli.clusters import cluster_given
     from geoident.cli.several_away import AwayCases, cases_on
+    from geoident.cli.several_away import run_cases as cases_that_run
 
     if any(Path(path).is_absolute() for path in (*cases, options.output or "")):
         raise click.UsageError("With --cluster, name cases and -o as seen from this folder.")
-    with cases_on(cluster_given(cluster), cases, options, set_up, terminal.inform) as away:
-        yield AwayCases(away, command, options)
+    where = cluster_given(cluster)
+    run = cases_that_run(cases, options)
+    permitted = tuple(one.permitted for one in run.values() if one.permitted)
+    set_up = partial(_set_up, command, options, permitted)
+    with cases_on(where, cases, options, set_up, terminal.inform, run) as away:
+        yield AwayCases(away, command, options, tuple(run))
 
 
-def _set_up(command: str, options: Options) -> Callable[[str], CaseEnd]:
-    """In a process of its own: what runs a case there, and keeps what it says."""
+def _set_up(
+    command: str, options: Options, permitted: tuple[str, ...] | None = None
+) -> Callable[[str], CaseEnd]:
+    """In a process of its own: what runs a case there, and keeps what it says.
+
+    Args:
+        command: ``fit`` or ``backtest``.
+        options: as given.
+        permitted: on another machine, `Execution.portable` of what cases may run.
+    """
     from geoident.cli.jobs import run_case
     from geoident.cli.trust import asked
     from geoident.workflow.backtest import backtest
@@ -174,7 +186,7 @@ def _set_up(command: str, options: Options) -> Callable[[str], CaseEnd]:
 
     def run_one(case: str) -> CaseEnd:
         out, err = io.StringIO(), io.StringIO()
-        with redirect_stdout(out), redirect_stderr(err), asked(quiet):
+        with redirect_stdout(out), redirect_stderr(err), asked(quiet, permitted):
             code = guarded(lambda: run_case(case, quiet, plan=plan, run=run, stop=STOP))
         return CaseEnd(code, out.getvalue(), err.getvalue())
 

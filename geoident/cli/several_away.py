@@ -3,43 +3,78 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
+from types import MappingProxyType
 from typing import Generic, TypeVar
 
 from geoident.cli.options import Options
+from geoident.cli.trust import asked
 from geoident.errors import InputError
+from geoident.forward.elsewhere.model import ElsewhereModel
 from geoident.io.case.file import named_files
 from geoident.io.mesh.file import mesh_files
 from geoident.io.text.atomic import atomic_output, make_folder
 from geoident.io.text.text_file import decode, read_bytes
 from geoident.io.text.yaml_reader import MAX_BYTES, parse_yaml
 from geoident.model.cluster import Cluster
+from geoident.model.elsewhere import ExternalProgram, PythonFunction
 from geoident.workflow.executing.cluster import DaskCluster
 from geoident.workflow.executing.executor import Answered, Executor
+from geoident.workflow.executing.growth import Resumable
 from geoident.workflow.executing.parcel import layout_of, own_copy, packed
-from geoident.workflow.running.outputs import kept_results, target
+from geoident.workflow.programs.travelling import (
+    RunsMade,
+    RunsThere,
+    begin_there,
+    keep_runs,
+    known_lines,
+    log_of,
+    program_of,
+)
+from geoident.workflow.running.jobs import build_model, load_inputs
+from geoident.workflow.running.outputs import kept_results, runs_folder, target
 
 E = TypeVar("E")
 
-_RUNS = ".runs"
-"""Ending of folders of runs of a model elsewhere, which do not travel."""
+
+@dataclass(frozen=True)
+class RunCase:
+    """A case whose model is run.
+
+    Args:
+        model: that it names.
+        permitted: `Execution.portable` of it; empty where nobody has said that it may be run.
+    """
+
+    model: ExternalProgram | PythonFunction
+    permitted: str
 
 
 @dataclass(frozen=True)
-class AwayCase:
+class AwayCase(Resumable):
     """A case on its way to a worker.
 
     Args:
+        kept: path to content of the files with which it goes on.
         case: its path.
         beside: path to content of files of earlier results, which decide what is done.
+        checkpoint: path of its evaluations.
+        runs: folder of the runs of its model; empty where that runs nothing.
     """
 
     case: str
     beside: Mapping[str, bytes]
+    checkpoint: str
+    runs: str = ""
+
+    @property
+    def growing(self) -> tuple[str, ...]:
+        """Its checkpoint, and the log of the runs of its model."""
+        return (self.checkpoint, *([str(log_of(Path(self.runs)))] if self.runs else []))
 
 
 @dataclass(frozen=True)
@@ -49,10 +84,14 @@ class AwayOutput(Generic[E]):
     Args:
         end: how it ended.
         files: path to content of what it has written.
+        runs: folder of the runs of its model; empty where that runs nothing.
+        made: runs of its model.
     """
 
     end: E
     files: Mapping[str, bytes]
+    runs: str = ""
+    made: RunsMade = field(default_factory=RunsMade)
 
 
 class AwayCases(Generic[E]):
@@ -62,12 +101,18 @@ class AwayCases(Generic[E]):
         executor: computes on other machines.
         command: of the cases.
         options: of the command.
+        run: cases whose model is run.
     """
 
     def __init__(
-        self, executor: Executor[AwayCase, AwayOutput[E]], command: str, options: Options
+        self,
+        executor: Executor[AwayCase, AwayOutput[E]],
+        command: str,
+        options: Options,
+        run: Collection[str] = (),
     ) -> None:
         self._executor, self._command, self._options = executor, command, options
+        self._run = run
 
     def run(self, tasks: Iterable[str]) -> Iterator[Answered[E]]:
         """How cases end; their files are written then.
@@ -84,6 +129,8 @@ class AwayCases(Generic[E]):
                 make_folder(Path(name).parent)
                 with atomic_output(name, overwrite=True, inputs=()) as temporary:
                     Path(temporary).write_bytes(content)
+            if output is not None and output.runs:
+                keep_runs(output.made, Path(output.runs))
             end = None if output is None else output.end
             yield Answered(
                 answer.number, end, answer.losses, answer.stopped, answer.seconds, answer.process
@@ -92,10 +139,13 @@ class AwayCases(Generic[E]):
     def _sent(self, case: str) -> AwayCase:
         place = target(case, self._command, output=self._options.output)
         beside = {str(path): b"" for _, path in kept_results(place.path)}  # their names count
-        for path in (place.path, place.checkpoint):
-            with suppress(OSError):
-                beside[str(path)] = path.read_bytes()
-        return AwayCase(case, beside)
+        kept = {}
+        with suppress(OSError):
+            beside[str(place.path)] = place.path.read_bytes()
+        with suppress(OSError):
+            kept[str(place.checkpoint)] = place.checkpoint.read_bytes()
+        runs = str(runs_folder(case)) if case in self._run else ""
+        return AwayCase(kept, case, beside, str(place.checkpoint), runs)
 
     def ask_to_stop(self) -> None:
         """Begin no more cases, and let those that run end as soon as they can."""
@@ -112,6 +162,7 @@ def cases_on(
     options: Options,
     set_up: Callable[[], Callable[[str], E]],
     tell: Callable[[str], None],
+    run: Mapping[str, RunCase] = MappingProxyType({}),
 ) -> DaskCluster[AwayCase, AwayOutput[E]]:
     """A cluster for several cases.
 
@@ -121,14 +172,24 @@ def cases_on(
         options: of the command.
         set_up: gives, in a process there, the function that computes a case.
         tell: is told what people should know.
+        run: the cases whose model is run.
     """
-    files = tuple(dict.fromkeys(name for case in cases for name in _files(case)))
+    of_models = [file for one in run.values() for file in one.model.inputs]
+    programs = [name for one in run.values() for name in program_of(one.model)]
+    named = (*(name for case in cases for name in _files(case)), *of_models)
+    files = tuple(name for name in dict.fromkeys(named) if name not in programs)
+    folders = [runs_folder(case) for case in run]
+    logs = {str(log_of(folder)): known_lines(folder) for folder in folders}
     outputs = [] if options.output is None else [options.output]
     layout = layout_of((*cases, *files, *outputs))
     return DaskCluster(
         cluster,
-        partial(set_up_cases, layout.here, options.output, set_up),
-        packed({layout.name(path): Path(path) for path in files}),
+        partial(set_up_cases, layout.here, options.output, logs, set_up),
+        packed(
+            {layout.name(path): Path(path) for path in files},
+            here=layout.here,
+            programs=tuple(dict.fromkeys(programs)),
+        ),
         jobs=min(options.jobs, len(cases)) if options.jobs else None,
         tell=tell,
     )
@@ -145,9 +206,36 @@ def _files(case: str) -> Iterator[str]:
             yield from mesh_files(name)
 
 
+def run_cases(cases: Sequence[str], options: Options) -> dict[str, RunCase]:
+    """Cases whose model is run, and whether it may be; on a terminal that is asked.
+
+    Args:
+        cases: their paths; what is wrong with one is told by whoever computes it.
+        options: of the command.
+    """
+    found: dict[str, RunCase] = {}
+    for case in cases:
+        with suppress(InputError):
+            text = decode(read_bytes(case, limit=MAX_BYTES, what="case"), case)
+            data = parse_yaml(text, case).data
+            if not (isinstance(data, dict) and "model" in data):
+                continue
+            inputs = load_inputs(case, overrides=options.overrides)
+            given = inputs.case.elsewhere
+            model = build_model(inputs) if given is not None else None
+            if isinstance(model, ElsewhereModel) and isinstance(
+                given, ExternalProgram | PythonFunction
+            ):
+                found[case] = RunCase(given, "")
+                with asked(options):
+                    found[case] = RunCase(given, model.runs.require_trust())
+    return found
+
+
 def set_up_cases(
     here: str,
     output: str | None,
+    logs: Mapping[str, bytes],
     set_up: Callable[[], Callable[[str], E]],
     unpacked: Path,
 ) -> Callable[[AwayCase], AwayOutput[E]]:
@@ -156,10 +244,12 @@ def set_up_cases(
     Args:
         here: where paths are meant from, as seen from the folder of the files.
         output: folder for results, or None for beside the cases.
+        logs: path of the log of the runs of a model to what it holds.
         set_up: gives the function that computes a case.
         unpacked: folder of the files.
     """
     own_copy(unpacked, here)
+    begin_there(logs)
     if output is not None:
         Path(output).mkdir(parents=True, exist_ok=True)
     compute = set_up()
@@ -170,7 +260,11 @@ def set_up_cases(
         before = {path.name for path in folder.iterdir()}
         for name, content in away.beside.items():
             Path(name).write_bytes(content)
-        end = compute(away.case)
+        if away.checkpoint in away.kept:
+            Path(away.checkpoint).write_bytes(away.kept[away.checkpoint])
+        lines = [content for name, content in away.kept.items() if name != away.checkpoint]
+        with RunsThere(Path(away.runs) if away.runs else None, lines) as there:
+            end = compute(away.case)
         files = {}
         for path in sorted(folder.iterdir()):
             if path.name in before:
@@ -179,9 +273,9 @@ def set_up_cases(
                 shutil.rmtree(path, ignore_errors=True)
                 continue
             content = path.read_bytes()
-            if away.beside.get(str(path)) != content:
+            if {**away.beside, **away.kept}.get(str(path)) != content:
                 files[str(path)] = content
             path.unlink()
-        return AwayOutput(end, files)
+        return AwayOutput(end, files, away.runs, there.made)
 
     return compute_away

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 
 import click
@@ -13,20 +13,22 @@ from geoident.workflow.programs.trust import Execution, decided_by
 
 
 @contextmanager
-def asked(options: Options) -> Iterator[None]:
+def asked(options: Options, permitted: Collection[str] | None = None) -> Iterator[None]:
     """Meanwhile ``--trust`` decides, or who sits at the terminal.
 
     Args:
         options: of the command.
+        permitted: on another machine, `Execution.portable` of what may be run; nothing is
+            remembered there.
     """
 
     def decide(execution: Execution) -> bool:
-        if options.trust:
+        if options.trust or execution.portable in (permitted or ()):
             return True
         if not (sys.stdin.isatty() and sys.stderr.isatty()) or options.as_json:
             return False
         click.echo(f"\nThe case runs {execution.words}.", err=True)
         return click.confirm("May it?", default=False, err=True)
 
-    with decided_by(decide):
+    with decided_by(decide, remembered=permitted is None):
         yield

@@ -33,6 +33,7 @@ from geoident.model.actions import WaterPressure
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case, Material
 from geoident.model.dual import Dual, ParameterPoint
+from geoident.model.empirical.rock_mass import RockMassModulus
 from geoident.model.ground import Isotropic, TransverselyIsotropic, angles, constants, numbers_of
 from geoident.model.in_situ import GeostaticStress, HeimStress
 from geoident.model.parameter import Parameter, Scalar, Values
@@ -230,7 +231,7 @@ def stiffness_part(material: Material, *, section: bool) -> EquationPart:
 
 def _explain_stiffness(material: Material, names: Collection[str]) -> str | None:
     elastic = material.elastic
-    tied = [name for name, s in numbers_of(elastic).items() if s.parameter in names]
+    tied = [name for name, s in numbers_of(elastic).items() if not s.parameters.isdisjoint(names)]
     for name in tied:
         if name.startswith("nu") or name in angles(elastic):
             remedy = " (K and G enter linearly)" if isinstance(elastic, Isotropic) else ""
@@ -239,6 +240,8 @@ def _explain_stiffness(material: Material, names: Collection[str]) -> str | None
     first = next((name for name in young if name in tied), None)
     if first is None:
         return None
+    if isinstance(constants(elastic)[first], RockMassModulus):
+        return f"{first} of {material.name} follows from its GSI or D, which is not linear"
     # At fixed ratios between them the matrix grows in proportion to all Young's moduli.
     remedy = f"unless {', '.join(young)} are all tied to one parameter"
     if isinstance(elastic, TransverselyIsotropic):
@@ -349,18 +352,21 @@ def _release_parts(march: March) -> Iterator[EquationPart]:
     """What groups that left still hold: a fraction of forces that depend on parameters."""
     for n, state in enumerate(march.sequence.states):
         for group, fraction in state.release.items():
-            if fraction.parameter is None:
+            if isinstance(fraction, Scalar) and fraction.parameter is None:
                 continue
+            part = partial(march.release.part, n, group)
             name = f"what '{march.sequence.groups[group]}' still holds at stage '{state.name}'"
             for columns in _support_of(march, n, group):
-                yield EquationPart(name, partial(_held, fraction, columns))
+                yield EquationPart(name, partial(_held, part, columns))
 
 
 def _held(
-    fraction: Scalar, columns: Callable[[ParameterPoint], Floats], point: ParameterPoint
+    fraction: Callable[[ParameterPoint], Dual],
+    columns: Callable[[ParameterPoint], Floats],
+    point: ParameterPoint,
 ) -> Floats:
     """What is not released of something (..., 1 + n)."""
-    return ((1.0 - point.number(fraction)) * Dual(columns(point))).columns
+    return ((1.0 - fraction(point)) * Dual(columns(point))).columns
 
 
 def _support_of(

@@ -46,6 +46,7 @@ from geoident.forward.in_situ.stress import (
 )
 from geoident.forward.mesh_checks import mesh_faults, mesh_notes, parted_from
 from geoident.forward.of_mesh import OfMesh
+from geoident.forward.openings.face import face_faults
 from geoident.forward.stages import (
     CaseOnMesh,
     ConstructionSequence,
@@ -118,7 +119,7 @@ def _all_faults(on_mesh: CaseOnMesh) -> tuple[Observation | None, list[Fault]]:
     structures = structure_place_faults(on_mesh)
     places = (
         mesh_faults, motion_faults, load_place_faults, zone_faults, _field_faults, growth_faults,
-        _stress_without_ground,
+        _stress_without_ground, face_faults,
     )  # fmt: skip
     faults = [*(fault for faults_of in places for fault in faults_of(on_mesh)), *structures]
     if structures:

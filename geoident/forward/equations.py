@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
+from geoident.fem.yielding.law import YieldPlanes
 from geoident.forward.affine import affine_obstacle, affine_yield_obstacle
 from geoident.forward.in_situ.stress import NEGLIGIBLE_IMBALANCE
 from geoident.forward.march.march import March
@@ -20,7 +21,7 @@ from geoident.forward.march.systems import GroundAt
 from geoident.forward.staged_system import Affine, LoadStage, PointLaw, PointSet, StagedSystem
 from geoident.forward.stages import numbers
 from geoident.forward.structures.members import StructureMembers, rigidities
-from geoident.forward.yielding.surfaces import is_smooth, yield_planes
+from geoident.forward.yielding.surfaces import curved_surface, is_smooth, yield_planes
 from geoident.model.arrays import Floats
 from geoident.model.case import Material
 from geoident.model.dual import ParameterPoint
@@ -54,7 +55,7 @@ def export_obstacle(march: March, point: ParameterPoint) -> str | None:
 def _obstacles(march: March, point: ParameterPoint) -> Iterator[str]:
     case = march.case
     for stage in case.stages:
-        if stage.release:
+        if stage.release or stage.distance is not None:
             yield f"the stage '{stage.name}' releases stress in part"
         if stage.temperature:
             yield f"the stage '{stage.name}' changes temperatures"
@@ -69,7 +70,8 @@ def _yield_obstacles(march: March, material: Material, point: ParameterPoint) ->
     if not material.yields:
         return
     if is_smooth(material):
-        yield f"{material.name} yields by a smooth surface, which has no planes (give 'planes')"
+        remedy = "" if curved_surface(material) else " (give 'planes')"
+        yield f"{material.name} yields by a smooth surface, which has no planes{remedy}"
         return
     n_strain = march.systems.discretization.points.n_strain
     normals = yield_planes(material, point, n_strain).normals
@@ -200,8 +202,8 @@ class _Exporter:
 
     def _point_law(self, name: str, *, yields: bool) -> PointLaw:
         elastic = self._elastic(self.ground.elasticity(name).columns)
-        planes = self.ground.yield_planes().get(name) if yields else None
-        if planes is None:
+        planes = self.ground.yield_limits().get(name) if yields else None
+        if not isinstance(planes, YieldPlanes):
             return elastic
         none = np.zeros((len(planes), len(planes), 1 + self.n))
         hardening = none if planes.hardening is None else planes.hardening.columns

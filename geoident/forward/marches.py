@@ -15,9 +15,10 @@ from geoident.forward.gauges.observable import MarchState
 from geoident.forward.gauges.observation import Observation
 from geoident.forward.ground.moduli import inadmissible_moduli
 from geoident.forward.march.kept import MOST_KEPT, KeptMarch
-from geoident.forward.march.march import March, Run, RunOptions
+from geoident.forward.march.march import KnownMotion, March, Run, RunOptions
 from geoident.forward.march.stage import StageEnd
 from geoident.forward.march.systems import StageSystems
+from geoident.forward.openings.face import advancing_face
 from geoident.forward.stages import CaseOnMesh
 from geoident.model.arrays import Floats
 from geoident.model.dual import ParameterPoint
@@ -38,6 +39,7 @@ class Marches:
     Attributes:
         on_state: is told of every state computed.
         last_adjoints: readings with their derivatives at the parameters that were evaluated last.
+        face: what turns distances to a tunnel face into released parts.
     """
 
     def __init__(self, on_mesh: CaseOnMesh, observation: Observation, *, solver: Solver) -> None:
@@ -52,11 +54,13 @@ class Marches:
         self.discretization = on_mesh.discretization
         self.systems = StageSystems(on_mesh, solver)
         self.structures = self.systems.structures
-        self.march = March(on_mesh, self.systems)
+        self.face = advancing_face(on_mesh)
+        self.march = March(on_mesh, self.systems, self.face)
         self.actions = self.march.actions
         self._kept: KeptMarch | None = None
         self._paid: tuple[bytes | None, int] = None, -1
         self._free = Counts()
+        self._lent: tuple[bytes, KnownMotion] | None = None
 
     @property
     def counts(self) -> Counts:
@@ -105,7 +109,23 @@ class Marches:
             p: (n,) parameters.
             options: how to march.
         """
+        lent = self._lent
+        if lent is not None and lent[0] == p.tobytes() and options.unit_forces is None:
+            options = replace(options, known=lent[1], traced=False)
         return Run(self.march, ParameterPoint(self.values(p), self.names), options, self._tell)
+
+    def lend(self, p: Floats, known: KnownMotion) -> None:
+        """Displacements at p (n,) are known; marches there need not solve for them.
+
+        Args:
+            p: (n,) parameters.
+            known: the displacements.
+        """
+        self._lent = p.tobytes(), known
+
+    def is_lent(self, p: Floats) -> bool:
+        """Whether displacements at p (n,) are known."""
+        return self._lent is not None and self._lent[0] == p.tobytes()
 
     @property
     def keeps_march(self) -> bool:
@@ -167,7 +187,7 @@ class Marches:
     def forget(self) -> None:
         """Begin the next march as a new model does: of earlier ones only analyses stay."""
         self.march.forget()
-        self.last_adjoints = self._kept = None
+        self.last_adjoints = self._kept = self._lent = None
         self._paid = None, -1
 
     def _set_free(self, before: Counts) -> None:

@@ -25,6 +25,12 @@ from geoident.forward.march.march import Run, RunFindings, RunOptions
 from geoident.forward.march.stage import StageEnd
 from geoident.forward.march.virgin import contradictions, overburden_notes, surface_gaps
 from geoident.forward.marches import Marches
+from geoident.forward.openings.face import (
+    FaceState,
+    conversion_note,
+    face_note,
+    face_states,
+)
 from geoident.forward.protocols import Survey
 from geoident.forward.reduced.reducible import ReducibleResponse, SharedReduction
 from geoident.forward.stages import CaseOnMesh
@@ -117,7 +123,12 @@ class StagedModel(Marches):
             in_tension=self.march.virgin_tension(start),
         )
         varied = field_notes(self.on_mesh.case, self.on_mesh.fields)
-        return (*noted, *varied, *growth_notes(self.on_mesh.growths, self.case.start))
+        growing = growth_notes(self.on_mesh.growths, self.case.start)
+        return (*noted, *conversion_note(self.face, self.on_mesh), *varied, *growing)
+
+    def face_states(self, values: Values) -> tuple[FaceState, ...]:
+        """What distances to the face become at some parameters; see `openings.face`."""
+        return face_states(self.face, self.on_mesh, values)
 
     def virgin_notes(self) -> tuple[str, ...]:
         """What to know of the in-situ stress at the start values; nothing is factorized."""
@@ -198,7 +209,8 @@ class StagedModel(Marches):
         else:
             self.count_evaluation()
             ways, observed = self._readings_until(until), []
-            back = ways if ways.cost_less(len(self.names)) else None
+            backwards = ways.cost_less(len(self.names)) and not self.is_lent(p)
+            back = ways if backwards else None
             run = self.at(p, RunOptions(partial=partial, last=last, traced=back is not None))
             for end in run.states():
                 state = MarchState(end, run.point, self.structures)
@@ -225,6 +237,7 @@ class StagedModel(Marches):
             tuple(error.message for error in found.collapses),
             found.activity,
             (
+                *face_note(self.face, self.on_mesh, values),
                 *_equal_notes(equal, self.case.stage_names),
                 *_unbalanced_notes(found),
                 *imbalance_notes(found.imbalance),

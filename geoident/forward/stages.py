@@ -20,7 +20,7 @@ from geoident.fem.kinematics import (
 )
 from geoident.fem.location import Locator
 from geoident.forward.of_mesh import OfMesh
-from geoident.model.actions import Load, Temperature, Water
+from geoident.model.actions import FaceDistance, Load, Release, Temperature, Water
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import VIRGIN, Case, KeyPath, Stage, Support
 from geoident.model.ground import Elastic, PointField, PointGrowth, with_constants
@@ -47,7 +47,8 @@ class ConstructionState:
         water: in the pores, or None for none.
         temperature: group index to change of temperature.
         leaving: group indices that leave at this stage.
-        release: group index to the part of its stress that is released so far, if one was given.
+        release: group index to the part of its stress that is released so far, or the distance to
+            the face that says it, if one was given.
         structures: names of the structures that stand.
         built: names of those that are built at this stage, free of stress.
         loads_since: index of the state from which on each of the loads acts.
@@ -66,7 +67,7 @@ class ConstructionState:
     water: Water | None = None
     temperature: Mapping[int, Temperature] = field(default_factory=dict)
     leaving: frozenset[int] = frozenset()
-    release: Mapping[int, Scalar] = field(default_factory=dict)
+    release: Mapping[int, Release] = field(default_factory=dict)
     structures: frozenset[str] = frozenset()
     built: frozenset[str] = frozenset()
     loads_since: Mapping[str, int] = field(default_factory=dict)
@@ -349,7 +350,7 @@ def _states_of(case: Case, groups: Sequence[str]) -> tuple[ConstructionState, ..
     trunk = 0
     for n, stage in enumerate(case.stages, start=1):
         base = trunk if stage.base is None else case.stage_names.index(stage.base)
-        states.append(_state_after(states[base], base, stage, n, index, case.structures))
+        states.append(_state_after(states[base], base, stage, n, index, case))
         trunk = trunk if stage.independent else n
     return tuple(states)
 
@@ -360,7 +361,7 @@ def _state_after(
     stage: Stage,
     number: int,
     index: Mapping[str, int],
-    known: Mapping[str, Structure],
+    case: Case,
 ) -> ConstructionState:
     """The state of a number, at the end of a stage that builds on another."""
     gone = {index[g] for g in stage.excavate}
@@ -375,9 +376,9 @@ def _state_after(
     leaving = frozenset(gone & before.materials.keys())
     # A group that leaves again with nothing said of its release is released whole.
     release = {g: part for g, part in before.release.items() if g not in leaving}
-    release |= {index[g]: part for g, part in stage.release.items()}
+    release |= {index[g]: part for g, part in released_by(stage, case).items()}
     structures = (before.structures - set(stage.dismantle)) | set(stage.build)
-    stressed = _stressed_at_building(stage, known) | dict(stage.prestress)
+    stressed = _stressed_at_building(stage, case.structures) | dict(stage.prestress)
     kept = structures - set(stage.build) - stressed.keys()
     locked = {k: v for k, v in {**before.locked, **before.stressed}.items() if k in kept}
     supports, held_since = _held_after(before, stage, number)
@@ -386,6 +387,19 @@ def _state_after(
         leaving, release, structures, frozenset(stage.build), since, stressed, locked,
         supports, held_since,
     )  # fmt: skip
+
+
+def released_by(stage: Stage, case: Case) -> dict[str, Release]:
+    """Group to what a stage says of its release, by its own words or by the distance to the face.
+
+    Args:
+        stage: the stage.
+        case: of which it is.
+    """
+    released: dict[str, Release] = {}
+    if stage.distance is not None and case.face is not None:
+        released |= dict.fromkeys(case.face.groups, FaceDistance(stage.distance))
+    return released | dict(stage.release)
 
 
 def _held_after(

@@ -1,8 +1,12 @@
-"""What acts on the ground from outside: loads, water and temperature. Numbers in SI units."""
+"""What acts on the ground from outside: loads, water, temperature, and release as a face advances.
+
+Numbers in SI units.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 from geoident.model.in_situ import Surface
 from geoident.model.parameter import Scalar
@@ -148,3 +152,51 @@ class TemperatureField:
 
 Temperature = Scalar | TemperatureField
 """Change of temperature since the initial state or since placing, K."""
+
+
+ProfileLaw = Literal["vlachopoulos-diederichs", "panet", "chern"]
+"""Names of longitudinal displacement profiles, as users write them."""
+
+Conversion = Literal["reaction-curve", "direct"]
+"""How a part of the final motion becomes a part of the stress that is released, as users write."""
+
+
+@dataclass(frozen=True)
+class FaceProfile:
+    """How the motion of a tunnel's wall grows with the distance to its face (theory 2.9).
+
+    Args:
+        law: the longitudinal displacement profile.
+        groups: element groups that the tunnel fills; none: what the case releases by distance.
+        radius: R of the tunnel, m.
+        constants: of Panet's profile alpha and m; of Chern's the reach (in radii) and the exponent;
+            of that of Vlachopoulos and Diederichs none.
+        plastic_radius: R_p around the tunnel far from its face, without support, m; None: by the
+            closed form of the opening. Only for Vlachopoulos and Diederichs.
+        centre: (2,) where the in-situ stress is taken, m; None: the middle of the groups.
+        conversion: None: by the reaction curve where the ground at the wall yields; in elastic
+            ground both are one.
+    """
+
+    law: ProfileLaw
+    groups: tuple[str, ...]
+    radius: Scalar
+    constants: tuple[Scalar, ...] = ()
+    plastic_radius: Scalar | None = None
+    centre: tuple[float, ...] | None = None
+    conversion: Conversion | None = None
+
+
+@dataclass(frozen=True)
+class FaceDistance:
+    """A part of stress that is released as far as the face has gone on.
+
+    Args:
+        distance: of the section behind the face, m; negative where the face has yet to come.
+    """
+
+    distance: Scalar
+
+
+Release = Scalar | FaceDistance
+"""The part of the stress of what left that is released, or the distance that says it."""

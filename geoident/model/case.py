@@ -7,7 +7,14 @@ from dataclasses import dataclass, field
 from enum import Enum
 
 from geoident.errors import Fault, Location
-from geoident.model.actions import Contraction, Load, MotionField, Temperature, Water
+from geoident.model.actions import (
+    Contraction,
+    FaceProfile,
+    Load,
+    MotionField,
+    Temperature,
+    Water,
+)
 from geoident.model.elsewhere import Elsewhere
 from geoident.model.gauges import Channel, Reading, StageReadings
 from geoident.model.ground import Elastic, Field, Growth
@@ -140,6 +147,8 @@ class Stage:
             shotcrete, softening of rock).
         release: group to the part (0 to 1) of its stress that is released, for a group that leaves
             now or left before with part of it; the rest acts on until a later stage says more.
+        distance: how far the section is behind the tunnel face, m, which says what the tunnel's
+            groups release; None for a stage that does not say it.
         loads: name to load: acts from this stage until removed; a name used again replaces.
         remove: names of loads that end with this stage.
         build: names of structures that are built, free of stress or with their prestress.
@@ -161,6 +170,7 @@ class Stage:
     install: Mapping[str, str] = field(default_factory=dict)
     change: Mapping[str, str] = field(default_factory=dict)
     release: Mapping[str, Scalar] = field(default_factory=dict)
+    distance: Scalar | None = None
     loads: Mapping[str, Load] = field(default_factory=dict)
     remove: tuple[str, ...] = ()
     build: tuple[str, ...] = ()
@@ -249,6 +259,7 @@ class Case:
         structures: linings, bolts, struts and anchors by name; stages build them.
         elsewhere: the program or function that gives the readings, in place of all ground; None
             for a case that geoident computes.
+        face: how distances to the tunnel face become released stress, or None.
     """
 
     title: str
@@ -274,6 +285,7 @@ class Case:
     structures: Mapping[str, Structure] = field(default_factory=dict)
     imbalance_accepted: bool = False
     elsewhere: Elsewhere | None = None
+    face: FaceProfile | None = None
 
     @property
     def stage_names(self) -> tuple[str, ...]:

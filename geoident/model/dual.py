@@ -188,8 +188,7 @@ class ParameterPoint:
 
     def number(self, scalar: Scalar) -> Dual:
         """A number of the case."""
-        slopes = (scalar.slope(name) for name in self.names)
-        return Dual(np.array([scalar.value(self.values), *slopes]))
+        return Dual(scalar.columns(self.values, self.names))
 
     def constant(self, number: Floats | float) -> Dual:
         """Numbers (...) that depend on no parameter."""

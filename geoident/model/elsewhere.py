@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from decimal import Decimal
 from pathlib import Path
 from typing import Literal
 
@@ -42,6 +43,25 @@ class TemplateField:
         """
         number = value / self.size
         return format(number, self.form) if self.form else repr(float(number))
+
+    def last_digit(self, value: float) -> float:
+        """The size, SI, of the last digit that the form has; 0 where it has all of them.
+
+        Forms with g leave out zeros at the end, which are digits nonetheless.
+
+        >>> TemplateField("E", 1e6, ".3f").last_digit(30e6)
+        1000.0
+        >>> round(TemplateField("E", 1e6, ".10g").last_digit(30e6), 9)
+        0.01
+        """
+        if not self.form:
+            return 0.0
+        text = self.written(value).strip()
+        exponent = int(Decimal(text).as_tuple().exponent)
+        if self.form[-1] in "gG" and float(text) != 0.0:
+            digits = int(self.form[:-1].partition(".")[2] or 6)
+            exponent = Decimal(text).adjusted() - max(digits, 1) + 1
+        return float(10.0**exponent * self.size)
 
     def read(self, text: str) -> float:
         """The value, SI, that a program reads from what was written."""
@@ -175,7 +195,55 @@ class FunctionValue:
     name: str
 
 
-Finding = TableCell | JsonValue | Hdf5Value | LineValue | PatternValue | FunctionValue
+@dataclass(frozen=True)
+class Instruction:
+    """One item of an instruction file of PEST.
+
+    Args:
+        kind: what it is: ``primary`` or ``marker`` (a text), ``advance`` (lines), ``blank`` (to the
+            next word), ``tab`` (a column); ``free``, ``fixed``, ``semi``: an observation.
+        text: of a marker; name of an observation. In small letters.
+        first: number of lines; column, or first column, from 1.
+        last: last column.
+    """
+
+    kind: Literal["primary", "marker", "advance", "blank", "tab", "free", "fixed", "semi"]
+    text: str = ""
+    first: int = 0
+    last: int = 0
+
+
+@dataclass(frozen=True)
+class InstructionLine:
+    """A line of an instruction file of PEST, with those that go on with it.
+
+    Args:
+        number: of the line, from 1.
+        items: in their order.
+    """
+
+    number: int
+    items: tuple[Instruction, ...]
+
+
+@dataclass(frozen=True)
+class InstructedValue:
+    """What an instruction file of PEST finds.
+
+    Args:
+        path: of that file.
+        observation: its name there, in small letters.
+        lines: of the file.
+    """
+
+    path: str
+    observation: str
+    lines: tuple[InstructionLine, ...] = field(compare=False, repr=False)
+
+
+Finding = (
+    TableCell | JsonValue | Hdf5Value | LineValue | PatternValue | FunctionValue | InstructedValue
+)
 
 
 @dataclass(frozen=True)
@@ -238,7 +306,8 @@ class ExternalProgram:
     def inputs(self) -> tuple[str, ...]:
         """Paths of all files that the model consists of."""
         sources = (template.source for template in self.templates)
-        return tuple(dict.fromkeys((*sources, *self.files, *self.code)))
+        finds = (o.how.path for o in self.outputs if isinstance(o.how, InstructedValue))
+        return tuple(dict.fromkeys((*sources, *self.files, *self.code, *finds)))
 
     @property
     def seen(self) -> frozenset[str]:
@@ -255,17 +324,19 @@ class PythonFunction:
         name: of the function.
         jacobian: name of the function in the same file that gives derivatives; empty for none.
         machine: what a run may take.
+        files: paths of what it imports from beside it, and of what it reads.
     """
 
     path: str
     name: str
     jacobian: str
     machine: Machine
+    files: tuple[str, ...] = ()
 
     @property
     def inputs(self) -> tuple[str, ...]:
         """Paths of all files that the model consists of."""
-        return (self.path,)
+        return tuple(dict.fromkeys((self.path, *self.files)))
 
 
 SurfaceKind = Literal["auto", "gaussian-process", "polynomial"]

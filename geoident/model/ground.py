@@ -18,6 +18,7 @@ import numpy as np
 
 from geoident.model.arrays import Floats, Ints
 from geoident.model.dual import Dual, ParameterPoint
+from geoident.model.empirical.rock_mass import LARGEST_GSI, RockMassModulus
 from geoident.model.in_situ import Surface
 from geoident.model.parameter import Scalar, Values, scalars_of
 
@@ -388,6 +389,7 @@ Numbers = Mapping[str, float]
 """Name of a constant to its value, SI."""
 
 _ANGLES = ("friction", "dilation")
+_RATIOS = ("nu", "nu_p", "nu_np", "nu_12", "nu_13", "nu_23", "mi", "GSI", "D", "mb", "s", "a", "MR")
 
 
 @dataclass(frozen=True)
@@ -409,13 +411,24 @@ class Breach:
         """The value with its unit."""
         if self.constant in _ANGLES:
             return f"{degrees(self.value):.6g} deg"
-        return f"{self.value:.6g}" + ("" if self.constant.startswith("nu") else " Pa")
+        return f"{self.value:.6g}" + ("" if self.constant in _RATIOS else " Pa")
 
 
 def breach(elastic: Elastic, values: Values) -> Breach | None:
     """The first bound that the constants break at parameter values (SI), or None."""
+    for scalar in constants(elastic).values():
+        if isinstance(scalar, RockMassModulus) and (found := _rock_mass(scalar, values)):
+            return found
     numbers = {name: scalar.value(values) for name, scalar in constants(elastic).items()}
     return _CHECKS[type(elastic)](numbers)
+
+
+def _rock_mass(modulus: RockMassModulus, values: Values) -> Breach | None:
+    given = {name: part.value(values) for name, part in modulus.parts.items()}
+    for name, most in (("GSI", LARGEST_GSI), ("D", 1.0)):
+        if not 0.0 <= given[name] <= most:
+            return Breach(name, given[name], f"it must be from 0 to {most:g}")
+    return _not_positive(given, ("Ei", "MR", "sigci"))
 
 
 def _isotropic(given: Numbers) -> Breach | None:

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Any, Literal
+
+import numpy as np
+
+from geoident.model.arrays import Floats
 
 Scale = Literal["linear", "log"]
 
@@ -32,9 +36,23 @@ class Scalar:
         """
         return self.factor if self.parameter is None else self.factor * values[self.parameter]
 
-    def slope(self, parameter: str) -> float:
-        """Derivative of the number with respect to a parameter."""
-        return self.factor if parameter == self.parameter else 0.0
+    @property
+    def parameters(self) -> frozenset[str]:
+        """Names of the parameters that it depends on."""
+        return frozenset() if self.parameter is None else frozenset({self.parameter})
+
+    def columns(self, values: Values, names: Sequence[str]) -> Floats:
+        """Its value, then its derivatives by n parameters, (1 + n,).
+
+        Args:
+            values: parameters by name, SI.
+            names: to differentiate by.
+
+        >>> Scalar(0.6, "E").columns({"E": 10.0}, ("E", "nu"))
+        array([6. , 0.6, 0. ])
+        """
+        slopes = (self.factor if name == self.parameter else 0.0 for name in names)
+        return np.array([self.value(values), *slopes])
 
 
 def scalars_of(record: Any) -> dict[str, Scalar]:

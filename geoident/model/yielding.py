@@ -6,11 +6,14 @@ Tension is positive; stresses and strengths in Pa.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from math import degrees, pi, tan
 from typing import ClassVar, Literal
 
 from geoident.model.arrays import Floats, Ints
+from geoident.model.dual import Dual
+from geoident.model.empirical.rock_mass import LARGEST_GSI, strength_constants
 from geoident.model.ground import Breach, Frame, Numbers, angles_of
 from geoident.model.parameter import Scalar, Values, scalars_of
 
@@ -40,6 +43,12 @@ class _Surface(ABC):
     kind: ClassVar[str]
     """Name by which users know it, in cases and in the names of planes."""
 
+    tip: ClassVar[str] = "c / tan(phi)"
+    """What its largest tension is without a cut-off."""
+
+    dimensionless: ClassVar[tuple[str, ...]] = ()
+    """Which of its numbers, beside angles, are no stresses."""
+
     @property
     def strengths(self) -> dict[str, Scalar]:
         """Its strengths and angles of strength, by name."""
@@ -65,9 +74,9 @@ class _Surface(ABC):
         return self._breach(self._values(values))
 
     def apex(self, values: Values) -> float | None:
-        """The largest tension that friction and cohesion alone leave, c / tan(phi), Pa.
+        """The largest tension that the other strengths leave (`tip`), Pa.
 
-        None without friction, or where neither is a number of the surface.
+        None without friction, or where no such strength is a number of the surface.
         """
         numbers = self._values(values)
         phi = numbers.get("friction", 0.0)
@@ -211,7 +220,80 @@ class WeakPlane(_Coulomb):
         return "a weak plane"
 
 
-YieldSurface = GivenPlanes | MohrCoulomb | DruckerPrager | WeakPlane
+@dataclass(frozen=True)
+class HoekBrown(_Surface):
+    """The generalised criterion of Hoek and Brown, by mi, GSI and D or by mb, s and a.
+
+    Args:
+        sigci: uniaxial compressive strength of intact rock.
+        mi: constant of intact rock; with it GSI and D.
+        GSI: Geological Strength Index, 0 to 100.
+        D: disturbance, 0 to 1.
+        mb: constant of the rock mass; with it s and a.
+        s: constant of the rock mass, 1 for intact rock.
+        a: exponent.
+        dilation: psi, rad; None: associated.
+        tension: cut-off of the largest principal stress; None for the tip, s sigci / mb.
+    """
+
+    kind = "hoek-brown"
+    tip = "s sigci / mb"
+    dimensionless = ("mi", "GSI", "D", "mb", "s", "a")
+
+    sigci: Scalar
+    mi: Scalar | None = None
+    GSI: Scalar | None = None
+    D: Scalar | None = None
+    mb: Scalar | None = None
+    s: Scalar | None = None
+    a: Scalar | None = None
+    dilation: Scalar | None = None
+    tension: Scalar | None = None
+
+    @property
+    def is_smooth(self) -> bool:
+        """Always."""
+        return True
+
+    @property
+    def description(self) -> str:
+        """Its name, whether tension is cut off, and how it flows."""
+        flow = "with associated flow" if self.dilation is None else "with its own dilation"
+        return f"{_with_tension('generalised Hoek-Brown', self.tension)}, smooth, {flow}"
+
+    def rock_mass(self, number: Callable[[Scalar], Dual]) -> tuple[Dual, Dual, Dual]:
+        """mb, s and a.
+
+        Args:
+            number: makes dual numbers of those of the case.
+        """
+        if self.mb is not None and self.s is not None and self.a is not None:
+            return number(self.mb), number(self.s), number(self.a)
+        assert self.mi is not None
+        assert self.GSI is not None
+        disturbed = Scalar(0.0) if self.D is None else self.D
+        return strength_constants(number(self.mi), number(self.GSI), number(disturbed))
+
+    def apex(self, values: Values) -> float | None:
+        """The tensile strength that mb and s leave, Pa."""
+        mb, s, _ = self.rock_mass(lambda scalar: Dual(scalar.columns(values, ())))
+        return float(s.value) * self.sigci.value(values) / float(mb.value)
+
+    def _breach(self, given: Numbers) -> Breach | None:
+        found = _not_positive(given, "sigci") or _not_positive(given, "mi")
+        found = found or _beyond(given, "GSI", 0.0, LARGEST_GSI) or _beyond(given, "D", 0.0, 1.0)
+        found = found or _not_positive(given, "mb") or _beyond(given, "s", 0.0, 1.0)
+        found = found or _beyond(given, "a", *_EXPONENTS)
+        if not found and not 0.0 <= given.get("dilation", 0.0) < pi / 2:
+            limit = "it must be from 0 to below 90 deg"
+            found = Breach("dilation", given["dilation"], limit)
+        return found or _negative(given, "tension")
+
+
+YieldSurface = GivenPlanes | MohrCoulomb | DruckerPrager | WeakPlane | HoekBrown
+
+_EXPONENTS = (0.2, 0.9)
+"""Of Hoek-Brown: 0.5 to 0.67 by GSI; 0.25 and 0.75 are used for spalling (Diederichs 2007)."""
 
 
 def _with_tension(name: str, tension: Scalar | None) -> str:
@@ -237,6 +319,18 @@ def _dilation(given: Numbers) -> Breach | None:
         return None
     limit = f"it must be from 0 to the friction angle, {degrees(given['friction']):.6g} deg"
     return Breach("dilation", given["dilation"], limit)
+
+
+def _not_positive(given: Numbers, name: str) -> Breach | None:
+    if given.get(name, 1.0) > 0.0:
+        return None
+    return Breach(name, given[name], "it must be positive")
+
+
+def _beyond(given: Numbers, name: str, least: float, most: float) -> Breach | None:
+    if least <= given.get(name, least) <= most:
+        return None
+    return Breach(name, given[name], f"it must be from {least:g} to {most:g}")
 
 
 def _negative(given: Numbers, name: str) -> Breach | None:

@@ -12,8 +12,11 @@ from geoident.fem.solvers.threads import one_thread
 from geoident.forward.elsewhere.table import TableModel
 from geoident.forward.gauges.placement import placements
 from geoident.forward.model import StagedModel
+from geoident.forward.openings.model import OpeningModel
 from geoident.forward.protocols import CaseModel
 from geoident.forward.reduced.stress_rows import beyond_reduction
+from geoident.forward.stages import released_by
+from geoident.model.actions import FaceDistance
 from geoident.model.case import Case
 from geoident.model.elsewhere import ConvergenceLaw, RunTable
 from geoident.model.gauges import ReadingTable, named_channels
@@ -239,6 +242,7 @@ def _groups(case: Case, model: StagedModel) -> tuple[GroupSummary, ...]:
 
 def _stages(case: Case, model: CaseModel, readings: ReadingTable) -> tuple[StageSummary, ...]:
     used = Counter(readings.stage[k] for k in np.flatnonzero(readings.used))
+    at_face = _at_face(case, model)
     return tuple(
         StageSummary(
             name=stage.name,
@@ -255,12 +259,25 @@ def _stages(case: Case, model: CaseModel, readings: ReadingTable) -> tuple[Stage
             built=stage.build,
             dismantled=stage.dismantle,
             stressed=tuple(name for name in stage.prestress if name not in stage.build),
-            released=tuple((group, _share(part)) for group, part in stage.release.items()),
+            released=tuple(
+                (group, at_face[stage.name] if isinstance(part, FaceDistance) else _share(part))
+                for group, part in released_by(stage, case).items()
+            ),
         )
         for n, (stage, state, dofs) in enumerate(
             zip(case.stages, model.sequence.states[1:], model.n_dofs[1:], strict=True)
         )
     )
+
+
+def _at_face(case: Case, model: CaseModel) -> dict[str, str]:
+    """Stage to the part that its distance to the face releases at the start values, in words."""
+    if case.face is None or not isinstance(model, StagedModel | OpeningModel):
+        return {}
+    return {
+        found.stage: f"{100.0 * found.released:.3g} % (face {found.distance:.4g} m on)"
+        for found in model.face_states(case.start)
+    }
 
 
 def _share(part: Scalar) -> str:

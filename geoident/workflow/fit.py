@@ -122,7 +122,7 @@ def _last_stage(
         return LastStage()
     left = replace(control, out_of_time=False)  # that this runs out of time does not undo the fit
     response = problem.response
-    visited = response.evaluated() if isinstance(response, Remembered) else ()
+    visited = response.visited() if isinstance(response, Remembered) else ()
     return last_stage(setup, outcome.values, log, left, visited)
 
 

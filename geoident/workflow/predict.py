@@ -51,6 +51,7 @@ from geoident.workflow.running.jobs import (
     build_model,
     inputs_of_result,
     load_inputs,
+    of_fit,
     provenance,
 )
 from geoident.workflow.running.kept_reduced import answer_note, answered, restored_of
@@ -148,13 +149,14 @@ class Task:
     @property
     def provenance(self) -> Provenance:
         """Where the result comes from."""
-        return provenance(
+        found = provenance(
             self.inputs,
             command="predict",
             identity=self.identity,
             seed=self.fit.provenance.seed,
             output=self.place.path,
         )
+        return of_fit(found, self.fit, self.request.result, self.place.path)
 
 
 def plan_prediction(request: PredictRequest) -> Task:
@@ -173,7 +175,7 @@ def plan_prediction(request: PredictRequest) -> Task:
     require_identified(fit, inputs)
     _require_same_fields(fit, origin.case, inputs)
     place = target(request.result, "predict", output=request.output)
-    purpose = f"predict {fit.provenance.identity} {request.stages}"
+    purpose = f"predict {fit.fingerprint} {request.stages}"
     identity = inputs.identity(purpose, (), seed=fit.provenance.seed)
     found = standing(place, identity, kind="predict", case=inputs.path)
     return Task(request, fit, origin, inputs, place, identity, found)

@@ -15,7 +15,7 @@ from geoident.io.text.yaml_reader import MAX_BYTES
 from geoident.model.results.head import ReportHead
 from geoident.model.results.result import Labelled, Result
 from geoident.workflow.running.remade import write_remade
-from geoident.workflow.running.result_files import case_path, files_of_result
+from geoident.workflow.running.result_files import case_path, files_of_result, with_outdated
 
 COMPARISON = "comparison.html"
 """Name of the page of several results."""
@@ -32,7 +32,8 @@ def read_results(paths: Sequence[str]) -> Labelled:
     names = [Path(path).name.removesuffix(".h5") for path in paths]
     labels = names if len(set(names)) == len(names) else [Path(path).as_posix() for path in paths]
     return tuple(
-        (label, read_result(path).for_people) for label, path in zip(labels, paths, strict=True)
+        (label, with_outdated(read_result(path), path)[0].for_people)
+        for label, path in zip(labels, paths, strict=True)
     )
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -25,7 +26,13 @@ from geoident.io.result.file import read_result
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.parameter import Parameter
 from geoident.model.results.posterior import LEVELS, PosteriorDraws
-from geoident.model.results.result import Counts, ParameterTable, Prediction, Result
+from geoident.model.results.result import (
+    Counts,
+    ParameterTable,
+    Prediction,
+    Provenance,
+    Result,
+)
 from geoident.workflow.estimating.estimate import known_errors
 from geoident.workflow.estimating.fields import drawn_fields, require_same_modes
 from geoident.workflow.estimating.finished import Finished, evaluation_log, job_at_hand, write
@@ -36,7 +43,14 @@ from geoident.workflow.estimating.setup import (
     problem_of,
     problem_of_result,
 )
-from geoident.workflow.running.answers import Asked, Compute, KeptAnswers, here, in_processes
+from geoident.workflow.running.answers import (
+    Asked,
+    Compute,
+    KeptAnswers,
+    WhereWorthWhile,
+    here,
+    in_processes,
+)
 from geoident.workflow.running.computed import accuracies
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.jobs import (
@@ -46,11 +60,13 @@ from geoident.workflow.running.jobs import (
     build_model,
     inputs_of_result,
     job_provenance,
+    of_fit,
 )
 from geoident.workflow.running.kept_reduced import restored_of, spread_around
 from geoident.workflow.running.outputs import require_free, standing, target
 from geoident.workflow.running.reduced_answers import ReducedAnswers, reduced_answers
 from geoident.workflow.running.result_files import case_path, files_of_result
+from geoident.workflow.running.workers import WORTH, as_many_as_fit
 
 EFFECTIVE = 1000
 """Effective size at which draws are enough, unless another one is asked for."""
@@ -79,7 +95,6 @@ class SampleRequest:
         draws: how many to write.
         effective: effective size at which it is enough; at most ``draws``.
         evaluations: of the model at most.
-        jobs: processes that evaluate the model.
         output: a file or an existing folder; None for beside the result.
         seed: of random numbers.
         solver: name of the sparse solver, or ``auto``.
@@ -91,7 +106,6 @@ class SampleRequest:
     draws: int = 10_000
     effective: int = EFFECTIVE
     evaluations: int = EVALUATIONS
-    jobs: int = 1
     output: str | None = None
     seed: int = 0
     solver: str = "auto"
@@ -137,7 +151,7 @@ def plan_sample(request: SampleRequest) -> SampleTask:
     fit, inputs = fit_and_inputs(request.result)
     place = target(request.result, "sample", output=request.output)
     wish = request.wish
-    purpose = f"sample {fit.provenance.identity} {wish.draws} {wish.effective} {wish.evaluations}"
+    purpose = f"sample {fit.fingerprint} {wish.draws} {wish.effective} {wish.evaluations}"
     identity = inputs.identity(purpose, (), seed=request.seed)
     asked = Request(
         case=request.result,
@@ -251,7 +265,7 @@ def _answers(
     """The model as the sampler asks it, and what helps it."""
     cheap = isinstance(asked.model, OpeningModel)  # to compute again costs less than to keep
     kept, request = None if cheap else log, task.request
-    with _computed(request, asked) as compute:
+    with _computed(request, asked, control.jobs) as compute:
         led = _reduced(task.fit, asked, compute, control)
         answers = KeptAnswers(led or compute, kept, control)
         try:
@@ -261,13 +275,21 @@ def _answers(
 
 
 @contextmanager
-def _computed(request: SampleRequest, asked: Asked) -> Iterator[Compute]:
-    """The model's own answers."""
-    if request.jobs == 1:
+def _computed(request: SampleRequest, asked: Asked, jobs: int | None) -> Iterator[Compute]:
+    """The model's own answers.
+
+    Args:
+        request: says where other processes find the model.
+        asked: it, in this process.
+        jobs: number of processes; None for the cores there are, where it is worth while.
+    """
+    most = as_many_as_fit(asked.model, request.solver) if jobs is None else jobs
+    if most == 1:
         yield here(asked)
         return
     where = request.result, request.solver
-    with in_processes(request.jobs, build_elsewhere, where) as compute:
+    begin = partial(in_processes, most, build_elsewhere, where, asked.beside)
+    with WhereWorthWhile(asked, begin, WORTH if jobs is None else 0.0) as compute:
         yield compute
 
 
@@ -315,6 +337,11 @@ class _Found:
     places: Ints
     led: ReducedAnswers | None
 
+    def _provenance(self) -> Provenance:
+        task = self.task
+        found = job_provenance(task.job)
+        return of_fit(found, task.fit, task.request.result, task.job.place.path)
+
     def result(self) -> Result:
         fit, case = self.task.fit, self.setup.case
         posterior = self._posterior()
@@ -331,7 +358,7 @@ class _Found:
             reason=reason,
             findings=(*_findings(table), *fit.findings),
             notes=(*granted(fit, case.parameters), *self._led(), *case.notes),
-            provenance=job_provenance(self.task.job),
+            provenance=self._provenance(),
             parameters=table,
             counts=self._counts(),
             prediction=self._prediction(posterior),

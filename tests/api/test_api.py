@@ -4,6 +4,7 @@ import inspect
 import json
 import subprocess
 import sys
+from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
 
@@ -20,6 +21,7 @@ from geoident import (
     SampleResult,
     ScanResult,
     backtest,
+    batch,
     check,
     compare,
     export,
@@ -34,6 +36,7 @@ from geoident import (
 )
 from geoident.api.calling import control
 from geoident.cli.app import geoident as program
+from geoident.cli.options import Options
 from geoident.errors import InputError, OutputError, UsageError
 from geoident.workflow.running.jobs import Request
 from geoident.workflow.sample import SampleRequest
@@ -269,6 +272,33 @@ def test_every_public_name_says_what_it_is():
         for part, member in vars(described).items():
             if not part.startswith("_") and (callable(member) or isinstance(member, property)):
                 assert inspect.getdoc(member), f"{name}.{part}"
+
+
+@pytest.mark.parametrize("call", [fit, scan, backtest, sample, batch])
+@pytest.mark.parametrize("jobs", [0, -2, 1.5, True])
+def test_a_number_of_processes_is_a_whole_number_from_one_on(call, jobs, case):
+    given = case.path if call in (sample, batch) else case
+    with pytest.raises(UsageError, match=r"jobs is .*: give a whole number from 1 on"):
+        call(given, jobs=jobs)
+
+
+@pytest.mark.parametrize(
+    ("call", "step"),
+    [(fit, "run_fit"), (scan, "run_scan"), (backtest, "run_backtest")],
+    ids=["fit", "scan", "backtest"],
+)
+def test_processes_are_those_of_the_command(call, step, case, monkeypatch):
+    asked = []
+    module = import_module("geoident.api.runs")
+    once = getattr(module, step)
+    monkeypatch.setattr(
+        module, step, lambda job, control: asked.append(control.jobs) or once(job, control)
+    )
+    with suppress(InputError):  # a case of one stage has no backtest
+        call(case, jobs=1)
+    with suppress(InputError):
+        call(case)
+    assert asked == [1, Options().jobs]
 
 
 def test_calls_take_what_their_commands_take():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import time
 
 import numpy as np
 import pytest
@@ -11,18 +12,21 @@ import scipy.sparse as sp
 from geoident.fem.solvers.direct import LowerPattern, NotPositiveDefinite, SolverCounts
 from geoident.fem.solvers.fronts import elimination, layout, tree
 from geoident.fem.solvers.fronts.graph import elimination_tree, node_graph
+from geoident.fem.solvers.fronts.tasks import run_tasks
 from geoident.fem.solvers.multifrontal import MultifrontalSolver
 from geoident.fem.solvers.ordering import lasting_first, nested_dissection
 
 
 @pytest.fixture
 def fine(monkeypatch):
-    """Leaves, strips and blocks so small that a small matrix has many of each."""
+    """Leaves, strips, branches and blocks so small that a small matrix has many of each."""
     monkeypatch.setattr(tree, "LEAF", 3)
     monkeypatch.setattr(tree, "CALL", 20.0)
     monkeypatch.setattr(tree, "PASS", 0.1)
     monkeypatch.setattr(layout, "STRIP", 7)
+    monkeypatch.setattr(layout, "BRANCHED", 0.0)
     monkeypatch.setattr(elimination, "BLOCK", 5)
+    monkeypatch.setattr(elimination, "ZEROS", 11)
 
 
 def grid(shape):
@@ -370,11 +374,56 @@ def test_memory_is_used_again_and_given_back():
         first.solve(rhs)
     np.testing.assert_allclose(second.solve(rhs), 0.5 * before, rtol=1e-12)
     spare = solver._memory._spare
-    assert len(spare) == 2
+    assert len(spare) == 1  # all stacks
     del first
     spare = solver._memory._spare
-    assert len(spare) == 3
+    assert len(spare) == 2
     kept = {id(block) for block in spare}
     third = analysis.factorize(3.0 * values)
     np.testing.assert_allclose(third.solve(rhs), before / 3.0, rtol=1e-12)
     assert {id(block) for block in solver._memory._spare} < kept
+
+
+def test_branches_have_nothing_to_do_with_each_other(fine):
+    points, *graph = grid((7, 6, 5))
+    order = nested_dissection(points, *graph)
+    pattern, _ = lower(stiffness(*graph, 2, 0), spread(order, 2))
+    plan = layout.layout(pattern.indptr, pattern.indices, pattern.n)
+    assert len(plan.branches) >= 2
+    seen = sorted([k for branch in plan.branches for k in branch] + plan.rest.tolist())
+    assert seen == list(range(len(plan.fronts)))
+    for branch in plan.branches:
+        own = set(branch)
+        last = plan.fronts[branch[-1]]
+        end = last.first + last.width
+        for k in branch:
+            assert {child for child, _ in plan.fronts[k].children} <= own
+            inside = plan.fronts[k].rows
+            inside = inside[inside < end]
+            assert (inside >= plan.fronts[branch[0]].first).all()
+        stacks = {plan.fronts[k].stack for k in branch}
+        others = {plan.fronts[k].stack for k in set(seen) - own}
+        assert not stacks & others
+
+
+def test_little_work_is_not_divided():
+    points, *graph = grid((4, 4, 4))
+    order = nested_dissection(points, *graph)
+    pattern, _ = lower(stiffness(*graph, 2, 0), spread(order, 2))
+    assert layout.layout(pattern.indptr, pattern.indices, pattern.n).branches == ()
+
+
+def test_nothing_runs_any_more_when_a_task_has_failed(monkeypatch):
+    monkeypatch.setenv("OPENBLAS_NUM_THREADS", "2")
+    done = []
+
+    def fail():
+        raise ArithmeticError("first")
+
+    def late():
+        time.sleep(0.05)
+        done.append(True)
+
+    with pytest.raises(ArithmeticError, match="first"):
+        run_tasks([fail, late])
+    assert done == [True]

@@ -2,8 +2,11 @@
 
 import os
 import time
+from dataclasses import dataclass
 from pathlib import Path
 
+from geoident.workflow.executing.growth import Resumable
+from geoident.workflow.executing.parcel import own_copy
 from tests.support.tasks import obedient, squares
 
 
@@ -61,3 +64,44 @@ def worker_killer_in(folder):
         return obey(task)
 
     return act
+
+
+@dataclass(frozen=True)
+class Lines(Resumable):
+    """Write lines bit by bit; whoever begins it first ends a process at the tenth.
+
+    Args:
+        file: for them, as seen from where the process works.
+        mark: a file that tells that it was begun before.
+        whom: ``own`` process or that of the ``worker``.
+    """
+
+    file: str
+    mark: str
+    whom: str
+
+    @property
+    def growing(self):
+        """The file."""
+        return (self.file,)
+
+
+def lines_in(folder):
+    """Answers `Lines` with the number of lines that were there at its last beginning."""
+    own_copy(Path(folder), ".")
+
+    def write(task):
+        path = Path(task.file)
+        path.write_bytes(task.kept.get(task.file, b""))
+        known = len(path.read_bytes().splitlines())
+        for number in range(known, 12):
+            with path.open("a") as file:
+                file.write(f"{number}\n")
+            if number == 10 and not Path(task.mark).exists():
+                Path(task.mark).touch()
+                time.sleep(1.0)  # until what is there has come back
+                os.kill(os.getpid() if task.whom == "own" else os.getppid(), 9)
+                time.sleep(60)
+        return known, path.read_text()
+
+    return write

@@ -41,12 +41,18 @@ class RealCluster:
 
     Args:
         folder: for what they write.
+        tls: path, without ending, of a certificate and its key; they speak encrypted with it.
     """
 
-    def __init__(self, folder):
+    def __init__(self, folder, tls=""):
         self.folder = folder
         self.port = free_port()
-        self.address = f"tcp://127.0.0.1:{self.port}"
+        protocol = "tls" if tls else "tcp"
+        self.address = f"{protocol}://127.0.0.1:{self.port}"
+        self.words = ["--protocol", protocol]
+        if tls:
+            self.words += ["--tls-ca-file", f"{tls}.pem", "--tls-cert", f"{tls}.pem",
+                           "--tls-key", f"{tls}.key"]  # fmt: skip
         self.mark = uuid.uuid4().hex
         self.scheduler = None
         self.nodes = []
@@ -62,7 +68,8 @@ class RealCluster:
     def start_scheduler(self):
         self.scheduler = self._start(
             "distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", str(self.port),
-            "--no-dashboard", "--no-show", "--idle-timeout", "120",
+            "--no-dashboard", "--dashboard-address", ":0", "--no-show", "--idle-timeout", "900",
+            *self.words,
         )  # fmt: skip
 
     def add_node(self, *words, path=""):
@@ -75,7 +82,7 @@ class RealCluster:
         node = self._start(
             "distributed.cli.dask_worker", self.address, "--host", "127.0.0.1", "--nthreads", "1",
             "--no-dashboard", "--memory-limit", "0", "--local-directory", str(self.folder),
-            "--death-timeout", "20", *words, path=path,
+            "--death-timeout", "20", *self.words, *words, path=path,
         )  # fmt: skip
         self.nodes.append(node)
         return node

@@ -16,7 +16,13 @@ from geoident.model.case import Material, Stage
 from geoident.model.in_situ import ConstantStress
 from geoident.model.mesh import Mesh
 from geoident.model.parameter import Parameter, Scalar
-from geoident.model.yielding import GivenPlanes, MohrCoulomb, YieldPlane, YieldSurface
+from geoident.model.yielding import (
+    GivenPlanes,
+    HoekBrown,
+    MohrCoulomb,
+    YieldPlane,
+    YieldSurface,
+)
 from support.cases import as_scalar, material, model, rollers
 from support.meshes import opening
 
@@ -49,6 +55,14 @@ def mohr(
     dilation = None if psi is None else as_scalar(psi)
     cut = None if tension is None else as_scalar(tension)
     return MohrCoulomb(as_scalar(c), as_scalar(phi), dilation, cut, planes, fit)
+
+
+def hoek(
+    sigci: float | Scalar, *, psi: float | Scalar | None = None, **constants: float | Scalar
+) -> HoekBrown:
+    """Hoek-Brown by mi, GSI and D or by mb, s and a; numbers or parameters, psi in rad."""
+    numbers = {name: as_scalar(value) for name, value in constants.items()}
+    return HoekBrown(as_scalar(sigci), dilation=None if psi is None else as_scalar(psi), **numbers)
 
 
 def given(

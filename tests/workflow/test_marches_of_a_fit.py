@@ -121,19 +121,20 @@ def whole(case):
 
 
 def test_a_fit_and_all_that_it_says_takes_two_marches_more_than_its_search(whole):
-    """Its search three; one where errors of mesh and model lead it; one for its last stage.
+    """Its search two; one where errors of mesh and model lead it; one for what it ends with.
 
-    The march at the end of the search goes on for what the mesh does to the last round, that at the
-    answer for the prediction of it, and that without the last stage as far as its backtest.
+    Where the reduced model is certain, a march follows its displacements and factorizes nothing:
+    what the mesh does at the end of the search, up to the last round, that was not fitted; the fit
+    without the last stage, and its backtest. The march at the answer goes on to the last round.
     """
-    search, mesh = 3 * FITTED + 1, ROUNDS
-    answer, backtest = FITTED + 1, FITTED
+    search, mesh = 2 * FITTED, ROUNDS + (ROUNDS - FITTED)
+    led, answer, backtest = FITTED, ROUNDS, 0
     assert whole.status == "converged"
     assert whole.prediction is not None
     assert len(whole.backtest.steps) == 1
     assert any("The mesh is too coarse" in said for said in whole.findings)
-    assert whole.counts.evaluations == 3 + 1 + 1 + 1  # the fourth on the finer mesh
-    assert whole.counts.factorizations == search + mesh + answer + backtest
+    assert whole.counts.evaluations == 2 + (1 + 1) + 1 + 1 + 1  # the third on the finer mesh
+    assert whole.counts.factorizations == search + mesh + led + answer + backtest
     assert whole.backtest.steps[0].counts.evaluations == 1
     assert whole.backtest.steps[0].counts.factorizations == backtest
 
@@ -198,6 +199,45 @@ def test_a_march_that_waits_holds_its_states_and_no_factor(case):
     elsewhere = model.survey(0.9 * problem.start, fields=False)
     assert model.counts.evaluations == 2
     assert not np.allclose(elsewhere.computed, found.computed, rtol=1e-3)
+
+
+@pytest.fixture
+def lending(case):
+    """A model that was marched at three parameter vectors, and another one near to them."""
+    setup = prepare(plan_fit(Request("case.yaml")))
+    response = setup.model.response([("roof", "three"), ("over.a", "two")])
+    response.keep_marches()
+    p = np.array([q.start for q in setup.case.parameters])
+    for size in (1.0, 1.01, 0.99):
+        response.evaluate(p * [size, 1.0, size**2])
+    return setup.model, response, 1.002 * p
+
+
+def test_a_march_follows_displacements_that_are_known(lending):
+    model, response, p = lending
+    assert response.reduced().error(p) < 1e-8
+    response.lend(p)
+    before = model.counts.factorizations
+    found = model.survey(p, fields=True)
+    assert model.counts.factorizations - before == ROUNDS - FITTED  # they are known to the third
+    alone = prepare(plan_fit(Request("case.yaml"))).model.survey(p, fields=True)
+    for name, close in (("computed", 1e-7), ("sensitivity", 1e-5)):
+        ours, theirs = (np.nan_to_num(getattr(one, name)) for one in (found, alone))
+        assert np.abs(ours - theirs).max() <= close * np.abs(theirs).max()
+    for name in ("displacement", "stress"):
+        ours, theirs = (np.nan_to_num(getattr(one.fields, name)) for one in (found, alone))
+        assert np.abs(ours - theirs).max() <= 1e-7 * np.abs(theirs).max()
+
+
+def test_what_is_lent_serves_its_parameters_alone_and_until_the_model_forgets(lending):
+    model, response, p = lending
+    for q, forgets in ((1.001 * p, False), (p, True)):
+        response.lend(p)
+        before = model.counts.factorizations
+        if forgets:
+            model.forget()
+        model.survey(q, fields=False)
+        assert model.counts.factorizations - before == ROUNDS
 
 
 def test_what_a_march_leaves_for_the_reduced_model_is_its_displacements(case):

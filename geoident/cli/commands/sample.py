@@ -39,12 +39,8 @@ def _next(arguments: Arguments, options: Options) -> Steps:
     "--max-evaluations", type=click.IntRange(min=100), default=50_000, show_default=True,
     metavar="N", help="Evaluations of the model at most.",
 )  # fmt: skip
-@click.option(
-    "-j", "--jobs", "processes", type=click.IntRange(min=1), default=1, metavar="N",
-    help="Number of processes that evaluate the model.",
-)  # fmt: skip
 @takes(
-    "output", "seed", "max_time", "solver", "force", "fresh", "as_json", "trust",
+    "output", "jobs", "seed", "max_time", "solver", "force", "fresh", "as_json", "trust",
     after=_next,
 )  # fmt: skip
 def command(
@@ -52,7 +48,6 @@ def command(
     draws: int,
     effective: int,
     max_evaluations: int,
-    processes: int,
     options: Options,
 ) -> int:
     """Draw parameters from their posterior, and predict readings with each draw.
@@ -79,7 +74,6 @@ def command(
             draws=draws,
             effective=effective,
             evaluations=max_evaluations,
-            jobs=processes,
             output=options.output,
             seed=options.seed,
             solver=options.solver,

@@ -52,7 +52,11 @@ def _show(path: str, options: Options, *, as_csv: bool) -> int:
     from geoident.report.text.csv_tables import all_csv
     from geoident.report.text.json import dumps, result_object
     from geoident.report.text.result import result_text
-    from geoident.workflow.running.result_files import case_path
+    from geoident.workflow.running.result_files import (
+        case_path,
+        outdated_sentence,
+        with_outdated,
+    )
 
     if is_campaign(path):
         return _show_campaign(path, options, as_csv=as_csv)
@@ -63,14 +67,16 @@ def _show(path: str, options: Options, *, as_csv: bool) -> int:
 
         return show_project(path, options)
     with failures_as_json(path, options):
-        result = read_result(path)
+        result, outdated = with_outdated(read_result(path), path)
     case = case_path(path, result.provenance.case_file)
     if options.as_json:
-        click.echo(dumps(result_object(result, case=case, output=path)))
+        click.echo(dumps(result_object(result, case=case, output=path, outdated=outdated)))
     elif as_csv:
         click.echo(all_csv(result), nl=False)
     else:
-        click.echo(result_text(result, title=f"{path}: {result.kind} of {case}") + "\n")
+        said = outdated_sentence(outdated) if result.kind == "fit" else ""
+        text = result_text(result, title=f"{path}: {result.kind} of {case}")
+        click.echo("\n\n".join(part for part in (text, said) if part) + "\n")
     return 0
 
 

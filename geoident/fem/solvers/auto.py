@@ -11,9 +11,8 @@ from geoident.fem.solvers.direct import (
     SolverCounts,
     SymbolicFactorization,
 )
-from geoident.fem.solvers.fronts.graph import node_graph
 from geoident.fem.solvers.fronts.single import single_pays
-from geoident.fem.solvers.fronts.tree import assembly_tree, entries_at_most, flops_at_most
+from geoident.fem.solvers.fronts.tree import entries_at_most, flops_at_most
 from geoident.fem.solvers.memory_limit import memory_limit
 
 LARGE_WORK = 4.0e10
@@ -126,7 +125,7 @@ def size_of(pattern: LowerPattern) -> FactorSize:
     places = pattern.places is not None
     if flops_at_most(pattern.n, plane=nonzeros < PLANE * pattern.n) < LARGE_WORK:
         return FactorSize(0.0, 0, nonzeros, lasting, places)
-    fronts = assembly_tree(node_graph(pattern.indptr, pattern.indices, pattern.n))
+    fronts = pattern.fronts
     work = sum(front.flops for front in fronts)
     entries = sum(f.width * (f.width + 1) // 2 + f.width * f.height for f in fronts)
     return FactorSize(work, entries, nonzeros, lasting, places)

@@ -15,10 +15,13 @@ import weakref
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
 
+from geoident.fem.solvers.fronts.graph import NodeGraph, node_graph
+from geoident.fem.solvers.fronts.tree import Front, assembly_tree
 from geoident.model.arrays import Floats, Ints
 
 
@@ -86,6 +89,16 @@ class LowerPattern:
     def n(self) -> int:
         """Number of unknowns."""
         return int(self.indptr.shape[0]) - 1
+
+    @cached_property
+    def graph(self) -> NodeGraph:
+        """The graph by nodes."""
+        return node_graph(self.indptr, self.indices, self.n)
+
+    @cached_property
+    def fronts(self) -> list[Front]:
+        """The fronts that eliminate it, children before their parents."""
+        return assembly_tree(self.graph)
 
 
 class Factor(Protocol):

@@ -36,7 +36,7 @@ from geoident.fem.solvers.fronts.single import (
     refined,
     single_pays,
 )
-from geoident.fem.solvers.fronts.tasks import run_tasks
+from geoident.fem.solvers.fronts.tasks import Run, Work, run_alone, run_tasks
 from geoident.fem.solvers.threads import one_thread
 from geoident.model.arrays import Floats, Ints
 
@@ -108,7 +108,9 @@ class MultifrontalAnalysis(DirectAnalysis):
         indptr, indices = pattern.indptr[n:] - self._first, pattern.indices[self._first :] - n
         cliques = [] if lasting is None else [self._border[c] for c in lasting.cliques()]
         rest = pattern.n - n
-        self._plan = layout(indptr, indices, rest, cliques, keep_order=lasting is not None)
+        known = (pattern.graph, pattern.fronts) if lasting is None else None
+        keeps = lasting is not None
+        self._plan = layout(indptr, indices, rest, cliques, keep_order=keeps, known=known)
         self._whole: EliminationPlan | None = self._plan if lasting is None else None
         entries = self._plan.panel_size + (0 if lasting is None else lasting.plan.panel_size)
         work = self._plan.flops if lasting is None else 0.0
@@ -239,7 +241,7 @@ class _Parts(SolveInParts):
         """Solutions (n, k) in the place of right-hand sides, some columns at a time."""
         some = _some(rhs)
         with one_thread():
-            run_tasks([partial(self._solve, rhs[:, k]) for k in some])
+            _run_columns([partial(self._solve, rhs[:, k], _way(some)) for k in some])
         entries = self._entries(self.part) + self._entries(self.rest_factor)
         self.counts.passed += 2.0 * len(some) * entries
         return rhs
@@ -248,7 +250,7 @@ class _Parts(SolveInParts):
         """Solutions (n - n_first, k) in the place of right-hand sides."""
         some = _some(rhs)
         with one_thread():
-            run_tasks([partial(self._solve_rest, rhs[:, k]) for k in some])
+            _run_columns([partial(self._solve_rest, rhs[:, k], _way(some)) for k in some])
         self.counts.passed += 2.0 * len(some) * self._entries(self.rest_factor)
         return rhs
 
@@ -257,7 +259,7 @@ class _Parts(SolveInParts):
         found = np.empty((self.n_first, rest.shape[1]), order="F")
         some = _some(rest)
         with one_thread():
-            run_tasks([partial(self._follow, found[:, k], rest[:, k]) for k in some])
+            _run_columns([partial(self._follow, found[:, k], rest[:, k], _way(some)) for k in some])
         self.counts.passed += len(some) * self._entries(self.part)
         return found
 
@@ -265,39 +267,52 @@ class _Parts(SolveInParts):
     def _entries(part: Eliminated | None) -> float:
         return 0.0 if part is None else float(part.layout.panel_size)
 
-    def _solve(self, rhs: Floats) -> None:
+    def _solve(self, rhs: Floats, run: Run) -> None:
         part, dtype = self.part, self.rest_factor.kernels.dtype
         if part is None:
-            self._solve_rest(rhs)
+            self._solve_rest(rhs, run)
             return
         n, first = part.layout.n_eliminated, part.layout.order
         x: Dense = np.zeros((len(first), rhs.shape[1]), dtype=dtype)
         x[:n] = rhs[first[:n]]
-        part.forward(x)
+        part.forward(x, run)
         y = rhs[n:]
         y[self.border] += x[n:]
-        self._solve_rest(y)
+        self._solve_rest(y, run)
         x[:n] /= self.scale
         x[n:] = y[self.border]
-        part.backward(x)
+        part.backward(x, run)
         rhs[first[:n]] = x[:n]
 
-    def _solve_rest(self, rhs: Floats) -> None:
+    def _solve_rest(self, rhs: Floats, run: Run) -> None:
         rest = self.rest_factor
         order = rest.layout.order
         z: Dense = np.ascontiguousarray(rhs[order], dtype=rest.kernels.dtype)
-        rest.forward(z)
-        rest.backward(z)
+        rest.forward(z, run)
+        rest.backward(z, run)
         rhs[order] = z
 
-    def _follow(self, found: Floats, rest: Floats) -> None:
+    def _follow(self, found: Floats, rest: Floats, run: Run) -> None:
         part = self.part
         assert part is not None
         n, first = part.layout.n_eliminated, part.layout.order
         x: Dense = np.zeros((len(first), rest.shape[1]), dtype=part.kernels.dtype)
         x[n:] = rest[self.border]
-        part.backward(x)
+        part.backward(x, run)
         found[first[:n]] = x[:n]
+
+
+def _way(some: list[slice]) -> Run:
+    """How tasks of a solution are done: side by side, unless columns already are."""
+    return run_tasks if len(some) == 1 else run_alone
+
+
+def _run_columns(tasks: list[Work]) -> None:
+    """Solve columns side by side; those of a single task divide the tree instead."""
+    if len(tasks) == 1:
+        tasks[0]()
+    else:
+        run_tasks(tasks)
 
 
 def _some(columns: Floats) -> list[slice]:

@@ -31,6 +31,20 @@ from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.dual import Dual, joined
 
 
+class YieldLimits(Protocol):
+    """What outputs show of the strength of a material: the distance k of each of its y planes."""
+
+    @property
+    def distances(self) -> Dual:
+        """k, (y,), Pa."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the y planes."""
+
+    def __len__(self) -> int: ...
+
+
 @dataclass(frozen=True, eq=False)
 class YieldPlanes:
     """Yield planes n^T sigma <= k of one material with their derivatives by n parameters.
@@ -153,7 +167,7 @@ class YieldLaw(Protocol):
         """Whether the tangents are symmetric and there is a potential."""
 
     @property
-    def planes(self) -> YieldPlanes:
+    def planes(self) -> YieldLimits:
         """The planes as they were given."""
 
     @property

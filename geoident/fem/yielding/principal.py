@@ -11,8 +11,8 @@ Plasticity, appendix A.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 
@@ -52,7 +52,7 @@ class PrincipalLaw:
     """
 
     def __init__(self, elasticity: Dual, planes: YieldPlanes) -> None:
-        _check_isotropic(elasticity.value)
+        check_isotropic(elasticity.value)
         self.planes = planes
         self._normals = np.ascontiguousarray(planes.normals.value)
         self._images = images_of(planes)
@@ -133,8 +133,88 @@ class PrincipalLaw:
         return np.asarray(excess)
 
 
-@dataclass(frozen=True, eq=False)
-class PrincipalProjection:
+class PrincipalStep(Protocol):
+    """The step of principal values from a trial stress to the surface, at the yielded points."""
+
+    @property
+    def returned(self) -> Floats:
+        """(3, q) principal values of the admissible stress, in the order of those of the trial."""
+
+    @property
+    def reduction(self) -> Floats:
+        """(q, 3, 3) their derivatives by those of the trial stress."""
+
+
+def spin(trial: Floats, step: PrincipalStep) -> Floats:
+    """(q, 3): what is left of a shear of the trial stress between two of its axes.
+
+    Args:
+        trial: (3, q) principal values of the trial stress.
+        step: to those of the admissible stress.
+    """
+    stress, slope = step.returned, step.reduction
+    limit = _REPEATED * np.abs(trial).max(axis=0, initial=0.0)
+    left = np.empty((trial.shape[1], 3))
+    for pair, (i, j) in enumerate(PAIRS):
+        apart = trial[i] - trial[j]
+        repeated = apart <= limit
+        ends = slope[:, i, i] - slope[:, i, j] + slope[:, j, j] - slope[:, j, i]
+        ratio = (stress[i] - stress[j]) / np.where(repeated, 1.0, apart)
+        left[:, pair] = np.where(repeated, 0.5 * ends, ratio)
+    return left
+
+
+class OnAxes:
+    """Stress, tangent and derivatives of a step of principal values.
+
+    Args:
+        trial: (s, m) trial stresses.
+        yielded: (q,) the points with an active plane, ascending.
+        spectral: principal values and axes of their trial stress.
+        step: of the principal values.
+    """
+
+    def __init__(
+        self, trial: Floats, yielded: Ints, spectral: Spectrum, step: PrincipalStep
+    ) -> None:
+        self.trial, self.yielded, self.spectral, self._step = trial, yielded, spectral, step
+
+    @cached_property
+    def stress(self) -> Floats:
+        """(s, m) admissible stress; the trial stress itself where nothing yields."""
+        stress = self.trial.copy()
+        along = self.spectral.assemble[:, :, :3]
+        stress[:, self.yielded] = np.einsum("qsi,iq->sq", along, self._step.returned)
+        return stress
+
+    @cached_property
+    def reduction(self) -> Floats:
+        """(q, s, s) dsigma/ds*: of the principal values and by the spin of the axes."""
+        assemble, resolve = self.spectral.assemble, self.spectral.resolve
+        values = assemble[:, :, :3] @ self._step.reduction @ resolve[:, :3]
+        turned = (assemble[:, :, 3:] * self._spin[:, None, :]) @ resolve[:, 3:]
+        return np.asarray(values + turned)
+
+    @cached_property
+    def _spin(self) -> Floats:
+        return spin(self.spectral.values, self._step)
+
+    def along(self, trial: Floats) -> Floats:
+        """(6, q, n) components along the axes of derivatives (s, q, n) of the trial stress."""
+        return np.asarray(np.einsum("qks,sqn->kqn", self.spectral.resolve, trial))
+
+    def assembled(self, values: Floats, along: Floats) -> Floats:
+        """(s, q, n) derivatives of the stress.
+
+        Args:
+            values: (3, q, n) those of its principal values.
+            along: (6, q, n) of the trial stress, along the axes.
+        """
+        ends = np.concatenate([values, self._spin.T[:, :, None] * along[3:]])
+        return np.asarray(np.einsum("qsk,kqn->sqn", self.spectral.assemble, ends))
+
+
+class PrincipalProjection(OnAxes):
     """What `PrincipalLaw` makes of trial stresses; see `law.Projection`.
 
     Args:
@@ -145,19 +225,11 @@ class PrincipalProjection:
         step: of the principal values, on the images.
     """
 
-    images: Images
-    trial: Floats
-    yielded: Ints
-    spectral: Spectrum
-    step: ReturnStep
-
-    @cached_property
-    def stress(self) -> Floats:
-        """(s, m) admissible stress; the trial stress itself where nothing yields."""
-        stress = self.trial.copy()
-        along = self.spectral.assemble[:, :, :3]
-        stress[:, self.yielded] = np.einsum("qsi,iq->sq", along, self.step.returned)
-        return stress
+    def __init__(
+        self, images: Images, trial: Floats, yielded: Ints, spectral: Spectrum, step: ReturnStep
+    ) -> None:
+        super().__init__(trial, yielded, spectral, step)
+        self.images, self.step = images, step
 
     @cached_property
     def multipliers(self) -> Floats:
@@ -175,29 +247,6 @@ class PrincipalProjection:
         total = self.images.total.T
         return np.asarray((self.step.reached @ total > 0.0) & (self.step.working @ total == 0.0))
 
-    @cached_property
-    def reduction(self) -> Floats:
-        """(q, s, s) dsigma/ds*: of the principal values and by the spin of the axes."""
-        assemble, resolve = self.spectral.assemble, self.spectral.resolve
-        values = assemble[:, :, :3] @ self.step.reduction @ resolve[:, :3]
-        spin = (assemble[:, :, 3:] * self._spin[:, None, :]) @ resolve[:, 3:]
-        return np.asarray(values + spin)
-
-    @cached_property
-    def _spin(self) -> Floats:
-        """(q, 3): what is left of a shear of the trial stress between two of its axes."""
-        trial, stress = self.spectral.values, self.step.returned
-        limit = _REPEATED * np.abs(trial).max(axis=0, initial=0.0)
-        slope = self.step.reduction
-        spin = np.empty((trial.shape[1], 3))
-        for pair, (i, j) in enumerate(PAIRS):
-            apart = trial[i] - trial[j]
-            repeated = apart <= limit
-            ends = slope[:, i, i] - slope[:, i, j] + slope[:, j, j] - slope[:, j, i]
-            ratio = (stress[i] - stress[j]) / np.where(repeated, 1.0, apart)
-            spin[:, pair] = np.where(repeated, 0.5 * ends, ratio)
-        return spin
-
     @property
     def reserve(self) -> Floats:
         """(q,) J/m3."""
@@ -207,17 +256,17 @@ class PrincipalProjection:
         self, trial: Floats, hardened: Floats | None = None, *, of_law: bool
     ) -> tuple[Floats, Floats]:
         """Derivatives (s, q, n) of stress and (y, q, n) of multipliers, see `law.Projection`."""
-        along = np.einsum("qks,sqn->kqn", self.spectral.resolve, trial)
-        spread = self.images.spread(hardened)
+        along, spread = self.along(trial), self.images.spread(hardened)
         values, multipliers = self.step.derivatives(along[:3], spread, of_law=of_law)
-        spin = self._spin.T[:, :, None] * along[3:]
-        ends = np.concatenate([values, spin])
-        stress = np.einsum("qsk,kqn->sqn", self.spectral.assemble, ends)
-        return stress, np.tensordot(self.images.total, multipliers, axes=1)
+        return self.assembled(values, along), np.tensordot(self.images.total, multipliers, axes=1)
 
 
-def _check_isotropic(elasticity: Floats) -> None:
-    """Refuse an elasticity that principal axes do not suit."""
+def check_isotropic(elasticity: Floats) -> None:
+    """Refuse an elasticity (s, s) that principal axes do not suit.
+
+    Raises:
+        ValueError: it is not isotropic.
+    """
     size = len(elasticity)
     if size not in (4, 6):
         raise ValueError("principal stresses need stresses of 4 or 6 components")

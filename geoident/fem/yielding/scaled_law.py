@@ -15,7 +15,7 @@ from functools import cached_property
 
 import numpy as np
 
-from geoident.fem.yielding.law import Projection, YieldLaw, YieldPlanes
+from geoident.fem.yielding.law import Projection, YieldLaw, YieldLimits
 from geoident.model.arrays import Bools, Floats, Ints
 
 
@@ -41,7 +41,7 @@ class ScaledLaw:
         return self.law.associated
 
     @property
-    def planes(self) -> YieldPlanes:
+    def planes(self) -> YieldLimits:
         """Those of the factor one."""
         return self.law.planes
 

@@ -9,22 +9,44 @@ convergence-confinement method). When a group g leaves, it takes with it the nod
 on the ground that stays: what acted on itself (weight, edges, water) less its stress. As long as
 only lambda is released, (1 - lambda) H_g goes on acting as external force. So nothing moves for
 lambda = 0, and lambda = 1 is the usual excavation. H_g is linear in the stress; its derivatives
-travel in the same columns, and lambda may be a parameter.
+travel in the same columns, and lambda may be a parameter, or follow from the distance to the face
+(`openings.advance`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Protocol
 
 import numpy as np
 
 from geoident.forward.actions.forces import Actions
 from geoident.forward.stages import CaseOnMesh
+from geoident.model.actions import Release
 from geoident.model.arrays import Floats
-from geoident.model.dual import ParameterPoint
+from geoident.model.dual import Dual, ParameterPoint
 
 Held = Mapping[int, Floats]
 """Group that left with part of its stress held to the nodal forces H_g, (n_dofs, 1 + n + k)."""
+
+
+class ReleasedParts(Protocol):
+    """Says how much of its stress a group releases, where that is given or the distance to a face.
+
+    See `openings.advance`.
+    """
+
+    def part(self, release: Release, point: ParameterPoint, stage: str) -> Dual:
+        """The part of the stress (), 0 to 1, that is released.
+
+        Args:
+            release: what the case says of it.
+            point: the parameters.
+            stage: at which, for messages.
+
+        Raises:
+            ModelError: the ground has no reaction curve that would tell.
+        """
 
 
 class PartialRelease:
@@ -33,11 +55,27 @@ class PartialRelease:
     Args:
         on_mesh: the case on its mesh.
         actions: what acts on a group itself.
+        parts: how much of the stress is released.
     """
 
-    def __init__(self, on_mesh: CaseOnMesh, actions: Actions) -> None:
+    def __init__(self, on_mesh: CaseOnMesh, actions: Actions, parts: ReleasedParts) -> None:
         self._sequence, self._discretization = on_mesh.sequence, on_mesh.discretization
         self._actions = actions
+        self._parts = parts
+
+    def part(self, state: int, group: int, point: ParameterPoint) -> Dual:
+        """The part () of the stress of a group that is released at a state.
+
+        Args:
+            state: number of the state.
+            group: index of the group, of which something is said there.
+            point: the parameters.
+
+        Raises:
+            ModelError: the ground has no reaction curve, by which a distance to the face says it.
+        """
+        at = self._sequence.states[state]
+        return self._parts.part(at.release[group], point, at.name)
 
     def held(self, state: int, before: Held, stress: Floats, point: ParameterPoint) -> Held:
         """The forces H_g that count at a state.
@@ -64,11 +102,13 @@ class PartialRelease:
             state: number of the state.
             held: the forces H_g of the groups that left.
             point: the parameters.
+
+        Raises:
+            ModelError: see `part`.
         """
         total: Floats | float = 0.0
-        release = self._sequence.states[state].release
         for group, support in held.items():
-            fraction = point.number(release[group]).columns
+            fraction = self.part(state, group, point).columns
             part = (1.0 - fraction[0]) * support
             part[:, 1 : point.n_columns] -= support[:, :1] * fraction[1:]
             total = total + part

@@ -75,8 +75,9 @@ class LawRuns:
         self.seen: Bools = np.array([name in law.seen for name in self._names], dtype=bool)
         self.given: Bools = np.isfinite(law.distance)
 
-    def require_trust(self) -> None:
+    def require_trust(self) -> str:
         """A law runs nothing."""
+        return ""
 
     def written(self, p: Floats) -> Floats:
         """The parameters (n,) themselves."""

@@ -44,8 +44,12 @@ class ModelRuns(Protocol):
     def notes(self) -> tuple[str, ...]:
         """What is to be known of the runs so far."""
 
-    def require_trust(self) -> None:
-        """Ask whether it may be run, unless that is known; raises `InputError` if it may not."""
+    def require_trust(self) -> str:
+        """Ask whether it may be run, unless that is known; raises `InputError` if it may not.
+
+        Returns:
+            A name for what is run, which is the same on all machines.
+        """
 
     def written(self, p: Floats) -> Floats:
         """The parameters (n,) as the program reads them: with the digits that are written."""

@@ -134,7 +134,7 @@ def _part(scalar: Scalar | None, factor: float, values: Values, names: Sequence[
     """A linear term and its derivatives (1 + n,)."""
     if scalar is None:
         return np.zeros(1 + len(names))
-    return factor * np.array([scalar.value(values), *(scalar.slope(name) for name in names)])
+    return factor * scalar.columns(values, names)
 
 
 def _read_at(case: Case) -> dict[tuple[int, int], list[float]]:

@@ -34,7 +34,7 @@ def section_faults(case: Case) -> list[Fault]:
 
 def _is_known(case: Case, elastic: Elastic) -> bool:
     """Whether all parameters of a material are there: in a faulty case some may be missing."""
-    ties = {number.parameter for number in numbers_of(elastic).values()} - {None}
+    ties = {name for number in numbers_of(elastic).values() for name in number.parameters}
     return ties <= case.start.keys()
 
 

@@ -104,7 +104,7 @@ def field_moduli(
         n_strain: number s of strain components of the analysis.
         growths: of the material; one of these or of the fields at least.
     """
-    own: set[str | None] = {scalar.parameter for scalar in numbers_of(elastic).values()}
+    own = {name for scalar in numbers_of(elastic).values() for name in scalar.parameters}
     own = own.union(*(growth.names for growth in growths))
     local = ParameterPoint(point.values, tuple(name for name in point.names if name in own))
     by_modes = any(name in point.names for field in fields for name in field.names)

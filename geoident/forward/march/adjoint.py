@@ -370,7 +370,7 @@ class AdjointMarch:
         forces, dofs = np.zeros_like(trace.slopes), trace.task.system.dofs
         forces[dofs] = trace.slopes[dofs]
         for group, support in trace.held.items():
-            fraction = self._ordinary.number(trace.task.state.release[group]).columns[1:]
+            fraction = self._march.release.part(number, group, self._ordinary).columns[1:]
             forces[dofs] -= np.outer(support[dofs], fraction)
         return forces
 
@@ -384,7 +384,8 @@ class AdjointMarch:
         state, dofs = trace.task.state, trace.task.system.dofs
         pull = w[dofs] - carried.M[dofs]
         for group in trace.held:
-            fraction = float(self._ordinary.number(state.release[group]).value)
+            part = self._march.release.part(trace.task.number, group, self._ordinary)
+            fraction = float(part.value)
             held = carried.held.setdefault(group, np.zeros_like(carried.M))
             held[dofs] += (1.0 - fraction) * pull
             if group in state.leaving:

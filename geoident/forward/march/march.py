@@ -44,7 +44,7 @@ import numpy as np
 from geoident.errors import CollapseError
 from geoident.forward.actions.forces import Actions
 from geoident.forward.actions.motions import GivenMotions
-from geoident.forward.actions.release import Held, PartialRelease
+from geoident.forward.actions.release import Held, PartialRelease, ReleasedParts
 from geoident.forward.actions.thermal import NORMAL_COMPONENTS, ThermalStrains
 from geoident.forward.in_situ.stress import NEGLIGIBLE_IMBALANCE, InSituStress, StressPlaces
 from geoident.forward.march.lasting import LastingGround, LastingStress
@@ -61,6 +61,7 @@ from geoident.forward.march.stage import (
     UnitForces,
     elastic_step,
     factorize,
+    follow_motion,
 )
 from geoident.forward.march.systems import GroundAt, StageSystem, StageSystems
 from geoident.forward.stages import CaseOnMesh, ConstructionState
@@ -77,6 +78,10 @@ Their factors have ten (in the plane) to fifty times as many: 1 to 3 GB.
 """
 
 
+KnownMotion = Callable[[int], Floats | None]
+"""Displacements (n_dofs, 1 + n) at the end of a state, or None where they are to be solved for."""
+
+
 @dataclass(frozen=True)
 class RunOptions:
     """How a march is made.
@@ -90,6 +95,8 @@ class RunOptions:
         even_only: no flow in bands of shear is looked for (`PlasticSteps`).
         traced: keep what adjoints need of every stage; without derivatives, and only where nothing
             yields.
+        known: displacements of states that are known: nothing is solved in these. Only where
+            nothing yields, the virgin ground rests, and temperatures and supports stay.
     """
 
     derivatives: bool = True
@@ -99,6 +106,7 @@ class RunOptions:
     partial: bool = False
     traced: bool = False
     even_only: bool = False
+    known: KnownMotion | None = None
 
 
 @dataclass(frozen=True)
@@ -129,9 +137,10 @@ class March:
     Args:
         on_mesh: the case on its mesh.
         systems: the equations of the stages.
+        parts: how much of the stress is released.
     """
 
-    def __init__(self, on_mesh: CaseOnMesh, systems: StageSystems) -> None:
+    def __init__(self, on_mesh: CaseOnMesh, systems: StageSystems, parts: ReleasedParts) -> None:
         self.on_mesh, self.systems = on_mesh, systems
         self.case, self.sequence = on_mesh.case, on_mesh.sequence
         self.actions = Actions(on_mesh, systems.structures.weights)
@@ -140,7 +149,7 @@ class March:
         points = on_mesh.discretization.points
         groups = self.sequence.group_of[points.element]
         self.in_situ = InSituStress(on_mesh, StressPlaces(points.position, groups))
-        self.release = PartialRelease(on_mesh, self.actions)
+        self.release = PartialRelease(on_mesh, self.actions, parts)
         self.warm = WarmStart()
 
     @cached_property
@@ -226,7 +235,7 @@ class Run:
         self.traces: list[ElasticTrace] = []
         n_strain = systems.discretization.points.n_strain
         self._ground = GroundAt(march.on_mesh, point, n_strain)
-        record = ActivityRecord(self._ground.yield_planes(), march.case.stage_names[1:])
+        record = ActivityRecord(self._ground.yield_limits(), march.case.stage_names[1:])
         self._plastic_findings = PlasticFindings(record)
         self._plastic = PlasticSteps(
             march.case,
@@ -349,7 +358,12 @@ class Run:
 
     def _elastic_step(self, task: StageTask, u: Floats) -> Floats:
         """Displacement steps (n_dofs, 1 + n + k) where nothing yields, after displacements u."""
-        systems, following = self._systems, self._following
+        systems, following, known = self._systems, self._following, self._options.known
+        motion = None if known is None else known(task.number)
+        if motion is not None:
+            step = motion[:, : u.shape[1]] - u
+            follow_motion(task, systems, step)
+            return step
         if following is None:
             return elastic_step(task, systems, self.factors)
         factor = factorize(task, systems, self.factors)
@@ -387,7 +401,7 @@ class Run:
         if self._options.traced:
             trace = ElasticTrace(task, du, self._slopes, {}, given[..., 1:], stepped)
             self.traces.append(trace)
-        if self._following is not None:
+        if self._following is not None and self._options.known is None:
             still = np.zeros(forces.shape)
             lasting = self._following.lasting
             lasting.begin(task, still) if stepped else lasting.begin_virgin(task, still)

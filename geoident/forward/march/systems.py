@@ -31,6 +31,8 @@ from geoident.fem.stiffness import (
     stiffness_pattern,
 )
 from geoident.fem.tangent import PointBlocks, PointwiseStiffness, TangentPattern
+from geoident.fem.yielding.curved_return import HoekBrownConstants
+from geoident.fem.yielding.hoek_brown import HoekBrownLaw
 from geoident.fem.yielding.law import YieldLaw, YieldPlanes
 from geoident.fem.yielding.polyhedral import PolyhedralLaw
 from geoident.fem.yielding.principal import PrincipalLaw
@@ -41,7 +43,7 @@ from geoident.forward.ground.moduli import MaterialModuli, field_moduli, uniform
 from geoident.forward.of_mesh import OfMesh
 from geoident.forward.stages import CaseOnMesh, ConstructionState, Index, as_index, numbers
 from geoident.forward.structures.members import Structures
-from geoident.forward.yielding.surfaces import is_smooth, yield_planes
+from geoident.forward.yielding.surfaces import is_smooth, yield_limits
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.ground import PointField
@@ -367,7 +369,7 @@ class GroundAt:
         self._moduli: dict[str, MaterialModuli] = {}
         self._parts: dict[str, tuple[Index, MaterialModuli]] = {}
         self._elasticities: dict[str, Dual] = {}
-        self._planes: dict[str, YieldPlanes] = {}
+        self._planes: dict[str, YieldPlanes | HoekBrownConstants] = {}
         self._laws: dict[str, YieldLaw | None] = {}
 
     def moduli(self, material: str, points: Index | None = None) -> MaterialModuli:
@@ -411,11 +413,11 @@ class GroundAt:
             self._elasticities[material] = Dual(np.ascontiguousarray(full.columns[:s, :s]))
         return self._elasticities[material]
 
-    def yield_planes(self) -> dict[str, YieldPlanes]:
-        """The planes of every material of the case that yields."""
+    def yield_limits(self) -> dict[str, YieldPlanes | HoekBrownConstants]:
+        """Planes or constants of the surface of every material of the case that yields."""
         if not self._planes:
             self._planes = {
-                name: yield_planes(material, self._point, self.n_strain)
+                name: yield_limits(material, self._point, self.n_strain)
                 for name, material in self._case.materials.items()
                 if material.yields
             }
@@ -456,9 +458,11 @@ class GroundAt:
             EmptyDomain: no stress satisfies the planes of a smooth surface.
         """
         if material not in self._laws:
-            planes, elasticity = self.yield_planes().get(material), self.elasticity(material)
+            planes, elasticity = self.yield_limits().get(material), self.elasticity(material)
             if planes is None:
                 self._laws[material] = None
+            elif isinstance(planes, HoekBrownConstants):
+                self._laws[material] = HoekBrownLaw(elasticity, planes)
             elif is_smooth(self._case.materials[material]):
                 self._laws[material] = PrincipalLaw(elasticity, planes)
             else:

@@ -39,8 +39,9 @@ All are written with dual numbers, so derivatives by every parameter are exact.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
@@ -102,6 +103,84 @@ class Strength:
         """sigma_R, the inner pressure at which the wall begins to yield."""
         return (2.0 * pressure - self.Y) / (self.N + 1.0)
 
+    def way(self, inner: Dual, outer: Dual) -> Dual:
+        """Logarithm of the ratio of the radii at which sigma_r has two values."""
+        wall, rise = self.difference(inner), outer - inner
+        return rise / wall * log_divided((self.N - 1.0) * rise / wall)
+
+    def inwards(self, radial: Dual, way: Dual) -> Dual:
+        """sigma_r further in: radial - Q (1 - e^(-(N-1) l)) / (N - 1), with l the ``way``."""
+        return radial - self.difference(radial) * way * exp_divided((1.0 - self.N) * way)
+
+    def integral(self, zone: PlasticZone, way: Dual) -> Dual:
+        """Integral over t = 0..l of e^(-(K+1) t) g(t), inwards from the edge of a zone."""
+        first, second = -(self.K + 1.0) * way, -(self.K + self.N) * way
+        fall = self.difference(zone.radial) * way * exp_divided(first, second)
+        return way * (zone.source(zone.radial) * exp_divided(first) - self._slope_in(zone) * fall)
+
+    def _slope_in(self, zone: PlasticZone) -> Dual:
+        """Change dg / d sigma_r of the source g, which is affine in sigma_r, 1/Pa."""
+        nu, N = zone.rock.nu, self.N
+        return zone.strain(1.0, N + N if zone.edge else N + nu * (1.0 + N))
+
+    def meets_axial(self, rock: Rock, pressure: Dual, critical: Dual) -> Dual | None:
+        """sigma_r between two at which sigma_z meets sigma_t, or None.
+
+        In the face zone sigma_z - sigma_t is affine in sigma_r and vanishes at
+        sigma_E = (z0 - 2 nu p0 - (1 - nu) Y) / (N - nu (1 + N)); where the divisor is zero, the
+        difference is the same everywhere and there is no edge.
+
+        Args:
+            rock: the ground.
+            pressure: at the wall.
+            critical: at the edge of the plastic zone.
+        """
+        nu, N, Y = rock.nu, self.N, self.Y
+        excess = rock.out_of_plane - 2.0 * nu * rock.pressure - (1.0 - nu) * Y
+        divisor = N - nu * (1.0 + N)
+        radial = excess / divisor if divisor.value != 0.0 else None
+        low, high = sorted(float(dual.value) for dual in (pressure, critical))
+        return radial if radial is not None and low < radial.value < high else None
+
+
+class WallLimit(Protocol):
+    """What a limit sigma_t = f(sigma_r) of contraction says; see `Strength` for each of these."""
+
+    @property
+    def K(self) -> Dual:  # noqa: N802  (as in the formulas)
+        """The slope of the flow."""
+
+    @property
+    def reversed(self) -> WallLimit:
+        """The same limit for expansion."""
+
+    def hoop(self, radial: Dual) -> Dual:
+        """sigma_t at the limit."""
+
+    def difference(self, radial: Dual) -> Dual:
+        """Q = sigma_t - sigma_r at the limit."""
+
+    def critical(self, pressure: Dual) -> Dual:
+        """The inner pressure at which the wall begins to yield."""
+
+    def way(self, inner: Dual, outer: Dual) -> Dual:
+        """Logarithm of the ratio of the radii at which sigma_r has two values."""
+
+    def inwards(self, radial: Dual, way: Dual) -> Dual:
+        """sigma_r further in."""
+
+    def integral(self, zone: PlasticZone, way: Dual) -> Dual:
+        """Integral of what moves the ground, inwards from the edge of a zone."""
+
+    def meets_axial(self, rock: Rock, pressure: Dual, critical: Dual) -> Dual | None:
+        """sigma_r between two at which sigma_z meets sigma_t, or None.
+
+        Args:
+            rock: the ground.
+            pressure: at the wall.
+            critical: at the edge of the plastic zone.
+        """
+
 
 def mohr_coulomb(cohesion: Dual, friction: Dual, dilation: Dual) -> Strength:
     """The limit of Mohr-Coulomb.
@@ -113,18 +192,19 @@ def mohr_coulomb(cohesion: Dual, friction: Dual, dilation: Dual) -> Strength:
         friction: angle phi, rad.
         dilation: angle psi, rad.
     """
-    sine, N = friction.through(np.sin, np.cos), _slope(friction)
+    sine, N = friction.through(np.sin, np.cos), flow_slope(friction)
     cosine = friction.through(np.cos, lambda x: -np.sin(x))
-    return Strength(N, 2.0 * cohesion * cosine / (1.0 - sine), _slope(dilation))
+    return Strength(N, 2.0 * cohesion * cosine / (1.0 - sine), flow_slope(dilation))
 
 
-def _slope(angle: Dual) -> Dual:
+def flow_slope(angle: Dual) -> Dual:
+    """(1 + sin) / (1 - sin) of an angle, rad: K of a dilation, N of a friction."""
     sine = angle.through(np.sin, np.cos)
     return (1.0 + sine) / (1.0 - sine)
 
 
 @dataclass(frozen=True)
-class _Zone:
+class PlasticZone:
     """A plastic ring from its outer radius inwards.
 
     Args:
@@ -137,25 +217,21 @@ class _Zone:
     """
 
     rock: Rock
-    limit: Strength
+    limit: WallLimit
     outer: Dual
     radial: Dual
     moved: Dual
     edge: bool
 
     def stress(self, r: Number) -> Dual:
-        """sigma_r = radial - Q (1 - e^(-(N-1) l)) / (N - 1), with l = ln(outer / r)."""
-        way = (self.outer / r).log()
-        fall = way * exp_divided((1.0 - self.limit.N) * way)
-        return self.radial - self.limit.difference(self.radial) * fall
+        """sigma_r at r, inside the zone."""
+        return self.limit.inwards(self.radial, (self.outer / r).log())
 
     def displacement(self, r: Number) -> Dual:
         """At r: e^(K l) (moved + outer * integral over 0..l of e^(-(K+1) t) g(t) dt)."""
-        way, N, K = (self.outer / r).log(), self.limit.N, self.limit.K
-        first, second = -(K + 1.0) * way, -(K + N) * way
-        fall = self.limit.difference(self.radial) * way * exp_divided(first, second)
-        integral = way * (self._g() * exp_divided(first) - self._dg() * fall)
-        return (K * way).exp() * (self.moved + self.outer * integral)
+        way = (self.outer / r).log()
+        integral = self.limit.integral(self, way)
+        return (self.limit.K * way).exp() * (self.moved + self.outer * integral)
 
     def axial(self, radial: Dual) -> Dual:
         """sigma_z where sigma_r is given."""
@@ -164,18 +240,13 @@ class _Zone:
             return hoop
         return rock.out_of_plane + rock.nu * (radial + hoop - 2.0 * rock.pressure)
 
-    def _g(self) -> Dual:
-        """The source g at the outer radius."""
-        rock, hoop = self.rock, self.limit.hoop(self.radial)
-        across = hoop - rock.pressure + self.axial(self.radial) - rock.out_of_plane
-        return self._strain(self.radial - rock.pressure, across)
+    def source(self, radial: Dual) -> Dual:
+        """The source g where sigma_r is given."""
+        rock, hoop = self.rock, self.limit.hoop(radial)
+        across = hoop - rock.pressure + self.axial(radial) - rock.out_of_plane
+        return self.strain(radial - rock.pressure, across)
 
-    def _dg(self) -> Dual:
-        """Its change dg / d sigma_r, 1/Pa."""
-        nu, N = self.rock.nu, self.limit.N
-        return self._strain(1.0, N + N if self.edge else N + nu * (1.0 + N))
-
-    def _strain(self, radial: Number, across: Dual) -> Dual:
+    def strain(self, radial: Number, across: Dual) -> Dual:
         """e_r + K (e_t + e_z) of changes of sigma_r and of sigma_t + sigma_z."""
         nu, K = self.rock.nu, self.limit.K
         return ((1.0 - 2.0 * nu * K) * radial + (K * (1.0 - nu) - nu) * across) / self.rock.E
@@ -190,7 +261,7 @@ class Opening:
         strength: its limit, or None for elastic ground.
     """
 
-    def __init__(self, radius: float, rock: Rock, strength: Strength | None = None) -> None:
+    def __init__(self, radius: float, rock: Rock, strength: WallLimit | None = None) -> None:
         self.radius = radius
         self.rock = rock
         self.strength = strength
@@ -222,21 +293,33 @@ class Opening:
             raise BeyondClosedForm(OUT_OF_PLANE)
         return GroundState(self, pressure)
 
-    def history(self, pressures: Sequence[Dual]) -> Iterator[GroundState]:
+    def history(self, pressures: Iterable[Dual]) -> Iterator[GroundState]:
         """The ground under pressures that follow each other, p0 before the first.
 
         Raises:
             BeyondClosedForm: see `under`; or the wall yields in contraction and in expansion.
         """
-        turned: GroundState | None = None  # first loading ended there, and all since is elastic
+        state: GroundState | None = None
         for pressure in pressures:
-            if not isinstance(turned, PlasticState) or turned.goes_on(pressure):
-                turned = self.under(pressure)
-                yield turned
-            elif turned.bears(pressure):
-                yield Unloaded(turned, pressure)
-            else:
-                raise BeyondClosedForm(BOTH_WAYS)
+            state = self.onward(state, pressure)
+            yield state
+
+    def onward(self, before: GroundState | None, pressure: Dual) -> GroundState:
+        """The ground when the pressure inside goes on from a state to this, Pa.
+
+        Args:
+            before: under the last pressure; None: at p0.
+            pressure: inside.
+
+        Raises:
+            BeyondClosedForm: see `under`; or the wall yields in contraction and in expansion.
+        """
+        turned = before.turned if isinstance(before, Unloaded) else before
+        if not isinstance(turned, PlasticState) or turned.goes_on(pressure):
+            return self.under(pressure)
+        if turned.bears(pressure):  # first loading ended there, and all since is elastic
+            return Unloaded(turned, pressure)
+        raise BeyondClosedForm(BOTH_WAYS)
 
 
 NO_EQUILIBRIUM = "its strength cannot carry the stress at the wall, however far it yields"
@@ -296,7 +379,7 @@ class PlasticState(GroundState):
         BeyondClosedForm: the limit cannot carry it, or the ground yields out of the plane.
     """
 
-    def __init__(self, opening: Opening, pressure: Dual, limit: Strength) -> None:
+    def __init__(self, opening: Opening, pressure: Dual, limit: WallLimit) -> None:
         super().__init__(opening, pressure)
         self._limit = limit
         rock = opening.rock
@@ -305,7 +388,7 @@ class PlasticState(GroundState):
             raise BeyondClosedForm(NO_EQUILIBRIUM)
         self._critical, self._outer = critical, self._radius(critical)
         moved = (critical - rock.pressure) * self._outer / (2.0 * rock.shear)
-        self._zones = [_Zone(rock, limit, self._outer, critical, moved, edge=False)]
+        self._zones = [PlasticZone(rock, limit, self._outer, critical, moved, edge=False)]
         self.plastic_radius = self._outer
         self._find_edge()
 
@@ -338,7 +421,9 @@ class PlasticState(GroundState):
             self._replaced(far[2], r, lambda zone, inner: zone.axial(zone.stress(inner))),
         )
 
-    def _replaced(self, far: Dual, r: Floats, formula: Callable[[_Zone, Floats], Dual]) -> Dual:
+    def _replaced(
+        self, far: Dual, r: Floats, formula: Callable[[PlasticZone, Floats], Dual]
+    ) -> Dual:
         """What holds far away, (m,), with what the zones say inside them."""
         columns = far.columns.copy()
         for zone in self._zones:
@@ -347,33 +432,23 @@ class PlasticState(GroundState):
         return Dual(columns)
 
     def _radius(self, radial: Dual) -> Dual:
-        """The radius at which sigma_r has a value: ln(r / a) = ln(Q / Q_a) / (N - 1)."""
-        wall, rise = self._limit.difference(self.pressure), radial - self.pressure
-        way = rise / wall * log_divided((self._limit.N - 1.0) * rise / wall)
-        return self.opening.radius * way.exp()
+        """The radius at which sigma_r has a value."""
+        return self.opening.radius * self._limit.way(self.pressure, radial).exp()
 
     def _find_edge(self) -> None:
         """Split off the zone in which sigma_z = sigma_t, where there is one.
-
-        In the face zone sigma_z - sigma_t is affine in sigma_r and vanishes at
-        sigma_E = (z0 - 2 nu p0 - (1 - nu) Y) / (N - nu (1 + N)); where the divisor is zero, the
-        difference is the same everywhere and there is no edge.
 
         Raises:
             BeyondClosedForm: sigma_z is not the middle stress outside that zone.
         """
         rock, limit, face = self.opening.rock, self._limit, self._zones[0]
-        nu, N, Y = rock.nu, limit.N, limit.Y
-        excess = rock.out_of_plane - 2.0 * nu * rock.pressure - (1.0 - nu) * Y
-        divisor = N - nu * (1.0 + N)
-        radial = excess / divisor if divisor.value != 0.0 else None
-        within = sorted(float(dual.value) for dual in (self.pressure, self._critical))
+        radial = limit.meets_axial(rock, self.pressure, self._critical)
         inner = self.pressure
-        if radial is not None and within[0] < radial.value < within[1]:
+        if radial is not None:
             inner = radial
             self.edge_radius = self._radius(radial)
             moved = face.displacement(self.edge_radius)
-            self._zones.append(_Zone(rock, limit, self.edge_radius, radial, moved, edge=True))
+            self._zones.append(PlasticZone(rock, limit, self.edge_radius, radial, moved, edge=True))
         if not (self._is_middle(self._critical) and self._is_middle(inner)):
             raise BeyondClosedForm(OUT_OF_PLANE)
 
@@ -386,22 +461,26 @@ class PlasticState(GroundState):
 
 
 class Unloaded(GroundState):
-    """The ground after the pressure went back elastically from where it had yielded."""
+    """The ground after the pressure went back elastically from where it had yielded.
+
+    Attributes:
+        turned: the ground there.
+    """
 
     def __init__(self, turned: PlasticState, pressure: Dual) -> None:
         super().__init__(turned.opening, pressure)
-        self._turned = turned
+        self.turned = turned
         self.plastic_radius, self.edge_radius = turned.plastic_radius, turned.edge_radius
 
     def displacement(self, r: Floats) -> Dual:
         """u_r (m,) at radii r (m,) >= a, m."""
-        return self._turned.displacement(r) + self._back(r) * r / (2.0 * self.opening.rock.shear)
+        return self.turned.displacement(r) + self._back(r) * r / (2.0 * self.opening.rock.shear)
 
     def stresses(self, r: Floats) -> tuple[Dual, Dual, Dual]:
         """sigma_r, sigma_t, sigma_z, each (m,), Pa."""
-        radial, hoop, axial = self._turned.stresses(r)
+        radial, hoop, axial = self.turned.stresses(r)
         return radial + self._back(r), hoop - self._back(r), axial
 
     def _back(self, r: Floats) -> Dual:
         """The change of sigma_r since."""
-        return (self.pressure - self._turned.pressure) * (self.opening.radius / r) ** 2
+        return (self.pressure - self.turned.pressure) * (self.opening.radius / r) ** 2

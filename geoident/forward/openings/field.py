@@ -21,19 +21,20 @@ from geoident.errors import ModelError
 from geoident.forward.gauges.observation import reads_displacements
 from geoident.forward.ground.elasticity import inadmissible
 from geoident.forward.in_situ.stress import InSituStress, StressPlaces
+from geoident.forward.openings.advance import AdvancingFace
 from geoident.forward.openings.closed_forms import GroundState
 from geoident.forward.openings.load import OpeningLoad
 from geoident.forward.openings.site import OpeningSite
 from geoident.forward.stages import CaseOnMesh, ConstructionSequence, ConstructionState
 from geoident.model.actions import Pressure
 from geoident.model.arrays import Bools, Floats
-from geoident.model.case import Analysis, Case
+from geoident.model.case import Analysis, Case, Material
 from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.gauges import Channel
 from geoident.model.ground import Isotropic
 from geoident.model.in_situ import GeostaticStress, InSitu
 from geoident.model.parameter import Values
-from geoident.model.yielding import MohrCoulomb
+from geoident.model.yielding import HoekBrown, MohrCoulomb
 
 UNEVEN = 0.01
 """Deviation from an all-round stress, in parts of it, from which on it is said."""
@@ -58,13 +59,23 @@ def unsuitable(case: Case, material: str, *, has_mesh: bool) -> str | None:
         return NO_SECTION
     if not isinstance(ground.elastic, Isotropic):
         return f"'{material}' is not isotropic"
-    if len(ground.yields) > 1 or not all(isinstance(s, MohrCoulomb) for s in ground.yields):
-        return f"'{material}' has other yield limits than one of Mohr-Coulomb"
+    if why := _unknown_limit(ground):
+        return why
     if ground.fields or ground.growths:
         return f"'{material}' varies from place to place"
     if case.in_situ_of:
         return "groups have in-situ stresses of their own"
     return None if has_mesh else _needs_mesh(in_situ)
+
+
+def _unknown_limit(ground: Material) -> str | None:
+    """Why there is no closed form of how a material yields, a clause, or None if there is one."""
+    of_one = all(isinstance(s, MohrCoulomb | HoekBrown) for s in ground.yields)
+    if len(ground.yields) > 1 or not of_one:
+        return f"'{ground.name}' has other yield limits than one of Mohr-Coulomb or Hoek-Brown"
+    if any(isinstance(s, HoekBrown) and s.dilation is None for s in ground.yields):
+        return f"'{ground.name}' flows along the normals of Hoek-Brown; with 'dilation' it has one"
+    return None
 
 
 def _needs_mesh(in_situ: InSitu | None) -> str | None:
@@ -82,9 +93,11 @@ class OpeningField:
     Args:
         on_mesh: the case, for which `unsuitable` finds nothing, on its mesh or on an empty one.
         site: where the opening is.
+        face: what turns distances to the face into released parts.
     """
 
-    def __init__(self, on_mesh: CaseOnMesh, site: OpeningSite) -> None:
+    def __init__(self, on_mesh: CaseOnMesh, site: OpeningSite, face: AdvancingFace) -> None:
+        self._face = face
         case, sequence = on_mesh.case, on_mesh.sequence
         self._case, self._sequence, self._site = case, sequence, site
         virgin = sequence.states[0]
@@ -230,7 +243,7 @@ class OpeningField:
     def _load(self, values: Values, names: Sequence[str]) -> OpeningLoad:
         point = ParameterPoint(values, names)
         stress = Dual(self._in_situ.columns(point))
-        return OpeningLoad(self._sequence, self._site, self._material, stress, point)
+        return OpeningLoad(self._sequence, self._site, self._material, stress, point, self._face)
 
 
 class _End:

@@ -9,6 +9,13 @@ import numpy as np
 from geoident.errors import InputError, ModelError
 from geoident.forward.gauges.instrument_errors import InstrumentErrors, ReadingPlaces
 from geoident.forward.model_response import ModelResponse
+from geoident.forward.openings.face import (
+    FaceState,
+    conversion_note,
+    face_at,
+    face_note,
+    face_states,
+)
 from geoident.forward.openings.field import NO_SECTION, OpeningField, unsuitable
 from geoident.forward.openings.reaction import ground_reaction
 from geoident.forward.openings.site import Circle, OpeningSite, site_in_mesh, site_without_mesh
@@ -17,6 +24,7 @@ from geoident.forward.stages import CaseOnMesh
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Analysis, Case
 from geoident.model.mesh import Mesh
+from geoident.model.parameter import Values
 from geoident.model.results.result import Counts
 
 _NO_MESH = Mesh(np.empty((0, 2)), ())
@@ -33,7 +41,9 @@ class OpeningModel:
     def __init__(self, on_mesh: CaseOnMesh, site: OpeningSite) -> None:
         self.case, self.sequence = case, sequence = on_mesh.case, on_mesh.sequence
         self.names = tuple(parameter.name for parameter in case.parameters)
-        self.field = OpeningField(on_mesh, site)
+        self._on_mesh = on_mesh
+        self._face = face_at(on_mesh, site.centre, site.ground)
+        self.field = OpeningField(on_mesh, site, self._face)
         self.zero = np.array([case.zero_of(channel) for channel in case.channels], np.int64)
         self.instrument_errors = InstrumentErrors(case, sequence.built_on)
         self.on_state: Callable[[int], None] | None = None
@@ -52,7 +62,11 @@ class OpeningModel:
     @property
     def notes(self) -> tuple[str, ...]:
         """What the user should know of how the case was understood."""
-        return self.field.notes(self.case.start)
+        return (*self.field.notes(self.case.start), *conversion_note(self._face, self._on_mesh))
+
+    def face_states(self, values: Values) -> tuple[FaceState, ...]:
+        """What distances to the face become at some parameters; see `face_states`."""
+        return face_states(self._face, self._on_mesh, values)
 
     def values(self, p: Floats) -> dict[str, float]:
         """Parameter values p (n,) by name."""
@@ -104,7 +118,13 @@ class OpeningModel:
         change = self.increments(p)
         found = ground_reaction(self.field, values) if fields else None
         return Survey(
-            table[..., 0], table[..., 1:], None, collapses=said, reaction=found, increments=change
+            table[..., 0],
+            table[..., 1:],
+            None,
+            collapses=said,
+            reaction=found,
+            increments=change,
+            notes=face_note(self._face, self._on_mesh, values),
         )
 
     def increments(self, p: Floats) -> Floats:

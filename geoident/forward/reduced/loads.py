@@ -29,6 +29,8 @@ from geoident.model.dual import ParameterPoint
 _SAME = 1e-10
 """Relative difference that is rounding."""
 
+_EPS = float(np.finfo(np.float64).eps)
+
 _CHECKS = 3
 """Parameter vectors at which a form is tried."""
 
@@ -86,12 +88,14 @@ def load_form(march: March, names: Sequence[str], samples: Floats, last: int) ->
         count = len(exponents)
         if count + _CHECKS > len(samples):
             return None
-        given = np.stack([loads.at(p) for p in samples[: count + _CHECKS]])
+        all_given = [loads.at(p) for p in samples[: count + _CHECKS]]
+        there = np.flatnonzero(np.any(all_given, axis=0))  # most forces are zero
+        given = np.stack([one[there] for one in all_given])
         design = monomials(samples[: count + _CHECKS] / scale, exponents)
-        fields = np.asarray(np.linalg.lstsq(design[:count], given[:count], rcond=None)[0])
+        fields = np.linalg.pinv(design[:count], rcond=count * _EPS) @ given[:count]
         missed = np.abs(design[count:] @ fields - given[count:]).max(initial=0.0)
         if missed <= _SAME * max(1.0, np.abs(given).max()):
-            return _shortened(loads, fields, exponents, scale, samples)
+            return _shortened(loads, (fields, there), exponents, scale, samples)
     return None
 
 
@@ -154,6 +158,11 @@ class _Loads:
         ]
         return np.asarray(np.any(found, axis=0))
 
+    @property
+    def size(self) -> int:
+        """Numbers in all parts."""
+        return len(next(iter(self._known.values())))
+
     def at(self, p: Floats) -> Floats:
         """All parts at parameters (n,)."""
         if p.tobytes() not in self._known:
@@ -183,12 +192,23 @@ class _Loads:
 
 
 def _shortened(
-    loads: _Loads, fields: Floats, exponents: Ints, scale: Floats, samples: Floats
+    loads: _Loads, given: tuple[Floats, Ints], exponents: Ints, scale: Floats, samples: Floats
 ) -> LoadForm:
-    """The form by as many fields as are independent."""
+    """The form by as many fields as are independent.
+
+    Args:
+        loads: of the case.
+        given: fields (k, q), and of which entries they are (q,); the others are zero.
+        exponents: of the monomials.
+        scale: of the parameters.
+        samples: some of them.
+    """
+    fields, there = given
     left, size, rows = np.linalg.svd(fields, full_matrices=False)
-    kept = size > 1e-12 * max(float(size[0]), 1e-300)
-    stress, forces = loads.split(rows[kept])
+    kept = size > 1e-12 * max(float(size.max(initial=0.0)), 1e-300)
+    spread = np.zeros((np.count_nonzero(kept), loads.size))
+    spread[:, there] = rows[kept]
+    stress, forces = loads.split(spread)
     mix = (left[:, kept] * size[kept]).T
     march, settles = loads.march, False
     form = LoadForm(scale, exponents, mix, stress, forces, settles)

@@ -67,7 +67,8 @@ class MaterialSpan:
             shape = (len(values), self.rank)
             return np.broadcast_to(self.fixed, shape), np.zeros((*shape, len(self.names)))
         elastic = self.material.elastic
-        if isinstance(elastic, Isotropic):
+        plain = all(type(scalar) is Scalar for scalar in numbers_of(elastic).values())
+        if isinstance(elastic, Isotropic) and plain:
             found = _isotropic(elastic, self.names, values, self.basis)
         else:
             matrices = [moduli_at(self.material, self.names, p, self.section) for p in values]
@@ -192,7 +193,7 @@ def span_of(
     """
     section, s = n_strain < 6, n_strain
     scalars = numbers_of(material.elastic).values()
-    moved = any(scalar.parameter in names for scalar in scalars)
+    moved = any(not scalar.parameters.isdisjoint(names) for scalar in scalars)
     if not moved:
         samples = samples[:1]
     found = [moduli_at(material, names, p, section)[:s, :s, 0].ravel() for p in samples]

@@ -24,10 +24,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import scipy.linalg as sla
 
+from geoident.fem.solvers.fronts.tasks import run_tasks
 from geoident.forward.reduced.affine_march import AffineMarch
 from geoident.forward.reduced.snapshots import Snapshot
 from geoident.forward.reduced.stress_rows import StageForces
@@ -162,9 +164,21 @@ class GalerkinProjection:
         if state == 0:
             settled = [s.settled[:, points] for s in self._snapshots if s.settled is not None]
             return np.concatenate(settled, axis=-1)
-        if state not in self._motion:
+        return self._points.strain(self._columns(state), points)
+
+    def _columns(self, state: int) -> Floats:
+        """(n_dofs, M) displacements of a state in all snapshots; none of the virgin one."""
+        if state and state not in self._motion:
             self._motion[state] = np.hstack([s.motion[state] for s in self._snapshots])
-        return self._points.strain(self._motion[state], points)
+        return self._motion.get(state, np.zeros((0, 0)))
+
+    def motion(self, state: int, q: Floats) -> Floats:
+        """Displacements (n_dofs, k) of a state by its coordinates (N, k)."""
+        columns = self.turn[state] @ q
+        places = np.cumsum([s.columns for s in self._snapshots])[:-1]
+        parts = zip(self._snapshots, np.split(columns, places), strict=True)
+        first, *others = [s.motion[state] @ part for s, part in parts]
+        return np.asarray(sum(others, first))
 
     def stresses(self, zone: Zone, points: Index) -> Floats:
         """Columns (s, q, M): stresses of a zone in its state, less those in situ.
@@ -291,16 +305,15 @@ class GalerkinProjection:
             signs[other, material] = signs.get((other, material), 0.0) + sign
         ranks = [self._spans[name].rank for _, name in signs]
         count = sum(s.columns for s in self._snapshots)
-        blocks = []
-        for points in _runs_of(zone.points):
-            columns = []
-            for (other, name), sign in signs.items():
-                strain = self.strains(other, points)
-                columns += [np.tensordot(sign * J, strain, axes=1) for J in self._spans[name].basis]
-            joined = np.concatenate(columns, axis=-1)
-            joined = np.tensordot(self._inverse_root[zone.material], joined, axes=1)
-            joined *= np.sqrt(self._points.volume[points])[:, None]
-            blocks.append(triangular_factor(joined.reshape(-1, joined.shape[-1])))
+        runs = list(_runs_of(zone.points))
+        blocks = [np.zeros((0, 0))] * len(runs)
+        for other, _ in signs:
+            self._columns(other)
+
+        def factorize(number: int) -> None:
+            blocks[number] = self._block(zone.material, signs, runs[number])
+
+        run_tasks([partial(factorize, number) for number in range(len(runs))])
         found = triangular_factor(np.concatenate(blocks))
         terms, place = {}, 0
         stress = np.zeros((len(found), count))
@@ -310,6 +323,17 @@ class GalerkinProjection:
             place += rank * count
             stress += np.tensordot(terms[key], self._turns(key[1]), axes=((1, 2), (0, 1)))
         return _Factor(zone, stress, terms)
+
+    def _block(self, material: str, signs: Mapping[StressTerm, float], points: Index) -> Floats:
+        """R of some points (q,) of a zone."""
+        columns = []
+        for (other, name), sign in signs.items():
+            strain = self.strains(other, points)
+            columns += [np.tensordot(sign * J, strain, axes=1) for J in self._spans[name].basis]
+        joined = np.concatenate(columns, axis=-1)
+        joined = np.tensordot(self._inverse_root[material], joined, axes=1)
+        joined *= np.sqrt(self._points.volume[points])[:, None]
+        return triangular_factor(joined.reshape(-1, joined.shape[-1]))
 
 
 def _residual(

@@ -58,6 +58,7 @@ class ReducibleResponse(StagedResponse):
         super().__init__(marches, pairs, times)
         self._shared = shared
         self.reduction: Reduction | None = None
+        self._learns = True
 
     @property
     def backwards(self) -> bool:
@@ -72,7 +73,7 @@ class ReducibleResponse(StagedResponse):
         Where that is for marches which go further, so does this one.
         """
         reduction = self.reduction
-        known = reduction is None or reduction.knows(p)
+        known = reduction is None or not self._learns or reduction.knows(p)
         recorder = None if reduction is None or known else reduction.recorder(p)
         if reduction is None or recorder is None:
             return super().by_tangents(p)
@@ -125,14 +126,29 @@ class ReducibleResponse(StagedResponse):
             return
         for number, p in list(enumerate(visited))[-reduction.most :]:
             if not reduction.knows(p):
-                reduction.number = number
+                self.expect_march(number)
                 self.by_tangents(p)
         reduction.order(visited[-reduction.most :])
 
-    def expect_march(self, number: int) -> None:
-        """The next march is the one of a number in a search, from 0."""
+    def expect_march(self, number: int, *, learns: bool = True) -> None:
+        """The next march is the one of a number in a search, from 0.
+
+        Args:
+            number: of the march.
+            learns: whether it is kept for the reduced model.
+        """
+        self._learns = learns
         if self.reduction is not None:
             self.reduction.number = number
+
+    def lend(self, p: Floats) -> None:
+        """Let marches at p (n,) take their displacements from the reduced model, if there is."""
+        made = None if self.reduction is None else self.reduction.model()
+        if self.reduction is None or made is None:
+            return
+        motion = self.reduction.motion(made, p)
+        if motion is not None:
+            self._marches.lend(p, motion)
 
     def leap(
         self, p: Floats, key: bytes, find: Callable[[CertifiedResponse], Floats]

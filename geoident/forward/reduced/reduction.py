@@ -8,7 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from geoident.forward.gauges.observation import Observation
-from geoident.forward.march.march import March, Run
+from geoident.forward.march.march import KnownMotion, March, Run
 from geoident.forward.reduced.affine_march import AffineMarch, affine_march
 from geoident.forward.reduced.coverage import reduction_obstacle, releases
 from geoident.forward.reduced.duals.basis import DualBasis
@@ -177,6 +177,21 @@ class Reduction:
             model = None if stages is None else ReducedModel(affine.form, reference, stages)
             self._made = key, model
         return self._made[1]
+
+    def motion(self, model: ReducedModel, p: Floats) -> KnownMotion | None:
+        """Displacements of all states at p (n,), by the model that was made last.
+
+        None where the virgin ground moves, which a march forgets.
+        """
+        projection = self.projection
+        if projection is None or model.form.loads.settles:
+            return None
+        found = model.states(p[None]).states
+
+        def known(state: int) -> Floats | None:
+            return None if state >= len(found) else projection.motion(state, found[state][0])
+
+        return known
 
     def dual_places(self, model: ReducedModel) -> list[Floats]:
         """Where adjoints of readings are to be known (n,): at the reference, and far from it.

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
-from geoident.fem.yielding.law import Projection, YieldPlanes
+from geoident.fem.yielding.law import Projection, YieldLimits
 from geoident.model.arrays import Floats
 from geoident.model.yielding import Activity
 
@@ -17,7 +19,7 @@ class ActivityRecord:
         stages: names of the stages.
     """
 
-    def __init__(self, planes: dict[str, YieldPlanes], stages: tuple[str, ...]) -> None:
+    def __init__(self, planes: Mapping[str, YieldLimits], stages: tuple[str, ...]) -> None:
         self._planes = planes
         self._stages = stages
         ends = np.cumsum([0, *map(len, planes.values())])

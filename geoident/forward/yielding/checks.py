@@ -10,7 +10,7 @@ from geoident.errors import Fault
 from geoident.fem.yielding.domain import empty_domain
 from geoident.forward.ground.checks import trials
 from geoident.forward.ground.elasticity import material_axes
-from geoident.forward.yielding.surfaces import is_smooth, yield_planes
+from geoident.forward.yielding.surfaces import is_smooth, yield_limits, yield_planes
 from geoident.model.arrays import Floats
 from geoident.model.case import Analysis, Case, KeyPath, Material
 from geoident.model.dual import ParameterPoint
@@ -49,8 +49,8 @@ def yield_notes(case: Case) -> list[str]:
             limit, tension = surface.apex(start), getattr(surface, "tension", None)
             if limit is not None and tension is not None and tension.value(start) >= limit:
                 notes.append(
-                    f"the tension of '{material.name}' is not less than c / tan(phi), at the start "
-                    f"{limit / 1e6:.4g} MPa: its cut-off has no effect"
+                    f"the tension of '{material.name}' is not less than {surface.tip}, at the "
+                    f"start {limit / 1e6:.4g} MPa: its cut-off has no effect"
                 )
         if _outside_at_zero(case, material):
             notes.append(f"'{material.name}' cannot be free of stress: a distance is negative")
@@ -103,7 +103,7 @@ def _other_strengths(case: Case, material: Material, field: Field) -> Iterator[F
             others = [
                 name
                 for name, given in surface.strengths.items()
-                if name not in (*_ANGLES, "hardening")
+                if name not in (*_ANGLES, "hardening", *surface.dimensionless)
                 and (given.factor or given.parameter)
                 and (number, name) != (field.surface, field.constant)
             ]
@@ -221,7 +221,7 @@ def _empty_in_the_box(
 
 
 def _outside_at_zero(case: Case, material: Material) -> bool:
-    planes = yield_planes(material, ParameterPoint(case.start, ()), n_strain_of(case))
+    planes = yield_limits(material, ParameterPoint(case.start, ()), n_strain_of(case))
     return bool(planes.distances.value.min() < 0.0)
 
 

@@ -27,9 +27,11 @@ from typing import Literal
 
 import numpy as np
 
+from geoident.fem.yielding.curved_return import HoekBrownConstants
 from geoident.fem.yielding.law import YieldPlanes, common_inside
 from geoident.forward.ground.elasticity import material_axes
 from geoident.forward.yielding.even_directions import spread_deviators
+from geoident.forward.yielding.hoek_brown import hoek_brown
 from geoident.forward.yielding.mohr_coulomb import cut_off, mohr_coulomb, smooth_mohr_coulomb
 from geoident.forward.yielding.smooth_distance import deviator_basis, polygon_shrinkage, shrinkage
 from geoident.model.arrays import Floats
@@ -39,6 +41,7 @@ from geoident.model.yielding import (
     DruckerPrager,
     Fit,
     GivenPlanes,
+    HoekBrown,
     MohrCoulomb,
     WeakPlane,
     YieldSurface,
@@ -46,12 +49,31 @@ from geoident.model.yielding import (
 
 
 def is_smooth(material: Material) -> bool:
-    """Whether the material yields by the smooth Mohr-Coulomb surface."""
+    """Whether the material yields by a smooth surface, a law of principal stresses."""
     return any(surface.is_smooth for surface in material.yields)
 
 
+def yield_limits(
+    material: Material, point: ParameterPoint, n_strain: int
+) -> YieldPlanes | HoekBrownConstants:
+    """How a material yields: its planes, or the constants of a curved surface.
+
+    Args:
+        material: the material, which yields.
+        point: the parameters.
+        n_strain: number s of strain components.
+    """
+    curved = curved_surface(material)
+    return yield_planes(material, point, n_strain) if curved is None else hoek_brown(curved, point)
+
+
+def curved_surface(material: Material) -> HoekBrown | None:
+    """The surface of a material that is not made of planes, even in principal stresses."""
+    return next((s for s in material.yields if isinstance(s, HoekBrown)), None)
+
+
 def yield_planes(material: Material, point: ParameterPoint, n_strain: int) -> YieldPlanes:
-    """All planes (y) of a material that yields, with their derivatives.
+    """All planes (y) of a material that yields by planes, with their derivatives.
 
     Args:
         material: the material.

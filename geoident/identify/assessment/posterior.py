@@ -50,7 +50,15 @@ _PRIMES = np.array([2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53, 
 
 _COVERED = 0.95
 _GRID = 65
-_HALVINGS = 12
+_HALVINGS = 60
+"""Of a cell of the grid: to the last digit, also of a normal that is a millionth of another."""
+
+_COARSE = 0.1
+"""Probability between two points of a grid from which on it is halved there: of normals that are
+far apart, or of very different widths."""
+
+_ROUNDS, _SPLIT = 30, 12
+"""Times that so many cells of the most probability are halved there."""
 _GRAIN = 0.02
 """Distance between points, in standard deviations, over which they are smeared."""
 _NO_TAIL = 2.5e-3
@@ -70,11 +78,14 @@ class NormalMixture:
         mean: (l, K).
         sd: (l, K) or (l, 1).
         weight: (K,) with the sum one.
+        grain: (l, K) over which normals are smeared besides where the ends of intervals are sought,
+            since they stand for all between them; None for a part of how far they are apart.
     """
 
     mean: Floats
     sd: Floats
     weight: Floats
+    grain: Floats | None = None
 
     @classmethod
     def joined(cls, parts: Sequence[tuple[float, NormalMixture]]) -> NormalMixture:
@@ -84,7 +95,20 @@ class NormalMixture:
             np.concatenate([mean for _, mean, _, _ in whole], axis=1),
             np.concatenate([sd for _, _, sd, _ in whole], axis=1),
             np.concatenate([p * weight for p, _, _, weight in whole]),
+            np.concatenate([np.broadcast_to(m._grain(), m.mean.shape) for _, m in parts], axis=1),
         )
+
+    def _grain(self) -> Floats:
+        """(l, K) or (l, 1) over which the normals are smeared."""
+        if self.grain is not None:
+            return self.grain
+        squares = self.mean**2 @ self.weight - (self.mean @ self.weight) ** 2
+        return np.asarray(_GRAIN * np.sqrt(np.maximum(squares, 0.0))[:, None])
+
+    def _of(self, rows: slice | Ints) -> NormalMixture:
+        """Some of the quantities."""
+        grain = None if self.grain is None else self.grain[rows]
+        return NormalMixture(self.mean[rows], self.sd[rows], self.weight, grain)
 
     @property
     def centre(self) -> Floats:
@@ -116,7 +140,7 @@ class NormalMixture:
         size = max(1, _TOGETHER // (_GRID * self.mean.shape[1]))
         for first in range(0, len(self.mean), size):
             rows = slice(first, first + size)
-            part = NormalMixture(self.mean[rows], self.sd[rows], self.weight)
+            part = self._of(rows)
             low[rows], high[rows] = part._interval()
         if lower is not None:
             close = low - lower < _CLOSE * (high - low)
@@ -136,7 +160,7 @@ class NormalMixture:
         uneven = np.abs(self.sd - own[:, None]).max(axis=1)
         mixed = np.flatnonzero(np.maximum(spread, uneven) > 1e-9 * own)
         if len(mixed):
-            part = NormalMixture(self.mean[mixed], self.sd[mixed], self.weight)
+            part = self._of(mixed)
             low[mixed], high[mixed] = part._shortest()
         return low, high
 
@@ -144,19 +168,39 @@ class NormalMixture:
         """The same where a normal distribution will not do."""
         weighty = self.weight > 1e-12
         mean, weight = self.mean[:, weighty], self.weight[weighty] / self.weight[weighty].sum()
-        scatter = np.sqrt(np.maximum(mean**2 @ weight - (mean @ weight) ** 2, 0.0))
-        sd = np.broadcast_to(self.sd, self.mean.shape)[:, weighty]
-        sd = np.hypot(sd, _GRAIN * scatter[:, None])
+        smeared = np.hypot(self.sd, self._grain())
+        sd = np.broadcast_to(smeared, self.mean.shape)[:, weighty]
         part = NormalMixture(mean, sd, weight)
         grid = part._grid()
         F = part.below(grid)
+        low, high = part._between(grid, F)
+        coarse = np.flatnonzero(np.diff(F, axis=1).max(axis=1) > _COARSE)
+        if len(coarse):
+            those = part._of(coarse)
+            low[coarse], high[coarse] = those._between(*those._halved(grid[coarse], F[coarse]))
+        return low, high
+
+    def _between(self, grid: Floats, F: Floats) -> tuple[Floats, Floats]:
+        """Ends of the shortest interval, of the probabilities F (l, m) below a grid (l, m)."""
         tails = np.linspace(0.0, 1.0 - _COVERED, 51)
-        width = np.empty((len(mean), len(tails)))
-        for i in range(len(mean)):
+        width = np.empty((len(grid), len(tails)))
+        for i in range(len(grid)):
             low = np.interp(tails, F[i], grid[i])
             width[i] = np.interp(tails + _COVERED, F[i], grid[i]) - low
         tail = tails[np.argmin(width, axis=1)]
-        return part._quantile(tail, grid, F), part._quantile(tail + _COVERED, grid, F)
+        return self._quantile(tail, grid, F), self._quantile(tail + _COVERED, grid, F)
+
+    def _halved(self, grid: Floats, F: Floats) -> tuple[Floats, Floats]:
+        """A grid (l, m) and F on it, dense where the probability is."""
+        for _ in range(_ROUNDS):
+            most = np.argpartition(-np.diff(F, axis=1), _SPLIT, axis=1)[:, :_SPLIT]
+            low, high = (np.take_along_axis(grid, most + k, axis=1) for k in (0, 1))
+            middle = 0.5 * (low + high)
+            grid = np.concatenate([grid, middle], axis=1)
+            F = np.concatenate([F, self.below(middle)], axis=1)
+            order = np.argsort(grid, axis=1, kind="stable")
+            grid, F = (np.take_along_axis(one, order, axis=1) for one in (grid, F))
+        return grid, F
 
     def _grid(self) -> Floats:
         """Values (l, m) from end to end, dense where the means of the normals begin and end."""

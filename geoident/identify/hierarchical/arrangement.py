@@ -33,6 +33,7 @@ from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.parameter import Parameter
 from geoident.model.project.project import ParameterLaw
 from geoident.model.results.result import Counts
+from geoident.units import in_unit, shown_unit
 
 WIDEST = 10.0
 """Range of a scale without finite bounds: ten references, or a factor e^10."""
@@ -274,8 +275,13 @@ class Arrangement:
             x, by = self.law(k, section.covariates, values)
             p[i] = self.law_value(k, x)
             if not q.lower * (1 - 1e-12) <= p[i] <= q.upper * (1 + 1e-12):
+                found, low, high = (
+                    in_unit(x, q.unit, q.dimension) for x in (float(p[i]), q.lower, q.upper)
+                )
+                unit = f" {shown_unit(q.unit, q.dimension)}".rstrip()
                 raise ModelError(
-                    f"The law of {q.name} gives {p[i]:.4g} for {section.name}, outside its bounds."
+                    f"The law of {q.name} gives {found:.4g}{unit} for {section.name}, outside its "
+                    f"bounds {low:.4g}{unit} to {high:.4g}{unit}."
                 )
             slopes[i, self._constants[k]] = by * (p[i] if self.log[k] else self.reference[k])
         return p, slopes

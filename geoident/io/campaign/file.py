@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,11 +15,11 @@ from geoident.errors import Fault, InputError, Location
 from geoident.io.campaign.sections import CampaignSection, SampleSection, VariationsSection
 from geoident.io.campaign.table import NAME_COLUMN, NAME_HINT, read_table, run_name_problem
 from geoident.io.cluster.file import cluster_of
-from geoident.io.schema.faults import add_schema_faults
+from geoident.io.schema.faults import add_schema_faults, paths_of
 from geoident.io.schema.values import kind_of
 from geoident.io.text.faults import Faults, Places
 from geoident.io.text.kinds import refuse_other_kind
-from geoident.io.text.overrides import parse_path, written_value
+from geoident.io.text.overrides import is_path, parse_path, written_value
 from geoident.io.text.text_file import decode, read_bytes
 from geoident.io.text.wording import Refusal, shorten
 from geoident.io.text.yaml_reader import MAX_BYTES, parse_yaml
@@ -28,6 +29,20 @@ from geoident.model.case import KeyPath
 MOST_RUNS = 1_000_000
 
 
+class FaultyCampaign(InputError):
+    """A campaign with faults of its own text or table.
+
+    Args:
+        faults: they.
+        left: the campaign without what is wrong, to be held against its case; None where that is
+            none.
+    """
+
+    def __init__(self, faults: Iterable[Fault], left: Campaign | None) -> None:
+        self.left = left
+        super().__init__(faults)
+
+
 def read_campaign(path: str) -> Campaign:
     """Read a campaign file and its table.
 
@@ -35,26 +50,39 @@ def read_campaign(path: str) -> Campaign:
         path: the file.
 
     Raises:
-        InputError: with all faults found.
+        FaultyCampaign: with all faults found.
     """
     text = decode(read_bytes(path, limit=MAX_BYTES, what="campaign"), path)
     document = parse_yaml(text, path)
     refuse_other_kind(document, "campaign")
     faults = Faults(Places(document, document.data))
-    table = _files_and_paths(Path(path).parent, faults)
+    folder = Path(path).parent
+    table = _files_and_paths(folder, faults)
     section = _validated(faults)
-    variations = _named((*table, *_variations(section.variations, faults)), faults)
+    if section is None:
+        raise FaultyCampaign(faults.shown(), None)
+    campaign = _campaign(section, path, table, faults)
+    if faults.found:
+        raise FaultyCampaign(faults.shown(), campaign if _is_file(Path(campaign.case)) else None)
+    return campaign
+
+
+def _campaign(
+    section: CampaignSection, path: str, table: tuple[Variation, ...], faults: Faults
+) -> Campaign:
+    """What a campaign says; what is wrong beyond its sections is noted."""
     folder, sample, where = Path(path).parent, section.variations.sample, section.cluster
+    variations = _named((*table, *_variations(section.variations, faults)), faults)
     cluster = None if where is None else cluster_of(where, ("cluster",), folder, faults)
-    faults.raise_any()
+    fixed = [key for key in section.set if is_path(key)]
     return Campaign(
         path=path,
         title=section.title,
         command=section.command,
         case=str(folder / section.case),
         result="" if section.result is None else str(folder / section.result),
-        settings=tuple((key, written_value(value)) for key, value in section.set.items()),
-        places=tuple(faults.places.locate(("set", key)) for key in section.set),
+        settings=tuple((key, written_value(section.set[key])) for key in fixed),
+        places=tuple(faults.places.locate(("set", key)) for key in fixed),
         variations=variations,
         sampling=None if sample is None else _sampling(sample, faults),
         seed=section.seed,
@@ -103,36 +131,65 @@ def _files_and_paths(folder: Path, faults: Faults) -> tuple[Variation, ...]:
 
 
 def _require_there(path: Path, key: KeyPath, faults: Faults) -> bool:
-    try:
-        there = path.is_file()
-    except (OSError, ValueError):
-        there = False
+    there = _is_file(path)
     if not there:
         hint = "Paths are meant from the folder of the campaign file."
         faults.add(key, "missing-file", f"there is no file '{shorten(path)}'", hint)
     return there
 
 
-def _validated(faults: Faults) -> CampaignSection:
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        return False
+
+
+def _validated(faults: Faults) -> CampaignSection | None:
+    """The sections, without those that are wrong, which is noted; None where too little is left."""
     data = faults.places.data
     if not isinstance(data, dict):
         hint = "Begin with 'format: geoident-campaign/1'."
         faults.add((), "wrong-kind", f"found {kind_of(data)}; a mapping is expected", hint)
-        faults.raise_any()
+        return None
     known: dict[int, tuple[str, ...]] = {}
     try:
         return CampaignSection.model_validate(data, context=known)
     except ValidationError as error:
-        add_schema_faults(faults, error.errors(include_url=False), data, known)
-        faults.raise_any()
-        raise
+        errors = error.errors(include_url=False)
+        add_schema_faults(faults, errors, data, known)
+    try:
+        left = _without(data, paths_of(errors, data))
+        return CampaignSection.model_validate(left, context={})
+    except ValidationError:
+        return None
+
+
+_OF_COMMANDS = ("result", "stages", "noise", "draw", "max_time")
+
+
+def _without(data: Mapping[str, Any], wrong: Iterable[KeyPath]) -> dict[str, Any]:
+    """A campaign without its wrong entries; of a wrong command it simulates, which asks least."""
+    left = copy.deepcopy(dict(data))
+    for path in sorted(set(wrong), key=len, reverse=True):
+        end = min(len(path), 3 if path[:1] == ("variations",) else 2)
+        holder: Any = left
+        for key in path[: end - 1]:
+            holder = holder.get(key, {}) if isinstance(holder, dict) else {}
+        if isinstance(holder, dict):
+            holder.pop(path[end - 1] if path else "", None)
+    left |= {"format": "geoident-campaign/1"}
+    if "command" not in left and "command" in data:
+        left["command"] = "simulate"
+        left = {key: value for key, value in left.items() if key not in _OF_COMMANDS}
+    return left
 
 
 def _check_paths(values: object, at: KeyPath, faults: Faults) -> None:
     """Note keys of a mapping that are no paths of values; what is no mapping is noted elsewhere."""
     for name in values if isinstance(values, dict) else ():
         try:
-            parse_path(name)
+            parse_path(str(name))
         except Refusal as error:
             message = f"'{shorten(name)}' is not the path of a value of a case"
             faults.add((*at, name), error.code, message, error.hint, key=True)
@@ -152,7 +209,7 @@ def _variations(given: VariationsSection, faults: Faults) -> tuple[Variation, ..
 
 def _row(row: Mapping[str, Any], at: KeyPath, faults: Faults) -> Variation:
     name = row.get(NAME_COLUMN, "")
-    values = {key: value for key, value in row.items() if key != NAME_COLUMN}
+    values = {k: value for k, value in row.items() if k != NAME_COLUMN and is_path(k)}
     places = [faults.places.locate((*at, key)) for key in values]
     settings = tuple((key, written_value(value)) for key, value in values.items())
     return Variation(str(name or ""), settings, (*places, faults.places.locate(at)))
@@ -172,6 +229,7 @@ def _product(
     choices = [
         [((key, written_value(value)), locate((*at, key, n))) for n, value in enumerate(values)]
         for key, values in lists.items()
+        if is_path(key)
     ]
     return tuple(
         Variation("", tuple(s for s, _ in chosen), (*(p for _, p in chosen), locate(at)))
@@ -183,6 +241,8 @@ def _sampling(section: SampleSection, faults: Faults) -> Sampling:
     at = ("variations", "sample", "values")
     spans = []
     for path, span in section.values.items():
+        if not is_path(path):
+            continue
         kind, (first, unit), (second, _) = span.ends
         place = faults.places.locate((*at, path))
         spans.append(SampledRange(path, kind, first, second, unit, place))

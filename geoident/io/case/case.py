@@ -26,6 +26,7 @@ from pydantic_core import PydanticKnownError
 
 from geoident.io.case.actions import LoadSection, WaterSection, build_loads
 from geoident.io.case.elsewhere.section import ConvergenceLawSection, ElsewhereSection
+from geoident.io.case.face import FaceCheck, FaceSection, build_face, groups_released
 from geoident.io.case.fit import AxisSection, FitSection
 from geoident.io.case.frames import oriented
 from geoident.io.case.gauges.kinds import GaugeSection, build_channels
@@ -39,6 +40,7 @@ from geoident.io.case.stages import ABSENT, Begin, StageSection, check_sequence
 from geoident.io.case.structures import StructureSection
 from geoident.io.case.supports.section import SupportValue, build_supports
 from geoident.io.case.varied.growth import GrowthBase
+from geoident.io.case.varied.rock_mass import RockMassModulusSection
 from geoident.io.schema.section import Context, Section, SectionFaults
 from geoident.io.schema.values import (
     Acceleration,
@@ -189,6 +191,13 @@ class CaseSection(Section):
         description="Walls, linings, struts, anchors and bolts by name; a stage says when it "
         "builds them.",
     )
+    face: FaceSection | None = Field(
+        None,
+        description="How the distance of a section to the tunnel face (`distance` of stages) "
+        "becomes a part of the stress of the tunnel that is released: a longitudinal displacement "
+        "profile, in plane strain.",
+        examples=[{"profile": "vlachopoulos-diederichs", "radius": "4 m"}],
+    )
     stages: Annotated[list[StageSection], WrapValidator(_stages)] = Field(
         default_factory=_Absent,
         validate_default=True,
@@ -236,6 +245,7 @@ def _require_ground(section: CaseSection, faults: SectionFaults) -> None:
 
 _OF_THE_GROUND = (
     "mesh", "materials", "groups", "supports", "in_situ", "water", "gravity", "loads", "structures",
+    "face",
 )  # fmt: skip
 
 
@@ -305,7 +315,14 @@ def build_case(section: CaseSection, faults: Faults) -> Case:
         imbalance_accepted=section.in_situ is not None and section.in_situ.equilibrium == "accept",
         water=None if section.water is None else section.water.water(),
         structures=structures,
+        face=build_face(section.face, section.stages, _circle(section), context.at("face")),
     )
+
+
+def _circle(section: CaseSection) -> float | None:
+    """Radius of an opening without mesh, m."""
+    given: Given | None = getattr(section.fit.options("closed-form"), "radius", None)
+    return None if given is None or section.mesh is not None else given.factor
 
 
 def _refuse_fields(materials: Mapping[str, Material], context: Context) -> None:
@@ -356,8 +373,16 @@ def check_references(section: CaseSection, faults: Faults) -> None:
     _check_names(section, faults)
     _check_fit(section, faults)
     _check_mesh(section, faults)
+    FaceCheck(section.face, section.stages, section.parameters, faults).note(
+        section.analysis, section.groups, circle=_circle(section) is not None
+    )
     begin = Begin(
-        section.groups, section.materials, section.loads, section.structures, section.supports
+        section.groups,
+        section.materials,
+        section.loads,
+        section.structures,
+        section.supports,
+        groups_released(section.face, section.stages),
     )
     check_sequence(begin, section.stages, faults)
 
@@ -463,7 +488,7 @@ def _check_names(section: CaseSection, faults: Faults) -> None:
         _require_stage(("fit", "stages", n), name, names, faults)
     zeros = {VIRGIN: 0, **names}
     for name, gauge in section.gauges.items():
-        _require_stage(("gauges", name, "zero"), gauge.zero, zeros, faults)
+        _require_stage(("gauges", name, "zero"), gauge.zero_stage, zeros, faults)
         structure = getattr(gauge, "structure", None)
         if structure is not None and structure not in section.structures:
             key = "on" if hasattr(gauge, "on") else "structure"
@@ -548,7 +573,7 @@ def _check_ties(section: CaseSection, faults: Faults) -> None:
 
 def _numbers(node: object, path: KeyPath) -> Iterator[tuple[KeyPath, Given]]:
     """Every number of the case with its path."""
-    if isinstance(node, Given) and isinstance(node.field, GrowthBase):
+    if isinstance(node, Given) and isinstance(node.field, GrowthBase | RockMassModulusSection):
         yield from _numbers(node.field, path)
     elif isinstance(node, Given):
         yield (path if node.field is None else (*path, "field", "mean")), node

@@ -17,7 +17,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import yaml
 from pydantic import BaseModel, ValidationError
 
 from geoident.errors import Fault, InputError
@@ -31,6 +30,7 @@ from geoident.io.case.case import (
 from geoident.io.case.elsewhere.build import build_elsewhere
 from geoident.io.case.elsewhere.surroundings import Surroundings
 from geoident.io.case.elsewhere.table import within_runs
+from geoident.io.case.face import with_zero_stages
 from geoident.io.case.gauges.accuracy import described_channels
 from geoident.io.case.point_tables import with_tables
 from geoident.io.case.readings_by_stage import read_all
@@ -38,13 +38,14 @@ from geoident.io.case.site_files.measured_values import with_measured
 from geoident.io.schema.faults import add_schema_faults, paths_of
 from geoident.io.schema.partial import Rest
 from geoident.io.schema.values import kind_of
-from geoident.io.text.campaign_folder import over_all_of
+from geoident.io.text.campaign_folder import OVER_ALL, over_all_of
 from geoident.io.text.faults import Faults, Places
 from geoident.io.text.kinds import refuse_other_kind
 from geoident.io.text.overrides import apply_overrides
 from geoident.io.text.text_file import STDIN, decode, read_bytes
 from geoident.io.text.wording import shorten
 from geoident.io.text.yaml_reader import MAX_BYTES, Node, parse_yaml
+from geoident.io.text.yaml_writer import yaml_text
 from geoident.model.case import Case, KeyPath
 from geoident.model.elsewhere import Elsewhere, RunTable
 from geoident.model.methods import LOSS_OPTIONS, METHOD_OPTIONS, method_name
@@ -131,7 +132,7 @@ def parse_case(
     if idle:
         places = apply_overrides(document, [*overrides, *(f"parameters.{n}=null" for n in idle)])
     folder = Path() if path == STDIN else Path(path).parent
-    files = dict.fromkeys((*named_files(document.data, folder), *named_files(places.data, folder)))
+    files = named_files([document.data, places.data], folder)
     section, places = _validate(places, folder)
     faults = Faults(places)
     built = _build(section, folder, faults, with_mesh=with_mesh)
@@ -140,12 +141,11 @@ def parse_case(
         raise FaultyCase(faults, left)
     case = replace(built.case, notes=(*built.case.notes, *_idle_notes(idle)))
     chain = [method_name(options) for options in case.fit.methods]
-    plain = section.model_copy(update={"report": None})
-    resolved, computed = (
-        _resolved_text(one, chain) if with_texts else "" for one in (section, plain)
-    )
+    resolved = computed = _resolved_text(section, chain) if with_texts else ""
+    if with_texts and section.report is not None:
+        computed = _resolved_text(section.model_copy(update={"report": None}), chain)
     paths = built.readings_paths
-    return LoadedCase(case, text, resolved, built.mesh_path, paths, tuple(files), computed)
+    return LoadedCase(case, text, resolved, built.mesh_path, paths, files, computed)
 
 
 def _left_idle(written: object, changed: object) -> list[str]:
@@ -199,6 +199,8 @@ class _Built:
 
 def _build(section: CaseSection, folder: Path, faults: Faults, *, with_mesh: bool = True) -> _Built:
     """The case of sections that are right by themselves; what is wrong beyond that is noted."""
+    gauges = with_zero_stages(section.gauges, section.stages, faults)
+    section = section.model_copy(update={"gauges": gauges})
     mesh_path = None
     if section.mesh is not None and not with_mesh:
         mesh_path = section.mesh.file
@@ -360,12 +362,12 @@ def files_of_text(text: str, path: str) -> tuple[str, ...]:
         path: where it stands or stood.
     """
     try:
-        return tuple(named_files(parse_yaml(text, path).data, Path(path).parent))
+        return named_files(parse_yaml(text, path).data, Path(path).parent)
     except InputError:
         return ()
 
 
-def named_files(data: Node, folder: Path) -> Iterator[str]:
+def named_files(data: Node, folder: Path) -> tuple[str, ...]:
     """Paths of the files that a case names: of every text in it that is the name of a file.
 
     The folder of a campaign stands for the file of all its runs.
@@ -374,16 +376,26 @@ def named_files(data: Node, folder: Path) -> Iterator[str]:
         data: the case as mappings, lists and texts.
         folder: against which its paths are meant.
     """
+    found: dict[str, None] = {}
+    for text in dict.fromkeys(_texts(data)):
+        with suppress(OSError, ValueError):  # too long or strange for a name
+            path = folder / text
+            if path.name != OVER_ALL and not path.exists():  # most texts: to ask is dear
+                continue
+            over_all = over_all_of(path)
+            if over_all is not None and over_all.is_file():
+                found[str(over_all)] = None
+            elif path.is_file():
+                found[str(path)] = None
+    return tuple(found)
+
+
+def _texts(data: Node) -> Iterator[str]:
     if isinstance(data, dict | list):
         for part in data.values() if isinstance(data, dict) else data:
-            yield from named_files(part, folder)
+            yield from _texts(part)
     elif data is not None:
-        with suppress(OSError, ValueError):  # too long or strange for a name
-            over_all = over_all_of(folder / data)
-            if over_all is not None and over_all.is_file():
-                yield str(over_all)
-            elif (folder / data).is_file():
-                yield str(folder / data)
+        yield data
 
 
 def _shown(path: str) -> str:
@@ -485,9 +497,7 @@ def _resolved_text(section: CaseSection, chain: Sequence[str]) -> str:
     data["fit"] = fit
     for name in (METHOD_OPTIONS.keys() | LOSS_OPTIONS.keys()) - {*chain, section.fit.loss}:
         fit.pop(name, None)
-    return yaml.dump(
-        _without_empty(data), Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=100
-    )
+    return yaml_text(_without_empty(data))
 
 
 def _without_empty(node: Any) -> Any:
@@ -497,15 +507,3 @@ def _without_empty(node: Any) -> Any:
     if isinstance(node, list):
         return [_without_empty(value) for value in node]
     return node if isinstance(node, str) else str(node).lower()
-
-
-class _Dumper(yaml.SafeDumper):
-    """Leaves out the quotes wherever `yaml_reader` reads the same text without them."""
-
-    def ignore_aliases(self, data: object) -> bool:
-        return True
-
-
-_NULL = re.compile(r"(?:~|null|Null|NULL|)$")
-_Dumper.yaml_implicit_resolvers = {}
-_Dumper.add_implicit_resolver("tag:yaml.org,2002:null", _NULL, ["~", "n", "N", ""])

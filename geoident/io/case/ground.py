@@ -10,8 +10,9 @@ from pydantic import Discriminator, Field, Tag, model_validator
 
 from geoident.io.case.frames import attitude, axes_along, strata
 from geoident.io.case.parameters import ParameterSection, start_values
-from geoident.io.case.varied.number import FieldModulus, fields_in, growths_in
-from geoident.io.case.yielding import YieldSections, build_yields, fields_of_yields
+from geoident.io.case.varied.number import FieldModulus, YoungModulus, fields_in, growths_in
+from geoident.io.case.varied.rock_mass import KEY, DerivedModulus
+from geoident.io.case.yielding.build import YieldSections, build_yields, fields_of_yields
 from geoident.io.schema.section import Context, Section, refuse, require_one_of
 from geoident.io.schema.values import (
     Angle,
@@ -77,8 +78,10 @@ class IsotropicSection(_MaterialBase):
     """A material: isotropic elasticity by E and nu, or by K and G."""
 
     elastic: Literal["isotropic"] = Field("isotropic", description="Symmetry of the elasticity.")
-    E: FieldModulus | None = Field(
-        None, description="Young's modulus.", examples=["15 GPa", "$E_rock"]
+    E: YoungModulus | None = Field(
+        None,
+        description="Young's modulus; of a rock mass also by GSI (`hoek-diederichs`).",
+        examples=["15 GPa", "$E_rock"],
     )
     nu: Ratio | None = Field(None, description="Poisson's ratio, between -1 and 0.5.")
     K: FieldModulus | None = Field(None, description="Bulk modulus.")
@@ -317,7 +320,7 @@ def _check_start(
     found = None if starts is None else breach(elastic, starts)
     if found is None:
         return
-    given: Given = getattr(section, found.constant)
+    keys, given = _written(section, found.constant)
     ties = {n.parameter for n in section.numbers if n.parameter and n.dimension != "angle"}
     if given.parameter is not None:
         message = f"'{given.text}' is {found.value:g} at the start; {found.limit}"
@@ -325,4 +328,14 @@ def _check_start(
     else:
         message = f"'{given.text}' makes the stiffness indefinite; {found.limit}"
         hint = f"Change it, or the start of {', '.join(sorted(ties))}." if ties else ""
-    context.at(found.constant).refuse("out-of-range", message, hint)
+        if len(keys) > 1:
+            message, hint = f"'{given.text}': {found.limit}", "Correct the number."
+    context.at(*keys).refuse("out-of-range", message, hint)
+
+
+def _written(section: MaterialSection, constant: str) -> tuple[tuple[str, ...], Given]:
+    """Where a constant is written, and its number: also one from which E follows."""
+    modulus = getattr(section, "E", None)
+    if isinstance(modulus, DerivedModulus) and hasattr(modulus.inner, constant):
+        return ("E", KEY, constant), getattr(modulus.inner, constant)
+    return (constant,), getattr(section, constant)

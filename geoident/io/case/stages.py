@@ -23,7 +23,15 @@ from geoident.io.case.ground import MaterialSection
 from geoident.io.case.structures import BeamSection, StructureSection, negative_force
 from geoident.io.case.supports.section import FREE, StageSupportValue, build_stage_supports
 from geoident.io.schema.section import Context, Section
-from geoident.io.schema.values import Coefficient, Flag, Force, Given, Name
+from geoident.io.schema.values import (
+    Coefficient,
+    Flag,
+    Force,
+    Given,
+    Level,
+    Name,
+    scalar_of,
+)
 from geoident.io.text.faults import Faults
 from geoident.io.text.wording import Refusal
 from geoident.model.case import VIRGIN, KeyPath, Stage
@@ -60,6 +68,12 @@ class StageSection(Section):
         "rest goes on supporting the ground until a later stage releases more "
         "(convergence-confinement).",
         examples=[{"heading": 0.4}],
+    )
+    distance: Level | None = Field(
+        None,
+        description="How far the section is behind the tunnel face at the end of the stage "
+        "(negative: ahead of it), which releases the stress of the tunnel as `face` says.",
+        examples=["2.5 m"],
     )
     loads: dict[Name, LoadSection] = Field(
         {}, description="Loads by name, from this stage on; a name used again replaces."
@@ -121,6 +135,7 @@ class StageSection(Section):
             install=dict(self.install),
             change=dict(self.change),
             release={group: part.scalar for group, part in self.release.items()},
+            distance=scalar_of(self.distance),
             loads=build_loads(self.loads, context.at("loads"), gravity=gravity),
             remove=tuple(self.remove),
             build=tuple(self.build),
@@ -144,6 +159,7 @@ class Begin:
         loads: names of the loads that act from the beginning.
         structures: all structures by name.
         supports: names of the supports that hold from the beginning.
+        by_distance: groups whose stress is released by the distance to the face.
     """
 
     groups: Mapping[str, str]
@@ -151,6 +167,7 @@ class Begin:
     loads: Collection[str]
     structures: Mapping[str, StructureSection]
     supports: Collection[str] = ()
+    by_distance: Collection[str] = ()
 
 
 def check_sequence(begin: Begin, stages: Sequence[StageSection], faults: Faults) -> None:
@@ -252,7 +269,14 @@ class _Ground:
 
     def _release(self, path: KeyPath, stage: StageSection) -> None:
         """Groups that leave with part of their stress, or release more of it later."""
-        self.partly -= set(stage.excavate) - stage.release.keys()
+        away = set() if stage.distance is None else set(self.begin.by_distance)
+        self.partly -= set(stage.excavate) - stage.release.keys() - away
+        for group in sorted(away - stage.release.keys()):
+            if group not in stage.excavate and group not in self.partly and group in self.known:
+                message = f"no stress of '{group}' is held that could be released by the distance"
+                hint = "Give 'distance' from the stage on that excavates the group."
+                self.faults.add((*path, "distance"), "nothing-held", message, hint, key=True)
+            self.partly.add(group)
         for group, part in stage.release.items():
             place = (*path, "release", group)
             if group not in stage.excavate and group not in self.partly:

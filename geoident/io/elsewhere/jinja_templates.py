@@ -1,7 +1,9 @@
 """Templates in Jinja: `{{ E_rock | to("GPa") }}`, loops and conditions, by the library jinja2.
 
 A template may come from anywhere, so it is filled in a sandbox, in which it reaches nothing but the
-parameters; names that are none are errors, and there is no other file to include.
+parameters; names that are none are errors, and there is no other file to include. A sandbox does
+not hold up a loop that never ends, nor a power that fills the memory: it is filled, and compiled,
+which computes constants, only for who trusts the case. Before, its syntax and names are looked at.
 """
 
 from __future__ import annotations
@@ -55,14 +57,16 @@ def read_jinja(
     environment = _environment()
     try:
         tree = environment.parse(text)
-        environment.compile(tree)
     except TemplateSyntaxError as error:
         place = Location(source, error.lineno, 1)
         hint = "Write {{ NAME }}; {% ... %} is a statement of Jinja."
         fault = Fault("bad-template", f"this is not Jinja: {error.message}", hint, place)
         return JinjaTemplate(source, target, text, ()), [fault]
     lines = text.splitlines()
-    faults = list(_faults(tree, source, lines, parameters))
+    faults = [
+        *_faults(tree, source, lines, parameters),
+        *_unknown(tree, source, lines, environment),
+    ]
     fields = {
         node.name: TemplateField(node.name, location=_place(source, lines, node, node.name))
         for node in tree.find_all(nodes.Name)
@@ -96,6 +100,21 @@ def _faults(
     for call in tree.find_all(nodes.Filter):
         if call.name == _TO:
             yield from _unit_faults(call, source, lines, parameters)
+
+
+def _unknown(
+    tree: nodes.Template, source: str, lines: list[str], environment: ImmutableSandboxedEnvironment
+) -> Iterator[Fault]:
+    """Filters and tests that there are none of."""
+    for kind, what, known in (
+        (nodes.Filter, "filter", environment.filters),
+        (nodes.Test, "test", environment.tests),
+    ):
+        for node in tree.find_all(kind):
+            if node.name not in known:
+                place = _place(source, lines, node, node.name)
+                hint = did_you_mean(node.name, known, what=f"{what.capitalize()}s")
+                yield Fault("bad-template", f"Jinja has no {what} '{node.name}'", hint, place)
 
 
 def _unit_faults(

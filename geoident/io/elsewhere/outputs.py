@@ -18,11 +18,13 @@ from typing import Any
 import h5py
 import numpy as np
 
+from geoident.io.elsewhere.pest_instructions import CannotFollow, observed
 from geoident.io.text.wording import shorten
 from geoident.model.elsewhere import (
     Finding,
     FunctionValue,
     Hdf5Value,
+    InstructedValue,
     JsonValue,
     LineValue,
     Output,
@@ -87,7 +89,7 @@ class RunFiles:
             raise NotFound(f"'{file}' leads out of the folder of the run")
         try:
             return self._in_file(path, file, how)
-        except (OSError, UnicodeError, json.JSONDecodeError, csv.Error) as error:
+        except (OSError, UnicodeError, json.JSONDecodeError, csv.Error, CannotFollow) as error:
             raise NotFound(f"{file}: {error}") from error
 
     def _in_file(self, path: Path, file: str, how: Finding) -> Any:
@@ -106,6 +108,9 @@ class RunFiles:
                 return _word(self._once(f"lines {file}", lambda: text().splitlines()), file, how)
             case PatternValue():
                 return _match(self._once(f"text {file}", text), file, how)
+            case InstructedValue():
+                found = self._once(f"pest {how.path}\n{file}", lambda: observed(how.lines, text()))
+                return found[how.observation]
         raise AssertionError(how)
 
     def _once(self, key: str, read: Callable[[], Any]) -> Any:

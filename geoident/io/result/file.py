@@ -24,6 +24,7 @@ from geoident.io.result import (
     posterior,
     reading_tables,
     reduced,
+    rivals,
     surface,
     tables,
     vtkhdf,
@@ -33,7 +34,14 @@ from geoident.io.result.varied import GROUP as VARIED
 from geoident.io.result.varied import read_varied, write_varied
 from geoident.io.text.atomic import atomic_output
 from geoident.model.arrays import Floats
-from geoident.model.results.result import Counts, Diagnostics, GaugeTable, Provenance, Result
+from geoident.model.results.result import (
+    Counts,
+    Diagnostics,
+    GaugeTable,
+    Provenance,
+    Result,
+    fingerprint,
+)
 
 FORMAT = "geoident-result/2"
 WIDE_FORMAT = "geoident-result/1"
@@ -45,8 +53,11 @@ _RESULT_LISTS = ("findings", "notes")
 _PROVENANCE_TEXTS = tuple(
     entry.name
     for entry in fields(Provenance)
-    if entry.name not in ("versions", "seed", "format", "seconds", "stamp")
+    if entry.name not in ("versions", "seed", "format", "seconds")
+    and not entry.name.startswith(("stamp", "fit_"))
 )
+_MAY_MISS = ("stamp", "fit_file", "fit_fingerprint")
+"""Texts of the provenance that not every result has."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +71,10 @@ class ResultIdentity:
         exit_code: of the command.
         case_file: path of its case as seen from the folder of the result.
         seconds: that it took to compute; infinite where that is unknown.
+        objective: its misfit.
         stamp: see `geoident.model.results.result.Provenance`.
+        fit_file: likewise.
+        fit_fingerprint: likewise.
     """
 
     identity: str
@@ -69,7 +83,15 @@ class ResultIdentity:
     exit_code: int
     case_file: str
     seconds: float
+    objective: float = math.nan
     stamp: str = ""
+    fit_file: str = ""
+    fit_fingerprint: str = ""
+
+    @property
+    def fingerprint(self) -> str:
+        """See `geoident.model.results.result.Result.fingerprint`."""
+        return fingerprint(self.identity, self.status, self.objective)
 
 
 def write_result(
@@ -93,7 +115,8 @@ def write_result(
     """
     sidecar = vtkhdf.sidecar_path(path)
     with atomic_output(path, overwrite=overwrite, inputs=inputs) as temporary:
-        with hdf5_output(temporary) as file:
+        small = result.fields is None and result.reduced is None and result.posterior is None
+        with hdf5_output(temporary, small=small) as file:
             _write(file, result)
         if sidecar and result.fields is not None:
             _write_sidecar(sidecar, Path(path).name, overwrite=overwrite, inputs=inputs)
@@ -141,7 +164,7 @@ def _write(file: h5py.File, result: Result) -> None:
     _write_states(file, result)
     if result.certificate is not None:
         tables.write_certificate(file, result.certificate, names)
-    tables.write_rival_answers(file, result.rivals, result.evidence, result.comparison, names)
+    rivals.write_rival_answers(file, result.rivals, result.evidence, result.comparison, names)
     if result.fields is not None:
         vtkhdf.write_fields(file, result.fields, result.varied)
         if result.mechanism is not None:
@@ -197,8 +220,9 @@ def _write_attributes(file: h5py.File, result: Result) -> None:
     attributes["seed"] = np.int64(result.provenance.seed)
     if math.isfinite(result.provenance.seconds):
         attributes["seconds"] = np.float64(result.provenance.seconds)
-    if result.provenance.stamp:
-        attributes["stamp"] = plain_text(result.provenance.stamp)
+    for name in _MAY_MISS:
+        if getattr(result.provenance, name):
+            attributes[name] = plain_text(getattr(result.provenance, name))
     attributes["exit_code"] = np.int64(result.exit_code)
     attributes["objective"] = np.float64(result.objective)
 
@@ -217,7 +241,8 @@ def read_identity(path: str | Path) -> ResultIdentity | None:
                 root.int("exit_code"),
                 root.text("case_file"),
                 root.float("seconds", math.inf),
-                root.text("stamp", ""),
+                root.float("objective", math.nan),
+                *(root.text(name, "") for name in _MAY_MISS),
             )
     except InputError:
         return None
@@ -319,9 +344,9 @@ def _read(file: h5py.File, root: _Attributes) -> Result:
         yielded=tables.read_yielded(file) if tables.YIELDED in contents else None,
         reaction=opening.read_reaction(file) if opening.GROUP in contents else None,
         certificate=(tables.read_certificate(file) if "certificate" in contents else None),
-        rivals=tables.read_rivals(file) if tables.RIVALS in contents else None,
-        comparison=tables.read_models(file) if tables.MODELS in contents else None,
-        evidence=tables.read_evidence(file) if tables.EVIDENCE in contents else None,
+        rivals=rivals.read_rivals(file) if rivals.RIVALS in contents else None,
+        comparison=rivals.read_models(file) if rivals.MODELS in contents else None,
+        evidence=rivals.read_evidence(file) if rivals.EVIDENCE in contents else None,
         fields=fields,
         mechanism=tables.read_mechanism(file, fields.mesh) if fields and moving else None,
         model_error=(tables.read_model_error(file) if tables.MODEL_ERROR in contents else None),
@@ -356,6 +381,6 @@ def _read_provenance(root: _Attributes) -> Provenance:
         seed=root.int("seed"),
         format=root.text("format").replace(FORMAT, ""),
         seconds=root.float("seconds", math.nan),
-        stamp=root.text("stamp", ""),
+        **{name: root.text(name, "") for name in _MAY_MISS},
         **texts_,
     )

@@ -30,6 +30,8 @@ _ASKS_FOR = {
     "no-mesh": {"mesh", "fit"},
     "no-gravity": {"gravity"},
     "missing-dates": {"dates"},
+    "no-face": {"face"},
+    "no-distance": {"stages"},
     "dates-order": {"dates"},
     "group-coverage": {"groups", "stages"},
     "gauge-in-absent-ground": {ZERO},

@@ -35,7 +35,7 @@ class Section(BaseModel):
     def numbers(self) -> list[Given]:
         """The numbers of the section itself, not of what is below it."""
         values = [getattr(self, name) for name in type(self).model_fields]
-        return [value for value in values if isinstance(value, Given)]
+        return [part for value in values if isinstance(value, Given) for part in value.parts]
 
 
 @dataclass(frozen=True)

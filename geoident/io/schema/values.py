@@ -125,8 +125,8 @@ class Given:
         parameter: the parameter that it is tied to, or None.
         dimension: key of `geoident.units.DIMENSIONS`.
         unit: as normalised by `geoident.units`, empty for a tie.
-        field: the section of the field of which the number is the mean; None for one number
-            everywhere.
+        field: the section of the field of which the number is the mean, or from which it follows;
+            None for one number everywhere.
     """
 
     text: str
@@ -140,6 +140,11 @@ class Given:
     def scalar(self) -> Scalar:
         """For the model."""
         return Scalar(self.factor, self.parameter)
+
+    @property
+    def parts(self) -> list[Given]:
+        """The numbers that are given: itself, or those from which it follows."""
+        return [self]
 
 
 def scalar_of(given: Given | None) -> Scalar | None:

@@ -16,6 +16,7 @@ import os
 import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
+from contextvars import ContextVar
 from pathlib import Path
 
 from geoident.errors import OutputError, Term
@@ -33,6 +34,7 @@ _REMEDIES = {
     errno.ENAMETOOLONG: f"choose a shorter name with {Term.OUTPUT}",
     errno.ELOOP: "the path is a symbolic link that leads to itself; remove it",
 }
+_NAMES_LAST: ContextVar[bool] = ContextVar("_NAMES_LAST", default=True)
 _UNSUPPORTED = {errno.EINVAL, errno.EACCES, errno.ENOTSUP, errno.ENOSYS}
 
 
@@ -64,13 +66,28 @@ def atomic_output(path: str | Path, *, overwrite: bool, inputs: Iterable[str]) -
         yield str(temporary)
         sync(temporary, os.O_RDWR)
         _publish(temporary, final, overwrite=overwrite)
-        _sync_folder(final.parent)
+        if _NAMES_LAST.get():
+            _sync_folder(final.parent)
     except OSError as error:
         raise output_error(path, error) from error
     finally:
         if temporary is not None:
             with suppress(OSError):
                 temporary.unlink(missing_ok=True)
+
+
+@contextmanager
+def names_may_be_lost() -> Iterator[None]:
+    """Meanwhile a power failure may take away a file that was just written, but never half of it.
+
+    For many files of which each is made again when it is missing: to have the disk hold a name
+    takes as long as to have it hold the file.
+    """
+    token = _NAMES_LAST.set(False)
+    try:
+        yield
+    finally:
+        _NAMES_LAST.reset(token)
 
 
 def refuse_inputs(path: str | Path, inputs: Iterable[str]) -> None:
@@ -148,11 +165,12 @@ def _create(final: Path) -> Path:
 def _sweep(final: Path) -> None:
     """Removes temporaries of this file whose process is gone (or had our own number)."""
     start = f".{final.name}."
-    with suppress(OSError):
-        for entry in final.parent.iterdir():
-            pid = entry.name.removeprefix(start).removesuffix(".part")
-            if entry.name == f"{start}{pid}.part" and pid.isdecimal() and not _runs(int(pid)):
-                entry.unlink()
+    with suppress(OSError), os.scandir(final.parent) as entries:
+        left = [entry.name for entry in entries if entry.name.startswith(start)]
+        for name in left:
+            pid = name.removeprefix(start).removesuffix(".part")
+            if name == f"{start}{pid}.part" and pid.isdecimal() and not _runs(int(pid)):
+                (final.parent / name).unlink()
 
 
 def _runs(pid: int) -> bool:

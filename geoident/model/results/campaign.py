@@ -21,6 +21,9 @@ FINAL = (
 
 NAN = float("nan")
 
+SAME_MISFIT = 1e-6
+"""Relative difference up to which misfits are the same."""
+
 
 @dataclass(frozen=True)
 class RunParameter:

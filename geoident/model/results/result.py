@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -475,6 +476,17 @@ class MemberForces:
     prestress: Floats
 
 
+def fingerprint(identity: str, status: str, objective: float) -> str:
+    """SHA-256 that tells the outcome of a command from others.
+
+    Args:
+        identity: hash of all that it depends on.
+        status: how it ended.
+        objective: the misfit.
+    """
+    return hashlib.sha256(f"{identity} {status} {float(objective)!r}".encode()).hexdigest()
+
+
 @dataclass(frozen=True)
 class Provenance:
     """Where a result comes from.
@@ -491,6 +503,8 @@ class Provenance:
         seconds: that the computation took, NaN if unknown.
         stamp: checksums of the files that it was made from, by which it is known to be up to date
             without reading them as a case; empty where they are not all files.
+        fit_file: path of the fit that it was made from, as seen from its folder; empty for none.
+        fit_fingerprint: `Result.fingerprint` of that fit.
     """
 
     command: str
@@ -505,6 +519,8 @@ class Provenance:
     format: str = ""
     seconds: float = float("nan")
     stamp: str = ""
+    fit_file: str = ""
+    fit_fingerprint: str = ""
 
 
 @dataclass(frozen=True)
@@ -582,6 +598,11 @@ class Result:
     backtest: Backtest | None = None
     varied: tuple[FieldEstimate, ...] = ()
     surface: SurfaceTable | None = None
+
+    @property
+    def fingerprint(self) -> str:
+        """Tells this outcome from others, also of the same input: one that was cut short."""
+        return fingerprint(self.provenance.identity, self.status, self.objective)
 
     @cached_property
     def for_people(self) -> Result:

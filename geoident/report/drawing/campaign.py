@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from geoident.model.arrays import Bools, Floats
-from geoident.model.results.campaign import CampaignTable, RunRecord
+from geoident.model.results.campaign import SAME_MISFIT, CampaignTable, RunRecord
 from geoident.report.drawing.parameters.parallel import (
     MOST_LINES,
     ParallelAxis,
@@ -227,7 +227,8 @@ def misfit_figure(columns: Sequence[RunColumn], *, misfit: Floats, good: Bools) 
             axes.plot(
                 column.values[chosen], misfit[chosen], "o", ms=3.5, mec=COMPUTED, mfc=face, mew=0.8
             )
-        best = int(np.nanargmin(misfit))
+        least = float(np.nanmin(misfit))
+        best = misfit <= least + SAME_MISFIT * abs(least)
         axes.plot(column.values[best], misfit[best], "*", ms=9, color=ACCENT)
         _scale(axes, "x", column.values)
         _scale(axes, "y", misfit)

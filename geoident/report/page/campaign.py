@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import PurePosixPath
+
 from geoident.model.results.campaign import CampaignTable
 from geoident.report.drawing.campaign import campaign_pictures
 from geoident.report.page.blocks import Draw, Figures, TitledTable, body, contents, section
@@ -23,7 +25,7 @@ def campaign_page(table: CampaignTable, *, draw: Draw, title: str = "") -> str:
         draw: makes the figures.
         title: in place of that of the campaign.
     """
-    shown = title or table.title or f"Campaign {table.campaign_file}"
+    shown = title or table.title or f"Campaign {PurePosixPath(table.campaign_file).name}"
     left_out = runs_left_out(table)
     parts = (
         section(

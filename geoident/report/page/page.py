@@ -375,6 +375,8 @@ def _provenance(result: Result) -> Html:
         ("SHA-256 of the mesh", _hash(origin.mesh_sha256)),
         ("SHA-256 of the readings", _hash(origin.readings_sha256)),
         ("identity of the result", _hash(origin.identity)),
+        ("fingerprint of the result", _hash(result.fingerprint)),
+        *([("made from the fit", origin.fit_file)] if origin.fit_file else []),
     ]
     return table(TextTable(("item", "value"), rows))
 

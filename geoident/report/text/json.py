@@ -56,13 +56,16 @@ def _plain(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def result_object(result: Result, *, case: str, output: str) -> dict[str, Any]:
+def result_object(
+    result: Result, *, case: str, output: str, outdated: Sequence[str] = ()
+) -> dict[str, Any]:
     """A result.
 
     Args:
         result: what was found.
         case: path of the case, as seen from here.
         output: path of the result file.
+        outdated: paths of what was made from an earlier fit: of this result, or beside it.
     """
     proof, result = result.certificate, result.for_people
     return {
@@ -80,6 +83,7 @@ def result_object(result: Result, *, case: str, output: str) -> dict[str, Any]:
         "readings": readings_list(result),
         "findings": result.findings,
         "notes": result.notes,
+        **({"outdated": list(outdated)} if outdated else {}),
         "singular_values": result.singular_values,
         "diagnostics": diagnostics_object(result),
         "counts": asdict(result.counts),

@@ -8,7 +8,7 @@ from __future__ import annotations
 import shutil
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 
@@ -19,26 +19,53 @@ from geoident.io.text.atomic import atomic_output, make_folder
 from geoident.io.text.text_file import decode, read_bytes
 from geoident.io.text.yaml_reader import MAX_BYTES, parse_yaml
 from geoident.model.cluster import Cluster
+from geoident.model.elsewhere import Elsewhere, ExternalProgram, PythonFunction
 from geoident.model.results.campaign import FAILED, RunRecord
 from geoident.workflow.campaign.one_run import RunTask, compute
-from geoident.workflow.campaign.plan import CampaignPlan
+from geoident.workflow.campaign.plan import CampaignPlan, model_of
 from geoident.workflow.executing.cluster import DaskCluster
 from geoident.workflow.executing.executor import Answered, Executor
+from geoident.workflow.executing.growth import Resumable
 from geoident.workflow.executing.parcel import layout_of, own_copy, packed, relative
-from geoident.workflow.running.outputs import set_aside
+from geoident.workflow.programs.travelling import (
+    RunsMade,
+    RunsThere,
+    begin_there,
+    keep_runs,
+    known_lines,
+    log_of,
+    program_of,
+)
+from geoident.workflow.running.outputs import runs_folder, set_aside
 
 
 @dataclass(frozen=True)
-class AwayTask:
+class AwayTask(Resumable):
     """What a process far away is told of a run.
 
     Args:
+        kept: path to content of the files with which it goes on.
         task: the run; its paths are relative.
-        kept: name to content of files in the folder of results with which it goes on.
+        runs: folder of the runs of its model; empty where that runs nothing.
     """
 
     task: RunTask
-    kept: Mapping[str, bytes]
+    runs: str = ""
+
+    @property
+    def checkpoint(self) -> str:
+        """Path of the evaluations of the run."""
+        task = self.task
+        return (task.folder / f"{task.run.name}.{task.campaign.command}.checkpoint").as_posix()
+
+    @property
+    def growing(self) -> tuple[str, ...]:
+        """Its checkpoint, and the log of the runs of its model."""
+        return (self.checkpoint, *([str(log_of(Path(self.runs)))] if self.runs else []))
+
+    def resumed(self, kept: Mapping[str, bytes]) -> AwayTask:
+        """The same with what another process has computed of it."""
+        return replace(super().resumed(kept), task=replace(self.task, fresh=False))
 
 
 @dataclass(frozen=True)
@@ -48,10 +75,12 @@ class AwayEnd:
     Args:
         record: of the run.
         files: name to content of what it has left in the folder of results.
+        made: runs of its model.
     """
 
     record: RunRecord
     files: Mapping[str, bytes]
+    made: RunsMade = field(default_factory=RunsMade)
 
 
 class AwayRuns:
@@ -65,6 +94,7 @@ class AwayRuns:
     def __init__(self, executor: Executor[AwayTask, AwayEnd], plan: CampaignPlan) -> None:
         self._executor = executor
         self._plan = plan
+        self._runs = _runs_of(plan)
 
     def run(self, tasks: Iterable[RunTask]) -> Iterator[Answered[RunRecord]]:
         """The records as the runs end; their files are written then.
@@ -76,9 +106,11 @@ class AwayRuns:
             OutputError: a result cannot be written.
         """
         folder = self._plan.folder
-        for answer in self._executor.run(map(_sent, tasks)):
+        for answer in self._executor.run(_sent(task, self._runs) for task in tasks):
             end = answer.value
             record = None if end is None else _kept(end, folder, self._plan.inputs)
+            if end is not None and self._runs:
+                keep_runs(end.made, Path(self._runs))
             yield Answered(
                 answer.number, record, answer.losses, answer.stopped, answer.seconds, answer.process
             )
@@ -110,12 +142,22 @@ def cluster_executor(
         InputError: a file is named in a way that has no meaning on another machine.
     """
     campaign = plan.campaign
-    _require_relative(campaign.case)
-    layout = layout_of((*plan.inputs, plan.folder))
+    model = _model(plan)
+    ran = model if isinstance(model, ExternalProgram | PythonFunction) else None
+    first = ran.command[0] if isinstance(ran, ExternalProgram) else ""
+    _require_relative(campaign.case, but=first)
+    inputs = [path for path in plan.inputs if path != first]
+    layout = layout_of((*inputs, plan.folder))
+    logs = {} if ran is None else {str(log_of(Path(runs))): known_lines(Path(runs))
+                                   for runs in [_runs_of(plan)]}  # fmt: skip
     return DaskCluster(
         cluster,
-        partial(set_up_away, layout.here),
-        packed({layout.name(path): Path(path) for path in plan.inputs}),
+        partial(set_up_away, layout.here, logs),
+        packed(
+            {layout.name(path): Path(path) for path in inputs},
+            here=layout.here,
+            programs=() if ran is None else program_of(ran),
+        ),
         jobs=max(1, min(jobs, len(plan.left))),
         time_limit=campaign.time_limit,
         retries=campaign.retries,
@@ -123,8 +165,32 @@ def cluster_executor(
     )
 
 
-def _require_relative(case: str) -> None:
+def _model(plan: CampaignPlan) -> Elsewhere | None:
+    """The model of the base case where that is elsewhere, with paths as they are there.
+
+    Raises:
+        InputError: the case is wrong.
+    """
+    case = plan.campaign.case
+    text = decode(read_bytes(case, limit=MAX_BYTES, what="case"), case)
+    campaign = replace(plan.campaign, case=relative(case))
+    return model_of(campaign, parse_yaml(text, case).data)
+
+
+def _runs_of(plan: CampaignPlan) -> str:
+    """The folder of the runs of the model; empty where that runs nothing."""
+    found = _model(plan)
+    if not isinstance(found, ExternalProgram | PythonFunction):
+        return ""
+    return str(runs_folder(relative(plan.campaign.case)))
+
+
+def _require_relative(case: str, *, but: str = "") -> None:
     """Refuse a case that names a file by its place on this machine.
+
+    Args:
+        case: its path.
+        but: a program that may be named so.
 
     Raises:
         InputError: it does.
@@ -135,13 +201,13 @@ def _require_relative(case: str) -> None:
     faults = [
         Fault("absolute-path", f"'{name}' is not in this place on a cluster", hint, Location(case))
         for name in named_files(parse_yaml(text, case).data, folder)
-        if Path(name).is_absolute()
+        if Path(name).is_absolute() and name != but
     ]
     if faults:
         raise InputError(faults)
 
 
-def _sent(task: RunTask) -> AwayTask:
+def _sent(task: RunTask, runs: str) -> AwayTask:
     """A run as it travels, with the evaluations that an interrupted one has left."""
     campaign = task.campaign
     there = replace(
@@ -151,22 +217,25 @@ def _sent(task: RunTask) -> AwayTask:
         result=relative(campaign.result) if campaign.result else "",
     )
     folder = Path(relative(str(task.folder)))
-    kept = {}
-    checkpoint = task.folder / f"{task.run.name}.{campaign.command}.checkpoint"
+    away = AwayTask({}, replace(task, campaign=there, folder=folder), runs)
     with suppress(OSError):
         if not task.fresh:
-            kept[checkpoint.name] = checkpoint.read_bytes()
-    return AwayTask(replace(task, campaign=there, folder=folder), kept)
+            return away.resumed({away.checkpoint: Path(away.checkpoint).read_bytes()})
+    return away
 
 
-def set_up_away(here: str, unpacked: Path) -> Callable[[AwayTask], AwayEnd]:
+def set_up_away(
+    here: str, logs: Mapping[str, bytes], unpacked: Path
+) -> Callable[[AwayTask], AwayEnd]:
     """What a process does with its tasks, in a copy of the files of its own.
 
     Args:
         here: where paths are meant from, as seen from the folder of the files.
+        logs: path of the log of the runs of a model to what it holds.
         unpacked: that folder.
     """
     own_copy(unpacked, here)
+    begin_there(logs)
     return compute_away
 
 
@@ -174,12 +243,17 @@ def compute_away(away: AwayTask) -> AwayEnd:
     """Run one variation, and take what it leaves."""
     folder = away.task.folder
     make_folder(folder)
+    lines = []
     for name, content in away.kept.items():
-        (folder / name).write_bytes(content)
-    record = compute(away.task)
+        if name == away.checkpoint:
+            Path(name).write_bytes(content)
+        else:
+            lines.append(content)
+    with RunsThere(Path(away.runs) if away.runs else None, lines) as there:
+        record = compute(away.task, remembered=False)
     files = {path.name: path.read_bytes() for path in sorted(folder.iterdir()) if path.is_file()}
     shutil.rmtree(folder, ignore_errors=True)
-    return AwayEnd(record, files)
+    return AwayEnd(record, files, there.made)
 
 
 def _kept(end: AwayEnd, folder: Path, inputs: Iterable[str]) -> RunRecord:

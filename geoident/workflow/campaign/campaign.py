@@ -43,6 +43,7 @@ def compute(
     *,
     fresh: bool = False,
     trust: bool = False,
+    permitted: tuple[str, ...] = (),
 ) -> CampaignTable:
     """Compute the runs that are not known, and write the tables of all.
 
@@ -55,6 +56,7 @@ def compute(
         csv: makes the text of ``runs.csv``.
         fresh: what is known of a run does not count.
         trust: what a case names as its model may be run, whatever varies.
+        permitted: `Execution.portable` of what may be run in any case.
 
     Raises:
         OutputError: something cannot be written.
@@ -62,7 +64,7 @@ def compute(
     """
     found = dict(plan.known)
     left = plan.left
-    made = tasks(plan.campaign, plan.folder, fresh=fresh, trust=trust)
+    made = tasks(plan.campaign, plan.folder, fresh=fresh, trust=trust, permitted=permitted)
     with RunJournal(plan.folder, plan.head, tuple(plan.known.values())) as journal:
         lost: LostCluster | None = None
         try:

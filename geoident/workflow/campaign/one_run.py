@@ -14,6 +14,7 @@ import numpy as np
 
 from geoident.errors import ExitCode, GeoidentError, InputError, Interrupted, ModelError
 from geoident.io.result.file import write_result
+from geoident.io.text.atomic import names_may_be_lost
 from geoident.model.campaign import Campaign
 from geoident.model.results.campaign import (
     FAILED,
@@ -51,6 +52,7 @@ class RunTask:
         run: the run.
         fresh: what is known of it does not count.
         trust: what its case names as its model may be run.
+        permitted: `Execution.portable` of what may be run in any case.
     """
 
     campaign: Campaign
@@ -58,10 +60,16 @@ class RunTask:
     run: PlannedRun
     fresh: bool
     trust: bool = False
+    permitted: tuple[str, ...] = ()
 
 
 def tasks(
-    campaign: Campaign, folder: Path, *, fresh: bool, trust: bool = False
+    campaign: Campaign,
+    folder: Path,
+    *,
+    fresh: bool,
+    trust: bool = False,
+    permitted: tuple[str, ...] = (),
 ) -> Callable[[PlannedRun], RunTask]:
     """Makes tasks of runs.
 
@@ -70,9 +78,10 @@ def tasks(
         folder: for their results.
         fresh: what is known of them does not count.
         trust: what their cases name as their model may be run.
+        permitted: `Execution.portable` of what may be run in any case.
     """
     bare = replace(campaign, variations=(), sampling=None, cluster=None)
-    return lambda run: RunTask(bare, folder, run, fresh, trust)
+    return lambda run: RunTask(bare, folder, run, fresh, trust, permitted)
 
 
 def set_up() -> Callable[[RunTask], RunRecord]:
@@ -85,11 +94,17 @@ def result_name(campaign: Campaign, run: PlannedRun) -> str:
     return f"{run.name}.{campaign.command}.h5"
 
 
-def compute(task: RunTask) -> RunRecord:
-    """Run one variation; whatever happens, there is a record of it."""
+def compute(task: RunTask, *, remembered: bool = True) -> RunRecord:
+    """Run one variation; whatever happens, there is a record of it.
+
+    Args:
+        task: the run.
+        remembered: that its model may be run is written down beside the case.
+    """
     began = time.monotonic()
+    decide = trusting(trust=task.trust, permitted=task.permitted)
     try:
-        with decided_by(trusting(trust=task.trust)):
+        with decided_by(decide, remembered=remembered), names_may_be_lost():
             finished = _COMMANDS[task.campaign.command](task)
         record = _record(task, finished.result, Path(finished.paths[0]).name)
     except Interrupted as error:

@@ -12,8 +12,8 @@ from pathlib import Path
 from geoident import __version__
 from geoident.errors import Fault, InputError, Location, OutputError, Term
 from geoident.forward.elsewhere.model import ElsewhereModel
-from geoident.io.campaign.file import read_campaign
-from geoident.io.case.file import named_files, parse_case
+from geoident.io.campaign.file import FaultyCampaign, read_campaign
+from geoident.io.case.file import FaultyCase, named_files, parse_case
 from geoident.io.mesh.file import mesh_files
 from geoident.io.result.campaign import CampaignHead, read_journal
 from geoident.io.result.file import FORMAT
@@ -21,9 +21,10 @@ from geoident.io.text.campaign_folder import JOURNAL
 from geoident.io.text.faults import OVERRIDES, shortened
 from geoident.io.text.overrides import parse_path
 from geoident.io.text.text_file import decode, read_bytes, seen_from
-from geoident.io.text.yaml_reader import MAX_BYTES, parse_yaml
+from geoident.io.text.yaml_reader import MAX_BYTES, Node, parse_yaml
 from geoident.model.campaign import SEED, Campaign, Setting, Variation, overrides_of, paths_of
 from geoident.model.case import format_path
+from geoident.model.elsewhere import Elsewhere
 from geoident.model.results.campaign import RunRecord
 from geoident.workflow.campaign.sampling import sampled
 from geoident.workflow.running.jobs import NO_READINGS, build_model, load_inputs
@@ -110,10 +111,12 @@ def plan_campaign(
             as they are looked at before.
         OutputError: the folder is of another campaign, or is none.
     """
-    campaign = read_campaign(path)
-    variations = campaign.variations
-    if campaign.sampling is not None:
-        variations = sampled(campaign.sampling)
+    try:
+        campaign = read_campaign(path)
+    except FaultyCampaign as error:
+        further = () if error.left is None else _found(error.left, _variations(error.left))
+        raise InputError(_in_order((*error.faults, *further))) from error
+    variations = _variations(campaign)
     folder, paths = folder_of(path, output), paths_of(variations)
     inputs = _inputs(campaign, variations)
     runs = _runs(campaign, variations, paths, inputs)
@@ -129,21 +132,27 @@ def plan_campaign(
     return plan
 
 
-def require_trust(plan: CampaignPlan) -> None:
+def _variations(campaign: Campaign) -> tuple[Variation, ...]:
+    return campaign.variations if campaign.sampling is None else sampled(campaign.sampling)
+
+
+def require_trust(plan: CampaignPlan) -> tuple[str, ...]:
     """Ask whether the base case may run what it names, before processes that cannot ask begin.
+
+    Returns:
+        `Execution.portable` of what may be run; nothing where nothing is.
 
     Raises:
         InputError: it may not.
     """
     if not plan.left:
-        return
+        return ()
     campaign = plan.campaign
     inputs = load_inputs(campaign.case, overrides=(*overrides_of(campaign.settings), NO_READINGS))
     if inputs.case.elsewhere is None:
-        return
+        return ()
     model = build_model(inputs)
-    if isinstance(model, ElsewhereModel):
-        model.runs.require_trust()
+    return (model.runs.require_trust(),) if isinstance(model, ElsewhereModel) else ()
 
 
 def _known(
@@ -184,13 +193,38 @@ def _inputs(campaign: Campaign, variations: Sequence[Variation]) -> tuple[str, .
     """Paths of the base case and of all files that it or a run names."""
     folder = Path(campaign.case).parent
     text = decode(read_bytes(campaign.case, limit=MAX_BYTES, what="case"), campaign.case)
-    named = list(named_files(parse_yaml(text, campaign.case).data, folder))
+    data = parse_yaml(text, campaign.case).data
+    named = [*named_files(data, folder), *_of_model(campaign, data)]
     values = {value for run in variations for _, value in run.settings}
     named += [str(folder / value) for value in sorted(values | _values(campaign.settings))
               if _is_file(folder / value)]  # fmt: skip
     parts = [part for name in named for part in mesh_files(name)]
     of_fit = [campaign.result] if campaign.result else []
     return tuple(dict.fromkeys((campaign.path, campaign.case, *of_fit, *parts)))
+
+
+def _of_model(campaign: Campaign, data: Node) -> tuple[str, ...]:
+    """Files that a model elsewhere consists of, also those that the case does not name itself."""
+    with suppress(InputError):  # its faults are told with those of the runs
+        found = model_of(campaign, data)
+        return () if found is None else found.inputs
+    return ()
+
+
+def model_of(campaign: Campaign, data: Node) -> Elsewhere | None:
+    """The model of the base case where that is elsewhere; None of one with ground of its own.
+
+    Args:
+        campaign: with it.
+        data: the base case as mappings, lists and texts.
+
+    Raises:
+        InputError: the case is wrong.
+    """
+    if not (isinstance(data, dict) and "model" in data):
+        return None
+    said = (*overrides_of(campaign.settings), NO_READINGS)
+    return load_inputs(campaign.case, overrides=said).case.elsewhere
 
 
 def _values(settings: Sequence[Setting]) -> set[str]:
@@ -265,38 +299,74 @@ def _check(campaign: Campaign, variations: Sequence[Variation]) -> None:
     Raises:
         InputError: there are faults.
     """
+    if found := _found(campaign, variations):
+        raise InputError(_in_order(found))
+
+
+def _in_order(faults: Iterable[Fault]) -> list[Fault]:
+    """Faults in the order of their files, each once."""
+    once = {(fault.code, fault.message, fault.location): fault for fault in faults}
+    return shortened(
+        sorted(once.values(), key=lambda f: (f.location.file, f.location.line, f.location.column))
+    )
+
+
+def _found(campaign: Campaign, variations: Sequence[Variation]) -> list[Fault]:
+    """What is wrong in the base case, and what in the cases of some runs is besides."""
     text = decode(read_bytes(campaign.case, limit=MAX_BYTES, what="case"), campaign.case)
     common = Variation("", campaign.settings, campaign.places)
-    faults = list(_faults(campaign, text, common, Variation("", (), ())))
-    if not faults:
-        for run in _telling(variations):
-            faults += _faults(campaign, text, common, run)
-    if faults:
-        once = {(fault.code, fault.message, fault.location): fault for fault in faults}
-        found = sorted(once.values(), key=lambda f: (f.location.file, f.location.line,
-                                                     f.location.column))  # fmt: skip
-        raise InputError(shortened(found))
+    base = list(_faults(campaign, text, common, Variation("", (), ())))
+    known = {(fault.code, fault.message, fault.location) for fault in base}
+    faults = [_placed(fault, common, campaign) for fault in base]
+    paths = set[str]()
+    for run in _telling(variations):
+        for fault in _faults(campaign, text, common, run):
+            if (fault.code, fault.message, fault.location) in known:
+                continue
+            if fault.code in _OF_PATHS and fault.path in paths:
+                continue  # said of another value of it
+            paths.add(fault.path)
+            faults.append(_placed(fault, _with(common, run), campaign))
+    return faults
+
+
+_OF_PATHS = ("bad-override", "unknown-key")
+"""Faults that do not depend on the value."""
+
+_ROUNDS = 2
+
+
+def _with(common: Variation, run: Variation) -> Variation:
+    """The settings of a run with those of all runs before them."""
+    places = (*common.places, *run.places)
+    return Variation(run.name, (*common.settings, *run.settings), places)
 
 
 def _faults(campaign: Campaign, text: str, common: Variation, run: Variation) -> Iterator[Fault]:
-    """What is wrong in the case of a run."""
-    settings = (*common.settings, *run.settings)
-    said = [*overrides_of(settings), *([NO_READINGS] if campaign.command == "simulate" else [])]
-    try:
-        parse_case(text, campaign.case, overrides=said, with_texts=False)
-    except InputError as error:
-        places = dict(zip([p for p, _ in settings], (*common.places, *run.places), strict=True))
-        for fault in error.faults:
-            yield _placed(fault, places, campaign, run)
+    """What is wrong in the case of a run; what is set that it does not have hides nothing else."""
+    settings = _with(common, run).settings
+    for _ in range(_ROUNDS):
+        said = list(overrides_of(settings))
+        said += [NO_READINGS] if campaign.command == "simulate" else []
+        try:
+            parse_case(text, campaign.case, overrides=said, with_texts=False)
+        except InputError as error:
+            yield from error.faults
+            wrong = {fault.path for fault in error.faults if fault.code == "bad-override"}
+            left = tuple(s for s in settings if format_path(parse_path(s[0])) not in wrong)
+            if isinstance(error, FaultyCase) or len(left) == len(settings):
+                return
+            settings = left
+        else:
+            return
 
 
-def _placed(
-    fault: Fault, places: Mapping[str, Location], campaign: Campaign, run: Variation
-) -> Fault:
+def _placed(fault: Fault, run: Variation, campaign: Campaign) -> Fault:
     """A fault where it is written: in the campaign or its table, if it comes from there."""
     if fault.location.file != OVERRIDES:
         which = f"in the run {run.name}: " if run.name else ""
         return replace(fault, message=f"{which}{fault.message}")
+    places = dict(zip([path for path, _ in run.settings], run.places, strict=True))
     for path, place in reversed(list(places.items())):
         own = format_path(parse_path(path))
         if fault.path.startswith(own) or own.startswith(fault.path or "?"):

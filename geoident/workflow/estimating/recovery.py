@@ -36,6 +36,7 @@ class EnergyError:
     def __init__(self, model: StagedModel, p: Floats) -> None:
         self._model, self._point = model, ParameterPoint(model.values(p), ())
         self._stress: dict[int, Floats] = {}
+        self._shapes = _shape_functions(model)
         self._wrong = self._whole = 0.0
 
     @property
@@ -67,7 +68,7 @@ class EnergyError:
             )
             S = np.linalg.inv(elastic.value[: points.n_strain, : points.n_strain])
             part = change[:, mine]
-            gap = _smooth(model, mine, part) - part
+            gap = _smooth(model, self._shapes[mine], mine, part) - part
             V = points.volume[mine]
             self._whole += float(np.einsum("im,ij,jm,m->", part, S, part, V, optimize=True))
             self._wrong += float(np.einsum("im,ij,jm,m->", gap, S, gap, V, optimize=True))
@@ -76,24 +77,31 @@ class EnergyError:
 _SOLID = 6
 
 
-def _smooth(model: StagedModel, mine: Ints, values: Floats) -> Floats:
-    """Values (s, q) at some strain points (q,) by means at nodes, interpolated back."""
-    points, mesh = model.discretization.points, model.mesh
-    rows, columns, weights = [], [], []
-    first = 0
+def _shape_functions(model: StagedModel) -> sp.csr_array:
+    """N (n_points, n_nodes), the shape functions at all strain points."""
+    mesh = model.mesh
+    columns, weights, counts = [], [], [np.zeros(1, dtype=np.int64)]
     for block, _ in spans(mesh.blocks):
         xi = model.discretization.kinematics.quadrature(block.kind)[0]
         shapes = reference_element(block.kind).shapes(xi)
-        corners = shapes.shape[1]
-        n = len(block) * len(xi)
-        rows.append(np.repeat(np.arange(first, first + n), corners))
+        counts.append(np.full(len(block) * len(xi), shapes.shape[1]))
         columns.append(np.repeat(block.nodes, len(xi), axis=0).ravel())
         weights.append(np.tile(shapes, (len(block), 1)).ravel())
-        first += n
-    shape = (first, mesh.n_nodes)
-    N = sp.csr_array(
-        (np.concatenate(weights), (np.concatenate(rows), np.concatenate(columns))), shape=shape
-    )[mine]
+    indptr = np.cumsum(np.concatenate(counts))
+    entries = np.concatenate(weights), np.concatenate(columns), indptr
+    return sp.csr_array(entries, shape=(len(indptr) - 1, mesh.n_nodes))
+
+
+def _smooth(model: StagedModel, N: sp.csr_array, mine: Ints, values: Floats) -> Floats:
+    """Values (s, q) at some strain points (q,) by means at nodes, interpolated back.
+
+    Args:
+        model: of the case.
+        N: (q, n_nodes) shape functions there.
+        mine: (q,) the points.
+        values: (s, q).
+    """
+    points = model.discretization.points
     near = sp.csr_array((np.abs(N.data), N.indices, N.indptr), shape=N.shape)
     V = points.volume[mine]
     lumped = np.asarray(near.T @ V)

@@ -21,6 +21,7 @@ from geoident.model.arrays import Floats
 from geoident.model.case import Case
 from geoident.model.methods import (
     ComplementarityOptions,
+    GaussNewtonOptions,
     MethodOptions,
     ScanOptions,
     SquaredOptions,
@@ -59,7 +60,15 @@ from geoident.workflow.estimating.setup import (
 )
 from geoident.workflow.estimating.surface_error import is_steady, with_surface_error
 from geoident.workflow.running.control import OUT_OF_TIME, Control
-from geoident.workflow.running.evaluation_log import Log, known_nearly, led
+from geoident.workflow.running.evaluation_log import (
+    CERTAIN,
+    EXACT,
+    Log,
+    known_certainly,
+    known_nearly,
+    led,
+    lent,
+)
 from geoident.workflow.running.readings import error_structure, reading_table, used_rows
 from geoident.workflow.running.reduced_scan import with_reduced_readings
 
@@ -92,8 +101,9 @@ def estimated(
 ) -> SearchState:
     """The parameters that meet the readings of a setup, and all that is estimated with them.
 
-    A search that begins where another ended is led by the reduced model, if there is one that is
-    `EXACT` there; the model itself is asked at the end of it.
+    Linearised steps are led by the reduced model wherever that is `CERTAIN`, and a search that
+    begins where another ended wherever it is `EXACT`. The model itself is asked at the end; not by
+    the latter where the reduced model is `CERTAIN`.
 
     Everything that is said of an estimate (assessment, diagnostics, predictions) is computed from
     the problem that comes back.
@@ -118,8 +128,10 @@ def estimated(
     if isinstance(only, ScanOptions) and staged:
         kept = kept_response(setup)
         problem = with_reduced_readings(problem, used_response(setup), only, kept)
-    search = _Search(methods, control)
-    with led(problem.response) if near else nullcontext():
+    search = _Search(methods, control, near)
+    linear = all(isinstance(options, GaussNewtonOptions) for options in methods)
+    exact = EXACT if near else CERTAIN
+    with led(problem.response, exact) if near or linear else nullcontext():
         first = SearchState(setup, problem, search.identified(problem, methods))
     try:
         return search.with_all_errors(first)
@@ -135,10 +147,13 @@ class _Search:
     Args:
         methods: the identifiers to run, one after the other.
         control: progress, budget and stops.
+        near: another fit of the same model has ended near: the model itself need not be asked at
+            the end where the reduced model is `CERTAIN`.
     """
 
     methods: Sequence[MethodOptions]
     control: Control
+    near: bool = False
 
     def identified(self, problem: Problem, methods: Sequence[MethodOptions]) -> Outcome:
         """Run identifiers, one after the other."""
@@ -217,6 +232,7 @@ class _Search:
         plain = not isinstance(last, ScanOptions) and not _proves(last)
         if not (asked and plain and isinstance(model, StagedModel)) or outcome.status == STOPPED:
             return at._replace(setup=setup.not_asked_of_the_mesh())
+        lent(problem.response, outcome.values)
         found = fitted_mesh(model, problem, setup.readings, outcome, setup.mesh)
         if found is None or not found.counts:
             return at._replace(setup=replace(setup, mesh=found))
@@ -238,6 +254,8 @@ class _Search:
         """The same, confirmed by the model itself where the reduced model led to it."""
         _, problem, outcome = at
         if outcome.status == STOPPED or not known_nearly(problem.response, outcome.values):
+            return at
+        if self.near and known_certainly(problem.response, outcome.values):
             return at
         again = self.descent(problem.begun_at(outcome.values))
         return at._replace(outcome=after(outcome, again))

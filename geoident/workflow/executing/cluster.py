@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
+from pathlib import Path
 from queue import Empty, SimpleQueue
 from types import TracebackType
 from typing import Any, Generic, Self, TypeVar
@@ -22,9 +23,11 @@ from distributed import KilledWorker
 from geoident.model.cluster import Cluster
 from geoident.workflow.executing.connection import Connection
 from geoident.workflow.executing.executor import RETRIES, Answered, usable_cores
+from geoident.workflow.executing.growth import Resumable, keep
 from geoident.workflow.executing.parcel import Parcel
 from geoident.workflow.executing.relay import (
     BEGUN,
+    GROWN,
     Order,
     SetUpIn,
     WorkerRefused,
@@ -57,6 +60,7 @@ class _Sent(Generic[T]):
         number: of the task.
         task: the argument.
         losses: of each worker that was lost over it, why.
+        grown: paths of files of it that have come back since it was sent.
         begun: workers that have begun it since it was sent, with the time.
         future: its answer.
         given_up: it is not waited for any more.
@@ -65,6 +69,7 @@ class _Sent(Generic[T]):
     number: int
     task: T
     losses: list[str] = field(default_factory=list)
+    grown: set[str] = field(default_factory=set)
     begun: list[tuple[str, float]] = field(default_factory=list)
     future: Any = None
     given_up: bool = False
@@ -72,6 +77,8 @@ class _Sent(Generic[T]):
 
 class DaskCluster(Generic[T, R]):
     """An executor on a cluster of dask; a context, at whose end nothing of ours is left there.
+
+    What tasks write bit by bit (`growth`) is kept under the same paths here while they go on.
 
     Args:
         cluster: which one.
@@ -83,6 +90,9 @@ class DaskCluster(Generic[T, R]):
         retries: times that a task is begun again after its process or its worker was lost.
         tell: is told what people should know.
     """
+
+    keep_every = 10.0
+    """Seconds between looks at files that grow."""
 
     def __init__(
         self,
@@ -97,8 +107,9 @@ class DaskCluster(Generic[T, R]):
     ) -> None:
         name = f"geoident-{uuid.uuid4().hex[:12]}"
         self._order = Order(
-            name, parcel, own_versions(), set_up, time_limit, retries, deaf=cluster.local
-        )
+            name, parcel, own_versions(), set_up, time_limit, retries,
+            deaf=cluster.local, keep_every=self.keep_every,
+        )  # fmt: skip
         self._link = Connection(cluster, self._order, jobs or usable_cores(), self._on_event, tell)
         self._events: SimpleQueue[tuple[str, Any]] = SimpleQueue()
         self._out: dict[int, _Sent[T]] = {}
@@ -195,6 +206,8 @@ class DaskCluster(Generic[T, R]):
     def _send(self, batch: list[_Sent[T]]) -> None:
         name = self._order.name
         numbers = [sent.number for sent in batch]
+        for sent in batch:
+            sent.task = _resumed(sent.task, sent.grown)
         futures = self._link.client.map(
             relayed, [name] * len(batch), numbers, [sent.task for sent in batch],
             key=[f"{name}-{number}-{uuid.uuid4().hex[:8]}" for number in numbers],
@@ -202,6 +215,7 @@ class DaskCluster(Generic[T, R]):
         )  # fmt: skip
         for sent, future in zip(batch, futures, strict=True):
             sent.future, sent.given_up = future, False
+            sent.grown.clear()
             sent.begun.clear()
             self._out[sent.number] = sent
             future.add_done_callback(self._on_done)
@@ -216,8 +230,10 @@ class DaskCluster(Generic[T, R]):
         """What has happened: answers, lost workers, a lost scheduler."""
         ended = []
         for word, what in self._happened():
-            if word == "event":
-                yield from self._on_begun(what)
+            if word == "event" and GROWN in what:
+                self._on_grown(what)
+            elif word == "event":
+                yield from self._on_begun(what, again)
             elif word == "done":
                 ended.append(what)
         if not self._link.alive:
@@ -257,8 +273,19 @@ class DaskCluster(Generic[T, R]):
         sent = self._out.get(number)
         return sent if sent is not None and sent.future is future else None
 
-    def _on_begun(self, event: Any) -> Iterator[Answered[R]]:
-        """A task was begun; if it had been begun before, that worker was lost over it."""
+    def _on_grown(self, event: Any) -> None:
+        """A task has added something to a file."""
+        sent = self._out.get(event[GROWN])
+        if sent is not None and not sent.given_up:
+            with suppress(OSError):  # it is lost with its worker, then
+                keep(event["file"], event["content"], at=event["at"])
+                sent.grown.add(event["file"])
+
+    def _on_begun(self, event: Any, again: deque[_Sent[T]]) -> Iterator[Answered[R]]:
+        """A task was begun; if it had been begun before, that worker was lost over it.
+
+        It is sent anew then with what has come back of it, which dask knows nothing of.
+        """
         sent = self._out.get(event[BEGUN])
         if sent is None or sent.given_up:
             return
@@ -270,6 +297,10 @@ class DaskCluster(Generic[T, R]):
             self._link.client.cancel([sent.future], force=True)
             del self._out[sent.number]
             yield Answered(sent.number, None, tuple(sent.losses))
+        elif sent.grown and len(sent.begun) > 1:
+            self._link.client.cancel([sent.future], force=True)
+            del self._out[sent.number]
+            again.append(sent)
 
     def _ended(
         self, sent: _Sent[T], again: deque[_Sent[T]], answer: Answered[R] | None
@@ -340,3 +371,14 @@ class DaskCluster(Generic[T, R]):
             again.append(sent)
         self._out.clear()
         self._link.come_back(lambda: self._stopping)
+
+
+def _resumed(task: T, grown: Iterable[str]) -> T:
+    """A task with what has come back of it."""
+    if not isinstance(task, Resumable):
+        return task
+    found = {}
+    for name in grown:
+        with suppress(OSError):
+            found[name] = Path(name).read_bytes()
+    return task.resumed(found) if found else task

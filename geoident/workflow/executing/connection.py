@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import socket
 import time
 import warnings
 from collections.abc import Callable, Iterator
@@ -11,6 +12,7 @@ from contextlib import contextmanager, suppress
 from typing import Any
 
 from distributed import Client, LocalCluster, Security, rpc
+from distributed.comm.addressing import get_address_host_port
 from distributed.versions import VersionMismatchWarning
 
 from geoident.errors import LostCluster
@@ -21,6 +23,9 @@ from geoident.workflow.executing.relay import Order, Relay, differences, problem
 
 _REACH = 8.0
 """Seconds within which a scheduler has to answer."""
+
+_GREETING = 1.0
+"""Seconds that somebody who is there is given to say who it is, at least."""
 
 _LOOK = 2.0
 """Seconds between counts of the workers."""
@@ -106,7 +111,7 @@ class Connection:
         security = _security(where)
         try:
             if where.address:
-                asyncio.run(asyncio.wait_for(_greet(where.address, security), seconds))
+                _ask(where.address, security, seconds)
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", VersionMismatchWarning)  # it is refused below
                 self.client = Client(
@@ -150,6 +155,8 @@ class Connection:
             message: what was found.
         """
         hint = "Start its workers from an environment with the same versions as here."
+        if "has no program" in message:
+            hint = "Install it there, or put it on the search path (PATH) of the workers."
         return self._where.refused("unlike-workers", message, hint)
 
     def _say_waiting(self) -> None:
@@ -250,13 +257,37 @@ def _security(where: Cluster) -> Any:
 def _answers(worker: str, security: Any) -> bool:
     """Whether a worker can be reached from here: its answers then need not pass the scheduler."""
     try:
-        asyncio.run(asyncio.wait_for(_greet(worker, security, "Worker"), _NEAR))
+        _ask(worker, security, _NEAR, "Worker")
     except (OSError, ValueError):
         return False
     return True
 
 
-async def _greet(address: str, security: Any, expected: str = "Scheduler") -> None:
+def _ask(address: str, security: Any, seconds: float, expected: str = "Scheduler") -> None:
+    """Ask whoever is there who it is, as soon as somebody is there.
+
+    Dask is asked last, and then given time: a connection of tornado that is given up in the moment
+    in which it comes about is never closed.
+
+    Raises:
+        OSError: nobody is there.
+        ValueError: it is something else.
+    """
+    over = time.monotonic() + seconds
+    place = get_address_host_port(address)
+    while True:
+        left = over - time.monotonic()
+        try:
+            socket.create_connection(place, timeout=max(left, 0.1)).close()
+            break
+        except OSError:
+            if left < _PAUSE:
+                raise
+            time.sleep(0.1)
+    asyncio.run(asyncio.wait_for(_greet(address, security, expected), max(seconds, _GREETING)))
+
+
+async def _greet(address: str, security: Any, expected: str) -> None:
     """Ask whoever is there who it is: dask waits for ever for somebody else who says nothing.
 
     Raises:

@@ -65,14 +65,9 @@ def job_queue(cluster: Cluster) -> Any:
         InputError: the options are not right.
     """
     check_options(cluster)
-    options = dict(cluster.options)
-    # a page of dask at a port that is free
-    options["scheduler_options"] = {"dashboard_address": ":0"} | options.get(
-        "scheduler_options", {}
-    )
     made: Any = None
     try:
-        made = _class_of(cluster.queue)(**options)
+        made = _class_of(cluster.queue)(**_options(cluster))
         for _ in range(cluster.jobs):  # as made.scale, which would not tell what goes wrong
             made.worker_spec.update(made.new_worker_spec())
         made.sync(made._correct_state)
@@ -90,6 +85,13 @@ def job_queue(cluster: Cluster) -> Any:
     return made
 
 
+def _options(cluster: Cluster) -> dict[str, Any]:
+    """The options of jobs, with a page of dask at a port that is free."""
+    options = dict(cluster.options)
+    ours = {"dashboard_address": ":0"}
+    return {**options, "scheduler_options": ours | options.get("scheduler_options", {})}
+
+
 def _said(error: Exception) -> str:
     """What went wrong, in one line: that of the queue system, if it has said something."""
     text = str(error)
@@ -105,7 +107,7 @@ def job_script(cluster: Cluster) -> str:
         cluster: which queue system, and its options.
     """
     check_options(cluster)
-    with _class_of(cluster.queue)(**cluster.options) as made:
+    with _class_of(cluster.queue)(**_options(cluster)) as made:
         return str(made.job_script())
 
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 _READ_ONLY = 0o444
+_PROGRAM = 0o555
 
 
 @dataclass(frozen=True)
@@ -21,15 +22,22 @@ class Parcel:
         names: path of each, relative to a folder that holds them all, to the SHA-256 of its
             content.
         contents: SHA-256 to bytes; what several files have in common travels once.
+        executable: which of the names may be executed.
+        here: where paths in tasks are meant from, as seen from the folder of the files.
+        programs: that must be there already, as commands name them.
     """
 
     names: Mapping[str, str]
     contents: Mapping[str, bytes]
+    executable: frozenset[str] = frozenset()
+    here: str = "."
+    programs: tuple[str, ...] = ()
 
     @property
     def digest(self) -> str:
         """SHA-256 of names and contents."""
-        return hashlib.sha256(json.dumps(sorted(self.names.items())).encode()).hexdigest()
+        said = [sorted(self.names.items()), sorted(self.executable)]
+        return hashlib.sha256(json.dumps(said).encode()).hexdigest()
 
     @property
     def size(self) -> int:
@@ -59,29 +67,32 @@ class Parcel:
                 path = half / name
                 path.parent.mkdir(parents=True, exist_ok=True)
                 path.write_bytes(content)
-                path.chmod(_READ_ONLY)
+                path.chmod(_PROGRAM if name in self.executable else _READ_ONLY)
             half.rename(folder)
         finally:
             shutil.rmtree(half, ignore_errors=True)
 
 
-def packed(files: Mapping[str, Path]) -> Parcel:
+def packed(files: Mapping[str, Path], *, here: str = ".", programs: tuple[str, ...] = ()) -> Parcel:
     """Files as they are now.
 
     Args:
         files: relative path of each to where it is.
+        here: where paths in tasks are meant from, as seen from the folder of the files.
+        programs: that must be there already.
 
     Raises:
         OSError: one cannot be read.
     """
     names: dict[str, str] = {}
+    executable = frozenset(name for name, path in files.items() if os.access(path, os.X_OK))
     contents: dict[str, bytes] = {}
     for name, path in files.items():
         content = path.read_bytes()
         digest = hashlib.sha256(content).hexdigest()
         names[name] = digest
         contents.setdefault(digest, content)
-    return Parcel(names, contents)
+    return Parcel(names, contents, executable, here, programs)
 
 
 @dataclass(frozen=True)
@@ -125,6 +136,16 @@ def relative(path: str) -> str:
     return os.path.relpath(path) if Path(path).is_absolute() else path
 
 
+def folder_of_process(unpacked: Path, process: int) -> Path:
+    """The folder that only one process writes to.
+
+    Args:
+        unpacked: folder of the files.
+        process: number of the process.
+    """
+    return unpacked.with_name(f"{unpacked.name}.of.{process}")
+
+
 def own_copy(unpacked: Path, layout_here: str) -> None:
     """Make this process work in a copy of unpacked files, in a folder that only it writes to.
 
@@ -137,7 +158,7 @@ def own_copy(unpacked: Path, layout_here: str) -> None:
     Raises:
         OSError: it cannot be made.
     """
-    mine = unpacked.with_name(f"{unpacked.name}.of.{os.getpid()}")
+    mine = folder_of_process(unpacked, os.getpid())
     shutil.rmtree(mine, ignore_errors=True)
     shutil.copytree(unpacked, mine, copy_function=_link)
     here = mine / layout_here

@@ -33,7 +33,10 @@ _TICK = 0.5
 """Seconds after which limits are looked at, at the latest."""
 
 _BAD_STARTS = 3
-"""Workers that may die before they are ready, one after the other, until nobody tries again."""
+"""Workers that may end before they are ready, one after the other, until nobody tries again."""
+
+_KILLED_STARTS = 30
+"""The same where the last one was killed: that was somebody else, and may have an end."""
 
 _GRACE = 5.0
 """Seconds that an idle worker is given to end."""
@@ -150,7 +153,10 @@ class LocalProcesses(Generic[T, R]):
                 busy = [worker for worker in self._workers if worker.task is not None]
                 if not busy:
                     break
-                yield from self._answers(busy, again)
+                for answer in self._answers(busy, again):
+                    if not self._stopping:  # nobody idles while the answer is looked at
+                        self._give_out(coming, again)
+                    yield answer
         finally:  # who asked may have lost interest
             self._drop_busy()
         for left in again:
@@ -268,7 +274,8 @@ class LocalProcesses(Generic[T, R]):
         assert task is not None
         if not worker.ready:
             self._bad_starts += 1
-            if self._bad_starts >= _BAD_STARTS and not self._stopping:
+            most = _KILLED_STARTS if (worker.process.exitcode or 0) < 0 else _BAD_STARTS
+            if self._bad_starts >= most and not self._stopping:
                 raise RuntimeError(f"processes cannot be started: the last one {why}")
             again.append(task)  # it has not begun
             return None

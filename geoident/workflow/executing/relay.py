@@ -22,11 +22,15 @@ from distributed import Reschedule, WorkerPlugin, get_worker
 
 from geoident import __version__
 from geoident.workflow.executing.executor import Answered
-from geoident.workflow.executing.parcel import Parcel
+from geoident.workflow.executing.growth import AddedPart, GrowthWatch, Resumable, found_in
+from geoident.workflow.executing.parcel import Parcel, folder_of_process
 from geoident.workflow.executing.processes import LocalProcesses
 
 BEGUN = "begun"
 """Word of the event that tells that a task was begun."""
+
+GROWN = "grown"
+"""Word of the event that tells what a task has added to its files."""
 
 _DROPPED = ("released", "cancelled", "forgotten")
 """States that a task takes which is computed while nobody waits for it any more."""
@@ -75,6 +79,7 @@ class Order:
         time_limit: seconds that a task may take, or None.
         retries: times that a task is begun again after its process was lost.
         deaf: workers belong to whoever asks, so that Ctrl-C is not for them.
+        keep_every: seconds between looks at files that grow.
     """
 
     name: str
@@ -84,6 +89,7 @@ class Order:
     time_limit: float | None
     retries: int
     deaf: bool = False
+    keep_every: float = 10.0
 
 
 @dataclass
@@ -131,6 +137,10 @@ class Relay(WorkerPlugin):
         wrong = differences(self._order.versions, own_versions())
         if wrong:
             self.problem = f"has other versions: {wrong}"
+            return
+        missing = [name for name in self._order.parcel.programs if shutil.which(name) is None]
+        if missing:
+            self.problem = f"has no program '{missing[0]}'"
             return
         try:
             self._order.parcel.unpack(self._folder)
@@ -188,13 +198,16 @@ class Relay(WorkerPlugin):
                     pool.__exit__(None, None, None)
                 self._pools.idle.clear()
 
-    def answer(self, key: str, number: int, task: Any) -> Answered[Any]:
+    def answer(
+        self, key: str, number: int, task: Any, tell: Callable[[AddedPart], None]
+    ) -> Answered[Any]:
         """Have a task computed.
 
         Args:
             key: of dask.
             number: of the task.
             task: argument of the function.
+            tell: is told of what its files hold more, in another thread.
 
         Raises:
             WorkerRefused: this worker cannot.
@@ -210,7 +223,8 @@ class Relay(WorkerPlugin):
             busy = pools.busy[key] = _Busy(pool)
         done = False
         try:
-            answers = list(pool.run([task]))  # none if it was stopped before
+            with self._watch(number, task, pool, tell):
+                answer = self._computed(task, busy)
             done = True
         finally:
             with pools.lock:
@@ -220,7 +234,42 @@ class Relay(WorkerPlugin):
                     pools.idle.append(pool)
             if not keep:
                 pool.__exit__(None, None, None)
-        return replace(answers[0], number=number) if answers else stopped_before(number)
+        return stopped_before(number) if answer is None else replace(answer, number=number)
+
+    def _watch(
+        self,
+        number: int,
+        task: Any,
+        pool: LocalProcesses[Any, Any],
+        tell: Callable[[AddedPart], None],
+    ) -> GrowthWatch:
+        return GrowthWatch(
+            number, task, lambda: pool.processes, self._working, tell, self._order.keep_every
+        )
+
+    def _working(self, process: int) -> Path:
+        """Where a process works."""
+        return folder_of_process(self._folder, process) / self._order.parcel.here
+
+    def _computed(self, task: Any, busy: _Busy) -> Answered[Any] | None:
+        """Have a task computed, again where its process is lost; None if it was stopped before."""
+        losses: tuple[str, ...] = ()
+        while True:
+            answers = list(busy.pool.run([task]))
+            if not answers:
+                return None
+            losses = (*losses, *answers[0].losses)
+            answer = replace(answers[0], losses=losses)
+            if not answer.set_aside or len(losses) > self._order.retries or busy.dropped:
+                return answer
+            task = self._resumed(task, answer.process)
+
+    def _resumed(self, task: Any, process: int) -> Any:
+        """A task with what the process that was lost over it has left."""
+        if isinstance(task, Resumable):
+            task = task.resumed(found_in(task, self._working(process)))
+        shutil.rmtree(folder_of_process(self._folder, process), ignore_errors=True)
+        return task
 
     def _new_pool(self) -> LocalProcesses[Any, Any]:
         order = self._order
@@ -228,7 +277,7 @@ class Relay(WorkerPlugin):
             1,
             partial(order.set_up, self._folder),
             time_limit=order.time_limit,
-            retries=order.retries,
+            retries=0,
             sharing=self._threads,
         )
 
@@ -259,7 +308,12 @@ def relayed(name: str, number: int, task: Any) -> Answered[Any]:
     if not isinstance(plugin, Relay):
         raise Reschedule
     worker.log_event(name, {BEGUN: number, "worker": worker.address, "host": platform.node()})
-    return plugin.answer(str(worker.get_current_task()), number, task)
+
+    def tell(growth: AddedPart) -> None:
+        worker.log_event(name, {GROWN: growth.number, "file": growth.file, "at": growth.at,
+                                "content": growth.content})  # fmt: skip
+
+    return plugin.answer(str(worker.get_current_task()), number, task, tell)
 
 
 async def stop_relay(name: str, at_once: bool, dask_worker: Any = None) -> None:

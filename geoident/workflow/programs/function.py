@@ -56,7 +56,7 @@ class FunctionRuns:
         channels = [channel.name for channel in case.channels]
         said = [function.name, function.jacobian, repr(case.stage_names), repr(channels)]
         digest = digest_of(said, function.inputs)
-        execution = Execution(executed(function), digest)
+        execution = Execution(executed(function), digest, digest)
         self._permission = Permission(execution, self._folder, case.source, "function")
         self._log = RunLog(folder, digest, again=again)
         self._failed: dict[str, FailedRun] = {}
@@ -147,13 +147,17 @@ class FunctionRuns:
                     self._failed[key] = made.found
                 yield made.found
 
-    def require_trust(self) -> None:
+    def require_trust(self) -> str:
         """Ask whether it may be run, unless that is known.
+
+        Returns:
+            `Execution.portable` of it.
 
         Raises:
             InputError: it may not.
         """
         self._permission.require()
+        return self._permission.portable
 
     def _run(self, item: tuple[str, str, Mapping[str, float]]) -> None:
         key, name, values = item

@@ -6,12 +6,13 @@ import os
 import shlex
 import shutil
 import signal
+import stat
 import subprocess
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing, suppress
-from decimal import Decimal
+from dataclasses import replace
 from pathlib import Path
 from queue import SimpleQueue
 from typing import Any
@@ -35,7 +36,9 @@ from geoident.model.elsewhere import (
     ConvergenceLaw,
     Elsewhere,
     ExternalProgram,
+    FunctionValue,
     JinjaTemplate,
+    Output,
     PythonFunction,
     RunTable,
     TemplateField,
@@ -61,6 +64,20 @@ def executable(program: ExternalProgram) -> str | None:
         path = Path(program.folder) / name
         return str(path.resolve()) if path.is_file() and os.access(path, os.X_OK) else None
     return shutil.which(name)
+
+
+def is_beside(program: ExternalProgram) -> bool:
+    """Whether the program that a case runs is meant from the folder of the case."""
+    name = program.command[0]
+    return ("/" in name or "\\" in name) and not Path(name).is_absolute()
+
+
+def _named(output: Output) -> Output:
+    """An output whose function is known by the name of its file: its content counts elsewhere."""
+    how = output.how
+    if not isinstance(how, FunctionValue):
+        return output
+    return replace(output, how=replace(how, path=Path(how.path).name))
 
 
 def executed(given: Elsewhere) -> str:
@@ -112,10 +129,13 @@ class ProgramRuns:
         self.given: Bools = np.zeros((len(case.stages), len(case.channels)), dtype=bool)
         for output in program.outputs:
             self.given[output.stage, output.channel] = True
-        said = [repr(self._command), repr(program.outputs), repr(case.stage_names)]
+        said = [repr([_named(output) for output in program.outputs]), repr(case.stage_names)]
         said += [repr([c.name for c in case.channels]), repr([t.pieces for t in program.templates])]
-        digest = digest_of(said, program.inputs)
-        execution = Execution(executed(program), digest)
+        # one beside the case is known by its content, wherever the case lies
+        first = program.command[0] if is_beside(program) else path
+        digest = digest_of([repr((first, *program.command[1:])), *said], program.inputs)
+        portable = digest_of([repr(program.command), *said], program.inputs)
+        execution = Execution(executed(program), digest, portable)
         self._permission = Permission(execution, self._folder, case.source, "command")
         self._log = RunLog(folder, digest, again=again)
         self._fields: dict[str, list[TemplateField]] = {}
@@ -132,7 +152,8 @@ class ProgramRuns:
         """Runs that failed, and parameters that are written with few digits."""
         found = []
         start = np.array([parameter.start for parameter in self._case.parameters])
-        for name, value, quantum in zip(self._names, start, self.quantum(start), strict=True):
+        digits = self._digits(start, in_jinja=self._permission.is_given)
+        for name, value, quantum in zip(self._names, start, digits, strict=True):
             if abs(quantum) > _COARSE * abs(value) > 0.0:
                 found.append(
                     f"the template writes {name} with few digits (its last one is "
@@ -150,16 +171,27 @@ class ProgramRuns:
         return result
 
     def quantum(self, p: Floats) -> Floats:
-        """(n,) the last digit of each parameter, of several fields the coarsest."""
+        """(n,) the last digit of each parameter, of several fields the coarsest.
+
+        Raises:
+            InputError: that takes to fill a template in Jinja, and the case is not trusted.
+        """
+        self._trust_jinja()
+        return self._digits(p, in_jinja=True)
+
+    def _trust_jinja(self) -> None:
+        """What is filled in by Jinja may compute whatever it likes: that is asked for before."""
+        if any(isinstance(template, JinjaTemplate) for template in self._program.templates):
+            self.require_trust()
+
+    def _digits(self, p: Floats, *, in_jinja: bool) -> Floats:
+        """(n,) the same, with those that templates in Jinja show or without."""
         result = 2.3e-16 * np.abs(p)
         for j, name in enumerate(self._names):
             for field in self._fields.get(name, ()):
-                if field.form:
-                    exponent = Decimal(field.written(p[j]).strip()).as_tuple().exponent
-                    last = 10.0 ** int(exponent) * field.size
-                    result[j] = max(result[j], last)
+                result[j] = max(result[j], field.last_digit(p[j]))
             for template in self._program.templates:
-                if isinstance(template, JinjaTemplate):
+                if in_jinja and isinstance(template, JinjaTemplate):
                     result[j] = max(result[j], last_digit(template, self._values(p), name))
         return result
 
@@ -192,6 +224,7 @@ class ProgramRuns:
             points: (n,) where.
             check: see `results`.
         """
+        self._trust_jinja()
         asked = [self._texts(p) for p in points]
         new: dict[str, tuple[str, list[list[str]], dict[str, float]]] = {}
         for (key, texts), p in zip(asked, points, strict=True):
@@ -239,13 +272,17 @@ class ProgramRuns:
         """Parameters p (n,) by name."""
         return dict(zip(self._names, map(float, p), strict=True))
 
-    def require_trust(self) -> None:
+    def require_trust(self) -> str:
         """Ask whether it may be run, unless that is known.
+
+        Returns:
+            `Execution.portable` of it.
 
         Raises:
             InputError: it may not.
         """
         self._permission.require()
+        return self._permission.portable
 
     def _run(self, item: tuple[str, list[list[str]], Mapping[str, float]]) -> None:
         key, texts, values = item
@@ -272,7 +309,8 @@ class ProgramRuns:
             target.parent.mkdir(parents=True, exist_ok=True)
             target.write_text(filled(template, written), encoding="utf-8", newline="")
         for file in program.files:
-            shutil.copy(file, folder / Path(file).name)
+            copied = Path(shutil.copy(file, folder / Path(file).name))
+            copied.chmod(copied.stat().st_mode | stat.S_IWUSR)  # the program may write it anew
         failed = self._computed(folder)
         if failed is not None:
             return FailedRun(failed, str(folder))
@@ -342,19 +380,35 @@ class ProgramRuns:
             self._workers.get().end()
 
 
+_FIRST = [""]
+"""What names of folders of runs begin with in this process."""
+
+
+def begin_names(first: str) -> None:
+    """Let names of folders of runs begin with something that no other process has.
+
+    Folders of several machines then lie beside each other in one.
+
+    Args:
+        first: beginning of the names.
+    """
+    _FIRST[0] = first
+
+
 def new_folder(folder: Path) -> Path:
     """A folder that no other run has, below that of all runs: 00001, 00002, ...
 
     Raises:
         OutputError: it cannot be made.
     """
+    first = _FIRST[0]
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        numbers = [int(path.name) for path in folder.iterdir() if path.name.isdigit()]
-        number = max(numbers, default=0) + 1
+        names = [path.name.removeprefix(first) for path in folder.iterdir()]
+        number = max((int(name) for name in names if name.isdigit()), default=0) + 1
         while True:
             with suppress(FileExistsError):
-                place = folder / f"{number:05d}"
+                place = folder / f"{first}{number:05d}"
                 place.mkdir()
                 return place
             number += 1

@@ -10,7 +10,7 @@ import hmac
 import json
 import os
 import secrets
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from dataclasses import dataclass
@@ -29,36 +29,46 @@ class Execution:
 
     Args:
         words: it in words, for who decides.
-        digest: SHA-256 of all that it consists of.
+        digest: SHA-256 of all that it consists of, and of where the program is.
+        portable: SHA-256 of what is the same on other machines: what the case says, and files.
     """
 
     words: str
     digest: str
+    portable: str = ""
 
 
 Decide = Callable[[Execution], bool]
 """Whether something may be run."""
 
 _decide: ContextVar[Decide] = ContextVar("decide", default=lambda execution: False)
+_remembers: ContextVar[bool] = ContextVar("remembers", default=True)
 
 
 @contextmanager
-def decided_by(decide: Decide) -> Iterator[None]:
+def decided_by(decide: Decide, *, remembered: bool = True) -> Iterator[None]:
     """Meanwhile this says whether a case may run what it names.
 
     Args:
         decide: is asked once for each case, unless it is remembered.
+        remembered: the answer is written down beside the case.
     """
-    token = _decide.set(decide)
+    token, other = _decide.set(decide), _remembers.set(remembered)
     try:
         yield
     finally:
         _decide.reset(token)
+        _remembers.reset(other)
 
 
-def trusting(*, trust: bool) -> Decide:
-    """The answer of a flag."""
-    return lambda execution: trust
+def trusting(*, trust: bool, permitted: Collection[str] = ()) -> Decide:
+    """The answer of a flag, and of what was permitted before by whoever asks for the runs.
+
+    Args:
+        trust: everything may be run.
+        permitted: `Execution.portable` of what may be.
+    """
+    return lambda execution: trust or execution.portable in permitted
 
 
 class Permission:
@@ -75,6 +85,12 @@ class Permission:
         self._execution, self._folder, self._source, self._key = execution, folder, source, key
         self._given = False
 
+    @property
+    def is_given(self) -> bool:
+        """Whether it is known or remembered that it may; nobody is asked."""
+        self._given = self._given or is_remembered(self._execution, self._folder)
+        return self._given
+
     def require(self) -> None:
         """Ask, unless that is known or remembered.
 
@@ -82,8 +98,7 @@ class Permission:
             InputError: it may not.
         """
         execution = self._execution
-        if self._given or is_remembered(execution, self._folder):
-            self._given = True
+        if self.is_given:
             return
         if not _decide.get()(execution):
             message = f"the case runs {execution.words}, and nobody has said that it may"
@@ -93,8 +108,14 @@ class Permission:
             path = ("model", self._key)
             fault = self._source.fault(path, code="not-trusted", message=message, hint=hint)
             raise InputError([fault])
-        remember(execution, self._folder)
+        if _remembers.get():
+            remember(execution, self._folder)
         self._given = True
+
+    @property
+    def portable(self) -> str:
+        """What it is about, as other machines know it."""
+        return self._execution.portable
 
 
 def is_remembered(execution: Execution, folder: Path) -> bool:

@@ -3,21 +3,27 @@
 One march at a parameter vector answers for the used readings and for all that the gauges could
 read. Answers are kept in the checkpoint in blocks, so that a run goes on where it was cut short:
 samplers that are given the same seed ask the same again.
+
+Where ground yields, an evaluation begins from one near by: some points that follow each other are a
+part, and each part begins with a model that has forgotten the others. So the answers are the same
+to the last bit in any number of processes.
 """
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import dataclass, field
 from functools import partial
+from typing import Self
 
 import numpy as np
 
 from geoident.errors import ModelError
 from geoident.forward.protocols import CaseModel
 from geoident.identify.posterior.draws import Stopped
+from geoident.identify.problem.ahead import BESIDE, begins_near
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case
 from geoident.model.gauges import ReadingTable
@@ -25,7 +31,7 @@ from geoident.workflow.executing.executor import Executor, in_order
 from geoident.workflow.executing.processes import LocalProcesses
 from geoident.workflow.running.computed import accuracies
 from geoident.workflow.running.control import OUT_OF_TIME, Control
-from geoident.workflow.running.evaluation_log import Log
+from geoident.workflow.running.evaluation_log import Log, forget
 from geoident.workflow.running.readings import times_of
 
 _KIND = "answers"
@@ -71,6 +77,17 @@ class Asked:
         self._used = model.response(pairs, times)
         self.pairs, self.times = (*pairs, *later), (*times, *(None for _ in later))
         self.everything = model.response(self.pairs, self.times)
+
+    @property
+    def beside(self) -> int:
+        """How many points that follow each other are one part."""
+        return BESIDE if begins_near(self.everything) else 1
+
+    def answers(self, part: Floats) -> Iterator[Answer]:
+        """What the model says at p (k, n), SI, whatever it was asked before."""
+        forget(self.everything)
+        for p in part:
+            yield self.answer(p)
 
     def answer(self, p: Floats) -> Answer:
         """What the model says at p (n,), SI."""
@@ -187,7 +204,17 @@ Compute = Callable[[Floats], Iterator[Answer]]
 
 def here(asked: Asked) -> Compute:
     """A computation in this process."""
-    return lambda points: (asked.answer(p) for p in points)
+
+    def compute(points: Floats) -> Iterator[Answer]:
+        for part in _parts(points, asked.beside):
+            yield from asked.answers(part)
+
+    return compute
+
+
+def _parts(points: Floats, size: int) -> list[Floats]:
+    """Points (k, n) by so many that follow each other."""
+    return [points[first : first + size] for first in range(0, len(points), size)]
 
 
 Build = Callable[..., Asked]
@@ -195,25 +222,79 @@ Build = Callable[..., Asked]
 
 
 @contextmanager
-def in_processes(jobs: int, build: Build, arguments: tuple[object, ...]) -> Iterator[Compute]:
+def in_processes(
+    jobs: int, build: Build, arguments: tuple[object, ...], beside: int
+) -> Iterator[Compute]:
     """A computation in several processes, each with a model of its own.
 
     Args:
         jobs: number of processes.
         build: makes the model there.
         arguments: of ``build``.
+        beside: how many points that follow each other are one part.
     """
     with LocalProcesses(jobs, partial(_answering, build, arguments)) as processes:
-        yield lambda points: _answered(processes, points)
+        yield lambda points: _answered(processes, _parts(points, beside))
 
 
-def _answering(build: Build, arguments: tuple[object, ...]) -> Callable[[Floats], Answer]:
-    return build(*arguments).answer
+def _answering(build: Build, arguments: tuple[object, ...]) -> Callable[[Floats], list[Answer]]:
+    asked = build(*arguments)
+    return lambda part: list(asked.answers(part))
 
 
-def _answered(processes: Executor[Floats, Answer], points: Floats) -> Iterator[Answer]:
-    for found in in_order(processes.run(points)):
+def _answered(
+    processes: Executor[Floats, list[Answer]], parts: Sequence[Floats]
+) -> Iterator[Answer]:
+    for found in in_order(processes.run(parts)):
         if found.value is None:
             message = "No process computes the model at a parameter vector: the last one {}."
             raise ModelError(message.format(found.losses[-1] if found.losses else "was stopped"))
-        yield found.value
+        yield from found.value
+
+
+class WhereWorthWhile:
+    """A computation in this process until it takes long, then in several; a context.
+
+    Args:
+        asked: the model in this process.
+        processes: begins the computation in several.
+        worth: seconds that it must take to be worth while.
+    """
+
+    def __init__(
+        self, asked: Asked, processes: Callable[[], AbstractContextManager[Compute]], worth: float
+    ) -> None:
+        self._asked, self._processes, self._worth = asked, processes, worth
+        self._held = ExitStack()
+        self._elsewhere: Compute | None = None
+        self._spent, self._count = 0.0, 0
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *told: object) -> None:
+        self._held.close()
+
+    def __call__(self, points: Floats) -> Iterator[Answer]:
+        """Answers at p (k, n), SI, in their order."""
+        size = self._asked.beside
+        for first in range(0, len(points), size):
+            if self._elsewhere is None and self._takes_long(len(points) - first):
+                self._elsewhere = self._held.enter_context(self._processes())
+            if self._elsewhere is not None:
+                yield from self._elsewhere(points[first:])
+                return
+            yield from self._here(points[first : first + size])
+
+    def _here(self, part: Floats) -> Iterator[Answer]:
+        began = time.perf_counter()
+        for answer in self._asked.answers(part):
+            self._spent += time.perf_counter() - began
+            self._count += 1
+            yield answer
+            began = time.perf_counter()
+
+    def _takes_long(self, left: int) -> bool:
+        """It has taken as long as is worth while, or so many points are going to."""
+        expected = left * self._spent / max(self._count, 1)
+        return max(self._spent, expected) >= self._worth

@@ -70,8 +70,11 @@ class Log(Protocol):
 EXACT = 1e-6
 """Bound of the relative error in energy up to which the reduced model answers for the model.
 
-What is found by it (weights of readings, and where to look at the model itself) is known to 0.2 %
-at best."""
+Where the model is asked once more at the end. What is found by it (weights of readings, and where
+to look at the model itself) is known to 0.2 % at best."""
+
+CERTAIN = 1e-8
+"""Bound up to which its answer is that of the model, for all that is said of a fit."""
 
 
 def carry_over(
@@ -110,8 +113,16 @@ class KeepsMarches(HasReducedModel, Protocol):
     def march_again(self, visited: Sequence[Floats]) -> None:
         """Have it made of the marches at some parameter vectors (n,), in that order."""
 
-    def expect_march(self, number: int) -> None:
-        """The next march is the one of a number in a search, from 0."""
+    def expect_march(self, number: int, *, learns: bool = True) -> None:
+        """The next march is the one of a number in a search, from 0.
+
+        Args:
+            number: of the march.
+            learns: whether it is kept for the reduced model.
+        """
+
+    def lend(self, p: Floats) -> None:
+        """Let the model take its displacements at p (n,) from the reduced one."""
 
     def remembers(self, p: Floats) -> None:
         """The answer at p (n,) with derivatives is known and was counted, from an earlier run."""
@@ -174,6 +185,7 @@ class Remembered:
         self._visited: list[Floats] = []  # where it was evaluated with derivatives
         self._led = 0.0
         self._near: set[bytes] = set()  # where the reduced model has answered
+        self._certain: set[bytes] = set()  # where it was as good as the model
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -214,13 +226,14 @@ class Remembered:
         if near is not None:
             return np.array(near["v"]), np.array(near["dv_dp"])
         inner = self._inner
+        learns = p.tobytes() not in self._certain  # else the reduced model knows it well enough
         if isinstance(inner, KeepsMarches):
-            inner.expect_march(len(self._visited))
+            inner.expect_march(len(self._visited), learns=learns)
         known = self._known("evaluate", p, lambda: self._evaluate(p))
         if isinstance(inner, KeepsMarches):
             inner.remembers(p)
         # what another fit has evaluated costs nothing, and no march is made for it
-        for other in known.get("visited", p[None]):
+        for other in known.get("visited", p[None] if learns else p[None][:0]):
             if not any(np.array_equal(other, before) for before in self._visited):
                 self._visited.append(other.copy())
         return np.array(known["v"]), np.array(known["dv_dp"])
@@ -245,6 +258,26 @@ class Remembered:
         """Whether at p (n,) the reduced model has answered, and not the model."""
         return p.tobytes() in self._near and ("evaluate", p.tobytes()) not in self._seen
 
+    def lend(self, p: Floats) -> bool:
+        """Have marches at p (n,) take the displacements of the reduced model that is `CERTAIN`.
+
+        Returns:
+            Whether they do.
+        """
+        inner = self._inner
+        if p.tobytes() not in self._certain or not isinstance(inner, KeepsMarches):
+            return False
+        try:
+            inner.march_again(self._visited)
+            inner.lend(p)
+        except ModelError:  # such as no time for a march
+            return False
+        return True
+
+    def knows_certainly(self, p: Floats) -> bool:
+        """Whether the reduced model has answered at p (n,), as certainly as the model would."""
+        return p.tobytes() in self._certain
+
     def _instead(self, p: Floats) -> EvaluationArrays | None:
         """What the reduced model says at p (n,); None where it is not asked or not close."""
         inner, exact = self._inner, self._led
@@ -254,17 +287,20 @@ class Remembered:
             return None
 
         def find(reduced: CertifiedResponse) -> Floats:
-            if not reduced.error(p) <= exact:
+            error = reduced.error(p)
+            if not error <= exact:
                 return np.zeros(0)
             (v, dv_dp), steps = reduced.evaluate(p), reduced.increments(p)
-            return np.concatenate([[len(v), len(steps)], v, dv_dp.ravel(), steps.ravel()])
+            return np.concatenate([[error, len(v), len(steps)], v, dv_dp.ravel(), steps.ravel()])
 
-        found = self.leap(p, sha256(f"instead of the model {exact:g}".encode()).digest(), find)
+        found = self.leap(p, sha256(f"in place of the model {exact:g}".encode()).digest(), find)
         if found is None:
             return None
         self._near.add(p.tobytes())
-        g, states = map(int, found[:2])
-        v, dv_dp, steps = np.split(found[2:], np.cumsum([g, g * len(p)]))
+        if found[0] <= CERTAIN:
+            self._certain.add(p.tobytes())
+        g, states = map(int, found[1:3])
+        v, dv_dp, steps = np.split(found[3:], np.cumsum([g, g * len(p)]))
         increments = steps.reshape(states, -1)
         return {"v": v, "dv_dp": dv_dp.reshape(g, len(p)), "increments": increments}
 
@@ -331,6 +367,10 @@ class Remembered:
     def evaluated(self) -> Sequence[Floats]:
         """Parameter vectors (n,) that this run has evaluated with derivatives, in their order."""
         return tuple(self._evaluated)
+
+    def visited(self) -> Sequence[Floats]:
+        """Parameter vectors (n,) of whose marches the reduced model is made, in their order."""
+        return tuple(self._visited)
 
     def increments(self, p: Floats) -> Floats:
         """What the step of each state changes in what all channels see, (n_states, n_channels).
@@ -491,6 +531,16 @@ def led(response: Response, exact: float = EXACT) -> Iterator[None]:
     """Meanwhile a response that has a reduced model is answered by it; see `Remembered.led`."""
     with response.led(exact) if isinstance(response, Remembered) else nullcontext():
         yield
+
+
+def lent(response: Response, p: Floats) -> bool:
+    """Have marches at p (n,) take what the reduced model is certain of; see `Remembered.lend`."""
+    return isinstance(response, Remembered) and response.lend(p)
+
+
+def known_certainly(response: Response, p: Floats) -> bool:
+    """Whether at p (n,) a reduced model has answered as certainly as the model would."""
+    return isinstance(response, Remembered) and response.knows_certainly(p)
 
 
 def known_nearly(response: Response, p: Floats) -> bool:

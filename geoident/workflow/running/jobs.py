@@ -9,6 +9,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
 from datetime import UTC, datetime
+from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 
@@ -478,6 +479,19 @@ def provenance(
     )
 
 
+def of_fit(found: Provenance, fit: Result, path: str, output: Path) -> Provenance:
+    """A provenance with the fit that a result was made from.
+
+    Args:
+        found: the provenance.
+        fit: the fit.
+        path: of its file.
+        output: path of the result.
+    """
+    seen = seen_from(output.parent, path)
+    return replace(found, fit_file=seen, fit_fingerprint=fit.fingerprint)
+
+
 def job_provenance(job: Job) -> Provenance:
     """The provenance of the result of a job."""
     found = provenance(
@@ -492,5 +506,11 @@ def job_provenance(job: Job) -> Provenance:
 
 def versions() -> dict[str, str]:
     """Versions of geoident, of Python and of the libraries that numbers go through."""
+    return dict(_versions())
+
+
+@cache
+def _versions() -> dict[str, str]:
+    """The same; looking for them takes 5 ms, and they stay while a process runs."""
     found = {"geoident": __version__, "python": platform.python_version()}
     return found | {name: version(name) for name in LIBRARIES}

@@ -25,6 +25,7 @@ from geoident.forward.reduced.reducible import ReducibleResponse
 from geoident.identify.problem.ahead import Look, ReadingsAt
 from geoident.model.case import Case
 from geoident.model.mesh import Mesh
+from geoident.model.results.summary import CostEstimate
 from geoident.workflow.executing.executor import Answered, Executor, usable_cores
 from geoident.workflow.executing.looking_ahead import Recording
 from geoident.workflow.executing.processes import LocalProcesses
@@ -179,7 +180,7 @@ class ModelWorkers:
         if not isinstance(self._model, StagedModel):
             return 0.0, 1
         cost = estimate_cost(self._model, solver=self._parts.solver, rough=True)
-        return cost.seconds, int(_MEMORY * _memory() / cost.memory)
+        return cost.seconds, _fitting(cost)
 
     def look(
         self,
@@ -214,6 +215,24 @@ class ModelWorkers:
     def stopping(self) -> bool:
         """Whether a stop was wished."""
         return self._control.stop.exit_code is not None
+
+
+def as_many_as_fit(model: CaseModel, solver: str) -> int:
+    """How many processes may have a model, for the cores and the memory that there are.
+
+    Args:
+        model: of a case; one that runs programs shares them out itself.
+        solver: name of the sparse solver, or ``auto``.
+    """
+    if isinstance(model, StagedModel):
+        return max(
+            1, min(usable_cores(), _fitting(estimate_cost(model, solver=solver, rough=True)))
+        )
+    return usable_cores() if isinstance(model, OpeningModel) else 1
+
+
+def _fitting(cost: CostEstimate) -> int:
+    return int(_MEMORY * _memory() / cost.memory)
 
 
 def _evaluations(look: Look) -> int:

@@ -10,11 +10,12 @@ import pytest
 from support.cases import displacement, model, rollers
 from support.meshes import box, regroup
 from support.tunnels import walled
-from support.yielding import constant, given, mohr, parameters, rock
+from support.yielding import constant, given, hoek, mohr, parameters, rock
 
 from geoident.forward.model import StagedModel
 from geoident.model.actions import Pressure, Traction, Water
 from geoident.model.case import Analysis, Stage, Support
+from geoident.model.empirical.rock_mass import RockMassModulus
 from geoident.model.in_situ import HeimStress
 from geoident.model.mesh import Mesh
 from geoident.model.parameter import Scalar
@@ -176,7 +177,25 @@ def block(*yields, **values) -> Problem:
     )
 
 
+def by_gsi() -> Problem:
+    """Strength and stiffness of a rock mass by the same GSI and D, with its own dilation."""
+    surface = hoek(tied("sigci"), mi=tied("mi"), GSI=tied("GSI"), D=tied("D"), psi=tied("psi"))
+    modulus = RockMassModulus(GSI=tied("GSI"), D=tied("D"), Ei=tied("E"))
+    extra = {"materials": {"rock": rock(modulus, tied("nu"), surface)}}
+    values = {"E": 40e9, "sigci": 60e6, "mi": 12.0, "GSI": 55.0, "D": 0.2, "psi": 0.15}
+    return tunnel(extra=extra, stages=release(tied("lam"), Scalar(0.97)), **values)
+
+
+MASS = {"sigci": tied("sigci"), "mb": tied("mb"), "s": tied("s"), "a": tied("a")}
+STRONG = {"sigci": 60e6, "mb": 2.0, "s": 0.08, "a": 0.505}
+
 PROBLEMS = {
+    "tunnel, Hoek-Brown by GSI": by_gsi,
+    "tunnel, Hoek-Brown, associated": lambda: tunnel(hoek(**MASS), **STRONG),
+    "shaft, Hoek-Brown, cut-off": lambda: pressed_shaft(
+        hoek(**MASS, tension=tied("cut")), sigci=14e6, mb=2.0, s=0.85, a=0.51, cut=3.3e6
+    ),
+    "solid, Hoek-Brown": lambda: block(hoek(**MASS), sigci=9e6, mb=1.5, s=0.1, a=0.51),
     "tunnel, smooth": lambda: tunnel(mohr(*strength), **MOHR),
     "tunnel, smooth, dilation": lambda: tunnel(mohr(*strength, psi=tied("psi")), psi=0.2, **MOHR),
     "tunnel, 16 planes": lambda: tunnel(mohr(*strength, planes=16), **MOHR),

@@ -7,9 +7,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 from scipy.stats import norm, truncnorm
 
-from geoident.identify.assessment.posterior import NormalMixture, cut_normal
+from geoident.identify.assessment.posterior import NormalMixture, _midpoints, cut_normal
 from geoident.identify.assessment.uncertainty import assess, predict_band
 from geoident.identify.problem.problem import Problem
 from geoident.model.parameter import Parameter
@@ -159,3 +160,48 @@ def test_a_direction_does_not_fall_between_two_spectra():
     band = predict_band(known, np.array([[0.0, 1.0]]), np.array([0.01]))
     # within its bounds the second is not known at all, so hardly less than evenly spread
     assert band.sd[0] >= 0.8 / np.sqrt(12.0)
+
+
+@pytest.mark.parametrize("ratio", [10.0, 1e3, 1e6, 1e9])
+@pytest.mark.parametrize(("weight", "apart"), [(0.97, 0.0), (0.5, 0.0), (0.2, 0.0), (0.96, 30.0)])
+def test_normals_of_very_different_widths_have_their_shortest_interval(ratio, weight, apart):
+    mean, sd = np.array([[0.0, apart * ratio]]), np.array([[1.0, ratio]])
+    mixture = NormalMixture(mean, sd, np.array([weight, 1.0 - weight]), np.zeros((1, 2)))
+    (low,), (high,) = mixture.interval()
+    held = weight * (norm.cdf(high) - norm.cdf(low)) + (1 - weight) * (
+        norm.cdf(high / ratio - apart) - norm.cdf(low / ratio - apart)
+    )
+    assert held == pytest.approx(0.95, abs=1e-9)
+    if apart == 0.0:  # symmetric
+        half = brentq(
+            lambda h: weight * (2 * norm.cdf(h) - 1) + (1 - weight) * (2 * norm.cdf(h / ratio) - 1)
+            - 0.95, 0.0, 10.0 * ratio,
+        )  # fmt: skip
+        assert high - low == pytest.approx(2.0 * half, rel=2e-3)
+    else:
+        inside = norm.ppf(0.5 + 0.475 / weight)
+        assert high - low == pytest.approx(2.0 * inside, rel=0.02)
+
+
+def test_parts_that_are_far_from_each_other_do_not_smear_each_other():
+    parts = [
+        (0.97, NormalMixture(np.zeros((1, 1)), np.ones((1, 1)), np.ones(1))),
+        (0.03, NormalMixture(np.full((1, 1), 1e4), np.ones((1, 1)), np.ones(1))),
+    ]
+    (low,), (high,) = NormalMixture.joined(parts).interval()
+    half = norm.ppf(0.5 + 0.475 / 0.97)
+    assert (low, high) == pytest.approx((-half, half), rel=0.02)
+
+
+@pytest.mark.parametrize(("low", "high"), [(-1.0, 2.0), (0.5, 0.7), (-9.0, 1.5), (-3.0, 40.0)])
+def test_slices_between_bounds_fill_them_and_weigh_by_the_normal_density(low, high):
+    """Ends at a bound that is near; where it is far, where hardly any probability is left."""
+    part = (np.arange(50) + 0.5) / 50
+    y, logs = _midpoints(low, high, part)
+    law = truncnorm(low, high)
+    first, last = law.ppf([1e-8, 1.0 - 1e-8])
+    first = low if low > first - 0.1 * (last - first) else first
+    last = high if high < last + 0.1 * (last - first) else last
+    assert ((first == low), (last == high)) == (low > -9.0, high < 40.0)
+    np.testing.assert_allclose(y, first + part * (last - first), atol=1e-7)
+    np.testing.assert_allclose(logs - logs[0], norm.logpdf(y) - norm.logpdf(y[0]), atol=1e-12)

@@ -7,7 +7,12 @@ import pytest
 from support.commands import run_command
 from support.trench import CASE, write_case
 
-from geoident.identify.assessment.conflicts import FALSE_ALARMS, prior_conflicts
+from geoident.identify.assessment.conflicts import (
+    FALSE_ALARMS,
+    PriorConflict,
+    conflict_sentences,
+    prior_conflicts,
+)
 from geoident.identify.assessment.uncertainty import assess
 from geoident.identify.problem.problem import Problem, Scaling
 from geoident.io.result.file import read_result
@@ -15,6 +20,7 @@ from geoident.model.parameter import Parameter, Prior
 
 A = np.array([[1.0, 0.4], [0.3, 1.0], [0.8, -0.5], [0.2, 0.6]])
 SD = 0.3
+BESIDE = np.array([0.9, 0.4])
 
 
 def estimated(problem):
@@ -88,6 +94,24 @@ def test_a_prior_of_twice_what_the_readings_say_is_named(tmp_path):
     assert not any("contradicts" in q for q in read_result(tmp_path / "case.fit.h5").findings)
 
 
+@pytest.mark.parametrize("scale", ["log", "linear"])
+def test_the_sentence_has_the_fit_without_the_prior_and_how_seldom_chance_makes_it(scale):
+    """2.8 standard deviations: twice the tail of a normal distribution is 1 of 196."""
+    prior = Prior(8e9, 2e9)
+    parameter = Parameter("E", 5e9, 1e9, 50e9, scale, prior, unit="GPa", dimension="pressure")
+    of = 1.0 if scale == "log" else 5e9
+    x, sd = (np.log(14e9), 0.1) if scale == "log" else (14e9 / of, 1e9 / of)
+    found = PriorConflict(0, -2.8, x, sd)
+    (said,) = conflict_sentences([found], [parameter], np.array([of]))
+    ends = (11.5, 17.0) if scale == "log" else (12.0, 16.0)
+    assert said == (
+        "The prior of E (8 +- 2 GPa) contradicts the readings: without it they give 14 GPa "
+        f"(95 %: {ends[0]:.3g} to {ends[1]:.3g}), 2.8 standard deviations from it, which chance "
+        "makes in 1 of 196 fits. The result lies between the two: one of prior, accuracies and "
+        "model is wrong."
+    )
+
+
 def tied(jacobian, sd=0.01):
     parameters = (Parameter("E", 2.0, 0.1, 50.0, "log"), Parameter("K0", 1.0, 0.2, 4.0))
     J = np.array(jacobian)
@@ -109,3 +133,21 @@ def test_nothing_is_said_of_less_tied_ones_or_twice_of_what_cannot_be_separated(
     alone = tied([[1.0, 1.0], [1.0, 1.0]], sd=0.01).findings
     assert len(alone) == 1
     assert "cannot separate" in alone[0]
+
+
+def test_an_estimate_beside_the_least_misfit_has_the_conflicts_of_that():
+    """As the best point of a grid: its distance along a narrow valley says nothing of the prior."""
+    measured, priors = A @ [10.0, 1.0], (Prior(10.5, 1.0), Prior(1.2, 0.5))
+    problem = problem_of(measured, priors)
+    _, p = estimated(problem)
+    beside = p + BESIDE
+    assert not [said for said in assess(problem, p, A, A @ p).findings if "contradicts" in said]
+    found = assess(problem, beside, A, A @ beside).findings
+    assert not [said for said in found if "contradicts" in said]
+    wrong = problem_of(A @ [20.0, 1.0], priors)
+    _, p = estimated(wrong)
+    said = [
+        [one for one in assess(wrong, q, A, A @ q).findings if "contradicts" in one]
+        for q in (p, p + BESIDE)
+    ]
+    assert said[0] == said[1] != []

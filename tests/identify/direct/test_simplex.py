@@ -116,6 +116,19 @@ def test_moves_are_those_of_scipy_step_by_step() -> None:
     assert np.allclose(ours[:55], asked[:55], rtol=0.0, atol=1e-12)
 
 
+def test_a_simplex_that_shrinks_keeps_its_best_vertex_and_halves_all_edges() -> None:
+    """A valley inside that is seen from nowhere: every trial point is worse than all vertices."""
+    vertices = np.array([[0.0, 0.0], [2.0, 0.0], [0.0, 4.0]])
+    halved = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 2.0]])
+    known = {tuple(x): value for x, value in zip(halved[1:].tolist(), (0.5, 0.25), strict=True)}
+    found = _Simplex(lambda x: known.get(tuple(x), 9.0), SHARP, None)
+    found.x, found.values = vertices.copy(), np.array([1.0, 2.0, 3.0])
+    assert found.move() == "shrunk"
+    assert found.evaluations == 4  # reflected, contracted, and two vertices
+    np.testing.assert_array_equal(found.x, halved[[2, 1, 0]])
+    np.testing.assert_array_equal(found.values, [0.25, 0.5, 1.0])
+
+
 def test_equal_values_around_a_minimum_do_not_end_the_search() -> None:
     found = minimise(
         lambda x: float(x[0] ** 2), np.array([-0.25]), options=SimplexOptions(size=0.5, restarts=0)

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from geoident.errors import ModelError
-from geoident.identify.least_squares.gauss_newton import gauss_newton
+from geoident.identify.least_squares.gauss_newton import gauss_newton, plain_evaluator
 from geoident.identify.least_squares.several_starts import Angles, spread, start_ranges
-from geoident.identify.problem.problem import Scaling
+from geoident.identify.objective.discrepancy import Discrepancy
+from geoident.identify.problem.problem import History, Scaling
 from geoident.model.methods import GaussNewtonOptions
 from geoident.model.parameter import Parameter, Prior
 
@@ -160,3 +161,22 @@ def test_where_the_given_start_has_no_solution_another_one_takes_its_place(make_
     )
     with pytest.raises(ModelError, match="the ground collapses"):
         run(problem, starts=1)
+
+
+def cubic(p):
+    """phi = r^2 with r = p^3 - 3 p + 4: with half its gradient r r' by hand."""
+    return np.array([p[0] ** 3 - 3.0 * p[0] + 4.0])
+
+
+@pytest.mark.parametrize(("part", "seen"), [(0.99, True), (1.01, False)])
+def test_a_way_begins_uphill_where_the_slope_promises_a_part_of_the_fall(make_problem, part, seen):
+    """From 0.9 to -2 phi falls from 4.12 to 4, while its slope promises a rise of 2 r r' (-2.9)."""
+    problem = make_problem(cubic, [Parameter("x", 0.9, -4.0, 4.0)], [0.0], 1.0)
+    discrepancy = Discrepancy(problem)
+    evaluator = plain_evaluator(discrepancy, History("", problem.response, lambda one: None))
+    for value in (0.9, -2.0):
+        evaluator.evaluate(discrepancy.scaling.to_scaled(np.array([value])))
+    r, slope = 0.9**3 - 2.7 + 4.0, 3.0 * 0.81 - 3.0
+    fall, rise = r**2 - 4.0, 2.0 * r * slope * (-2.9)
+    assert evaluator.begins_uphill(part * rise / fall, 0.0) is seen
+    assert not evaluator.begins_uphill(0.1 * rise / fall, 1.001 * fall)

@@ -65,7 +65,7 @@ def test_it_is_filled_with_units_loops_and_conditions(tmp_path):
         ("{{ E }}\n  {{ nu }}\n", "2:6", "there is no parameter 'nu'"),
         ("{{ E }}\n{% if K0 %}\n", "2:1", "this is not Jinja"),
         ("{{ E:10.3e }}\n", "1:1", "this is not Jinja"),
-        ("{{ E | round_up }}\n", "1:1", "No filter named 'round_up'"),
+        ("{{ E | round_up }}\n", "1:8", "Jinja has no filter 'round_up'"),
         ("\n{{ E | to('mm') }}\n", "2:12", "'mm' is no unit of a pressure, as 'E' is"),
         ("{{ E | to('GPaa') }}\n", "1:12", "there is no unit 'GPaa'"),
         ("{{ E | to(K0) }}\n", "1:1", "the unit is no text"),
@@ -132,3 +132,33 @@ def test_without_the_library_it_is_named(tmp_path, monkeypatch):
     [fault] = caught.value.faults
     assert fault.hint == 'Install the library that fills it: pip install "geoident[jinja]".'
     assert fault.location.line == 5
+
+
+ENDLESS = (
+    '{{ E }}{{ K0 }}{{ 9 ** 9 ** 9 ** 9 }}{{ "x" * 10 ** 12 }}{% for n in range(9) %}{% endfor %}'
+)
+
+
+def test_nothing_of_a_template_is_computed_before_the_case_is_trusted(tmp_path):
+    case = write_case(tmp_path, IN_JINJA)
+    (tmp_path / "opening.template").write_text(ENDLESS)
+    model = build_model(load_inputs(str(case)))  # what `check` does
+    assert not model.notes
+    p = np.array([6e9, 1.0])
+    for ask in (model.runs.quantum, lambda p: model.runs.results([p], lambda: None)):
+        with pytest.raises(InputError) as caught:
+            ask(p)
+        assert caught.value.faults[0].code == "not-trusted"
+
+
+@pytest.mark.parametrize(
+    ("text", "said", "hint"),
+    [
+        ("{{ E | rund(2) }}{{ K0 }}", "Jinja has no filter 'rund'", "'round'"),
+        ("{{ K0 }}{% if E is odder %}{% endif %}", "Jinja has no test 'odder'", "'odd'"),
+    ],
+)
+def test_filters_and_tests_that_are_none_are_named(tmp_path, text, said, hint):
+    [fault] = read(tmp_path, text)[1]
+    assert (fault.message, fault.location.line) == (said, 1)
+    assert hint in fault.hint

@@ -19,6 +19,7 @@ import pytest
 from geoident.errors import InputError, OutputError
 from geoident.io.result import hdf5
 from geoident.io.result.file import ResultIdentity, read_identity, read_result, write_result
+from geoident.io.result.hdf5 import TableWriter, hdf5_output
 from geoident.model.results.result import DIAGNOSTIC_COLUMNS, Result
 from tests.support.results import changed_gauges
 
@@ -142,7 +143,7 @@ def test_identity_of_existing_results(tmp_path: Path, result_maker: Make) -> Non
     path = tmp_path / "a.h5"
     assert read_identity(path) is None
     write_result(result_maker(), path, overwrite=False)
-    expected = ResultIdentity("d" * 64, "fit", "converged", 0, "cavern.yaml", math.inf)
+    expected = ResultIdentity("d" * 64, "fit", "converged", 0, "cavern.yaml", math.inf, 3.25)
     assert read_identity(path) == expected
     took = result_maker()
     provenance = dataclasses.replace(took.provenance, seconds=4000.0)
@@ -394,7 +395,7 @@ sys.path.insert(0, sys.argv[1])
 from conftest import make_result
 from geoident.errors import OutputError
 from geoident.io.result.file import write_result
-result = make_result()
+result = make_result(full=sys.argv[5] == "full")
 for limit in range(0, int(sys.argv[3]), int(sys.argv[4])):
     resource.setrlimit(resource.RLIMIT_FSIZE, (limit, resource.RLIM_INFINITY))
     try:
@@ -406,14 +407,15 @@ for limit in range(0, int(sys.argv[3]), int(sys.argv[4])):
 """
 
 
-def test_disk_that_is_full_at_any_moment(tmp_path: Path, result_maker: Make) -> None:
+@pytest.mark.parametrize("kind", ["full", "small"])
+def test_disk_that_is_full_at_any_moment(tmp_path: Path, result_maker: Make, kind: str) -> None:
     """The kernel's limit on file sizes stands for the disk; HDF5 alone ends in a crash."""
     path = tmp_path / "a.h5"
     write_result(result_maker(full=False), path, overwrite=False)
     before = path.read_bytes()
-    write_result(result_maker(), tmp_path / "b.h5", overwrite=False)
+    write_result(result_maker(full=kind == "full"), tmp_path / "b.h5", overwrite=False)
     size = (tmp_path / "b.h5").stat().st_size
-    arguments = [str(Path(__file__).parent), str(path), str(size), str(size // 40)]
+    arguments = [str(Path(__file__).parent), str(path), str(size), str(size // 40), kind]
     run = subprocess.run(
         [sys.executable, "-c", FULL_DISK, *arguments],
         capture_output=True,
@@ -422,7 +424,22 @@ def test_disk_that_is_full_at_any_moment(tmp_path: Path, result_maker: Make) -> 
     )
     assert (run.returncode, run.stderr) == (0, "")
     assert path.read_bytes() == before
-    assert names_in(tmp_path) == ["a.h5", "b.h5", "b.vtkhdf"]
+    assert names_in(tmp_path) == ["a.h5", "b.h5", *(["b.vtkhdf"] if kind == "full" else [])]
+
+
+def test_what_is_put_together_in_memory_has_the_same_bytes(
+    tmp_path: Path, result_maker: Make
+) -> None:
+    for small in (False, True):
+        path = tmp_path / f"{small}.h5"
+        path.touch()
+        with hdf5_output(path, small=small) as file:
+            for number in range(40):
+                table = TableWriter(file, f"table {number}", {"a": ["x", "y"], "b": np.arange(3)})
+                table.add("values", np.full((2, 3), 1.5), "a", "b", unit="m")
+                table.add("none", np.zeros((0,)))
+            file.attrs["text"] = "a" * 3000
+    assert (tmp_path / "True.h5").read_bytes() == (tmp_path / "False.h5").read_bytes()
 
 
 @contextmanager

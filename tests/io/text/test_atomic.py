@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import errno
 import os
+import stat
 import subprocess
 import sys
 from pathlib import Path
@@ -179,6 +180,21 @@ def test_temporaries_of_dead_runs_are_swept(tmp_path: Path) -> None:
         (tmp_path / name).write_text("")
     write(tmp_path / "a.h5", "new")
     assert names_in(tmp_path) == sorted([*stay, "a.h5"])
+
+
+def test_many_files_wait_for_the_disk_but_not_for_their_names(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    synced: list[bool] = []
+    once = os.fsync
+    monkeypatch.setattr(
+        os, "fsync", lambda file: synced.append(stat.S_ISDIR(os.fstat(file).st_mode)) or once(file)
+    )
+    with atomic.names_may_be_lost():
+        write(tmp_path / "a.h5", "new")
+    assert synced == [False]
+    write(tmp_path / "b.h5", "new")
+    assert synced == [False, False, True]
 
 
 KILLED = """

@@ -102,11 +102,12 @@ def computed(executor, **given):
     return compute(plan, AwayRuns(executor, plan), lambda record: None, runs_csv), plan
 
 
-def test_results_of_a_cluster_are_those_of_the_serial_run_bit_for_bit(here):
+def test_results_of_a_cluster_are_those_of_the_serial_run_bit_for_bit(here, cluster):
     write(f"command: simulate\n{VARY}")
     plan = plan_campaign("campaign.yaml", output=str(here / "away"))
-    with cluster_executor(plan, Cluster(), 1, lambda message: None) as cluster:
-        table = compute(plan, AwayRuns(cluster, plan), lambda record: None, runs_csv)
+    where = Cluster(address=cluster.address)
+    with cluster_executor(plan, where, 1, lambda message: None) as executor:
+        table = compute(plan, AwayRuns(executor, plan), lambda record: None, runs_csv)
     assert table.exit_code == 0
     expected = serial(plan_campaign("campaign.yaml", output="here"))
     for run, one in zip(table.runs, expected, strict=True):

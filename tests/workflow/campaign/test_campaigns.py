@@ -1,9 +1,11 @@
 """Campaigns of a closed-form case: what is computed, known, failed and written."""
 
 import csv
+import errno
 import io
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import h5py
@@ -11,12 +13,16 @@ import numpy as np
 import pytest
 
 import geoident
-from geoident.errors import InputError, ModelError, OutputError
+from geoident.errors import ExitCode, InputError, ModelError, OutputError
+from geoident.io.result.campaign import RunJournal
 from geoident.io.result.file import read_result
+from geoident.io.text.atomic import output_error
+from geoident.model.results.campaign import CampaignTable, RunRecord
 from geoident.report.drawing.campaign import campaign_pictures
 from geoident.report.page.campaign import campaign_page
 from geoident.report.text.campaign.spreadsheet import runs_csv
-from geoident.report.text.campaign.tables import campaign_text
+from geoident.report.text.campaign.tables import campaign_text, outcome_sentences
+from geoident.workflow.campaign import one_run
 from geoident.workflow.campaign.campaign import compute
 from geoident.workflow.campaign.one_run import compute as compute_run
 from geoident.workflow.campaign.plan import plan_campaign
@@ -185,6 +191,66 @@ def test_a_run_with_a_bug_leaves_its_log(here, monkeypatch):
     assert "ZeroDivisionError" in Path("campaign.batch/a.log").read_text()
 
 
+def test_runs_without_memory_or_disk_are_named_and_begun_again_by_the_same_command(
+    here, monkeypatch
+):
+    write("command: simulate\nvariations: {rows: [{run: large}, {run: last}, {run: fine}]}")
+
+    def fail(task):
+        if task.run.name == "large":
+            raise MemoryError
+        raise output_error("last.h5", OSError(errno.ENOSPC, "No space left on device"))
+
+    once = one_run._COMMANDS["simulate"]
+    with monkeypatch.context() as patch:
+        patch.setitem(
+            one_run._COMMANDS, "simulate",
+            lambda task: once(task) if task.run.name == "fine" else fail(task),
+        )  # fmt: skip
+        table, _, _ = computed()
+    assert table.exit_code == ExitCode.SOME_FAILED
+    reasons = {run.name: run.reason for run in table.failed}
+    assert set(reasons) == {"large", "last"}
+    assert reasons["large"] == "out of memory"
+    assert "No space left on device" in reasons["last"]
+    assert "free some space" in reasons["last"]
+    table, again, _ = computed()
+    assert again.begun == ["large", "last"]
+    assert table.exit_code == ExitCode.DONE
+
+
+def test_a_journal_on_a_full_disk_ends_the_campaign_and_what_it_has_is_not_lost(here, monkeypatch):
+    once = RunJournal.__enter__
+
+    class FullAfterOne:
+        def __init__(self, file):
+            self.file, self.lines = file, 0
+
+        def write(self, text):
+            self.lines += 1
+            if self.lines > 1:
+                raise OSError(errno.ENOSPC, "No space left on device")
+            self.file.write(text)
+
+        def __getattr__(self, name):
+            return getattr(self.file, name)
+
+    def enter(journal):
+        once(journal)
+        journal._file = FullAfterOne(journal._file)
+        return journal
+
+    with monkeypatch.context() as patch:
+        patch.setattr(RunJournal, "__enter__", enter)
+        with pytest.raises(OutputError, match="No space left on device") as caught:
+            computed(write(SIMULATED))
+    assert caught.value.exit_code == ExitCode.OUTPUT
+    assert [run.name for run in read_runs("campaign.batch").runs] == ["0001"]
+    table, again, _ = computed()
+    assert again.begun == ["0002", "0003", "0004"]
+    assert table.exit_code == ExitCode.DONE
+
+
 def test_seeds_of_runs_give_other_noise(here):
     write("command: simulate\nnoise: true\nvariations: {product: {seed: [1, 2, 1]}}")
     one, two, same = computed()[0].runs
@@ -243,3 +309,71 @@ def test_faults_of_runs_are_said_where_they_are_written(here):
     (fault,) = caught.value.faults
     assert (fault.location.file, fault.location.line) == ("campaign.yaml", 3)
     assert "E_rock" in fault.hint
+
+
+WRONG = """tytle: what if
+set: {parameters.E_rok.start: 1 GPa}
+variations:
+  product:
+    parameters.E_rock.strt: [1 GPa, 2 GPa]
+    materials.rock.nu: [0.2, 0.7]
+    in_situ.sigma: [1 MPa]
+    gauges[0: [1]"""
+
+
+def places_of(text):
+    with pytest.raises(InputError) as caught:
+        plan_campaign(write(text))
+    return [(f.location.line, f.location.column, f.code) for f in caught.value.faults]
+
+
+def test_all_that_is_wrong_in_a_campaign_and_in_its_runs_is_said_at_once(here):
+    assert places_of(WRONG) == [
+        (3, 1, "unknown-key"),
+        (4, 31, "bad-override"),
+        (7, 30, "unknown-key"),
+        (8, 30, "out-of-range"),
+        (9, 21, "unknown-key"),
+        (10, 5, "bad-override"),
+    ]
+
+
+def test_names_of_runs_and_a_wrong_command_hide_nothing(here):
+    runs = "variations: {rows: [{run: a/b, materials.rock.nu: 0.7}, {run: a}, {run: A}]}"
+    assert places_of(f"command: simulat\nnoise: true\n{runs}") == [
+        (3, 10, "not-listed"),
+        (5, 21, "bad-name"),
+        (5, 51, "out-of-range"),
+        (5, 67, "same-run"),
+    ]
+
+
+def test_faults_of_the_base_case_are_said_once_beside_those_of_runs(here):
+    Path("case.yaml").write_text(Path("case.yaml").read_text().replace("K0: 1.0", "K1: 1.0"))
+    with pytest.raises(InputError) as caught:
+        plan_campaign(write("variations: {product: {materials.rock.nu: [0.2, 0.7]}}"))
+    found = [(f.location.file, f.code) for f in caught.value.faults]
+    own = [("case.yaml", "missing-key"), ("case.yaml", "unknown-key")]
+    assert found == [("campaign.yaml", "out-of-range"), *own]
+
+
+def test_of_a_campaign_without_a_case_its_own_faults_are_said(here):
+    Path("none.yaml").write_text(
+        "format: geoident-campaign/1\nvariations: {product: {a: [1]}, b: 2}"
+    )
+    with pytest.raises(InputError) as caught:
+        plan_campaign("none.yaml")
+    assert [fault.code for fault in caught.value.faults] == ["missing-key", "unknown-key"]
+
+
+def test_all_runs_of_the_least_misfit_are_named_and_a_page_without_title_names_its_file():
+    runs = tuple(
+        RunRecord(name, "", (), "done", 0, file="x.h5", objective=misfit)
+        for name, misfit in (("a", 2.0), ("b", 1.0), ("c", 1.0 + 1e-9), ("d", 1.1))
+    )
+    table = CampaignTable("", "fit", "../site/many.yaml", "c.yaml", (), runs, 4, {}, "2024-01-01")
+    assert "The least misfit, 1, have the runs b and c." in " ".join(outcome_sentences(table))
+    alone = replace(table, runs=runs[:2], total=2)
+    assert "The least misfit, 1, has the run b." in " ".join(outcome_sentences(alone))
+    page = campaign_page(table, draw=lambda pictures: [])
+    assert "<h1>Campaign many.yaml</h1>" in page

@@ -2,6 +2,7 @@
 
 import os
 import random
+import shutil
 import signal
 import socket
 import subprocess
@@ -11,26 +12,27 @@ import time
 from contextlib import contextmanager, suppress
 
 import pytest
+from tornado.tcpclient import TCPClient
 
 from geoident.errors import InputError, LostCluster
+from geoident.io.cluster.file import read_cluster
 from geoident.model.cluster import Cluster
 from geoident.workflow.executing import connection
 from geoident.workflow.executing.cluster import DaskCluster
 from geoident.workflow.executing.executor import in_order
 from geoident.workflow.executing.parcel import packed
-from tests.support.cluster_tasks import obedient_in, reader_in, squares_in, worker_killer_in
+from tests.support.cluster_tasks import (
+    Lines,
+    lines_in,
+    obedient_in,
+    reader_in,
+    squares_in,
+    worker_killer_in,
+)
 from tests.support.real_cluster import MARK, ROOT, RealCluster, free_port, runs, wait_until
 
 NOTHING = packed({})
 KILLS = [pytest.param(3), pytest.param(30, marks=pytest.mark.slow)]
-
-
-@pytest.fixture(scope="module")
-def cluster(tmp_path_factory):
-    with RealCluster(tmp_path_factory.mktemp("workers")) as made:
-        made.add_node()
-        made.add_node()
-        yield made
 
 
 def at(cluster, **given):
@@ -79,6 +81,60 @@ def test_a_task_that_kills_two_workers_of_dask_is_set_aside_and_others_go_on(clu
     assert killer.set_aside
     assert len(killer.losses) == 2
     assert "ended with its worker tcp://127.0.0.1" in killer.losses[0]
+
+
+@pytest.mark.parametrize("whom", ["own", "worker"])
+def test_what_a_lost_worker_has_computed_comes_back_and_is_gone_on_from(
+    cluster, tmp_path, monkeypatch, whom
+):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(DaskCluster, "keep_every", 0.1)
+    task = Lines({}, "lines.txt", str(tmp_path / "mark"), whom)
+    with DaskCluster(at(cluster), lines_in, NOTHING) as executor:
+        (found,) = answers(executor, [task])
+    assert found.value == (11, "".join(f"{n}\n" for n in range(12)))
+    assert len(found.losses) == 1
+    assert (tmp_path / "lines.txt").read_text().splitlines()[:11] == [str(n) for n in range(11)]
+
+
+def test_a_program_that_workers_lack_is_said_before_anything_is_computed(cluster):
+    parcel = packed({}, programs=("no-such-program",))
+    with (
+        pytest.raises(InputError, match="has no program 'no-such-program'") as caught,
+        DaskCluster(at(cluster), squares_in, parcel) as executor,
+    ):
+        answers(executor, range(3))
+    assert "search path (PATH) of the workers" in str(caught.value)
+
+
+@pytest.mark.skipif(shutil.which("openssl") is None, reason="openssl makes the certificates")
+def test_a_cluster_file_with_certificates_reaches_a_scheduler_that_asks_for_them(tmp_path):
+    for name in ("own", "other"):
+        subprocess.run(
+            ["openssl", "req", "-x509", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:P-256",
+             "-nodes", "-days", "2", "-subj", f"/CN={name}", "-keyout", f"{name}.key",
+             "-out", f"{name}.pem"],
+            cwd=tmp_path, check=True, capture_output=True,
+        )  # fmt: skip
+    with RealCluster(tmp_path, tls=str(tmp_path / "own")) as cluster:
+        cluster.add_node("--no-nanny")
+
+        def written(name):
+            (tmp_path / "cluster.yaml").write_text(
+                f"format: geoident-cluster/1\naddress: {cluster.address}\n"
+                f"security: {{ca_file: {name}.pem, cert: {name}.pem, key: {name}.key}}\n"
+            )
+            return read_cluster(str(tmp_path / "cluster.yaml"))
+
+        with DaskCluster(written("own"), squares_in, NOTHING) as executor:
+            assert executor._link.client.scheduler.address.startswith("tls://")
+            assert [answer.value[0] for answer in answers(executor, range(5))] == [0, 1, 4, 9, 16]
+        for where in (written("other"), at(cluster)):
+            with (
+                pytest.raises(InputError, match="no scheduler of dask answers at tls://"),
+                DaskCluster(where, squares_in, NOTHING),
+            ):
+                pass
 
 
 @contextmanager
@@ -173,14 +229,14 @@ def test_tasks_end_with_a_client_that_is_killed(cluster, tmp_path, local):
 def test_a_scheduler_that_is_killed_and_started_again_is_gone_on_with(tmp_path):
     said = []
     with RealCluster(tmp_path) as cluster:
-        cluster.add_node()
+        cluster.add_node("--no-nanny")
         where = at(cluster, patience=60.0)
         with DaskCluster(where, squares_in, NOTHING, tell=said.append) as executor:
             coming = executor.run(range(60))
             found = [next(coming) for _ in range(5)]
             cluster.kill_scheduler()
             cluster.start_scheduler()
-            cluster.add_node()
+            cluster.add_node("--no-nanny")
             found += coming
             assert sorted(answer.number for answer in found) == list(range(60))
             assert all(answer.value[0] == answer.number**2 for answer in found)
@@ -198,6 +254,23 @@ def somebody_else():
     """A server that takes calls and says nothing."""
     with socket.create_server(("127.0.0.1", 0)) as server:
         yield server.getsockname()[1]
+
+
+def test_who_does_not_answer_leaves_no_socket_open(monkeypatch):
+    """On a busy machine the time is over in the very moment in which a connection comes about."""
+    create, streams = TCPClient._create_stream, []
+
+    def busy(*given, **options):
+        made = create(*given, **options)
+        streams.append(made[0])
+        time.sleep(0.05)
+        return made
+
+    monkeypatch.setattr(TCPClient, "_create_stream", busy)
+    with somebody_else() as port, pytest.raises(TimeoutError):
+        connection._ask(f"tcp://127.0.0.1:{port}", None, 0.02)
+    assert streams
+    assert all(stream.closed() for stream in streams)
 
 
 @pytest.mark.parametrize("silent", [False, True], ids=["nobody", "somebody else"])
@@ -224,7 +297,7 @@ def test_a_worker_with_other_versions_is_refused_whenever_it_comes(tmp_path):
     said = r"worker tcp://127.0.0.1.* has other versions: numpy 0\.1 \(here"
     with RealCluster(tmp_path / "workers") as cluster:
         with DaskCluster(at(cluster), squares_in, NOTHING) as executor:  # nobody is there yet
-            cluster.add_node(path=str(tmp_path / "path"))
+            cluster.add_node("--no-nanny", path=str(tmp_path / "path"))
             with pytest.raises(InputError, match=said):
                 list(executor.run(range(3)))
         with pytest.raises(InputError, match=said):

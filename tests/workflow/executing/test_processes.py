@@ -129,6 +129,25 @@ def test_processes_that_cannot_begin_are_not_started_for_ever(set_up, error):
         list(processes.run([1]))
 
 
+def test_processes_that_are_killed_before_they_begin_are_started_again():
+    """As by who frees memory: three in a row are no reason to give up."""
+    killed = []
+
+    def killer(processes):
+        while len(killed) < 4:
+            for pid in set(processes.processes) - set(killed):
+                os.kill(pid, 9)
+                killed.append(pid)
+            time.sleep(0.01)
+
+    with LocalProcesses(1, squares) as processes:
+        thread = threading.Thread(target=killer, args=(processes,))
+        thread.start()
+        (answer,) = processes.run([3])
+        thread.join()
+    assert answer.value[0] == 9
+
+
 def test_answers_that_nobody_waits_for_are_not_those_of_later_tasks(tmp_path):
     with LocalProcesses(2, squares) as processes:
         first = processes.run(range(50))

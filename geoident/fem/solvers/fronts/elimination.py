@@ -14,12 +14,15 @@ from geoident.fem.solvers.direct import NotPositiveDefinite
 from geoident.fem.solvers.fronts.blas import Dense, Kernels
 from geoident.fem.solvers.fronts.layout import EliminationPlan, FrontLayout, Runs
 from geoident.fem.solvers.fronts.memory import Memory
-from geoident.fem.solvers.fronts.tasks import Work, run_tasks
+from geoident.fem.solvers.fronts.tasks import Run, Work, run_alone, run_tasks
 from geoident.fem.solvers.threads import one_thread
 from geoident.model.arrays import Floats, Ints
 
 BLOCK = 1024
 """Rows of what one thread does at once, about."""
+
+ZEROS = 1 << 21
+"""Numbers that one thread sets to zero at once."""
 
 Strips = list[Dense]
 """Strips of a matrix, each with its columns and all rows from the first of them down."""
@@ -52,36 +55,78 @@ class Eliminated:
                 at += w
         return found
 
-    def forward(self, x: Dense) -> None:
+    def forward(self, x: Dense, run: Run = run_alone) -> None:
         """X <- L^-1 X for rows (n, k) in the layout's order, in C order.
 
         Rows that are not eliminated get what they are changed by.
-        """
-        kernels = self.kernels
-        for front, strips in zip(self.layout.fronts, self.panels, strict=True):
-            for strip, a in zip(strips, front.starts, strict=False):
-                w, at, inside = strip.shape[1], front.first + a, front.width - a
-                mine = x[at : at + w]
-                kernels.forward(strip[:w], mine)
-                if len(strip) > w:
-                    below = kernels.product(strip[w:], mine)
-                    x[at + w : at + inside] -= below[: inside - w]
-                    x[front.rows] -= below[inside - w :]
 
-    def backward(self, x: Dense) -> None:
-        """X <- L^-T X; rows that are not eliminated are given."""
-        kernels = self.kernels
-        for front, strips in zip(reversed(self.layout.fronts), reversed(self.panels), strict=True):
-            rows = x[front.rows]
-            starts = front.starts[: len(strips)]
-            for strip, a in zip(reversed(strips), reversed(starts), strict=True):
-                w, at = strip.shape[1], front.first + a
-                mine = x[at : at + w]
-                if len(strip) > w:
-                    inside = x[at + w : front.first + front.width]
-                    below = np.concatenate([inside, rows]) if len(inside) else rows
-                    kernels.subtract_transposed(mine, strip[w:], below)
-                kernels.backward(strip[:w], mine)
+        Args:
+            x: (n, k), changed in place.
+            run: does the tasks.
+        """
+        plan = self.layout
+        found: list[Dense] = [x[:0]] * len(plan.branches)
+        run([partial(self._forward_branch, b, x, found) for b in range(len(plan.branches))])
+        for branch, changed in zip(plan.of_branches, found, strict=True):
+            x[branch.outside] += changed
+        for k in plan.rest.tolist():
+            self._forward(k, x, plan.fronts[k].first, plan.fronts[k].rows)
+
+    def _forward_branch(self, number: int, x: Dense, found: list[Dense]) -> None:
+        branch = self.layout.of_branches[number]
+        first, w = branch.first, branch.width
+        z = np.zeros((w + len(branch.outside), x.shape[1]), dtype=x.dtype)
+        z[:w] = x[first : first + w]
+        for k, rows in zip(self.layout.branches[number], branch.rows, strict=True):
+            self._forward(k, z, self.layout.fronts[k].first - first, rows)
+        x[first : first + w] = z[:w]
+        found[number] = z[w:]
+
+    def _forward(self, number: int, x: Dense, first: int, rows: Ints) -> None:
+        """One front, whose pivots begin at a row of x."""
+        kernels, front = self.kernels, self.layout.fronts[number]
+        for strip, a in zip(self.panels[number], front.starts, strict=False):
+            w, at, inside = strip.shape[1], first + a, front.width - a
+            mine = x[at : at + w]
+            kernels.forward(strip[:w], mine)
+            if len(strip) > w:
+                below = kernels.product(strip[w:], mine)
+                x[at + w : at + inside] -= below[: inside - w]
+                x[rows] -= below[inside - w :]
+
+    def backward(self, x: Dense, run: Run = run_alone) -> None:
+        """X <- L^-T X; rows that are not eliminated are given.
+
+        Args:
+            x: (n, k), changed in place.
+            run: does the tasks.
+        """
+        plan = self.layout
+        for k in plan.rest[::-1].tolist():
+            self._backward(k, x, plan.fronts[k].first, plan.fronts[k].rows)
+        run([partial(self._backward_branch, b, x) for b in range(len(plan.branches))])
+
+    def _backward_branch(self, number: int, x: Dense) -> None:
+        branch = self.layout.of_branches[number]
+        first, w = branch.first, branch.width
+        z = np.concatenate([x[first : first + w], x[branch.outside]])
+        fronts = zip(reversed(self.layout.branches[number]), reversed(branch.rows), strict=True)
+        for k, rows in fronts:
+            self._backward(k, z, self.layout.fronts[k].first - first, rows)
+        x[first : first + w] = z[:w]
+
+    def _backward(self, number: int, x: Dense, first: int, rows: Ints) -> None:
+        kernels, front, strips = self.kernels, self.layout.fronts[number], self.panels[number]
+        below = x[rows]
+        starts = front.starts[: len(strips)]
+        for strip, a in zip(reversed(strips), reversed(starts), strict=True):
+            w, at = strip.shape[1], first + a
+            mine = x[at : at + w]
+            if len(strip) > w:
+                inside = x[at + w : first + front.width]
+                given = np.concatenate([inside, below]) if len(inside) else below
+                kernels.subtract_transposed(mine, strip[w:], given)
+            kernels.backward(strip[:w], mine)
 
 
 def eliminate(
@@ -104,79 +149,107 @@ def eliminate(
         NotPositiveDefinite: with the unknown whose pivot is not positive.
     """
     store = memory.take(plan.panel_size, kernels.dtype)
-    stacks = [memory.take(size, kernels.dtype) for size in plan.stacks]
-    places = _Places(kernels, store, stacks)
-    panels: list[Strips] = []
-    updates: dict[int, Strips] = {}
+    stacked = memory.take(sum(plan.stacks), kernels.dtype)
+    stacks = np.split(stacked[: sum(plan.stacks)], np.cumsum(plan.stacks)[:-1])
+    work = _Elimination(plan, kernels, values, outside, _Places(plan, kernels, store, stacks))
     try:
-        _eliminate_all(plan, kernels, values, outside, places, panels, updates)
+        work.run()
     except NotPositiveDefinite:
-        memory.give(store, *stacks)
+        memory.give(store, stacked)
         raise
-    memory.give(*stacks)
-    found = Eliminated(plan, kernels, tuple(panels), updates)
+    memory.give(stacked)
+    found = Eliminated(plan, kernels, tuple(work.panels), work.updates)
     weakref.finalize(found, memory.give, store).atexit = False
     return found
 
 
-def _eliminate_all(
-    plan: EliminationPlan,
-    kernels: Kernels,
-    values: Dense,
-    outside: Sequence[Strips],
-    places: _Places,
-    panels: list[Strips],
-    updates: dict[int, Strips],
-) -> None:
-    """Eliminate front by front; fills in the panels, and what the roots pass on."""
-    with one_thread():
-        for number, front in enumerate(plan.fronts):
-            strips = places.strips(front)
+class _Elimination:
+    """The elimination of a matrix, front by front: first all branches, then the rest.
+
+    Args:
+        plan: where everything goes.
+        kernels: of the precision.
+        values: (nnz,) of the matrix.
+        outside: update matrices that are added.
+        places: of the fronts.
+
+    Attributes:
+        panels: strips of the pivots of every front.
+        updates: what is passed on, by front, until it is.
+    """
+
+    def __init__(
+        self, plan: EliminationPlan, kernels: Kernels, values: Dense, outside: Sequence[Strips],
+        places: _Places,
+    ) -> None:  # fmt: skip
+        self._plan, self._kernels, self._values = plan, kernels, values
+        self._outside, self._places = outside, places
+        self.panels: list[Strips] = [[]] * len(plan.fronts)
+        self.updates: dict[int, Strips] = {}
+
+    def run(self) -> None:
+        """Eliminate all.
+
+        Raises:
+            NotPositiveDefinite: with the unknown.
+        """
+        plan = self._plan
+        with one_thread():
+            run_tasks([partial(self._some, branch, run_alone) for branch in plan.branches])
+            self._some(plan.rest.tolist(), run_tasks)
+
+    def _some(self, fronts: Sequence[int], run: Run) -> None:
+        plan, kernels, values = self._plan, self._kernels, self._values
+        for number in fronts:
+            front = plan.fronts[number]
+            strips = self._places.strips(number, run)
             for strip, (target, source) in zip(strips, front.entries, strict=False):
                 strip.reshape(-1, order="F")[target] = values[source]
             for child, runs in front.children:
-                pass_on(updates.pop(child), runs, strips, front)
+                pass_on(self.updates.pop(child), runs, strips, front)
             for clique, runs in front.cliques:
-                pass_on(outside[clique], runs, strips, front)
-            failed = _eliminate(kernels, strips, front)
+                pass_on(self._outside[clique], runs, strips, front)
+            failed = _eliminate(kernels, strips, front, run)
             if failed is not None:
                 raise NotPositiveDefinite(int(plan.order[front.first + failed]))
-            panels.append(strips[: front.n_panels])
+            self.panels[number] = strips[: front.n_panels]
             if len(front.rows):
-                updates[number] = strips[front.n_panels :]
+                self.updates[number] = strips[front.n_panels :]
 
 
 class _Places:
-    """Where fronts lie: the pivots one after another, update matrices on two stacks."""
+    """Where fronts lie: the pivots one after another, update matrices on stacks."""
 
-    def __init__(self, kernels: Kernels, store: Dense, stacks: Sequence[Dense]) -> None:
-        self._dtype, self._store, self._stacks = kernels.dtype, store, stacks
-        self._at = 0
+    def __init__(
+        self, plan: EliminationPlan, kernels: Kernels, store: Dense, stacks: Sequence[Dense]
+    ) -> None:
+        self._plan, self._dtype, self._store, self._stacks = plan, kernels.dtype, store, stacks
 
-    def strips(self, front: FrontLayout) -> Strips:
+    def strips(self, number: int, run: Run) -> Strips:
         """The strips of a front, zero."""
+        front = self._plan.fronts[number]
         shapes = front.shapes()
         n = front.n_panels
-        made = self._part(self._store, self._at, shapes[:n])
-        self._at += sum(rows * columns for rows, columns in shapes[:n])
+        made = self._part(self._store, self._plan.panel_offsets[number], shapes[:n], run)
         if front.stack >= 0:
-            return made + self._part(self._stacks[front.stack], front.offset, shapes[n:])
+            return made + self._part(self._stacks[front.stack], front.offset, shapes[n:], run)
         return made + [np.zeros(shape, dtype=self._dtype, order="F") for shape in shapes[n:]]
 
-    def _part(self, memory: Dense, at: int, shapes: Sequence[tuple[int, int]]) -> Strips:
-        found = []
+    @staticmethod
+    def _part(memory: Dense, at: int, shapes: Sequence[tuple[int, int]], run: Run) -> Strips:
+        found, end = [], at + sum(rows * columns for rows, columns in shapes)
+        run([partial(memory[a : min(a + ZEROS, end)].fill, 0.0) for a in range(at, end, ZEROS)])
         for rows, columns in shapes:
             flat = memory[at : at + rows * columns]
-            flat.fill(0.0)
             found.append(flat.reshape((rows, columns), order="F"))
             at += rows * columns
         return found
 
 
-def _eliminate(kernels: Kernels, strips: Strips, front: FrontLayout) -> int | None:
+def _eliminate(kernels: Kernels, strips: Strips, front: FrontLayout, run: Run) -> int | None:
     """Eliminate the pivots of a front; the place of one that is not positive, or None.
 
-    What is large is divided into blocks of rows, always the same, each of which one thread does.
+    What is large is divided into blocks of rows, always the same, each of which is a task.
     """
     for j in range(front.n_panels):
         panel, a = strips[j], front.starts[j]
@@ -184,7 +257,7 @@ def _eliminate(kernels: Kernels, strips: Strips, front: FrontLayout) -> int | No
         good = kernels.factorize(panel[:w])
         if good < w:
             return a + good
-        run_tasks(
+        run(
             [partial(kernels.divide, panel[w + c : w + d], panel[:w]) for c, d in _blocks(panel, w)]
         )
         tasks: list[Work] = []
@@ -196,7 +269,7 @@ def _eliminate(kernels: Kernels, strips: Strips, front: FrontLayout) -> int | No
                 partial(kernels.subtract_product, lower[c:d], below[c:d], across)
                 for c, d in _blocks(strip, v)
             ]
-        run_tasks(tasks)
+        run(tasks)
     return None
 
 

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -21,6 +22,17 @@ import numpy as np
 from geoident.fem.solvers.fronts.graph import NodeGraph, node_graph
 from geoident.fem.solvers.fronts.tree import Front, assembly_tree
 from geoident.model.arrays import Ints
+
+BRANCHED = 2.0e9
+"""Operations from which on parts of the tree are worked on side by side."""
+
+MOST_BRANCHES = 8
+
+HEAVY = 0.15
+"""Part of all operations from which on a branch is divided further."""
+
+LIGHT = 0.02
+"""Part of all operations below which a branch is left to whoever does the rest."""
 
 STRIP = 512
 """Columns of a strip at most, about."""
@@ -56,7 +68,7 @@ class FrontLayout:
         cliques: matrices from outside by number, likewise.
         entries: per strip of pivots places in it (columns one after another), and places in the
             values of the matrix.
-        stack: on which of the two stacks the update matrix lies, or -1 if it is kept.
+        stack: on which stack the update matrix lies, or -1 if it is kept.
         offset: where on the stack it begins.
     """
 
@@ -90,22 +102,107 @@ class EliminationPlan:
         fronts: children before their parents.
         order: (n,) unknowns of the matrix in the new numbers, those that stay at the end.
         n_eliminated: number of unknowns that are eliminated.
-        stacks: numbers that each stack takes.
+        stacks: numbers that each stack takes, two for every branch and two for the rest.
         panel_size: numbers in the strips of all pivots.
         flops: multiplications and additions of the elimination.
+        branches: subtrees of fronts that have nothing to do with each other; the other fronts come
+            after all of them.
     """
 
     fronts: tuple[FrontLayout, ...]
     order: Ints
     n_eliminated: int
-    stacks: tuple[int, int]
+    stacks: tuple[int, ...]
     panel_size: int
     flops: float
+    branches: tuple[range, ...] = ()
 
     @property
     def roots(self) -> list[int]:
         """Fronts whose update matrix is kept, by number."""
         return [k for k, front in enumerate(self.fronts) if front.stack < 0 and len(front.rows)]
+
+    @cached_property
+    def rest(self) -> Ints:
+        """Fronts that stand in no branch, by number."""
+        return _rest(self.branches, len(self.fronts))
+
+    @cached_property
+    def panel_offsets(self) -> list[int]:
+        """Where the pivots of each front begin."""
+        sizes = [sum(r * c for r, c in f.shapes()[: f.n_panels]) for f in self.fronts]
+        return [0, *np.cumsum(sizes).tolist()]
+
+    @cached_property
+    def of_branches(self) -> tuple[BranchRows, ...]:
+        """The rows of each branch."""
+        return tuple(_branch_rows(self.fronts, branch) for branch in self.branches)
+
+
+@dataclass(frozen=True)
+class BranchRows:
+    """The rows that a branch has to do with, and its own numbers for them: first its pivots.
+
+    Args:
+        first: its first pivot.
+        width: number of its pivots.
+        outside: (h,) rows that are no pivots of it, ascending.
+        rows: of every front of it, (h_k,) the rows below its pivots in these numbers.
+    """
+
+    first: int
+    width: int
+    outside: Ints
+    rows: tuple[Ints, ...]
+
+
+def _branch_rows(fronts: Sequence[FrontLayout], branch: range) -> BranchRows:
+    first, top = fronts[branch[0]].first, fronts[branch[-1]]
+    width, outside = top.first + top.width - first, top.rows
+    rows = []
+    for k in branch:
+        mine = fronts[k].rows
+        place = width + np.searchsorted(outside, mine)
+        rows.append(np.where(mine < first + width, mine - first, place))
+    return BranchRows(first, width, outside, tuple(rows))
+
+
+def _rest(branches: Sequence[range], n: int) -> Ints:
+    inside = np.zeros(n, dtype=bool)
+    for branch in branches:
+        inside[branch.start : branch.stop] = True
+    return np.flatnonzero(~inside)
+
+
+def _branches(parent: Sequence[int], flops: Sequence[float]) -> tuple[range, ...]:
+    """Subtrees of about equal work, whatever the number of cores; none where all work is little.
+
+    Args:
+        parent: of every front, -1 for none; children come before, those of a subtree together.
+        flops: of every front.
+    """
+    n = len(flops)
+    work, size = list(flops), [1] * n
+    children: list[list[int]] = [[] for _ in range(n)]
+    chosen = []
+    for k, up in enumerate(parent):
+        if up < 0:
+            chosen.append(k)
+        else:
+            work[up] += work[k]
+            size[up] += size[k]
+            children[up].append(k)
+    total = sum(flops)
+    if total < BRANCHED:
+        return ()
+    while chosen and len(chosen) < MOST_BRANCHES:
+        largest = max(chosen, key=work.__getitem__)
+        if work[largest] < HEAVY * total or not children[largest]:
+            break
+        chosen.remove(largest)
+        chosen += [k for k in children[largest] if work[k] >= LIGHT * total]
+    chosen = sorted(k for k in chosen if work[k] >= LIGHT * total)
+    return tuple(range(k - size[k] + 1, k + 1) for k in chosen)
 
 
 def layout(
@@ -115,6 +212,7 @@ def layout(
     cliques: Sequence[Ints] = (),
     *,
     keep_order: bool = False,
+    known: tuple[NodeGraph, list[Front]] | None = None,
 ) -> EliminationPlan:
     """Plan the elimination of the first unknowns of a matrix.
 
@@ -125,9 +223,10 @@ def layout(
         n_eliminated: number of unknowns to be eliminated.
         cliques: (h,) each, unknowns of matrices that are added from outside, each ascending.
         keep_order: leave pivots of a front in their order, which matrices from outside have.
+        known: graph and fronts of the matrix; None to find them.
     """
-    graph = node_graph(indptr, indices, n_eliminated, cliques)
-    fronts = assembly_tree(graph)
+    graph = known[0] if known else node_graph(indptr, indices, n_eliminated, cliques)
+    fronts = known[1] if known else assembly_tree(graph)
     parent = _parents(fronts)
     if keep_order:
         for front in fronts:
@@ -223,7 +322,8 @@ class _Planner:
                     (k, _runs(rows[k], firsts[up], widths[up], rows[up], own, starts[up][0]))
                 )
         entries = self._entries(indptr, indices, firsts, widths, rows, starts)
-        stacks, places = self._stack(starts, widths)
+        branches = _branches(self._parent, [front.flops for front in self._fronts])
+        stacks, places = self._stacks(starts, widths, branches)
         made = []
         for k, front in enumerate(self._fronts):
             outside = []
@@ -241,7 +341,9 @@ class _Planner:
             )  # fmt: skip
         size = sum(r * c for f in made for r, c in f.shapes()[: f.n_panels])
         flops = sum(front.flops for front in self._fronts)
-        return EliminationPlan(tuple(made), self._order, n_eliminated, stacks, size, flops)
+        return EliminationPlan(
+            tuple(made), self._order, n_eliminated, stacks, size, flops, branches
+        )
 
     def _rows(self, front: Front) -> Ints:
         """(h,) rows of a front in new numbers, ascending."""
@@ -275,10 +377,28 @@ class _Planner:
             found.append(tuple(strips))
         return found
 
+    def _stacks(
+        self, starts: list[tuple[list[int], int]], widths: list[int], branches: Sequence[range]
+    ) -> tuple[tuple[int, ...], list[tuple[int, int]]]:
+        """Size of all stacks, and for each front its stack and its place there."""
+        n = len(self._fronts)
+        sizes: list[int] = []
+        places = [(-1, 0)] * n
+        for group in (*branches, _rest(branches, n).tolist()):
+            for k, (stack, offset) in zip(group, self._stack(starts, group, sizes), strict=True):
+                places[k] = stack, offset
+        return tuple(sizes), places
+
     def _stack(
-        self, starts: list[tuple[list[int], int]], widths: list[int]
-    ) -> tuple[tuple[int, int], list[tuple[int, int]]]:
-        """Size of both stacks, and for each front its stack and its place there."""
+        self, starts: list[tuple[list[int], int]], group: Sequence[int], sizes: list[int]
+    ) -> list[tuple[int, int]]:
+        """For each front of a group its stack and its place there.
+
+        Args:
+            starts: of all fronts, first columns of the strips, and number of strips of pivots.
+            group: fronts, children first.
+            sizes: of the stacks before; those of two more are added.
+        """
         n = len(self._fronts)
         depth = [0] * n
         for k in range(n - 1, -1, -1):
@@ -287,11 +407,12 @@ class _Planner:
         top, most = [0, 0], [0, 0]
         places = []
         size = [0] * n
+        inside = set(group)
         children: list[list[int]] = [[] for _ in range(n)]
-        for k, up in enumerate(self._parent):
-            if up >= 0:
-                children[up].append(k)
-        for k in range(n):
+        for k in group:
+            if self._parent[k] in inside:
+                children[self._parent[k]].append(k)
+        for k in group:
             border, n_panels = starts[k]
             m = border[-1]
             size[k] = sum(
@@ -302,11 +423,12 @@ class _Planner:
             if self._parent[k] < 0:
                 places.append((-1, 0))
             else:
-                places.append((mine, top[mine]))
+                places.append((len(sizes) + mine, top[mine]))
                 top[mine] += size[k]
                 most[mine] = max(most[mine], top[mine])
             top[1 - mine] -= sum(size[child] for child in children[k])
-        return (most[0], most[1]), places
+        sizes += most
+        return places
 
 
 def _short(places: Ints) -> Ints:

@@ -8,7 +8,7 @@ import numpy.typing as npt
 from geoident.fem.solvers.fronts.blas import Dense
 
 SPARE = 3
-"""Blocks that are kept: those of a factor and of two stacks."""
+"""Blocks that are kept: those of two factors and of stacks."""
 
 
 class Memory:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 from functools import lru_cache
 
 from geoident.fem.solvers.threads import granted_threads
@@ -12,19 +12,33 @@ from geoident.fem.solvers.threads import granted_threads
 Work = Callable[[], None]
 
 
+Run = Callable[[Sequence[Work]], None]
+"""Does all tasks."""
+
+
 def run_tasks(tasks: Sequence[Work]) -> None:
-    """Do all tasks, of which none needs what another makes; together where there are cores."""
+    """Do all tasks, of which none needs what another makes; together where there are cores.
+
+    Not from within a task: it would wait for the thread that it has itself.
+
+    Raises:
+        Exception: what the first of them that failed has raised; none runs any more then.
+    """
     threads = granted_threads("OPENBLAS_NUM_THREADS")
     if threads == 1 or len(tasks) < 2:
-        for task in tasks:
-            task()
+        run_alone(tasks)
         return
-    for _ in _pool(threads, os.getpid()).map(_do, tasks):
-        pass
+    pool = _pool(threads, os.getpid())
+    futures = [pool.submit(task) for task in tasks]
+    wait(futures)
+    for future in futures:
+        future.result()
 
 
-def _do(task: Work) -> None:
-    task()
+def run_alone(tasks: Sequence[Work]) -> None:
+    """Do all tasks one after the other, as within a task."""
+    for task in tasks:
+        task()
 
 
 @lru_cache(maxsize=2)

@@ -121,16 +121,17 @@ TextLine = Annotated[
     Discriminator(_line_shape),
 ]
 
-WAYS = ("column", "pointer", "dataset", "line", "find", "function")
+WAYS = ("column", "pointer", "dataset", "line", "find", "instructions", "function")
 _WITH = {"row": "column", "index": "dataset", "after": "line", "word": "line", "columns": "line",
-         "occurrence": "find"}  # fmt: skip
+         "occurrence": "find", "observation": "instructions"}  # fmt: skip
 
 
 class OutputSection(Section):
     """How readings are found in what a run of the program leaves.
 
-    In `file`, `column`, `row`, `pointer`, `dataset`, `line` and `find`, `{gauge}`, `{stage}` and
-    `{number}` (of the stage, from 1) stand for those of the reading that is looked for.
+    In `file`, `column`, `row`, `pointer`, `dataset`, `line`, `find` and `observation`, `{gauge}`,
+    `{stage}` and `{number}` (of the stage, from 1) stand for those of the reading that is looked
+    for.
     """
 
     gauges: list[Name] | None = Field(
@@ -183,6 +184,16 @@ class OutputSection(Section):
     )
     occurrence: CountedPlace | None = Field(
         None, description="Text: which match of `find`, from 1; -1 for the last. Default 1."
+    )
+    instructions: Text | None = Field(
+        None,
+        description="Text: an instruction file of PEST (`pif ~`) beside the case.",
+        examples=["opening.ins"],
+    )
+    observation: Text | None = Field(
+        None,
+        description="Name of the observation in `instructions`. Default `{gauge}`.",
+        examples=["{gauge}_{number}"],
     )
     function: Called | None = Field(
         None,
@@ -292,6 +303,12 @@ class PythonModelSection(Section):
         None,
         description="A function of the same file that gives the derivatives, an array (gauges, "
         "stages, parameters); without it differences are taken.",
+    )
+    files: list[Text] = Field(
+        [],
+        description="Files beside the case that the function reads. With what it imports from "
+        "beside it they are part of the model: runs of another state of them do not count.",
+        examples=[["profile.csv"]],
     )
     time_limit: Time | None = Field(None, description=_TIME_LIMIT, examples=["10 min"])
     at_once: Annotated[int, Count()] | None = Field(None, description=_AT_ONCE)

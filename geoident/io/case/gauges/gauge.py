@@ -19,6 +19,7 @@ from pydantic import (
     model_validator,
 )
 
+from geoident.io.case.face import ZeroValue
 from geoident.io.case.gauges.accuracy import (
     ESTIMATE,
     LengthAccuracy,
@@ -60,10 +61,11 @@ class GaugeBase(Section):
         description="Survey to which the gauge belongs, if several are read with one set-up: they "
         "share its error, `epoch`.",
     )
-    zero: Name = Field(
+    zero: ZeroValue = Field(
         VIRGIN,
-        description=f"Stage at whose end the gauge reads zero, or '{VIRGIN}'. In ground that is "
-        "placed at the very next stage readings count from its placing on.",
+        description=f"Stage at whose end the gauge reads zero, or '{VIRGIN}'; or the `distance` to "
+        "the face that a stage has: `{distance: 2.5 m}`. In ground that is placed at the very next "
+        "stage readings count from its placing on.",
     )
     offset: Offset | None = Field(
         None,
@@ -98,6 +100,11 @@ class GaugeBase(Section):
         if "zero" not in self.model_fields_set:
             found.pop("zero", None)
         return found
+
+    @property
+    def zero_stage(self) -> str:
+        """Name of the stage at whose end the gauge reads zero."""
+        return self.zero if isinstance(self.zero, str) else VIRGIN
 
     @property
     def kind_name(self) -> str:
@@ -161,7 +168,7 @@ class GaugeBase(Section):
             second=second,
             direction=direction,
             accuracy=self._accuracy(parts),
-            zero=self.zero,
+            zero=self.zero_stage,
             key=key,
             offset=scalar_of(self.offset),
             drift=scalar_of(self.drift),

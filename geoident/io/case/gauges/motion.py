@@ -258,7 +258,7 @@ class LevellingSection(GaugeBase):
             motion = (self.kind, points[a], points[b], down)
             channel = section.reads(f"{name}.{a}-{b}", name, motion, place.path, terms)
             own_zero = "zero" in section.model_fields_set
-            zero = channel.zero if own_zero else self.zero
+            zero = channel.zero if own_zero else self.zero_stage
             found.append(replace(channel, zero=zero, probe="distortions"))
         return found
 

@@ -41,7 +41,7 @@ class Calendar:
     @cached_property
     def zeros(self) -> dict[str, str]:
         """Channel to the stage at whose end it reads zero."""
-        return {name: gauge.zero for name, gauge in self.channels.items()}
+        return {name: gauge.zero_stage for name, gauge in self.channels.items()}
 
     @cached_property
     def zeroed(self) -> dict[str, str]:

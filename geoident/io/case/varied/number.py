@@ -17,6 +17,7 @@ from pydantic_core import CoreSchema, core_schema
 
 from geoident.io.case.varied.field import FieldBase, VariedAngleSection, VariedModulusSection
 from geoident.io.case.varied.growth import DepthGrowthSection, GrowthBase, StressGrowthSection
+from geoident.io.case.varied.rock_mass import KEY, DerivedModulus, RockMassModulusSection
 from geoident.io.schema.section import Context, Section
 from geoident.io.schema.values import (
     Angle,
@@ -75,6 +76,13 @@ class GrowthOf(_InPlaceOfNumber):
         return replace(section.base, field=section)
 
 
+class FormulaOf(_InPlaceOfNumber):
+    """It is written as what it follows from."""
+
+    def _given(self, section: RockMassModulusSection) -> Given:
+        return DerivedModulus.of(section)
+
+
 _BY_DEPTH, _BY_STRESS = DepthGrowthSection.model_fields, StressGrowthSection.model_fields
 
 
@@ -90,6 +98,13 @@ def _number_or_varied(value: object) -> str:
     return _number_or_field(value)
 
 
+def _number_varied_or_derived(value: object) -> str:
+    """The same of Young's modulus, which may follow from what is known of the rock mass."""
+    if isinstance(value, DerivedModulus) or (isinstance(value, dict) and KEY in value):
+        return "<rock mass>"
+    return _number_or_varied(value)
+
+
 def _number_or_field(value: object) -> str:
     varied = value.field is not None if isinstance(value, Given) else isinstance(value, dict)
     return "<field>" if varied else "<number>"
@@ -101,6 +116,14 @@ FieldModulus = Annotated[
     | Annotated[Given, GrowthOf(DepthGrowthSection), Tag("<depth>")]
     | Annotated[Given, GrowthOf(StressGrowthSection), Tag("<stress>")],
     Discriminator(_number_or_varied),
+]
+YoungModulus = Annotated[
+    Annotated[Modulus, Tag("<number>")]
+    | Annotated[Given, FieldOf(VariedModulusSection), Tag("<field>")]
+    | Annotated[Given, GrowthOf(DepthGrowthSection), Tag("<depth>")]
+    | Annotated[Given, GrowthOf(StressGrowthSection), Tag("<stress>")]
+    | Annotated[Given, FormulaOf(RockMassModulusSection), Tag("<rock mass>")],
+    Discriminator(_number_varied_or_derived),
 ]
 FieldStrength = Annotated[
     Annotated[Stress, Tag("<number>")]

@@ -9,7 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from geoident.forward.ground.elasticity import elasticity
-from geoident.forward.yielding.surfaces import is_smooth, yield_planes
+from geoident.forward.yielding.hoek_brown import hoek_brown, hoek_brown_share
+from geoident.forward.yielding.surfaces import curved_surface, is_smooth, yield_planes
 from geoident.model.arrays import Floats, Ints
 from geoident.model.case import Case, Material
 from geoident.model.dual import ParameterPoint
@@ -105,15 +106,13 @@ def utilisation(scene: Scene, state: int) -> Floats:
 def _share(material: Material, point: ParameterPoint, stress: Floats, solid: bool) -> Floats:
     """(k,) by which the deviators of stresses (k, 6) reach the surface, seen from their mean."""
     mean = stress[:, :3].mean(axis=1)
+    curved = curved_surface(material)
+    if curved is not None:
+        shown = _principal(stress)
+        return hoek_brown_share(hoek_brown(curved, point), mean, shown - mean[:, None])
     planes = yield_planes(material, point, 6 if solid else 4)
     normals, distances = planes.normals.value, planes.distances.value
-    if is_smooth(material):
-        xx, yy, zz, xy, yz, xz = stress.T
-        rows = [(xx, xy, xz), (xy, yy, yz), (xz, yz, zz)]
-        tensor = np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
-        shown = np.linalg.eigvalsh(tensor)[:, ::-1]
-    else:
-        shown = stress[:, : normals.shape[1]]
+    shown = _principal(stress) if is_smooth(material) else stress[:, : normals.shape[1]]
     isotropic = np.zeros(normals.shape[1])
     isotropic[:3] = 1.0
     deviator = shown - mean[:, None] * isotropic
@@ -121,6 +120,14 @@ def _share(material: Material, point: ParameterPoint, stress: Floats, solid: boo
     with np.errstate(divide="ignore", invalid="ignore"):
         share = np.where(room > 0, (deviator @ normals.T) / room, np.inf)
     return np.asarray(share.max(axis=1))
+
+
+def _principal(stress: Floats) -> Floats:
+    """(k, 3) principal values of stresses (k, 6), descending."""
+    xx, yy, zz, xy, yz, xz = stress.T
+    rows = [(xx, xy, xz), (xy, yy, yz), (xz, yz, zz)]
+    tensor = np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    return np.asarray(np.linalg.eigvalsh(tensor)[:, ::-1])
 
 
 def _materials_at(scene: Scene, case: Case, state: int) -> list[tuple[Material, Ints]]:

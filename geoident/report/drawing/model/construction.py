@@ -11,6 +11,7 @@ import numpy as np
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case, Material
 from geoident.model.cells import CELLS
+from geoident.model.empirical.rock_mass import RockMassModulus
 from geoident.model.mesh import Mesh, spans
 from geoident.model.parameter import Parameter, Scalar, Values
 from geoident.model.results.result import ParameterTable
@@ -147,13 +148,24 @@ def material_label(
             continue
         if scalar.parameter is not None and scalar.parameter in units:
             said.append(f"{name} = {_identified(scalar, found, *units[scalar.parameter])}")
+        elif isinstance(scalar, RockMassModulus):
+            said.append(f"{name} = {stress_text(scalar.value(_values(parameters, found)))}")
         elif name.startswith("E") and scalar.parameter is None:
             said.append(f"{name} = {stress_text(scalar.value({}))}")
     said += [f"{name} grows" for name in sorted(grown)]
     varies = [field.constant for field in material.fields]
     said += [f"{name} varies" for name in varies if not any(s.startswith(f"{name} ") for s in said)]
+    said = list(dict.fromkeys(said))  # GSI may be that of strength and stiffness
     shown = ", ".join(said[:4]) + (", ..." if len(said) > 4 else "")
     return f"{material.name}: {shown}" if shown else material.name
+
+
+def _values(parameters: tuple[Parameter, ...], found: ParameterTable | None) -> Values:
+    """The parameters as they were found, SI, or at their starts."""
+    values = {parameter.name: parameter.start for parameter in parameters}
+    if found is not None:
+        values |= dict(zip(found.names, map(float, found.values), strict=True))
+    return values
 
 
 def constants(record: Any) -> Iterator[tuple[str, Scalar]]:
@@ -162,6 +174,7 @@ def constants(record: Any) -> Iterator[tuple[str, Scalar]]:
         value = getattr(record, entry.name)
         if isinstance(value, Scalar):
             yield entry.name, value
+            yield from value.parts.items() if isinstance(value, RockMassModulus) else ()
         elif is_dataclass(value) and not isinstance(value, type):
             yield from constants(value)
         elif isinstance(value, tuple) and entry.name == "yields":

@@ -6,7 +6,12 @@ import math
 from collections import Counter
 from collections.abc import Sequence
 
-from geoident.model.results.campaign import CampaignTable, RunParameter, RunRecord
+from geoident.model.results.campaign import (
+    SAME_MISFIT,
+    CampaignTable,
+    RunParameter,
+    RunRecord,
+)
 from geoident.report.text.layout import TextTable, number, section, sections, sentence
 from geoident.report.text.layout import with_interval as interval_texts
 from geoident.units import in_unit, shown_unit
@@ -43,9 +48,10 @@ def outcome_sentences(table: CampaignTable) -> list[str]:
         named = ", ".join(run.name for run in table.failed[:5])
         more = f" and {len(table.failed) - 5} more" if len(table.failed) > 5 else ""
         said.append(f"Failed: {named}{more}.")
-    best = best_run(table)
-    if best is not None:
-        said.append(f"The least misfit, {number(best.objective)}, has the run {best.name}.")
+    if best := best_runs(table):
+        named = listed_names([run.name for run in best])
+        have = "has the run" if len(best) == 1 else "have the runs"
+        said.append(f"The least misfit, {number(best[0].objective)}, {have} {named}.")
     took = [run for run in table.runs if math.isfinite(run.seconds)]
     if took:
         slow = sorted(took, key=lambda run: -run.seconds)[:_SLOWEST]
@@ -78,10 +84,25 @@ def seconds_text(seconds: float) -> str:
     return f"{seconds:.0f} s" if seconds < 600.0 else f"{seconds / 60:.0f} min"
 
 
-def best_run(table: CampaignTable) -> RunRecord | None:
-    """The run with the least misfit; None where none has one."""
+_NAMED = 5
+
+
+def listed_names(names: Sequence[str]) -> str:
+    """The first of some names, and how many more there are.
+
+    >>> listed_names(["a", "b"]), listed_names(list("abcdefg"))
+    ('a and b', 'a, b, c, d, e and 2 more')
+    """
+    if len(names) > _NAMED:
+        return f"{', '.join(names[:_NAMED])} and {len(names) - _NAMED} more"
+    return " and ".join([*([", ".join(names[:-1])] if names[1:] else []), *names[-1:]])
+
+
+def best_runs(table: CampaignTable) -> tuple[RunRecord, ...]:
+    """The runs with the least misfit: several where they have it to six digits."""
     known = [run for run in table.runs if run.finished and math.isfinite(run.objective)]
-    return min(known, key=lambda run: run.objective, default=None)
+    least = min((run.objective for run in known), default=0.0)
+    return tuple(run for run in known if run.objective <= least + SAME_MISFIT * abs(least))
 
 
 def runs_table(table: CampaignTable) -> TextTable:

@@ -21,6 +21,7 @@ def construction_table(case: CaseTexts, numbers: SaidNumbers) -> TextTable:
         "excavated": lambda s: ranged(listed(s.get("excavate"))),
         "placed": lambda s: _by_material(entries(s, "install")),
         "changed": lambda s: _by_material(entries(s, "change"), "to"),
+        "face ahead by": lambda s: numbers.text(s["distance"]) if s.get("distance") else "",
         "released so far": lambda s: _shares(s, numbers),
         "built": lambda s: ranged(listed(s.get("build"))),
         "removed": lambda s: ", ".join([*listed(s.get("dismantle")), *listed(s.get("remove"))]),

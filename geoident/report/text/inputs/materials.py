@@ -13,6 +13,7 @@ _YIELD_NAMES = {
     "mohr-coulomb": "Mohr-Coulomb",
     "drucker-prager": "Drucker-Prager",
     "weak-plane": "weak plane",
+    "hoek-brown": "Hoek-Brown",
 }
 
 

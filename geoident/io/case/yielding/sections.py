@@ -1,21 +1,18 @@
-"""Yield surfaces of a material: one section per kind, and what it is built into."""
+"""Yield surfaces by planes, cohesion and friction: one section per kind."""
 
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from math import hypot
 from typing import Annotated, Any, Literal
 
-from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic import Field, model_validator
 
 from geoident.io.case.frames import strata
-from geoident.io.case.parameters import ParameterSection, start_values
-from geoident.io.case.varied.number import FieldAngle, FieldStrength, fields_in
+from geoident.io.case.varied.number import FieldAngle, FieldStrength
 from geoident.io.schema.section import Context, Section, require_one_of
-from geoident.io.schema.values import Angle, Count, DirectionVector, Given, Name, Stress, scalar_of
-from geoident.model.ground import Elastic, Isotropic
-from geoident.model.ground import Field as RandomField
+from geoident.io.schema.values import Angle, Count, DirectionVector, Name, Stress, scalar_of
 from geoident.model.parameter import Scalar
 from geoident.model.yielding import (
     DruckerPrager,
@@ -36,14 +33,14 @@ _FIT = (
     "How the planes lie to the smooth surface: inside it, around it, or so that they are of the "
     "same size on average (`best`, if missing)."
 )
-_TENSION = (
+TENSION = (
     "Tensile strength: largest principal stress; if missing, the other strengths alone limit it."
 )
 _COHESION: Any = Field(description="Cohesion.", examples=["1.5 MPa", "$c"])
 _FRICTION: Any = Field(description="Friction angle, from 0 to below 90 deg.", examples=["35 deg"])
 
 
-class _SurfaceBase(Section):
+class SurfaceBase(Section):
     """A yield surface: what all kinds have in common."""
 
     @abstractmethod
@@ -100,7 +97,7 @@ class YieldPlaneSection(Section):
         return tuple(full)
 
 
-class PlanesSection(_SurfaceBase):
+class PlanesSection(SurfaceBase):
     """A yield surface given plane by plane; all of them hold, the flow is along their normals."""
 
     type: Literal["planes"] = Field(description="Kind of yield surface.")
@@ -125,8 +122,8 @@ class PlanesSection(_SurfaceBase):
         return GivenPlanes(tuple(planes), scalar_of(self.hardening) or Scalar(0.0))
 
 
-class _CoulombBase(_SurfaceBase):
-    tension: FieldStrength | None = Field(None, description=_TENSION)
+class _CoulombBase(SurfaceBase):
+    tension: FieldStrength | None = Field(None, description=TENSION)
     planes: Annotated[int, Count()] | None = Field(
         None,
         description="Planes in place of the smooth surface: in 2-D the sides of the polygon in "
@@ -203,7 +200,7 @@ class MohrCoulombSection(_CoulombBase):
         )
 
 
-class DruckerPragerSection(_SurfaceBase):
+class DruckerPragerSection(SurfaceBase):
     """Drucker-Prager's cone by planes, from the cohesion and friction of Mohr-Coulomb."""
 
     type: Literal["drucker-prager"] = Field(description="Kind of yield surface.")
@@ -214,7 +211,7 @@ class DruckerPragerSection(_SurfaceBase):
         description="Where the cone meets Mohr-Coulomb: in triaxial compression (its outer edges), "
         "in extension (inner edges), or so that both carry the same in plane strain.",
     )
-    tension: FieldStrength | None = Field(None, description=_TENSION)
+    tension: FieldStrength | None = Field(None, description=TENSION)
     planes: Annotated[int, Count()] = Field(
         24, description="Least number of planes: from 6 on in 2-D, from 10 on in a solid."
     )
@@ -228,7 +225,7 @@ class DruckerPragerSection(_SurfaceBase):
         return DruckerPrager(*strengths, self.match, tension, self.planes, fit)
 
 
-class WeakPlaneSection(_SurfaceBase):
+class WeakPlaneSection(SurfaceBase):
     """Coulomb's law on planes of one orientation, such as strata or joints.
 
     The planes lie by dip and dip_direction, or by their normal, as those of a
@@ -271,114 +268,6 @@ class WeakPlaneSection(_SurfaceBase):
         frame = strata(context, self.dip, self.dip_direction, self.normal)
         strengths = self.cohesion.scalar, self.friction.scalar, scalar_of(self.tension)
         return WeakPlane(frame, *strengths, self.planes)
-
-
-YieldSection = Annotated[
-    PlanesSection | TrescaSection | MohrCoulombSection | DruckerPragerSection | WeakPlaneSection,
-    Field(discriminator="type"),
-]
-
-
-def _shape(value: Any) -> str:
-    return "list" if isinstance(value, list | tuple) else "<mapping>"
-
-
-YieldSections = Annotated[
-    Annotated[YieldSection, Tag("<mapping>")]
-    | Annotated[list[YieldSection], Field(min_length=1), Tag("list")],
-    Discriminator(_shape),
-]
-
-
-def build_yields(
-    given: YieldSections | None,
-    elastic: Elastic,
-    parameters: Mapping[str, ParameterSection],
-    context: Context,
-) -> tuple[YieldSurface, ...]:
-    """The yield surfaces of a material.
-
-    What cannot be, as given or at the start of the parameters, is noted as a fault.
-
-    Args:
-        given: what stands under the key `yield`.
-        elastic: elasticity of the material.
-        parameters: the parameters of the case.
-        context: of the key `yield`.
-    """
-    surfaces = []
-    sections = _listed(given, context)
-    for place, section in sections:
-        surface = section.surface(place)
-        surfaces.append(surface)
-        _check_smooth(surface, elastic, place, alone=len(sections) == 1)
-        _check_strengths(section, surface, parameters, place)
-    return tuple(surfaces)
-
-
-def fields_of_yields(
-    given: YieldSections | None, context: Context, *, material: str
-) -> tuple[RandomField, ...]:
-    """The fields among the strengths of a material.
-
-    Args:
-        given: what stands under the key `yield`.
-        context: of the key `yield`.
-        material: its name.
-    """
-    return tuple(
-        field
-        for n, (place, section) in enumerate(_listed(given, context))
-        for field in fields_in(
-            section, place, material=material, surface=n, names={"strength": "cohesion"}
-        )
-    )
-
-
-def _listed(
-    given: YieldSections | None, context: Context
-) -> Sequence[tuple[Context, YieldSection]]:
-    """The sections under a key `yield`, each with its own place."""
-    if given is None:
-        return []
-    if isinstance(given, list):
-        return [(context.at(n), section) for n, section in enumerate(given)]
-    return [(context, given)]
-
-
-def _check_strengths(
-    section: YieldSection,
-    surface: YieldSurface,
-    parameters: Mapping[str, ParameterSection],
-    context: Context,
-) -> None:
-    """Note a strength that is inadmissible as given, or at the start of the parameters."""
-    starts = start_values(section.numbers, parameters)
-    found = None if starts is None else surface.breach(starts)
-    if found is None:
-        return
-    key = section.key_of(found.constant)
-    given: Given = getattr(section, key)
-    message, hint = f"'{given.text}': {found.limit}", "Correct the number or its unit."
-    if given.parameter is not None:
-        message = f"'{given.text}' is {found.shown} at the start; {found.limit}"
-        hint = f"Change the start of {given.parameter}."
-    context.at(key).refuse("out-of-range", message, hint)
-
-
-def _check_smooth(
-    surface: YieldSurface, elastic: Elastic, context: Context, *, alone: bool
-) -> None:
-    """The smooth surface is a law of principal stresses, which go with no other directions."""
-    if not surface.is_smooth:
-        return
-    hint = f"Add 'planes: {16 if context.dim == 2 else 96}' to it."
-    if not alone:
-        message = "a smooth surface cannot be combined with another one"
-        context.refuse("smooth-surface", message, hint)
-    elif not isinstance(elastic, Isotropic):
-        message = "a smooth surface needs isotropic elasticity"
-        context.refuse("smooth-surface", message, hint)
 
 
 def _check_count(planes: int, fewest: int, context: Context, *, even: bool) -> None:

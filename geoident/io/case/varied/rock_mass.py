@@ -1,0 +1,93 @@
+"""The modulus of a rock mass by Hoek and Diederichs, in place of a number.
+
+Written as `E: {hoek-diederichs: {Ei: 20 GPa, GSI: $GSI, D: 0}}`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import nan
+
+from pydantic import Field, model_validator
+
+from geoident.io.schema.section import Section, require_one_of
+from geoident.io.schema.values import Coefficient, Given, Modulus, Multiple, scalar_of
+from geoident.model.empirical.rock_mass import RockMassModulus
+from geoident.model.parameter import Scalar
+
+KEY = "hoek-diederichs"
+
+
+class HoekDiederichsSection(Section):
+    """E of a rock mass by its Geological Strength Index (Hoek & Diederichs 2006).
+
+    From the modulus of intact rock, Ei or MR times sigci; with neither, the simplified form, which
+    knows GSI and D only.
+    """
+
+    Ei: Modulus | None = Field(
+        None, description="Young's modulus of intact rock.", examples=["20 GPa", "$E_intact"]
+    )
+    MR: Multiple | None = Field(
+        None, description="Modulus ratio Ei / sigci of the kind of rock, where Ei is not measured."
+    )
+    sigci: Modulus | None = Field(
+        None, description="Uniaxial compressive strength of intact rock, with MR."
+    )
+    GSI: Coefficient = Field(
+        description="Geological Strength Index, 0 to 100.", examples=["45", "$GSI"]
+    )
+    D: Coefficient | None = Field(
+        None, description="Disturbance by blasting and relaxation, 0 to 1; 0 if missing."
+    )
+
+    @model_validator(mode="after")
+    def _one_way(self) -> HoekDiederichsSection:
+        expected = "Ei, or MR with sigci, or neither, is"
+        hint = "Write one modulus of intact rock; without any E follows from GSI and D alone."
+        require_one_of(self, [(), ("Ei",), ("MR", "sigci")], expected, hint)
+        return self
+
+    def modulus(self) -> RockMassModulus:
+        """For the model."""
+        return RockMassModulus(
+            GSI=self.GSI.scalar,
+            D=scalar_of(self.D) or Scalar(0.0),
+            Ei=scalar_of(self.Ei),
+            MR=scalar_of(self.MR),
+            sigci=scalar_of(self.sigci),
+        )
+
+
+class RockMassModulusSection(Section):
+    """A modulus that follows from what is known of the rock mass."""
+
+    hoek_diederichs: HoekDiederichsSection = Field(
+        alias=KEY, description="By Hoek and Diederichs (2006)."
+    )
+
+
+@dataclass(frozen=True)
+class DerivedModulus(Given):
+    """A modulus that follows from the numbers of its section, which is its ``field``."""
+
+    @classmethod
+    def of(cls, section: RockMassModulusSection) -> DerivedModulus:
+        """The number that stands for a section."""
+        return cls(KEY, nan, None, "pressure", field=section)
+
+    @property
+    def inner(self) -> HoekDiederichsSection:
+        """What it follows from."""
+        section: RockMassModulusSection = self.field
+        return section.hoek_diederichs
+
+    @property
+    def scalar(self) -> Scalar:
+        """For the model."""
+        return self.inner.modulus()
+
+    @property
+    def parts(self) -> list[Given]:
+        """The numbers that are given, from which it follows."""
+        return self.inner.numbers

@@ -1,0 +1,1 @@
+"""How a material yields, as a case says it."""

@@ -1,0 +1,1 @@
+"""Numbers of the ground that follow from others by experience."""

@@ -1,0 +1,233 @@
+"""Released parts by the distance to a tunnel's face: published profiles, and what yields."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from support.cases import material
+from support.derivatives import assert_exact, richardson
+from support.yielding import mohr, parameters, rock
+
+from geoident.errors import CollapseError, InputError
+from geoident.forward.openings.advance import PANET, AdvancingFace
+from geoident.model.actions import FaceDistance, FaceProfile
+from geoident.model.case import Stage
+from geoident.model.dual import ParameterPoint
+from geoident.model.in_situ import HeimStress
+from geoident.model.parameter import Scalar
+
+from .test_opening_model import GAUGES, RADIUS, MPa, displacement, quarter, staged, without_mesh
+
+NOWHERE = ParameterPoint({}, ())
+WALL = displacement("wall", (RADIUS, 0.0), (-1.0, 0.0))
+DISTANCES = (-1.0, 0.0, 1.5, 4.0, 12.0)
+
+
+def profile(law: str, **changes) -> FaceProfile:
+    constants = {"panet": PANET, "chern": (Scalar(1.1), Scalar(1.7))}.get(law, ())
+    settings = {"groups": ("core",), "radius": Scalar(RADIUS), "constants": constants}
+    return FaceProfile(law, **{**settings, **changes})
+
+
+def stages(distances=DISTANCES) -> tuple[Stage, ...]:
+    first, *rest = (Scalar(x) if isinstance(x, float) else x for x in distances)
+    return (
+        Stage("0", excavate=("core",), distance=first),
+        *(Stage(str(n), distance=x) for n, x in enumerate(rest, start=1)),
+        Stage("far", release={"core": Scalar(1.0)}),
+    )
+
+
+@pytest.mark.parametrize(
+    ("law", "ratio", "away", "share"),
+    [
+        # Vlachopoulos & Diederichs 2009: u_0 = exp(-0.15 R*) / 3 at the face, read off by hand
+        ("vlachopoulos-diederichs", 1.0, 0.0, 0.28690),
+        ("vlachopoulos-diederichs", 2.5, 0.0, 0.22910),
+        ("vlachopoulos-diederichs", 8.0, 0.0, 0.10040),
+        ("vlachopoulos-diederichs", 2.5, -1.0, 0.22910 * 0.36788),
+        ("vlachopoulos-diederichs", 2.5, 2.5, 1.0 - 0.77090 * 0.22313),
+        # Panet 1995: 0.25 at the face, 1 - 0.75 (0.75 / 1.75)^2 a radius behind it
+        ("panet", None, 0.0, 0.25),
+        ("panet", None, 1.0, 0.86224),
+        # Chern et al. 1998: 2^-1.7 at the face
+        ("chern", None, 0.0, 0.30779),
+        ("chern", None, 1.1, 0.58711),
+    ],
+)
+def test_profiles_are_those_of_their_papers(law, ratio, away, share):
+    radius = None if ratio is None else Scalar(ratio * RADIUS)
+    face = AdvancingFace(profile(law, plastic_radius=radius), None)
+    found = face.part(FaceDistance(Scalar(away * RADIUS)), NOWHERE, "")
+    assert found.value == pytest.approx(share, abs=6e-6)
+
+
+@pytest.mark.parametrize("law", ["vlachopoulos-diederichs", "chern"])
+@pytest.mark.parametrize("conversion", [None, "reaction-curve", "direct"])
+def test_elastic_ground_moves_by_the_profile(law, conversion):
+    face = profile(law, conversion=conversion)
+    opened = without_mesh(material("rock", 5e9, 0.25), face=face, stages=stages(), channels=(WALL,))
+    moved = opened.survey(np.empty(0), fields=False).computed[0]
+    given = AdvancingFace(face, None)
+    shares = [given.part(FaceDistance(Scalar(x)), NOWHERE, "").value for x in DISTANCES]
+    np.testing.assert_allclose(moved[:-1] / moved[-1], shares, rtol=1e-12)
+
+
+@pytest.mark.parametrize("law", ["vlachopoulos-diederichs", "chern"])
+@pytest.mark.parametrize("psi", [0.0, 0.1, None])
+def test_ground_that_yields_moves_by_the_profile_too(law, psi):
+    """The released part is larger than the share of the motion, and the wall moves by the share."""
+    opened = without_mesh(
+        rock(5e9, 0.25, mohr(1 * MPa, 0.5, psi=psi)),
+        face=profile(law), stages=stages(), channels=(WALL,),
+    )  # fmt: skip
+    moved = opened.survey(np.empty(0), fields=False).computed[0]
+    found = opened.face_states({})
+    np.testing.assert_allclose(moved[:-1] / moved[-1], [s.share for s in found], rtol=1e-11)
+    assert all(s.released > s.share for s in found)
+    if law == "vlachopoulos-diederichs":
+        reach = opened.field.load({}).opening.under(opened.field.load({}).rock.pressure * 0.0)
+        at_face = np.exp(-0.15 * float(reach.plastic_radius.value) / RADIUS) / 3.0
+        assert found[1].share == pytest.approx(at_face, rel=1e-12)
+
+
+def test_direct_conversion_takes_the_share_itself():
+    opened = without_mesh(
+        rock(5e9, 0.25, mohr(1 * MPa, 0.5)),
+        face=profile("chern", conversion="direct"), stages=stages(), channels=(WALL,),
+    )  # fmt: skip
+    assert all(s.released == s.share for s in opened.face_states({}))
+
+
+NUMBERS = {
+    "K0": 0.95, "sv": 11 * MPa, "E": 5e9, "nu": 0.27, "c": MPa, "phi": 0.5, "psi": 0.1,
+    "R": 2.1, "x": 1.4, "one": 1.15, "two": 1.6,
+}  # fmt: skip
+
+
+def identified(law: str, **changes):
+    own = {name: Scalar(1.0, name) for name in NUMBERS}
+    constants = {"panet": (Scalar(0.2, "one"), own["two"]), "chern": (own["one"], own["two"])}
+    plastic = Scalar(2.0, "one") if changes.get("conversion") == "direct" else None
+    wall = mohr(own["c"], own["phi"], psi=own["psi"])
+    return {
+        "materials": {"rock": rock(own["E"], own["nu"], wall)},
+        "parameters": parameters(**NUMBERS),
+        "in_situ": HeimStress(K0=own["K0"], vertical=own["sv"], K0_across=Scalar(1.0)),
+        "face": profile(
+            law, constants=constants.get(law, ()), radius=own["R"], plastic_radius=plastic,
+            **changes,
+        ),
+        "stages": stages((own["x"], 4.0))[:2],
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("law", "changes", "acts"),
+    [
+        ("vlachopoulos-diederichs", {}, set(NUMBERS) - {"one", "two"}),
+        ("vlachopoulos-diederichs", {"conversion": "direct"}, set(NUMBERS) - {"two"}),
+        ("panet", {}, set(NUMBERS)),
+        ("chern", {}, set(NUMBERS)),
+    ],
+)
+def test_derivatives_are_exact(law, changes, acts):
+    settings = identified(law, **changes)
+    ground = settings.pop("materials")["rock"]
+    opened = without_mesh(ground, **settings)
+    p = np.array(list(NUMBERS.values()))
+    pairs = [(c.name, s.name) for c in GAUGES[1:] for s in settings["stages"]]
+    response = opened.response(pairs)
+    value, jacobian = response.evaluate(p)
+    for h, name in enumerate(NUMBERS):
+        numeric = richardson(response.readings, p, h, 1e-3 * abs(p[h]))
+        size = np.abs(jacobian[:, h]).max()
+        assert (size > 1e-9 * np.abs(value).max() / abs(p[h])) == (name in acts), name
+        np.testing.assert_allclose(jacobian[:, h], numeric, atol=1e-7 * max(size, 1e-30) + 1e-16)
+
+
+@pytest.mark.parametrize("law", ["vlachopoulos-diederichs", "panet"])
+def test_a_mesh_is_released_as_the_closed_form(law):
+    """The same parts of stress, and a wall that moves by the profile up to the mesh's error."""
+    changes = {"face": profile(law), "stages": stages((0.5, 1.5, 4.0)), "channels": (WALL,)}
+    ground = rock(5e9, 0.25, mohr(1 * MPa, 0.5, psi=0.3))
+    meshed = staged(quarter(6, 20, 30.0), ground, **changes)
+    closed = without_mesh(ground, **changes)
+    one, other = meshed.face_states({}), closed.face_states({})
+    np.testing.assert_allclose([s.released for s in one], [s.released for s in other], rtol=1e-13)
+    moved = meshed.survey(np.empty(0), fields=False).computed[0]
+    np.testing.assert_allclose(moved[:-1] / moved[-1], [s.share for s in one], rtol=0.01)
+
+
+def test_derivatives_on_a_mesh_are_exact():
+    """Through the march and backwards where the ground is elastic, and through flow."""
+    E, x, two = Scalar(1.0, "E"), Scalar(1.0, "x"), Scalar(1.0, "two")
+    face = profile("chern", constants=(Scalar(1.1), two))
+    numbers = {"E": 5e9, "x": 1.4, "two": 1.6}
+    settings = {"face": face, "stages": stages((x, 4.0))[:2], "parameters": parameters(**numbers)}
+    pairs = [(c.name, s.name) for c in GAUGES for s in settings["stages"]]
+    p = np.array(list(numbers.values()))
+    elastic = staged(quarter(2, 5, 20.0), material("rock", E, 0.25), **settings)
+    assert_exact(elastic.response(pairs), p, tuple(numbers))
+    yields = staged(quarter(3, 8, 20.0), rock(E, 0.25, mohr(MPa, 0.5, psi=0.3)), **settings)
+    assert_exact(yields.response(pairs), p, tuple(numbers), rtol=1e-6, step=5e-4)
+
+
+def test_ground_that_has_no_final_motion_says_so():
+    """Without cohesion nothing carries the wall, but for the face; directly, there is no need."""
+    ground = rock(5e9, 0.25, mohr(0.0, 0.3))
+    settings = {"face": profile("chern"), "stages": stages((0.0,))[:1], "channels": (WALL,)}
+    with pytest.raises(CollapseError, match=r"(?s)has none without support.*conversion"):
+        without_mesh(ground, **settings).survey(np.empty(0), fields=False)
+    settings["face"] = profile("chern", conversion="direct")
+    moved = without_mesh(ground, **settings).survey(np.empty(0), fields=False).computed
+    assert np.isfinite(moved).all()
+
+
+def two_rocks(ground, **changes):
+    """A quarter whose upper part is of another material of the same ground."""
+    mesh = quarter(3, 8, 20.0)
+    centre = mesh.points[mesh.blocks[0].nodes].mean(axis=1)
+    members = mesh.groups["rock"]
+    above = centre[members, 1] > centre[members, 0]
+    groups = {**mesh.groups, "rock": members[~above], "roof": members[above]}
+    return staged(
+        replace(mesh, groups=groups),
+        ground,
+        materials={"rock": ground, "other": replace(ground, name="other")},
+        groups={"core": "rock", "rock": "rock", "roof": "other"},
+        **changes,
+    )
+
+
+@pytest.mark.parametrize(
+    ("law", "conversion", "said"),
+    [
+        ("chern", None, "several materials, 'other', 'rock'"),
+        ("vlachopoulos-diederichs", "direct", "the plastic radius, on which the profile depends"),
+    ],
+)
+def test_ground_without_a_reaction_curve_is_refused(law, conversion, said):
+    settings = {"face": profile(law, conversion=conversion), "stages": stages((0.0,))}
+    with pytest.raises(InputError) as caught:
+        two_rocks(rock(5e9, 0.25, mohr(MPa, 0.5)), **settings)
+    (fault,) = caught.value.faults
+    assert fault.code == "no-closed-form"
+    assert said in fault.message
+    assert fault.path == "face"
+    two_rocks(material("rock", 5e9, 0.25), **settings)  # elastic ground needs none
+
+
+def test_what_is_released_is_said():
+    opened = without_mesh(
+        rock(5e9, 0.25, mohr(1 * MPa, 0.5)), face=profile("vlachopoulos-diederichs"),
+        stages=stages((0.0, 4.0)),
+    )  # fmt: skip
+    (how,) = [note for note in opened.notes if "reaction curve" in note]
+    assert "Vlachopoulos and Diederichs" in how
+    (said,) = opened.survey(np.empty(0), fields=False).notes
+    at_face = opened.face_states({})[0]
+    assert f"0: 0 m, {100 * at_face.share:.3g} % of the final motion" in said
+    assert f"{100 * at_face.released:.3g} % of the stress" in said
