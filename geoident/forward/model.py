@@ -35,6 +35,7 @@ from geoident.forward.protocols import Survey
 from geoident.forward.reduced.reducible import ReducibleResponse, SharedReduction
 from geoident.forward.stages import CaseOnMesh
 from geoident.forward.structures.forces import MemberRecorder
+from geoident.forward.yielding.equivalent import equivalent_notes
 from geoident.model.arrays import Floats
 from geoident.model.case import Case
 from geoident.model.dual import ParameterPoint
@@ -132,12 +133,19 @@ class StagedModel(Marches):
     def virgin_notes(self) -> tuple[str, ...]:
         """What to know of the in-situ stress at the start values; nothing is factorized."""
         start = self.case.start
-        _, imbalance = self.march.virgin(ParameterPoint(start, ()))
+        stress, imbalance = self.march.virgin(ParameterPoint(start, ()))
         return (
+            *self._equivalent_notes(stress[..., 0]),
             *overburden_notes(self.march, start),
             *imbalance_notes(float(imbalance[0])),
             *(self._contradiction_notes(start) if self.case.imbalance_accepted else ()),
         )
+
+    def _equivalent_notes(self, stress: Floats) -> Iterator[str]:
+        """Curved strengths as c and phi, in the in-situ stress (n_strain, n_points)."""
+        for name, points in self.systems[0].points_of.items():
+            material = self.case.materials[name]
+            yield from equivalent_notes(material, stress[:, points], self.case.start)
 
     def contradictions(self) -> list[Fault]:
         """Where weight and in-situ stress disagree at the start values, unless that is accepted.
