@@ -26,6 +26,9 @@ from geoident.workflow.campaign.campaign import RunExecutor, compute, local_exec
 from geoident.workflow.campaign.plan import CampaignPlan, plan_campaign, require_trust
 from geoident.workflow.executing.executor import usable_cores
 
+_NAMED = 3
+"""Failed runs that the live line names: the last ones."""
+
 
 @dataclass
 class _Progress:
@@ -35,22 +38,29 @@ class _Progress:
     terminal: Terminal
     left: int
     at_a_time: Callable[[], int]
-    ended: list[RunRecord] = field(default_factory=list)
+    ended: int = 0
+    failed: list[str] = field(default_factory=list)
+    slowest: RunRecord | None = None
 
     def __call__(self, record: RunRecord) -> None:
-        self.ended.append(record)
+        self.ended += 1
+        if self.slowest is None or record.seconds > self.slowest.seconds:
+            self.slowest = record
         if self.options.as_json:
             click.echo(dumps(record_object(record)))
         if not record.finished:
+            self.failed.append(record.name)
             self.terminal.inform(f"{record.name}: {record.status}: {_first_line(record.reason)}")
-        self.terminal.part(self._words(), len(self.ended) / self.left)
+        self.terminal.part(self._words(self.slowest), self.ended / self.left)
 
-    def _words(self) -> str:
-        failed = sum(not run.finished for run in self.ended)
-        slowest = max(self.ended, key=lambda run: run.seconds)
-        running = min(self.at_a_time(), self.left - len(self.ended))
+    def _words(self, slowest: RunRecord) -> str:
+        failed = f"{len(self.failed)} failed"
+        if self.failed:
+            more = "..., " if len(self.failed) > _NAMED else ""
+            failed += f" ({more}{', '.join(self.failed[-_NAMED:])})"
+        running = min(self.at_a_time(), self.left - self.ended)
         return (
-            f"{len(self.ended)} of {self.left} runs ended, {failed} failed, {running} running, "
+            f"{self.ended} of {self.left} runs ended, {failed}, {running} running, "
             f"slowest {slowest.name} ({seconds_text(slowest.seconds)})"
         )
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from decimal import Decimal
 from pathlib import Path
 from typing import Literal
 
@@ -42,6 +43,25 @@ class TemplateField:
         """
         number = value / self.size
         return format(number, self.form) if self.form else repr(float(number))
+
+    def last_digit(self, value: float) -> float:
+        """The size, SI, of the last digit that the form has; 0 where it has all of them.
+
+        Forms with g leave out zeros at the end, which are digits nonetheless.
+
+        >>> TemplateField("E", 1e6, ".3f").last_digit(30e6)
+        1000.0
+        >>> round(TemplateField("E", 1e6, ".10g").last_digit(30e6), 9)
+        0.01
+        """
+        if not self.form:
+            return 0.0
+        text = self.written(value).strip()
+        exponent = int(Decimal(text).as_tuple().exponent)
+        if self.form[-1] in "gG" and float(text) != 0.0:
+            digits = int(self.form[:-1].partition(".")[2] or 6)
+            exponent = Decimal(text).adjusted() - max(digits, 1) + 1
+        return float(10.0**exponent * self.size)
 
     def read(self, text: str) -> float:
         """The value, SI, that a program reads from what was written."""

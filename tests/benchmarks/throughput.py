@@ -1,14 +1,18 @@
 """What many runs cost beside their models, and how much two processes give.
 
-    python tests/benchmarks/throughput.py [--runs 10000] [--points 12] [--tasks 10000]
+    python tests/benchmarks/throughput.py [--runs 10000] [--points 24] [--tasks 10000]
 
 prints
 - tasks that do nothing through the executor, and runs of a closed form through a campaign
-  (``--runs``): overhead of each, by the clock and in processor seconds;
+  (``--runs``), by the clock and in processor seconds; what a run costs beside its model, whose
+  processor seconds are measured by itself; the size of the folder, and how long it takes to know
+  that all runs are up to date;
 - a scan of cases/cavern without its reduced model on a grid of ``--points`` by ``--points``, and a
-  campaign of eight such scans with other ground, with one process and with two: the ratio of their
-  throughputs. 1.7 is asked for; it needs a machine on which nothing else runs, so processor
-  seconds are printed beside it: where they stay the same, the work is shared out and not repeated.
+  campaign of eight scans with a third of the points an axis and other ground, with one process and
+  with two: the ratio of their throughputs. 1.7 is asked for; it needs a machine on which nothing
+  else runs, so processor seconds are printed beside it: where they stay the same, the work is
+  shared out and not repeated. A process takes more than a second to begin, so the scan by one
+  should take half a minute or more.
 
 One thread in each process, so that both do the same sums; results are compared bit for bit.
 """
@@ -39,7 +43,14 @@ from geoident.workflow.campaign.campaign import compute, local_executor
 from geoident.workflow.campaign.plan import plan_campaign
 from geoident.workflow.executing.processes import LocalProcesses
 from geoident.workflow.running.control import Control
-from geoident.workflow.running.jobs import Request, plan_scan
+from geoident.workflow.running.jobs import (
+    NO_READINGS,
+    Request,
+    build_model,
+    load_inputs,
+    plan_scan,
+    start_values,
+)
 from geoident.workflow.scan import scan
 from tests.support.tasks import nothing
 
@@ -90,6 +101,28 @@ def campaign(folder: Path, text: str, jobs: int) -> Spent:
     return found
 
 
+def model_alone(case: Path, times: int = 100) -> float:
+    """Processor seconds of the model of a run by itself: built, and asked for all readings."""
+    inputs = load_inputs(str(case), overrides=[NO_READINGS])
+    began = time.process_time()
+    for number in range(times + 1):
+        model = build_model(inputs)
+        model.survey(start_values(model.case, model), fields=False)
+        if not number:  # what is imported and found once
+            began = time.process_time()
+    return (time.process_time() - began) / times
+
+
+def known_again(folder: Path, jobs: int) -> Spent:
+    """The same campaign again, when all its runs are up to date."""
+    with spent() as found:
+        plan = plan_campaign(str(folder / "campaign.yaml"), output=str(folder / f"out-{jobs}"))
+        with local_executor(plan, jobs) as executor:
+            compute(plan, executor, lambda record: None, runs_csv)
+    assert not plan.left
+    return found
+
+
 def scanned(folder: Path, points: int, jobs: int) -> tuple[Spent, np.ndarray]:
     """A scan of cases/cavern, and its grid."""
     place = folder / f"scan-{jobs}"
@@ -108,7 +141,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--runs", type=int, default=10_000)
     parser.add_argument("--tasks", type=int, default=10_000)
-    parser.add_argument("--points", type=int, default=12)
+    parser.add_argument("--points", type=int, default=24)
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -121,8 +154,18 @@ def main() -> None:
             "values: {parameters.E_rock.start: {from: 1 GPa, to: 9 GPa, scale: log}}}\n"
         ).replace("COUNT", str(given.runs))
         for jobs in (1, 2) if given.runs else ():
-            found = campaign(folder / "opening", sampled, jobs)
+            place = folder / "opening"
+            found = campaign(place, sampled, jobs)
             _say(f"{given.runs} runs of a closed form, -j {jobs}", found, given.runs)
+            model = model_alone(place / "case.yaml")
+            each = found.wall * jobs / given.runs - model, found.processor / given.runs - model
+            print(
+                f"  beside the model ({1e3 * model:.1f} ms): {1e3 * each[0]:.1f} ms of a process, "
+                f"{1e3 * each[1]:.1f} ms of processors"
+            )
+            size = sum(path.stat().st_size for path in (place / f"out-{jobs}").iterdir())
+            again = known_again(place, jobs)
+            print(f"  folder: {1e-6 * size:.0f} MB; known to be up to date in {again.wall:.1f} s")
         shutil.copytree(ROOT / "cases" / "cavern", folder / "cavern")
         if given.points:
             cavern(folder / "cavern", given.points)

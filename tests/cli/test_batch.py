@@ -10,10 +10,14 @@ import sys
 import time
 import uuid
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 import geoident
+from geoident.cli.campaign import _Progress
+from geoident.cli.options import Options
+from geoident.model.results.campaign import RunRecord
 from geoident.workflow.campaign.one_run import compute, tasks
 from geoident.workflow.campaign.plan import plan_campaign
 from geoident.workflow.campaign.runs import read_runs
@@ -149,6 +153,23 @@ def test_all_faults_of_a_campaign_are_said_at_once(here, run):
     ):  # fmt: skip
         assert place in failed.stderr
     assert "5 faults" in failed.stderr
+
+
+def test_the_live_line_names_the_slowest_run_and_the_last_that_failed(monkeypatch):
+    said, parts = [], []
+    terminal = SimpleNamespace(inform=said.append, part=lambda *told: parts.append(told))
+    progress = _Progress(Options(), terminal, 8, lambda: 2)
+    for number, seconds in enumerate([0.2, 7.0, 1.0, 0.1, 3.0, 0.3, 0.2], start=1):
+        good = number in (1, 2, 4)
+        record = RunRecord(f"000{number}", "", (), "done" if good else "failed", 0 if good else 5,
+                           "no solution", file="a.h5" if good else "", seconds=seconds)  # fmt: skip
+        progress(record)
+    assert parts[1][0] == "2 of 8 runs ended, 0 failed, 2 running, slowest 0002 (7.00 s)"
+    assert parts[3][0].startswith("4 of 8 runs ended, 1 failed (0003), 2 running, slowest 0002")
+    assert "4 failed (..., 0005, 0006, 0007), 1 running" in parts[-1][0]
+    assert parts[-1][1] == 7 / 8  # from which the terminal tells the time that is left
+    assert said[0] == "0003: failed: no solution"
+    assert len(said) == 4
 
 
 def test_the_page_and_the_progress_of_a_campaign(here, run):

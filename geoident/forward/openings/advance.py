@@ -25,7 +25,9 @@ follow from those of the closed form by the theorem of implicit functions.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -63,24 +65,31 @@ OpeningAt = Callable[[ParameterPoint], Opening]
 """The opening of radius 1 m in the ground of a case, at some parameters."""
 
 
+class NoFinalMotion(Exception):
+    """Without support the ground has no motion in closed form of which a part would be known."""
+
+    def __init__(self, reason: str) -> None:
+        self.reason = reason
+        super().__init__(reason)
+
+
 class ReactionCurve:
     """How far the wall of an opening moves, by the part of the stress that is released.
 
     Args:
         opening: of radius 1 m, its numbers differentiated by n parameters and, at last, by the
             part that is released.
-        stage: at which it is asked for, for messages.
     """
 
-    def __init__(self, opening: Opening, stage: str) -> None:
-        self._opening, self._stage = opening, stage
+    def __init__(self, opening: Opening) -> None:
+        self._opening = opening
 
     @cached_property
     def final(self) -> tuple[Dual, Dual]:
         """Motion inwards and plastic radius, as multiples of the radius, of all that is released.
 
         Raises:
-            ModelError: the ground has no equilibrium without support, or none in closed form.
+            NoFinalMotion: the ground has no equilibrium without support, or none in closed form.
         """
         return self._at(Dual.constant(1.0, self._opening.rock.pressure.n))
 
@@ -94,7 +103,7 @@ class ReactionCurve:
             (), likewise.
 
         Raises:
-            ModelError: see `final`.
+            NoFinalMotion: see `final`.
         """
         aim = _widened(share) * self.final[0]
         low, high, part = 0.0, 1.0, 1.0
@@ -120,13 +129,7 @@ class ReactionCurve:
         try:
             state = self._opening.under((1.0 - released) * self._opening.rock.pressure)
         except BeyondClosedForm as beyond:
-            text = f"the part of its final motion that the wall has made at stage '{self._stage}' "
-            text += f"is not known, since the ground has none without support: {beyond.reason}"
-            if beyond.reason == NO_EQUILIBRIUM:
-                raise CollapseError(
-                    text, INSTEAD, stage=self._stage, fraction=float("nan")
-                ) from beyond
-            raise ModelError(text, INSTEAD) from beyond
+            raise NoFinalMotion(beyond.reason) from beyond
         radius = np.array([self._opening.radius])
         plastic = state.plastic_radius
         n = self._opening.rock.pressure.n
@@ -139,6 +142,29 @@ def _widened(number: Dual) -> Dual:
     return Dual(np.append(number.columns, 0.0))
 
 
+@dataclass
+class _AtPoint:
+    """What is known at a parameter point."""
+
+    point: ParameterPoint
+    curve: ReactionCurve | None
+    parts: dict[Release, Dual] = field(default_factory=dict)
+
+
+@contextmanager
+def _said_of(stage: str) -> Iterator[None]:
+    """Say of a stage that its part is not known."""
+    try:
+        yield
+    except NoFinalMotion as none:
+        where = f" at stage '{stage}'" if stage else ""
+        text = f"the part of its final motion that the wall has made{where} is not known, since "
+        text += f"the ground has none without support: {none.reason}"
+        if none.reason == NO_EQUILIBRIUM:
+            raise CollapseError(text, INSTEAD, stage=stage, fraction=float("nan")) from none
+        raise ModelError(text, INSTEAD) from none
+
+
 class AdvancingFace:
     """The released parts of a case, whether it gives them or the distance to a face.
 
@@ -149,7 +175,7 @@ class AdvancingFace:
 
     def __init__(self, profile: FaceProfile | None, opening: OpeningAt | None) -> None:
         self._profile, self._opening = profile, opening
-        self._known: tuple[ParameterPoint, dict[tuple[Release, str], Dual]] | None = None
+        self._known: _AtPoint | None = None
 
     @property
     def by_reaction(self) -> bool:
@@ -170,12 +196,15 @@ class AdvancingFace:
         """
         if isinstance(release, Scalar):
             return point.number(release)
-        known = self._known
-        if known is None or known[0] is not point:
-            known = self._known = (point, {})
-        if (release, stage) not in known[1]:
-            known[1][release, stage] = self._found(release.distance, point, stage)
-        return known[1][release, stage]
+        known = self._at(point)
+        if release not in known.parts:
+            curve = known.curve
+            with _said_of(stage):
+                share = self._share(release.distance, point, curve)
+                by_curve = curve is not None and self.by_reaction
+                found = curve.part_for(share) if curve is not None and by_curve else share
+            known.parts[release] = found
+        return known.parts[release]
 
     def share(self, distance: Scalar, point: ParameterPoint, stage: str) -> Dual:
         """The part of its final motion () that the wall has made.
@@ -188,18 +217,19 @@ class AdvancingFace:
         Raises:
             ModelError: the plastic radius is not known, see `ReactionCurve.final`.
         """
-        return self._share(distance, point, self._curve(point, stage))
+        with _said_of(stage):
+            return self._share(distance, point, self._at(point).curve)
 
-    def _found(self, distance: Scalar, point: ParameterPoint, stage: str) -> Dual:
-        curve = self._curve(point, stage)
-        share = self._share(distance, point, curve)
-        return curve.part_for(share) if curve is not None and self.by_reaction else share
-
-    def _curve(self, point: ParameterPoint, stage: str) -> ReactionCurve | None:
-        if self._opening is None:
-            return None
-        wider = ParameterPoint(point.values, (*point.names, _PART))
-        return ReactionCurve(self._opening(wider), stage)
+    def _at(self, point: ParameterPoint) -> _AtPoint:
+        """What is known at a parameter point; that of the last one is kept."""
+        known = self._known
+        if known is None or known.point is not point:
+            curve = None
+            if self._opening is not None:
+                wider = ParameterPoint(point.values, (*point.names, _PART))
+                curve = ReactionCurve(self._opening(wider))
+            known = self._known = _AtPoint(point, curve)
+        return known
 
     def _share(self, distance: Scalar, point: ParameterPoint, curve: ReactionCurve | None) -> Dual:
         profile = self._profile
@@ -219,7 +249,8 @@ class AdvancingFace:
         Raises:
             ModelError: see `ReactionCurve.final`.
         """
-        return self._ratio(point, self._curve(point, ""))
+        with _said_of(""):
+            return self._ratio(point, self._at(point).curve)
 
     def _ratio(self, point: ParameterPoint, curve: ReactionCurve | None) -> Dual:
         profile = self._profile

@@ -61,11 +61,11 @@ class HoekBrownLimit:
         """The same limit for expansion: only where that begins is known."""
         return _Expansion(self.sigci, self.mb, self.s, self.a, self.K)
 
-    def hoop(self, radial: Dual) -> Dual:
+    def hoop(self, radial: Number) -> Dual:
         """sigma_t at the limit."""
         return radial + self.difference(radial)
 
-    def difference(self, radial: Dual) -> Dual:
+    def difference(self, radial: Number) -> Dual:
         """Q = sigma_t - sigma_r at the limit; 0 where the rock mass is torn."""
         scaled = self._scaled(radial)
         if np.any(scaled.value <= 0.0):
@@ -78,11 +78,12 @@ class HoekBrownLimit:
         Args:
             pressure: p0, Pa.
         """
+        far = float(pressure.value)
         return _root(
+            lambda radial: 2.0 * (radial - far) + self._height(radial),
             lambda radial: radial + self.hoop(radial) - 2.0 * pressure,
             lambda radial: 2.0 + self._rise(radial),
-            (float(self.torn.value), float(pressure.value)),
-            pressure.n,
+            (float(self.torn.value), far),
         )
 
     @property
@@ -122,23 +123,37 @@ class HoekBrownLimit:
             pressure: at the wall.
             critical: at the edge of the plastic zone.
         """
-        nu = rock.nu
+        nu, z0 = rock.nu, rock.out_of_plane - 2.0 * rock.nu * rock.pressure
+        part, least = float(nu.value), float(z0.value)
 
-        def beyond(radial: Dual) -> Dual:
-            across = (1.0 - nu) * self.hoop(radial) - nu * radial
-            return rock.out_of_plane - 2.0 * nu * rock.pressure - across
+        def value(radial: float) -> float:
+            hoop = radial + self._height(radial)
+            return least + part * radial - (1.0 - part) * hoop
 
-        def slope(radial: float) -> float:
-            return float(nu.value - (1.0 - nu.value) * (1.0 + self._rise(radial)))
-
-        if beyond(pressure).value * beyond(critical).value >= 0.0:
+        low, high = float(pressure.value), float(critical.value)
+        if value(low) * value(high) >= 0.0:
             return None
-        return _root(beyond, slope, (float(pressure.value), float(critical.value)), nu.n)
+        return _root(
+            value,
+            lambda radial: z0 + nu * radial - (1.0 - nu) * self.hoop(radial),
+            lambda radial: part - (1.0 - part) * (1.0 + self._rise(radial)),
+            (low, high),
+        )
+
+    def _height(self, radial: float) -> float:
+        """Q, without derivatives."""
+        sigci, mb, s, a = self._numbers
+        return float(sigci * max(mb * radial / sigci + s, 0.0) ** a)
 
     def _rise(self, radial: float) -> float:
         """Slope of Q by sigma_r."""
-        scaled, a = float(self._scaled(radial).value), float(self.a.value)
-        return float(a * self.mb.value * scaled ** (a - 1.0))
+        sigci, mb, s, a = self._numbers
+        return float(a * mb * (mb * radial / sigci + s) ** (a - 1.0))
+
+    @property
+    def _numbers(self) -> tuple[float, float, float, float]:
+        sigci, mb, s, a = (float(number.value) for number in (self.sigci, self.mb, self.s, self.a))
+        return sigci, mb, s, a
 
     def _scaled(self, radial: Number) -> Dual:
         """P = mb sigma_r / sigci + s."""
@@ -162,24 +177,19 @@ class _Expansion(HoekBrownLimit):
 
 
 def _root(
-    function: Callable[[Dual], Dual],
+    value: Callable[[float], float],
+    function: Callable[[float], Dual],
     slope: Callable[[float], float],
     between: tuple[float, float],
-    n: int,
 ) -> Dual:
     """Where a function is zero, with its derivatives.
 
     Args:
-        function: of a place.
+        value: the function of a place.
+        function: the same with derivatives.
         slope: of the function by the place.
         between: two places where it has different signs.
-        n: number of parameters.
     """
-
-    def value(place: float) -> float:
-        return float(function(Dual.constant(place, n)).value)
-
-    size = max(map(abs, between))
-    found = float(brentq(value, *between, xtol=_EXACT * size, rtol=_EXACT))
-    off = function(Dual.constant(found, n)).columns
+    found = float(brentq(value, *between, xtol=_EXACT * max(map(abs, between)), rtol=_EXACT))
+    off = function(found).columns
     return Dual(np.append(found, -off[1:] / slope(found)))

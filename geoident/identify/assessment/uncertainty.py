@@ -163,12 +163,11 @@ def assess(
     if readings is not None:
         of_priors = scaling.prior_residuals(values)
         r = np.concatenate([problem.whiten(readings - problem.measured), of_priors])
+        rows, free = scaling.prior_jacobian(values), _scaled(held, width)[0]
+        gradient = np.divide(A.T @ r, width, out=np.zeros_like(width), where=width > 0.0)
+        step = -free @ gradient  # to the least misfit: a point of a grid is beside it
         found = prior_conflicts(
-            scaling.to_scaled(values),
-            scaling.prior_jacobian(values),
-            of_priors,
-            _scaled(held, width)[0],
-            named,
+            scaling.to_scaled(values) + step, rows, of_priors + rows @ step, free, named
         )
         conflicts = conflict_sentences(found, problem.parameters, scaling.reference)
         pressed = _pressed(A.T @ r, problem.parameters, values, on_bound)

@@ -62,40 +62,56 @@ def _pieces(
         pieces.append(text[end : match.start()])
         end = match.end()
         place = Location(source, *position(text, match.start()))
-        found = _field(match[1], match[0], place, parameters)
-        if isinstance(found, Fault):
-            faults.append(found)
-        else:
-            pieces.append(found)
+        field, fault = _field(match[1], match[0], place, parameters)
+        faults.extend([] if fault is None else [fault])
+        pieces.extend([] if field is None else [field])
     pieces.append(text[end:])
     return pieces, faults
 
 
 def _field(
     inside: str, whole: str, place: Location, parameters: Mapping[str, Parameter]
-) -> TemplateField | Fault:
+) -> tuple[TemplateField | None, Fault | None]:
+    """A field, of which its parameter is known, and what is wrong with it."""
     match = _INSIDE.fullmatch(inside)
     if match is None:
         message = f"'{shorten(whole)}' is not a field"
         hint = "Write {{NAME}}, {{NAME [GPa]}} or {{NAME [GPa]:10.3e}}."
-        return Fault("bad-field", message, hint, place)
+        return None, Fault("bad-field", message, hint, place)
     name, unit, form = match[1], match[2], match[3] or ""
     if name not in parameters:
         hint = did_you_mean(name, parameters, what="Parameters")
-        return Fault("unknown-parameter", f"there is no parameter '{name}'", hint, place)
+        return None, Fault("unknown-parameter", f"there is no parameter '{name}'", hint, place)
     parameter = parameters[name]
-    size = 1.0
-    if unit is not None:
-        found = _size(unit, parameter, place)
-        if isinstance(found, Fault):
-            return found
-        size = found
+    size = 1.0 if unit is None else _size(unit, parameter, place)
+    if isinstance(size, Fault):
+        return TemplateField(name, location=place), size
     known = _FORM.fullmatch(form) if form else None
     if form and known is None:
         message = f"'{shorten(form)}' is no form of a number"
         hint = "Width, digits after the point and e, f or g: 10.3e, 12.6f, .17g."
-        return Fault("bad-form", message, hint, place)
-    return TemplateField(name, size, known[1] if known else "", place)
+        return TemplateField(name, location=place), Fault("bad-form", message, hint, place)
+    field = TemplateField(name, size, known[1] if known else "", place)
+    return field, _too_narrow(field, parameter)
+
+
+def _too_narrow(field: TemplateField, parameter: Parameter) -> Fault | None:
+    """Why runs within the bounds could not be written, and that before the first one is made."""
+    width = _width(field)
+    values = (parameter.start, parameter.lower, parameter.upper)
+    text = max((field.written(value).strip() for value in values), key=len)
+    if not width or len(text) <= width:
+        return None
+    message = f"a field of {width} characters is too narrow for {field.parameter} within its "
+    message += f"bounds: '{text}' takes {len(text)}"
+    hint = "Widen it, as far as the program reads, or write fewer digits."
+    return Fault("narrow-field", message, hint, field.location)
+
+
+def _width(field: TemplateField) -> int:
+    """Characters of a field; 0 for as many as it takes."""
+    known = _FORM.fullmatch(field.form)
+    return int(known[2] or 0) if known else 0
 
 
 def _size(unit: str, parameter: Parameter, place: Location) -> float | Fault:
@@ -133,8 +149,7 @@ def field_texts(template: AnyTemplate, values: Mapping[str, float]) -> list[str]
     found = []
     for field in template.fields:
         text = field.written(values[field.parameter])
-        known = _FORM.fullmatch(field.form)
-        width = int(known[2] or 0) if known else 0
+        width = _width(field)
         if width and len(text) > width:
             where = f"{field.location}: "
             message = f"{where}'{text.strip()}' of {field.parameter} takes {len(text)} characters, "

@@ -13,7 +13,6 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing, suppress
 from dataclasses import replace
-from decimal import Decimal
 from pathlib import Path
 from queue import SimpleQueue
 from typing import Any
@@ -21,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from geoident.errors import Fault, InputError, OutputError
-from geoident.forward.elsewhere.runs import FailedRun
+from geoident.forward.elsewhere.runs import FailedRun, RunsInTurn
 from geoident.io.elsewhere.outputs import NotFound, RunFiles
 from geoident.io.elsewhere.templates import (
     CannotBeFilled,
@@ -101,7 +100,7 @@ def executed(given: Elsewhere) -> str:
     return f"`{shlex.join((first, *given.command[1:]))}`{also}"
 
 
-class ProgramRuns:
+class ProgramRuns(RunsInTurn):
     """Runs of the program of a case.
 
     Args:
@@ -190,29 +189,11 @@ class ProgramRuns:
         result = 2.3e-16 * np.abs(p)
         for j, name in enumerate(self._names):
             for field in self._fields.get(name, ()):
-                if field.form:
-                    exponent = Decimal(field.written(p[j]).strip()).as_tuple().exponent
-                    last = 10.0 ** int(exponent) * field.size
-                    result[j] = max(result[j], last)
+                result[j] = max(result[j], field.last_digit(p[j]))
             for template in self._program.templates:
                 if in_jinja and isinstance(template, JinjaTemplate):
                     result[j] = max(result[j], last_digit(template, self._values(p), name))
         return result
-
-    def results(
-        self, points: Sequence[Floats], check: Callable[[], None]
-    ) -> list[Floats | FailedRun]:
-        """Readings (n_stages, n_channels) at several p (n,); each run is made once.
-
-        Args:
-            points: where.
-            check: is called every moment; raises to end the runs.
-
-        Raises:
-            InputError: the program may not be run.
-            OutputError: a folder or the log cannot be written.
-        """
-        return list(self.each(points, check))
 
     @property
     def at_once(self) -> int:
@@ -258,7 +239,7 @@ class ProgramRuns:
         """Derivatives (n_stages, n_channels, n) at p (n,): a program gives none.
 
         Args:
-            p: where.
+            p: (n,) where.
             check: see `results`.
         """
         return FailedRun("a program gives no derivatives")

@@ -20,6 +20,7 @@ from geoident.model.parameter import Parameter, Prior
 
 A = np.array([[1.0, 0.4], [0.3, 1.0], [0.8, -0.5], [0.2, 0.6]])
 SD = 0.3
+BESIDE = np.array([0.9, 0.4])
 
 
 def estimated(problem):
@@ -132,3 +133,21 @@ def test_nothing_is_said_of_less_tied_ones_or_twice_of_what_cannot_be_separated(
     alone = tied([[1.0, 1.0], [1.0, 1.0]], sd=0.01).findings
     assert len(alone) == 1
     assert "cannot separate" in alone[0]
+
+
+def test_an_estimate_beside_the_least_misfit_has_the_conflicts_of_that():
+    """As the best point of a grid: its distance along a narrow valley says nothing of the prior."""
+    measured, priors = A @ [10.0, 1.0], (Prior(10.5, 1.0), Prior(1.2, 0.5))
+    problem = problem_of(measured, priors)
+    _, p = estimated(problem)
+    beside = p + BESIDE
+    assert not [said for said in assess(problem, p, A, A @ p).findings if "contradicts" in said]
+    found = assess(problem, beside, A, A @ beside).findings
+    assert not [said for said in found if "contradicts" in said]
+    wrong = problem_of(A @ [20.0, 1.0], priors)
+    _, p = estimated(wrong)
+    said = [
+        [one for one in assess(wrong, q, A, A @ q).findings if "contradicts" in one]
+        for q in (p, p + BESIDE)
+    ]
+    assert said[0] == said[1] != []

@@ -86,6 +86,30 @@ def test_what_is_wrong_is_said_where_it_stands(tmp_path, old, new, line, code, s
     assert fitting[0].location.file == str(case)
 
 
+@pytest.mark.parametrize("form", ["{{E [MPa]:6.4f}}", "{{E [MPa]:8.2f}}"])
+def test_a_field_into_which_a_bound_does_not_fit_is_said_before_anything_is_run(tmp_path, form):
+    case = write_case(tmp_path)
+    (tmp_path / "opening.template").write_text(TEMPLATE.replace("{{E [GPa]}}", form))
+    if form == "{{E [MPa]:8.2f}}":  # 50000.00 fits
+        assert read_case(str(case)).case.elsewhere.seen == {"E", "K0"}
+        return
+    [fault] = faults_of(case)
+    assert str(fault.location) == f"{tmp_path / 'opening.template'}:1:1"
+    assert "a field of 6 characters is too narrow for E within its bounds: '50000.0000'" in (
+        fault.message
+    )
+
+
+def test_a_gauge_whose_output_is_wrong_is_not_said_to_have_none(tmp_path):
+    case = write_case(tmp_path)
+    text = case.read_text()
+    for old, new in ((", unit: mm", ""), (ROW, ROW + ", gauges: [H, V, X]")):
+        case.write_text(text.replace(old, new))
+        assert [fault.code for fault in faults_of(case)] == (
+            ["unit"] if old == ", unit: mm" else ["unknown-gauge"]
+        )
+
+
 def test_a_field_without_parameter_is_said_in_its_template(tmp_path):
     case = write_case(tmp_path)
     (tmp_path / "opening.template").write_text(TEMPLATE + "{{nu}}\n")

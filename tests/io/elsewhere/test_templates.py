@@ -53,7 +53,11 @@ def test_what_is_wrong_is_said_where_it_stands(tmp_path, text, line, column, cod
 
 
 def test_a_value_that_does_not_fit_would_shift_columns(tmp_path):
-    found, _ = template(tmp_path, "{{E:8.1f}}")
+    found, [fault] = template(tmp_path, "{{E:8.1f}}")
+    said = (
+        "a field of 8 characters is too narrow for E within its bounds: '100000000000.0' takes 14"
+    )
+    assert fault.message == said
     with pytest.raises(FieldTooNarrow, match="takes 13 characters, its field has 8"):
         field_texts(found, VALUES)
 

@@ -1,6 +1,7 @@
 """Campaigns of a closed-form case: what is computed, known, failed and written."""
 
 import csv
+import errno
 import io
 import json
 import shutil
@@ -12,13 +13,16 @@ import numpy as np
 import pytest
 
 import geoident
-from geoident.errors import InputError, ModelError, OutputError
+from geoident.errors import ExitCode, InputError, ModelError, OutputError
+from geoident.io.result.campaign import RunJournal
 from geoident.io.result.file import read_result
+from geoident.io.text.atomic import output_error
 from geoident.model.results.campaign import CampaignTable, RunRecord
 from geoident.report.drawing.campaign import campaign_pictures
 from geoident.report.page.campaign import campaign_page
 from geoident.report.text.campaign.spreadsheet import runs_csv
 from geoident.report.text.campaign.tables import campaign_text, outcome_sentences
+from geoident.workflow.campaign import one_run
 from geoident.workflow.campaign.campaign import compute
 from geoident.workflow.campaign.one_run import compute as compute_run
 from geoident.workflow.campaign.plan import plan_campaign
@@ -187,6 +191,66 @@ def test_a_run_with_a_bug_leaves_its_log(here, monkeypatch):
     assert "ZeroDivisionError" in Path("campaign.batch/a.log").read_text()
 
 
+def test_runs_without_memory_or_disk_are_named_and_begun_again_by_the_same_command(
+    here, monkeypatch
+):
+    write("command: simulate\nvariations: {rows: [{run: large}, {run: last}, {run: fine}]}")
+
+    def fail(task):
+        if task.run.name == "large":
+            raise MemoryError
+        raise output_error("last.h5", OSError(errno.ENOSPC, "No space left on device"))
+
+    once = one_run._COMMANDS["simulate"]
+    with monkeypatch.context() as patch:
+        patch.setitem(
+            one_run._COMMANDS, "simulate",
+            lambda task: once(task) if task.run.name == "fine" else fail(task),
+        )  # fmt: skip
+        table, _, _ = computed()
+    assert table.exit_code == ExitCode.SOME_FAILED
+    reasons = {run.name: run.reason for run in table.failed}
+    assert set(reasons) == {"large", "last"}
+    assert reasons["large"] == "out of memory"
+    assert "No space left on device" in reasons["last"]
+    assert "free some space" in reasons["last"]
+    table, again, _ = computed()
+    assert again.begun == ["large", "last"]
+    assert table.exit_code == ExitCode.DONE
+
+
+def test_a_journal_on_a_full_disk_ends_the_campaign_and_what_it_has_is_not_lost(here, monkeypatch):
+    once = RunJournal.__enter__
+
+    class FullAfterOne:
+        def __init__(self, file):
+            self.file, self.lines = file, 0
+
+        def write(self, text):
+            self.lines += 1
+            if self.lines > 1:
+                raise OSError(errno.ENOSPC, "No space left on device")
+            self.file.write(text)
+
+        def __getattr__(self, name):
+            return getattr(self.file, name)
+
+    def enter(journal):
+        once(journal)
+        journal._file = FullAfterOne(journal._file)
+        return journal
+
+    with monkeypatch.context() as patch:
+        patch.setattr(RunJournal, "__enter__", enter)
+        with pytest.raises(OutputError, match="No space left on device") as caught:
+            computed(write(SIMULATED))
+    assert caught.value.exit_code == ExitCode.OUTPUT
+    assert [run.name for run in read_runs("campaign.batch").runs] == ["0001"]
+    table, again, _ = computed()
+    assert again.begun == ["0002", "0003", "0004"]
+    assert table.exit_code == ExitCode.DONE
+
+
 def test_seeds_of_runs_give_other_noise(here):
     write("command: simulate\nnoise: true\nvariations: {product: {seed: [1, 2, 1]}}")
     one, two, same = computed()[0].runs
@@ -308,8 +372,8 @@ def test_all_runs_of_the_least_misfit_are_named_and_a_page_without_title_names_i
         for name, misfit in (("a", 2.0), ("b", 1.0), ("c", 1.0 + 1e-9), ("d", 1.1))
     )
     table = CampaignTable("", "fit", "../site/many.yaml", "c.yaml", (), runs, 4, {}, "2024-01-01")
-    assert "The least misfit, 1, have the runs b and c." in " ".join(outcome_sentences(table))
+    assert "The runs b and c have the least misfit, 1." in " ".join(outcome_sentences(table))
     alone = replace(table, runs=runs[:2], total=2)
-    assert "The least misfit, 1, has the run b." in " ".join(outcome_sentences(alone))
+    assert "The run b has the least misfit, 1." in " ".join(outcome_sentences(alone))
     page = campaign_page(table, draw=lambda pictures: [])
     assert "<h1>Campaign many.yaml</h1>" in page

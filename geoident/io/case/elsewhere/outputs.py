@@ -42,11 +42,14 @@ def build_outputs(sections: Sequence[OutputSection], around: Surroundings) -> It
     rows = {channel.name: n for n, channel in enumerate(around.channels)}
     columns = {name: n for n, name in enumerate(around.stages)}
     by: dict[tuple[int, int], int] = {}
+    found = set[str]()
     for number, section in enumerate(sections):
         path: KeyPath = (*_AT, "outputs", number)
         how = _finder(section, path, around)
         gauges = _named(section.gauges, rows, (*path, "gauges"), "gauge", around.faults)
         stages = _named(section.stages, columns, (*path, "stages"), "stage", around.faults)
+        # one that is misspelt may be any of those that nothing finds
+        found.update(rows if section.gauges and len(gauges) < len(section.gauges) else gauges)
         for gauge in gauges:
             channel = around.channels[rows[gauge]]
             size = _unit(section, channel, path, around.faults)
@@ -65,8 +68,8 @@ def build_outputs(sections: Sequence[OutputSection], around: Surroundings) -> It
                     continue
                 file = _named_by(section.file or "", gauge, stage, columns[stage] + 1)
                 yield Output(*place, file, finding, size)
-    for name, row in rows.items():
-        if not any(place[0] == row for place in by):
+    for name in rows:
+        if name not in found:
             message = f"nothing in 'model.outputs' finds the readings of '{name}'"
             hint = "Add an entry for it, or remove the gauge."
             around.faults.add(("gauges", name), "no-output", message, hint, key=True)
