@@ -13,11 +13,13 @@ from geoident.api import ParameterEstimate as ParameterEstimate
 from geoident.api import Parameters as Parameters
 from geoident.api import PredictionResult as PredictionResult
 from geoident.api import Progress as Progress
+from geoident.api import ProjectFit as ProjectFit
 from geoident.api import ReducedReadings as ReducedReadings
 from geoident.api import ResultFile as ResultFile
 from geoident.api import ResultTable as ResultTable
 from geoident.api import SampleResult as SampleResult
 from geoident.api import ScanResult as ScanResult
+from geoident.api import SectionFit as SectionFit
 from geoident.api import SimulationResult as SimulationResult
 from geoident.api import backtest as backtest
 from geoident.api import batch as batch
@@ -25,9 +27,11 @@ from geoident.api import check as check
 from geoident.api import compare as compare
 from geoident.api import export as export
 from geoident.api import fit as fit
+from geoident.api import fit_project as fit_project
 from geoident.api import init as init
 from geoident.api import load_case as load_case
 from geoident.api import predict as predict
+from geoident.api import read_project as read_project
 from geoident.api import read_result as read_result
 from geoident.api import report as report
 from geoident.api import sample as sample

@@ -31,6 +31,7 @@ from geoident.api.cases import (
 )
 from geoident.api.files import compare, export, read_result, report
 from geoident.api.plots import Drawing
+from geoident.api.projects import ProjectFit, SectionFit, fit_project, read_project
 from geoident.api.reduced import KeptModel, ReducedReadings
 from geoident.api.results import (
     BacktestResult,
@@ -66,11 +67,13 @@ __all__ = [
     "Parameters",
     "PredictionResult",
     "Progress",
+    "ProjectFit",
     "ReducedReadings",
     "ResultFile",
     "ResultTable",
     "SampleResult",
     "ScanResult",
+    "SectionFit",
     "SimulationResult",
     "backtest",
     "batch",
@@ -78,9 +81,11 @@ __all__ = [
     "compare",
     "export",
     "fit",
+    "fit_project",
     "init",
     "load_case",
     "predict",
+    "read_project",
     "read_result",
     "report",
     "sample",

@@ -4,6 +4,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import click
 from click.core import ParameterSource
 
@@ -11,9 +13,12 @@ from geoident.cli.error_boundary import failures_as_json
 from geoident.cli.options import Options
 from geoident.cli.signals import stop_on_signals
 from geoident.cli.terminal import Terminal
+from geoident.cli.trust import asked
 from geoident.errors import ExitCode, UsageError
+from geoident.report.text.csv_tables import csv_text
 from geoident.report.text.json import dumps
 from geoident.report.text.project.json import plan_object, project_object
+from geoident.report.text.project.spreadsheet import project_csv, project_tables
 from geoident.report.text.project.tables import plan_text, project_summary, project_text
 from geoident.workflow.executing.stop import StopRequest
 from geoident.workflow.project.plan import ProjectJob, ProjectRequest, plan_project
@@ -55,7 +60,7 @@ def run_project(path: str, options: Options, *, leave_one_out: bool) -> int:
             return _say_plan(job, options)
         terminal = Terminal(options)
         control = Control(terminal, StopRequest(), max_time=options.max_time)
-        with terminal.live(path), stop_on_signals(control.stop):
+        with asked(options), terminal.live(path), stop_on_signals(control.stop):
             finished = fit_project(job, control)
     result = finished.result
     for remark in finished.remarks:
@@ -114,12 +119,13 @@ def check_one_project(path: str, options: Options) -> int:
     return ExitCode.DONE
 
 
-def show_project(path: str, options: Options) -> int:
+def show_project(path: str, options: Options, *, as_csv: bool = False) -> int:
     """Print the result of a project.
 
     Args:
         path: of the result.
         options: of the command.
+        as_csv: its tables for spreadsheets.
     """
     from geoident.io.result.project import read_project_result
     from geoident.workflow.running.result_files import case_path
@@ -129,7 +135,59 @@ def show_project(path: str, options: Options) -> int:
     project = case_path(path, result.provenance.case_file)
     if options.as_json:
         click.echo(dumps(project_object(result, project=project, output=path)))
+    elif as_csv:
+        click.echo(project_csv(result), nl=False)
     else:
         title = f"{path}: fit of {len(result.sections)} sections of {project}"
         click.echo(project_text(result, title=title))
+    return ExitCode.DONE
+
+
+def export_project_tables(path: str, formats: Sequence[str], options: Options) -> int:
+    """Write all tables of the result of a project.
+
+    Args:
+        path: of the result.
+        formats: as asked for.
+        options: of the command.
+
+    Raises:
+        UsageError: a format is not that of tables.
+    """
+    from geoident.io.result.project import read_project_result
+    from geoident.workflow.project.export import export_project
+
+    if set(formats) != {"csv"}:
+        raise UsageError(f"{path} is the result of several sections: --format csv is all it has.")
+    result = read_project_result(path)
+    texts = {name: csv_text(table) for name, table in project_tables(result).items()}
+    for file in export_project(path, result, texts, output=options.output, force=options.force):
+        click.echo(file)
+    return ExitCode.DONE
+
+
+def export_project_table(path: str, name: str, options: Options) -> int:
+    """Write one table of the result of a project.
+
+    Args:
+        path: of the result.
+        name: of the table.
+        options: of the command.
+
+    Raises:
+        UsageError: it has no such table.
+    """
+    from geoident.io.result.project import read_project_result
+    from geoident.workflow.project.export import write_project_table
+
+    result = read_project_result(path)
+    found = project_tables(result)
+    if name not in found:
+        raise UsageError(f"{path}: has no table {name!r}; it has {', '.join(found)}")
+    text = csv_text(found[name])
+    if options.output in (None, "-"):
+        click.echo(text, nl=False)
+        return ExitCode.DONE
+    write_project_table(path, result, text, output=str(options.output), force=options.force)
+    click.echo(options.output)
     return ExitCode.DONE

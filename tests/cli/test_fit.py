@@ -359,7 +359,7 @@ class TestSeveralCases:
         assert "2 of 2 cases done (0 computed, 2 up to date)" in known.stderr
         readings = cases / "readings.csv"
         readings.write_text(readings.read_text() + "\n")
-        other = run("fit", "case.yaml", "good.yaml")
+        other = run("fit", "case.yaml", "good.yaml", "-j", "1")
         assert "(2 computed, 0 up to date)" in other.stderr
 
     @pytest.mark.parametrize(

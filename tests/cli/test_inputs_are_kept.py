@@ -137,6 +137,7 @@ def test_neither_sidecar_nor_checkpoint_replaces_an_input(site, run, suffix):
     assert contents(site) == before
 
 
+@pytest.mark.usefixtures("plain_pictures")
 def test_pictures_and_folders_of_figures_and_tables_replace_no_input(site, run):
     os.link(site / "readings.csv", site / "picture.svg")
     before = contents(site)

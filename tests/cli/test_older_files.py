@@ -2,10 +2,13 @@
 
 from pathlib import Path
 
+import pytest
+
 EDIT = ("--set", "parameters.E.start=3 GPa")
 AGAIN = "`geoident export case.fit.h5` makes them again"
 
 
+@pytest.mark.usefixtures("plain_pictures")
 def test_a_new_fit_says_which_files_are_of_the_earlier_one(trench, run):
     run("fit", "case.yaml")
     assert "earlier result" not in run("fit", "case.yaml").stderr

@@ -3,6 +3,7 @@
 import re
 import shlex
 from importlib.resources import files
+from pathlib import Path
 
 import pytest
 
@@ -26,12 +27,17 @@ def numbers(words):
     return [float(word) for word in words if NUMBER.fullmatch(word)]
 
 
+@pytest.mark.usefixtures("plain_pictures")
 def test_every_command_of_the_tutorial_says_what_is_quoted(tmp_path, monkeypatch, run):
     monkeypatch.chdir(tmp_path)
     quoted = 0
     for command, lines in blocks():
         done = run(*command)
         assert done.exit_code == (DIFFERENT if command[0] == "diff" else 0), done.output
+        if command[0] == "init":
+            assert done.stdout.splitlines()[0] == "tunnels/case.yaml"
+            assert all(Path(file).exists() for file in done.stdout.splitlines())
+            assert "geoident fit tunnels/case.yaml" in done.stderr
         said = {}
         for words in filter(None, map(str.split, done.output.splitlines())):
             said.setdefault(words[0], words)
@@ -52,6 +58,7 @@ def check_what_is_told(run):
     assert numbers(street)[:3] == pytest.approx([5.9, 4.3, 7.4], abs=0.06)
 
     fitted = run("show", "tunnels/case.fit.h5").output
+    assert "readings inside" in " ".join(fitted.split())
     axial, moment = zip(*map(lining_of_a(fitted).get, ("A lined", "B lined")), strict=True)
     assert axial[1] == pytest.approx(axial[0], rel=0.03)
     assert moment[1] == pytest.approx(2.1 * moment[0], rel=0.05)

@@ -87,6 +87,7 @@ class TestNext:
         planned = run("check", "case.yaml", "--identifiability")
         assert next_steps(planned) == ["geoident fit case.yaml"]
 
+    @pytest.mark.usefixtures("plain_pictures")
     def test_after_figures_alone_no_page_is_opened(self, trench, run):
         run("fit", "case.yaml")
         (step,) = next_steps(run("report", "case.fit.h5", "--no-page", "--figures", "pictures"))

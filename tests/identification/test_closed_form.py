@@ -174,7 +174,7 @@ def test_what_a_case_without_mesh_lacks_is_said(project):
     )
     refused = run_command("check", "case.yaml")
     assert refused.exit_code == 3
-    assert "other yield limits than one of Mohr-Coulomb" in refused.stderr
+    assert "other yield limits than one of Mohr-Coulomb or Hoek-Brown" in refused.stderr
     project.write_text(CASE)
     assert run_command("check", "case.yaml", "--picture", "x.svg").exit_code == 2
 

@@ -37,6 +37,7 @@ def test_the_page_stands_beside_the_result(folder):
     assert sorted(p.name for p in folder.iterdir()) == ["pit.fit.h5", "pit.fit.html"]
 
 
+@pytest.mark.usefixtures("plain_pictures")
 def test_the_same_page_is_left_and_what_somebody_wrote_is_kept_unless_forced(folder):
     run("pit.fit.h5")
     page = folder / "pit.fit.html"
@@ -53,6 +54,7 @@ def test_the_same_page_is_left_and_what_somebody_wrote_is_kept_unless_forced(fol
     assert page.read_bytes() == first
 
 
+@pytest.mark.usefixtures("plain_pictures")
 def test_an_edited_case_gets_a_new_page_in_place_of_the_old_one(folder):
     words = ("pit.fit.h5", "--figures", "figures", "--format", "png")
     run(*words)
@@ -66,6 +68,7 @@ def test_an_edited_case_gets_a_new_page_in_place_of_the_old_one(folder):
     assert run("pit.fit.h5", "--client", "Ground AG").exit_code == 0  # nor does a new head stop
 
 
+@pytest.mark.usefixtures("plain_pictures")
 @pytest.mark.parametrize(
     ("change", "why"),
     [
@@ -93,6 +96,7 @@ def test_a_page_that_was_edited_is_kept_and_so_is_that_of_another_case(folder, c
     assert page.read_bytes() == made
 
 
+@pytest.mark.usefixtures("plain_pictures")
 def test_one_figure_of_somebody_stops_all_before_any_is_written(folder):
     run("pit.fit.h5", "--no-page", "--figures", "figures", "--format", "png")
     place = folder / "figures"
@@ -128,6 +132,7 @@ def test_flags_that_make_no_sense_are_refused(folder):
         assert words in message
 
 
+@pytest.mark.usefixtures("plain_pictures")
 def test_a_missing_result_and_a_missing_folder_are_named(folder):
     assert refused("nothing.h5")[0] == ExitCode.INVALID_INPUT
     code, message = refused("pit.fit.h5", "-o", "nowhere/page.html")

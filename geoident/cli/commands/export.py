@@ -42,6 +42,16 @@ TABLES = (
     "backtest",
     "backtest-parameters",
 )
+OF_PROJECTS = (
+    "common",
+    "laws",
+    "sections",
+    "section-parameters",
+    "section-readings",
+    "law-curves",
+    "left-out-parameters",
+    "left-out-readings",
+)
 
 EPILOG = """\b
 Examples:
@@ -54,6 +64,9 @@ Examples:
 \b
 Tables:
 """ + textwrap.fill(", ".join(TABLES), 76, initial_indent="  ", subsequent_indent="  ")
+EPILOG += "\n\n\b\nTables of several sections:\n" + textwrap.fill(
+    ", ".join(OF_PROJECTS), 76, initial_indent="  ", subsequent_indent="  "
+)
 
 
 def _next(arguments: Arguments, options: Options) -> Steps:
@@ -78,7 +91,7 @@ def _next(arguments: Arguments, options: Options) -> Steps:
 )
 @click.option(
     "--table",
-    type=OneOf(TABLES),
+    type=OneOf((*TABLES, *OF_PROJECTS)),
     metavar="NAME",
     help="One of the tables below as CSV, to stdout or to the file -o.",
 )
@@ -146,9 +159,14 @@ def _export_case(kind: str, path: str, options: Options) -> int:
 
 def _one_table(path: str, name: str, options: Options) -> int:
     from geoident.io.result.file import read_result
+    from geoident.io.result.project import is_project_result
     from geoident.report.text.csv_tables import csv_tables, csv_text
     from geoident.workflow.export import write_table
 
+    if is_project_result(path):
+        from geoident.cli.project import export_project_table
+
+        return export_project_table(path, name, options)
     result = read_result(path)
     found = csv_tables(result)
 
@@ -177,7 +195,12 @@ def _one_table(path: str, name: str, options: Options) -> int:
 
 def _export(path: str, formats: tuple[str, ...], options: Options) -> int:
     from geoident.io.result.file import read_result
+    from geoident.io.result.project import is_project_result
 
+    if is_project_result(path):
+        from geoident.cli.project import export_project_tables
+
+        return export_project_tables(path, formats, options)
     result = read_result(path)
     for kind in dict.fromkeys(formats):
         for file in _write(kind, path, result, options):

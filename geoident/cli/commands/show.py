@@ -61,11 +61,9 @@ def _show(path: str, options: Options, *, as_csv: bool) -> int:
     if is_campaign(path):
         return _show_campaign(path, options, as_csv=as_csv)
     if is_project_result(path):
-        if as_csv:
-            raise click.UsageError("The result of several sections has no --csv: take --json.")
         from geoident.cli.project import show_project
 
-        return show_project(path, options)
+        return show_project(path, options, as_csv=as_csv)
     with failures_as_json(path, options):
         result, outdated = with_outdated(read_result(path), path)
     case = case_path(path, result.provenance.case_file)

@@ -1,4 +1,4 @@
-"""Return mapping to the surface of Hoek and Brown, in sorted principal stresses (theory 5.5).
+"""Return mapping to the surface of Hoek and Brown, in sorted principal stresses (theory 5.12).
 
 With sigma_1 >= sigma_2 >= sigma_3 (tension positive) the surface is, for every pair i before j,
 

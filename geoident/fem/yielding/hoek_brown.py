@@ -394,7 +394,7 @@ class HoekBrownProjection(OnAxes):
 
         Args:
             trial: (s, q, n + k) of the trial stress.
-            hardened: none, since nothing hardens.
+            hardened: (y, q, n + k), none: nothing hardens.
             of_law: the first n columns are by the parameters of the law.
         """
         along = self.along(trial)

@@ -8,7 +8,7 @@ import numpy as np
 
 from geoident.forward.elsewhere.differences import Linear
 from geoident.forward.elsewhere.model import ElsewhereModel
-from geoident.forward.elsewhere.runs import FailedRun
+from geoident.forward.elsewhere.runs import ComputedRuns, FailedRun
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case
 from geoident.model.dual import Dual, ParameterPoint
@@ -57,7 +57,7 @@ def _numbers(point: ParameterPoint, scalars: Sequence[Scalar]) -> Dual:
     return Dual(np.array(found).reshape(-1, point.n_columns))  # also of no gauge
 
 
-class LawRuns:
+class LawRuns(ComputedRuns):
     """A law in place of runs: what it gives, and its exact derivatives.
 
     Args:
@@ -65,38 +65,11 @@ class LawRuns:
         law: of the case.
     """
 
-    has_jacobian = True
-    notes: tuple[str, ...] = ()
-    at_once = 1
-
     def __init__(self, case: Case, law: ConvergenceLaw) -> None:
         self._law = law
         self._names = tuple(parameter.name for parameter in case.parameters)
         self.seen: Bools = np.array([name in law.seen for name in self._names], dtype=bool)
         self.given: Bools = np.isfinite(law.distance)
-
-    def require_trust(self) -> str:
-        """A law runs nothing."""
-        return ""
-
-    def written(self, p: Floats) -> Floats:
-        """The parameters (n,) themselves."""
-        return p
-
-    def quantum(self, p: Floats) -> Floats:
-        """(n,) rounding."""
-        return np.asarray(2.3e-16 * np.abs(p))
-
-    def results(
-        self, points: Sequence[Floats], check: Callable[[], None]
-    ) -> list[Floats | FailedRun]:
-        """Convergences (n_stages, n_channels), SI, at several p (n,).
-
-        Args:
-            points: where.
-            check: is called before each.
-        """
-        return list(self.each(points, check))
 
     def each(
         self, points: Sequence[Floats], check: Callable[[], None]

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Protocol
+
+import numpy as np
 
 from geoident.model.arrays import Bools, Floats
 
@@ -88,3 +91,61 @@ class ModelRuns(Protocol):
             p: (n,) where.
             check: see `results`.
         """
+
+
+class RunsInTurn(ABC):
+    """What runs have in common that are had one after the other."""
+
+    @abstractmethod
+    def each(
+        self, points: Sequence[Floats], check: Callable[[], None]
+    ) -> Iterator[Floats | FailedRun]:
+        """Readings (n_stages, n_channels) in turn, each as it is there.
+
+        Args:
+            points: (n,) where.
+            check: is called every moment; raises to end the runs.
+        """
+
+    def results(
+        self, points: Sequence[Floats], check: Callable[[], None]
+    ) -> list[Floats | FailedRun]:
+        """Readings (n_stages, n_channels), SI, at several p (n,); NaN where none is given.
+
+        Args:
+            points: where.
+            check: is called every moment; raises to end the runs.
+
+        Raises:
+            InputError: the model may not be run.
+            OutputError: a folder or the log cannot be written.
+        """
+        return list(self.each(points, check))
+
+
+class RunsOfAllDigits(RunsInTurn):
+    """Runs to which parameters are passed on as they are."""
+
+    def written(self, p: Floats) -> Floats:
+        """The parameters (n,) themselves."""
+        return p
+
+    def quantum(self, p: Floats) -> Floats:
+        """(n,) rounding."""
+        return np.asarray(2.3e-16 * np.abs(p))
+
+
+class ComputedRuns(RunsOfAllDigits):
+    """Formulas in place of runs, with exact derivatives: nothing is run."""
+
+    has_jacobian = True
+    at_once = 1
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Nothing, if not of their own."""
+        return ()
+
+    def require_trust(self) -> str:
+        """Nothing is run, so there is nothing to trust."""
+        return ""

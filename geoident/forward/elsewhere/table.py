@@ -9,7 +9,7 @@ import numpy as np
 
 from geoident.forward.elsewhere.differences import Linear
 from geoident.forward.elsewhere.model import ElsewhereModel
-from geoident.forward.elsewhere.runs import FailedRun
+from geoident.forward.elsewhere.runs import ComputedRuns, FailedRun
 from geoident.forward.elsewhere.surfaces.surface import (
     ResponseSurface,
     RunCoordinates,
@@ -32,7 +32,7 @@ _NEAR = 3.0
 _SHOWN = 6
 
 
-class SurfaceRuns:
+class SurfaceRuns(ComputedRuns):
     """Response surfaces in place of runs: what they give, and its exact derivatives.
 
     Surfaces are of readings as gauges show them: of a gauge with a zero the change since then.
@@ -41,8 +41,6 @@ class SurfaceRuns:
         case: the case.
         table: of its runs.
     """
-
-    has_jacobian = True
 
     def __init__(self, case: Case, table: RunTable) -> None:
         self._table = table
@@ -65,32 +63,6 @@ class SurfaceRuns:
     def notes(self) -> tuple[str, ...]:
         """Runs that were left out, and bounds that were moved."""
         return self._table.notes
-
-    def require_trust(self) -> str:
-        """A table runs nothing."""
-        return ""
-
-    def written(self, p: Floats) -> Floats:
-        """The parameters (n,) themselves."""
-        return p
-
-    def quantum(self, p: Floats) -> Floats:
-        """(n,) rounding."""
-        return np.asarray(2.3e-16 * np.abs(p))
-
-    def results(
-        self, points: Sequence[Floats], check: Callable[[], None]
-    ) -> list[Floats | FailedRun]:
-        """Readings (n_stages, n_channels), SI, at several p (n,).
-
-        Args:
-            points: where.
-            check: is called before each.
-        """
-        return list(self.each(points, check))
-
-    at_once = 1
-    """Nothing is run."""
 
     def each(
         self, points: Sequence[Floats], check: Callable[[], None]

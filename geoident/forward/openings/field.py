@@ -26,6 +26,7 @@ from geoident.forward.openings.closed_forms import GroundState
 from geoident.forward.openings.load import OpeningLoad
 from geoident.forward.openings.site import OpeningSite
 from geoident.forward.stages import CaseOnMesh, ConstructionSequence, ConstructionState
+from geoident.forward.yielding.equivalent import equivalent_notes
 from geoident.model.actions import Pressure
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Analysis, Case, Material
@@ -195,6 +196,8 @@ class OpeningField:
         ]
         if any(isinstance(s, MohrCoulomb) and s.planes for s in self._material.yields):
             sentences.append("the closed form takes the smooth surface for the polyhedron")
+        stress = self._load(values, ()).stress.value
+        sentences += equivalent_notes(self._material, stress[:, :1], values)
         return tuple(sentences)
 
     def _uneven(self, load: OpeningLoad) -> list[str]:

@@ -203,10 +203,11 @@ def _interval(
     if cut:
         lower, upper = scaling.away(p, low), scaling.away(p, high)
     else:
-        lower, upper = (
-            np.where(scaling.log, p * np.exp(step), p + step * scaling.reference)
-            for step in (low, high)
-        )
+        with np.errstate(over="ignore"):  # beyond all numbers: too few sections tell nothing
+            lower, upper = (
+                np.where(scaling.log, p * np.exp(step), p + step * scaling.reference)
+                for step in (low, high)
+            )
     return Interval95(p, mixture.rms * scaling.slope(p), lower, upper)
 
 

@@ -2,25 +2,41 @@
 
 from __future__ import annotations
 
+import copy
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from pydantic import ValidationError
 
+from geoident.errors import Fault, InputError
 from geoident.io.project.formula import parse_formula
 from geoident.io.project.sections import NONE, LawSection, ProjectFile, SiteSection
-from geoident.io.schema.faults import add_schema_faults
+from geoident.io.schema.faults import add_schema_faults, paths_of
 from geoident.io.schema.values import Given, kind_of
 from geoident.io.text.faults import Faults, Places
 from geoident.io.text.kinds import refuse_other_kind
-from geoident.io.text.overrides import parse_path, written_value
+from geoident.io.text.overrides import is_path, parse_path, written_value
 from geoident.io.text.text_file import decode, read_bytes
 from geoident.io.text.wording import Refusal, listing, nearest, shorten
 from geoident.io.text.yaml_reader import MAX_BYTES, parse_yaml
 from geoident.model.case import KeyPath
 from geoident.model.project.project import Covariate, ParameterLaw, Project, ProjectSection, Scatter
 from geoident.units import with_article
+
+
+class FaultyProject(InputError):
+    """A project with faults of its own text.
+
+    Args:
+        faults: they.
+        left: the sections at which nothing is wrong, whose cases can be read.
+    """
+
+    def __init__(self, faults: Iterable[Fault], left: Sequence[ProjectSection]) -> None:
+        self.left = tuple(left)
+        super().__init__(faults)
 
 
 def read_project(path: str) -> Project:
@@ -30,14 +46,38 @@ def read_project(path: str) -> Project:
         path: the file.
 
     Raises:
-        InputError: with all faults found.
+        FaultyProject: with all faults found.
     """
     text = decode(read_bytes(path, limit=MAX_BYTES, what="project"), path)
     document = parse_yaml(text, path)
     refuse_other_kind(document, "project")
     faults = Faults(Places(document, document.data))
-    _check_paths(Path(path).parent, faults)
-    found = _validated(faults)
+    folder = Path(path).parent
+    _check_paths(folder, faults)
+    found, wrong = _validated(faults)
+    if found is None:
+        raise FaultyProject(faults.shown(), ())
+    known = Faults(faults.places)
+    project = _project(found, path, known)
+    spoiled = {path[:2] for path in wrong}
+    faults.extend(
+        fault
+        for fault, key in zip(known.found, known.of_keys(), strict=True)
+        if key[:2] not in spoiled and not (wrong and fault.code in _OF_ALL)
+    )
+    if not faults.found:
+        return project
+    keys = {key[:2] for key in (*faults.of_keys(), *known.of_keys(), *wrong)}
+    left = [s for n, s in enumerate(project.sections) if ("sections", n) not in keys]
+    raise FaultyProject(faults.shown(), left)
+
+
+_OF_ALL = ("nothing-common", "no-section", "missing-covariate", "unknown-name", "unused-constant")
+"""Faults that may only follow from what was left out because it is wrong."""
+
+
+def _project(found: ProjectFile, path: str, faults: Faults) -> Project:
+    """What a project says; what is wrong beyond its sections is noted."""
     covariates = _covariates(found, faults)
     names = _names(found, faults)
     laws = tuple(_law(found, name, covariates, faults) for name in found.laws)
@@ -49,7 +89,6 @@ def read_project(path: str) -> Project:
     if all(section.predict for section in found.sections):
         faults.add(("sections",), "no-section", "there is no section to fit",
                    "Remove 'predict' from some.")  # fmt: skip
-    faults.raise_any()
     folder, locate = Path(path).parent, faults.places.locate
     sections = tuple(
         _section(section, name, folder, ("sections", n), faults.places)
@@ -64,7 +103,7 @@ def read_project(path: str) -> Project:
         sections=sections,
         covariates=covariates,
         shared=tuple(found.shared),
-        laws=tuple(law for law in laws if law is not None),
+        laws=laws,
         places={key: locate(key) for key in keys},
     )
 
@@ -96,19 +135,47 @@ def _is_file(path: Path) -> bool:
         return False
 
 
-def _validated(faults: Faults) -> ProjectFile:
+def _validated(faults: Faults) -> tuple[ProjectFile | None, list[KeyPath]]:
+    """The sections without what is wrong in them, which is noted, and where that is.
+
+    None where too little is left.
+    """
     data = faults.places.data
     if not isinstance(data, dict):
         hint = "Begin with 'format: geoident-project/1'."
         faults.add((), "wrong-kind", f"found {kind_of(data)}; a mapping is expected", hint)
-        faults.raise_any()
+        return None, []
     known: dict[int, tuple[str, ...]] = {}
     try:
-        return ProjectFile.model_validate(data, context=known)
+        return ProjectFile.model_validate(data, context=known), []
     except ValidationError as error:
-        add_schema_faults(faults, error.errors(include_url=False), data, known)
-        faults.raise_any()
-        raise
+        errors = error.errors(include_url=False)
+        add_schema_faults(faults, errors, data, known)
+        wrong = paths_of(errors, data)
+    try:
+        return ProjectFile.model_validate(_without(data, wrong), context={}), wrong
+    except ValidationError:
+        return None, wrong
+
+
+def _without(data: Mapping[str, Any], wrong: Iterable[KeyPath]) -> dict[str, Any]:
+    """A project without its wrong entries; its sections keep their places."""
+    left: dict[str, Any] = copy.deepcopy(dict(data))
+    for path in wrong:
+        match path:
+            case ("sections", int(n), str(key), *_):
+                left["sections"][n].pop(key, None)
+            case ("sections", int(n)):
+                given = left["sections"][n]
+                left["sections"][n] = given if isinstance(given, dict) else {}
+            case ("laws", law, *_):
+                left["laws"].pop(law, None)
+            case (key, *_):
+                left.pop(str(key), None)
+    left["format"] = "geoident-project/1"
+    for n, section in enumerate(left.get("sections", ())):
+        section.setdefault("case", f"?{n}")
+    return left
 
 
 def _covariates(found: ProjectFile, faults: Faults) -> tuple[Covariate, ...]:
@@ -152,7 +219,7 @@ def _names(found: ProjectFile, faults: Faults) -> list[str]:
 
 def _law(
     found: ProjectFile, name: str, covariates: Sequence[Covariate], faults: Faults
-) -> ParameterLaw | None:
+) -> ParameterLaw:
     law, at = found.laws[name], ("laws", name)
     formula = parse_formula(law.formula)
     known = {c.name for c in covariates}
@@ -231,12 +298,13 @@ def _check_common(found: ProjectFile, faults: Faults) -> None:
 def _section(
     section: SiteSection, name: str, folder: Path, at: KeyPath, places: Places
 ) -> ProjectSection:
+    paths = [path for path in section.set if is_path(path)]
     return ProjectSection(
         name=name,
         case=str(folder / section.case),
-        overrides=tuple(f"{path}={written_value(value)}" for path, value in section.set.items()),
+        overrides=tuple(f"{path}={written_value(section.set[path])}" for path in paths),
         covariates={c: given.factor for c, given in section.covariates.items()},
         predicted=section.predict,
         place=places.locate(at),
-        places=tuple(places.locate((*at, "set", path)) for path in section.set),
+        places=tuple(places.locate((*at, "set", path)) for path in paths),
     )

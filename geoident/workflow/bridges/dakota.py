@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from geoident.errors import Fault, InputError, ModelError, Term, UsageError
+from geoident.errors import Fault, InputError, ModelError
 from geoident.forward.elsewhere.model import ElsewhereModel
 from geoident.forward.protocols import CaseModel
 from geoident.io.bridges.commands import for_dakota
@@ -32,14 +32,13 @@ from geoident.io.bridges.dakota import (
 )
 from geoident.io.bridges.names import plain, reading_names
 from geoident.io.text.atomic import atomic_output
-from geoident.io.text.text_file import STDIN, seen_from
 from geoident.io.text.wording import did_you_mean, listing, shorten
 from geoident.model.arrays import Floats
 from geoident.model.methods import ModelErrorOptions, SquaredOptions
 from geoident.model.parameter import Parameter
 from geoident.units import in_unit, size_in
-from geoident.workflow.export import ListedFiles, Writer
-from geoident.workflow.running.jobs import NO_READINGS, build_model, load_inputs
+from geoident.workflow.bridges.driven import driven_case
+from geoident.workflow.running.jobs import NO_READINGS, load_inputs
 from geoident.workflow.running.readings import error_structure, select_readings
 from geoident.workflow.simulate import (
     BY_MODEL,
@@ -193,15 +192,8 @@ def export_dakota(
         UsageError: the case comes from stdin, or a path has blanks.
         OutputError: a file exists or cannot be written.
     """
-    if path == STDIN:
-        raise UsageError("Dakota runs the case again and again: save it as a file and name that")
-    inputs = load_inputs(path)
-    model = build_model(inputs)
-    stem = plain(Path(path).stem)
-    folder = Path(path).with_name(f"{Path(path).stem}.dakota") if output is None else Path(output)
-    if set(seen := seen_from(folder, path)) & set(" \t'\""):
-        message = f"'{seen}' has blanks or quotes, which Dakota does not take in a command\n"
-        raise UsageError(f"{message}    rename the case or its folder, or choose {Term.OUTPUT}")
+    driven = driven_case(path, "Dakota", output, not_taken=" \t'\"", force=force)
+    model, stem = driven.model, plain(Path(path).stem)
     case, readings = model.case, select_readings(model.case, model)
     pairs = simulated_pairs(model)
     names = dict(zip(pairs, reading_names(pairs), strict=True))
@@ -218,7 +210,7 @@ def export_dakota(
         )
     deck = DakotaInput(
         title=f"{stem}: made by geoident",
-        driver=for_dakota(seen),
+        driver=for_dakota(driven.seen),
         variables=tuple(
             DakotaVariable(p.name, p.start / _size(p), p.lower / _size(p), p.upper / _size(p))
             for p in case.parameters
@@ -228,16 +220,7 @@ def export_dakota(
     )
     numbers: Floats = np.array(made).reshape(-1, 2)
     texts = {f"{stem}.in": input_text(deck), deck.data: data_text(numbers[:, 0], numbers[:, 1])}
-    writers: dict[Path, Writer] = {
-        folder / name: partial(_written, text) for name, text in texts.items()
-    }
-    identity = inputs.identity("export", (), seed=0)
-    listed = ListedFiles(folder, stem, path, inputs.files, identity, force)
-    return listed.write(writers), tuple(_notes(model, used))
-
-
-def _written(text: str, part: str) -> None:
-    Path(part).write_text(text, encoding="utf-8", newline="")
+    return driven.write(texts, stem), tuple(_notes(model, used))
 
 
 def _notes(model: CaseModel, used: dict[tuple[str, str], int]) -> Iterator[str]:

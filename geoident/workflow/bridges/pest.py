@@ -8,12 +8,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from geoident.errors import Term, UsageError
 from geoident.forward.protocols import CaseModel
 from geoident.io.bridges.commands import for_pest
 from geoident.io.bridges.names import plain, reading_names, unique
@@ -27,15 +25,13 @@ from geoident.io.bridges.pest import (
     instruction_text,
     template_text,
 )
-from geoident.io.text.text_file import STDIN, seen_from
 from geoident.model.arrays import Floats
 from geoident.model.case import Case
 from geoident.model.gauges import Channel, Reading, ReadingTable, named_channels
 from geoident.model.methods import ModelErrorOptions, SquaredOptions
 from geoident.model.parameter import Parameter
 from geoident.units import in_unit, shown_unit, size_in
-from geoident.workflow.export import ListedFiles, Writer
-from geoident.workflow.running.jobs import build_model, load_inputs
+from geoident.workflow.bridges.driven import driven_case
 from geoident.workflow.running.readings import error_structure, select_readings
 from geoident.workflow.simulate import simulated_pairs
 
@@ -68,17 +64,10 @@ def export_pest(
         UsageError: the case comes from stdin, or a path has blanks.
         OutputError: a file exists or cannot be written.
     """
-    if path == STDIN:
-        raise UsageError("PEST runs the case again and again: save it as a file and name that")
-    inputs = load_inputs(path)
-    model = build_model(inputs)
-    stem = Path(path).stem
-    folder = Path(path).with_name(f"{stem}.pest") if output is None else Path(output)
-    if set(seen := seen_from(folder, path)) & set(" \t"):
-        message = f"'{seen}' has blanks, which PEST does not take in a command\n"
-        raise UsageError(f"{message}    rename the case or its folder, or choose {Term.OUTPUT}")
+    driven = driven_case(path, "PEST", output, not_taken=" \t", force=force)
+    model = driven.model
     readings = select_readings(model.case, model)
-    made = _PestFiles(plain(stem), seen, model, readings)
+    made = _PestFiles(plain(Path(path).stem), driven.seen, model, readings)
     case = made.case()
     texts = {
         f"{made.stem}.pst": control_text(case),
@@ -90,16 +79,7 @@ def export_pest(
     }
     if made.noise is not None:
         texts[made.noise_file] = covariance_text(*made.noise)
-    writers: dict[Path, Writer] = {
-        folder / name: partial(_write, text) for name, text in texts.items()
-    }
-    identity = inputs.identity("export", (), seed=0)
-    listed = ListedFiles(folder, made.stem, path, inputs.files, identity, force)
-    return listed.write(writers), tuple(made.notes())
-
-
-def _write(text: str, part: str) -> None:
-    Path(part).write_text(text, encoding="utf-8", newline="")
+    return driven.write(texts, made.stem), tuple(made.notes())
 
 
 class _PestFiles:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from geoident.forward.elsewhere.runs import FailedRun
+from geoident.forward.elsewhere.runs import FailedRun, RunsOfAllDigits
 from geoident.io.text.wording import shorten
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case
@@ -28,7 +28,7 @@ _PRINTED = "printed.txt"
 """File in the folder of the runs that takes what the function prints."""
 
 
-class FunctionRuns:
+class FunctionRuns(RunsOfAllDigits):
     """Runs of the function of a case.
 
     Args:
@@ -72,28 +72,6 @@ class FunctionRuns:
     def notes(self) -> tuple[str, ...]:
         """Runs that failed."""
         return failed_note(tuple(self._failed.values()), len(self._asked))
-
-    def written(self, p: Floats) -> Floats:
-        """The parameters (n,) themselves: all digits are passed on."""
-        return p
-
-    def quantum(self, p: Floats) -> Floats:
-        """(n,) rounding."""
-        return np.asarray(2.3e-16 * np.abs(p))
-
-    def results(
-        self, points: Sequence[Floats], check: Callable[[], None]
-    ) -> list[Floats | FailedRun]:
-        """Readings (n_stages, n_channels) at several p (n,); each run is made once.
-
-        Args:
-            points: where.
-            check: is called every moment; raises to end the runs.
-
-        Raises:
-            InputError: the function may not be run.
-        """
-        return list(self.each(points, check))
 
     @property
     def at_once(self) -> int:

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from geoident.errors import Fault, InputError, OutputError
-from geoident.forward.elsewhere.runs import FailedRun
+from geoident.forward.elsewhere.runs import FailedRun, RunsInTurn
 from geoident.io.elsewhere.outputs import NotFound, RunFiles
 from geoident.io.elsewhere.templates import (
     CannotBeFilled,
@@ -100,7 +100,7 @@ def executed(given: Elsewhere) -> str:
     return f"`{shlex.join((first, *given.command[1:]))}`{also}"
 
 
-class ProgramRuns:
+class ProgramRuns(RunsInTurn):
     """Runs of the program of a case.
 
     Args:
@@ -195,21 +195,6 @@ class ProgramRuns:
                     result[j] = max(result[j], last_digit(template, self._values(p), name))
         return result
 
-    def results(
-        self, points: Sequence[Floats], check: Callable[[], None]
-    ) -> list[Floats | FailedRun]:
-        """Readings (n_stages, n_channels) at several p (n,); each run is made once.
-
-        Args:
-            points: where.
-            check: is called every moment; raises to end the runs.
-
-        Raises:
-            InputError: the program may not be run.
-            OutputError: a folder or the log cannot be written.
-        """
-        return list(self.each(points, check))
-
     @property
     def at_once(self) -> int:
         """How many runs are made at a time."""
@@ -254,7 +239,7 @@ class ProgramRuns:
         """Derivatives (n_stages, n_channels, n) at p (n,): a program gives none.
 
         Args:
-            p: where.
+            p: (n,) where.
             check: see `results`.
         """
         return FailedRun("a program gives no derivatives")

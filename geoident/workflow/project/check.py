@@ -43,7 +43,7 @@ def check_project(path: str, *, solver: str = "auto") -> CheckedProject:
             found = check(section.case, overrides=section.overrides, solver=solver)
             summaries.append(found.summary)
         except InputError as error:
-            faults += placed(error, section, project)
+            faults += placed(error, section)
     if faults:
         raise InputError(in_order(faults))
     return CheckedProject(project, tuple(summaries))

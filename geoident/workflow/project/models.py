@@ -120,7 +120,7 @@ class SectionAnswers:
         def take(number: int, answer: SectionAnswer) -> None:
             if isinstance(answer.error, InputError):
                 section = self._project.sections[number]
-                raise InputError(placed(answer.error, section, self._project))
+                raise InputError(placed(answer.error, section))
             if answer.error is not None:
                 raise answer.error
             assert answer.prepared is not None

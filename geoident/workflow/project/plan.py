@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from geoident.errors import Fault, InputError
-from geoident.io.project.file import read_project
+from geoident.io.project.file import FaultyProject, read_project
 from geoident.io.result.file import PROJECT_FORMAT
 from geoident.io.text.faults import OVERRIDES, shortened
 from geoident.io.text.overrides import parse_path
@@ -129,23 +129,26 @@ def read_sections(path: str) -> tuple[Project, tuple[Inputs, ...]]:
         InputError: with all faults of the project, or else of the cases of its sections, or of what
             they have in common.
     """
-    project = read_project(path)
-    inputs = _section_inputs(project)
-    faults = [*_common_faults(project, inputs)]
+    try:
+        project = read_project(path)
+    except FaultyProject as error:
+        _, faults = _section_inputs(error.left)
+        raise InputError(in_order((*error.faults, *faults))) from error
+    inputs, faults = _section_inputs(project.sections)
+    faults += _common_faults(project, inputs)
     if faults:
         raise InputError(in_order(faults))
-    return project, inputs
+    return project, tuple(one for _, one in inputs)
 
 
-def placed(error: InputError, section: ProjectSection, project: Project) -> list[Fault]:
+def placed(error: InputError, section: ProjectSection) -> list[Fault]:
     """The faults of the case of a section where they are written: some in the project.
 
     Args:
         error: what is wrong with the case.
         section: of the project.
-        project: with it.
     """
-    return [_placed(fault, section, project) for fault in error.faults]
+    return [_placed(fault, section) for fault in error.faults]
 
 
 def in_order(faults: Sequence[Fault]) -> list[Fault]:
@@ -176,24 +179,21 @@ def _identity(project: Project, inputs: Sequence[Inputs], request: ProjectReques
     return sha256(json.dumps(said, sort_keys=True).encode())
 
 
-def _section_inputs(project: Project) -> tuple[Inputs, ...]:
-    """The case of each section.
-
-    Raises:
-        InputError: with the faults of all of them, each once.
-    """
-    inputs, faults = [], []
-    for section in project.sections:
+def _section_inputs(
+    sections: Sequence[ProjectSection],
+) -> tuple[list[tuple[ProjectSection, Inputs]], list[Fault]]:
+    """The cases of the sections that are right, and the faults of the others."""
+    inputs: list[tuple[ProjectSection, Inputs]] = []
+    faults: list[Fault] = []
+    for section in sections:
         try:
-            inputs.append(load_inputs(section.case, overrides=section.overrides))
+            inputs.append((section, load_inputs(section.case, overrides=section.overrides)))
         except InputError as error:
-            faults += placed(error, section, project)
-    if faults:
-        raise InputError(in_order(faults))
-    return tuple(inputs)
+            faults += placed(error, section)
+    return inputs, faults
 
 
-def _placed(fault: Fault, section: ProjectSection, project: Project) -> Fault:
+def _placed(fault: Fault, section: ProjectSection) -> Fault:
     """A fault of a case where it is written: in the project, if its value comes from there."""
     from_there = fault.location.file == OVERRIDES
     for override, place in zip(section.overrides, section.places, strict=True):
@@ -207,11 +207,13 @@ def _placed(fault: Fault, section: ProjectSection, project: Project) -> Fault:
 # Whether the sections have in common what the project says
 
 
-def _common_faults(project: Project, inputs: Sequence[Inputs]) -> Iterator[Fault]:
+def _common_faults(
+    project: Project, inputs: Sequence[tuple[ProjectSection, Inputs]]
+) -> Iterator[Fault]:
     first: dict[str, tuple[ProjectSection, Parameter]] = {}
     keys: dict[str, KeyPath] = {name: ("shared", n) for n, name in enumerate(project.shared)}
     keys |= {law.parameter: ("laws", law.parameter) for law in project.laws}
-    for section, one in zip(project.sections, inputs, strict=True):
+    for section, one in inputs:
         own = {q.name: q for q in one.case.parameters}
         yield from _not_covered(one.case, section)
         for name, key in keys.items():

@@ -325,4 +325,4 @@ def test_what_does_not_yield_has_no_law():
     on_mesh = CaseOnMesh(make_case(mesh, materials={"steel": steel}), mesh)
     ground = GroundAt(on_mesh, ParameterPoint(VALUES, ()), 4)
     assert ground.yield_law("steel") is None
-    assert ground.yield_planes() == {}
+    assert ground.yield_limits() == {}

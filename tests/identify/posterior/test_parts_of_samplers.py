@@ -15,9 +15,19 @@ from geoident.identify.posterior import approximation, chains, importance
 from geoident.identify.posterior.approximation import Mixture, adapted, laplace
 from geoident.identify.posterior.chains import Chains, thinned
 from geoident.identify.posterior.density import PosteriorDensity
-from geoident.identify.posterior.diagnosis import effective_of_weights, library, limit_of_k
+from geoident.identify.posterior.diagnosis import (
+    diagnose_chains,
+    effective_of_weights,
+    library,
+    limit_of_k,
+)
 from geoident.identify.posterior.draws import OUT_OF_EVALUATIONS, Draws, Stopped, Wish
-from geoident.identify.posterior.importance import ImportanceSampler, Weighted, resampled
+from geoident.identify.posterior.importance import (
+    ImportanceSampler,
+    Weighted,
+    none_yet,
+    resampled,
+)
 from geoident.identify.problem.problem import Problem
 from geoident.model.parameter import Parameter, Prior
 
@@ -474,6 +484,110 @@ def test_the_length_of_a_step_is_tuned_to_the_share_that_is_accepted(shares, siz
     assert found._size == pytest.approx(size)
     assert asked == [20] * min(len(shares), 10)
     assert found.acceptance == 0.0  # what was tuned does not count
+
+
+def weighted(weights, logarithms, x=None):
+    found = none_yet(mixture())
+    found.x = np.arange(2.0 * len(weights)).reshape(-1, 2) if x is None else x
+    found.logarithms, found.weights = np.asarray(logarithms, float), np.asarray(weights, float)
+    return found
+
+
+def test_chains_begin_at_different_draws_likely_by_the_root_of_their_weights():
+    """Of weights 1 : 9 among many the second kind is drawn three times as often."""
+    weights = np.tile([0.001, 0.009], 100)
+    begin, rng = weighted(weights, np.zeros(200)), np.random.default_rng(0)
+    counts = np.zeros(2)
+    for _ in range(400):
+        x = chains._starts(begin, rng, 4)
+        taken = (x[:, 0] / 2.0).astype(int)
+        assert len(set(taken.tolist())) == 4
+        np.testing.assert_array_equal(x, begin.x[taken])
+        counts += np.bincount(taken % 2, minlength=2)
+    assert counts[1] / counts[0] == pytest.approx(3.0, rel=0.25)
+
+
+def test_where_hardly_any_draw_has_weight_chains_begin_at_those_of_the_best_density():
+    logs = np.array([-np.inf, 5.0, 1.0, 4.0, 3.0])
+    begin = weighted([0.0, 1.0, 0.0, 0.0, 0.0], logs)
+    x = chains._starts(begin, np.random.default_rng(0), 3)
+    assert sorted((x[:, 0] / 2.0).tolist()) == [1.0, 3.0, 4.0]
+    more = chains._starts(begin, np.random.default_rng(0), 7)  # the rest are of the mixture
+    of_draws = [row for row in more.tolist() if row in begin.x[1:].tolist()]
+    assert len(of_draws) == 4
+    assert more.shape == (7, 2)
+
+
+@pytest.mark.parametrize(
+    ("parameter", "centre", "sd"),
+    [
+        (Parameter("a", 3.0, 1.0, 9.0, "log"), np.log(9.0) / 2.0, np.log(9.0) / 2.0),
+        (Parameter("a", 3.0, -1.0, 9.0, "linear"), 4.0 / 3.0, 5.0 / 3.0),  # u = p / 3
+        (Parameter("a", 3.0, 2.0, np.inf, "log"), np.log(3.0), 2.5),
+        (Parameter("a", 3.0, -np.inf, 9.0, "linear"), 1.0, 5.0),
+        (Parameter("a", 0.0, -np.inf, np.inf, "linear"), 0.0, 5.0),
+        (Parameter("a", 3.0, 1.0, 9.0, "log", Prior(4.0, 1.0)), np.log(4.0), 0.25),
+        (Parameter("a", 3.0, -1.0, 9.0, "linear", Prior(6.0, 1.5)), 2.0, 0.5),
+    ],
+)
+def test_what_is_known_before_is_the_prior_or_as_wide_as_the_bounds(parameter, centre, sd):
+    """In u: half of the distance of the bounds; of none, 2.5 in ln p, or five of the start."""
+    problem = Problem(None, np.zeros(1), np.ones(1), (parameter,))
+    found = PosteriorDensity(problem).reference()
+    assert found[0][0] == pytest.approx(centre)
+    assert found[1][0] == pytest.approx(sd)
+
+
+def test_chains_of_a_group_count_as_one_for_r_hat():
+    """Two groups of two, of which one agrees with the other and one does not."""
+    rng = np.random.default_rng(0)
+    x = rng.normal(size=(4, 300, 2))
+    x[1::2, :, 0] += 3.0  # in each group one that stays elsewhere: the groups agree nonetheless
+    x[2:, :, 1] += 3.0  # groups that do not agree
+    size, r_hat = diagnose_chains(x, groups=2)
+    assert r_hat[0] < 1.02
+    assert r_hat[1] > 1.5
+    alone = diagnose_chains(x, groups=4)[1]
+    assert alone[0] > 1.5
+    arviz = library("arviz")
+    for i in range(2):
+        kinds = [float(arviz.ess(x[:, :, i], method=kind)) for kind in ("bulk", "tail")]
+        assert size[i] == pytest.approx(min(kinds))
+    # one after the other in time: halves of a group are both halves of its chains
+    drift = np.linspace(0.0, 4.0, 300)[None, :, None] + rng.normal(size=(4, 300, 1))
+    assert diagnose_chains(drift, groups=2)[1][0] > 1.1
+    still = np.zeros((4, 10, 1))
+    assert np.isnan(diagnose_chains(still, groups=2)).all()
+
+
+def test_weights_that_are_all_zero_are_worth_nothing():
+    assert effective_of_weights(np.zeros(4)) == 0.0
+    assert effective_of_weights(np.array([0.5, 0.5, 0.0])) == pytest.approx(2.0)
+
+
+def test_adaptation_ends_with_the_budget():
+    found, _ = sampler(Normal(), evaluations=450)
+    found.of(wide(12.0), "importance", least=0.5)
+    found.adapt()
+    assert found.stopped == OUT_OF_EVALUATIONS
+    assert [len(r.x) for r in found.rounds] == [300, 150]
+
+
+def test_weights_of_a_twentieth_are_worth_using_and_less_are_not():
+    """A mixture k times too wide in 2 coordinates has an efficiency of about 2 / k^2 (normal)."""
+    for size, enough in ((5.0, True), (7.5, False)):
+        found, _ = sampler(Normal())
+        one = Mixture(np.ones(1), np.zeros((1, 2)), size * np.eye(2)[None], np.inf, *BOX)
+        result = found.of(one, "importance")
+        assert result.efficiency == pytest.approx(2.0 / size**2, rel=0.4)
+        assert (len(result.x) > 300) is enough
+    at = Weighted(mixture(), np.zeros((100, 2)), np.zeros(100), np.zeros(100))
+    at.pareto_k = 0.0
+    for last, effective, enough in ((0.25, 4.446, False), (0.6, 4.855, False), (2.0, 5.0, True)):
+        raw = np.array([1.0, 1.0, 1.0, 1.0, last, last - 1.0 if last > 1.0 else 0.0])
+        at.weights = np.append(raw / raw.sum(), np.zeros(94))
+        assert at.effective == pytest.approx(effective, rel=0.1)
+        assert at.believable() is enough
 
 
 def test_a_step_is_not_tuned_where_nothing_may_be_asked():

@@ -77,3 +77,27 @@ def test_a_project_with_all_sections_left_out_has_nothing_to_fit(tmp_path):
     text = SECTIONS.replace("{GSI: 34}}", "{GSI: 34}, predict: true}")
     text = text.replace("{GSI: 52}}", "{GSI: 52}, predict: true}")
     assert "there is no section to fit" in faults_of(tmp_path, text)
+
+
+def test_a_wrong_path_hides_no_fault_behind_it(tmp_path):
+    """Of the project, of its schema, and of the cases of the other sections."""
+    text = SECTIONS.replace("case: section.yaml, set: {readings: km-1.csv}", "case: none.yaml")
+    text = text.replace("km-2.csv}", "km-2.csv, gauges.EX0.zero: nowhere}")
+    for old, new, said in (
+        ("b * GSI", "c * GSI", "'c' is no covariate"),
+        ("scatter: none", "scatter: nine", "Did you mean 'none'?"),
+        ("predict: true", "predict: perhaps", "sections[2].predict"),
+        ("title: Two sections", "titel: Two sections", "Did you mean 'title'?"),
+    ):
+        found = faults_of(tmp_path, text.replace(old, new))
+        assert said in found
+        assert "sections[0].case: there is no file" in found
+        assert "project.yaml:5:" in found
+        assert "nowhere" in found
+        assert "?0" not in found
+
+
+def test_what_is_left_out_as_wrong_is_no_fault_of_others(tmp_path):
+    text = SECTIONS.replace("GSI: 34", "GSI: many").replace("start: 1 GPa", "start: [1 GPa]")
+    found = faults_of(tmp_path, text)
+    assert found.count("project.yaml:") == 2, found

@@ -395,8 +395,8 @@ def test_all_runs_of_the_least_misfit_are_named_and_a_page_without_title_names_i
         for name, misfit in (("a", 2.0), ("b", 1.0), ("c", 1.0 + 1e-9), ("d", 1.1))
     )
     table = CampaignTable("", "fit", "../site/many.yaml", "c.yaml", (), runs, 4, {}, "2024-01-01")
-    assert "The least misfit, 1, have the runs b and c." in " ".join(outcome_sentences(table))
+    assert "The runs b and c have the least misfit, 1." in " ".join(outcome_sentences(table))
     alone = replace(table, runs=runs[:2], total=2)
-    assert "The least misfit, 1, has the run b." in " ".join(outcome_sentences(alone))
+    assert "The run b has the least misfit, 1." in " ".join(outcome_sentences(alone))
     page = campaign_page(table, draw=lambda pictures: [])
     assert "<h1>Campaign many.yaml</h1>" in page

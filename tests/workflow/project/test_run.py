@@ -9,12 +9,19 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from scipy.optimize import least_squares
+from support.elsewhere import EXTERNAL, PROGRAM, PYTHON, SCRIPT, write_case
 from support.projects import CASES, SECTIONS, example
 
+from geoident import fit_project as fit_project_here
+from geoident import read_project
 from geoident.cli.app import geoident
+from geoident.cli.commands.export import OF_PROJECTS
 from geoident.errors import ExitCode, Interrupted
 from geoident.io.result.project import read_project_result
+from geoident.report.text.project.spreadsheet import PROJECT_TABLES, project_tables
 from geoident.workflow.estimating.setup import prepare, used_response
+from geoident.workflow.fit import fit
+from geoident.workflow.programs.trust import decided_by, trusting
 from geoident.workflow.project.plan import ProjectRequest, plan_project
 from geoident.workflow.project.run import fit_project
 from geoident.workflow.running.control import Control, Silent
@@ -298,3 +305,110 @@ def test_a_section_on_a_mesh_that_does_not_fit_is_said_where_it_is(tmp_path):
         found = CliRunner().invoke(geoident, [command, str(tmp_path / "project.yaml")])
         assert found.exit_code == ExitCode.INVALID_INPUT, command
         assert "project.yaml:4:" in found.stderr, command
+
+
+def test_tables_hold_what_was_found_in_the_units_of_the_cases(tmp_path, shipped):
+    tables = project_tables(shipped)
+    assert tuple(tables) == PROJECT_TABLES == OF_PROJECTS
+    common = {row[0]: row for row in tables["common"].rows}
+    found = {row.name: row for row in shipped.common}
+    assert common["a"][2:4] == ("GPa", pytest.approx(found["a"].value / 1e9))
+    rows = [dict(zip(tables["section-readings"].header, row, strict=True))
+            for row in tables["section-readings"].rows]  # fmt: skip
+    for row, one in zip(rows, shipped.readings, strict=True):
+        assert row["unit"] == "mm"
+        np.testing.assert_allclose(row["computed"], 1e3 * one.computed)
+        assert row["inside"] in ("", True, False)
+    path = example(tmp_path, SECTIONS)
+    run = CliRunner()
+    result = run.invoke(geoident, ["fit", path]).stdout.strip()
+    shown = run.invoke(geoident, ["show", result, "--csv"])
+    assert "# section-parameters\nsection,parameter,kind,unit,value" in shown.stdout
+    written = run.invoke(geoident, ["export", result]).stdout.split()
+    assert len(written) == 6
+    (only,) = [file for file in written if file.endswith("project.fit.common.csv")]
+    alone = run.invoke(geoident, ["export", result, "--table", "common"])
+    assert alone.stdout == (tmp_path / only).read_text()
+    assert run.invoke(geoident, ["export", result]).exit_code == 0  # as they were made
+    for words in (["--format", "vtu"], ["--table", "left-out-readings"]):
+        assert run.invoke(geoident, ["export", result, *words]).exit_code == ExitCode.USAGE
+
+
+def test_a_project_is_fitted_from_python(tmp_path):
+    path = example(tmp_path, SECTIONS)
+    found = fit_project_here(path, leave_one_out=True)
+    assert found.converged
+    assert found.common["K0"].lower95 < 1.4 < found.common["K0"].upper95
+    assert found.laws["E_rock"].state == "none"
+    assert found.sections["C"].predicted
+    assert all(row.lower95 < row.computed < row.upper95 for row in found.sections["C"].readings)
+    assert found.sections["A"].parameters["E_rock"].kind == "law"
+    assert set(found.left_out) <= {"A", "B"}
+    assert len(found.tables["section-parameters"]) == 6
+    with pytest.raises(KeyError, match="there is no section 'D'"):
+        found.sections["D"]
+    assert "a * exp(b * GSI)" in str(found)
+    again = fit_project_here(path, leave_one_out=True)
+    assert again.up_to_date
+    assert read_project(found.path).common == again.common
+    assert len(found.export(tmp_path / "tables")) == len(found.tables)
+
+
+ELSEWHERE = """\
+format: geoident-project/1
+sections:
+  - {name: A, case: A/case.yaml}
+  - {name: B, case: B/case.yaml}
+shared: [E, K0]
+"""
+
+
+@pytest.mark.parametrize("kind", ["external", "python", "table"])
+def test_sections_whose_model_is_elsewhere_are_one_stack(tmp_path, monkeypatch, kind):
+    """Two sections of the same readings: the values of one, and a standard deviation by sqrt 2."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    model = {"external": EXTERNAL, "python": PYTHON, "table": TABLE}[kind]
+    for name in "AB":
+        case = write_case(tmp_path / name, model, script=SCRIPT if kind == "python" else PROGRAM)
+        text = case.read_text().replace("backtest: false", "backtest: false, model_error: none")
+        text = text.replace("[1 GPa, 50 GPa]", "[2 GPa, 30 GPa]").replace(
+            "[0.3, 3.0]", "[0.4, 2.4]"
+        )
+        case.write_text(text)
+        write_runs(tmp_path / name)
+    (tmp_path / "project.yaml").write_text(ELSEWHERE)
+    run, path = CliRunner(), str(tmp_path / "project.yaml")
+    if kind != "table":
+        refused = run.invoke(geoident, ["fit", path])
+        assert refused.exit_code == ExitCode.INVALID_INPUT
+        assert "nobody has said that it may" in refused.stderr
+    done = run.invoke(geoident, ["fit", path, "--trust"])
+    assert done.exit_code in (0, ExitCode.NOT_CONVERGED), done.output
+    found = {row.name: row for row in read_project_result(tmp_path / "project.fit.h5").common}
+    with decided_by(trusting(trust=True)):
+        alone = fit(plan_fit(Request(str(tmp_path / "A" / "case.yaml"))), Control()).result
+    names = list(alone.parameters.names)
+    for name, row in found.items():
+        k = names.index(name)
+        np.testing.assert_allclose(row.value, alone.parameters.values[k], rtol=2e-3)
+        np.testing.assert_allclose(row.sd, alone.parameters.sd[k] / math.sqrt(2), rtol=0.35)
+
+
+TABLE = """\
+format: geoident-case/1
+model: {kind: table, file: runs.csv}
+"""
+
+
+def write_runs(folder):
+    """A grid of runs of the script."""
+    names = {}
+    exec(SCRIPT, names)
+    lines = []
+    for E in np.geomspace(2e9, 30e9, 9):
+        for K in np.linspace(0.4, 2.4, 7):
+            given = names["readings"]({"E": E, "K0": K})
+            values = [1e3 * given[g][s] for g in "HVD" for s in ("half", "open")]
+            lines.append(",".join(map(repr, map(float, (E / 1e9, K, *values)))))
+    head = ",".join(f"{g} @ {s} [mm]" for g in "HVD" for s in ("half", "open"))
+    (folder / "runs.csv").write_text("\n".join([f"E [GPa],K0,{head}", *lines, ""]))
