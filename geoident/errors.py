@@ -248,6 +248,8 @@ class CollapseError(ModelError):
             it was not computed.
         mechanism: (n_dofs,) velocities with which the ground moves then, the largest 1; None
             where they are not known.
+        motion: the same on its mesh (`geoident.model.results.yielded.Mechanism`), to be drawn;
+            None where it is not known. It does not leave its process.
     """
 
     def __init__(
@@ -258,11 +260,23 @@ class CollapseError(ModelError):
         stage: str,
         fraction: float,
         mechanism: npt.NDArray[np.float64] | None = None,
+        motion: object = None,
     ) -> None:
         self.stage = stage
         self.fraction = fraction
         self.mechanism = mechanism
+        self.motion = motion
         super().__init__(message, hint)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        made, (kind, args, known) = super().__reduce__()
+        return made, (kind, args, {**known, "motion": None})
+
+    def add(self, sentence: str) -> None:
+        """Add a sentence to the remedy."""
+        self.hint = f"{self.hint}\n    {sentence}" if self.hint else sentence
+        self.fault = replace(self.fault, hint=self.hint)
+        self.args = (str(self.fault),)
 
 
 class OutputError(GeoidentError):

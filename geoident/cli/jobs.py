@@ -10,6 +10,7 @@ from functools import partial
 
 import click
 
+from geoident.cli.collapse import mechanism_drawn
 from geoident.cli.error_boundary import failures_as_json
 from geoident.cli.options import Options
 from geoident.cli.signals import stop_on_signals
@@ -50,7 +51,7 @@ def run_case(
     Returns:
         The exit code.
     """
-    with failures_as_json(case, options):
+    with failures_as_json(case, options), mechanism_drawn(case, options):
         request = Request(
             case=case,
             overrides=options.overrides,

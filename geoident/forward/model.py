@@ -7,7 +7,7 @@ from itertools import islice
 
 import numpy as np
 
-from geoident.errors import Fault, InputError
+from geoident.errors import CollapseError, Fault, InputError
 from geoident.fem.solvers.direct import Solver
 from geoident.forward.checks import (
     check_on_mesh,
@@ -41,6 +41,7 @@ from geoident.model.case import Case
 from geoident.model.dual import ParameterPoint
 from geoident.model.mesh import Mesh
 from geoident.model.parameter import Values
+from geoident.model.results.yielded import Mechanism
 
 
 def staged_model(mesh: Mesh, case: Case, *, solver: Solver) -> StagedModel:
@@ -253,6 +254,7 @@ class StagedModel(Marches):
             self.observation.increments(seen_at[:, :, 0], self.sequence.bases),
             reactions=None if recorder is None else recorder.reactions.table(),
             yielded=None if recorder is None else recorder.yielded_ground(),
+            mechanism=None if recorder is None else _first_mechanism(found.collapses),
         )
 
     def steps(self, pairs: Sequence[tuple[str, str]]) -> Floats:
@@ -362,14 +364,23 @@ class StageByStage:
         model: the staged model.
         p: (n,) parameters, SI.
         tell: is given every state.
+        even_only: no flow in bands of shear is looked for; where there is no other, the model
+            counts as one without solution.
     """
 
     def __init__(
-        self, model: StagedModel, p: Floats, tell: Callable[[StageEnd], None] = lambda end: None
+        self,
+        model: StagedModel,
+        p: Floats,
+        tell: Callable[[StageEnd], None] = lambda end: None,
+        *,
+        even_only: bool = False,
     ) -> None:
         model.count_evaluation()
         self._model, self._values, self._tell = model, model.values(p), tell
-        self._run = model.at(p, RunOptions(derivatives=False, partial=True, explain=False))
+        self._run = model.at(
+            p, RunOptions(derivatives=False, partial=True, explain=False, even_only=even_only)
+        )
         self._states = self._run.states()
         self._observed: list[Floats] = []
 
@@ -401,11 +412,27 @@ def _equal_notes(equal: Mapping[str, int], stages: Sequence[str]) -> Iterator[st
         )
 
 
+def _first_mechanism(collapses: Sequence[CollapseError]) -> Mechanism | None:
+    """How the ground moves at the first stage that collapses, where that is known."""
+    motions = (error.motion for error in collapses)
+    return next((motion for motion in motions if isinstance(motion, Mechanism)), None)
+
+
 def _unbalanced_notes(found: RunFindings) -> Iterator[str]:
-    """What a march left unbalanced."""
+    """What a march left unbalanced, or beyond the yield surface."""
+    why = (
+        "with a dilation far below the friction the flow tends to shear in bands: the acoustic "
+        "tensor has no positive determinant at {:.0f} % of the strain points that yield. A larger "
+        "dilation (or none given: associated) has an exact solution"
+    )
     for stage, part in found.unbalanced.items():
         yield (
-            f"at stage '{stage}' {100 * part:.2g} % of the change of load is not balanced: with a "
-            "dilation far below the friction the flow tends to shear in bands; a larger dilation "
-            "(or none given: associated) has an exact solution"
+            f"at stage '{stage}' {100 * part:.2g} % of the change of load is not balanced: "
+            + why.format(100 * found.localising[stage])
+        )
+    for stage, part in found.overstressed.items():
+        yield (
+            f"at stage '{stage}' the ground keeps {100 * part:.1g} % of the stress beyond the "
+            "yield surface, where the even flow ends (motions err by about ten times that part): "
+            + why.format(100 * found.localising[stage])
         )

@@ -15,7 +15,7 @@ from geoident.model.case import Case
 from geoident.model.response import Response
 from geoident.model.results.opening import GroundReaction
 from geoident.model.results.result import Counts, FieldSeries, MemberForces, SupportReactions
-from geoident.model.results.yielded import YieldedGround
+from geoident.model.results.yielded import Mechanism, YieldedGround
 from geoident.model.yielding import Activity
 
 
@@ -37,6 +37,7 @@ class Survey:
         reaction: of the ground around an opening in closed form, or None.
         reactions: of the supports, with the fields, or None.
         yielded: how far ground yields, with the fields; None where nothing can.
+        mechanism: how the ground moves at the first stage that collapses, or None.
     """
 
     computed: Floats
@@ -50,6 +51,7 @@ class Survey:
     reaction: GroundReaction | None = None
     reactions: SupportReactions | None = None
     yielded: YieldedGround | None = None
+    mechanism: Mechanism | None = None
 
 
 class CaseModel(Protocol):

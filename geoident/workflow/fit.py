@@ -196,6 +196,7 @@ def _result(
         members=survey.members,
         reactions=survey.reactions,
         yielded=survey.yielded,
+        mechanism=survey.mechanism,
         reaction=survey.reaction,
         singular_values=found.assessment.singular_values,
         diagnostics=found.diagnostics,

@@ -203,6 +203,7 @@ def predict(task: Task, control: Control) -> Finished:
             members=fit.members,
             reactions=fit.reactions,
             yielded=fit.yielded,
+            mechanism=fit.mechanism,
             reaction=fit.reaction,
         )
     result = _result(task, _followed(task, known, survey, model), survey, model)
@@ -536,6 +537,7 @@ def _result(task: Task, known: Known, survey: Survey, model: CaseModel) -> Resul
         members=survey.members,
         reactions=survey.reactions,
         yielded=survey.yielded,
+        mechanism=survey.mechanism,
         reaction=survey.reaction,
         singular_values=fit.singular_values,
         varied=fit.varied if task.request.case is None else (),

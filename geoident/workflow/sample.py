@@ -369,6 +369,7 @@ class _Found:
             members=None,
             reactions=None,
             yielded=None,
+            mechanism=None,
             diagnostics=None,
             evidence=None,
             rivals=None,

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from geoident.cli.collapse import mechanism_drawn
 from geoident.cli.error_boundary import failures_as_json
 from geoident.cli.options import Arguments, Options, Steps, line, new_name, overrides, takes
 from geoident.errors import UsageError
@@ -100,7 +101,7 @@ def command(
     if dakota is not None:
         return _answer(case, dakota, _refused_with_dakota(values, noise, draw, fields, options))
     file = None if options.output == "-" else options.output
-    with failures_as_json(case, options):
+    with failures_as_json(case, options), mechanism_drawn(case, options):
         simulated = simulate(
             case,
             overrides=options.overrides,

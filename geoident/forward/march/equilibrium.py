@@ -27,7 +27,7 @@ fewer where factors are at hand (`inexact_newton`).
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -45,6 +45,7 @@ from geoident.forward.march.viscous_path import (
     ROUNDING,
     WAYS,
     PathEnd,
+    Way,
     follow,
     newton,
 )
@@ -53,14 +54,26 @@ from geoident.model.arrays import Floats
 MOST_STEPS = 60
 """Newton steps at most; a stage rarely takes more than fifteen."""
 
-PATIENCE = 15
-"""Newton steps after which flow without potential takes another way."""
+PATIENCE = 10
+"""Newton steps after which flow without potential takes another way.
+
+Steps that wander longer may end in bands of shear where there is an even flow.
+"""
 
 _SUSPICIOUS = 4
 """Steps after which a mechanism is looked for; fewer end most stages."""
 
 _UNBALANCED = 0.01
 """Part of the change of load that may stay unbalanced where flow is not associated."""
+
+_HARDLY_VISCOUS = 3e-4
+"""Part of the overstress that may stay: displacements are then a tenth of a percent short."""
+
+_LITTLE_VISCOUS = 3e-3
+"""The same where all else shears in bands: a percent or two."""
+
+_SAME = 2e-3
+"""Relative difference of displacements that are of one flow."""
 
 FAR_OUT = 1e6
 """Where along a step its mechanism alone decides, in steps."""
@@ -79,6 +92,7 @@ class Balance:
         factor: of the tangent before the last step, or None if none was made.
         made_at: where it was made.
         unbalanced: part of the change of load that is left, where no more could be done.
+        viscosity: part of the overstress that is kept, where the even flow ends short of none.
     """
 
     trial: Trial
@@ -86,14 +100,18 @@ class Balance:
     factor: Factor | None
     made_at: Trial | None
     unbalanced: float = 0.0
+    viscosity: float = 0.0
 
 
-def solve(equations: StageEquations, guesses: Iterable[Floats]) -> Balance:
+def solve(
+    equations: StageEquations, guesses: Iterable[Floats], *, even_only: bool = False
+) -> Balance:
     """The equilibrium of a stage.
 
     Args:
         equations: of the stage.
         guesses: (n_dofs,) displacement steps; the nearest one is the start (`distance`).
+        even_only: without potential, no flow in bands of shear is looked for.
 
     Raises:
         NoEquilibrium: see there.
@@ -101,7 +119,8 @@ def solve(equations: StageEquations, guesses: Iterable[Floats]) -> Balance:
     """
     trials = [equations.at(guess) for guess in guesses]
     if not equations.associated:
-        return _without_potential(equations, min(trials, key=equations.distance))
+        ways = WAYS[:1] if even_only else WAYS
+        return _without_potential(equations, min(trials, key=equations.distance), ways)
     if equations.at_hand is None:
         return _by_potential(equations, min(trials, key=equations.distance))
     directions = Directions(equations, equations.at_hand, BALANCED)
@@ -153,13 +172,17 @@ def _on_held_factors(equations: StageEquations, directions: Directions, trial: T
     raise NoEquilibrium(trial.du)
 
 
-def _without_potential(equations: StageEquations, start: Trial) -> Balance:
-    """Newton's method, and where its steps are lost, the path of viscous grounds."""
+def _without_potential(equations: StageEquations, start: Trial, ways: Sequence[Way]) -> Balance:
+    """Newton's method, and where its steps are lost, the path of viscous grounds.
+
+    Where the even flow folds back at hardly any viscosity, that is the answer: beyond the fold
+    there are only bands of shear, whose place is that of the elements.
+    """
     found = newton(equations, start, most=PATIENCE)
     if found.converged:
         return Balance(found.trial, found.steps, found.factor, found.made_at)
     best: PathEnd | None = None
-    for way in WAYS:
+    for way in ways:
         end = follow(equations, way)
         if end is None:
             continue
@@ -167,11 +190,29 @@ def _without_potential(equations: StageEquations, start: Trial) -> Balance:
             raise NoEquilibrium(end.runs_away, limit=True)
         if end.mu == 0.0:
             found = end.found
+            if best is not None and _departs(found.trial.du, best):
+                break
             return Balance(found.trial, found.steps, found.factor, found.made_at)
         best = end if best is None or end.mu < best.mu else best
-    if best is None:
+        if best.mu <= _HARDLY_VISCOUS:
+            found = best.found
+            return Balance(found.trial, found.steps, None, None, viscosity=best.mu)
+    if best is None or len(ways) < len(WAYS):
         raise NoEquilibrium(found.trial.du)
+    if best.mu <= _LITTLE_VISCOUS:
+        return Balance(best.found.trial, best.found.steps, None, None, viscosity=best.mu)
     return _nearly(equations, best)
+
+
+def _departs(du: Floats, even: PathEnd) -> bool:
+    """Whether displacements (n_dofs,) are farther from what the even flow promises than its end.
+
+    They are then those of another flow, in bands of shear, that a coarse way has met.
+    """
+    if even.mu > _LITTLE_VISCOUS:
+        return False
+    short, size = np.abs(even.found.trial.du - even.ahead).max(), np.abs(even.ahead).max()
+    return bool(np.abs(du - even.ahead).max() > max(short, _SAME * size))
 
 
 def _nearly(equations: StageEquations, end: PathEnd) -> Balance:

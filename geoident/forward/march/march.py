@@ -92,6 +92,7 @@ class RunOptions:
         unit_forces: forces beside those of the case.
         explain: find the part of the load that can be carried, where there is a collapse.
         partial: go on after a collapse with the states that do not build on it.
+        even_only: no flow in bands of shear is looked for (`PlasticSteps`).
         traced: keep what adjoints need of every stage; without derivatives, and only where nothing
             yields.
         known: displacements of states that are known: nothing is solved in these. Only where
@@ -104,6 +105,7 @@ class RunOptions:
     explain: bool = True
     partial: bool = False
     traced: bool = False
+    even_only: bool = False
     known: KnownMotion | None = None
 
 
@@ -115,12 +117,16 @@ class RunFindings:
         imbalance: of the in-situ stress as given: largest force that is out of balance, relative to
             the forces at work.
         unbalanced: stage to the part of its change of load that is left unbalanced.
+        overstressed: stage to the part of the stress beyond the yield surface that is kept.
+        localising: of both the part of the points that yield at which shear may go into bands.
         collapses: stages at which the ground cannot carry the loads.
         activity: what the yield planes do, or None if nothing can yield.
     """
 
     imbalance: float
     unbalanced: Mapping[str, float]
+    overstressed: Mapping[str, float]
+    localising: Mapping[str, float]
     collapses: tuple[CollapseError, ...]
     activity: Activity | None
 
@@ -232,7 +238,12 @@ class Run:
         record = ActivityRecord(self._ground.yield_limits(), march.case.stage_names[1:])
         self._plastic_findings = PlasticFindings(record)
         self._plastic = PlasticSteps(
-            march.case, systems, march.warm, self._plastic_findings, explain=options.explain
+            march.case,
+            systems,
+            march.warm,
+            self._plastic_findings,
+            explain=options.explain,
+            even_only=options.even_only,
         )
         self.factors = LastFactor(HELD_ENTRIES if options.traced else 0)
         self._held: dict[int, Held] = {0: {}}
@@ -252,6 +263,8 @@ class Run:
         return RunFindings(
             self._imbalance,
             dict(plastic.unbalanced),
+            dict(plastic.overstressed),
+            dict(plastic.localising),
             tuple(self._collapses),
             plastic.record.activity(),
         )

@@ -6,6 +6,7 @@ With s* = sigma_old + E C du and sigma = P(s*, p),
     K_T ddu/dp_h = df/dp_h - C^T V g_h
     dsigma/dp_h = g_h + T E C ddu/dp_h
 
+(where a part mu of the overstress is kept, T and dP/dp count 1 - mu, and mu is added to T),
 so one factorization of the consistent tangent serves all columns; where the last Newton step did
 not leave its pieces it is there already. At a kink the derivative is that of the planes which the
 projection counts as active (see `geoident.fem.yielding.law`).
@@ -76,7 +77,9 @@ def _at_rest(
         before = None
         if ground.hardens:
             before = task.carried.multipliers(ground.name, mine, _DERIVATIVES)
-        slopes[:, mine], more = projection.derivatives(slopes[:, mine], before, of_law=True)
+        at_trial = slopes[:, mine]
+        projected, more = projection.derivatives(at_trial, before, of_law=True)
+        slopes[:, mine] = _kept(equations, at_trial, projected)
         _add_multipliers(task, ground, mine, more)
     return slopes
 
@@ -88,9 +91,17 @@ def _following(task: StageTask, strain: Floats, equations: StageEquations, trial
         mine = ground.points
         stress[:, mine] = ground.elasticity.stress(stress[:, mine])
     for ground, projection, points in flowing(equations, trial):
-        stress[:, points], more = projection.derivatives(stress[:, points], of_law=False)
+        at_trial = stress[:, points]
+        projected, more = projection.derivatives(at_trial, of_law=False)
+        stress[:, points] = _kept(equations, at_trial, projected)
         _add_multipliers(task, ground, points, more)
     return stress
+
+
+def _kept(equations: StageEquations, at_trial: Floats, projected: Floats) -> Floats:
+    """What follows of derivatives (s, q, ...) of trial and of projected stresses."""
+    mu = equations.viscosity
+    return projected if mu == 0.0 else projected + mu * (at_trial - projected)
 
 
 def _add_multipliers(task: StageTask, ground: Ground, points: Ints, more: Floats) -> None:

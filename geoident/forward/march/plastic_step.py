@@ -111,10 +111,14 @@ class PlasticFindings:
     Args:
         record: what the yield planes do.
         unbalanced: stage to the part of its change of load that is not balanced.
+        overstressed: stage to the part of the overstress that is kept.
+        localising: of these stages the part of the points that yield at which bands may form.
     """
 
     record: ActivityRecord
     unbalanced: dict[str, float] = field(default_factory=dict)
+    overstressed: dict[str, float] = field(default_factory=dict)
+    localising: dict[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -127,6 +131,7 @@ class PlasticSteps:
         warm: where Newton's method may start.
         findings: of the march.
         explain: find the part of the load that can be carried, where there is a collapse.
+        even_only: without potential, no flow in bands of shear is looked for.
     """
 
     case: Case
@@ -134,6 +139,7 @@ class PlasticSteps:
     warm: WarmStart
     findings: PlasticFindings
     explain: bool
+    even_only: bool = False
 
     def yields(self, state: ConstructionState) -> bool:
         """Whether any material of a state yields."""
@@ -153,6 +159,9 @@ class PlasticSteps:
         try:
             return self._solved(task, laws)
         except NoEquilibrium as error:  # of flow without potential
+            if self.even_only and not error.limit:
+                msg = f"at stage '{task.state.name}' the ground shears in bands, with a dilation "
+                raise ModelError(msg + "far below the friction") from error
             part = np.nan
             if self.explain and task.motion is None:
                 part, error = self._carried_part(task, laws, error)
@@ -237,11 +246,17 @@ class PlasticSteps:
         balance = self._balance(task, equations, self.warm.guesses(task))
         du = np.zeros_like(task.forces)
         du[:, 0] = balance.trial.du
+        equations = equations.viscous(balance.viscosity)
         if du.shape[1] > 1:
             du[:, 1:] = plastic_derivatives(task, self.systems, equations, balance)
         self._accept(task, equations, balance.trial)
         if balance.unbalanced > 0.0:
             self.findings.unbalanced[task.state.name] = balance.unbalanced
+        if balance.viscosity > 0.0:
+            self.findings.overstressed[task.state.name] = balance.viscosity
+        if balance.unbalanced > 0.0 or balance.viscosity > 0.0:
+            part = equations.localising(balance.trial)
+            self.findings.localising[task.state.name] = part
         self.warm.keep(task, du)
         if task.motion is not None:
             du[:, : task.motion.shape[1]] += task.motion
@@ -282,7 +297,8 @@ class PlasticSteps:
     ) -> Balance:
         """Equilibrium, or the reason why there is none."""
         try:
-            found = solve(equations, [np.zeros_like(equations.forces), *guesses])
+            starts = [np.zeros_like(equations.forces), *guesses]
+            found = solve(equations, starts, even_only=self.even_only)
             if self._means_nothing(equations, found):
                 raise NoEquilibrium(found.trial.du)
             return found
@@ -337,11 +353,18 @@ class PlasticSteps:
         if np.isfinite(fraction):
             said = "is carried" if proven else "was brought to equilibrium"
             msg += f"; {100 * fraction:.3g} % of the change of load of this stage {said}"
+        motion = None
         if mechanism is not None:
             msg += self.systems.describe_mechanism(task.system, mechanism)
             mechanism = mechanism / (np.abs(mechanism).max() or 1.0)
+            motion = self.systems.mechanism(task.system, task.number, mechanism, fraction)
         return CollapseError(
-            msg, hint, stage=task.state.name, fraction=fraction, mechanism=mechanism
+            msg,
+            hint,
+            stage=task.state.name,
+            fraction=fraction,
+            mechanism=mechanism,
+            motion=motion,
         )
 
     def _accept(self, task: StageTask, equations: StageEquations, trial: Trial) -> None:

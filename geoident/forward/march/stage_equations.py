@@ -17,6 +17,7 @@ from geoident.fem.moduli import Moduli
 from geoident.fem.solvers.direct import Factor, NotPositiveDefinite
 from geoident.fem.yielding.domain import NoProjection
 from geoident.fem.yielding.law import Projection, YieldLaw
+from geoident.fem.yielding.localisation import may_localise
 from geoident.forward.stages import Index, numbers
 from geoident.model.arrays import Floats, Ints
 
@@ -274,6 +275,15 @@ class StageEquations:
             return joined, np.empty((0, s, s))
         order = np.argsort(joined, kind="stable")
         return joined[order], np.concatenate(changes)[order]
+
+    def localising(self, trial: Trial) -> float:
+        """The part of the strain points that yield at which shear may go into a band."""
+        found = [np.zeros(0, dtype=np.bool_)]
+        for ground, projection in zip(self.grounds, trial.projections, strict=True):
+            if projection is not None and len(projection.yielded):
+                moduli = ground.elasticity.matrices(projection.yielded)
+                found.append(may_localise(projection.reduction @ moduli))
+        return float(np.concatenate(found).mean()) if len(found) > 1 else 0.0
 
     def spread(self, free: Floats) -> Floats:
         """(n_dofs,) displacements of values (n,) at the unknowns."""

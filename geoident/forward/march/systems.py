@@ -49,6 +49,7 @@ from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.ground import PointField
 from geoident.model.mesh import Mesh, nodes_in
 from geoident.model.parameter import Values
+from geoident.model.results.yielded import Mechanism
 
 SystemKey = tuple[frozenset[int], int]
 """Groups and structures that are there, and a number of what is held."""
@@ -217,6 +218,29 @@ class StageSystems:
         text = f"; it shears most in group '{group}' near {format_point(position[most])}"
         ends = (format_point(where.min(axis=0)), format_point(where.max(axis=0)))
         return f"{text}, and strongly between {ends[0]} and {ends[1]}"
+
+    def mechanism(self, system: StageSystem, state: int, u: Floats, fraction: float) -> Mechanism:
+        """A mechanism on its mesh.
+
+        Args:
+            system: the equations of the state.
+            state: its number.
+            u: (n_dofs,) velocities.
+            fraction: part of the change of load that is carried.
+        """
+        points, mesh = self.discretization.points, self._mesh
+        rate = np.where(system.volume > 0.0, _shear(points.strain(u)), 0.0)
+        shear = np.zeros(mesh.n_elements)
+        np.maximum.at(shear, points.element, rate)
+        return Mechanism(
+            self._sequence.states[state].name,
+            state,
+            fraction,
+            mesh,
+            self._sequence.present(state),
+            u.reshape(mesh.n_nodes, mesh.dim).copy(),
+            shear / (shear.max(initial=0.0) or 1.0),
+        )
 
     def _elimination_order(self, changes: Bools, stages: int) -> tuple[Ints, int]:
         """The nodes in the order of elimination, and how many, the first, last through all stages.

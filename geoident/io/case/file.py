@@ -468,8 +468,18 @@ def _find(folder: Path, name: str, key: KeyPath, *, faults: Faults) -> str:
     if missing:
         what = f"Files *{path.suffix} in the folder {path.parent}"
         hint = faults.did_you_mean(path.name, beside, what=what)
-        faults.add(key, "missing-file", f"there is no file '{shorten(path)}'", hint)
+        message = f"there is no file '{shorten(path)}'"
+        if _is_folder(path):
+            message = f"'{shorten(path)}' is a folder; a file is expected"
+        faults.add(key, "missing-file", message, hint)
     return str(path)
+
+
+def _is_folder(path: Path) -> bool:
+    try:
+        return path.is_dir()
+    except (OSError, ValueError):
+        return False
 
 
 def _blanks(node: Node, path: KeyPath) -> Iterator[KeyPath]:

@@ -167,6 +167,8 @@ def _write(file: h5py.File, result: Result) -> None:
     rivals.write_rival_answers(file, result.rivals, result.evidence, result.comparison, names)
     if result.fields is not None:
         vtkhdf.write_fields(file, result.fields, result.varied)
+        if result.mechanism is not None:
+            tables.write_mechanism(file, result.mechanism)
     file.attrs["contents"] = " ".join(sorted(file))
 
 
@@ -317,6 +319,8 @@ def _read(file: h5py.File, root: _Attributes) -> Result:
     case = TableReader(file, "case")
     said: dict[str, Any] = {name: root.text(name) for name in _RESULT_TEXTS}
     said |= {name: root.list(name) for name in _RESULT_LISTS}
+    fields = vtkhdf.read_fields(file) if vtkhdf.GROUP in contents else None
+    moving = fields is not None and tables.MECHANISM in contents
     return Result(
         **said,
         exit_code=root.int("exit_code"),
@@ -343,7 +347,8 @@ def _read(file: h5py.File, root: _Attributes) -> Result:
         rivals=rivals.read_rivals(file) if rivals.RIVALS in contents else None,
         comparison=rivals.read_models(file) if rivals.MODELS in contents else None,
         evidence=rivals.read_evidence(file) if rivals.EVIDENCE in contents else None,
-        fields=vtkhdf.read_fields(file) if vtkhdf.GROUP in contents else None,
+        fields=fields,
+        mechanism=tables.read_mechanism(file, fields.mesh) if fields and moving else None,
         model_error=(tables.read_model_error(file) if tables.MODEL_ERROR in contents else None),
         surface=surface.read_surface(file) if surface.GROUP in contents else None,
         posterior=posterior.read_posterior(file) if posterior.GROUP in contents else None,

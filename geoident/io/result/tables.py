@@ -15,6 +15,7 @@ import numpy as np
 from geoident.io.result.hdf5 import TableReader, TableWriter, plain_text, texts
 from geoident.io.result.reading_tables import reading_unit
 from geoident.model.arrays import Floats, Ints
+from geoident.model.mesh import Mesh
 from geoident.model.parameter import Prior
 from geoident.model.results.model_error import ModelErrorTable
 from geoident.model.results.result import (
@@ -27,7 +28,7 @@ from geoident.model.results.result import (
     Prediction,
     SupportReactions,
 )
-from geoident.model.results.yielded import YieldedGround
+from geoident.model.results.yielded import Mechanism, YieldedGround
 from geoident.model.yielding import Activity, Certificate
 from geoident.units import DIMENSIONS
 
@@ -416,6 +417,44 @@ def read_yielded(file: h5py.File) -> YieldedGround:
     columns = {name: group.floats(name, len(states)) for name in _OF_YIELDED}
     ends = {name: group.floats(name, len(states), dim) for name in ("lower", "upper")}
     return YieldedGround(states, **columns, **ends, unit=group.attribute("unit", str))
+
+
+MECHANISM = "mechanism"
+"""Group of the mechanism of a collapse."""
+
+
+def write_mechanism(file: h5py.File, found: Mechanism) -> None:
+    """Writes ``/mechanism``: how the ground moves at the first stage that collapses."""
+    axes = {
+        "node": np.arange(found.mesh.n_nodes),
+        "component": np.arange(found.mesh.dim),
+        "element": np.arange(found.mesh.n_elements),
+    }
+    out = TableWriter(file, MECHANISM, axes)
+    out.group.attrs["stage"] = plain_text(found.stage)
+    out.group.attrs["state"] = np.int64(found.state)
+    out.group.attrs["carried"] = np.float64(found.fraction)
+    out.add("velocity", found.velocity, "node", "component", unit="1")
+    out.add("shear", found.shear, "element", unit="1")
+    out.add("present", found.present, "element")
+
+
+def read_mechanism(file: h5py.File, mesh: Mesh) -> Mechanism:
+    """The mechanism of a collapse, on the mesh of the fields."""
+    group = TableReader(file, MECHANISM)
+    nodes, elements = (
+        len(group.ints(axis, n))
+        for axis, n in (("node", mesh.n_nodes), ("element", mesh.n_elements))
+    )
+    return Mechanism(
+        group.attribute("stage", str),
+        int(group.attribute("state", float)),
+        group.attribute("carried", float),
+        mesh,
+        group.bools("present", elements),
+        group.floats("velocity", nodes, len(group.ints("component", mesh.dim))),
+        group.floats("shear", elements),
+    )
 
 
 MODEL_ERROR = "model_error"

@@ -21,7 +21,7 @@ FINAL = (
 
 NAN = float("nan")
 
-SAME_MISFIT = 1e-6
+SAME_MISFIT = 1e-5
 """Relative difference up to which misfits are the same."""
 
 

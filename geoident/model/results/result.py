@@ -22,7 +22,7 @@ from geoident.model.results.reduced import KeptReducedModel
 from geoident.model.results.rivals import Evidence, ModelComparison, Rivals
 from geoident.model.results.surface import SurfaceTable
 from geoident.model.results.varied import FieldEstimate
-from geoident.model.results.yielded import YieldedGround
+from geoident.model.results.yielded import Mechanism, YieldedGround
 from geoident.model.yielding import Certificate
 from geoident.units import shown_unit, size_in
 
@@ -545,6 +545,7 @@ class Result:
         members: forces in linings and bolts, or None if there are none.
         reactions: of the supports, or None if they were not asked for.
         yielded: how far ground yields, or None where nothing can.
+        mechanism: how the ground moves at the first stage that collapses, or None.
         reaction: of the ground around an opening in closed form, or None.
         reduced: a reduced model that was to be kept, or None.
         certificate: what an identification of yield limits can say for itself, or None.
@@ -584,6 +585,7 @@ class Result:
     members: MemberForces | None = None
     reactions: SupportReactions | None = None
     yielded: YieldedGround | None = None
+    mechanism: Mechanism | None = None
     reaction: GroundReaction | None = None
     reduced: KeptReducedModel | None = None
     certificate: Certificate | None = None

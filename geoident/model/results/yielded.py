@@ -1,4 +1,4 @@
-"""How far ground yields: area or volume, reach from what was excavated, stage by stage."""
+"""How far ground yields, stage by stage, and how it moves where it cannot carry the loads."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from geoident.model.arrays import Floats
+from geoident.model.arrays import Bools, Floats
+from geoident.model.mesh import Mesh
 
 
 @dataclass(frozen=True)
@@ -43,3 +44,26 @@ class YieldedGround:
         """The state in which most has yielded; None where nothing does."""
         known = np.nan_to_num(self.volume)
         return int(known.argmax()) if known.any() else None
+
+
+@dataclass(frozen=True, eq=False)
+class Mechanism:
+    """The velocities with which ground moves under a load that it does not carry.
+
+    Args:
+        stage: name of the stage.
+        state: number of its state; the virgin state is 0.
+        fraction: part of the change of load of the stage that is carried; NaN where not known.
+        mesh: the mesh.
+        present: (n_elements,) what is there.
+        velocity: (n_nodes, dim), the largest component 1.
+        shear: (n_elements,) largest rate of shear in each element, in parts of the largest of all.
+    """
+
+    stage: str
+    state: int
+    fraction: float
+    mesh: Mesh
+    present: Bools
+    velocity: Floats
+    shear: Floats

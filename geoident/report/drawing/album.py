@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 from geoident.model.results.result import Labelled, Result
 from geoident.report.drawing.backtest import backtest_pictures
+from geoident.report.drawing.fields.mechanism import mechanism_picture
 from geoident.report.drawing.fields.pictures import field_pictures
 from geoident.report.drawing.forces import structure_pictures
 from geoident.report.drawing.gauges.compared import compared_gauge_pictures
@@ -63,6 +64,8 @@ def album(result: Result, *, prefix: str = "") -> Album:
     fields = opening_pictures(result)
     if scene is not None:
         fields = (*varied_pictures(scene), *field_pictures(scene), *solid_pictures(scene))
+        if result.mechanism is not None:
+            fields = (mechanism_picture(result.mechanism, scene.axis_names), *fields)
     found = (
         model_pictures(result),
         overview_pictures(result, scene),

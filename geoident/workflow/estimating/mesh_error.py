@@ -96,7 +96,8 @@ def _finer(how: str, model: StagedModel, case: Case, p: Floats, *notes: str) -> 
     fine.on_state = model.on_state  # the clock is looked at here too
     known = model.values(p)  # fields have their mean
     values = {q.name: known.get(q.name, q.start) for q in fine.case.parameters}
-    march = StageByStage(fine, np.array([values[name] for name in fine.names], dtype=np.float64))
+    at = np.array([values[name] for name in fine.names], dtype=np.float64)
+    march = StageByStage(fine, at, even_only=True)  # bands are as wide as elements: no error
     return Refinement(how, model, fine, march, *orders(model), notes)
 
 

@@ -17,6 +17,7 @@ from geoident.model.case import Stage
 from geoident.model.dual import ParameterPoint
 from geoident.model.in_situ import HeimStress
 from geoident.model.parameter import Scalar
+from geoident.model.yielding import HoekBrown
 
 from .test_opening_model import GAUGES, RADIUS, MPa, displacement, quarter, staged, without_mesh
 
@@ -159,6 +160,24 @@ def test_a_mesh_is_released_as_the_closed_form(law):
     np.testing.assert_allclose([s.released for s in one], [s.released for s in other], rtol=1e-13)
     moved = meshed.survey(np.empty(0), fields=False).computed[0]
     np.testing.assert_allclose(moved[:-1] / moved[-1], [s.share for s in one], rtol=0.01)
+
+
+def test_a_mesh_of_hoek_and_brown_moves_by_the_profile():
+    """Released by the closed form of its ground, a mesh that flows without dilation."""
+    rock_mass = HoekBrown(Scalar(40 * MPa), mi=Scalar(10.0), GSI=Scalar(35.0), dilation=Scalar(0.0))
+    ground = replace(material("rock", 3e9, 0.25), yields=(rock_mass,))
+    changes = {
+        "face": profile("vlachopoulos-diederichs"),
+        "stages": stages((1.0, 4.0)),
+        "channels": (WALL,),
+    }
+    meshed = staged(quarter(9, 32, 60.0), ground, **changes)
+    found = meshed.face_states({})
+    assert all(s.released > s.share for s in found)
+    moved = meshed.survey(np.empty(0), fields=False).computed[0]
+    np.testing.assert_allclose(moved[:-1] / moved[-1], [s.share for s in found], rtol=0.01)
+    closed = without_mesh(ground, **changes).survey(np.empty(0), fields=False).computed[0]
+    np.testing.assert_allclose(moved, closed, rtol=0.01)
 
 
 def test_derivatives_on_a_mesh_are_exact():

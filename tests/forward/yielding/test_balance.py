@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from support.cases import displacement
+from support.derivatives import assert_exact
 from support.tunnels import walled
-from support.yielding import NOTHING, Cavity, mohr
+from support.yielding import NOTHING, Cavity, mohr, parameters, rock
 
 from geoident.forward.march import equilibrium, viscous_path
 from geoident.forward.march.march import RunOptions
@@ -78,6 +80,7 @@ def test_what_is_left_of_a_load_is_the_largest_force_out_of_balance(monkeypatch,
     """
     if not balanced:
         monkeypatch.setattr(viscous_path, "_POWERS", ())
+        monkeypatch.setattr(equilibrium, "_LITTLE_VISCOUS", 0.0)
         ways = (viscous_path.Way(2e-3, 0.3, bold=True),)
         monkeypatch.setattr(equilibrium, "WAYS", ways)
     mesh = CAVITY.mesh("tri6", n=3, layers=10, reach=8)
@@ -101,6 +104,53 @@ def test_what_is_left_of_a_load_is_the_largest_force_out_of_balance(monkeypatch,
         assert part > 1e-4
         expected = f"at stage 'open' {100 * part:.2g} % of the change of load is not balanced:"
         assert [note.startswith(expected) for note in notes] == [True]
+
+
+def only_one_step(monkeypatch, mu):
+    """Ground that keeps a part mu of its overstress is all that the path has."""
+    monkeypatch.setattr(viscous_path, "_POWERS", ())
+    monkeypatch.setattr(equilibrium, "WAYS", (viscous_path.Way(mu, 0.3, bold=True),))
+    monkeypatch.setattr(equilibrium, "PATIENCE", 0)
+
+
+def test_where_the_even_flow_folds_back_the_rest_of_the_overstress_is_said(monkeypatch):
+    only_one_step(monkeypatch, 1e-3)
+    mesh = CAVITY.mesh("tri6", n=3, layers=10, reach=8)
+    staged = CAVITY.staged(mesh, mohr(1e6, np.pi / 4, psi=0.0))
+    run = staged.at(NOTHING, RunOptions(derivatives=False))
+    _, end = run.states()
+    system, points = staged.march.systems[1], staged.discretization.points
+    forces = staged.march.actions.forces(1, run.point)
+    rest = (forces - points.forces(end.stress, system.volume))[system.pattern.dofs]
+    assert np.abs(rest).max() < 1e-7 * np.abs(forces).max() + 1e-7 * 30e6  # all of it is carried
+    assert run.findings.unbalanced == {}
+    assert run.findings.overstressed == {"open": 1e-3}
+    assert run.findings.localising == {"open": pytest.approx(1.0, abs=0.2)}
+    (note,) = (n for n in staged.survey(NOTHING, fields=False).notes if "keeps" in n)
+    assert note.startswith("at stage 'open' the ground keeps 0.1 % of the stress beyond the yield")
+    assert "the acoustic tensor has no positive determinant at 1" in note
+
+
+def test_derivatives_with_a_rest_of_overstress_are_exact(monkeypatch):
+    only_one_step(monkeypatch, 2e-3)
+    ground = rock(Scalar(1.0, "E"), CAVITY.nu, mohr(Scalar(1.0, "c"), Scalar(1.0, "phi"), psi=0.0))
+    mesh = CAVITY.mesh("quad8", n=2, layers=10, reach=8)
+    stages = (
+        Stage("half", excavate=("core",), release={"core": Scalar(0.8)}),
+        Stage("whole", release={"core": Scalar(1.0)}),
+    )
+    staged = CAVITY.staged(
+        mesh,
+        parameters=parameters(E=CAVITY.E, c=3e6, phi=0.5),
+        materials={"rock": ground},
+        channels=(displacement("wall", (1.0, 0.0), (1.0, 0.0)),),
+        stages=stages,
+    )
+    pairs = [("wall", "half"), ("wall", "whole")]
+    assert_exact(
+        staged.response(pairs), np.array([CAVITY.E, 3e6, 0.5]), ("E", "c", "phi"),
+        step=1e-4, rtol=1e-5,
+    )  # fmt: skip
 
 
 def test_what_has_yielded_stays_so_in_later_fields():

@@ -213,3 +213,5 @@ def test_a_campaign_that_has_not_ended_or_is_damaged_is_said_to_be_so(tmp_path):
     assert "has not ended" in faults_of(case)["no-campaign"].message
     case.write_text(CASE.replace("many.batch", "few.batch"))
     assert "there is no file" in faults_of(case)["missing-file"].message
+    (tmp_path / "few.batch").mkdir()
+    assert "is a folder; a file is expected" in faults_of(case)["missing-file"].message

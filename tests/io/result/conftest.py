@@ -23,7 +23,7 @@ from geoident.model.results.result import (
     Provenance,
     Result,
 )
-from geoident.model.results.yielded import YieldedGround
+from geoident.model.results.yielded import Mechanism, YieldedGround
 from tests.support.results import wide_gauges
 
 CHANNELS = ("EX1.a5", "EX1.a15", "CV1")
@@ -246,6 +246,7 @@ def make_result(dim: int = 2, *, full: bool = True) -> Result:
         ),
         reaction=make_reaction(),
         yielded=make_yielded(dim),
+        mechanism=make_mechanism(plane_mesh() if dim == 2 else solid_mesh()),
         reduced=make_reduced(),
         fields=make_fields(plane_mesh() if dim == 2 else solid_mesh()),
         singular_values=np.array([3.0, 1e-9]),
@@ -262,6 +263,13 @@ def make_yielded(dim: int) -> YieldedGround:
     return YieldedGround(
         ("virgin", *STAGES), size, size / 10, reach, reach + 1, ends, ends + 1, unit
     )
+
+
+def make_mechanism(mesh: Mesh) -> Mechanism:
+    """Some elements are gone."""
+    size = np.linspace(0.0, 1.0, mesh.n_elements)
+    velocity = np.linspace(-1.0, 1.0, mesh.points.size).reshape(mesh.points.shape)
+    return Mechanism("bench 1", 2, 0.75, mesh, size > 0.2, velocity, size)
 
 
 @pytest.fixture

@@ -142,7 +142,11 @@ def test_neighbouring_blocks_of_one_kind_stay_apart(tmp_path: Path, result_maker
         present=result.fields.present[:, :4],
         yielded=result.fields.yielded[:, :4],
     )
-    write_result(dataclasses.replace(result, fields=fields), tmp_path / "a.h5", overwrite=False)
+    write_result(
+        dataclasses.replace(result, fields=fields, mechanism=None),
+        tmp_path / "a.h5",
+        overwrite=False,
+    )
     found = read_result(tmp_path / "a.h5").fields
     assert [block.numbers.tolist() for block in found.mesh.blocks] == [[11, 12], [50, 51]]
 

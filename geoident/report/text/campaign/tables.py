@@ -50,8 +50,8 @@ def outcome_sentences(table: CampaignTable) -> list[str]:
         said.append(f"Failed: {named}{more}.")
     if best := best_runs(table):
         named = listed_names([run.name for run in best])
-        have = "has the run" if len(best) == 1 else "have the runs"
-        said.append(f"The least misfit, {number(best[0].objective)}, {have} {named}.")
+        have = f"The run {named} has" if len(best) == 1 else f"The runs {named} have"
+        said.append(f"{have} the least misfit, {number(best[0].objective)}.")
     took = [run for run in table.runs if math.isfinite(run.seconds)]
     if took:
         slow = sorted(took, key=lambda run: -run.seconds)[:_SLOWEST]
@@ -99,7 +99,7 @@ def listed_names(names: Sequence[str]) -> str:
 
 
 def best_runs(table: CampaignTable) -> tuple[RunRecord, ...]:
-    """The runs with the least misfit: several where they have it to six digits."""
+    """The runs with the least misfit: several where they have it to five digits."""
     known = [run for run in table.runs if run.finished and math.isfinite(run.objective)]
     least = min((run.objective for run in known), default=0.0)
     return tuple(run for run in known if run.objective <= least + SAME_MISFIT * abs(least))

@@ -1,0 +1,97 @@
+"""The mechanism of a collapse as a picture: at the end of a command, and in a page."""
+
+from __future__ import annotations
+
+import pickle
+
+import numpy as np
+import pytest
+from support.commands import run_command
+from support.lifts import CASE, write_case
+from support.meshes import box
+
+from geoident.errors import CollapseError
+from geoident.model.results.yielded import Mechanism
+from geoident.report.drawing.fields.mechanism import mechanism_figure, mechanism_picture
+
+WEAK = (
+    CASE.replace(
+        "{elastic: isotropic, E: $E, nu: 0.25}",
+        "{elastic: isotropic, E: $E, nu: 0.25, "
+        "yield: {type: mohr-coulomb, cohesion: 60 kPa, friction: 5 deg}}",
+    )
+    .replace("readings: readings.csv\n", "")
+    .replace("start: 1.0, bounds: [0.2, 4]", "start: 1.0, bounds: [0.9, 1.1]")
+)
+
+
+@pytest.fixture
+def weak(tmp_path, monkeypatch):
+    """A pit that falls in at its third lift, in the current folder."""
+    write_case(tmp_path, WEAK)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_a_command_that_ends_by_collapse_draws_the_mechanism_and_names_it(weak):
+    done = run_command("simulate", "case.yaml")
+    assert done.exit_code == 5
+    assert "plastic collapse" in done.stderr
+    assert done.stderr.rstrip().endswith("The mechanism, as a picture: case.collapse.png")
+    picture = (weak / "case.collapse.png").read_bytes()
+    assert picture.startswith(b"\x89PNG")
+    again = run_command("simulate", "case.yaml")  # its own picture gives way
+    assert again.exit_code == 5
+    assert "as a picture: case.collapse.png" in again.stderr
+
+
+def test_what_geoident_did_not_make_stays(weak):
+    (weak / "case.collapse.png").write_bytes(b"mine")
+    done = run_command("simulate", "case.yaml")
+    assert done.exit_code == 5
+    assert "The mechanism is not drawn: case.collapse.png: exists" in done.stderr
+    assert (weak / "case.collapse.png").read_bytes() == b"mine"
+
+
+def plate(dim: int) -> Mechanism:
+    """The upper half of a box slides along x; the lowest row of elements is gone."""
+    mesh = box("quad4" if dim == 2 else "hex8", (8,) * dim)
+    level = mesh.points[:, -1]
+    velocity = np.zeros_like(mesh.points)
+    velocity[:, 0] = level > 0.5
+    centre = mesh.points[mesh.blocks[0].nodes].mean(axis=1)[:, -1]
+    band = np.exp(-(((centre - 0.5) / 0.1) ** 2))
+    return Mechanism("push", 1, 0.5, mesh, centre > 0.13, velocity, band / band.max())
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_arrows_stand_where_the_ground_moves_and_colours_where_it_shears(dim):
+    found = plate(dim)
+    figure = mechanism_figure(found, ("x", "y", "z"))
+    axes = figure.axes[0]
+    assert "Collapse at stage push" in axes.get_title()
+    assert "50 % of its load is carried" in axes.get_title()
+    (arrows,) = (c for c in axes.collections if hasattr(c, "U"))
+    across, up = arrows.U, arrows.V
+    assert len(across) > 10
+    assert np.all(across > 0.0)
+    assert np.abs(up).max() < 1e-12
+    assert arrows.get_offsets()[:, 1].min() > 0.5
+    shown = next(c for c in axes.collections if c.get_array() is not None and c is not arrows)
+    assert np.nanmax(shown.get_array()) == pytest.approx(1.0)
+    assert axes.get_ylim()[0] >= 0.12  # what is gone is not shown
+    assert axes.get_ylabel() == ("y (m)" if dim == 2 else "z (m)")
+
+
+def test_the_picture_says_what_it_shows():
+    picture = mechanism_picture(plate(2), ("x", "y"))
+    assert picture.title == "Mechanism of collapse at stage push"
+    assert "50 % of the change of load" in picture.caption
+
+
+def test_an_error_from_another_process_leaves_its_mesh_there():
+    error = CollapseError("falls", "hold it", stage="s", fraction=0.5, motion=plate(2))
+    error.add("see there")
+    other = pickle.loads(pickle.dumps(error))
+    assert (other.stage, other.fraction, other.motion) == ("s", 0.5, None)
+    assert str(other).endswith("hold it\n    see there")
