@@ -28,7 +28,7 @@ PLANES = {"smooth": None, "planes": 12, "Hoek-Brown": "curved"}
 
 def surface(c, planes, **more):
     if planes == "curved":
-        sigci = replace(c, factor=6.0 * c.factor)
+        sigci = replace(c, factor=4.0 * c.factor)
         return HoekBrown(sigci, mb=Scalar(1.0), s=Scalar(0.1), a=Scalar(0.51))
     return MohrCoulomb(c, Scalar(0.2), planes=planes, **more)
 
