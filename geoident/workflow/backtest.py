@@ -37,6 +37,7 @@ from geoident.workflow.scoring.trials import (
     added,
     backtest_of,
     clause,
+    hand_on,
     nearby,
     tried,
     variances,
@@ -164,6 +165,8 @@ def run_trials(
         try:
             until = stages[-1] if last != stages[-1] else None  # the last also predicts unread ones
             part = FitLog(log, f"to {last}:")
+            if trials:
+                hand_on(trials[-1], setup, last, part)
             trial = tried(setup, last, chain, part, control, start=start, until=until)
         except TimeIsUp:
             break

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from geoident.errors import ExitCode, InputError, Interrupted
+from geoident.forward.model import StagedModel
+from geoident.forward.response import StagedResponse
 from geoident.io.result.file import read_result
 from geoident.report.text.backtest import fits_table
 from geoident.workflow.backtest import backtest
@@ -421,3 +423,28 @@ def test_a_result_comes_back_from_its_file(pit):
         for name in ("mean", "sd", "lower95", "upper95"):
             pair = (getattr(one.prediction, name) for one in (ours, theirs))
             np.testing.assert_array_equal(*pair)
+
+
+def test_where_ground_yields_a_step_begins_with_what_the_one_before_has_computed(pit, monkeypatch):
+    said = ("materials.rock.yield={type: tresca, cohesion: 0.5 MPa}", "fit.model_error=none")
+    surveyed, again = set(), []
+    survey, evaluate = StagedModel.survey, StagedResponse.evaluate
+    monkeypatch.setattr(
+        StagedModel, "survey",
+        lambda self, p, **how: surveyed.add(p.tobytes()) or survey(self, p, **how),
+    )  # fmt: skip
+    monkeypatch.setattr(
+        StagedResponse, "evaluate",
+        lambda self, p: again.append(p.tobytes() in surveyed) or evaluate(self, p),
+    )  # fmt: skip
+    found = run(*said)
+    assert again
+    assert not any(again)
+    surveyed.clear()
+    monkeypatch.setattr("geoident.workflow.backtest.hand_on", lambda *told: None)
+    alone = run(*said, output="alone.h5")
+    assert sum(again) == len(found.backtest.steps) - 1
+    assert alone.counts.evaluations == found.counts.evaluations + sum(again)
+    for mine, other in zip(found.backtest.steps, alone.backtest.steps, strict=True):
+        assert mine.values == pytest.approx(other.values, rel=1e-6)
+        assert mine.sd == pytest.approx(other.sd, rel=1e-4)

@@ -36,7 +36,7 @@ from geoident.fem.solvers.fronts.single import (
     refined,
     single_pays,
 )
-from geoident.fem.solvers.fronts.tasks import Run, Work, run_alone, run_tasks
+from geoident.fem.solvers.fronts.tasks import Runner, Work, run_alone, run_tasks
 from geoident.fem.solvers.threads import one_thread
 from geoident.model.arrays import Floats, Ints
 
@@ -267,7 +267,7 @@ class _Parts(SolveInParts):
     def _entries(part: Eliminated | None) -> float:
         return 0.0 if part is None else float(part.layout.panel_size)
 
-    def _solve(self, rhs: Floats, run: Run) -> None:
+    def _solve(self, rhs: Floats, run: Runner) -> None:
         part, dtype = self.part, self.rest_factor.kernels.dtype
         if part is None:
             self._solve_rest(rhs, run)
@@ -284,7 +284,7 @@ class _Parts(SolveInParts):
         part.backward(x, run)
         rhs[first[:n]] = x[:n]
 
-    def _solve_rest(self, rhs: Floats, run: Run) -> None:
+    def _solve_rest(self, rhs: Floats, run: Runner) -> None:
         rest = self.rest_factor
         order = rest.layout.order
         z: Dense = np.ascontiguousarray(rhs[order], dtype=rest.kernels.dtype)
@@ -292,7 +292,7 @@ class _Parts(SolveInParts):
         rest.backward(z, run)
         rhs[order] = z
 
-    def _follow(self, found: Floats, rest: Floats, run: Run) -> None:
+    def _follow(self, found: Floats, rest: Floats, run: Runner) -> None:
         part = self.part
         assert part is not None
         n, first = part.layout.n_eliminated, part.layout.order
@@ -302,7 +302,7 @@ class _Parts(SolveInParts):
         found[first[:n]] = x[:n]
 
 
-def _way(some: list[slice]) -> Run:
+def _way(some: list[slice]) -> Runner:
     """How tasks of a solution are done: side by side, unless columns already are."""
     return run_tasks if len(some) == 1 else run_alone
 

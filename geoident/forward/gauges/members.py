@@ -68,7 +68,12 @@ class MemberReadings:
         self._places: dict[str, _PlaceOnBeam] = {}
 
     def linear(self, state: MarchState, wanted: Bools) -> LinearRows:
-        """What a unit of every member force adds to the values."""
+        """What a unit of every member force adds to the values.
+
+        Args:
+            state: of which nothing counts.
+            wanted: (g,) which of the channels.
+        """
         n_rows = len(state.end.members)
         columns = np.hstack([np.zeros((n_rows, 1)), np.eye(n_rows)])
         end = replace(state.end, members=columns)

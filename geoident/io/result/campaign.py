@@ -23,7 +23,7 @@ from geoident.errors import OutputError
 from geoident.io.result.hdf5 import TableWriter, hdf5_output, plain_text
 from geoident.io.result.tables import COUNTS
 from geoident.io.text.atomic import atomic_output, make_folder, output_error
-from geoident.io.text.campaign_folder import JOURNAL, OVER_ALL
+from geoident.io.text.campaign_folder import JOURNAL, OVER_ALL, TABLE
 from geoident.model.arrays import Floats
 from geoident.model.results.campaign import CampaignTable, RunParameter, RunReading, RunRecord
 from geoident.model.results.result import Counts
@@ -61,9 +61,13 @@ def record_object(record: RunRecord) -> dict[str, Any]:
     Args:
         record: of the run.
     """
-    found = asdict(record)
-    found["settings"] = dict(record.settings)
-    return {key: _plain(value) for key, value in found.items()}
+    parts = {
+        "settings": dict(record.settings),
+        "parameters": [vars(one) for one in record.parameters],
+        "readings": [vars(one) for one in record.readings],
+        "counts": vars(record.counts),
+    }
+    return {key: _plain(parts.get(key, value)) for key, value in vars(record).items()}
 
 
 def _plain(value: Any) -> Any:
@@ -111,6 +115,28 @@ def read_journal(folder: Path) -> tuple[CampaignHead | None, tuple[RunRecord, ..
                 record = _record(found)
                 records[record.name] = record
     return head, tuple(records.values())
+
+
+def read_head(folder: Path) -> CampaignHead | None:
+    """What the journal of a folder says of its campaign, without its runs; None where it is none.
+
+    Args:
+        folder: of the campaign.
+    """
+    with suppress(OSError, ValueError, TypeError, KeyError, AttributeError):
+        with (folder / JOURNAL).open(encoding="utf-8", errors="replace") as file:
+            found = json.loads(file.readline())
+        if "campaign_file" in found:
+            return CampaignHead(**{**found, "paths": tuple(found["paths"])})
+    return read_journal(folder)[0]
+
+
+def tables_are_newer(folder: Path) -> bool:
+    """Whether the tables of all runs are there, and were written after the journal."""
+    with suppress(OSError):
+        written = [(folder / name).stat().st_mtime_ns for name in (JOURNAL, TABLE, OVER_ALL)]
+        return written[0] <= min(written[1:])
+    return False
 
 
 class RunJournal:

@@ -15,7 +15,12 @@ from geoident.forward.elsewhere.model import ElsewhereModel
 from geoident.io.campaign.file import FaultyCampaign, read_campaign
 from geoident.io.case.file import FaultyCase, named_files, parse_case
 from geoident.io.mesh.file import mesh_files
-from geoident.io.result.campaign import CampaignHead, read_journal
+from geoident.io.result.campaign import (
+    CampaignHead,
+    read_head,
+    read_journal,
+    tables_are_newer,
+)
 from geoident.io.result.file import FORMAT
 from geoident.io.text.campaign_folder import JOURNAL
 from geoident.io.text.faults import OVERRIDES, shortened
@@ -63,6 +68,7 @@ class CampaignPlan:
         runs: all of them.
         known: name to record of those that need not be computed.
         inputs: paths of all that is read, which no output may replace.
+        settled: journal and tables have these runs and no others, all of them known.
     """
 
     campaign: Campaign
@@ -71,6 +77,7 @@ class CampaignPlan:
     runs: tuple[PlannedRun, ...]
     known: Mapping[str, RunRecord]
     inputs: tuple[str, ...]
+    settled: bool = False
 
     @property
     def left(self) -> tuple[PlannedRun, ...]:
@@ -122,10 +129,12 @@ def plan_campaign(
     runs = _runs(campaign, variations, paths, inputs)
     _require_own(folder, path, force=force)
     known: dict[str, RunRecord] = {}
-    if not fresh:
-        _, records = read_journal(folder)
+    head, records = (None, ()) if fresh else read_journal(folder)
+    if records:
         known = _known(runs, records, folder)
     plan = CampaignPlan(campaign, folder, paths, runs, known, inputs)
+    if head == plan.head and len(records) == len(known) == len(runs):
+        plan = replace(plan, settled=tables_are_newer(folder))
     left = {run.name for run in plan.left}
     if left:
         _check(campaign, [run for run in variations if run.name in left])
@@ -183,7 +192,7 @@ def _require_own(folder: Path, path: str, *, force: bool) -> None:
         if any(folder.iterdir()):
             raise OutputError(f"{folder}: is no folder of a campaign, and not empty\n    {remedy}")
         return
-    head, _ = read_journal(folder)
+    head = read_head(folder)
     if head is not None and head.campaign_file != seen_from(folder, path):
         other = head.campaign_file
         raise OutputError(f"{folder}: has the runs of another campaign ({other})\n    {remedy}")

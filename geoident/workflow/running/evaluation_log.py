@@ -73,8 +73,11 @@ EXACT = 1e-6
 Where the model is asked once more at the end. What is found by it (weights of readings, and where
 to look at the model itself) is known to 0.2 % at best."""
 
-CERTAIN = 1e-8
-"""Bound up to which its answer is that of the model, for all that is said of a fit."""
+CERTAIN = 1e-9
+"""Bound up to which its answer is that of the model, for all that is said of a fit.
+
+Derivatives are less exact than states, and intervals are made of them: they agree to about 1e-6.
+"""
 
 
 def carry_over(

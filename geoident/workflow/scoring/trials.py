@@ -13,6 +13,7 @@ import numpy as np
 from geoident.errors import InputError, ModelError
 from geoident.forward.ground.field import named_parameters
 from geoident.identify.assessment.scores import Innovations, chance, scores
+from geoident.identify.problem.ahead import begins_near
 from geoident.identify.problem.problem import Problem, Scaling
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case
@@ -223,6 +224,31 @@ def tried(
         ahead,
         extrapolation_findings(levels, setup.case, last + 1, states),
     )
+
+
+def hand_on(before: PartialFit, setup: Setup, last: int, log: Log) -> None:
+    """Give a fit of more stages what the one before has computed at its answer, where it begins.
+
+    An elastic march is kept, and goes on where it was left; one in which ground yields is not.
+
+    Args:
+        before: the fit of fewer stages.
+        setup: model and all usable readings.
+        last: number of the last stage that the other one fits.
+        log: of the evaluations of that.
+    """
+    p, table = before.found.outcome.values, before.found.readings
+    if not begins_near(before.problem.response) or table.sensitivity is None:
+        return
+    try:
+        rows = up_to(setup, last).readings.used
+    except InputError:  # it is skipped
+        return
+    v, dv_dp = table.computed[rows], table.sensitivity[rows]
+    if log.find("evaluate", p) is None and np.isfinite(v).all() and np.isfinite(dv_dp).all():
+        increments = before.found.survey.increments[: last + 2]  # with the virgin state
+        free = np.zeros(4)  # the fit before has counted it
+        log.add("evaluate", p, {"v": v, "dv_dp": dv_dp, "increments": increments, "cost": free})
 
 
 def measured_of(setup: Setup, gauges: GaugeTable) -> Floats:

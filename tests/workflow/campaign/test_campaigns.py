@@ -4,6 +4,7 @@ import csv
 import errno
 import io
 import json
+import os
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -140,6 +141,28 @@ def test_what_is_up_to_date_is_not_computed_again(here):
     assert len(changed.begun) == 6
     _, fresh, _ = computed(fresh=True)
     assert len(fresh.begun) == 6
+
+
+def test_tables_are_written_again_only_where_they_are_not_those_of_the_runs(here):
+    first, _, _ = computed(write(SIMULATED))
+    csv, journal = Path("campaign.batch/runs.csv"), Path("campaign.batch/runs.jsonl")
+
+    def stamps():
+        return csv.stat().st_mtime_ns, journal.stat().st_mtime_ns
+
+    before, text = stamps(), csv.read_text()
+    again, _, seen = computed()
+    assert (repr(again.runs), seen) == (repr(first.runs), [])
+    assert stamps() == before
+    csv.unlink()
+    computed()
+    assert csv.read_text() == text
+    csv.write_text("cut short")
+    os.utime(csv, ns=(before[0], before[1] - 10**9))  # the command ended between both
+    computed()
+    assert csv.read_text() == text
+    computed(write(SIMULATED.replace("1 GPa, 2 GPa", "1 GPa")))
+    assert len(rows()) == 2
 
 
 def test_a_campaign_that_was_cut_short_goes_on(here):

@@ -76,9 +76,9 @@ def function_case(here):
 
 def test_a_function_with_what_it_imports_and_reads_is_fitted_there_as_here(here, cluster):
     function_case(here)
-    write("fit", "parameters.E.start: [3 GPa, 9 GPa]")
+    write("fit", "parameters.E.start: [3 GPa]")
     table = computed(cluster)
-    assert [run.status for run in table.runs] == ["converged"] * 2
+    assert [run.status for run in table.runs] == ["converged"]
     made = logged()
     assert len({(run["key"]) for run in made}) == len(made) > 20  # none was lost, none made twice
     plan = plan_campaign("campaign.yaml", output="here")
@@ -89,7 +89,7 @@ def test_a_function_with_what_it_imports_and_reads_is_fitted_there_as_here(here,
         assert repr(mine.parameters) == repr(one.parameters)
     assert logged() == made  # what was made there is known here
     (here / "nu.txt").write_text("0.3")
-    assert len(plan_campaign("campaign.yaml", output="away").left) == 2
+    assert len(plan_campaign("campaign.yaml", output="away").left) == 1
 
 
 def test_a_program_beside_the_case_runs_there_and_what_failed_comes_back(here, cluster):
@@ -127,6 +127,7 @@ def test_nothing_is_run_there_that_nobody_has_permitted(here):
     assert not Path("case.runs/trusted.json").exists()
 
 
+@pytest.mark.slow  # test_cluster.py asks the same of lines in a file
 def test_what_a_lost_process_has_run_is_not_run_again(here, cluster, monkeypatch):
     monkeypatch.setattr(DaskCluster, "keep_every", 0.2)
     ends = f"""

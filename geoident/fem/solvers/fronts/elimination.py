@@ -14,7 +14,7 @@ from geoident.fem.solvers.direct import NotPositiveDefinite
 from geoident.fem.solvers.fronts.blas import Dense, Kernels
 from geoident.fem.solvers.fronts.layout import EliminationPlan, FrontLayout, Runs
 from geoident.fem.solvers.fronts.memory import Memory
-from geoident.fem.solvers.fronts.tasks import Run, Work, run_alone, run_tasks
+from geoident.fem.solvers.fronts.tasks import Runner, Work, run_alone, run_tasks
 from geoident.fem.solvers.threads import one_thread
 from geoident.model.arrays import Floats, Ints
 
@@ -55,7 +55,7 @@ class Eliminated:
                 at += w
         return found
 
-    def forward(self, x: Dense, run: Run = run_alone) -> None:
+    def forward(self, x: Dense, run: Runner = run_alone) -> None:
         """X <- L^-1 X for rows (n, k) in the layout's order, in C order.
 
         Rows that are not eliminated get what they are changed by.
@@ -94,7 +94,7 @@ class Eliminated:
                 x[at + w : at + inside] -= below[: inside - w]
                 x[rows] -= below[inside - w :]
 
-    def backward(self, x: Dense, run: Run = run_alone) -> None:
+    def backward(self, x: Dense, run: Runner = run_alone) -> None:
         """X <- L^-T X; rows that are not eliminated are given.
 
         Args:
@@ -198,7 +198,7 @@ class _Elimination:
             run_tasks([partial(self._some, branch, run_alone) for branch in plan.branches])
             self._some(plan.rest.tolist(), run_tasks)
 
-    def _some(self, fronts: Sequence[int], run: Run) -> None:
+    def _some(self, fronts: Sequence[int], run: Runner) -> None:
         plan, kernels, values = self._plan, self._kernels, self._values
         for number in fronts:
             front = plan.fronts[number]
@@ -225,7 +225,7 @@ class _Places:
     ) -> None:
         self._plan, self._dtype, self._store, self._stacks = plan, kernels.dtype, store, stacks
 
-    def strips(self, number: int, run: Run) -> Strips:
+    def strips(self, number: int, run: Runner) -> Strips:
         """The strips of a front, zero."""
         front = self._plan.fronts[number]
         shapes = front.shapes()
@@ -236,7 +236,7 @@ class _Places:
         return made + [np.zeros(shape, dtype=self._dtype, order="F") for shape in shapes[n:]]
 
     @staticmethod
-    def _part(memory: Dense, at: int, shapes: Sequence[tuple[int, int]], run: Run) -> Strips:
+    def _part(memory: Dense, at: int, shapes: Sequence[tuple[int, int]], run: Runner) -> Strips:
         found, end = [], at + sum(rows * columns for rows, columns in shapes)
         run([partial(memory[a : min(a + ZEROS, end)].fill, 0.0) for a in range(at, end, ZEROS)])
         for rows, columns in shapes:
@@ -246,7 +246,7 @@ class _Places:
         return found
 
 
-def _eliminate(kernels: Kernels, strips: Strips, front: FrontLayout, run: Run) -> int | None:
+def _eliminate(kernels: Kernels, strips: Strips, front: FrontLayout, run: Runner) -> int | None:
     """Eliminate the pivots of a front; the place of one that is not positive, or None.
 
     What is large is divided into blocks of rows, always the same, each of which is a task.

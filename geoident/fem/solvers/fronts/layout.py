@@ -124,7 +124,7 @@ class EliminationPlan:
 
     @cached_property
     def rest(self) -> Ints:
-        """Fronts that stand in no branch, by number."""
+        """(k,) fronts that stand in no branch, by number."""
         return _rest(self.branches, len(self.fronts))
 
     @cached_property

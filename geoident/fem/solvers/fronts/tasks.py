@@ -12,7 +12,7 @@ from geoident.fem.solvers.threads import granted_threads
 Work = Callable[[], None]
 
 
-Run = Callable[[Sequence[Work]], None]
+Runner = Callable[[Sequence[Work]], None]
 """Does all tasks."""
 
 
