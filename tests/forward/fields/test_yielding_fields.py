@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from support.cases import displacement, field_on, model, model_with_fields, rollers
@@ -14,17 +16,20 @@ from geoident.model.case import Material, Stage, Support
 from geoident.model.ground import Attitude, Field, Isotropic
 from geoident.model.in_situ import ConstantStress
 from geoident.model.parameter import Parameter, Scalar
-from geoident.model.yielding import MohrCoulomb
+from geoident.model.yielding import HoekBrown, MohrCoulomb
 
 COHESION, YOUNG = 20e3, 50e6
 XI = np.array([0.25, -0.3])
 NAMES = ("left", "right")
 # so that two principal stresses are not equal, at an edge of the surface
 AROUND = ConstantStress(tuple(Scalar(v) for v in (-6e3, -9e3, -20e3, 2e3, 0.0, 0.0)))
-PLANES = {"smooth": None, "planes": 12}
+PLANES = {"smooth": None, "planes": 12, "Hoek-Brown": "curved"}
 
 
 def surface(c, planes, **more):
+    if planes == "curved":
+        sigci = replace(c, factor=6.0 * c.factor)
+        return HoekBrown(sigci, mb=Scalar(1.0), s=Scalar(0.1), a=Scalar(0.51))
     return MohrCoulomb(c, Scalar(0.2), planes=planes, **more)
 
 
@@ -68,7 +73,8 @@ def varying(planes, constants):
         found = []
         for constant in constants:
             strength = {"surface": 0} if constant == "cohesion" else {}
-            found.append(field_on(on_mesh, "rock", constant, halves, names=NAMES, **strength))
+            name = "sigci" if strength and planes == "curved" else constant
+            found.append(field_on(on_mesh, "rock", name, halves, names=NAMES, **strength))
         return found
 
     mean = Scalar(1.0, "c")
