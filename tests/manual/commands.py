@@ -32,7 +32,8 @@ EXIT_CODES = {
     ExitCode.INVALID_INPUT: "invalid input: case, mesh, readings",
     ExitCode.NOT_CONVERGED: "finished, but not converged, not determined, poorly fitted or out of "
     "budget, or (`backtest`) the bands do not hold; the result is written and says so",
-    ExitCode.NO_SOLUTION: "the model has no solution (a mechanism, singular, plastic collapse)",
+    ExitCode.NO_SOLUTION: "the model has no solution (a mechanism, singular; plastic collapse: "
+    "drawn in CASE.collapse.png)",
     ExitCode.OUTPUT: "output: exists from other input, no permission, disk full",
     ExitCode.SOME_FAILED: "some of several cases, or of the runs of a campaign, failed",
     ExitCode.INTERRUPTED: "interrupted; the same command continues from the checkpoint",
