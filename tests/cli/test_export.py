@@ -22,7 +22,8 @@ def fitted(trench, run):
 
 MISSING = (
     *("accuracies", "grid", "structures", "backtest", "backtest-parameters"),
-    *("posterior", "draws", "fields", "opening", "ground-reaction", "opening-stresses"),
+    *("posterior", "draws", "fields", "yielded"),
+    *("opening", "ground-reaction", "opening-stresses"),
 )
 """Tables of which a plain fit has nothing to say."""
 

@@ -132,10 +132,12 @@ def test_a_point_just_outside_reads_the_displacement_continued(tmp_path):
     assert abs(above - top) > 1e-4 * abs(top)
 
 
-@pytest.mark.parametrize(("zero", "found"), [("first", False), ("second", True)])
+@pytest.mark.parametrize(("zero", "found"), [("first", False), ("second", True), ("third", True)])
 def test_a_gauge_in_backfill_is_zeroed_when_it_is_there(tmp_path, zero, found):
+    """The stage before the one that places it is "as built"; one earlier it is nowhere."""
     case = write_case(tmp_path)
-    text = CASE.replace("excavate: [lower]", "install: {upper: rock}")
+    filled = "{name: third, install: {upper: rock}}"
+    text = CASE.replace("excavate: [lower]}", f"excavate: [lower]}}\n  - {filled}")
     text = text.replace(ON_TOP, f"S:  {{kind: settlement, zero: {zero}, point: [3 m, 3.5 m]")
     case.write_text(text)
     rows = [row for row in READINGS.splitlines() if not row.startswith("S,")]
