@@ -10,6 +10,7 @@ import time
 import uuid
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import CancelledError
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
@@ -310,8 +311,8 @@ class DaskCluster(Generic[T, R]):
         if status == "finished":
             try:
                 answer = answer or future.result(timeout=_GATHER)
-            except (OSError, TimeoutError, KilledWorker):  # its worker was lost meanwhile
-                again.append(sent)
+            except (OSError, TimeoutError, KilledWorker, CancelledError):
+                again.append(sent)  # its worker was lost meanwhile
                 return
             assert answer is not None
             yield self._with_losses(answer, sent)
@@ -320,13 +321,15 @@ class DaskCluster(Generic[T, R]):
                 yield Answered(sent.number, None, tuple(sent.losses), stopped=True)
             else:  # what dask forgets when it is in trouble
                 again.append(sent)
-        else:
+        elif status == "error":
             yield from self._failed(sent, again, future.exception(timeout=_GATHER))
+        else:  # it was done, and its answer was lost with its worker before it was fetched
+            again.append(sent)
 
     def _failed(
-        self, sent: _Sent[T], again: deque[_Sent[T]], error: BaseException
+        self, sent: _Sent[T], again: deque[_Sent[T]], error: BaseException | None
     ) -> Iterator[Answered[R]]:
-        """A task that dask has given up, or that has raised.
+        """A task that dask has given up, or that has raised; without an error it was taken back.
 
         Raises:
             InputError: a worker cannot compute for us.
@@ -334,6 +337,9 @@ class DaskCluster(Generic[T, R]):
         if isinstance(error, WorkerRefused):
             begun = sent.begun[-1][0] if sent.begun else "of the cluster"
             raise self._link.refused(f"the worker {begun} {error}") from error
+        if error is None:
+            again.append(sent)
+            return
         if not isinstance(error, KilledWorker):
             raise error
         if sent.begun:

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import threading
 import time
+from concurrent.futures import CancelledError
 from contextlib import contextmanager, suppress
 
 import pytest
@@ -180,6 +181,38 @@ def test_no_task_is_lost_when_workers_and_nodes_are_killed_at_random(cluster, ki
         found = answers(executor, tasks())
     assert len(dead) == kills
     assert [answer.value[0] for answer in found] == [n * n for n in range(len(found))]
+
+
+class _Forgotten:
+    """A future whose answer went with its worker between its word that it is done and the fetch."""
+
+    def __init__(self, status):
+        self.status = status
+
+    def exception(self, timeout):
+        return None
+
+    def result(self, timeout):
+        raise CancelledError
+
+
+@pytest.mark.parametrize("status", ["lost", "pending", "error", "finished"])
+def test_an_answer_that_is_lost_before_it_is_fetched_is_asked_for_again(
+    cluster, monkeypatch, status
+):
+    ended, forgotten = DaskCluster._ended, []
+
+    def forgetful(self, sent, again, answer):
+        if not forgotten:
+            forgotten.append(sent.number)
+            sent.future, answer = _Forgotten(status), None
+        return ended(self, sent, again, answer)
+
+    monkeypatch.setattr(DaskCluster, "_ended", forgetful)
+    with DaskCluster(at(cluster), squares_in, NOTHING) as executor:
+        found = answers(executor, range(5))
+    assert len(forgotten) == 1
+    assert [answer.value[0] for answer in found] == [n * n for n in range(5)]
 
 
 def test_a_stop_lets_tasks_end_and_begins_no_more(cluster, tmp_path):
