@@ -24,7 +24,6 @@ from geoident.io.case.case import (
     CaseSection,
     ReportSection,
     build_case,
-    check_references,
     tied_parameters,
 )
 from geoident.io.case.elsewhere.build import build_elsewhere
@@ -32,9 +31,10 @@ from geoident.io.case.elsewhere.surroundings import Surroundings
 from geoident.io.case.elsewhere.table import within_runs
 from geoident.io.case.face import with_zero_stages
 from geoident.io.case.gauges.accuracy import described_channels
-from geoident.io.case.point_tables import with_tables
 from geoident.io.case.readings_by_stage import read_all
+from geoident.io.case.references import check_references
 from geoident.io.case.site_files.measured_values import with_measured
+from geoident.io.case.site_files.point_tables import with_tables
 from geoident.io.schema.faults import add_schema_faults, paths_of
 from geoident.io.schema.partial import Rest
 from geoident.io.schema.values import kind_of

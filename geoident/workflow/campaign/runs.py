@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -84,21 +84,27 @@ def read_runs(path: str) -> CampaignTable:
 
 
 def write_campaign_page(
-    table: CampaignTable, path: str, content: str, output: str | None, *, force: bool
+    path: str,
+    output: str | None,
+    *,
+    force: bool,
+    inputs: Sequence[str] = (),
+    render: Callable[[CampaignTable], str],
 ) -> str:
     """Write the page of a campaign; an earlier one of it gives way.
 
     Args:
-        table: the campaign.
         path: of its folder, or of a file in it.
-        content: of the page.
         output: where it goes; None for ``report.html`` in the folder.
         force: replace any other file.
+        inputs: files beside the campaign and its case that are not to be replaced.
+        render: makes the page.
 
     Returns:
         Its path.
 
     Raises:
+        InputError: there is no campaign.
         UsageError: it would go to stdout.
         OutputError: something else stands there, or it cannot be written.
     """
@@ -108,8 +114,9 @@ def write_campaign_page(
     folder = place if place.is_dir() else place.parent
     page = folder / PAGE if output is None else Path(output)
     page = page / PAGE if page.is_dir() else page
+    table = read_runs(path)
     named = (table.campaign_file, table.case_file)
     campaign, case = (os.path.normpath(folder / name) for name in named)
-    write_remade({str(page): content.encode()}, cases=(campaign,), force=force,
-                 inputs=(campaign, case), form="html")  # fmt: skip
+    write_remade({str(page): render(table).encode()}, cases=(campaign,), force=force,
+                 inputs=(campaign, case, *inputs), form="html")  # fmt: skip
     return str(page)
