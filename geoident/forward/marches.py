@@ -14,7 +14,7 @@ from geoident.forward.gauges.adjoints import AdjointTable
 from geoident.forward.gauges.instrument_errors import InstrumentErrors
 from geoident.forward.gauges.observable import MarchState
 from geoident.forward.gauges.observation import Observation
-from geoident.forward.ground.moduli import inadmissible_moduli
+from geoident.forward.ground.elasticity import inadmissible_moduli
 from geoident.forward.march.march import KnownMotion, March, Run, RunOptions
 from geoident.forward.march.stage import StageEnd
 from geoident.forward.march.systems import StageSystems
