@@ -18,7 +18,7 @@ from pydantic import Discriminator, Field, GetJsonSchemaHandler, Tag
 from pydantic_core import CoreSchema
 
 from geoident.io.schema.section import Section, SectionFaults
-from geoident.io.schema.values import Given, Of, quantity_pattern, require_text
+from geoident.io.schema.values import Given, Of, or_words, quantity_pattern, require_text
 from geoident.io.text.faults import Faults
 from geoident.io.text.wording import Refusal, shorten
 from geoident.model.case import Case
@@ -131,15 +131,15 @@ class SpreadOf(Of):
         self, schema: CoreSchema, handler: GetJsonSchemaHandler
     ) -> dict[str, Any]:
         described = super().__get_pydantic_json_schema__(schema, handler)
-        found = described["pattern"].removeprefix(r"^\s*(").removesuffix(r")\s*$")
         if self.walk:
-            found = quantity_pattern(UNITS).removesuffix("?") + r"\s*/\s*sqrt\([A-Za-z]+\)"
+            walk = quantity_pattern(UNITS).removesuffix("?") + r"\s*/\s*sqrt\([A-Za-z]+\)"
+            described["pattern"] = rf"^\s*({walk})\s*$"
             described["examples"] = ["0.2 mm/sqrt(m)"]
             described["description"] = "a standard deviation per root of a length, or estimate"
             described["type"] = "string"
         else:
             described["description"] += ", or estimate"
-        described["pattern"] = rf"^\s*({found}|{ESTIMATE})\s*$"
+        or_words(described, ESTIMATE)
         described["x-quantity"] = f"{described['x-quantity']} or `{ESTIMATE}`"
         return described
 
