@@ -14,7 +14,7 @@ from geoident.forward.gauges.adjoints import AdjointTable
 from geoident.forward.gauges.instrument_errors import InstrumentErrors
 from geoident.forward.gauges.observable import MarchState
 from geoident.forward.gauges.observation import Observation
-from geoident.forward.ground.moduli import inadmissible_moduli
+from geoident.forward.ground.elasticity import inadmissible_moduli
 from geoident.forward.march.march import KnownMotion, March, Run, RunOptions
 from geoident.forward.march.stage import StageEnd
 from geoident.forward.march.systems import StageSystems
@@ -119,7 +119,7 @@ class Marches:
         self.discretization = on_mesh.discretization
         self.systems = StageSystems(on_mesh, solver)
         self.structures = self.systems.structures
-        self.face = advancing_face(on_mesh)
+        self.face = advancing_face(on_mesh, solver)
         self.march = March(on_mesh, self.systems, self.face)
         self.actions = self.march.actions
         self._kept: KeptMarch | None = None
@@ -252,6 +252,7 @@ class Marches:
     def forget(self) -> None:
         """Begin the next march as a new model does: of earlier ones only analyses stay."""
         self.march.forget()
+        self.face.forget()
         self.last_adjoints = self._kept = self._lent = None
         self._paid = None, -1
 
