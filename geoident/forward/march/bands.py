@@ -28,7 +28,7 @@ _HALF = 0.5
 
 
 @dataclass(frozen=True)
-class Band:
+class ShearBand:
     """A mode of flow that has lost its stability.
 
     Args:
@@ -42,7 +42,7 @@ class Band:
     yielding: int
 
 
-def band_at(equations: StageEquations, trial: Trial) -> Band | None:
+def band_at(equations: StageEquations, trial: Trial) -> ShearBand | None:
     """The least stable mode at a state of flow; None where those around zero are stable.
 
     Args:
@@ -68,4 +68,4 @@ def band_at(equations: StageEquations, trial: Trial) -> Band | None:
     strain = equations.operators.strain(mode)
     held = np.sort((strain**2).sum(axis=0) * equations.volume)[::-1].cumsum()
     points = int(np.searchsorted(held, _HALF * held[-1])) + 1
-    return Band(mode / np.abs(mode).max(), points, yielding)
+    return ShearBand(mode / np.abs(mode).max(), points, yielding)

@@ -20,7 +20,7 @@ from geoident.fem.location import format_point
 from geoident.fem.solvers.direct import Factor, NotPositiveDefinite
 from geoident.fem.yielding.domain import EmptyDomain, NoProjection
 from geoident.fem.yielding.law import YieldLaw
-from geoident.forward.march.bands import Band, band_at
+from geoident.forward.march.bands import ShearBand, band_at
 from geoident.forward.march.collapse import limit_of
 from geoident.forward.march.equilibrium import Balance, solve
 from geoident.forward.march.held_factors import ElasticByHeld, HeldFactors, StageTangents
@@ -388,7 +388,7 @@ class PlasticSteps:
         *,
         proven: bool = True,
         ended: EvenFlow | None = None,
-        band: Band | None = None,
+        band: ShearBand | None = None,
     ) -> CollapseError:
         """What is said of a stage without equilibrium.
 
