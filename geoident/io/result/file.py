@@ -166,7 +166,7 @@ def _write(file: h5py.File, result: Result) -> None:
         tables.write_certificate(file, result.certificate, names)
     rivals.write_rival_answers(file, result.rivals, result.evidence, result.comparison, names)
     if result.fields is not None:
-        vtkhdf.write_fields(file, result.fields, result.varied)
+        vtkhdf.write_fields(file, result.fields, result.varied, result.mechanism)
         if result.mechanism is not None:
             tables.write_mechanism(file, result.mechanism)
     file.attrs["contents"] = " ".join(sorted(file))
