@@ -19,17 +19,21 @@ from geoident.io.text.text_file import STDIN
 from geoident.model.results.campaign import CampaignTable, RunRecord
 from geoident.workflow.running.jobs import versions
 from geoident.workflow.running.remade import write_remade
+from geoident.workflow.running.result_files import case_path, outdated_words
 
 PAGE = "report.html"
 """Name of the page of a campaign, in its folder."""
 
 
-def table_of(head: CampaignHead, records: Iterable[RunRecord]) -> CampaignTable:
+def table_of(
+    head: CampaignHead, records: Iterable[RunRecord], *, outdated: str = ""
+) -> CampaignTable:
     """The runs of a campaign as a table.
 
     Args:
         head: of the campaign.
         records: of the runs that have ended.
+        outdated: a sentence where they were made from an earlier fit than its file holds now.
     """
     return CampaignTable(
         title=head.title,
@@ -41,6 +45,7 @@ def table_of(head: CampaignHead, records: Iterable[RunRecord]) -> CampaignTable:
         total=head.total,
         versions=versions(),
         created=datetime.now(UTC).isoformat(timespec="seconds"),
+        outdated=outdated,
     )
 
 
@@ -80,7 +85,17 @@ def read_runs(path: str) -> CampaignTable:
         message = f"the folder has no journal of a campaign ({JOURNAL})"
         hint = "Give the folder that `geoident batch` has written, such as CAMPAIGN.batch."
         raise InputError([Fault("no-campaign", message, hint, Location(str(folder)))])
-    return table_of(head, sorted(records, key=lambda record: record.name))
+    return table_of(
+        head, sorted(records, key=lambda record: record.name), outdated=_outdated(head, folder)
+    )
+
+
+def _outdated(head: CampaignHead, folder: Path) -> str:
+    """Whether the fit that is predicted from has changed since."""
+    if not head.fit_file:
+        return ""
+    fit, campaign = (case_path(folder / PAGE, name) for name in (head.fit_file, head.campaign_file))
+    return outdated_words(fit, head.fit_fingerprint, f"geoident batch {campaign}")
 
 
 def write_campaign_page(
