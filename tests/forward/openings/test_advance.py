@@ -11,10 +11,10 @@ from support.derivatives import assert_exact, richardson
 from support.yielding import mohr, parameters, rock
 
 from geoident.errors import CollapseError, InputError
-from geoident.forward.openings.advance import PANET, AdvancingFace
+from geoident.forward.openings.advance import CHERN, PANET, AdvancingFace, vlachopoulos_diederichs
 from geoident.model.actions import FaceDistance, FaceProfile
 from geoident.model.case import Stage
-from geoident.model.dual import ParameterPoint
+from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.in_situ import HeimStress
 from geoident.model.parameter import Scalar
 from geoident.model.yielding import HoekBrown
@@ -27,7 +27,7 @@ DISTANCES = (-1.0, 0.0, 1.5, 4.0, 12.0)
 
 
 def profile(law: str, **changes) -> FaceProfile:
-    constants = {"panet": PANET, "chern": (Scalar(1.1), Scalar(1.7))}.get(law, ())
+    constants = {"panet": PANET, "chern": CHERN}.get(law, ())
     settings = {"groups": ("core",), "radius": Scalar(RADIUS), "constants": constants}
     return FaceProfile(law, **{**settings, **changes})
 
@@ -63,6 +63,16 @@ def test_profiles_are_those_of_their_papers(law, ratio, away, share):
     face = AdvancingFace(profile(law, plastic_radius=radius), None)
     found = face.part(FaceDistance(Scalar(away * RADIUS)), NOWHERE, "")
     assert found.value == pytest.approx(share, abs=6e-6)
+
+
+@pytest.mark.parametrize(
+    ("away", "slope"),
+    # s_0 = 0.22910 for R* = 2.5: s_0 exp(x) ahead, 3/2 (1 - s_0) / R* exp(-3/2 x / R*) behind
+    [(-1.0, 0.22910 * 0.36788), (0.0, 0.6 * 0.77090), (2.5, 0.6 * 0.77090 * 0.22313)],
+)
+def test_slope_at_the_face_is_that_behind_it(away, slope):
+    found = vlachopoulos_diederichs(Dual(np.array([away, 1.0])), Dual(np.array([2.5, 0.0])))
+    assert found.columns[1] == pytest.approx(slope, abs=6e-6)
 
 
 @pytest.mark.parametrize("law", ["vlachopoulos-diederichs", "chern"])
