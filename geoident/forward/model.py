@@ -27,6 +27,7 @@ from geoident.forward.march.virgin import contradictions, overburden_notes, surf
 from geoident.forward.marches import Marches
 from geoident.forward.openings.face import (
     FaceState,
+    advance_of,
     conversion_note,
     face_note,
     face_states,
@@ -256,6 +257,7 @@ class StagedModel(Marches):
             reactions=None if recorder is None else recorder.reactions.table(),
             yielded=None if recorder is None else recorder.yielded_ground(),
             mechanism=None if recorder is None else _first_mechanism(found.collapses),
+            advance=None if recorder is None else advance_of(self.face, self.on_mesh, values),
         )
 
     def fields_up_to_collapse(self, p: Floats) -> FieldSeries:

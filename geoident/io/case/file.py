@@ -29,7 +29,7 @@ from geoident.io.case.elsewhere.build import build_elsewhere
 from geoident.io.case.elsewhere.surroundings import Surroundings
 from geoident.io.case.elsewhere.table import within_runs
 from geoident.io.case.face import with_zero_stages
-from geoident.io.case.gauges.accuracy import described_channels
+from geoident.io.case.gauges.channel_errors import described_channels
 from geoident.io.case.readings_by_stage import read_all
 from geoident.io.case.references import check_references
 from geoident.io.case.site_files.measured_values import with_measured
