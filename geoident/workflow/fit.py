@@ -196,6 +196,7 @@ def _result(
         yielded=survey.yielded,
         mechanism=survey.mechanism,
         reaction=survey.reaction,
+        advance=survey.advance,
         singular_values=found.assessment.singular_values,
         diagnostics=found.diagnostics,
         accuracies=setup.accuracies,

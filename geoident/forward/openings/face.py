@@ -26,13 +26,17 @@ from geoident.model.arrays import Floats
 from geoident.model.case import Material
 from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.mesh import nodes_in
-from geoident.model.parameter import Values
+from geoident.model.parameter import Scalar, Values
+from geoident.model.results.opening import FaceAdvance
 
 _BY_CIRCLE = (None, "reaction-curve")
 """Conversions by the reaction of a round opening; the first is what is not said."""
 
 _ROUND = 0.02
 """Distance of a wall from a circle, and difference of in-situ stresses, of their size: not seen."""
+
+_AHEAD, _BEHIND = 21, 81
+"""Places of the profile that are kept ahead of the face and behind it."""
 
 UNIT = 1.0
 """Radius of the opening whose reaction is asked, m: its motion by its radius has no size."""
@@ -147,6 +151,42 @@ def face_states(face: AdvancingFace, on_mesh: CaseOnMesh, values: Values) -> tup
             part = float(face.part(release, point, state.name).value)
             found.append(FaceState(state.name, release.distance.value(values), share, part))
     return tuple(found)
+
+
+def advance_of(face: AdvancingFace, on_mesh: CaseOnMesh, values: Values) -> FaceAdvance | None:
+    """The profile at some parameters with the stages on it; None where it is not known.
+
+    Args:
+        face: of the case.
+        on_mesh: the case.
+        values: parameters by name, SI.
+    """
+    case, profile = on_mesh.case, on_mesh.case.face
+    if profile is None:
+        return None
+    try:
+        states = face_states(face, on_mesh, values)
+        radius, point = profile.radius.value(values), ParameterPoint(values, ())
+        far = max((s.distance for s in states), default=0.0)
+        near = min(0.0 if profile.law == "panet" else -2.0 * radius, *(s.distance for s in states))
+        ahead = np.linspace(near, 0.0, _AHEAD)[:-1] if near < 0.0 else np.empty(0)
+        behind = far * np.linspace(0.0, 1.0, _BEHIND) ** 2  # closer where it bends
+        way = np.concatenate([ahead, behind])
+        share = [float(face.share(Scalar(float(x)), point, "").value) for x in way]
+    except ModelError:
+        return None
+    zeros = {case.stage_names[case.zero_of(c)] for c in case.channels if c.is_zeroed}
+    return FaceAdvance(
+        law=profile.law,
+        radius=radius,
+        distance=way,
+        share=np.array(share),
+        stages=tuple(s.stage for s in states),
+        stage_distance=np.array([s.distance for s in states]),
+        stage_share=np.array([s.share for s in states]),
+        stage_released=np.array([s.released for s in states]),
+        stage_zero=np.array([s.stage in zeros for s in states], dtype=np.bool_),
+    )
 
 
 def face_note(face: AdvancingFace, on_mesh: CaseOnMesh, values: Values) -> tuple[str, ...]:
