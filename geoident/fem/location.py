@@ -96,7 +96,7 @@ def _within_reach(mesh: Mesh, block: ElementBlock, rows: Ints, x: Floats) -> Int
     corners = mesh.points[block.nodes[rows]]
     xi = reference_coordinates(reference, corners, np.tile(x, (len(rows), 1)))
     outside = (xi @ reference.walls[:, :-1].T + reference.walls[:, -1]).max(axis=1)
-    return rows[outside <= REACH + _SPARE]
+    return np.asarray(rows[outside <= REACH + _SPARE])
 
 
 def _site(mesh: Mesh, block: ElementBlock, e: int, first: int, x: Floats) -> Site | None:
