@@ -18,6 +18,9 @@ from geoident.model.mesh import ElementBlock, Mesh, spans
 REACH = 0.1
 """How far outside an element a point may lie to be taken by it, in parts of its size."""
 
+_SPARE = 1e-6
+"""What is not decided by reference coordinates that are less exact, in parts of the size."""
+
 _NEWTON_STEPS = 25
 
 _FAR = 10.0
@@ -65,7 +68,7 @@ class Locator:
             near = near[np.all((x >= low[near]) & (x <= high[near]), axis=1)]
             found += [
                 site
-                for e in near
+                for e in _within_reach(self._mesh, block, near, x)
                 if (site := _site(self._mesh, block, int(e), span.start, x)) is not None
             ]
         return tuple(sorted(found, key=lambda site: (max(site.outside, 1e-6), site.element)))
@@ -80,6 +83,20 @@ def _boxes(mesh: Mesh, block: ElementBlock) -> tuple[Floats, Floats]:
     low, high = corners.min(axis=1), corners.max(axis=1)
     margin = 2 * REACH * (high - low).max(axis=1, keepdims=True)
     return low - margin, high + margin
+
+
+def _within_reach(mesh: Mesh, block: ElementBlock, rows: Ints, x: Floats) -> Ints:
+    """Elements of a block (n,) without those that a point (dim,) is surely out of reach of.
+
+    Of the boxes that hold a point few elements do, and those are looked at one by one.
+    """
+    if len(rows) < 2:
+        return rows
+    reference = reference_element(block.kind)
+    corners = mesh.points[block.nodes[rows]]
+    xi = reference_coordinates(reference, corners, np.tile(x, (len(rows), 1)))
+    outside = (xi @ reference.walls[:, :-1].T + reference.walls[:, -1]).max(axis=1)
+    return np.asarray(rows[outside <= REACH + _SPARE])
 
 
 def _site(mesh: Mesh, block: ElementBlock, e: int, first: int, x: Floats) -> Site | None:

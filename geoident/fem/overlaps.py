@@ -140,14 +140,16 @@ def _moved_inwards(reference: ReferenceElement, on: Floats) -> Floats:
 
 def _near(tree: cKDTree, place: Floats, points: Floats, nodes: Ints) -> tuple[Ints, Ints]:
     """Pairs of a place (m, dim) and an element with nodes (n, n_a) in whose box it is."""
-    low, high = points[nodes[:, 0]], points[nodes[:, 0]]
+    low = points[nodes[:, 0]]
+    high = low.copy()
     for column in nodes.T[1:]:
-        np.minimum(low, points[column], out=low)
-        np.maximum(high, points[column], out=high)
+        x = points[column]
+        np.minimum(low, x, out=low)
+        np.maximum(high, x, out=high)
     some = np.flatnonzero(_may_hold(place, low, high))
     low, high = low[some], high[some]
     centre, reach = 0.5 * (low + high), 0.5 * np.linalg.norm(high - low, axis=1)
-    lists = tree.query_ball_point(centre, reach)
+    lists = tree.query_ball_point(centre, reach, return_sorted=False)
     row = np.repeat(np.arange(len(some)), [len(one) for one in lists])
     at = np.fromiter(chain.from_iterable(lists), dtype=np.int64, count=len(row))
     inside = np.ones(len(row), dtype=np.bool_)
