@@ -20,6 +20,7 @@ from geoident.model.results.backtest import Scores
 from geoident.model.results.posterior import PosteriorDraws
 from geoident.model.results.result import Grid, Result
 from geoident.model.results.rivals import Evidence, ModelComparison
+from geoident.model.results.yielded import Mechanism
 from geoident.report.page.html import joined, table, tag
 from geoident.report.text.result import summary_text
 from geoident.report.text.rivals import MODELS_LEGEND, models_table, models_text
@@ -97,6 +98,11 @@ class FitResult(ResultFile):
     def predictions(self) -> ResultTable:
         """Later stages with 95 % bands, in the units of the case; no rows where there are none."""
         return _predictions(self)
+
+    @property
+    def mechanism(self) -> Mechanism | None:
+        """How the ground moves at the first later stage that collapses; None where none does."""
+        return self.data.mechanism
 
     @property
     def reduced(self) -> KeptModel | None:

@@ -119,7 +119,7 @@ class Marches:
         self.discretization = on_mesh.discretization
         self.systems = StageSystems(on_mesh, solver)
         self.structures = self.systems.structures
-        self.face = advancing_face(on_mesh)
+        self.face = advancing_face(on_mesh, solver)
         self.march = March(on_mesh, self.systems, self.face)
         self.actions = self.march.actions
         self._kept: KeptMarch | None = None
@@ -252,6 +252,7 @@ class Marches:
     def forget(self) -> None:
         """Begin the next march as a new model does: of earlier ones only analyses stay."""
         self.march.forget()
+        self.face.forget()
         self.last_adjoints = self._kept = self._lent = None
         self._paid = None, -1
 

@@ -101,6 +101,7 @@ def test_a_ring_of_three_bodies_slides_as_one():
     assert loose(mesh, [(0, 0, 0, 1), (2, 0, 1)]) is None
     sliding = loose(mesh, [(0, 0, 1), (2, 0, 1)])
     assert (sliding.motion > 0).tolist() == [True, False]
+    assert loose(mesh, [(0, 0, 1), (2, 0, 1), (1, 2, 0)]) is None
 
 
 @pytest.mark.parametrize("held", [True, False])

@@ -1,6 +1,7 @@
 """A scheduler and workers of dask as processes of this machine, which tests may kill."""
 
 import os
+import secrets
 import signal
 import socket
 import subprocess
@@ -17,9 +18,12 @@ ROOT = str(Path(geoident.__file__).parents[1])
 
 
 def free_port():
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
+    """A port below those that systems give to connections, so that none takes it meanwhile."""
+    while True:
+        port = secrets.choice(range(20_000, 32_000))
+        with socket.socket() as probe, suppress(OSError):
+            probe.bind(("127.0.0.1", port))
+            return port
 
 
 def runs(pid):

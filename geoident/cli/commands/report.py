@@ -169,7 +169,10 @@ def _require_sense(
 
 def _require_matplotlib() -> None:
     try:
-        import matplotlib  # noqa: F401
+        from geoident.report.saving.help_texts import without_help_texts
+
+        with without_help_texts():
+            import matplotlib.figure  # noqa: F401 - and with it all that is drawn
     except ModuleNotFoundError as error:
         if error.name != "matplotlib":
             raise

@@ -36,21 +36,20 @@ from geoident.report.text import (
 )
 from geoident.report.text.case import case_entries, case_title
 from geoident.report.text.errors import model_error, surface
-from geoident.report.text.gauges import (
-    OUTLIER,
-    in_sd_note,
-    influence_table,
-    influence_title,
-    outliers,
-    reading_table,
-    unit_title,
-)
+from geoident.report.text.gauges import reading_table, unit_title
 from geoident.report.text.inputs.construction import construction_table
 from geoident.report.text.inputs.materials import ground_sentences, materials_table
 from geoident.report.text.inputs.numbers import SaidNumbers, entries
 from geoident.report.text.inputs.structures import structures_table, supports_table
 from geoident.report.text.layout import TextTable, number
 from geoident.report.text.parameters import compared_parameters, parameter_table
+from geoident.report.text.residuals import (
+    OUTLIER,
+    in_sd_note,
+    influence_table,
+    influence_title,
+    outliers,
+)
 from geoident.report.text.result import compared_outcomes, counts_text, outcome_sentences, warnings
 
 _MOST_OUTLIERS = 20

@@ -13,7 +13,7 @@ from geoident import __version__
 from geoident.errors import Fault, InputError, Location, OutputError, Term
 from geoident.forward.elsewhere.model import ElsewhereModel
 from geoident.io.campaign.file import FaultyCampaign, read_campaign
-from geoident.io.case.file import FaultyCase, named_files, parse_case
+from geoident.io.case.file import FaultyCase, parse_case
 from geoident.io.mesh.file import mesh_files
 from geoident.io.result.campaign import (
     CampaignHead,
@@ -24,6 +24,7 @@ from geoident.io.result.campaign import (
 from geoident.io.result.file import FORMAT, read_identity
 from geoident.io.text.campaign_folder import JOURNAL
 from geoident.io.text.faults import OVERRIDES, shortened
+from geoident.io.text.named_files import named_files
 from geoident.io.text.overrides import parse_path
 from geoident.io.text.text_file import decode, read_bytes, seen_from
 from geoident.io.text.yaml_reader import MAX_BYTES, Node, parse_yaml

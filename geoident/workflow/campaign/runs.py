@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
-from geoident.errors import Fault, InputError, Location, Term, UsageError
+from geoident.errors import Fault, InputError, Location
 from geoident.io.result.campaign import (
     CampaignHead,
     read_journal,
@@ -15,10 +15,9 @@ from geoident.io.result.campaign import (
 )
 from geoident.io.text.atomic import atomic_output
 from geoident.io.text.campaign_folder import JOURNAL, OVER_ALL, TABLE
-from geoident.io.text.text_file import STDIN
 from geoident.model.results.campaign import CampaignTable, RunRecord
 from geoident.workflow.running.jobs import versions
-from geoident.workflow.running.remade import write_remade
+from geoident.workflow.running.remade import place_of_page, write_remade
 from geoident.workflow.running.result_files import case_path, outdated_words
 
 PAGE = "report.html"
@@ -123,12 +122,9 @@ def write_campaign_page(
         UsageError: it would go to stdout.
         OutputError: something else stands there, or it cannot be written.
     """
-    if output == STDIN:
-        raise UsageError(f"A page cannot be written to stdout: give a file to {Term.OUTPUT}.")
     place = Path(path)
     folder = place if place.is_dir() else place.parent
-    page = folder / PAGE if output is None else Path(output)
-    page = page / PAGE if page.is_dir() else page
+    page = place_of_page(output, folder / PAGE)
     table = read_runs(path)
     named = (table.campaign_file, table.case_file)
     campaign, case = (os.path.normpath(folder / name) for name in named)

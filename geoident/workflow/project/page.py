@@ -5,11 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from geoident.errors import Term, UsageError
 from geoident.io.result.project import read_project_result
-from geoident.io.text.text_file import STDIN
 from geoident.model.results.project import ProjectResult
-from geoident.workflow.running.remade import write_remade
+from geoident.workflow.running.remade import place_of_page, write_remade
 from geoident.workflow.running.result_files import case_path
 
 
@@ -38,11 +36,7 @@ def write_project_page(
         UsageError: it would go to stdout.
         OutputError: something else stands there, or it cannot be written.
     """
-    if output == STDIN:
-        raise UsageError(f"A page cannot be written to stdout: give a file to {Term.OUTPUT}.")
-    beside = Path(path).with_suffix(".html")
-    place = beside if output is None else Path(output)
-    place = place / beside.name if place.is_dir() else place
+    place = place_of_page(output, Path(path).with_suffix(".html"))
     result = read_project_result(path)
     project = case_path(path, result.provenance.case_file)
     write_remade({str(place): render(result).encode()}, cases=(project,), force=force,

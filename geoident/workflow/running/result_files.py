@@ -6,9 +6,9 @@ import os
 from dataclasses import replace
 from pathlib import Path
 
-from geoident.io.case.file import files_of_text
 from geoident.io.mesh.file import mesh_files
 from geoident.io.result.file import read_identity
+from geoident.io.text.named_files import files_of_text
 from geoident.io.text.text_file import STDIN
 from geoident.model.results.result import Result
 

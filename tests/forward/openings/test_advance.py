@@ -260,3 +260,23 @@ def test_what_is_released_is_said():
     at_face = opened.face_states({})[0]
     assert f"0: 0 m, {100 * at_face.share:.3g} % of the final motion" in said
     assert f"{100 * at_face.released:.3g} % of the stress" in said
+
+
+@pytest.mark.parametrize("law", ["vlachopoulos-diederichs", "panet"])
+def test_the_profile_is_kept_with_its_stages(law):
+    """Every stage on the curve, from ahead of the face on where the profile goes there."""
+    opened = without_mesh(
+        rock(5e9, 0.25, mohr(1 * MPa, 0.5)), face=profile(law), stages=stages((0.5, 4.0)),
+        channels=(replace(WALL, zero="0"),),
+    )  # fmt: skip
+    kept = opened.survey(np.empty(0), fields=True).advance
+    states = opened.face_states({})
+    assert (kept.law, kept.radius, kept.stages) == (law, RADIUS, ("0", "1"))
+    assert list(kept.stage_released) == [s.released for s in states]
+    np.testing.assert_allclose(
+        np.interp(kept.stage_distance, kept.distance, kept.share), kept.stage_share, atol=1e-3
+    )
+    assert list(kept.stage_zero) == [True, False]
+    assert kept.distance[0] == (0.0 if law == "panet" else -2.0 * RADIUS)
+    assert (np.diff(kept.distance) > 0.0).all()
+    assert opened.survey(np.empty(0), fields=False).advance is None

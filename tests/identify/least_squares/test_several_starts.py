@@ -1,11 +1,18 @@
 """Several descents: when they begin, where, and which minima are one."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from geoident.errors import ModelError
 from geoident.identify.least_squares.gauss_newton import gauss_newton, plain_evaluator
-from geoident.identify.least_squares.several_starts import Angles, spread, start_ranges
+from geoident.identify.least_squares.several_starts import (
+    Angles,
+    SeveralStarts,
+    spread,
+    start_ranges,
+)
 from geoident.identify.objective.discrepancy import Discrepancy
 from geoident.identify.problem.problem import History, Scaling
 from geoident.model.methods import GaussNewtonOptions
@@ -180,3 +187,47 @@ def test_a_way_begins_uphill_where_the_slope_promises_a_part_of_the_fall(make_pr
     fall, rise = r**2 - 4.0, 2.0 * r * slope * (-2.9)
     assert evaluator.begins_uphill(part * rise / fall, 0.0) is seen
     assert not evaluator.begins_uphill(0.1 * rise / fall, 1.001 * fall)
+
+
+def given_up(phi, gain, length, *, best=10.0, status="converged", away=0.4):
+    """Whether a further descent is left at phi, before a step of a gain that ends at 1 + away.
+
+    The best one has ended at 1; the whole has five readings more than parameters.
+    """
+    model = SimpleNamespace(jacobian=np.eye(1))
+    minimum = SimpleNamespace(phi=best, x=np.array([1.0]), model=model)
+    search = SimpleNamespace(
+        _endings=[SimpleNamespace(point=minimum, status=status)],
+        freedom=5,
+        angles=SimpleNamespace(differences=lambda x, y: [y - x]),
+        evaluator=SimpleNamespace(box=SimpleNamespace(reach=lambda x, d: np.array([1.0 + away]))),
+    )
+    step = SimpleNamespace(gain=gain, length=length, d=None)
+    return SeveralStarts._not_worth_it(search, SimpleNamespace(phi=phi, x=None), step)
+
+
+@pytest.mark.parametrize(
+    ("phi", "gain", "length", "best", "left"),
+    [
+        # phi 10 with five readings to spare: its scatter is 2, so rivals may lie 8 above it; twice
+        # that, 16, is left where three times the gain of a short step does not lead below
+        (33.0, 2.0, 1.0, 10.0, True),
+        (33.0, 2.0, 1.01, 10.0, False),
+        (33.0, 2.4, 1.0, 10.0, False),
+        # phi 2 is less than can be expected: rivals lie 4 above it
+        (15.0, 1.6, 0.5, 2.0, True),
+        (15.0, 1.7, 0.5, 2.0, False),
+    ],
+)
+def test_a_descent_that_ends_far_above_the_best_is_left(phi, gain, length, best, left):
+    assert given_up(phi, gain, length, best=best) == left
+
+
+def test_a_descent_that_ends_at_a_known_minimum_is_left():
+    near = {"phi": 12.05, "gain": 2.0, "length": 0.3}
+    assert given_up(**near)
+    assert not given_up(**{**near, "length": 0.31})
+    assert not given_up(**{**near, "phi": 12.15})
+    assert not given_up(**{**near, "phi": 11.85})
+    assert not given_up(**near, away=0.6)
+    assert not given_up(**near, status="stopped")

@@ -11,6 +11,7 @@ from geoident.identify.least_squares.acceptance import Iterate
 from geoident.identify.least_squares.gauss_newton import Ending
 from geoident.identify.objective.discrepancy import Linearization
 from geoident.identify.problem.problem import History, Problem
+from geoident.identify.yield_limits import implicit
 from geoident.identify.yield_limits.implicit import ImplicitSearch, certificate_at, is_better
 from geoident.model.methods import ComplementarityOptions
 from geoident.model.parameter import Parameter
@@ -238,6 +239,31 @@ def test_what_is_better_elsewhere_is_improved_from_there():
     found, _, improved = elsewhere(search, point, lower)
     assert found.status == "improved"
     assert [one.p for one in improved] == [pytest.approx(np.full(3, 0.9))] * 2
+
+
+@pytest.mark.parametrize(
+    ("strengths", "exact", "scanned"), [(True, 0.0, True), (False, 0.0, False), (True, 1e9, False)]
+)
+@pytest.mark.parametrize("lower", [None, "the best of the scan"])
+def test_strengths_are_scanned_unless_the_start_meets_all_readings(
+    monkeypatch, strengths, exact, scanned, lower
+):
+    search, asked = searching(), []
+    search.exact = exact
+
+    def scan(evaluator, which, start):
+        asked.append((which.tolist(), start))
+        return lower
+
+    monkeypatch.setattr(implicit, "strengths", lambda activity, slope: np.full(3, strengths))
+    monkeypatch.setattr(implicit, "strength_scan", scan)
+    found = search.begin()
+    if scanned:
+        ((which, start),) = asked
+        assert which == [True] * 3
+        assert found is (lower or start)
+    assert (found == lower) == (scanned and lower is not None)
+    assert len(asked) == scanned
 
 
 def test_where_no_start_has_a_solution_the_first_says_why():

@@ -84,6 +84,15 @@ def test_lines_are_told_whole_and_not_those_of_earlier_tasks(told, tmp_path):
         assert told.next() == ("log.jsonl", 12, b"two\n")
 
 
+def test_a_process_that_comes_later_tells_all_its_lines(told, tmp_path):
+    processes = []
+    add(tmp_path / "log.jsonl", b"one\n")
+    task = Writing({"log.jsonl": b"what was sent does not count\n"})
+    with GrowthWatch(3, task, lambda: processes, told.place, told.parts.put, 0.001):
+        processes.append(7)
+        assert told.next() == ("log.jsonl", 0, b"one\n")
+
+
 def test_much_comes_in_pieces_and_too_much_is_not_told(told, tmp_path, monkeypatch):
     monkeypatch.setattr(growth, "_PIECE", 4)
     monkeypatch.setattr(growth, "_MOST", 10)
