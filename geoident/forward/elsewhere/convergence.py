@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
 from geoident.forward.elsewhere.differences import Linear
 from geoident.forward.elsewhere.model import ElsewhereModel
-from geoident.forward.elsewhere.runs import ComputedRuns, FailedRun
+from geoident.forward.elsewhere.runs import ComputedRuns
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case
 from geoident.model.dual import Dual, ParameterPoint
@@ -71,27 +71,12 @@ class LawRuns(ComputedRuns):
         self.seen: Bools = np.array([name in law.seen for name in self._names], dtype=bool)
         self.given: Bools = np.isfinite(law.distance)
 
-    def each(
-        self, points: Sequence[Floats], check: Callable[[], None]
-    ) -> Iterator[Floats | FailedRun]:
-        """Convergences (n_stages, n_channels), SI, in turn.
+    def computed(self, p: Floats) -> Floats:
+        """Convergences (n_stages, n_channels), SI, at p (n,); NaN before the face has passed."""
+        return convergence(self._law, self._values(p)).value
 
-        Args:
-            points: (n,) where.
-            check: is called before each.
-        """
-        for p in points:
-            check()
-            yield convergence(self._law, self._values(p)).value
-
-    def jacobian(self, p: Floats, check: Callable[[], None]) -> Floats | FailedRun:
-        """Derivatives (n_stages, n_channels, n) at p (n,); NaN before the face has passed.
-
-        Args:
-            p: (n,) where.
-            check: is called before.
-        """
-        check()
+    def derivatives(self, p: Floats) -> Floats:
+        """Their derivatives (n_stages, n_channels, n) at p (n,)."""
         return convergence(self._law, self._values(p), self._names).columns[..., 1:]
 
     def _values(self, p: Floats) -> dict[str, float]:

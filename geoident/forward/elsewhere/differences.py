@@ -2,9 +2,9 @@
 
 At the first point every parameter is moved once (forward differences; theory 4.7). At the next
 ones the derivatives are brought up to date by what the run there has shown (Broyden 1965): the
-smallest change with which they explain the difference to the nearest point. Where they had
-foretold it badly, all parameters are moved again. Where a search would end it asks for central
-differences, which decide.
+smallest change with which they explain the difference to the nearest point; where noise alone
+explains it they stay as they are. Where they had foretold it badly, all parameters are moved again.
+Where a search would end it asks for central differences, which decide.
 
 All runs of one difference are independent, and are made together.
 """
@@ -27,6 +27,8 @@ MakeRuns = Callable[[Sequence[Floats]], list[Floats | FailedRun]]
 
 FORETOLD = 0.2
 """Part of a change of the readings that may come unforeseen before all derivatives are renewed."""
+NOISE_SD = 3.0
+"""Standard deviations of the noise of a run within which a difference of two may be noise."""
 SPACING = 1e-3
 """Relative distance of the points at which the noise is looked for."""
 QUANTA = 16.0
@@ -148,11 +150,15 @@ class Differences:
         if length == 0.0:
             return Linear(p, v, near.dv_dp, near.updates)
         surprise = v - near.v - near.dv_dp @ (p - near.p)
-        noise = 0.0 if self.noise is None else float(np.linalg.norm(self._weights * self.noise))
+        hidden = 0.0
+        if self.noise is not None:
+            hidden = NOISE_SD * float(np.linalg.norm(self._weights * self.noise))
         change = float(np.linalg.norm(self._weights * (v - near.v)))
-        far = float(np.linalg.norm(self._weights * surprise)) > FORETOLD * change + 2.0 * noise
+        far = float(np.linalg.norm(self._weights * surprise)) > FORETOLD * change + hidden
         if far or near.updates > 2 * int(self._seen.sum()):
             return None
+        if float(np.linalg.norm(self._weights * surprise)) <= hidden:
+            return Linear(p, v, near.dv_dp, near.updates)  # noise tells nothing of derivatives
         dv_dp = near.dv_dp + np.outer(surprise, move / sizes) / length
         return Linear(p, v, dv_dp, near.updates + 1)
 

@@ -189,6 +189,16 @@ class ElsewhereModel:
         result[~self.readable] = np.nan
         return np.asarray(result)
 
+    @property
+    def noise(self) -> Floats:
+        """(n_states, n_channels) standard deviation of what runs add at random; 0 if unknown."""
+        given, known = self.runs.given, self.differences.noise
+        seen = np.zeros((len(given) + 1, given.shape[1]))
+        if known is not None:
+            seen[1:][given] = known**2
+        at_zero = seen[self.zero, np.arange(len(self.zero))]
+        return np.asarray(np.sqrt(np.where(self._changes, seen + at_zero, seen)))
+
     def ahead(self, points: Sequence[Floats]) -> Generator[None, None, None]:
         """Make runs that are going to be asked for; they go on while nobody waits for them.
 
@@ -324,6 +334,12 @@ class ElsewhereResponse(ModelResponse):
         except ModelError:
             return False
         return True
+
+    @property
+    def noise(self) -> Floats:
+        """(g,) standard deviation of what runs add to the readings at random; 0 if unknown."""
+        places = self._places
+        return np.asarray(self._model.noise[places.states, places.rows])
 
     def _at(self, p: Floats, table: Floats, names: Sequence[str]) -> Floats:
         places = self._places

@@ -149,3 +149,34 @@ class ComputedRuns(RunsOfAllDigits):
     def require_trust(self) -> str:
         """Nothing is run, so there is nothing to trust."""
         return ""
+
+    @abstractmethod
+    def computed(self, p: Floats) -> Floats:
+        """Readings (n_stages, n_channels), SI, at p (n,); NaN where none is given."""
+
+    @abstractmethod
+    def derivatives(self, p: Floats) -> Floats:
+        """Their derivatives (n_stages, n_channels, n) at p (n,)."""
+
+    def each(
+        self, points: Sequence[Floats], check: Callable[[], None]
+    ) -> Iterator[Floats | FailedRun]:
+        """Readings (n_stages, n_channels), SI, in turn.
+
+        Args:
+            points: (n,) where.
+            check: is called before each.
+        """
+        for p in points:
+            check()
+            yield self.computed(p)
+
+    def jacobian(self, p: Floats, check: Callable[[], None]) -> Floats:
+        """Derivatives (n_stages, n_channels, n) at p (n,).
+
+        Args:
+            p: (n,) where.
+            check: is called before.
+        """
+        check()
+        return self.derivatives(p)

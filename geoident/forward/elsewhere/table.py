@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
 from functools import lru_cache
 
 import numpy as np
 
 from geoident.forward.elsewhere.differences import Linear
 from geoident.forward.elsewhere.model import ElsewhereModel
-from geoident.forward.elsewhere.runs import ComputedRuns, FailedRun
+from geoident.forward.elsewhere.runs import ComputedRuns
 from geoident.forward.elsewhere.surfaces.surface import (
     ResponseSurface,
     RunCoordinates,
@@ -64,27 +63,12 @@ class SurfaceRuns(ComputedRuns):
         """Runs that were left out, and bounds that were moved."""
         return self._table.notes
 
-    def each(
-        self, points: Sequence[Floats], check: Callable[[], None]
-    ) -> Iterator[Floats | FailedRun]:
-        """Readings (n_stages, n_channels), SI, in turn.
+    def computed(self, p: Floats) -> Floats:
+        """Readings (n_stages, n_channels), SI, at p (n,); NaN where there is no column."""
+        return self._placed(np.array([value for value, _ in self._at(p)]))
 
-        Args:
-            points: (n,) where.
-            check: is called before each.
-        """
-        for p in points:
-            check()
-            yield self._placed(np.array([value for value, _ in self._at(p)]))
-
-    def jacobian(self, p: Floats, check: Callable[[], None]) -> Floats | FailedRun:
-        """Derivatives (n_stages, n_channels, n) at p (n,); NaN where there is no column.
-
-        Args:
-            p: (n,) where.
-            check: is called before.
-        """
-        check()
+    def derivatives(self, p: Floats) -> Floats:
+        """Their derivatives (n_stages, n_channels, n) at p (n,)."""
         slope = self.coordinates.slope(p[self._columns])
         found = np.zeros((len(self.surfaces), len(p)))
         found[:, self._columns] = [gradient * slope for _, gradient in self._at(p)]
@@ -198,7 +182,6 @@ class TableModel(ElsewhereModel):
         """
         v = self.differences.values(p)
         found = self.surfaces.jacobian(p, self._check)
-        assert not isinstance(found, FailedRun)
         return Linear(p, v, found[self.surfaces.given])
 
     @property

@@ -33,6 +33,7 @@ Further starts, and what becomes of them: `several_starts`.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import Generic
@@ -74,6 +75,9 @@ from quadratic where residuals stay, gain a twentieth of the last one: each is a
 NEGLIGIBLE = 1e-6
 """A promised gain of a thousandth of a standard deviation, squared."""
 
+UNSEEN_SD = 2.0
+"""Standard deviations of the noise of phi within which two values are not told apart."""
+
 KEPT = 0.25
 """Part of the gain that a leap promises which must be found for the next step to be one."""
 
@@ -96,6 +100,10 @@ _KINKED = (
 )
 _FLAT = "The misfit is flat here: it has no slope along any parameter that is free to move."
 _GIVEN_UP = "The descent was stopped: it did not come near the best point."
+_NOISE = (
+    "The next step would lower the misfit by {:.1g}, no more than what is noise of the computed "
+    "readings."
+)
 _ROUNDING = "The misfit cannot be lowered further: what is left is rounding."
 
 
@@ -183,7 +191,7 @@ def gauss_newton_descent(
     return Descent(
         evaluator,
         lambda point, radius: gauss_newton_step(box, point, radius),
-        Stopping(box, options.tolerance, _gain_tolerance(discrepancy, options)),
+        Stopping(box, options.tolerance, _gain_tolerance(discrepancy, options), discrepancy.noise),
         options.max_iterations,
         Leap(discrepancy, box).propose,
     )
@@ -380,11 +388,13 @@ class Stopping:
         box: measures steps.
         tolerance: relative size of a step that ends a descent.
         gain: relative gain that a step promises, likewise; None for the same.
+        noise: (g,) what is not smooth in the computed readings, in their standard deviations.
     """
 
     box: TrustBox
     tolerance: float
     gain: float | None = None
+    noise: Callable[[], Floats] = lambda: np.zeros(0)
 
     def reason(self, point: Iterate, full: Step) -> str | None:
         """Why nothing is left to do, judged by the unrestricted step that would come next."""
@@ -396,7 +406,26 @@ class Stopping:
         gain = self.tolerance if self.gain is None else self.gain
         if full.gain <= max(gain * min(point.phi, 1e4), 1e-14 * point.phi):
             return f"The next step would lower the misfit by no more than {full.gain:.1e}."
+        noise = self.noise()
+        if full.gain <= max(float(noise @ noise), min(AT_KINK, self._unseen(point))):
+            return _NOISE.format(full.gain)
         return None
+
+    def hidden(self, point: Iterate, change: float) -> bool:
+        """A change of phi at a point may be noise of the computed readings.
+
+        Args:
+            point: where phi is compared with that of others.
+            change: the difference.
+        """
+        unseen = self._unseen(point)
+        return unseen > 0.0 and change <= unseen
+
+    def _unseen(self, point: Iterate) -> float:
+        """Differences of phi at a point that noise of the computed readings may make."""
+        noise = self.noise()
+        size = float(np.linalg.norm(noise * point.model.residual[: len(noise)]))
+        return UNSEEN_SD * 2.0 * math.sqrt(2.0) * size + float(noise @ noise)
 
     def negligible(self, full: Step) -> bool:
         """The unrestricted step is so short, for so little gain, that only rounding rejects it."""
@@ -482,17 +511,22 @@ class Descent(Generic[IterateT]):
                 failed += 1
                 judge.radius = max(radius, judge.radius)  # it says nothing of the linearised model
             self.evaluator.record(x, trial, step.length, note)
-            if note == "rejected" and self.stopping.negligible(self.propose(point, np.inf)):
-                return Ending(judge.best, "converged", _ROUNDING)
+            if note == "rejected":
+                full = self.propose(point, np.inf)
+                if self.stopping.negligible(full):
+                    return Ending(judge.best, "converged", _ROUNDING)
+                if self.stopping.hidden(point, full.gain):
+                    return Ending(judge.best, "converged", _NOISE.format(full.gain))
         return self._ended(judge) or Ending(judge.best, "not-converged", self._exhausted())
 
     def _ended(self, judge: Acceptance[IterateT]) -> Ending[IterateT] | None:
         """The end of a descent, or None while there is something to do."""
         reason = self.stopping.reason(judge.point, self.propose(judge.point, np.inf))
-        if reason and judge.point is not judge.best:
+        best, point = judge.best, judge.point
+        if reason and point is not best and not self.stopping.hidden(best, point.phi - best.phi):
             judge.return_to_best()
         elif reason:
-            return Ending(judge.best, "converged", reason)
+            return Ending(point, "converged", reason)
         closed = judge.radius <= self.stopping.tolerance
         if closed and self.stopping.flat(judge.best):
             return Ending(judge.best, "converged", _FLAT)

@@ -52,7 +52,7 @@ import numpy as np
 
 from geoident.errors import ModelError
 from geoident.identify.problem.errors import Columns, products, scaled_rows
-from geoident.identify.problem.problem import Problem, Scaling
+from geoident.identify.problem.problem import HasNoise, Problem, Scaling
 from geoident.model.arrays import Floats
 from geoident.model.methods import HuberOptions, LossOptions, SquaredOptions, StudentOptions
 
@@ -161,6 +161,13 @@ class Discrepancy:
     def misfit(self, readings: Floats) -> Floats:
         """White v - v* (g,) where the model answers readings v (g,), whatever the loss."""
         return self.problem.whiten(readings - self.problem.measured)
+
+    def noise(self) -> Floats:
+        """(g,) what is not smooth in the computed readings, in their standard deviations."""
+        response = self.problem.response
+        if isinstance(response, HasNoise):
+            return np.asarray(response.noise / self.problem.sd)
+        return np.zeros(len(self.problem.measured))
 
     def squares(self, p: Floats, readings: Floats) -> float:
         """Plain weighted squares with the prior's part, theory [20], whatever the loss.

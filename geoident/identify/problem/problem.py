@@ -192,6 +192,15 @@ class HasDifferences(Response, Protocol):
         """Make the Jacobian at p (n,) as good as it can be; whether it was not before."""
 
 
+@runtime_checkable
+class HasNoise(Response, Protocol):
+    """A model whose readings are not quite smooth in the parameters: few digits, iterations."""
+
+    @property
+    def noise(self) -> Floats:
+        """(g,) standard deviation of what is not smooth, as far as it is known; 0 if it is not."""
+
+
 class OpeningForm(Response, Protocol):
     """The closed form of an opening: readings by formulas."""
 

@@ -22,6 +22,7 @@ from geoident.io.elsewhere.run_checks import (
     ReadRuns,
     checked_runs,
     left_out_note,
+    runs_held,
     too_few,
 )
 from geoident.io.elsewhere.run_table import MOST_RUNS
@@ -275,12 +276,8 @@ class _CampaignReader:
         checked_runs(holds, table[sound], called, self.parameters, refuse)
         if self.faults:
             return None
-        readings = np.full((len(sound), len(self.stages), len(self.channels)), np.nan)
-        for k, one in enumerate(holds):
-            if not one.parameter:
-                readings[:, *one.place] = table[sound, k]
-        values = table[sound][:, [bool(one.parameter) for one in holds]]
-        return ReadRuns(names, values, readings, tuple(self._notes(holds, failed, table)))
+        shape = len(self.stages), len(self.channels)
+        return runs_held(holds, table[sound], shape, tuple(self._notes(holds, failed, table)))
 
     @staticmethod
     def _lost(row: Floats) -> bool:

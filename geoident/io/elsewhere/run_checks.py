@@ -171,3 +171,23 @@ def left_out_note(said: Sequence[str], failed: int, total: int, name: str) -> tu
     more = f" and {failed - len(said)} more" if failed > len(said) else ""
     have = "has failed and is" if failed == 1 else "have failed and are"
     return (f"{failed} of {total} runs in {name} {have} left out: {', '.join(said)}{more}",)
+
+
+def runs_held(
+    columns: Sequence[HeldColumn], table: Floats, shape: tuple[int, int], notes: tuple[str, ...]
+) -> ReadRuns:
+    """The runs of a table, its parameters and its readings apart.
+
+    Args:
+        columns: what the c columns hold.
+        table: (r, c) numbers, SI.
+        shape: number of stages and of channels.
+        notes: which runs were left out.
+    """
+    readings = np.full((len(table), *shape), np.nan)
+    for k, column in enumerate(columns):
+        if not column.parameter:
+            readings[:, *column.place] = table[:, k]
+    names = tuple(column.parameter for column in columns if column.parameter)
+    values = table[:, [bool(column.parameter) for column in columns]]
+    return ReadRuns(names, values, readings, notes)

@@ -26,6 +26,7 @@ from geoident.io.elsewhere.run_checks import (
     ReadRuns,
     checked_runs,
     left_out_note,
+    runs_held,
     too_few,
 )
 from geoident.io.text.cells import TextCell, cells_of, delimiter_of, said_lines
@@ -298,12 +299,8 @@ class _Reader:
         checked_runs(holds, table, lines, self.parameters, refuse)
         if self.faults or not names:
             return None
-        readings = np.full((len(sound), len(self.stages), len(self.channels)), np.nan)
-        for k, column in enumerate(holds):
-            if not column.parameter:
-                readings[:, *column.place] = table[:, k]
-        values = table[:, [bool(column.parameter) for column in holds]]
-        return ReadRuns(names, values, readings, self._left_out(columns, failed, len(runs)))
+        shape = len(self.stages), len(self.channels)
+        return runs_held(holds, table, shape, self._left_out(columns, failed, len(runs)))
 
     def _left_out(
         self,

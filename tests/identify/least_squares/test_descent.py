@@ -194,7 +194,9 @@ def test_a_descent_by_modes_of_a_field_ends_at_ten_times_the_gain():
 
     def ended(parameters):
         problem = SimpleNamespace(
-            problem=SimpleNamespace(parameters=parameters), scaling=Scaling(parameters)
+            problem=SimpleNamespace(parameters=parameters),
+            scaling=Scaling(parameters),
+            noise=lambda: np.zeros(0),
         )
         history = SimpleNamespace(stop=None)
         descent = gauss_newton_descent(problem, GaussNewtonOptions(), history)
