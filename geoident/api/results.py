@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from geoident.api.arrays import dataset
 from geoident.api.calling import spoken
+from geoident.api.found import Found
 from geoident.api.notebook import result_html
 from geoident.api.plots import Plots
 from geoident.api.reduced import KeptModel
@@ -33,7 +34,7 @@ _MOST = 4
 
 
 @dataclass(frozen=True, repr=False)
-class ResultFile:
+class ResultFile(Found[Result]):
     """A result and where it stands. In a notebook it shows its parameters and the overview.
 
     Args:
@@ -41,35 +42,6 @@ class ResultFile:
         path: of the result file.
         up_to_date: it stood there already and was not computed again.
     """
-
-    data: Result
-    path: str
-    up_to_date: bool = False
-
-    @property
-    def status(self) -> str:
-        """How it ended, such as ``converged`` or ``not-determined``; `reason` says why."""
-        return self.data.status
-
-    @property
-    def reason(self) -> str:
-        """Why it ended so, in words."""
-        return self.data.reason
-
-    @property
-    def converged(self) -> bool:
-        """Whether it ended as it should; `reason` says why."""
-        return self.data.exit_code == 0
-
-    @property
-    def findings(self) -> tuple[str, ...]:
-        """Sentences on what an engineer must know before using the numbers."""
-        return self.data.findings
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """Sentences on what else was noticed."""
-        return self.data.notes
 
     @cached_property
     def parameters(self) -> Parameters:
