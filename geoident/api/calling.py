@@ -12,6 +12,7 @@ from typing import Any, ParamSpec, TypeVar
 
 from geoident.errors import Caller, GeoidentError, MissingExtra, UsageError
 from geoident.model.results.result import Iteration
+from geoident.workflow.executing.workplace import workplace
 from geoident.workflow.running.control import Control, Silent
 
 AnyPath = str | os.PathLike[str]
@@ -58,7 +59,10 @@ def needed(package: str, *, extra: str, what: str) -> Any:
 
 
 def control(
-    progress: Progress | None = None, max_time: float | None = None, jobs: int | None = 1
+    progress: Progress | None = None,
+    max_time: float | None = None,
+    jobs: int | None = 1,
+    cluster: AnyPath | None = None,
 ) -> Control:
     """What a running call reports to and obeys.
 
@@ -66,11 +70,17 @@ def control(
         progress: is told of every iteration.
         max_time: seconds after which a search ends with what it has.
         jobs: number of processes; None for the cores there are, where it is worth while.
+        cluster: address of a scheduler of dask, ``local``, or the path of a cluster file.
 
     Raises:
+        InputError: there is no such cluster.
+        MissingExtra: dask is not installed.
         UsageError: there is no such number of processes.
     """
-    return Control(_Telling(progress), max_time=max_time, jobs=processes(jobs))
+    telling, at_once = _Telling(progress), processes(jobs)
+    named = None if cluster is None else os.fspath(cluster)
+    place = workplace(named, at_once, telling.inform)
+    return Control(telling, max_time=max_time, jobs=at_once, cluster=place)
 
 
 def processes(jobs: int | None) -> int | None:

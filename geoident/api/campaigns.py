@@ -16,9 +16,9 @@ from geoident.io.text.wording import did_you_mean
 from geoident.model.results.campaign import CampaignTable, RunRecord
 from geoident.report.text.campaign.spreadsheet import runs_columns, runs_csv
 from geoident.report.text.campaign.tables import campaign_text
-from geoident.workflow.campaign.campaign import compute, local_executor
+from geoident.workflow.campaign.campaign import compute, run_executor
 from geoident.workflow.campaign.plan import plan_campaign, require_trust
-from geoident.workflow.executing.executor import usable_cores
+from geoident.workflow.executing.workplace import cluster_given
 from geoident.workflow.programs.trust import decided_by, trusting
 
 RunWatch = Callable[[RunRecord], None]
@@ -88,6 +88,7 @@ def batch(
     *,
     output: AnyPath | None = None,
     jobs: int | None = None,
+    cluster: AnyPath | None = None,
     force: bool = False,
     fresh: bool = False,
     trust: bool = False,
@@ -102,6 +103,8 @@ def batch(
         campaign: path of the file that says what varies.
         output: folder for the results; ``CAMPAIGN.batch`` beside the file if None.
         jobs: how many runs at a time; None for the cores there are.
+        cluster: in place of processes of this machine: address of a scheduler of dask, ``local``,
+            or the path of a cluster file; None for that of the campaign, if it names one.
         force: use a folder that holds something else.
         fresh: compute again what is up to date.
         trust: the program or function that the case names as its model may be run; remembered.
@@ -109,7 +112,7 @@ def batch(
 
     Raises:
         InputError: the campaign, its table or the case is wrong, or nobody has said that what the
-            case names may be run; with all faults.
+            case names may be run; with all faults. Or there is no such cluster.
         OutputError: the folder is of something else, or cannot be written.
         UsageError: there is no such number of processes.
     """
@@ -118,7 +121,8 @@ def batch(
         plan = plan_campaign(os.fspath(campaign), output=place, fresh=fresh, force=force)
         permitted = require_trust(plan)
     watch = progress or (lambda record: None)
-    with local_executor(plan, at_once or usable_cores()) as executor:
+    named = plan.campaign.cluster if cluster is None else cluster_given(os.fspath(cluster))
+    with run_executor(plan, named, at_once, lambda message: None) as (executor, _):
         table = compute(
             plan, executor, watch, runs_csv, fresh=fresh, trust=trust, permitted=permitted
         )

@@ -38,6 +38,7 @@ def fit(
     seed: int = 0,
     max_time: float | None = None,
     jobs: int | None = None,
+    cluster: AnyPath | None = None,
     force: bool = False,
     fresh: bool = False,
     progress: Progress | None = None,
@@ -55,6 +56,8 @@ def fit(
         max_time: seconds after which the search ends with what it has.
         jobs: number of processes for what a search can compute at a time; None for the cores there
             are, where it is worth while.
+        cluster: in place of processes of this machine: address of a scheduler of dask, ``local``,
+            or the path of a cluster file.
         force: overwrite a result of other input.
         fresh: compute again what is up to date.
         progress: is told of every iteration.
@@ -67,7 +70,7 @@ def fit(
         UsageError: there is no such solver.
     """
     request = _request(case, output, seed=seed, force=force, fresh=fresh, solver=solver)
-    return FitResult(*_run(request, plan_fit, run_fit, control(progress, max_time, jobs)))
+    return FitResult(*_run(request, plan_fit, run_fit, control(progress, max_time, jobs, cluster)))
 
 
 @spoken
@@ -77,6 +80,7 @@ def scan(
     output: AnyPath | None = None,
     max_time: float | None = None,
     jobs: int | None = None,
+    cluster: AnyPath | None = None,
     force: bool = False,
     fresh: bool = False,
     progress: Progress | None = None,
@@ -91,6 +95,8 @@ def scan(
         max_time: seconds after which the scan ends with what it has.
         jobs: number of processes for what a scan can compute at a time; None for the cores there
             are, where it is worth while.
+        cluster: in place of processes of this machine: address of a scheduler of dask, ``local``,
+            or the path of a cluster file.
         force: overwrite a result of other input.
         fresh: compute again what is up to date.
         progress: is told of every point.
@@ -107,7 +113,9 @@ def scan(
     request = _request(case, output, seed=0, force=force, fresh=fresh, solver=solver)
     if reduced is not None:
         request = replace(request, reduced=path_of(reduced))
-    return ScanResult(*_run(request, plan_scan, run_scan, control(progress, max_time, jobs)))
+    return ScanResult(
+        *_run(request, plan_scan, run_scan, control(progress, max_time, jobs, cluster))
+    )
 
 
 @spoken
@@ -118,6 +126,7 @@ def backtest(
     seed: int = 0,
     max_time: float | None = None,
     jobs: int | None = None,
+    cluster: AnyPath | None = None,
     force: bool = False,
     fresh: bool = False,
     progress: Progress | None = None,
@@ -132,6 +141,8 @@ def backtest(
         max_time: seconds after which it ends with what it has.
         jobs: number of processes for what a search can compute at a time; None for the cores there
             are, where it is worth while.
+        cluster: in place of processes of this machine: address of a scheduler of dask, ``local``,
+            or the path of a cluster file.
         force: overwrite a result of other input.
         fresh: compute again what is up to date.
         progress: is told of every iteration.
@@ -145,7 +156,7 @@ def backtest(
     """
     request = _request(case, output, seed=seed, force=force, fresh=fresh, solver=solver)
     return BacktestResult(
-        *_run(request, plan_backtest, run_backtest, control(progress, max_time, jobs))
+        *_run(request, plan_backtest, run_backtest, control(progress, max_time, jobs, cluster))
     )
 
 
@@ -205,6 +216,7 @@ def sample(
     seed: int = 0,
     max_time: float | None = None,
     jobs: int | None = None,
+    cluster: AnyPath | None = None,
     force: bool = False,
     fresh: bool = False,
 ) -> SampleResult:
@@ -219,6 +231,8 @@ def sample(
         max_time: seconds after which sampling ends with what it has.
         jobs: number of processes that evaluate the model; None for the cores there are, where it
             is worth while.
+        cluster: in place of processes of this machine: address of a scheduler of dask, ``local``,
+            or the path of a cluster file.
         force: overwrite a sample of other input.
         fresh: compute again what is up to date.
 
@@ -231,7 +245,7 @@ def sample(
         OutputError: the result cannot be written, or would replace one of other input.
         UsageError: a package that samples is not installed.
     """
-    obeyed = control(max_time=max_time, jobs=jobs)
+    obeyed = control(max_time=max_time, jobs=jobs, cluster=cluster)
     request = SampleRequest(
         result=path_of(fitted),
         draws=draws,

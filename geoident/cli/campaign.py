@@ -1,30 +1,25 @@
 """Running a campaign: what is said of its runs while they are computed, and at the end."""
 
-# ruff: noqa: PLC0415 - a cluster is imported when one is asked for
-
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import click
 
-from geoident.cli.clusters import cluster_given
 from geoident.cli.error_boundary import failures_as_json
 from geoident.cli.options import Options
 from geoident.cli.signals import stop_runs_on_signals
 from geoident.cli.terminal import Terminal
 from geoident.errors import ExitCode
 from geoident.io.result.campaign import record_object
-from geoident.model.cluster import Cluster
 from geoident.model.results.campaign import CampaignTable, RunRecord
 from geoident.report.text.campaign.spreadsheet import runs_csv
 from geoident.report.text.campaign.tables import failed_table, outcome_sentences, seconds_text
 from geoident.report.text.json import dumps
-from geoident.workflow.campaign.campaign import RunExecutor, compute, local_executor
+from geoident.workflow.campaign.campaign import compute, run_executor
 from geoident.workflow.campaign.plan import CampaignPlan, plan_campaign, require_trust
-from geoident.workflow.executing.executor import usable_cores
+from geoident.workflow.executing.workplace import cluster_given
 
 _NAMED = 3
 """Failed runs that the live line names: the last ones."""
@@ -98,7 +93,7 @@ def run_campaign(
                 click.echo(dumps(record_object(plan.known[run.name])))
     with (
         failures_as_json(path, options),
-        _executor(plan, where, jobs or usable_cores(), terminal) as (executor, at_a_time),
+        run_executor(plan, where, jobs, terminal.inform) as (executor, at_a_time),
     ):
         progress = _Progress(options, terminal, len(plan.left), at_a_time)
         with terminal.live(f"{len(plan.left)} runs"), stop_runs_on_signals(executor) as heard:
@@ -110,21 +105,6 @@ def run_campaign(
     if not options.as_json:
         click.echo(plan.folder)
     return int(heard.code or table.exit_code)
-
-
-@contextmanager
-def _executor(
-    plan: CampaignPlan, where: Cluster | None, jobs: int, terminal: Terminal
-) -> Iterator[tuple[RunExecutor, Callable[[], int]]]:
-    """What computes the runs, and how many at a time."""
-    if where is None or not plan.left:
-        with local_executor(plan, jobs) as processes:
-            yield processes, lambda: jobs
-        return
-    from geoident.workflow.campaign.away import AwayRuns, cluster_executor
-
-    with cluster_executor(plan, where, jobs, terminal.inform) as cluster:
-        yield AwayRuns(cluster, plan), lambda: cluster.workers
 
 
 def _say_end(table: CampaignTable, plan: CampaignPlan, terminal: Terminal) -> None:

@@ -20,6 +20,7 @@ from geoident.report.text.json import dumps, result_object, summary_object
 from geoident.report.text.result import summary_text
 from geoident.workflow.estimating.finished import Finished
 from geoident.workflow.executing.stop import StopRequest
+from geoident.workflow.executing.workplace import workplace
 from geoident.workflow.predict import PredictRequest, plan_prediction, predict
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.jobs import Job, Request
@@ -38,6 +39,8 @@ def run_case(
     plan: PlanJob,
     run: RunJob,
     stop: StopRequest | None = None,
+    cluster: str | None = None,
+    begun: bool = False,
 ) -> int:
     """Plan a case, run it, and say what came out.
 
@@ -47,6 +50,8 @@ def run_case(
         plan: makes the job.
         run: does it.
         stop: the wish to stop; None for that of the signals that arrive.
+        cluster: address, ``local`` or file of a cluster; None for processes of this machine.
+        begun: its checkpoint is of this very command, and is gone on from.
 
     Returns:
         The exit code.
@@ -60,13 +65,16 @@ def run_case(
             solver=options.solver,
             force=options.force,
             fresh=options.fresh,
+            begun=begun,
             reduced=options.reduced,
         )
         job = plan(request)
         if options.dry_run:
             return _say_plan(job, options)
         terminal = Terminal(options, job.inputs.case.parameters)
-        return _run(partial(run, job), terminal, options, title=case, case=case, stop=stop)
+        return _run(
+            partial(run, job), terminal, options, title=case, case=case, stop=stop, cluster=cluster
+        )
 
 
 def run_prediction(request: PredictRequest, options: Options) -> int:
@@ -76,11 +84,22 @@ def run_prediction(request: PredictRequest, options: Options) -> int:
     return _run(work, Terminal(options), options, title=request.result, case=task.inputs.path)
 
 
-def run_sample(request: SampleRequest, options: Options) -> int:
-    """Draw from a posterior, and say what came out."""
+def run_sample(request: SampleRequest, options: Options, *, cluster: str | None = None) -> int:
+    """Draw from a posterior, and say what came out.
+
+    Args:
+        request: what to draw.
+        options: of the command.
+        cluster: address, ``local`` or file of a cluster; None for processes of this machine.
+
+    Returns:
+        The exit code.
+    """
     task = plan_sample(request)
-    work = partial(sample, task)
-    return _run(work, Terminal(options), options, title=request.result, case=task.job.inputs.path)
+    return _run(
+        partial(sample, task), Terminal(options), options,
+        title=request.result, case=task.job.inputs.path, cluster=cluster,
+    )  # fmt: skip
 
 
 def _run(
@@ -91,6 +110,7 @@ def _run(
     title: str,
     case: str,
     stop: StopRequest | None = None,
+    cluster: str | None = None,
 ) -> int:
     """Do it; then the path or the JSON object on stdout, the rest on stderr.
 
@@ -101,15 +121,21 @@ def _run(
         title: of the live line.
         case: path of the case.
         stop: the wish to stop; None for that of the signals that arrive.
+        cluster: address, ``local`` or file of a cluster; None for processes of this machine.
     """
-    control = Control(terminal, stop or StopRequest(), max_time=options.max_time, jobs=options.jobs)
+    control = Control(
+        terminal, stop or StopRequest(), max_time=options.max_time, jobs=options.jobs,
+        cluster=workplace(cluster, options.jobs, terminal.inform),
+    )  # fmt: skip
     listening = stop_on_signals(control.stop) if stop is None else nullcontext()
     with terminal.live(title), listening:
         finished = work(control)
     result, path = finished.result, finished.paths[0]
     for remark in finished.remarks:
         terminal.inform(remark)
-    if finished.up_to_date:
+    if not finished.up_to_date:
+        control.tell_of_cluster()
+    else:
         terminal.inform(f"{path} is up to date; --fresh computes it again")
     terminal.inform(summary_text(result))
     if result.exit_code != ExitCode.DONE and options.quiet:

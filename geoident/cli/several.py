@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, redirect_stderr, redirect_stdout
+from contextlib import contextmanager, redirect_stderr, redirect_stdout, suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -86,9 +86,20 @@ def run_cases(
     order = _InOrder(cases, ends, options)
     order.say()
     left = [n for n, end in enumerate(ends) if end is None]
+    if options.fresh and not options.dry_run:
+        _forget(command, [cases[n] for n in left], options)
     stopped = _compute(command, left, order, options, cluster) if left else None
     order.say_total()
     return int(stopped or combined([ExitCode.TERMINATED if e is None else e.code for e in ends]))
+
+
+def _forget(command: str, cases: Sequence[str], options: Options) -> None:
+    """Forget the checkpoints, once: a case whose process is lost goes on from its own."""
+    from geoident.workflow.running.outputs import target
+
+    for case in cases:
+        with suppress(OSError):  # whoever computes the case says what is wrong
+            target(case, command, output=options.output).checkpoint.unlink(missing_ok=True)
 
 
 def _known(command: str, case: str, options: Options) -> CaseEnd | None:
@@ -150,9 +161,9 @@ def _executor(
         with LocalProcesses[str, CaseEnd](jobs, partial(_set_up, command, options)) as processes:
             yield processes
         return
-    from geoident.cli.clusters import cluster_given
     from geoident.cli.several_away import AwayCases, cases_on
     from geoident.cli.several_away import run_cases as cases_that_run
+    from geoident.workflow.executing.workplace import cluster_given
 
     if any(Path(path).is_absolute() for path in (*cases, options.output or "")):
         raise click.UsageError("With --cluster, name cases and -o as seen from this folder.")
@@ -187,7 +198,7 @@ def _set_up(
     def run_one(case: str) -> CaseEnd:
         out, err = io.StringIO(), io.StringIO()
         with redirect_stdout(out), redirect_stderr(err), asked(quiet, permitted):
-            code = guarded(lambda: run_case(case, quiet, plan=plan, run=run, stop=STOP))
+            code = guarded(lambda: run_case(case, quiet, plan=plan, run=run, stop=STOP, begun=True))
         return CaseEnd(code, out.getvalue(), err.getvalue())
 
     return run_one

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
@@ -23,17 +23,17 @@ from geoident.io.text.yaml_reader import MAX_BYTES, parse_yaml
 from geoident.model.cluster import Cluster
 from geoident.model.elsewhere import ExternalProgram, PythonFunction
 from geoident.workflow.executing.cluster import DaskCluster
-from geoident.workflow.executing.executor import Answered, Executor
-from geoident.workflow.executing.growth import Resumable
-from geoident.workflow.executing.parcel import layout_of, own_copy, packed
+from geoident.workflow.executing.executor import Converted, Executor
+from geoident.workflow.executing.on_cluster import in_own_folder
+from geoident.workflow.executing.parcel import layout_of, packed
+from geoident.workflow.programs.program import program_of
 from geoident.workflow.programs.travelling import (
     RunsMade,
-    RunsThere,
-    begin_there,
+    TravellingTask,
+    begun_with,
     keep_runs,
     known_lines,
     log_of,
-    program_of,
 )
 from geoident.workflow.running.jobs import build_model, load_inputs
 from geoident.workflow.running.outputs import kept_results, runs_folder, target
@@ -55,26 +55,25 @@ class RunCase:
 
 
 @dataclass(frozen=True)
-class AwayCase(Resumable):
+class AwayCase(TravellingTask):
     """A case on its way to a worker.
 
     Args:
         kept: path to content of the files with which it goes on.
+        runs: folder of the runs of its model; empty where that runs nothing.
         case: its path.
         beside: path to content of files of earlier results, which decide what is done.
-        checkpoint: path of its evaluations.
-        runs: folder of the runs of its model; empty where that runs nothing.
+        evaluations: path of its checkpoint.
     """
 
     case: str
     beside: Mapping[str, bytes]
-    checkpoint: str
-    runs: str = ""
+    evaluations: str
 
     @property
-    def growing(self) -> tuple[str, ...]:
-        """Its checkpoint, and the log of the runs of its model."""
-        return (self.checkpoint, *([str(log_of(Path(self.runs)))] if self.runs else []))
+    def checkpoint(self) -> str:
+        """Path of its evaluations."""
+        return self.evaluations
 
 
 @dataclass(frozen=True)
@@ -94,7 +93,7 @@ class AwayOutput(Generic[E]):
     made: RunsMade = field(default_factory=RunsMade)
 
 
-class AwayCases(Generic[E]):
+class AwayCases(Converted[str, AwayCase, E, AwayOutput[E]]):
     """An executor of cases that has them computed on a cluster, and writes what comes back.
 
     Args:
@@ -111,49 +110,30 @@ class AwayCases(Generic[E]):
         options: Options,
         run: Collection[str] = (),
     ) -> None:
-        self._executor, self._command, self._options = executor, command, options
-        self._run = run
+        def sent(case: str) -> AwayCase:
+            place = target(case, command, output=options.output)
+            beside = {str(path): b"" for _, path in kept_results(place.path)}  # their names count
+            with suppress(OSError):
+                beside[str(place.path)] = place.path.read_bytes()
+            runs = str(runs_folder(case)) if case in run else ""
+            return AwayCase({}, runs, case, beside, str(place.checkpoint)).going_on()
 
-    def run(self, tasks: Iterable[str]) -> Iterator[Answered[E]]:
-        """How cases end; their files are written then.
+        super().__init__(executor, sent, _written)
 
-        Args:
-            tasks: paths of the cases.
 
-        Raises:
-            OutputError: a result cannot be written.
-        """
-        for answer in self._executor.run(map(self._sent, tasks)):
-            output = answer.value
-            for name, content in output.files.items() if output else ():
-                make_folder(Path(name).parent)
-                with atomic_output(name, overwrite=True, inputs=()) as temporary:
-                    Path(temporary).write_bytes(content)
-            if output is not None and output.runs:
-                keep_runs(output.made, Path(output.runs))
-            end = None if output is None else output.end
-            yield Answered(
-                answer.number, end, answer.losses, answer.stopped, answer.seconds, answer.process
-            )
+def _written(output: AwayOutput[E]) -> E:
+    """Write what has come of a case; how it ended.
 
-    def _sent(self, case: str) -> AwayCase:
-        place = target(case, self._command, output=self._options.output)
-        beside = {str(path): b"" for _, path in kept_results(place.path)}  # their names count
-        kept = {}
-        with suppress(OSError):
-            beside[str(place.path)] = place.path.read_bytes()
-        with suppress(OSError):
-            kept[str(place.checkpoint)] = place.checkpoint.read_bytes()
-        runs = str(runs_folder(case)) if case in self._run else ""
-        return AwayCase(kept, case, beside, str(place.checkpoint), runs)
-
-    def ask_to_stop(self) -> None:
-        """Begin no more cases, and let those that run end as soon as they can."""
-        self._executor.ask_to_stop()
-
-    def kill(self) -> None:
-        """End all cases at once."""
-        self._executor.kill()
+    Raises:
+        OutputError: a result cannot be written.
+    """
+    for name, content in output.files.items():
+        make_folder(Path(name).parent)
+        with atomic_output(name, overwrite=True, inputs=()) as temporary:
+            Path(temporary).write_bytes(content)
+    if output.runs:
+        keep_runs(output.made, Path(output.runs))
+    return output.end
 
 
 def cases_on(
@@ -184,7 +164,11 @@ def cases_on(
     layout = layout_of((*cases, *files, *outputs))
     return DaskCluster(
         cluster,
-        partial(set_up_cases, layout.here, options.output, logs, set_up),
+        partial(
+            in_own_folder,
+            layout.here,
+            partial(begun_with, logs, partial(set_up_cases, options.output, set_up)),
+        ),
         packed(
             {layout.name(path): Path(path) for path in files},
             here=layout.here,
@@ -233,23 +217,14 @@ def run_cases(cases: Sequence[str], options: Options) -> dict[str, RunCase]:
 
 
 def set_up_cases(
-    here: str,
-    output: str | None,
-    logs: Mapping[str, bytes],
-    set_up: Callable[[], Callable[[str], E]],
-    unpacked: Path,
+    output: str | None, set_up: Callable[[], Callable[[str], E]]
 ) -> Callable[[AwayCase], AwayOutput[E]]:
     """In a process far away: what computes a case, and takes what it writes.
 
     Args:
-        here: where paths are meant from, as seen from the folder of the files.
         output: folder for results, or None for beside the cases.
-        logs: path of the log of the runs of a model to what it holds.
         set_up: gives the function that computes a case.
-        unpacked: folder of the files.
     """
-    own_copy(unpacked, here)
-    begin_there(logs)
     if output is not None:
         Path(output).mkdir(parents=True, exist_ok=True)
     compute = set_up()
@@ -260,10 +235,7 @@ def set_up_cases(
         before = {path.name for path in folder.iterdir()}
         for name, content in away.beside.items():
             Path(name).write_bytes(content)
-        if away.checkpoint in away.kept:
-            Path(away.checkpoint).write_bytes(away.kept[away.checkpoint])
-        lines = [content for name, content in away.kept.items() if name != away.checkpoint]
-        with RunsThere(Path(away.runs) if away.runs else None, lines) as there:
+        with away.begin() as there:
             end = compute(away.case)
         files = {}
         for path in sorted(folder.iterdir()):

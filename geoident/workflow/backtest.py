@@ -61,6 +61,7 @@ def backtest(job: Job, control: Control) -> Finished:
     """
     if (before := job_at_hand(job)) is not None:
         return before
+    control.require_cluster()
     prepared, stages = prepare_backtest(job)
     with (
         evaluation_log(job, control) as log,

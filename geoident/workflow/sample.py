@@ -21,6 +21,7 @@ from geoident.identify.posterior.sampling import sample_posterior
 from geoident.io.result.checkpoint import EvaluationLog
 from geoident.io.result.file import read_result
 from geoident.model.arrays import Floats
+from geoident.model.gauges import ReadingTable
 from geoident.model.results.result import (
     Result,
 )
@@ -33,8 +34,10 @@ from geoident.workflow.estimating.setup import (
     problem_of,
     problem_of_result,
 )
+from geoident.workflow.executing.processes import LocalProcesses
 from geoident.workflow.running.answers import (
     Asked,
+    Begin,
     Compute,
     KeptAnswers,
     WhereWorthWhile,
@@ -56,7 +59,7 @@ from geoident.workflow.running.kept_reduced import restored_of, spread_around
 from geoident.workflow.running.outputs import require_free, standing, target
 from geoident.workflow.running.reduced_answers import ReducedAnswers, reduced_answers
 from geoident.workflow.running.result_files import case_path, files_of_result
-from geoident.workflow.running.workers import WORTH, as_many_as_fit
+from geoident.workflow.running.workers import WORTH, ModelParts, as_many_as_fit, runs_on_cluster
 
 EFFECTIVE = 1000
 """Effective size at which draws are enough, unless another one is asked for."""
@@ -181,6 +184,7 @@ def sample(task: SampleTask, control: Control) -> Finished:
     job, request = task.job, task.request
     if (before := job_at_hand(job)) is not None:
         return before
+    control.require_cluster()
     require_free(job.found, job.place, force=request.force, inputs=task.files_read)
     setup, asked = _asked(task.fit, job.inputs, request.solver)
     require_same_modes(task.fit, setup.model, setup.case, task.fit.parameters.values)
@@ -240,14 +244,14 @@ def _asked(fit: Result, inputs: Inputs, solver: str) -> tuple[Setup, Asked]:
     return setup, Asked(model, inputs.case, setup.readings)
 
 
-def build_elsewhere(path: str, solver: str) -> Asked:
+def build_elsewhere(parts: ModelParts, readings: ReadingTable) -> Asked:
     """The model of a fit, in a process of its own.
 
     Args:
-        path: of the fit.
-        solver: name of the sparse solver, or ``auto``.
+        parts: of the model.
+        readings: of which some are used.
     """
-    return _asked(*fit_and_inputs(path), solver)[1]
+    return Asked(parts.build(), parts.case, readings)
 
 
 @contextmanager
@@ -257,7 +261,7 @@ def _answers(
     """The model as the sampler asks it, and what helps it."""
     cheap = isinstance(asked.model, OpeningModel)  # to compute again costs less than to keep
     kept, request = None if cheap else log, task.request
-    with _computed(request, asked, control.jobs) as compute:
+    with _computed(request, asked, task.fit.gauges.readings, control) as compute:
         led = _reduced(task.fit, asked, compute, control)
         answers = KeptAnswers(led or compute, kept, control)
         try:
@@ -267,21 +271,31 @@ def _answers(
 
 
 @contextmanager
-def _computed(request: SampleRequest, asked: Asked, jobs: int | None) -> Iterator[Compute]:
+def _computed(
+    request: SampleRequest, asked: Asked, readings: ReadingTable, control: Control
+) -> Iterator[Compute]:
     """The model's own answers.
 
     Args:
-        request: says where other processes find the model.
-        asked: it, in this process.
-        jobs: number of processes; None for the cores there are, where it is worth while.
+        request: what to draw.
+        asked: the model, in this process.
+        readings: of which some are used.
+        control: says how many processes there may be, or on which cluster they are.
     """
+    jobs, cluster = control.jobs, control.cluster
+    parts = ModelParts.of(asked.model, asked.case, request.solver)
     most = as_many_as_fit(asked.model, request.solver) if jobs is None else jobs
-    if most == 1:
+    if parts is None:
+        with runs_on_cluster(asked.model, control):
+            yield here(asked)
+        return
+    if most == 1 and cluster is None:
         yield here(asked)
         return
-    where = request.result, request.solver
-    begin = partial(in_processes, most, build_elsewhere, where, asked.beside)
-    with WhereWorthWhile(asked, begin, WORTH if jobs is None else 0.0) as compute:
+    begin: Begin = partial(LocalProcesses, most) if cluster is None else cluster.begin
+    processes = partial(in_processes, begin, build_elsewhere, (parts, readings), asked.beside)
+    unasked = jobs is None and cluster is None
+    with WhereWorthWhile(asked, processes, WORTH if unasked else 0.0) as compute:
         yield compute
 
 

@@ -4,6 +4,8 @@ import os
 import signal
 from contextlib import suppress
 
+import pytest
+
 from geoident.workflow.campaign.runs import read_runs
 from tests.cli.test_batch import begin, ended, family, here, on_linux, wait_until
 
@@ -24,8 +26,9 @@ def test_ctrl_c_ends_a_cluster_of_this_machine_with_what_is_kept(here):
     assert 2 <= len(read_runs("campaign.batch").runs) < 24
 
 
-def test_a_word_that_is_no_cluster_and_a_cluster_of_one_case_are_refused(here, run):
-    failed = run("batch", "campaign.yaml", "--cluster", "nowhere")
+@pytest.mark.parametrize("command", [["batch", "campaign.yaml"], ["fit", "case.yaml"],
+                                     ["scan", "case.yaml"]], ids=" ".join)  # fmt: skip
+def test_a_word_that_is_no_cluster_is_refused(here, run, command):
+    failed = run(*command, "--cluster", "nowhere")
     assert failed.exit_code == 3
     assert "--cluster: 'nowhere' is no address, and there is no file of that name" in failed.stderr
-    assert run("fit", "case.yaml", "--cluster", "local").exit_code == 2

@@ -86,7 +86,7 @@ class RealCluster:
         node = self._start(
             "distributed.cli.dask_worker", self.address, "--host", "127.0.0.1", "--nthreads", "1",
             "--no-dashboard", "--memory-limit", "0", "--local-directory", str(self.folder),
-            "--death-timeout", "20", *self.words, *words, path=path,
+            "--death-timeout", "120", *self.words, *words, path=path,
         )  # fmt: skip
         self.nodes.append(node)
         return node

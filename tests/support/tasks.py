@@ -2,6 +2,7 @@
 
 import os
 import signal
+import subprocess
 import time
 from pathlib import Path
 
@@ -38,6 +39,10 @@ def _obey(task):
         os.kill(os.getpid(), signal.SIGKILL)
     if word == "die once" and len(Path(file).read_text().splitlines()) == 1:
         os._exit(3)
+    if word == "hang with a program":
+        program = subprocess.Popen(["sleep", "600"], start_new_session=True)
+        Path(f"{file}.program").write_text(f"{program.pid} ")
+        word = "hang"
     if word == "hang":
         time.sleep(600)
     if word == "wait for the wish":

@@ -2,6 +2,7 @@
 
 import pickle
 from contextlib import contextmanager
+from functools import partial
 from typing import ClassVar
 
 import numpy as np
@@ -9,7 +10,6 @@ import pytest
 
 from geoident.workflow.estimating.setup import prepare
 from geoident.workflow.executing.executor import Answered
-from geoident.workflow.running import answers as own
 from geoident.workflow.running.answers import Asked, WhereWorthWhile, here, in_processes
 from geoident.workflow.running.jobs import Request, plan_fit
 from tests.support.trench import write_case
@@ -83,13 +83,12 @@ class OnOtherModels:
 
 @pytest.fixture
 def begun(monkeypatch):
-    monkeypatch.setattr(own, "LocalProcesses", OnOtherModels)
     monkeypatch.setattr(OnOtherModels, "begun", [])
     return OnOtherModels.begun
 
 
 def elsewhere(case, asked):
-    return in_processes(2, model_of, (case,), asked.beside)
+    return in_processes(partial(OnOtherModels, 2), model_of, (case,), asked.beside)
 
 
 def test_they_have_the_bits_of_one_process(case, points, alone, begun):

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import click
 
-from geoident.cli.clusters import cluster_option, refuse_cluster
+from geoident.cli.clusters import cluster_option
 from geoident.cli.options import (
     Arguments,
     Options,
@@ -61,9 +61,8 @@ def command(cases: tuple[str, ...], cluster: str | None, options: Options) -> in
         from geoident.cli.several import run_cases
 
         return run_cases("backtest", cases, options, cluster=cluster)
-    refuse_cluster(cluster)
     from geoident.cli.jobs import run_case
     from geoident.workflow.backtest import backtest
     from geoident.workflow.running.jobs import plan_backtest
 
-    return run_case(cases[0], options, plan=plan_backtest, run=backtest)
+    return run_case(cases[0], options, plan=plan_backtest, run=backtest, cluster=cluster)

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import click
 
-from geoident.cli.clusters import cluster_option, refuse_cluster
+from geoident.cli.clusters import cluster_option
 from geoident.cli.options import (
     Arguments,
     Options,
@@ -73,7 +73,8 @@ def command(
     if any(is_project(case) for case in cases):
         if len(cases) > 1:
             raise UsageError("A project is fitted by itself: name it alone.")
-        refuse_cluster(cluster)
+        if cluster is not None:
+            raise UsageError("--cluster is for cases: sections of a project are computed here.")
         from geoident.cli.project import run_project
 
         return run_project(cases[0], options, leave_one_out=leave_one_out)
@@ -83,9 +84,8 @@ def command(
         from geoident.cli.several import run_cases
 
         return run_cases("fit", cases, options, cluster=cluster)
-    refuse_cluster(cluster)
     from geoident.cli.jobs import run_case
     from geoident.workflow.fit import fit
     from geoident.workflow.running.jobs import plan_fit
 
-    return run_case(cases[0], options, plan=plan_fit, run=fit)
+    return run_case(cases[0], options, plan=plan_fit, run=fit, cluster=cluster)

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import click
 
+from geoident.cli.clusters import cluster_option
 from geoident.cli.error_boundary import failures_as_json
 from geoident.cli.options import Arguments, Options, Steps, line, on_result, result_of, takes
 
@@ -39,6 +40,7 @@ def _next(arguments: Arguments, options: Options) -> Steps:
     "--max-evaluations", type=click.IntRange(min=100), default=50_000, show_default=True,
     metavar="N", help="Evaluations of the model at most.",
 )  # fmt: skip
+@cluster_option
 @takes(
     "output", "jobs", "seed", "max_time", "solver", "force", "fresh", "as_json", "trust",
     after=_next,
@@ -48,6 +50,7 @@ def command(
     draws: int,
     effective: int,
     max_evaluations: int,
+    cluster: str | None,
     options: Options,
 ) -> int:
     """Draw parameters from their posterior, and predict readings with each draw.
@@ -80,4 +83,4 @@ def command(
             force=options.force,
             fresh=options.fresh,
         )
-        return run_sample(request, options)
+        return run_sample(request, options, cluster=cluster)

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import click
 
+from geoident.cli.clusters import cluster_option
 from geoident.cli.options import Arguments, Options, Steps, line, overrides, result_of, takes
 
 EPILOG = """\b
@@ -13,6 +14,7 @@ Examples:
   geoident scan case.yaml
   geoident scan case.yaml --set fit.scan.points=41 -j 8
   geoident scan case.yaml --set "fit.scan.grid.E={from: 5 GPa, to: 9 GPa}"
+  geoident scan case.yaml --cluster tcp://node1:8786
   geoident scan case.yaml --reduced case.fit.h5
   geoident scan case.yaml --json | jq .grid
 """
@@ -27,12 +29,13 @@ def _next(arguments: Arguments, options: Options) -> Steps:
 
 @click.command(epilog=EPILOG)
 @click.argument("case", metavar="CASE", type=click.Path())
+@cluster_option
 @takes(
     "output", "jobs", "overrides", "seed", "max_time", "solver", "reduced",
     "dry_run", "force", "fresh", "as_json", "trust",
     after=_next,
 )  # fmt: skip
-def command(case: str, options: Options) -> int:
+def command(case: str, cluster: str | None, options: Options) -> int:
     """Compute the misfit on a grid of one or two parameters.
 
     The grid is that of fit.scan in the case, else it spans the bounds of the first one or two
@@ -42,4 +45,4 @@ def command(case: str, options: Options) -> int:
     from geoident.workflow.running.jobs import plan_scan
     from geoident.workflow.scan import scan
 
-    return run_case(case, options, plan=plan_scan, run=scan)
+    return run_case(case, options, plan=plan_scan, run=scan, cluster=cluster)

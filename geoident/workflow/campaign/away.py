@@ -6,8 +6,7 @@ There everything lies as it does here, so that a result is the same as if it had
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import suppress
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -21,51 +20,41 @@ from geoident.io.text.yaml_reader import MAX_BYTES, parse_yaml
 from geoident.model.cluster import Cluster
 from geoident.model.elsewhere import Elsewhere, ExternalProgram, PythonFunction
 from geoident.model.results.campaign import FAILED, RunRecord
-from geoident.workflow.campaign.one_run import RunTask, compute
+from geoident.workflow.campaign.one_run import RunTask, checkpoint_of, compute
 from geoident.workflow.campaign.plan import CampaignPlan, model_of
 from geoident.workflow.executing.cluster import DaskCluster
-from geoident.workflow.executing.executor import Answered, Executor
-from geoident.workflow.executing.growth import Resumable
-from geoident.workflow.executing.parcel import layout_of, own_copy, packed, relative
+from geoident.workflow.executing.executor import Converted, Executor
+from geoident.workflow.executing.on_cluster import in_own_folder
+from geoident.workflow.executing.parcel import layout_of, packed, relative
+from geoident.workflow.programs.program import program_of
 from geoident.workflow.programs.travelling import (
     RunsMade,
-    RunsThere,
-    begin_there,
+    TravellingTask,
+    begun_with,
     keep_runs,
     known_lines,
     log_of,
-    program_of,
 )
 from geoident.workflow.running.outputs import runs_folder, set_aside
 
 
 @dataclass(frozen=True)
-class AwayTask(Resumable):
+class AwayTask(TravellingTask):
     """What a process far away is told of a run.
 
     Args:
         kept: path to content of the files with which it goes on.
-        task: the run; its paths are relative.
         runs: folder of the runs of its model; empty where that runs nothing.
+        task: the run; its paths are relative.
     """
 
     task: RunTask
-    runs: str = ""
 
     @property
     def checkpoint(self) -> str:
         """Path of the evaluations of the run."""
         task = self.task
-        return (task.folder / f"{task.run.name}.{task.campaign.command}.checkpoint").as_posix()
-
-    @property
-    def growing(self) -> tuple[str, ...]:
-        """Its checkpoint, and the log of the runs of its model."""
-        return (self.checkpoint, *([str(log_of(Path(self.runs)))] if self.runs else []))
-
-    def resumed(self, kept: Mapping[str, bytes]) -> AwayTask:
-        """The same with what another process has computed of it."""
-        return replace(super().resumed(kept), task=replace(self.task, fresh=False))
+        return checkpoint_of(task.campaign, task.folder, task.run).as_posix()
 
 
 @dataclass(frozen=True)
@@ -83,7 +72,7 @@ class AwayEnd:
     made: RunsMade = field(default_factory=RunsMade)
 
 
-class AwayRuns:
+class AwayRuns(Converted[RunTask, AwayTask, RunRecord, AwayEnd]):
     """An executor of runs that has them computed by another one, and writes what comes back.
 
     Args:
@@ -92,36 +81,15 @@ class AwayRuns:
     """
 
     def __init__(self, executor: Executor[AwayTask, AwayEnd], plan: CampaignPlan) -> None:
-        self._executor = executor
-        self._plan = plan
-        self._runs = _runs_of(plan)
+        runs = _runs_of(plan)
 
-    def run(self, tasks: Iterable[RunTask]) -> Iterator[Answered[RunRecord]]:
-        """The records as the runs end; their files are written then.
+        def kept(end: AwayEnd) -> RunRecord:
+            record = _kept(end, plan.folder, plan.inputs)
+            if runs:
+                keep_runs(end.made, Path(runs))
+            return record
 
-        Args:
-            tasks: the runs.
-
-        Raises:
-            OutputError: a result cannot be written.
-        """
-        folder = self._plan.folder
-        for answer in self._executor.run(_sent(task, self._runs) for task in tasks):
-            end = answer.value
-            record = None if end is None else _kept(end, folder, self._plan.inputs)
-            if end is not None and self._runs:
-                keep_runs(end.made, Path(self._runs))
-            yield Answered(
-                answer.number, record, answer.losses, answer.stopped, answer.seconds, answer.process
-            )
-
-    def ask_to_stop(self) -> None:
-        """Begin no more runs, and let those that run end as soon as they can."""
-        self._executor.ask_to_stop()
-
-    def kill(self) -> None:
-        """End all runs at once."""
-        self._executor.kill()
+        super().__init__(executor, lambda task: _sent(task, runs), kept)
 
 
 def cluster_executor(
@@ -152,7 +120,7 @@ def cluster_executor(
                                    for runs in [_runs_of(plan)]}  # fmt: skip
     return DaskCluster(
         cluster,
-        partial(set_up_away, layout.here, logs),
+        partial(in_own_folder, layout.here, partial(begun_with, logs, set_up_away)),
         packed(
             {layout.name(path): Path(path) for path in inputs},
             here=layout.here,
@@ -217,25 +185,11 @@ def _sent(task: RunTask, runs: str) -> AwayTask:
         result=relative(campaign.result) if campaign.result else "",
     )
     folder = Path(relative(str(task.folder)))
-    away = AwayTask({}, replace(task, campaign=there, folder=folder), runs)
-    with suppress(OSError):
-        if not task.fresh:
-            return away.resumed({away.checkpoint: Path(away.checkpoint).read_bytes()})
-    return away
+    return AwayTask({}, runs, replace(task, campaign=there, folder=folder)).going_on()
 
 
-def set_up_away(
-    here: str, logs: Mapping[str, bytes], unpacked: Path
-) -> Callable[[AwayTask], AwayEnd]:
-    """What a process does with its tasks, in a copy of the files of its own.
-
-    Args:
-        here: where paths are meant from, as seen from the folder of the files.
-        logs: path of the log of the runs of a model to what it holds.
-        unpacked: that folder.
-    """
-    own_copy(unpacked, here)
-    begin_there(logs)
+def set_up_away() -> Callable[[AwayTask], AwayEnd]:
+    """What a process far away does with its tasks."""
     return compute_away
 
 
@@ -243,13 +197,7 @@ def compute_away(away: AwayTask) -> AwayEnd:
     """Run one variation, and take what it leaves."""
     folder = away.task.folder
     make_folder(folder)
-    lines = []
-    for name, content in away.kept.items():
-        if name == away.checkpoint:
-            Path(name).write_bytes(content)
-        else:
-            lines.append(content)
-    with RunsThere(Path(away.runs) if away.runs else None, lines) as there:
+    with away.begin() as there:
         record = compute(away.task, remembered=False)
     files = {path.name: path.read_bytes() for path in sorted(folder.iterdir()) if path.is_file()}
     shutil.rmtree(folder, ignore_errors=True)

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 
 from geoident.errors import ExitCode, LostCluster
 from geoident.io.result.campaign import (
     RunJournal,
 )
+from geoident.model.cluster import Cluster
 from geoident.model.results.campaign import INTERRUPTED, SET_ASIDE, CampaignTable, RunRecord
-from geoident.workflow.campaign.one_run import RunTask, set_up, tasks
+from geoident.workflow.campaign.one_run import RunTask, checkpoint_of, set_up, tasks
 from geoident.workflow.campaign.plan import CampaignPlan, PlannedRun
 from geoident.workflow.campaign.runs import table_of, write_tables
-from geoident.workflow.executing.executor import Answered, Executor
+from geoident.workflow.executing.executor import Answered, Executor, usable_cores
 from geoident.workflow.executing.processes import LocalProcesses
 
 RunExecutor = Executor[RunTask, RunRecord]
@@ -33,6 +35,33 @@ def local_executor(plan: CampaignPlan, jobs: int) -> LocalProcesses[RunTask, Run
         time_limit=campaign.time_limit,
         retries=campaign.retries,
     )
+
+
+@contextmanager
+def run_executor(
+    plan: CampaignPlan, where: Cluster | None, jobs: int | None, tell: Callable[[str], None]
+) -> Iterator[tuple[RunExecutor, Callable[[], int]]]:
+    """What computes the runs of a campaign, and how many at a time.
+
+    Args:
+        plan: of the campaign.
+        where: a cluster; None for processes of this machine.
+        jobs: number of processes here, at most; None for the cores there are.
+        tell: is told what people should know.
+
+    Raises:
+        InputError: nobody answers there, or workers cannot compute for us.
+    """
+    at_once = jobs or usable_cores()
+    if where is None or not plan.left:
+        with local_executor(plan, at_once) as processes:
+            yield processes, lambda: at_once
+        return
+    # dask is imported when a cluster is asked for
+    from geoident.workflow.campaign.away import AwayRuns, cluster_executor  # noqa: PLC0415
+
+    with cluster_executor(plan, where, at_once, tell) as cluster:
+        yield AwayRuns(cluster, plan), lambda: cluster.workers
 
 
 def compute(
@@ -66,6 +95,9 @@ def compute(
         return table_of(plan.head, [plan.known[run.name] for run in plan.runs])
     found = dict(plan.known)
     left = plan.left
+    if fresh:  # forgotten once: a run that is begun again goes on from its own
+        for run in left:
+            checkpoint_of(plan.campaign, plan.folder, run).unlink(missing_ok=True)
     made = tasks(plan.campaign, plan.folder, fresh=fresh, trust=trust, permitted=permitted)
     with RunJournal(plan.folder, plan.head, tuple(plan.known.values())) as journal:
         lost: LostCluster | None = None

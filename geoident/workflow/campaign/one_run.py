@@ -94,6 +94,17 @@ def result_name(campaign: Campaign, run: PlannedRun) -> str:
     return f"{run.name}.{campaign.command}.h5"
 
 
+def checkpoint_of(campaign: Campaign, folder: Path, run: PlannedRun) -> Path:
+    """Path of the evaluations of a run that was cut short.
+
+    Args:
+        campaign: that it is of.
+        folder: for its result.
+        run: the run.
+    """
+    return folder / f"{run.name}.{campaign.command}.checkpoint"
+
+
 def compute(task: RunTask, *, remembered: bool = True) -> RunRecord:
     """Run one variation; whatever happens, there is a record of it.
 
@@ -140,6 +151,7 @@ def _request(task: RunTask) -> Request:
         seed=task.run.seed,
         solver=task.campaign.solver,
         fresh=task.fresh,
+        begun=True,
     )
 
 

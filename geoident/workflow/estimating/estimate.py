@@ -232,6 +232,7 @@ def searched(
     """
     if (before := job_at_hand(job)) is not None:
         return before
+    control.require_cluster()
     prepared = prepare(job)
     _tell_readings(prepared, control)
     with (

@@ -24,7 +24,7 @@ def evaluation_log(job: Job, control: Control) -> Iterator[EvaluationLog]:
     Raises:
         Interrupted: the run was; says how to go on.
     """
-    if job.request.fresh:
+    if job.request.fresh and not job.request.begun:
         job.place.checkpoint.unlink(missing_ok=True)
     log = EvaluationLog.open(str(job.place.checkpoint), job.identity)
     if log.trouble:

@@ -40,7 +40,7 @@ from geoident.workflow.running.readings import (
     times_of,
     used_rows,
 )
-from geoident.workflow.running.workers import ModelParts, ModelWorkers
+from geoident.workflow.running.workers import ModelParts, ModelWorkers, runs_on_cluster
 
 
 @dataclass(frozen=True)
@@ -123,10 +123,14 @@ def with_workers(job: Job, setup: Setup, control: Control) -> Iterator[Setup]:
     Args:
         job: what it was prepared for.
         setup: without them.
-        control: says how many there may be.
+        control: says how many there may be, or on which cluster they are.
     """
     parts = ModelParts.of(setup.model, job.inputs.case, job.request.solver)
-    if control.jobs == 1 or parts is None:
+    if parts is None:
+        with runs_on_cluster(setup.model, control):
+            yield setup
+        return
+    if control.jobs == 1 and control.cluster is None:
         yield setup
         return
     with ModelWorkers(parts, control.jobs, control, setup.model) as workers:

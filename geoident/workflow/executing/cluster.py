@@ -90,6 +90,7 @@ class DaskCluster(Generic[T, R]):
         time_limit: seconds that a task may take, or None.
         retries: times that a task is begun again after its process or its worker was lost.
         tell: is told what people should know.
+        check: is called every moment while somebody waits for an answer; raises to end all.
     """
 
     keep_every = 10.0
@@ -105,6 +106,7 @@ class DaskCluster(Generic[T, R]):
         time_limit: float | None = None,
         retries: int = RETRIES,
         tell: Callable[[str], None] = lambda message: None,
+        check: Callable[[], None] = lambda: None,
     ) -> None:
         name = f"geoident-{uuid.uuid4().hex[:12]}"
         self._order = Order(
@@ -112,6 +114,7 @@ class DaskCluster(Generic[T, R]):
             deaf=cluster.local, keep_every=self.keep_every,
         )  # fmt: skip
         self._link = Connection(cluster, self._order, jobs or usable_cores(), self._on_event, tell)
+        self._check = check
         self._events: SimpleQueue[tuple[str, Any]] = SimpleQueue()
         self._out: dict[int, _Sent[T]] = {}
         self._stopping = False
@@ -167,6 +170,7 @@ class DaskCluster(Generic[T, R]):
         try:
             while not self._killing:
                 if not self._stopping:
+                    self._check()
                     self._give_out(coming, again)
                 elif time.monotonic() - self._told_to_stop > _AGAIN:
                     self._stop_workers()
@@ -274,10 +278,22 @@ class DaskCluster(Generic[T, R]):
         sent = self._out.get(number)
         return sent if sent is not None and sent.future is future else None
 
+    def _told_of(self, number: int, event: Any) -> _Sent[T] | None:
+        """The task that an event is of; None if that was sent again since, or is of an earlier run.
+
+        Args:
+            number: of the task.
+            event: with the key of its future.
+        """
+        sent = self._out.get(number)
+        if sent is None or sent.given_up or str(sent.future.key) != event["key"]:
+            return None
+        return sent
+
     def _on_grown(self, event: Any) -> None:
         """A task has added something to a file."""
-        sent = self._out.get(event[GROWN])
-        if sent is not None and not sent.given_up:
+        sent = self._told_of(event[GROWN], event)
+        if sent is not None:
             with suppress(OSError):  # it is lost with its worker, then
                 keep(event["file"], event["content"], at=event["at"])
                 sent.grown.add(event["file"])
@@ -287,8 +303,8 @@ class DaskCluster(Generic[T, R]):
 
         It is sent anew then with what has come back of it, which dask knows nothing of.
         """
-        sent = self._out.get(event[BEGUN])
-        if sent is None or sent.given_up:
+        sent = self._told_of(event[BEGUN], event)
+        if sent is None:
             return
         if sent.begun:
             sent.losses.append(f"ended with its worker {sent.begun[-1][0]}")

@@ -254,6 +254,23 @@ def _security(where: Cluster) -> Any:
     )
 
 
+def require_scheduler(where: Cluster) -> None:
+    """Say at once that no scheduler answers at an address; one that is started here will.
+
+    Args:
+        where: the cluster.
+
+    Raises:
+        InputError: none does.
+    """
+    if not where.address:
+        return
+    try:
+        _ask(where.address, _security(where), _REACH)
+    except (OSError, ValueError, TypeError, RuntimeError) as error:
+        raise _unreachable(where, error) from error
+
+
 def _answers(worker: str, security: Any) -> bool:
     """Whether a worker can be reached from here: its answers then need not pass the scheduler."""
     try:

@@ -10,7 +10,11 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from typing import Generic, Protocol, TypeVar
+from types import TracebackType
+from typing import TYPE_CHECKING, Generic, Protocol, Self, TypeVar
+
+if TYPE_CHECKING:
+    from geoident.workflow.executing.parcel import Parcel
 
 T_contra = TypeVar("T_contra", contravariant=True)
 R = TypeVar("R")
@@ -64,6 +68,108 @@ class Executor(Protocol[T_contra, R]):
 
 SetUp = Callable[[], Callable[[T_contra], R]]
 """Is called once in each worker, and gives the function that answers its tasks."""
+
+
+class BegunExecutor(Executor[T_contra, R], Protocol[T_contra, R]):
+    """An executor with workers of its own: a context, at whose end none is left."""
+
+    def __enter__(self) -> Self: ...
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None: ...
+
+
+class RemoteExecutor(BegunExecutor[T_contra, R], Protocol[T_contra, R]):
+    """One whose workers come and go."""
+
+    @property
+    def workers(self) -> int:
+        """Number of tasks that are computed at a time."""
+
+
+class Workplace(Protocol):
+    """Where a command has its tasks computed, other than in processes of this machine."""
+
+    @property
+    def used(self) -> bool:
+        """Whether an executor was begun."""
+
+    def require(self) -> None:
+        """Say at once that nobody is there, before anything else is computed."""
+
+    def begin(
+        self,
+        set_up: SetUp[T_contra, R],
+        parcel: Parcel | None = None,
+        *,
+        check: Callable[[], None] = lambda: None,
+    ) -> RemoteExecutor[T_contra, R]:
+        """An executor; a context.
+
+        Args:
+            set_up: gives, in each process there, the function that answers tasks. It is pickled.
+            parcel: files that tasks read; None for none.
+            check: is called every moment while somebody waits for an answer; raises to end all.
+        """
+
+
+S_contra = TypeVar("S_contra", contravariant=True)
+A = TypeVar("A")
+
+
+class Converted(Generic[S_contra, T_contra, R, A]):
+    """An executor by another one, whose tasks and answers look otherwise.
+
+    Args:
+        executor: computes.
+        sent: makes a task of it.
+        kept: makes an answer of what it answers; called as answers come.
+    """
+
+    def __init__(
+        self,
+        executor: Executor[T_contra, A],
+        sent: Callable[[S_contra], T_contra],
+        kept: Callable[[A], R],
+    ) -> None:
+        self._executor, self._sent, self._kept = executor, sent, kept
+
+    def run(self, tasks: Iterable[S_contra]) -> Iterator[Answered[R]]:
+        """The answers as they come, in any order.
+
+        Args:
+            tasks: taken when there is a worker for them.
+
+        Raises:
+            Exception: what `kept` has raised.
+        """
+        for answer in self._executor.run(map(self._sent, tasks)):
+            value = None if answer.value is None else self._kept(answer.value)
+            yield answered(answer, value)
+
+    def ask_to_stop(self) -> None:
+        """Begin no more tasks, and let those that run end as soon as they can."""
+        self._executor.ask_to_stop()
+
+    def kill(self) -> None:
+        """End all tasks at once."""
+        self._executor.kill()
+
+
+def answered(answer: Answered[A], value: R | None) -> Answered[R]:
+    """An answer with another value.
+
+    Args:
+        answer: as it came.
+        value: in place of its own.
+    """
+    return Answered(
+        answer.number, value, answer.losses, answer.stopped, answer.seconds, answer.process
+    )
 
 
 def in_order(answers: Iterable[Answered[R]]) -> Iterator[Answered[R]]:

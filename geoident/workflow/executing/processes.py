@@ -24,6 +24,7 @@ from types import ModuleType, TracebackType
 from typing import Any, Generic, Self, TypeVar
 
 from geoident.workflow.executing.executor import CORES, RETRIES, Answered, SetUp, usable_cores
+from geoident.workflow.executing.family import end_family
 from geoident.workflow.executing.worker import READY, VALUE, serve
 
 T = TypeVar("T")
@@ -106,12 +107,12 @@ class LocalProcesses(Generic[T, R]):
         for worker in self._workers:
             worker.connection.close()
             if worker.task is not None:
-                worker.process.kill()
+                _kill(worker)
         over = time.monotonic() + _GRACE
         for worker in self._workers:
             worker.process.join(max(0.0, over - time.monotonic()))
             if worker.process.is_alive():
-                worker.process.kill()
+                _kill(worker)
                 worker.process.join()
         self._workers.clear()
 
@@ -132,7 +133,7 @@ class LocalProcesses(Generic[T, R]):
         """End all tasks at once."""
         self._stopping = True
         for worker in tuple(self._workers):
-            worker.process.kill()
+            _kill(worker)
 
     def run(self, tasks: Iterable[T]) -> Iterator[Answered[R]]:
         """The answers as they come, in any order.
@@ -166,7 +167,7 @@ class LocalProcesses(Generic[T, R]):
         """End the workers whose answers nobody waits for."""
         for worker in [worker for worker in self._workers if worker.task is not None]:
             self._workers.remove(worker)
-            worker.process.kill()
+            _kill(worker)
             worker.process.join()
             worker.connection.close()
 
@@ -221,7 +222,7 @@ class LocalProcesses(Generic[T, R]):
                 if found is not None:
                     yield found
             elif self._too_long(worker):
-                worker.process.kill()
+                _kill(worker)
                 worker.process.join()
                 found = self._lost(worker, again, f"took longer than {self._time_limit:g} s")
                 if found is not None:
@@ -287,6 +288,13 @@ class LocalProcesses(Generic[T, R]):
             again.append(task)
             return None
         return Answered(task.number, None, tuple(task.losses), False, seconds, pid)
+
+
+def _kill(worker: _Worker[T]) -> None:
+    """End a process at once, with the programs that it has started."""
+    if worker.process.exitcode is None:
+        end_family(worker.process.pid)
+    worker.process.kill()
 
 
 def _why(code: int | None) -> str:

@@ -307,13 +307,16 @@ def relayed(name: str, number: int, task: Any) -> Answered[Any]:
     plugin = worker.plugins.get(name)
     if not isinstance(plugin, Relay):
         raise Reschedule
-    worker.log_event(name, {BEGUN: number, "worker": worker.address, "host": platform.node()})
+    key = str(worker.get_current_task())
+    worker.log_event(
+        name, {BEGUN: number, "key": key, "worker": worker.address, "host": platform.node()}
+    )
 
     def tell(growth: AddedPart) -> None:
-        worker.log_event(name, {GROWN: growth.number, "file": growth.file, "at": growth.at,
-                                "content": growth.content})  # fmt: skip
+        worker.log_event(name, {GROWN: growth.number, "key": key, "file": growth.file,
+                                "at": growth.at, "content": growth.content})  # fmt: skip
 
-    return plugin.answer(str(worker.get_current_task()), number, task, tell)
+    return plugin.answer(key, number, task, tell)
 
 
 async def stop_relay(name: str, at_once: bool, dask_worker: Any = None) -> None:

@@ -18,6 +18,7 @@ from types import FrameType
 from typing import Any
 
 from geoident.errors import ExitCode
+from geoident.workflow.executing.family import end_descendants
 from geoident.workflow.executing.stop import StopRequest
 
 STOP = StopRequest()
@@ -81,4 +82,5 @@ def _end_with_parent() -> None:
     parent = parent_process()
     if parent is not None:
         parent.join()
+        end_descendants(os.getpid())
         os._exit(int(ExitCode.TERMINATED))

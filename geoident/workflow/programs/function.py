@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import threading
-import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import closing
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,11 +16,12 @@ from geoident.io.text.wording import shorten
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case
 from geoident.model.elsewhere import PythonFunction
-from geoident.workflow.executing.executor import in_order, usable_cores
-from geoident.workflow.executing.threads import WaitingThreads
+from geoident.workflow.executing.executor import SetUp
+from geoident.workflow.executing.parcel import relative
 from geoident.workflow.programs.digest import digest_of
-from geoident.workflow.programs.program import executed, failed_note
-from geoident.workflow.programs.run_log import Made, RunLog
+from geoident.workflow.programs.logged_runs import LoggedRuns, MadeThere, RunItem, made_there
+from geoident.workflow.programs.program import executed
+from geoident.workflow.programs.run_log import RunLog
 from geoident.workflow.programs.trust import Execution, Permission
 from geoident.workflow.programs.worker import Worker
 
@@ -28,7 +29,7 @@ _PRINTED = "printed.txt"
 """File in the folder of the runs that takes what the function prints."""
 
 
-class FunctionRuns(RunsOfAllDigits):
+class FunctionRuns(LoggedRuns, RunsOfAllDigits):
     """Runs of the function of a case.
 
     Args:
@@ -57,26 +58,14 @@ class FunctionRuns(RunsOfAllDigits):
         said = [function.name, function.jacobian, repr(case.stage_names), repr(channels)]
         digest = digest_of(said, function.inputs)
         execution = Execution(executed(function), digest, digest)
-        self._permission = Permission(execution, self._folder, case.source, "function")
-        self._log = RunLog(folder, digest, again=again)
-        self._failed: dict[str, FailedRun] = {}
-        self._asked: set[str] = set()
-        self._lock, self._ended = threading.Lock(), False
+        permission = Permission(execution, folder, case.source, "function")
+        super().__init__(function, folder, RunLog(folder, digest, again=again), permission)
+        self._lock = threading.Lock()
 
     @property
     def has_jacobian(self) -> bool:
         """Whether the case names a function of derivatives."""
         return bool(self._function.jacobian)
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """Runs that failed."""
-        return failed_note(tuple(self._failed.values()), len(self._asked))
-
-    @property
-    def at_once(self) -> int:
-        """How many runs are made at a time."""
-        return self._function.machine.at_once or usable_cores()
 
     def each(
         self, points: Sequence[Floats], check: Callable[[], None]
@@ -101,61 +90,37 @@ class FunctionRuns(RunsOfAllDigits):
     def _each(
         self, points: Sequence[Floats], name: str, check: Callable[[], None]
     ) -> Iterator[Floats | FailedRun]:
-        values = [
-            {n: float(x) for n, x, s in zip(self._names, p, self.seen, strict=True) if s}
-            for p in points
-        ]
-        keys = [f"{name} {sorted((n, x.hex()) for n, x in value.items())}" for value in values]
-        new = {
-            key: (key, name, value)
-            for key, value in zip(keys, values, strict=True)
-            if self._log.find(key) is None
-        }
-        if new:
-            self.require_trust()
-            self._ended = False
-        threads = WaitingThreads(self.at_once, self._run, check=check, end=self._end)
-        with closing(threads.run(new.values())) as made_now:
-            answers = in_order(made_now)
-            for key in keys:
-                while (made := self._log.find(key)) is None:
-                    next(answers)
-                self._asked.add(key)
-                if isinstance(made.found, FailedRun):
-                    self._failed[key] = made.found
-                yield made.found
+        asked: list[tuple[str, RunItem | FailedRun]] = []
+        for p in points:
+            seen = zip(self._names, p, self.seen, strict=True)
+            values = {n: float(x) for n, x, s in seen if s}
+            key = f"{name} {sorted((n, x.hex()) for n, x in values.items())}"
+            asked.append((key, RunItem(key, name, values)))
+        return self.in_turn(asked, check)
 
-    def require_trust(self) -> str:
-        """Ask whether it may be run, unless that is known.
+    def portable(self) -> tuple[SetUp[RunItem, MadeThere], tuple[str, ...], tuple[str, ...]]:
+        """What makes runs in another process, files that it needs, and no program."""
+        function = self._function
+        there = replace(
+            function, path=relative(function.path), files=tuple(map(relative, function.files))
+        )
+        set_up = partial(set_up_function, self._case, there, relative(str(self._folder)))
+        return set_up, function.inputs, ()
 
-        Returns:
-            `Execution.portable` of it.
-
-        Raises:
-            InputError: it may not.
-        """
-        self._permission.require()
-        return self._permission.portable
-
-    def _run(self, item: tuple[str, str, Mapping[str, float]]) -> None:
-        key, name, values = item
-        if self._ended:
-            return
-        began = time.monotonic()
+    def found(self, item: RunItem) -> Floats | FailedRun:
+        """Call the function: readings (n_stages, n_channels), or derivatives (..., n)."""
         with self._lock:
             worker = self._free.pop() if self._free else self._new_worker()
             self._busy.add(worker)
-        function = self._function
-        answer = worker.call(function.path, name, (dict(values),), function.machine.time_limit)
+        function, name = self._function, item.told
+        values = dict(item.values)
+        answer = worker.call(function.path, name, (values,), function.machine.time_limit)
         with self._lock:
             self._busy.discard(worker)
             self._free.append(worker)
-        if self._ended:
-            return
-        found = answer
-        if not isinstance(answer, FailedRun):
-            found = self._derivatives(answer) if name == function.jacobian else self._table(answer)
-        self._log.add(key, Made(found, time.monotonic() - began), values)
+        if isinstance(answer, FailedRun):
+            return answer
+        return self._derivatives(answer) if name == function.jacobian else self._table(answer)
 
     def _new_worker(self) -> Worker:
         try:
@@ -233,8 +198,8 @@ class FunctionRuns(RunsOfAllDigits):
         result[..., self.seen] = found
         return result
 
-    def _end(self) -> None:
-        self._ended = True
+    def end_running(self) -> None:
+        """End the calls that are made."""
         with self._lock:
             busy = tuple(self._busy)
         for worker in busy:
@@ -243,3 +208,16 @@ class FunctionRuns(RunsOfAllDigits):
     def __del__(self) -> None:
         for worker in self._free:
             worker.end()
+
+
+def set_up_function(
+    case: Case, function: PythonFunction, folder: str
+) -> Callable[[RunItem], MadeThere]:
+    """In a process far away: what calls a function.
+
+    Args:
+        case: the case.
+        function: of the case.
+        folder: of the runs.
+    """
+    return made_there(FunctionRuns(case, function, Path(folder)), Path(folder))

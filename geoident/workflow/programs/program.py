@@ -9,10 +9,10 @@ import signal
 import stat
 import subprocess
 import threading
-import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import closing, suppress
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from queue import SimpleQueue
 from typing import Any
@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from geoident.errors import Fault, InputError, OutputError
-from geoident.forward.elsewhere.runs import FailedRun, RunsInTurn
+from geoident.forward.elsewhere.runs import FailedRun
 from geoident.io.elsewhere.outputs import NotFound, RunFiles
 from geoident.io.elsewhere.templates import (
     CannotBeFilled,
@@ -37,6 +37,7 @@ from geoident.model.elsewhere import (
     Elsewhere,
     ExternalProgram,
     FunctionValue,
+    InstructedValue,
     JinjaTemplate,
     Output,
     PythonFunction,
@@ -44,14 +45,15 @@ from geoident.model.elsewhere import (
     TemplateField,
     seen_parameters,
 )
-from geoident.workflow.executing.executor import in_order, usable_cores
-from geoident.workflow.executing.threads import WaitingThreads
+from geoident.workflow.executing.executor import SetUp
+from geoident.workflow.executing.parcel import relative
 from geoident.workflow.programs.digest import digest_of
-from geoident.workflow.programs.run_log import Made, RunLog
+from geoident.workflow.programs.logged_runs import LoggedRuns, MadeThere, RunItem, made_there
+from geoident.workflow.programs.run_folders import new_folder
+from geoident.workflow.programs.run_log import RunLog
 from geoident.workflow.programs.trust import Execution, Permission
 from geoident.workflow.programs.worker import Worker
 
-_SHOWN = 3
 _COARSE = 1e-6
 """Relative size of the last digit from which on a parameter counts as coarsely written."""
 _STDOUT, _STDERR = "stdout.txt", "stderr.txt"
@@ -70,6 +72,17 @@ def is_beside(program: ExternalProgram) -> bool:
     """Whether the program that a case runs is meant from the folder of the case."""
     name = program.command[0]
     return ("/" in name or "\\" in name) and not Path(name).is_absolute()
+
+
+def program_of(given: ExternalProgram | PythonFunction) -> tuple[str, ...]:
+    """What must be installed where a model runs: its program, if that does not lie beside the case.
+
+    Args:
+        given: the model.
+    """
+    if isinstance(given, PythonFunction) or is_beside(given) or executable(given) is None:
+        return ()
+    return (given.command[0],)
 
 
 def _named(output: Output) -> Output:
@@ -100,7 +113,7 @@ def executed(given: Elsewhere) -> str:
     return f"`{shlex.join((first, *given.command[1:]))}`{also}"
 
 
-class ProgramRuns(RunsInTurn):
+class ProgramRuns(LoggedRuns):
     """Runs of the program of a case.
 
     Args:
@@ -136,16 +149,14 @@ class ProgramRuns(RunsInTurn):
         digest = digest_of([repr((first, *program.command[1:])), *said], program.inputs)
         portable = digest_of([repr(program.command), *said], program.inputs)
         execution = Execution(executed(program), digest, portable)
-        self._permission = Permission(execution, self._folder, case.source, "command")
-        self._log = RunLog(folder, digest, again=again)
+        permission = Permission(execution, folder, case.source, "command")
+        super().__init__(program, folder, RunLog(folder, digest, again=again), permission)
         self._fields: dict[str, list[TemplateField]] = {}
         for template in program.templates:
             for field in template.fields:
                 self._fields.setdefault(field.parameter, []).append(field)
-        self._failed: dict[str, FailedRun] = {}
-        self._asked: set[str] = set()
         self._running: set[subprocess.Popen[bytes]] = set()
-        self._lock, self._ended = threading.Lock(), False
+        self._lock = threading.Lock()
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -159,7 +170,7 @@ class ProgramRuns(RunsInTurn):
                     f"the template writes {name} with few digits (its last one is "
                     f"{quantum / abs(value):.0e} of the start): it is known no better than that"
                 )
-        return (*found, *failed_note(tuple(self._failed.values()), len(self._asked)))
+        return (*found, *super().notes)
 
     def written(self, p: Floats) -> Floats:
         """The parameters (n,) with the digits that are written, of several fields the most."""
@@ -195,11 +206,6 @@ class ProgramRuns(RunsInTurn):
                     result[j] = max(result[j], last_digit(template, self._values(p), name))
         return result
 
-    @property
-    def at_once(self) -> int:
-        """How many runs are made at a time."""
-        return self._program.machine.at_once or usable_cores()
-
     def each(
         self, points: Sequence[Floats], check: Callable[[], None]
     ) -> Iterator[Floats | FailedRun]:
@@ -210,30 +216,7 @@ class ProgramRuns(RunsInTurn):
             check: see `results`.
         """
         self._trust_jinja()
-        asked = [self._texts(p) for p in points]
-        new: dict[str, tuple[str, list[list[str]], dict[str, float]]] = {}
-        for (key, texts), p in zip(asked, points, strict=True):
-            self._asked.add(key)
-            if not isinstance(texts, FailedRun) and self._log.find(key) is None:
-                new.setdefault(
-                    key, (key, texts, dict(zip(self._names, map(float, p), strict=True)))
-                )
-        if new:
-            self.require_trust()
-            self._ended = False
-        threads = WaitingThreads(self.at_once, self._run, check=check, end=self._end)
-        with closing(threads.run(new.values())) as made_now:
-            answers = in_order(made_now)
-            for key, texts in asked:
-                if isinstance(texts, FailedRun):
-                    result: Floats | FailedRun = texts
-                else:
-                    while (made := self._log.find(key)) is None:
-                        next(answers)
-                    result = made.found
-                if isinstance(result, FailedRun):
-                    self._failed[key] = result
-                yield result
+        return self.in_turn([self._item(p) for p in points], check)
 
     def jacobian(self, p: Floats, check: Callable[[], None]) -> Floats | FailedRun:
         """Derivatives (n_stages, n_channels, n) at p (n,): a program gives none.
@@ -244,48 +227,45 @@ class ProgramRuns(RunsInTurn):
         """
         return FailedRun("a program gives no derivatives")
 
-    def _texts(self, p: Floats) -> tuple[str, list[list[str]] | FailedRun]:
+    def _item(self, p: Floats) -> tuple[str, RunItem | FailedRun]:
+        """The run at p (n,): what is written for it; or why it cannot be."""
         templates = self._program.templates
         try:
             texts = [field_texts(template, self._values(p)) for template in templates]
         except CannotBeFilled as error:
             return repr(p.tolist()), FailedRun(str(error))
         parts = zip(templates, texts, strict=True)
-        return "\n".join(word for part in parts for word in key_texts(*part)), texts
+        key = "\n".join(word for part in parts for word in key_texts(*part))
+        return key, RunItem(key, texts, self._values(p))
 
     def _values(self, p: Floats) -> dict[str, float]:
         """Parameters p (n,) by name."""
         return dict(zip(self._names, map(float, p), strict=True))
 
-    def require_trust(self) -> str:
-        """Ask whether it may be run, unless that is known.
+    def portable(self) -> tuple[SetUp[RunItem, MadeThere], tuple[str, ...], tuple[str, ...]]:
+        """What makes runs in another process, files that it needs, and programs."""
+        program, programs = self._program, program_of(self._program)
+        set_up = partial(
+            set_up_program, self._case, as_seen_from_here(program), relative(str(self._folder))
+        )
+        named = tuple(file for file in program.inputs if file not in programs)
+        return set_up, named, programs
 
-        Returns:
-            `Execution.portable` of it.
+    def found(self, item: RunItem) -> Floats | FailedRun:
+        """Make a run in a folder of its own: readings (n_stages, n_channels).
 
         Raises:
-            InputError: it may not.
+            OutputError: the folder cannot be written.
         """
-        self._permission.require()
-        return self._permission.portable
-
-    def _run(self, item: tuple[str, list[list[str]], Mapping[str, float]]) -> None:
-        key, texts, values = item
-        if self._ended:
-            return
-        began = time.monotonic()
         folder = new_folder(self._folder)
         try:
-            found = self._made(folder, texts)
+            found = self._made(folder, item.told)
         except OSError as error:
             message = f"{folder}: the run cannot be written: {error.strerror or error}"
             raise OutputError(message) from error
-        if self._ended:
+        if self._ended or not (isinstance(found, FailedRun) or self._program.keep_all):
             shutil.rmtree(folder, ignore_errors=True)
-            return
-        self._log.add(key, Made(found, time.monotonic() - began), values)
-        if not isinstance(found, FailedRun) and not self._program.keep_all:
-            shutil.rmtree(folder, ignore_errors=True)
+        return found
 
     def _made(self, folder: Path, texts: list[list[str]]) -> Floats | FailedRun:
         program = self._program
@@ -353,8 +333,8 @@ class ProgramRuns(RunsInTurn):
             raise NotFound(found.reason)
         return found
 
-    def _end(self) -> None:
-        self._ended = True
+    def end_running(self) -> None:
+        """End the programs that run."""
         with self._lock:
             running = tuple(self._running)
         for process in running:
@@ -365,56 +345,39 @@ class ProgramRuns(RunsInTurn):
             self._workers.get().end()
 
 
-_FIRST = [""]
-"""What names of folders of runs begin with in this process."""
-
-
-def begin_names(first: str) -> None:
-    """Let names of folders of runs begin with something that no other process has.
-
-    Folders of several machines then lie beside each other in one.
+def set_up_program(
+    case: Case, program: ExternalProgram, folder: str
+) -> Callable[[RunItem], MadeThere]:
+    """In a process far away: what makes runs of a program.
 
     Args:
-        first: beginning of the names.
+        case: the case.
+        program: of the case.
+        folder: of the runs.
     """
-    _FIRST[0] = first
+    return made_there(ProgramRuns(case, program, Path(folder)), Path(folder))
 
 
-def new_folder(folder: Path) -> Path:
-    """A folder that no other run has, below that of all runs: 00001, 00002, ...
-
-    Raises:
-        OutputError: it cannot be made.
-    """
-    first = _FIRST[0]
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        names = [path.name.removeprefix(first) for path in folder.iterdir()]
-        number = max((int(name) for name in names if name.isdigit()), default=0) + 1
-        while True:
-            with suppress(FileExistsError):
-                place = folder / f"{first}{number:05d}"
-                place.mkdir()
-                return place
-            number += 1
-    except OSError as error:
-        message = f"{folder}: a folder for a run cannot be made: {error.strerror or error}"
-        raise OutputError(message) from error
-
-
-def failed_note(failed: Sequence[FailedRun], asked: int) -> tuple[str, ...]:
-    """That runs have failed, if some have.
+def as_seen_from_here(program: ExternalProgram) -> ExternalProgram:
+    """A program whose files are named as seen from where the command runs.
 
     Args:
-        failed: they.
-        asked: number of all runs.
+        program: with names as the case has them.
     """
-    if not failed:
-        return ()
-    shown = "; ".join(str(run) for run in failed[:_SHOWN])
-    rest = f"; and {len(failed) - _SHOWN} more" if len(failed) > _SHOWN else ""
-    return (
-        f"{len(failed)} of {asked} runs failed, and the search went around them: {shown}{rest}",
+
+    def found(output: Output) -> Output:
+        how = output.how
+        if isinstance(how, FunctionValue | InstructedValue):
+            return replace(output, how=replace(how, path=relative(how.path)))
+        return output
+
+    return replace(
+        program,
+        folder=relative(program.folder),
+        files=tuple(map(relative, program.files)),
+        code=tuple(map(relative, program.code)),
+        templates=tuple(replace(one, source=relative(one.source)) for one in program.templates),
+        outputs=tuple(map(found, program.outputs)),
     )
 
 

@@ -9,16 +9,21 @@ from __future__ import annotations
 
 import platform
 import uuid
-from collections.abc import Iterable, Mapping
+from abc import abstractmethod
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Self, TypeVar
 
 from geoident.errors import OutputError
-from geoident.model.elsewhere import ExternalProgram, PythonFunction
-from geoident.workflow.executing.growth import add_lines
-from geoident.workflow.programs.program import begin_names, executable, is_beside
+from geoident.workflow.executing.executor import SetUp
+from geoident.workflow.executing.growth import Resumable, add_lines
+from geoident.workflow.programs.run_folders import begin_names
 from geoident.workflow.programs.run_log import FILE
+
+T = TypeVar("T")
+R = TypeVar("R")
 
 _MOST = 16_000_000
 """Bytes of a folder of a run that come back; of the files of one that has more the small ones."""
@@ -50,17 +55,6 @@ def known_lines(folder: Path) -> bytes:
     with suppress(OSError):
         return log_of(folder).read_bytes()
     return b""
-
-
-def program_of(given: ExternalProgram | PythonFunction) -> tuple[str, ...]:
-    """What must be installed where a model runs: its program, if that does not lie beside the case.
-
-    Args:
-        given: the model.
-    """
-    if isinstance(given, PythonFunction) or is_beside(given) or executable(given) is None:
-        return ()
-    return (given.command[0],)
 
 
 def begin_there(logs: Mapping[str, bytes]) -> None:
@@ -107,6 +101,55 @@ class RunsThere:
             files |= {f"{name}/{file}": content for file, content in
                       _content(self._folder / name).items()}  # fmt: skip
         self.made = RunsMade(lines, files)
+
+
+@dataclass(frozen=True)
+class TravellingTask(Resumable):
+    """A task that computes a case: it goes on from its checkpoint, and from the runs of its model.
+
+    Args:
+        kept: path to content of the files with which it goes on.
+        runs: folder of the runs of its model; empty where that runs nothing.
+    """
+
+    runs: str
+
+    @property
+    @abstractmethod
+    def checkpoint(self) -> str:
+        """Path of its evaluations."""
+
+    @property
+    def growing(self) -> tuple[str, ...]:
+        """Its checkpoint, and the log of the runs of its model."""
+        return (self.checkpoint, *([str(log_of(Path(self.runs)))] if self.runs else []))
+
+    def going_on(self) -> Self:
+        """The same with the evaluations that an interrupted command has left here."""
+        with suppress(OSError):
+            return self.resumed({self.checkpoint: Path(self.checkpoint).read_bytes()})
+        return self
+
+    def begin(self) -> RunsThere:
+        """Lay out what it goes on from, where it is computed; a context for its runs."""
+        lines = []
+        for name, content in self.kept.items():
+            if name == self.checkpoint:
+                Path(name).write_bytes(content)
+            else:
+                lines.append(content)
+        return RunsThere(Path(self.runs) if self.runs else None, lines)
+
+
+def begun_with(logs: Mapping[str, bytes], set_up: SetUp[T, R]) -> Callable[[T], R]:
+    """In a process far away: what answers tasks there, which knows the runs that are known here.
+
+    Args:
+        logs: path of the log of a case to its lines.
+        set_up: gives it.
+    """
+    begin_there(logs)
+    return set_up()
 
 
 def keep_runs(made: RunsMade, folder: Path) -> None:

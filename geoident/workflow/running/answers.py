@@ -21,14 +21,14 @@ from typing import Self
 import numpy as np
 
 from geoident.errors import ModelError
+from geoident.fem.solvers.threads import one_thread
 from geoident.forward.protocols import CaseModel
 from geoident.identify.posterior.draws import Stopped
-from geoident.identify.problem.ahead import BESIDE, begins_near
+from geoident.identify.problem.ahead import BESIDE, ReadingsAt, begins_near, in_turns
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case
 from geoident.model.gauges import ReadingTable
-from geoident.workflow.executing.executor import Executor, in_order
-from geoident.workflow.executing.processes import LocalProcesses
+from geoident.workflow.executing.executor import BegunExecutor, Executor, SetUp, in_order
 from geoident.workflow.running.computed import accuracies
 from geoident.workflow.running.control import OUT_OF_TIME, Control
 from geoident.workflow.running.evaluation_log import Log, forget
@@ -60,6 +60,7 @@ class Asked:
         readings: of which some are used.
 
     Attributes:
+        case: the case.
         places: (m, 2) numbers of channels and stages of all that can be read.
         pairs: channels and stages of the used readings and of all that can be read.
         times: when each of these is read, where it is known.
@@ -67,7 +68,7 @@ class Asked:
     """
 
     def __init__(self, model: CaseModel, case: Case, readings: ReadingTable) -> None:
-        self.model = model
+        self.model, self.case = model, case
         self.places = readable(model, case)
         used = readings.used
         pairs = [pair for pair, taken in zip(readings.pairs, used, strict=True) if taken]
@@ -206,8 +207,11 @@ def here(asked: Asked) -> Compute:
     """A computation in this process."""
 
     def compute(points: Floats) -> Iterator[Answer]:
-        for part in _parts(points, asked.beside):
-            yield from asked.answers(part)
+        parts = _parts(points, asked.beside)
+        with in_turns(asked.everything, [ReadingsAt(part) for part in parts]) as turn:
+            for number, part in enumerate(parts):
+                turn(number)  # runs of a model elsewhere are made several at a time
+                yield from asked.answers(part)
 
     return compute
 
@@ -221,25 +225,34 @@ Build = Callable[..., Asked]
 """Makes the model in another process, from what can be sent there."""
 
 
+Begin = Callable[[SetUp[Floats, list[Answer]]], BegunExecutor[Floats, list[Answer]]]
+"""Begins processes: those of this machine, or on a cluster."""
+
+
 @contextmanager
 def in_processes(
-    jobs: int, build: Build, arguments: tuple[object, ...], beside: int
+    begin: Begin, build: Build, arguments: tuple[object, ...], beside: int
 ) -> Iterator[Compute]:
     """A computation in several processes, each with a model of its own.
 
     Args:
-        jobs: number of processes.
+        begin: begins them.
         build: makes the model there.
         arguments: of ``build``.
         beside: how many points that follow each other are one part.
     """
-    with LocalProcesses(jobs, partial(_answering, build, arguments)) as processes:
+    with begin(partial(_answering, build, arguments)) as processes:
         yield lambda points: _answered(processes, _parts(points, beside))
 
 
 def _answering(build: Build, arguments: tuple[object, ...]) -> Callable[[Floats], list[Answer]]:
     asked = build(*arguments)
-    return lambda part: list(asked.answers(part))
+
+    def answer(part: Floats) -> list[Answer]:
+        with one_thread():
+            return list(asked.answers(part))
+
+    return answer
 
 
 def _answered(

@@ -11,10 +11,15 @@ from typing import Protocol
 
 from geoident.errors import TimeIsUp
 from geoident.model.results.result import Iteration
+from geoident.workflow.executing.executor import Workplace
 from geoident.workflow.executing.stop import StopRequest
 
 OUT_OF_TIME = "The time that was given is used up; the same command goes on from here."
 
+
+NOTHING_SENT = (
+    "Nothing of this could be computed at a time, or all of it was known: the cluster was not used."
+)
 
 GRACE = 5.0
 """Seconds after its time for which an evaluation that has begun may go on."""
@@ -90,6 +95,7 @@ class Control:
         started: when, by the clock of the machine that never goes back, s.
         further: seconds after the limit from which on `GRACE` counts.
         jobs: processes that may work on it; None for the cores there are, where it is worth while.
+        cluster: where what can be computed at a time is computed instead; None for processes here.
     """
 
     monitor: Monitor = field(default_factory=Silent)
@@ -99,12 +105,27 @@ class Control:
     started: float = field(default_factory=time.monotonic)
     further: float = 0.0
     jobs: int | None = 1
+    cluster: Workplace | None = None
 
     def left(self) -> float | None:
         """Seconds that are left; None where there is no limit."""
         if self.max_time is None:
             return None
         return max(0.0, self.max_time - (time.monotonic() - self.started))
+
+    def require_cluster(self) -> None:
+        """Say at once that a cluster which is to be used is not there.
+
+        Raises:
+            InputError: it is not.
+        """
+        if self.cluster is not None:
+            self.cluster.require()
+
+    def tell_of_cluster(self) -> None:
+        """At the end, say if a cluster was given and is not what has computed."""
+        if self.cluster is not None and not self.cluster.used:
+            self.monitor.inform(NOTHING_SENT)
 
     def observe(self, iteration: Iteration) -> str | None:
         """Observer of the identifiers: a reason to stop now, or None."""

@@ -340,6 +340,8 @@ class Request:
         solver: name of the sparse solver, or ``auto``.
         force: overwrite a result of other input.
         fresh: compute again what is up to date, and forget the checkpoint.
+        begun: the checkpoint is of this very command, whose process was lost; it is gone on from,
+            though all is computed again.
         text: of the case where it stands in no file.
         reduced: path of a result whose reduced model is to be asked first; None for none.
     """
@@ -351,6 +353,7 @@ class Request:
     solver: str = "auto"
     force: bool = False
     fresh: bool = False
+    begun: bool = False
     text: str | None = None
     reduced: str | None = None
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import suppress
+from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import dataclass
 from functools import cached_property, partial
 from types import TracebackType
@@ -18,6 +18,8 @@ from typing import Self
 
 from geoident.errors import Interrupted, ModelError, TimeIsUp
 from geoident.fem.solvers import pick_solver
+from geoident.fem.solvers.threads import one_thread
+from geoident.forward.elsewhere.model import ElsewhereModel
 from geoident.forward.model import StagedModel, staged_model
 from geoident.forward.openings.model import OpeningModel, opening_model
 from geoident.forward.protocols import CaseModel
@@ -26,10 +28,17 @@ from geoident.identify.problem.ahead import Look, ReadingsAt
 from geoident.model.case import Case
 from geoident.model.mesh import Mesh
 from geoident.model.results.summary import CostEstimate
-from geoident.workflow.executing.executor import Answered, Executor, usable_cores
+from geoident.workflow.executing.executor import (
+    Answered,
+    BegunExecutor,
+    RemoteExecutor,
+    Workplace,
+    usable_cores,
+)
 from geoident.workflow.executing.looking_ahead import Recording
 from geoident.workflow.executing.processes import LocalProcesses
 from geoident.workflow.executing.worker import STOP
+from geoident.workflow.programs.logged_runs import LoggedRuns
 from geoident.workflow.running.control import OUT_OF_TIME, Control
 from geoident.workflow.running.cost import estimate_cost
 from geoident.workflow.running.evaluation_log import Remembered
@@ -40,6 +49,9 @@ are started for them without being asked for: each takes a second or two to begi
 
 _DESCENT = 6
 """Evaluations of a part that is no list of points, about."""
+
+_AT_LEAST = 2
+"""Parts of a search that a cluster is thought to work on at a time before its workers are known."""
 
 _MEMORY = 0.7
 """Part of the memory of the machine that processes may take which nobody has asked for."""
@@ -122,19 +134,16 @@ def _looked(model: CaseModel, task: LookTask) -> Recording:
     assert isinstance(response, ReducibleResponse)
     remembered = Remembered(response, found, before=before)
     response.forget()
-    with suppress(Interrupted, ModelError):  # what was found until then is of use
+    with one_thread(), suppress(Interrupted, ModelError):  # what was found until then is of use
         task.look(remembered)
     found.failures = list(remembered.failures)
     return found
 
 
-LookExecutor = Executor[LookTask, Recording]
-
-
 class ModelWorkers:
     """Processes that have the model of a command; a context, at whose end none is left.
 
-    None is started before there is something for it to do.
+    They are on this machine, or on a cluster. None is started before there is something to do.
 
     Args:
         parts: of the model.
@@ -147,7 +156,8 @@ class ModelWorkers:
         self, parts: ModelParts, jobs: int | None, control: Control, model: CaseModel
     ) -> None:
         self._parts, self._jobs, self._control, self._model = parts, jobs, control, model
-        self._processes: LocalProcesses[LookTask, Recording] | None = None
+        self._processes: BegunExecutor[LookTask, Recording] | None = None
+        self._remote: RemoteExecutor[LookTask, Recording] | None = None
 
     def __enter__(self) -> Self:
         return self
@@ -158,9 +168,9 @@ class ModelWorkers:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        if self._processes is not None:
-            self._processes.__exit__(kind, error, trace)
-        self._processes = None
+        processes, self._processes, self._remote = self._processes, None, None
+        if processes is not None:
+            processes.__exit__(kind, error, trace)
 
     def at_once(self, looks: Sequence[Look] = ()) -> int:
         """How many processes work on parts of a search; 1 for this one alone.
@@ -168,6 +178,8 @@ class ModelWorkers:
         Args:
             looks: the parts; none for as many as there may be.
         """
+        if self._control.cluster is not None:  # begun with the first parts, not by this question
+            return max(_AT_LEAST, 0 if self._remote is None else self._remote.workers)
         if self._jobs is not None:
             return self._jobs
         if looks and sum(map(_evaluations, looks)) * self._each[0] < WORTH:
@@ -195,13 +207,28 @@ class ModelWorkers:
             pairs: channel and stage of the readings of the response.
             times: when each was read.
         """
+        control = self._control
+        tasks = (LookTask(look, tuple(pairs), tuple(times), control.left()) for look in looks)
+        processes = self._ready(looks)
+        with control.stop.heard_by(processes.ask_to_stop):
+            yield from processes.run(tasks)
+
+    def _ready(self, looks: Sequence[Look]) -> BegunExecutor[LookTask, Recording]:
+        """The processes that are there, or are begun for some parts."""
+        cluster = self._control.cluster
+        if cluster is not None:
+            return self._there(cluster)
         if self._processes is None:
             jobs = self.at_once(looks)
             self._processes = LocalProcesses(jobs, partial(look_on, self._parts)).__enter__()
-        control = self._control
-        tasks = (LookTask(look, tuple(pairs), tuple(times), control.left()) for look in looks)
-        with control.stop.heard_by(self._processes.ask_to_stop):
-            yield from self._processes.run(tasks)
+        return self._processes
+
+    def _there(self, cluster: Workplace) -> RemoteExecutor[LookTask, Recording]:
+        """Those of a cluster."""
+        if self._remote is None:
+            self._remote = cluster.begin(partial(look_on, self._parts)).__enter__()
+            self._processes = self._remote
+        return self._remote
 
     def check(self) -> None:
         """Stop here if a stop was wished.
@@ -229,6 +256,19 @@ def as_many_as_fit(model: CaseModel, solver: str) -> int:
             1, min(usable_cores(), _fitting(estimate_cost(model, solver=solver, rough=True)))
         )
     return usable_cores() if isinstance(model, OpeningModel) else 1
+
+
+def runs_on_cluster(model: CaseModel, control: Control) -> AbstractContextManager[None]:
+    """Meanwhile new runs of a model elsewhere are made on the cluster of a command, if it has one.
+
+    Args:
+        model: of a case.
+        control: of the command.
+    """
+    runs = model.runs if isinstance(model, ElsewhereModel) else None
+    if control.cluster is None or not isinstance(runs, LoggedRuns):
+        return nullcontext()
+    return runs.on(control.cluster, control.stop)
 
 
 def _fitting(cost: CostEstimate) -> int:

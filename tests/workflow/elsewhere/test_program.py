@@ -13,7 +13,7 @@ from support.elsewhere import EXTERNAL, OWN, PROGRAM, READINGS, trusted, write_c
 from geoident.errors import ExitCode, Interrupted, ModelError
 from geoident.io.result.file import read_result
 from geoident.workflow.fit import fit
-from geoident.workflow.programs.program import new_folder
+from geoident.workflow.programs.run_folders import new_folder
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.jobs import Request, build_model, load_inputs, plan_fit
 

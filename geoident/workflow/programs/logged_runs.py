@@ -1,0 +1,313 @@
+"""Runs of a program or a function, each made once.
+
+Known ones come from the log, new ones are made in threads here, or in processes on a cluster. A run
+on a cluster is a task like any other. The log stays here, and so does the decision whether
+the model may be run: what travels is what was decided on.
+"""
+
+from __future__ import annotations
+
+import shutil
+import time
+from abc import abstractmethod
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from contextlib import ExitStack, closing, contextmanager, suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from geoident.errors import ExitCode, Interrupted
+from geoident.forward.elsewhere.runs import FailedRun, RunsInTurn
+from geoident.model.arrays import Floats
+from geoident.model.elsewhere import ExternalProgram, PythonFunction
+from geoident.workflow.executing.executor import (
+    Answered,
+    RemoteExecutor,
+    SetUp,
+    Workplace,
+    in_order,
+    usable_cores,
+)
+from geoident.workflow.executing.parcel import layout_of, packed
+from geoident.workflow.executing.stop import StopRequest
+from geoident.workflow.executing.threads import WaitingThreads
+from geoident.workflow.executing.worker import STOP
+from geoident.workflow.programs.run_log import Made, RunLog
+from geoident.workflow.programs.travelling import RunsMade, RunsThere, begin_there, keep_runs
+from geoident.workflow.programs.trust import Permission
+
+_AT_LEAST = 2
+"""Runs that a cluster is thought to make at a time before its workers are known."""
+
+
+@dataclass(frozen=True)
+class RunItem:
+    """A run that is to be made.
+
+    Args:
+        key: in the log.
+        told: what the model is given.
+        values: parameters by name, SI.
+    """
+
+    key: str
+    told: Any
+    values: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class MadeThere:
+    """A run that was made on another machine.
+
+    Args:
+        item: what was asked.
+        made: what came of it; None where it was ended before.
+        files: what its folder holds, where that is kept.
+    """
+
+    item: RunItem
+    made: Made | None
+    files: RunsMade
+
+
+class LoggedRuns(RunsInTurn):
+    """Runs of the model of a case.
+
+    Args:
+        model: the program or the function.
+        folder: of the runs.
+        log: of all runs that were made.
+        permission: whether they may be made.
+    """
+
+    def __init__(
+        self,
+        model: ExternalProgram | PythonFunction,
+        folder: Path,
+        log: RunLog,
+        permission: Permission,
+    ) -> None:
+        self._model, self._folder, self._log = model, folder, log
+        self._permission = permission
+        self._failed: dict[str, FailedRun] = {}
+        self._asked: set[str] = set()
+        self._ended = False
+        self._begin: Callable[[], RemoteExecutor[RunItem, MadeThere]] | None = None
+        self._there: RemoteExecutor[RunItem, MadeThere] | None = None
+        self._check: Callable[[], None] = lambda: None
+
+    @abstractmethod
+    def found(self, item: RunItem) -> Floats | FailedRun:
+        """Make a run, in any thread: readings (n_stages, n_channels), or derivatives (..., n)."""
+
+    @abstractmethod
+    def end_running(self) -> None:
+        """End the runs that are being made."""
+
+    @abstractmethod
+    def portable(self) -> tuple[SetUp[RunItem, MadeThere], tuple[str, ...], tuple[str, ...]]:
+        """What makes them in another process, files that it needs, and programs."""
+
+    @property
+    def at_once(self) -> int:
+        """How many runs are made at a time."""
+        if self._begin is not None:
+            return max(_AT_LEAST, 0 if self._there is None else self._there.workers)
+        return self._model.machine.at_once or usable_cores()
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Runs that failed."""
+        return failed_note(tuple(self._failed.values()), len(self._asked))
+
+    def require_trust(self) -> str:
+        """Ask whether they may be made, unless that is known.
+
+        Returns:
+            `Execution.portable` of the model.
+
+        Raises:
+            InputError: they may not.
+        """
+        self._permission.require()
+        return self._permission.portable
+
+    @contextmanager
+    def on(self, cluster: Workplace, stop: StopRequest) -> Iterator[None]:
+        """Meanwhile new runs are made on a cluster.
+
+        Args:
+            cluster: begun with the first of them.
+            stop: the wish to stop.
+        """
+        set_up, files, programs = self.portable()
+        layout = layout_of((*files, self._folder))
+
+        def ask_to_stop() -> None:
+            if self._there is not None:
+                self._there.ask_to_stop()
+
+        with ExitStack() as held:
+
+            def begin() -> RemoteExecutor[RunItem, MadeThere]:
+                named = {layout.name(path): Path(path) for path in files}
+                parcel = packed(named, here=layout.here, programs=programs)
+                made = cluster.begin(set_up, parcel, check=self._moment)
+                return held.enter_context(made)
+
+            self._begin = begin
+            try:
+                with stop.heard_by(ask_to_stop):
+                    yield
+            finally:
+                self._begin = self._there = None
+
+    def in_turn(
+        self, asked: Sequence[tuple[str, RunItem | FailedRun]], check: Callable[[], None]
+    ) -> Iterator[Floats | FailedRun]:
+        """What runs give (n_stages, n_channels), each as it is there; others go on meanwhile.
+
+        Args:
+            asked: keys and items, or why there is no run.
+            check: is called every moment; raises to end the runs.
+
+        Raises:
+            InputError: the model may not be run.
+        """
+        new: dict[str, RunItem] = {}
+        for key, item in asked:
+            if isinstance(item, RunItem) and self._log.find(key) is None:
+                new.setdefault(key, item)
+        if new:
+            self.require_trust()
+            self._ended = False
+        with closing(self._made_now(list(new.values()), check)) as made_now:
+            answers = in_order(made_now)
+            for key, item in asked:
+                if isinstance(item, FailedRun):
+                    result: Floats | FailedRun = item
+                else:
+                    while (made := self._log.find(key)) is None:
+                        if next(answers, None) is None:
+                            check()
+                            raise Interrupted("Interrupted.", exit_code=ExitCode.TERMINATED)
+                    result = made.found
+                self._asked.add(key)
+                if isinstance(result, FailedRun):
+                    self._failed[key] = result
+                yield result
+
+    def _made_now(
+        self, items: Sequence[RunItem], check: Callable[[], None]
+    ) -> Generator[Answered[Any], None, None]:
+        """Make runs; the log has each when its answer comes."""
+        if self._begin is None or not items:
+            yield from self._in_threads(items, check)
+            return
+        check()
+        self._check = check
+        for answer in self._begun(self._begin).run(items):
+            if answer.value is not None:
+                self._take(answer.value)
+            elif answer.set_aside:
+                item, count = items[answer.number], len(answer.losses)
+                why = f"it has cost {count} processes, and the last one {answer.losses[-1]}"
+                self._log.add(item.key, Made(FailedRun(why), answer.seconds), item.values)
+            yield answer
+
+    def _moment(self) -> None:
+        """Is called every moment while answers of a cluster are waited for."""
+        self._check()
+
+    def _begun(
+        self, begin: Callable[[], RemoteExecutor[RunItem, MadeThere]]
+    ) -> RemoteExecutor[RunItem, MadeThere]:
+        if self._there is None:
+            self._there = begin()
+        return self._there
+
+    def _in_threads(
+        self, items: Sequence[RunItem], check: Callable[[], None]
+    ) -> Generator[Answered[Any], None, None]:
+        threads = WaitingThreads(self.at_once, self._make, check=check, end=self.end)
+        with closing(threads.run(items)) as answers:
+            yield from answers
+
+    def _make(self, item: RunItem) -> None:
+        made = self.made(item)
+        if made is not None:
+            self._log.add(item.key, made, item.values)
+
+    def made(self, item: RunItem) -> Made | None:
+        """Make a run; None where runs were ended meanwhile."""
+        if self._ended:
+            return None
+        began = time.monotonic()
+        found = self.found(item)
+        return None if self._ended else Made(found, time.monotonic() - began)
+
+    def end(self) -> None:
+        """End the runs that are being made, and begin no more."""
+        self._ended = True
+        self.end_running()
+
+    def begin_again(self) -> None:
+        """Runs may be made again after they were ended."""
+        self._ended = False
+
+    def _take(self, there: MadeThere) -> None:
+        """Keep a run that was made on another machine.
+
+        Raises:
+            OutputError: it cannot be written.
+        """
+        if there.made is None:
+            return
+        found = there.made.found
+        if isinstance(found, FailedRun) and found.folder:
+            found = replace(found, folder=str(self._folder / Path(found.folder).name))
+        keep_runs(there.files, self._folder)
+        self._log.add(there.item.key, replace(there.made, found=found), there.item.values)
+
+
+def made_there(runs: LoggedRuns, folder: Path) -> Callable[[RunItem], MadeThere]:
+    """In a process far away: what makes a run, and takes what it leaves.
+
+    Args:
+        runs: of the model, there.
+        folder: of the runs, there.
+    """
+    begin_there({})
+
+    def make(item: RunItem) -> MadeThere:
+        runs.begin_again()
+        made: list[Made | None] = []
+        with RunsThere(folder, ()) as there:
+            threads = WaitingThreads(1, runs.made, check=STOP.check, end=runs.end)
+            with suppress(Interrupted):
+                made = [answer.value for answer in threads.run([item])]
+        for name in {Path(file).parts[0] for file in there.made.files or {}}:
+            shutil.rmtree(folder / name, ignore_errors=True)
+            (folder / name).mkdir(exist_ok=True)  # so that no other run has its name
+        return MadeThere(item, made[0] if made else None, there.made)
+
+    return make
+
+
+_SHOWN = 3
+
+
+def failed_note(failed: Sequence[FailedRun], asked: int) -> tuple[str, ...]:
+    """That runs have failed, if some have.
+
+    Args:
+        failed: they.
+        asked: number of all runs.
+    """
+    if not failed:
+        return ()
+    shown = "; ".join(str(run) for run in failed[:_SHOWN])
+    rest = f"; and {len(failed) - _SHOWN} more" if len(failed) > _SHOWN else ""
+    return (
+        f"{len(failed)} of {asked} runs failed, and the search went around them: {shown}{rest}",
+    )

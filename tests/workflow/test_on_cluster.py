@@ -1,0 +1,186 @@
+"""One case on a cluster: what it computes at a time is computed there, with the bits of here."""
+
+import json
+import sys
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from support.elsewhere import EXTERNAL, PROGRAM, trusted
+from support.elsewhere import write_case as write_program
+from support.real_cluster import free_port
+from support.trench import write_case
+
+from geoident.errors import ExitCode, InputError, Interrupted, ModelError
+from geoident.model.cluster import Cluster
+from geoident.workflow.executing import connection
+from geoident.workflow.executing.cluster import DaskCluster, _Sent
+from geoident.workflow.executing.executor import Answered
+from geoident.workflow.executing.on_cluster import OnCluster
+from geoident.workflow.executing.parcel import packed
+from geoident.workflow.fit import fit
+from geoident.workflow.running.control import NOTHING_SENT, Control, Silent
+from geoident.workflow.running.jobs import Request, plan_fit, plan_scan
+from geoident.workflow.running.workers import ModelWorkers
+from geoident.workflow.scan import scan
+
+
+class Hears(Silent):
+    """Keeps what it is told."""
+
+    def __init__(self):
+        self.said = []
+
+    def inform(self, message):
+        self.said.append(message)
+
+
+def on(cluster):
+    hears = Hears()
+    where = Cluster(address=cluster.address)
+    return Control(hears, jobs=None, cluster=OnCluster(where, None, hears.inform))
+
+
+def asked(case, folder, *overrides, plan=plan_scan):
+    (case.parent / folder).mkdir(exist_ok=True)
+    return plan(Request(str(case), overrides, str(case.parent / folder)))
+
+
+def test_a_scan_and_starts_of_a_fit_have_the_bits_of_a_serial_run(tmp_path, cluster, monkeypatch):
+    case, sent = write_case(tmp_path), []
+    look = ModelWorkers.look
+    monkeypatch.setattr(
+        ModelWorkers, "look",
+        lambda self, looks, *where: sent.append(len(looks)) or look(self, looks, *where),
+    )  # fmt: skip
+    starts = ("fit.gauss-newton.starts=3", "fit.reduced=false", "fit.model_error=none",
+              "fit.backtest=false")  # fmt: skip
+    for run, plan, said in ((scan, plan_scan, ("fit.scan.points=3", "fit.reduced=false")),
+                            (fit, plan_fit, starts)):  # fmt: skip
+        here = run(asked(case, "here", *said, plan=plan), Control()).result
+        control = on(cluster)
+        there = run(asked(case, "there", *said, plan=plan), control).result
+        control.tell_of_cluster()
+        assert NOTHING_SENT not in control.monitor.said
+        assert there.parameters.values.tobytes() == here.parameters.values.tobytes()
+        for mine, its in zip(here.history, there.history, strict=True):
+            assert mine.objective == its.objective
+            assert np.array_equal(mine.values, its.values)
+        assert there.counts == here.counts
+    assert sent == [9, 2]
+
+
+def test_a_fit_that_has_nothing_to_compute_at_a_time_says_so(tmp_path):
+    case, where = write_case(tmp_path), Cluster()
+    control = Control(Hears(), cluster=OnCluster(where, None, print))
+    fit(asked(case, "out", "fit.backtest=false", plan=plan_fit), control)
+    control.tell_of_cluster()
+    assert NOTHING_SENT in control.monitor.said
+
+
+def test_runs_of_a_program_are_made_there_and_logged_here(tmp_path, cluster):
+    script = PROGRAM.replace(
+        "E, K = (", "from pathlib import Path\nPath('ran').touch()\nE, K = (", 1
+    )
+    model = EXTERNAL.replace(f"[{sys.executable}, -S, opening.py]", "[./opening.py]")
+    found, known = [], []
+    for place, control in (("here", Control(jobs=None)), ("there", on(cluster))):
+        case = write_program(tmp_path / place, model, script=f"#!{sys.executable} -S\n{script}")
+        (case.parent / "opening.py").chmod(0o755)
+        with trusted():
+            grid = ("fit.scan.grid={E: {from: 5 GPa, to: 7 GPa, points: 3}, "
+                    "K0: {from: 1, to: 2.95, points: 2}}")  # fmt: skip
+            found.append(scan(asked(case, "out", grid), control).result)
+        lines = (case.parent / "case.runs" / "runs.jsonl").read_text().splitlines()
+        runs = [json.loads(line) for line in lines]
+        assert len({run["key"] for run in runs}) == len(runs)
+        failed = [run for run in runs if "failed" in run]
+        assert len(failed) >= 3
+        known.append({run["key"] for run in runs})
+        for run in failed:  # what it has left came back
+            folder = run["folder"]
+            assert (case.parent / "case.runs" / folder.rpartition("/")[2] / "ran").exists()
+            assert folder.startswith(str(case.parent))
+        kept = [path for path in (case.parent / "case.runs").iterdir() if path.is_dir()]
+        assert len(kept) == len(failed)
+    assert known[0] == known[1]
+    assert found[0].grid.objective.tobytes() == found[1].grid.objective.tobytes()
+
+
+class There:
+    """A cluster in this process whose tasks end as they are told."""
+
+    used, workers = False, 2
+
+    def __init__(self, end):
+        self.end = end
+
+    def require(self):
+        pass
+
+    def begin(self, set_up, parcel=None, *, check=None):
+        self.check, self.used = check, True
+        return self
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *told):
+        pass
+
+    def ask_to_stop(self):
+        pass
+
+    def run(self, tasks):
+        for number, _ in enumerate(tasks):
+            self.check()
+            yield self.end(number)
+
+
+def test_a_run_that_three_workers_were_lost_over_has_failed_by_name(tmp_path):
+    case = write_program(tmp_path / "case")
+    where = There(
+        lambda n: Answered(n, None, ("ended with its worker tcp://node7:41 on node7",) * 3)
+    )
+    lost = pytest.raises(ModelError, match="ended with its worker tcp://node7:41 on node7")
+    with trusted(), lost:
+        scan(asked(case, "out", "fit.scan.points=2"), Control(cluster=where))
+    runs = (case.parent / "case.runs" / "runs.jsonl").read_text().splitlines()
+    assert len(runs) >= 4
+    assert all("it has cost 3 processes" in run for run in runs)
+
+
+def test_a_stop_ends_runs_on_a_cluster_and_the_same_command_goes_on(tmp_path):
+    case = write_program(tmp_path / "case")
+    control = Control()
+    control.cluster = There(
+        lambda n: control.stop.ask(ExitCode.INTERRUPTED) or Answered(n, None, (), True)
+    )
+    with trusted(), pytest.raises(Interrupted, match="goes on from there") as caught:
+        scan(asked(case, "out", "fit.scan.points=2"), control)
+    assert caught.value.exit_code == ExitCode.INTERRUPTED
+
+
+def test_a_cluster_that_is_not_there_is_said_before_the_model_is_built(tmp_path, monkeypatch):
+    monkeypatch.setattr(connection, "_REACH", 0.2)
+    case = write_case(tmp_path)
+    where = Cluster(address=f"tcp://127.0.0.1:{free_port()}")
+    control = Control(cluster=OnCluster(where, None, print))
+    for run, plan in ((fit, plan_fit), (scan, plan_scan)):
+        monkeypatch.setattr(
+            "geoident.workflow.estimating.estimate.prepare", lambda job: pytest.fail("built")
+        )
+        with pytest.raises(InputError, match="no scheduler of dask answers at tcp://127"):
+            run(asked(case, "out", plan=plan), control)
+
+
+def test_what_is_told_of_an_earlier_run_of_an_executor_counts_for_no_later_one():
+    """Numbers of tasks come again; a worker may tell late that it has begun one."""
+    executor = DaskCluster(Cluster(), abs, packed({}))
+    sent = _Sent(0, None, future=SimpleNamespace(key="name-0-new"))
+    executor._out[0] = sent
+    told = {"begun": 0, "worker": "w", "host": "h"}
+    for key, begun in (("name-0-old", 0), ("name-0-new", 1)):
+        assert list(executor._on_begun({**told, "key": key}, None)) == []
+        assert len(sent.begun) == begun
+    assert not sent.losses
