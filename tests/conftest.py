@@ -8,6 +8,34 @@ from importlib import import_module
 import pytest
 from manual.records import Recorder
 
+LONGEST = (
+    "tests/docs/test_pages.py",
+    "tests/workflow/executing/test_cluster.py",
+    "tests/identification/test_pressure_tunnel.py",
+    "tests/cli/test_batch.py",
+    "tests/docs/test_manual.py",
+    "tests/cases/test_certificate.py",
+    "tests/workflow/executing/test_processes.py",
+    "tests/workflow/campaign/",
+    "tests/cases/",
+    "tests/identification/",
+)
+"""Files and folders with tests of ten seconds and more: they are begun first.
+
+Processes take tests from each other until few are left; who has begun a long one last keeps the
+others waiting.
+"""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Begin with what takes longest; the order stays otherwise."""
+
+    def place(item: pytest.Item) -> int:
+        found = (n for n, name in enumerate(LONGEST) if item.nodeid.startswith(name))
+        return next(found, len(LONGEST))
+
+    items.sort(key=place)
+
 
 @pytest.fixture
 def verification(request: pytest.FixtureRequest) -> Recorder:

@@ -141,6 +141,9 @@ def _fields(result: Result) -> Iterator[tuple[str, Variable]]:
     yield "stress", (("state", "element", "component"), found.stress)
     yield "present", (("state", "element"), found.present)
     yield "yielded", (("state", "element"), found.yielded)
+    if result.mechanism is not None:
+        yield "mechanism", (("node", "axis"), result.mechanism.velocity)
+        yield "mechanism_shear", (("element",), result.mechanism.shear)
 
 
 def _scan(result: Result) -> Iterator[tuple[str, Variable]]:

@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields
 from functools import partial
+from typing import TYPE_CHECKING
 
 from geoident.api.calling import AnyPath, needed, spoken
+from geoident.api.projects import ProjectFit, read_project
 from geoident.api.results import KINDS, ModelChoice, ResultFile
 from geoident.api.runs import path_of
 from geoident.errors import UsageError
+from geoident.io.result.campaign import is_campaign
 from geoident.io.result.file import read_result as read_file
+from geoident.io.result.project import is_project_result
 from geoident.model.results.head import ReportHead
 from geoident.report.text.csv_tables import csv_tables, csv_text
+from geoident.workflow.campaign.runs import write_campaign_page
 from geoident.workflow.compare import compare as run_comparison
 from geoident.workflow.export import (
     Export,
@@ -22,6 +27,7 @@ from geoident.workflow.export import (
     export_vtkhdf,
     export_vtu,
 )
+from geoident.workflow.project.page import write_project_page
 from geoident.workflow.report import (
     cases_of,
     files_read,
@@ -32,6 +38,9 @@ from geoident.workflow.report import (
     write_page,
 )
 from geoident.workflow.running.result_files import with_outdated
+
+if TYPE_CHECKING:
+    from geoident.api.campaigns import CampaignResult  # which reads results by what stands here
 
 _FORMATS = ("csv", "vtu", "vtkhdf")
 
@@ -73,7 +82,7 @@ def compare(*results: ResultFile | AnyPath) -> ModelChoice:
 
 @spoken
 def report(
-    *results: ResultFile | AnyPath,
+    *results: ResultFile | ProjectFit | CampaignResult | AnyPath,
     output: AnyPath | None = None,
     force: bool = False,
     head: Mapping[str, str] | None = None,
@@ -81,12 +90,15 @@ def report(
     """Write the report: one page that opens in any browser, prints, and needs no other file.
 
     Args:
-        results: one, or several for a page that compares them.
-        output: file or existing folder of the page; beside the first result if None.
+        results: one, or several for a page that compares them; or one project, or one campaign
+            (or the path of its folder).
+        output: file or existing folder of the page; beside the first result if None, in the folder
+            of a campaign.
         force: replace any file of that name; an earlier page of the same case, as it was made,
             gives way without.
         head: what the head of the page says, in place of ``report`` in the case: ``title``,
-            ``project``, ``client``, ``author``, ``revision``, ``date``, ``logo`` (a path).
+            ``project``, ``client``, ``author``, ``revision``, ``date``, ``logo`` (a path). The head
+            of a project or a campaign says this alone.
 
     Returns:
         The path of the page.
@@ -95,19 +107,30 @@ def report(
         InputError: a result is missing or damaged.
         MissingExtra: matplotlib is not installed.
         OutputError: the page cannot be written, or another file of that name is there.
-        UsageError: no result is given.
+        UsageError: no result is given, or a project or a campaign together with others.
     """
     if not results:
         msg = "A report needs a result: report(result)."
         raise UsageError(msg)
     needed("matplotlib", extra="report", what="a report")
+    from geoident.report.drawing.style import images  # noqa: PLC0415
+    from geoident.report.page.campaign import campaign_page  # noqa: PLC0415
     from geoident.report.page.page import report_page  # noqa: PLC0415
+    from geoident.report.page.project import project_page  # noqa: PLC0415
 
     paths = [path_of(result) for result in results]
-    place = page_path(paths, output=None if output is None else os.fspath(output))
+    asked, given = None if output is None else os.fspath(output), _head(head or {})
+    logo, draw = _logo(given), partial(images, suffix="svg")
+    if _is_alone("campaign", is_campaign, paths):
+        page = partial(campaign_page, head=given, logo=read_logo(given), draw=draw)
+        return write_campaign_page(paths[0], asked, force=force, inputs=logo, render=page)
+    if _is_alone("project", is_project_result, paths):
+        of_all = partial(project_page, head=given, logo=read_logo(given), draw=draw)
+        return write_project_page(paths[0], asked, force=force, inputs=logo, render=of_all)
+    place = page_path(paths, output=asked)
     read = read_results(paths)
-    said = head_of(paths, read, _head(head or {}))
-    inputs = (*files_read(paths, read), *([said.logo] if said.logo else []))
+    said = head_of(paths, read, given)
+    inputs = (*files_read(paths, read), *_logo(said))
     render = partial(report_page, head=said, logo=read_logo(said))
     return write_page(
         read, place, cases=cases_of(paths, read), overwrite=force, inputs=inputs, render=render
@@ -126,13 +149,15 @@ def _head(given: Mapping[str, str]) -> ReportHead:
 
 @spoken
 def export(
-    result: ResultFile | AnyPath,
+    result: ResultFile | ProjectFit | AnyPath,
     formats: str | Sequence[str] = "csv",
     *,
     output: AnyPath | None = None,
     force: bool = False,
 ) -> tuple[str, ...]:
     """Write a result for spreadsheets (``csv``) and for ParaView (``vtu``, ``vtkhdf``).
+
+    Of a project there are tables alone.
 
     Args:
         result: what a call found, or the path of a result.
@@ -147,7 +172,7 @@ def export(
     Raises:
         InputError: the result is missing or damaged, or holds no fields for ParaView.
         OutputError: a file exists or cannot be written.
-        UsageError: there is no such format.
+        UsageError: there is no such format, or a project has none of it.
     """
     wanted = (formats,) if isinstance(formats, str) else tuple(dict.fromkeys(formats))
     unknown = [name for name in wanted if name not in _FORMATS]
@@ -155,10 +180,26 @@ def export(
         msg = f"There is no format {unknown[0]!r}; there are {', '.join(_FORMATS)}."
         raise UsageError(msg)
     path = path_of(result)
+    if is_project_result(path):
+        if wanted != ("csv",):
+            raise UsageError(f"{path} is the result of several sections: formats='csv' is all.")
+        return read_project(path).export(output, force=force)
     data = read_file(path)
     folder = export_folder(path, None if output is None else os.fspath(output))
     files = Export(path, data, folder, force)
     return tuple(file for name in wanted for file in _exported(name, files))
+
+
+def _is_alone(kind: str, is_one: Callable[[str], bool], paths: Sequence[str]) -> bool:
+    """Whether a page is that of the only result given, which is of a kind with its own page."""
+    found = any(is_one(path) for path in paths)
+    if found and len(paths) > 1:
+        raise UsageError(f"A {kind} has a page of its own: report it alone.")
+    return found
+
+
+def _logo(head: ReportHead) -> tuple[str, ...]:
+    return (head.logo,) if head.logo else ()
 
 
 def _exported(name: str, files: Export) -> tuple[str, ...]:

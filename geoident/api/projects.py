@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from geoident.api.calling import AnyPath, Progress, control, spoken
+from geoident.api.found import Found
 from geoident.api.tables import ResultTable
 from geoident.io.result.project import read_project_result
 from geoident.io.text.wording import did_you_mean
@@ -25,6 +26,7 @@ from geoident.report.page.html import joined, table, tag
 from geoident.report.text.csv_tables import csv_text
 from geoident.report.text.project.spreadsheet import project_tables
 from geoident.report.text.project.tables import common_table, laws_table, project_summary
+from geoident.workflow.programs.trust import decided_by, trusting
 from geoident.workflow.project.export import export_project
 from geoident.workflow.project.plan import ProjectRequest, plan_project
 from geoident.workflow.project.run import fit_project as run_project
@@ -53,7 +55,7 @@ class SectionFit:
 
 
 @dataclass(frozen=True, repr=False)
-class ProjectFit:
+class ProjectFit(Found[ProjectResult]):
     """What `fit_project` found: what the sections share, their laws, and each of them.
 
     Args:
@@ -61,35 +63,6 @@ class ProjectFit:
         path: of the result file.
         up_to_date: it stood there already and was not computed again.
     """
-
-    data: ProjectResult
-    path: str
-    up_to_date: bool = False
-
-    @property
-    def status(self) -> str:
-        """How it ended, such as ``converged`` or ``not-determined``; `reason` says why."""
-        return self.data.status
-
-    @property
-    def reason(self) -> str:
-        """Why it ended so, in words."""
-        return self.data.reason
-
-    @property
-    def converged(self) -> bool:
-        """Whether it ended as it should; `reason` says why."""
-        return self.data.exit_code == 0
-
-    @property
-    def findings(self) -> tuple[str, ...]:
-        """Sentences on what an engineer must know before using the numbers."""
-        return self.data.findings
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """Sentences on what else was noticed."""
-        return self.data.notes
 
     @property
     def common(self) -> Mapping[str, CommonParameter]:
@@ -192,14 +165,13 @@ def fit_project(
     max_time: float | None = None,
     force: bool = False,
     fresh: bool = False,
+    trust: bool = False,
     progress: Progress | None = None,
 ) -> ProjectFit:
     """Fit several sections of one ground together, as a project file says.
 
     Sections that the project leaves out are predicted, with 95 % bands. A result of the same input
-    is kept and comes back at once; a call that is interrupted goes on by the same call. Where the
-    case of a section names a program or a function as its model, `trust` says first that it may be
-    run.
+    is kept and comes back at once; a call that is interrupted goes on by the same call.
 
     Args:
         project: path of the file that names the sections.
@@ -209,10 +181,13 @@ def fit_project(
         max_time: seconds after which the search ends with what it has.
         force: overwrite a result of other input.
         fresh: compute again what is up to date.
+        trust: programs and functions that cases of sections name as their models may be run;
+            remembered.
         progress: is told of every iteration.
 
     Raises:
-        InputError: the project or the case of a section is wrong; with all faults.
+        InputError: the project or the case of a section is wrong, with all faults; or nobody has
+            said that what a case names may be run.
         ModelError: the model of a section has no solution.
         OutputError: the result cannot be written, or would replace one of other input.
     """
@@ -224,7 +199,9 @@ def fit_project(
         force=force,
         fresh=fresh,
     )
-    found = run_project(plan_project(request), control(progress, max_time))
+    job = plan_project(request)
+    with decided_by(trusting(trust=trust)):
+        found = run_project(job, control(progress, max_time))
     return ProjectFit(found.result, found.path, found.up_to_date)
 
 

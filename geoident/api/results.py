@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from geoident.api.arrays import dataset
 from geoident.api.calling import spoken
+from geoident.api.found import Found
 from geoident.api.notebook import result_html
 from geoident.api.plots import Plots
 from geoident.api.reduced import KeptModel
@@ -19,6 +20,7 @@ from geoident.model.results.backtest import Scores
 from geoident.model.results.posterior import PosteriorDraws
 from geoident.model.results.result import Grid, Result
 from geoident.model.results.rivals import Evidence, ModelComparison
+from geoident.model.results.yielded import Mechanism
 from geoident.report.page.html import joined, table, tag
 from geoident.report.text.result import summary_text
 from geoident.report.text.rivals import MODELS_LEGEND, models_table, models_text
@@ -33,7 +35,7 @@ _MOST = 4
 
 
 @dataclass(frozen=True, repr=False)
-class ResultFile:
+class ResultFile(Found[Result]):
     """A result and where it stands. In a notebook it shows its parameters and the overview.
 
     Args:
@@ -41,35 +43,6 @@ class ResultFile:
         path: of the result file.
         up_to_date: it stood there already and was not computed again.
     """
-
-    data: Result
-    path: str
-    up_to_date: bool = False
-
-    @property
-    def status(self) -> str:
-        """How it ended, such as ``converged`` or ``not-determined``; `reason` says why."""
-        return self.data.status
-
-    @property
-    def reason(self) -> str:
-        """Why it ended so, in words."""
-        return self.data.reason
-
-    @property
-    def converged(self) -> bool:
-        """Whether it ended as it should; `reason` says why."""
-        return self.data.exit_code == 0
-
-    @property
-    def findings(self) -> tuple[str, ...]:
-        """Sentences on what an engineer must know before using the numbers."""
-        return self.data.findings
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """Sentences on what else was noticed."""
-        return self.data.notes
 
     @cached_property
     def parameters(self) -> Parameters:
@@ -125,6 +98,11 @@ class FitResult(ResultFile):
     def predictions(self) -> ResultTable:
         """Later stages with 95 % bands, in the units of the case; no rows where there are none."""
         return _predictions(self)
+
+    @property
+    def mechanism(self) -> Mechanism | None:
+        """How the ground moves at the first later stage that collapses; None where none does."""
+        return self.data.mechanism
 
     @property
     def reduced(self) -> KeptModel | None:

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 from geoident.api.calling import AnyPath, Progress, control, spoken
 from geoident.api.cases import CaseFile, origin_of
+from geoident.api.found import Stored
 from geoident.api.results import (
     BacktestResult,
     FitResult,
@@ -243,9 +244,9 @@ def sample(
     return SampleResult(*_parts(run_sample(plan_sample(request), obeyed)))
 
 
-def path_of(found: ResultFile | AnyPath) -> str:
+def path_of(found: Stored | AnyPath) -> str:
     """The path of a result, from itself or its path."""
-    return found.path if isinstance(found, ResultFile) else os.fspath(found)
+    return os.fspath(found) if isinstance(found, str | os.PathLike) else found.path
 
 
 def _place(output: AnyPath | None) -> str | None:

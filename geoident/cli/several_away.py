@@ -15,9 +15,9 @@ from geoident.cli.options import Options
 from geoident.cli.trust import asked
 from geoident.errors import InputError
 from geoident.forward.elsewhere.model import ElsewhereModel
-from geoident.io.case.file import named_files
 from geoident.io.mesh.file import mesh_files
 from geoident.io.text.atomic import atomic_output, make_folder
+from geoident.io.text.named_files import named_files
 from geoident.io.text.text_file import decode, read_bytes
 from geoident.io.text.yaml_reader import MAX_BYTES, parse_yaml
 from geoident.model.cluster import Cluster

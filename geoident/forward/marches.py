@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
+from itertools import islice
 
 import numpy as np
 
@@ -13,8 +14,7 @@ from geoident.forward.gauges.adjoints import AdjointTable
 from geoident.forward.gauges.instrument_errors import InstrumentErrors
 from geoident.forward.gauges.observable import MarchState
 from geoident.forward.gauges.observation import Observation
-from geoident.forward.ground.moduli import inadmissible_moduli
-from geoident.forward.march.kept import MOST_KEPT, KeptMarch
+from geoident.forward.ground.elasticity import inadmissible_moduli
 from geoident.forward.march.march import KnownMotion, March, Run, RunOptions
 from geoident.forward.march.stage import StageEnd
 from geoident.forward.march.systems import StageSystems
@@ -26,6 +26,71 @@ from geoident.model.results.result import Counts
 
 WHOLE = RunOptions()
 """All states with their derivatives."""
+
+
+MOST_KEPT = 100_000_000
+"""Numbers that the states of a march may take: 0.8 GB."""
+
+See = Callable[[StageEnd, Run], tuple[Floats, tuple[str, ...]]]
+"""What all channels see of a state, (n_channels, 1 + n), and whose principal stresses coincide."""
+
+
+@dataclass(eq=False)
+class KeptMarch:
+    """One elastic march with derivatives, as far as it was asked for: it goes on where it was left.
+
+    A fit asks for the readings of its last parameters, then for what the mesh does to them, at the
+    end for all that later stages will show. All of it is one march. Of a state is kept what does
+    not depend on the number of parameters: its displacements and stresses, and what the gauges see
+    of it.
+
+    Args:
+        run: whose states are wanted, to the last one.
+        see: what gauges see.
+
+    Attributes:
+        ends: the states so far; of displacements and stresses, their values alone.
+        observed: of every state, what all channels see with derivatives, (n_channels, 1 + n).
+        equal: of every state, the channels that read one of several equal principal stresses.
+    """
+
+    run: Run
+    see: See
+    ends: list[StageEnd] = field(default_factory=list)
+    observed: list[Floats] = field(default_factory=list)
+    equal: list[tuple[str, ...]] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self._states = self.run.states()
+
+    @property
+    def p(self) -> tuple[float, ...]:
+        """The values of all parameters."""
+        return tuple(self.run.given.values.values())
+
+    @property
+    def last(self) -> int:
+        """The state to which it has come; -1 before the first."""
+        return len(self.ends) - 1
+
+    def go_on(self, last: int, tell: Callable[[StageEnd, Run], None] | None = None) -> None:
+        """March on to a state. It holds no factor while it waits.
+
+        Args:
+            last: index of the state.
+            tell: is given every state that is computed now, whole, with the run; its arrays change.
+
+        Raises:
+            ModelError: the stiffness of a stage is not positive definite. It cannot go on then.
+        """
+        for end in islice(self._states, max(last - self.last, 0)):
+            observed, equal = self.see(end, self.run)
+            if tell is not None:
+                tell(end, self.run)
+            self.observed.append(observed)
+            self.equal.append(equal)
+            self.ends.append(_values(end))
+        self.run.factors.forget()
 
 
 class Marches:
@@ -54,7 +119,7 @@ class Marches:
         self.discretization = on_mesh.discretization
         self.systems = StageSystems(on_mesh, solver)
         self.structures = self.systems.structures
-        self.face = advancing_face(on_mesh)
+        self.face = advancing_face(on_mesh, solver)
         self.march = March(on_mesh, self.systems, self.face)
         self.actions = self.march.actions
         self._kept: KeptMarch | None = None
@@ -187,6 +252,7 @@ class Marches:
     def forget(self) -> None:
         """Begin the next march as a new model does: of earlier ones only analyses stay."""
         self.march.forget()
+        self.face.forget()
         self.last_adjoints = self._kept = self._lent = None
         self._paid = None, -1
 
@@ -202,3 +268,15 @@ class Marches:
     def _tell(self, state: int) -> None:
         if self.on_state is not None:
             self.on_state(state)
+
+
+def _values(end: StageEnd) -> StageEnd:
+    """The values of a state without derivatives, copied."""
+    return replace(
+        end,
+        u=end.u[:, :1].copy(),
+        stresses=end.stresses.values(),
+        members=end.members[:, :1].copy(),
+        yielded=end.yielded.copy(),
+        forces=None if end.forces is None else end.forces[:, :1].copy(),
+    )

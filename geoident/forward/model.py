@@ -27,6 +27,7 @@ from geoident.forward.march.virgin import contradictions, overburden_notes, surf
 from geoident.forward.marches import Marches
 from geoident.forward.openings.face import (
     FaceState,
+    advance_of,
     conversion_note,
     face_note,
     face_states,
@@ -41,6 +42,7 @@ from geoident.model.case import Case
 from geoident.model.dual import ParameterPoint
 from geoident.model.mesh import Mesh
 from geoident.model.parameter import Values
+from geoident.model.results.result import FieldSeries
 from geoident.model.results.yielded import Mechanism
 
 
@@ -255,7 +257,20 @@ class StagedModel(Marches):
             reactions=None if recorder is None else recorder.reactions.table(),
             yielded=None if recorder is None else recorder.yielded_ground(),
             mechanism=None if recorder is None else _first_mechanism(found.collapses),
+            advance=None if recorder is None else advance_of(self.face, self.on_mesh, values),
         )
+
+    def fields_up_to_collapse(self, p: Floats) -> FieldSeries:
+        """The states that do not build on a stage that collapses; the others are NaN.
+
+        Args:
+            p: (n,) parameters.
+        """
+        recorder = MeshRecorder(self.on_mesh, self.structures)
+        options = RunOptions(derivatives=False, explain=False, partial=True)
+        for end in self.at(p, options).states():
+            recorder.add(end)
+        return recorder.fields.series()
 
     def steps(self, pairs: Sequence[tuple[str, str]]) -> Floats:
         """How often the step of each state counts in some readings, (n_states, g): 1, 0 or -1.
@@ -422,17 +437,23 @@ def _unbalanced_notes(found: RunFindings) -> Iterator[str]:
     """What a march left unbalanced, or beyond the yield surface."""
     why = (
         "with a dilation far below the friction the flow tends to shear in bands: the acoustic "
-        "tensor has no positive determinant at {:.0f} % of the strain points that yield. A larger "
-        "dilation (or none given: associated) has an exact solution"
+        "tensor has no positive determinant at {:.0f} % of the strain points that yield{}. A "
+        "larger dilation (or none given: associated) has an exact solution"
     )
+
+    def reason(stage: str) -> str:
+        bands = found.localising[stage]
+        return why.format(100 * bands.part, f", and {bands.band}" if bands.band else "")
+
     for stage, part in found.unbalanced.items():
         yield (
             f"at stage '{stage}' {100 * part:.2g} % of the change of load is not balanced: "
-            + why.format(100 * found.localising[stage])
+            + reason(stage)
         )
     for stage, part in found.overstressed.items():
+        short = 100 * found.localising[stage].short
         yield (
             f"at stage '{stage}' the ground keeps {100 * part:.1g} % of the stress beyond the "
-            "yield surface, where the even flow ends (motions err by about ten times that part): "
-            + why.format(100 * found.localising[stage])
+            f"yield surface, where the even flow ends (motions are short by {short:.1g} % of the "
+            "largest, as its path promises): " + reason(stage)
         )

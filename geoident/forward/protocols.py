@@ -13,7 +13,7 @@ from geoident.forward.stages import ConstructionSequence
 from geoident.model.arrays import Floats
 from geoident.model.case import Case
 from geoident.model.response import Response
-from geoident.model.results.opening import GroundReaction
+from geoident.model.results.opening import FaceAdvance, GroundReaction
 from geoident.model.results.result import Counts, FieldSeries, MemberForces, SupportReactions
 from geoident.model.results.yielded import Mechanism, YieldedGround
 from geoident.model.yielding import Activity
@@ -35,6 +35,7 @@ class Survey:
         increments: (n_states, n_channels) what the step of each state changes in what the channels
             see, SI; of the virgin state what is there. 0 where they cannot be read.
         reaction: of the ground around an opening in closed form, or None.
+        advance: of a tunnel face, with the fields; None for a case without distances to one.
         reactions: of the supports, with the fields, or None.
         yielded: how far ground yields, with the fields; None where nothing can.
         mechanism: how the ground moves at the first stage that collapses, or None.
@@ -49,6 +50,7 @@ class Survey:
     notes: tuple[str, ...] = ()
     increments: Floats = field(default_factory=lambda: np.zeros((0, 0)))
     reaction: GroundReaction | None = None
+    advance: FaceAdvance | None = None
     reactions: SupportReactions | None = None
     yielded: YieldedGround | None = None
     mechanism: Mechanism | None = None

@@ -157,7 +157,7 @@ Temperature = Scalar | TemperatureField
 ProfileLaw = Literal["vlachopoulos-diederichs", "panet", "chern"]
 """Names of longitudinal displacement profiles, as users write them."""
 
-Conversion = Literal["reaction-curve", "direct"]
+Conversion = Literal["reaction-curve", "mesh", "direct"]
 """How a part of the final motion becomes a part of the stress that is released, as users write."""
 
 
@@ -175,7 +175,7 @@ class FaceProfile:
             closed form of the opening. Only for Vlachopoulos and Diederichs.
         centre: (2,) where the in-situ stress is taken, m; None: the middle of the groups.
         conversion: None: by the reaction curve where the ground at the wall yields; in elastic
-            ground both are one.
+            ground all are one.
     """
 
     law: ProfileLaw

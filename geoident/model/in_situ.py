@@ -21,6 +21,9 @@ Surface = Scalar | str
 Components = tuple[Scalar, Scalar, Scalar, Scalar, Scalar, Scalar]
 """Numbers in the order xx, yy, zz, xy, yz, xz. In 2-D z is out of plane, yz and xz are zero."""
 
+StressRatio = Scalar | Mapping[str, Scalar]
+"""One number for all ground, or element group to its own."""
+
 
 class _Stress(ABC):
     """What every in-situ stress knows of itself."""
@@ -68,8 +71,26 @@ class ConstantStress(_Stress):
         return True
 
 
+class _RatioStress(_Stress):
+    """A vertical stress and horizontal ones in ratio to it, with a tectonic stress beside them."""
+
+    K0: StressRatio
+    K0_across: StressRatio | None
+    tectonic: Components | None
+
+    @property
+    def tensors(self) -> Mapping[str, Components]:
+        """The tectonic stress, if there is one."""
+        return {} if self.tectonic is None else {"tectonic": self.tectonic}
+
+    @property
+    def has_equal_ratios(self) -> bool:
+        """Whether one K0 holds along and across."""
+        return self.K0_across in (None, self.K0)
+
+
 @dataclass(frozen=True)
-class HeimStress(_Stress):
+class HeimStress(_RatioStress):
     """Heim's in-situ stress: a vertical pressure and K0 times it on every horizontal plane.
 
     Either ``vertical`` (Pa, compression positive, the same everywhere) or ``unit_weight`` (N/m3)
@@ -94,16 +115,6 @@ class HeimStress(_Stress):
     K0_across: Scalar | None = None
     azimuth: Scalar | None = None
     tectonic: Components | None = None
-
-    @property
-    def tensors(self) -> Mapping[str, Components]:
-        """The tectonic stress, if there is one."""
-        return {} if self.tectonic is None else {"tectonic": self.tectonic}
-
-    @property
-    def has_equal_ratios(self) -> bool:
-        """Whether one K0 holds along and across."""
-        return self.K0_across in (None, self.K0)
 
     @property
     def is_uniform(self) -> bool:
@@ -135,12 +146,8 @@ class ProfileStress(_Stress):
         return {"at_surface": self.at_surface, "gradient": self.gradient}
 
 
-StressRatio = Scalar | Mapping[str, Scalar]
-"""One number for all ground, or element group to its own."""
-
-
 @dataclass(frozen=True)
-class GeostaticStress(_Stress):
+class GeostaticStress(_RatioStress):
     """The weight of what lies above, layer by layer, and K0 times it on every vertical plane.
 
     The vertical stress follows from the densities of the materials, gravity, the water in the pores
@@ -166,16 +173,6 @@ class GeostaticStress(_Stress):
     K0_across: StressRatio | None = None
     azimuth: Scalar | None = None
     tectonic: Components | None = None
-
-    @property
-    def tensors(self) -> Mapping[str, Components]:
-        """The tectonic stress, if there is one."""
-        return {} if self.tectonic is None else {"tectonic": self.tectonic}
-
-    @property
-    def has_equal_ratios(self) -> bool:
-        """Whether one K0 holds along and across."""
-        return self.K0_across in (None, self.K0)
 
 
 InSitu = ConstantStress | HeimStress | ProfileStress | GeostaticStress

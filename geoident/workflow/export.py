@@ -252,7 +252,9 @@ def export_vtu(export: Export) -> tuple[str, ...]:
     digits = len(str(len(names) - 1))
     files = [f"{stem(path)}.{state:0{digits}}.vtu" for state in range(len(names))]
     writers: dict[Path, Writer] = {
-        folder / file: partial(write_vtu, fields, state, varied=result.varied)
+        folder / file: partial(
+            write_vtu, fields, state, varied=result.varied, mechanism=result.mechanism
+        )
         for state, file in enumerate(files)
     }
     writers[folder / f"{stem(path)}.pvd"] = lambda part: write_pvd(files, names, part)

@@ -41,7 +41,7 @@ from geoident.workflow.estimating.setup import Setup
 from geoident.workflow.estimating.surface_error import surface_findings, surface_notes
 from geoident.workflow.running.computed import gauge_table
 from geoident.workflow.running.control import Control
-from geoident.workflow.running.evaluation_log import Log, Remembered, led
+from geoident.workflow.running.evaluation_log import Log, led
 from geoident.workflow.running.jobs import Job, job_provenance
 from geoident.workflow.running.kept_reduced import NONE, made_to_keep
 from geoident.workflow.running.reading_units import noted, unit_doubts
@@ -121,9 +121,7 @@ def _last_stage(
     if not setup.case.fit.backtest or outcome.status == STOPPED:
         return LastStage()
     left = replace(control, out_of_time=False)  # that this runs out of time does not undo the fit
-    response = problem.response
-    visited = response.visited() if isinstance(response, Remembered) else ()
-    return last_stage(setup, outcome.values, log, left, visited)
+    return last_stage(setup, outcome.values, log, left, problem.response)
 
 
 def _unit_findings(setup: Setup, found: Estimate, log: Log) -> tuple[str, ...]:
@@ -198,6 +196,7 @@ def _result(
         yielded=survey.yielded,
         mechanism=survey.mechanism,
         reaction=survey.reaction,
+        advance=survey.advance,
         singular_values=found.assessment.singular_values,
         diagnostics=found.diagnostics,
         accuracies=setup.accuracies,

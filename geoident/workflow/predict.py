@@ -205,6 +205,7 @@ def predict(task: Task, control: Control) -> Finished:
             yielded=fit.yielded,
             mechanism=fit.mechanism,
             reaction=fit.reaction,
+            advance=fit.advance,
         )
     result = _result(task, _followed(task, known, survey, model), survey, model)
     took = time.monotonic() - control.started
@@ -539,6 +540,7 @@ def _result(task: Task, known: Known, survey: Survey, model: CaseModel) -> Resul
         yielded=survey.yielded,
         mechanism=survey.mechanism,
         reaction=survey.reaction,
+        advance=survey.advance,
         singular_values=fit.singular_values,
         varied=fit.varied if task.request.case is None else (),
         notes=(

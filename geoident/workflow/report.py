@@ -6,15 +6,14 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields
 from pathlib import Path
 
-from geoident.errors import Term, UsageError
 from geoident.io.case.file import read_report_head
 from geoident.io.result.file import read_result
 from geoident.io.text.atomic import make_folder, refuse_inputs
-from geoident.io.text.text_file import STDIN, decode, read_bytes
+from geoident.io.text.text_file import decode, read_bytes
 from geoident.io.text.yaml_reader import MAX_BYTES
 from geoident.model.results.head import ReportHead
 from geoident.model.results.result import Labelled, Result
-from geoident.workflow.running.remade import write_remade
+from geoident.workflow.running.remade import place_of_page, write_remade
 from geoident.workflow.running.result_files import case_path, files_of_result, with_outdated
 
 COMPARISON = "comparison.html"
@@ -51,15 +50,9 @@ def page_path(paths: Sequence[str], *, output: str | None) -> str:
     >>> page_path(["cases/cavern/case.fit.h5"], output=None)
     'cases/cavern/case.fit.html'
     """
-    if output == STDIN:
-        msg = f"A page cannot be written to stdout: give a file or a folder to {Term.OUTPUT}."
-        raise UsageError(msg)
     first = Path(paths[0])
     name = f"{first.name.removesuffix('.h5')}.html" if len(paths) == 1 else COMPARISON
-    if output is None:
-        place = first.with_name(name)
-    else:
-        place = Path(output) / name if Path(output).is_dir() else Path(output)
+    place = place_of_page(output, first.with_name(name))
     refuse_inputs(place.as_posix(), paths)
     return place.as_posix()
 

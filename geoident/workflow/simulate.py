@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from geoident.errors import InputError, Term, UsageError
+from geoident.errors import CollapseError, InputError, Term, UsageError
 from geoident.fem.solvers.threads import one_thread
 from geoident.forward.elsewhere.model import ElsewhereModel
 from geoident.forward.model import StagedModel
@@ -23,6 +23,7 @@ from geoident.model.arrays import Floats
 from geoident.model.case import Case
 from geoident.model.gauges import Reading
 from geoident.model.results.result import Counts, FieldSeries
+from geoident.model.results.yielded import Mechanism
 from geoident.workflow.running.jobs import (
     NO_READINGS,
     Inputs,
@@ -140,7 +141,8 @@ def simulate(
         InputError: the reduced model is of another case or mesh, or the table of values is wrong.
         UsageError: the outputs are of another kind than their names say, or there are no fields.
         OutputError: the output is the case, or a file that it names; fields stand there already.
-        ModelError: the model has no solution at the start values.
+        ModelError: the model has no solution at the start values; where a stage collapses, fields
+            that were asked for are written with its mechanism.
     """
     _refuse_names(to, by)
     written = () if by.values is None else read_values(by.values)
@@ -199,15 +201,26 @@ def _with_fields(
     Raises:
         UsageError: the model has no mesh.
         OutputError: something stands in the place of the file, or it cannot be written.
+        CollapseError: a stage collapses; the file has its mechanism, and the stages before it.
     """
     if not isinstance(model, StagedModel):
         raise UsageError("The case has no mesh, and so no fields to write.")
     with atomic_output(file, overwrite=force, inputs=inputs) as temporary:  # before the work
-        survey = model.survey(p, fields=True)
-        assert survey.fields is not None
+        try:
+            survey, collapse = model.survey(p, fields=True), None
+            fields, mechanism = survey.fields, None
+        except CollapseError as error:
+            collapse, mechanism = error, error.motion
+            fields = model.fields_up_to_collapse(p)
+        assert fields is not None
         with hdf5_output(temporary) as written:
-            write_fields(written, survey.fields)
-    return survey.computed, survey.fields
+            write_fields(
+                written, fields, mechanism=mechanism if isinstance(mechanism, Mechanism) else None
+            )
+    if collapse is not None:
+        collapse.add(f"Its mechanism and the stages before it, for ParaView: {file}")
+        raise collapse
+    return survey.computed, fields
 
 
 def with_starts(inputs: Inputs, written: Sequence[WrittenValue]) -> Inputs:

@@ -5,6 +5,9 @@ from pathlib import Path
 import pytest
 
 from geoident import fit, load_case, scan
+from geoident.api import campaigns
+from geoident.workflow.campaign.one_run import compute
+from geoident.workflow.executing.executor import Answered
 from tests.support.trench import write_case
 
 
@@ -25,3 +28,27 @@ def scanned(fitted):
 def case(tmp_path):
     """A case whose folder is the test's own."""
     return load_case(write_case(tmp_path))
+
+
+class Here:
+    """An executor in this process."""
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *told):
+        pass
+
+    def run(self, tasks):
+        for number, task in enumerate(tasks):
+            yield Answered(number, compute(task), seconds=0.1)
+
+
+@pytest.fixture
+def here(monkeypatch):
+    """Campaigns run in this process; how many processes were asked for."""
+    asked = []
+    monkeypatch.setattr(
+        campaigns, "local_executor", lambda plan, jobs: asked.append(jobs) or Here()
+    )
+    return asked

@@ -6,10 +6,7 @@ import pytest
 
 import geoident
 from geoident import batch
-from geoident.api import campaigns
 from geoident.errors import InputError
-from geoident.workflow.campaign.one_run import compute
-from geoident.workflow.executing.executor import Answered
 from tests.support.elsewhere import PYTHON, SCRIPT
 from tests.support.elsewhere import write_case as write_elsewhere
 from tests.support.trench import write_case
@@ -20,29 +17,6 @@ case: case.yaml
 command: simulate
 """
 VARIED = "variations: {product: {parameters.E.start: [2 GPa, 5 GPa, 99 GPa]}}\n"
-
-
-class Here:
-    """An executor in this process."""
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *told):
-        pass
-
-    def run(self, tasks):
-        for number, task in enumerate(tasks):
-            yield Answered(number, compute(task), seconds=0.1)
-
-
-@pytest.fixture
-def here(monkeypatch):
-    asked = []
-    monkeypatch.setattr(
-        campaigns, "local_executor", lambda plan, jobs: asked.append(jobs) or Here()
-    )
-    return asked
 
 
 def write(folder, text=VARIED):

@@ -8,7 +8,8 @@ import h5py
 import pytest
 
 from geoident.io.result.file import read_result
-from geoident.report.text.gauges import reading_table, rms
+from geoident.report.text.gauges import reading_table
+from geoident.report.text.residuals import rms
 from geoident.report.text.result import outcome_sentences
 from tests.support.lifts import LIFTS, SAME, TWO_ROCKS, readings_of, write_case, write_readings
 

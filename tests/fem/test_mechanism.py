@@ -1,6 +1,5 @@
 """Bodies that can move without strain, by piece and direction."""
 
-import time
 from dataclasses import replace
 
 import numpy as np
@@ -75,12 +74,48 @@ def test_a_hinge_passes_no_moment():
     assert loose(mesh, [*ground, (2, 1, 1)]) is None
 
 
+def test_three_rods_that_nearly_meet_hold():
+    """They miss each other by three thousandths: far from rounding."""
+    mesh = squares((0, 0))
+    corner = (mesh.points == (1.0, 0.0)).all(axis=1)
+    mesh = replace(mesh, points=mesh.points + np.outer(corner, (0.0, 0.003)))
+    assert loose(mesh, [(0, 0, 0, 1), (1, 0.003, 0)]) is None
+
+
+def test_a_small_motion_of_the_centre_is_one():
+    """About a node 0.05 beside the middle of the others the centre goes up or down."""
+    mesh = squares((0, 0), (1, 0), (0, 1), (1, 1))
+    middle = (mesh.points == 1.0).all(axis=1)
+    mesh = replace(mesh, points=mesh.points + np.outer(middle, (0.05, 0.0)))
+    assert (loose(mesh, [(1.05, 1, 0, 1)]).motion > 0).tolist() == [False, True]
+
+
+def test_a_ring_of_three_bodies_slides_as_one():
+    """Each hangs on the two others by a hinge: a triangle, which keeps its form."""
+    points = np.array([
+        (0, 0), (0.5, -1), (1.5, -1), (2, 0), (2.7, 0.6), (2.2, 1.6), (1, 2), (-0.2, 1.6),
+        (-0.7, 0.6),
+    ], dtype=float)  # fmt: skip
+    nodes = np.array([(0, 1, 2, 3), (3, 4, 5, 6), (6, 7, 8, 0)])
+    mesh = Mesh(points, (ElementBlock("quad4", nodes, np.arange(3) + 1),))
+    assert loose(mesh, [(0, 0, 0, 1), (2, 0, 1)]) is None
+    sliding = loose(mesh, [(0, 0, 1), (2, 0, 1)])
+    assert (sliding.motion > 0).tolist() == [True, False]
+    assert loose(mesh, [(0, 0, 1), (2, 0, 1), (1, 2, 0)]) is None
+
+
 @pytest.mark.parametrize("held", [True, False])
-def test_two_thousand_pieces_take_no_time(held):
-    """All pieces in one eigenvalue problem took a minute and 750 MB."""
-    mesh = squares(*[(2 * k, 0) for k in range(2000)])
-    ground = [(2 * k + j, 0, 0, 1) for k in range(2000 - (not held)) for j in (0, 1)]
-    begun = time.perf_counter()
+def test_two_hundred_pieces_are_judged_one_by_one(held, monkeypatch):
+    """Two thousand in one eigenvalue problem took a minute and 750 MB."""
+    sizes, eigh = [], np.linalg.eigh
+
+    def counted(matrix):
+        sizes.append(len(matrix))
+        return eigh(matrix)
+
+    monkeypatch.setattr(np.linalg, "eigh", counted)
+    mesh = squares(*[(2 * k, 0) for k in range(200)])
+    ground = [(2 * k + j, 0, 0, 1) for k in range(200 - (not held)) for j in (0, 1)]
     found = loose(mesh, ground)
     assert (found is None) == held
-    assert time.perf_counter() - begun < 10
+    assert set(sizes) == {3}

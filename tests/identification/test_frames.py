@@ -19,8 +19,8 @@ from support.derivatives import assert_exact
 from support.frames import foundation, truss
 
 from geoident.identify.problem.problem import Outcome, Problem
-from geoident.identify.yield_limits.complementarity import complementarity
 from geoident.identify.yield_limits.full_space import full_space
+from geoident.identify.yield_limits.implicit import implicit
 from geoident.model.methods import ComplementarityOptions, HuberOptions
 from geoident.model.results.result import Iteration
 
@@ -75,7 +75,7 @@ def test_derivatives_by_distances_and_hardening_are_exact(name: str) -> None:
 @pytest.mark.parametrize("name", ["a", "b", "c", "d", "a10t", "b30t", "c10t"])
 def test_the_implicit_method_reaches_the_published_optimum(name: str, verification) -> None:
     given = problem(name)
-    found = complementarity(given, ComplementarityOptions(), silent)
+    found = implicit(given, ComplementarityOptions(), silent)
     met(found)
     readings = given.response.readings(found.values)
     number = np.arange(1, len(readings) + 1)
@@ -100,7 +100,7 @@ def test_both_reach_every_published_optimum_without_noise(
     given = problem(gauges + load + bounds)
     met(full_space(given, FULL, silent))
     if gauges + load + bounds != "c30l":
-        met(complementarity(given, ComplementarityOptions(), silent))
+        met(implicit(given, ComplementarityOptions(), silent))
 
 
 @pytest.mark.slow
@@ -111,7 +111,7 @@ def test_both_reach_every_published_optimum_without_noise(
     "seeds end in other minima. The full-space formulation reaches the optimum.",
 )
 def test_the_implicit_method_reaches_the_hardest_published_optimum() -> None:
-    met(complementarity(problem("c30l"), ComplementarityOptions(), silent))
+    met(implicit(problem("c30l"), ComplementarityOptions(), silent))
 
 
 @pytest.mark.slow

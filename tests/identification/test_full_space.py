@@ -20,9 +20,8 @@ from geoident.identify.problem import methods
 from geoident.identify.problem.errors import SharedErrors
 from geoident.identify.problem.methods import identify
 from geoident.identify.problem.problem import History, Problem
-from geoident.identify.yield_limits.complementarity import complementarity
 from geoident.identify.yield_limits.full_space import full_space
-from geoident.identify.yield_limits.implicit import certificate_at
+from geoident.identify.yield_limits.implicit import certificate_at, implicit
 from geoident.model.methods import (
     ComplementarityOptions,
     GaussNewtonOptions,
@@ -153,15 +152,15 @@ def test_noise_gives_the_same_optimum_as_the_implicit_method(
     capfd: pytest.CaptureFixture[str],
 ) -> None:
     problem = two_layers((4, 3), (4.5, 4.8), start=(1.3, 1.4))
-    implicit = complementarity(problem, ComplementarityOptions(), silent)
+    searched = implicit(problem, ComplementarityOptions(), silent)
     found = full_space(problem, FULL, silent)
     assert found.status == "converged"
-    assert found.objective == pytest.approx(implicit.objective, rel=1e-3)
+    assert found.objective == pytest.approx(searched.objective, rel=1e-3)
     assert found.objective == Discrepancy(problem).objective(found.values)
     assert "complementarity to 1e-12, and the model confirms" in found.reason
     assert found.certificate is not None
-    assert implicit.certificate is not None
-    assert found.certificate.kind == implicit.certificate.kind == "strongly stationary"
+    assert searched.certificate is not None
+    assert found.certificate.kind == searched.certificate.kind == "strongly stationary"
     again = certificate_at(problem, found.values, History("again", problem.response, silent))
     assert repr(found.certificate) == repr(again)
     assert capfd.readouterr() == ("", "")
@@ -246,6 +245,6 @@ def test_an_exception_of_the_observer_gets_out() -> None:
 @pytest.mark.slow
 def test_five_hundred_elements_agree_with_the_implicit_method() -> None:
     given = task(deep_opening(2), 1, noise=1.0).problem
-    implicit = complementarity(given, ComplementarityOptions(), silent)
+    searched = implicit(given, ComplementarityOptions(), silent)
     found = full_space(given, FULL, silent)
-    assert found.objective == pytest.approx(implicit.objective, rel=1e-3)
+    assert found.objective == pytest.approx(searched.objective, rel=1e-3)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import pickle
+from dataclasses import replace
 
+import h5py
 import numpy as np
 import pytest
 from support.commands import run_command
@@ -13,6 +15,7 @@ from support.meshes import box
 from geoident.errors import CollapseError
 from geoident.model.results.yielded import Mechanism
 from geoident.report.drawing.fields.mechanism import mechanism_figure, mechanism_picture
+from geoident.workflow.simulate import simulate
 
 WEAK = (
     CASE.replace(
@@ -27,7 +30,7 @@ WEAK = (
 
 @pytest.fixture
 def weak(tmp_path, monkeypatch):
-    """A pit that falls in at its third lift, in the current folder."""
+    """A pit that falls in at its first lift, in the current folder."""
     write_case(tmp_path, WEAK)
     monkeypatch.chdir(tmp_path)
     return tmp_path
@@ -51,6 +54,42 @@ def test_what_geoident_did_not_make_stays(weak):
     assert done.exit_code == 5
     assert "The mechanism is not drawn: case.collapse.png: exists" in done.stderr
     assert (weak / "case.collapse.png").read_bytes() == b"mine"
+
+
+def test_fields_for_paraview_have_the_mechanism_and_the_stages_before_it(weak):
+    stages = "- {name: rest}\n  - {name: lift 1, excavate: [lift-1]}"
+    text = (weak / "case.yaml").read_text().replace("- {name: lift 1, excavate: [lift-1]}", stages)
+    (weak / "case.yaml").write_text(text)
+    done = run_command("simulate", "case.yaml", "--fields", "pit.vtkhdf")
+    assert done.exit_code == 5
+    assert "Its mechanism and the stages before it, for ParaView: pit.vtkhdf" in done.stderr
+    with pytest.raises(CollapseError) as caught:
+        simulate("case.yaml")
+    found = caught.value.motion
+    assert isinstance(found, Mechanism)
+    with h5py.File("pit.vtkhdf") as file:
+        group, states = file["VTKHDF"], int(file["VTKHDF/Steps"].attrs["NSteps"])
+        velocity = group["PointData/mechanism"][:].reshape(states, -1, 3)
+        shear = group["CellData/mechanism_shear"][:].reshape(states, -1)
+        begins = group["Steps/PointDataOffsets/mechanism"][:]
+        moved = group["PointData/displacement"][:].reshape(states, -1, 3)
+    assert states == 6
+    assert begins.tolist() == [k * found.mesh.n_nodes for k in range(6)]
+    np.testing.assert_allclose(velocity[2, :, :2], found.velocity)
+    np.testing.assert_allclose(shear[2], found.shear)
+    for others in (velocity, shear):
+        assert not others[[0, 1, 3, 4, 5]].any()
+    assert np.isfinite(moved[:2]).all()
+    assert np.isnan(moved[2:]).any(axis=(1, 2)).all()
+    # the sides of the pit move inwards and down, its floor up
+    used = np.unique(np.concatenate([b.nodes[found.present[: len(b)]] for b in found.mesh.blocks]))
+    x, y = found.mesh.points[used].T
+    across, up = found.velocity[used].T
+    walls = (y > 6.0) & (y < 8.0)
+    assert np.all(across[walls & (x == 4.0)] > 0.1)
+    assert np.all(across[walls & (x == 8.0)] < -0.1)
+    assert np.all(up[(y == y.max()) & (np.abs(x - 6.0) < 3.0)] < 0.0)
+    assert up[(np.abs(x - 6.0) < 1.0)].max() > 0.0
 
 
 def plate(dim: int) -> Mechanism:
@@ -81,6 +120,31 @@ def test_arrows_stand_where_the_ground_moves_and_colours_where_it_shears(dim):
     assert np.nanmax(shown.get_array()) == pytest.approx(1.0)
     assert axes.get_ylim()[0] >= 0.12  # what is gone is not shown
     assert axes.get_ylabel() == ("y (m)" if dim == 2 else "z (m)")
+
+
+def test_arrows_and_colours_are_the_arrays_of_the_mechanism():
+    """Every arrow is the velocity of a node, on one scale; every triangle the rate of its cell."""
+    found = plate(2)
+    turn = np.column_stack([found.mesh.points[:, 1] - 0.2, 0.4 - found.mesh.points[:, 0]])
+    found = replace(found, velocity=turn / np.abs(turn).max())
+    figure = mechanism_figure(found, ("x", "y"))
+    (arrows,) = (c for c in figure.axes[0].collections if hasattr(c, "U"))
+    drawn, places = np.column_stack([arrows.U, arrows.V]), arrows.get_offsets()
+    apart = np.linalg.norm(found.mesh.points[None] - places[:, None], axis=2)
+    nodes = apart.argmin(axis=1)
+    assert apart.min(axis=1).max() < 1e-12
+    scale = np.linalg.norm(drawn) / np.linalg.norm(found.velocity[nodes])
+    np.testing.assert_allclose(drawn, scale * found.velocity[nodes], atol=1e-9 * scale)
+    cells = next(c for c in figure.axes[0].collections if c.get_array() is not None)
+    centres = np.array([path.vertices[:3].mean(axis=0) for path in cells.get_paths()])
+    row = np.floor(8 * centres[:, 1]).astype(int)
+    by_row = {round(c, 6): s for c, s in zip(centre_heights(found), found.shear, strict=True)}
+    expected = np.array([by_row[round((k + 0.5) / 8, 6)] for k in row])
+    np.testing.assert_allclose(cells.get_array(), np.maximum(expected, 0.02))
+
+
+def centre_heights(found: Mechanism) -> np.ndarray:
+    return found.mesh.points[found.mesh.blocks[0].nodes].mean(axis=1)[:, 1]
 
 
 def test_the_picture_says_what_it_shows():

@@ -11,7 +11,8 @@ from geoident.report.drawing.album import album
 from geoident.report.page.html import Html, page, tag
 from geoident.report.page.page import report_page
 from geoident.report.text.case import case_title
-from geoident.report.text.gauges import outliers, reading_table, rms, scored
+from geoident.report.text.gauges import reading_table
+from geoident.report.text.residuals import outliers, rms, scored
 from tests.support.results import (
     STAGES,
     changed_gauges,

@@ -68,11 +68,13 @@ def worker_killer_in(folder):
 
 @dataclass(frozen=True)
 class Lines(Resumable):
-    """Write lines bit by bit; whoever begins it first ends a process at the tenth.
+    """Write lines bit by bit; whoever begins it first ends a process at the eleventh.
+
+    Before, it waits until all that it has written has come back.
 
     Args:
         file: for them, as seen from where the process works.
-        mark: a file that tells that it was begun before.
+        mark: a file that tells that it was begun before, where the client works.
         whom: ``own`` process or that of the ``worker``.
     """
 
@@ -84,6 +86,14 @@ class Lines(Resumable):
     def growing(self):
         """The file."""
         return (self.file,)
+
+
+def _await_lines(file, number):
+    """Wait until lines up to a number have come back to where the client works."""
+    over = time.monotonic() + 60.0
+    while not (file.exists() and len(file.read_bytes().splitlines()) > number):
+        assert time.monotonic() < over
+        time.sleep(0.02)
 
 
 def lines_in(folder):
@@ -99,7 +109,7 @@ def lines_in(folder):
                 file.write(f"{number}\n")
             if number == 10 and not Path(task.mark).exists():
                 Path(task.mark).touch()
-                time.sleep(1.0)  # until what is there has come back
+                _await_lines(Path(task.mark).with_name(task.file), number)
                 os.kill(os.getpid() if task.whom == "own" else os.getppid(), 9)
                 time.sleep(60)
         return known, path.read_text()

@@ -217,7 +217,7 @@ class TestCost:
         p, all_log, some_log = np.array([5e9, 1.5]), Kept(), Kept()
         problem_of(setup, all_log, Control()).response.evaluate(p)
         some = problem_of(up_to(setup, 2), some_log, Control()).response
-        carry_over(all_log, some_log, p, stages[setup.readings.used] <= 2, 4)
+        carry_over(all_log.find("evaluate", p), some_log, p, stages[setup.readings.used] <= 2, 4)
         carried = some.evaluate(p), some.increments(p)
         assert setup.model.counts.evaluations == 1
         fresh = problem_of(up_to(setup, 2), Kept(), Control()).response

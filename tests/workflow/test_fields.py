@@ -14,6 +14,7 @@ from support.trench import CASE, READINGS, write_case
 from geoident.errors import InputError
 from geoident.io.result.file import read_result
 from geoident.model.results.model_error import ModelErrorTable
+from geoident.workflow.drawn import granted
 from geoident.workflow.estimating.fields import require_same_modes
 from geoident.workflow.estimating.setup import prepare
 from geoident.workflow.running.jobs import (
@@ -23,7 +24,6 @@ from geoident.workflow.running.jobs import (
     load_inputs,
     plan_fit,
 )
-from geoident.workflow.sample import granted
 
 with warnings.catch_warnings():
     warnings.simplefilter("ignore")

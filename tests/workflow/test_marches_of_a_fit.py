@@ -120,15 +120,15 @@ def whole(case):
     return fitted(output="whole.h5")
 
 
-def test_a_fit_and_all_that_it_says_takes_two_marches_more_than_its_search(whole):
-    """Its search two; one where errors of mesh and model lead it; one for what it ends with.
+def test_a_fit_and_all_that_it_says_takes_one_march_more_than_its_search(whole):
+    """Its search two; one where errors of mesh and model lead it.
 
     Where the reduced model is certain, a march follows its displacements and factorizes nothing:
-    what the mesh does at the end of the search, up to the last round, that was not fitted; the fit
-    without the last stage, and its backtest. The march at the answer goes on to the last round.
+    what the mesh does at the end of the search, and the march at the answer, but for the last
+    round, that was not fitted; the fit without the last stage, and its backtest.
     """
     search, mesh = 2 * FITTED, ROUNDS + (ROUNDS - FITTED)
-    led, answer, backtest = FITTED, ROUNDS, 0
+    led, answer, backtest = FITTED, ROUNDS - FITTED, 0
     assert whole.status == "converged"
     assert whole.prediction is not None
     assert len(whole.backtest.steps) == 1

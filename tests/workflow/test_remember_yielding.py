@@ -6,7 +6,7 @@ from support.plastic_bars import Frame, PlasticBars
 
 from geoident.errors import Interrupted
 from geoident.identify.problem.problem import Problem
-from geoident.identify.yield_limits.complementarity import complementarity
+from geoident.identify.yield_limits.implicit import implicit
 from geoident.model.methods import ComplementarityOptions
 from geoident.model.parameter import Parameter
 from geoident.workflow.running.evaluation_log import Remembered
@@ -38,7 +38,7 @@ def search(log, *, stop_after=10**9):
 
     parameters = tuple(Parameter(f"k{i}", 5.0, 0.1, 20.0, "log") for i in (1, 2, 3))
     problem = Problem(Remembered(bars, log, before=before), measured, np.full(6, 1e-3), parameters)
-    return complementarity(problem, ComplementarityOptions(), lambda iteration: None), bars
+    return implicit(problem, ComplementarityOptions(), lambda iteration: None), bars
 
 
 def test_an_interrupted_search_goes_on_to_the_same_answer():

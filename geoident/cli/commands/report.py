@@ -6,11 +6,15 @@ from __future__ import annotations
 
 import shlex
 from functools import partial
+from typing import TYPE_CHECKING
 
 import click
 
 from geoident.cli.options import Arguments, OneOf, Options, Steps, takes
 from geoident.errors import UsageError
+
+if TYPE_CHECKING:
+    from geoident.model.results.head import ReportHead
 
 EPILOG = """\b
 Examples:
@@ -71,28 +75,33 @@ def command(
     each section by itself and with all others, and what is predicted.
 
     Its head is that of `report` in the case (project, client, author, revision, date, logo), which
-    may be written after the fit; flags override it.
+    may be written after the fit; flags override it. Of a campaign or a project it is that of flags.
 
     Needs matplotlib: pip install "geoident[report]".
     """
     from geoident.io.result.campaign import is_campaign
     from geoident.io.result.project import is_project_result
+    from geoident.model.results.head import ReportHead
     from geoident.report.saving.collector import collector_paused
 
     _require_sense(folder, suffixes, no_page=no_page, output=options.output)
-    if any(is_campaign(path) for path in results):
+    for kind, is_one, write in (
+        ("campaign", is_campaign, _campaign_page),
+        ("project", is_project_result, _project_page),
+    ):
+        if not any(is_one(path) for path in results):
+            continue
         if len(results) > 1 or folder is not None:
-            raise UsageError("A campaign has a page of its own: name it alone, without --figures.")
-        return _campaign_page(results[0], options, title=head["title"])
-    if any(is_project_result(path) for path in results):
-        if len(results) > 1 or folder is not None:
-            raise UsageError("A project has a page of its own: name it alone, without --figures.")
-        return _project_page(results[0], options, title=head["title"])
+            raise UsageError(f"A {kind} has a page of its own: name it alone, without --figures.")
+        _require_matplotlib()
+        click.echo(write(results[0], options, ReportHead(**head)))
+        return 0
     if no_page and any(head.values()):
         raise UsageError("The head is that of the page, which --no-page leaves out.")
     with collector_paused():
         _require_matplotlib()
-        written = _written(results, folder, suffixes, no_page=no_page, options=options, head=head)
+        said = ReportHead(**head)
+        written = _written(results, folder, suffixes, no_page=no_page, options=options, head=said)
     for path in written:
         click.echo(path)
     return 0
@@ -105,10 +114,9 @@ def _written(
     *,
     no_page: bool,
     options: Options,
-    head: dict[str, str],
+    head: ReportHead,
 ) -> tuple[str, ...]:
     """Write the page and the figures; their paths."""
-    from geoident.model.results.head import ReportHead
     from geoident.report.drawing.album import figure_files
     from geoident.report.drawing.style import images
     from geoident.report.page.page import report_page
@@ -128,7 +136,7 @@ def _written(
     inputs, cases = files_read(results, read), cases_of(results, read)
     written: tuple[str, ...] = ()
     if place:
-        said = head_of(results, read, ReportHead(**head))
+        said = head_of(results, read, head)
         draw = partial(images, suffix="svg")
         render = partial(report_page, head=said, logo=read_logo(said), draw=draw)
         inputs = (*inputs, said.logo) if said.logo else inputs
@@ -161,7 +169,10 @@ def _require_sense(
 
 def _require_matplotlib() -> None:
     try:
-        import matplotlib  # noqa: F401
+        from geoident.report.saving.help_texts import without_help_texts
+
+        with without_help_texts():
+            import matplotlib.figure  # noqa: F401 - and with it all that is drawn
     except ModuleNotFoundError as error:
         if error.name != "matplotlib":
             raise
@@ -169,30 +180,31 @@ def _require_matplotlib() -> None:
         raise UsageError(msg) from error
 
 
-def _campaign_page(path: str, options: Options, *, title: str) -> int:
+def _campaign_page(path: str, options: Options, said: ReportHead) -> str:
     """The page of a campaign, beside its runs."""
-    _require_matplotlib()
     from geoident.report.drawing.style import images
     from geoident.report.page.campaign import campaign_page
-    from geoident.workflow.campaign.runs import read_runs, write_campaign_page
+    from geoident.workflow.campaign.runs import write_campaign_page
+    from geoident.workflow.report import read_logo
 
-    table = read_runs(path)
     draw = partial(images, suffix="svg")
-    content = campaign_page(table, draw=draw, title=title)
-    click.echo(write_campaign_page(table, path, content, options.output, force=options.force))
-    return 0
+    render = partial(campaign_page, head=said, logo=read_logo(said), draw=draw)
+    inputs = [said.logo] if said.logo else []
+    return write_campaign_page(
+        path, options.output, force=options.force, inputs=inputs, render=render
+    )
 
 
-def _project_page(path: str, options: Options, *, title: str) -> int:
+def _project_page(path: str, options: Options, said: ReportHead) -> str:
     """The page of a project, beside its result."""
-    _require_matplotlib()
-    from geoident.io.result.project import read_project_result
     from geoident.report.drawing.style import images
     from geoident.report.page.project import project_page
     from geoident.workflow.project.page import write_project_page
+    from geoident.workflow.report import read_logo
 
-    result = read_project_result(path)
-    content = project_page(result, draw=partial(images, suffix="svg"), title=title)
-    project = result.provenance.case_file
-    click.echo(write_project_page(path, project, content, options.output, force=options.force))
-    return 0
+    draw = partial(images, suffix="svg")
+    render = partial(project_page, head=said, logo=read_logo(said), draw=draw)
+    inputs = [said.logo] if said.logo else []
+    return write_project_page(
+        path, options.output, force=options.force, inputs=inputs, render=render
+    )

@@ -89,7 +89,8 @@ def _show_campaign(path: str, options: Options, *, as_csv: bool) -> int:
         table = read_runs(path)
     if options.as_json:
         for run in table.runs:
-            click.echo(dumps(record_object(run)))
+            said = {"outdated": table.outdated} if table.outdated else {}
+            click.echo(dumps({**record_object(run), **said}))
     elif as_csv:
         click.echo(runs_csv(table), nl=False)
     else:

@@ -1,11 +1,13 @@
 """What a sparse Cholesky factorization will cost, told from the pattern alone.
 
-Column k of L has entries at its own neighbours below it and wherever the columns that it follows in
-the elimination tree have them (George & Liu, Computer solution of large sparse positive definite
-systems, 1981, ch. 5):
-
-    struct(k) = ( adj(k) union struct(c) over the children c of k ) minus {k},
-    parent(k) = min struct(k).
+Row i of L has entries in the *row subtree* of i: the paths of the elimination tree from the
+neighbours of i before it up to i (Liu, The role of elimination trees in sparse factorization,
+1990). So column k has as many entries as there are row subtrees that k is in. In a postorder a row
+subtree is known by its leaves, those neighbours whose subtree has no neighbour before it, and by
+the nodes where the paths from one leaf and the next meet: the size of the row is added at the
+leaves, taken away where they meet and at its end, and summed over every subtree (Gilbert, Ng &
+Peyton, An efficient algorithm to compute row and column counts for sparse Cholesky factorization,
+1994).
 
 Unknowns of one node have the same neighbours, so this is done node by node, each with as many
 unknowns as it has. The counts are exact: our solvers keep the order that they are given.
@@ -18,6 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from geoident.fem.solvers.direct import LowerPattern
+from geoident.fem.solvers.fronts.graph import NodeGraph, elimination_tree
 from geoident.model.arrays import Bools, Ints
 
 
@@ -78,39 +81,95 @@ def _node_columns(lower: LowerPattern, starts: Bools, first: Ints) -> tuple[Ints
 def _rows_below(indptr: Ints, nodes: Ints, size: Ints) -> Ints:
     """(n_nodes,) entries of L below the block of each node, in one column.
 
-    Most nodes follow one other, and have no neighbour that it does not have: then only the other
-    itself is less, and its rows need not be looked through again.
+    Args:
+        indptr: (n_nodes + 1,) starts of the columns.
+        nodes: nodes below each of them in the matrix.
+        size: (n_nodes,) unknowns of each.
     """
-    n = len(indptr) - 1
-    below = [0] * n
-    sizes, ends = size.tolist(), indptr.tolist()
-    seen = np.full(n, -1, dtype=np.int64)  # the last for which a node was among the rows
-    waiting: list[list[Ints]] = [[] for _ in range(n)]
-    marked, last = -1, nodes[:0]  # of which all rows of the node before are marked; these rows
-    for k in range(n):
-        own, parts = nodes[ends[k] : ends[k + 1]], waiting[k]
-        waiting[k] = []
-        if len(parts) == 1 and parts[0] is last:
-            new = own[seen[own] != marked]
-            rows, count = parts[0][1:], below[k - 1] - sizes[k]
-            if len(new):
-                seen[new] = marked
-                rows, count = np.sort(np.concatenate([rows, new])), count + int(size[new].sum())
-        else:
-            rows, marked = _union(k, own, parts, seen), k
-            count = int(size[rows].sum())
-        below[k], last = count, rows
-        if len(rows):
-            waiting[int(rows[0])].append(rows)
-    return np.array(below, dtype=np.int64)
+    n = len(size)
+    starts = np.concatenate([[0], np.cumsum(size)])
+    tree = _Postorder.of(elimination_tree(NodeGraph(starts, n, indptr, nodes, ())))
+    column = tree.place[np.repeat(np.arange(n), np.diff(indptr))]
+    sequence = np.argsort(nodes * n + column)
+    row, column = nodes[sequence], column[sequence]
+    follows = _like_the_one_before(row)
+    before = np.where(follows, np.concatenate([[-1], column[:-1]])[: len(column)], -1)
+    is_leaf = tree.first[column] > before
+    row, column = row[is_leaf], column[is_leaf]
+    # Its size enters at every leaf, and leaves where two branches meet and at the row itself.
+    change = np.bincount(column, weights=size[row], minlength=n)
+    another = np.flatnonzero(_like_the_one_before(row))
+    meeting = tree.meeting(column[another - 1], column[another])
+    change -= np.bincount(meeting, weights=size[row[another]], minlength=n)
+    rows = np.unique(row)
+    change -= np.bincount(tree.place[rows], weights=size[rows], minlength=n)
+    total = np.concatenate([[0.0], np.cumsum(change)])
+    below = total[1:] - total[tree.first]
+    return np.asarray(np.rint(below[tree.place]), dtype=np.int64)
 
 
-def _union(k: int, own: Ints, parts: list[Ints], seen: Ints) -> Ints:
-    """Rows below node k, ascending: its neighbours and the rows of those that it follows."""
-    seen[k] = k
-    found = []
-    for part in (own, *parts):
-        new = part[seen[part] != k]
-        seen[new] = k
-        found.append(new)
-    return found[0] if len(found) == 1 else np.sort(np.concatenate(found))
+def _like_the_one_before(values: Ints) -> Bools:
+    found = np.zeros(len(values), dtype=bool)
+    found[1:] = values[1:] == values[:-1]
+    return found
+
+
+@dataclass(frozen=True)
+class _Postorder:
+    """A forest whose nodes have places such that every subtree is a run that ends with its root.
+
+    Args:
+        place: (n,) place of each node.
+        first: (n,) by place, the first place of its subtree.
+        parent: (n,) by place, that of its parent; -1 for none.
+        depth: (n,) by place, how many are above it.
+    """
+
+    place: Ints
+    first: Ints
+    parent: Ints
+    depth: Ints
+
+    @classmethod
+    def of(cls, parent: Ints) -> _Postorder:
+        """From the parent (n,) of each node, which has a larger number; -1 for none."""
+        n, above = len(parent), parent.tolist()
+        count = [1] * n
+        for k, up in enumerate(above):
+            if up >= 0:
+                count[up] += count[k]
+        places, depths, free, end = [0] * n, [0] * n, [0] * n, n
+        for k in range(n - 1, -1, -1):  # each takes the end of what its parent has left
+            up = above[k]
+            if up < 0:
+                places[k], end = end - 1, end - count[k]
+            else:
+                places[k], depths[k] = free[up] - 1, depths[up] + 1
+                free[up] -= count[k]
+            free[k] = places[k]
+        place = np.array(places, dtype=np.int64)
+        first, up, depth = np.empty((3, n), dtype=np.int64)
+        first[place] = place - np.array(count, dtype=np.int64) + 1
+        up[place] = np.where(parent >= 0, place[parent], -1)
+        depth[place] = depths
+        return cls(place, first, up, depth)
+
+    def meeting(self, low: Ints, high: Ints) -> Ints:
+        """(m,) places of the lowest nodes that are above both of two places.
+
+        Between them stand nodes of one tree below that node, the highest of which are its children.
+
+        Args:
+            low: (m,) the smaller places.
+            high: (m,) the larger ones, none above its smaller one.
+        """
+        n = len(self.depth)
+        highest = self.depth * n + np.arange(n)
+        found = np.empty(len(low), dtype=np.int64)
+        level = np.frexp((high - low + 1).astype(np.float64))[1] - 1
+        for j in range(int(level.max(initial=-1)) + 1):  # least of runs of 1, 2, 4, ... places
+            mine = level == j
+            a, b = highest[low[mine]], highest[high[mine] - (1 << j) + 1]
+            found[mine] = np.minimum(a, b) % n
+            highest = np.minimum(highest[: -(1 << j)], highest[1 << j :])
+        return self.parent[found]

@@ -1,12 +1,30 @@
-"""From the numbers of a case to elastic moduli with exact derivatives by the parameters."""
+"""Elastic moduli of a material at its strain points, with exact derivatives by the parameters.
+
+The numbers of a case go through the formulas of `fem.elasticity`, one for each symmetry. Where
+constants are fields, the formulas are taken at all strain points at once, with dual numbers whose
+derivatives are by few things: the parameters that the material's own numbers depend on, and the
+logarithm of each field. The modes follow by the chain rule, dE/dxi_k = (dE/dlog c) modes[:, k]; no
+array has as many columns as there are modes. Constants that grow with depth or stress bring their
+values and derivatives at every point along.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from geoident.fem import elasticity as formulas
+from geoident.fem.location import format_point
+from geoident.fem.moduli import (
+    Moduli,
+    PointwiseModuli,
+    ScaledModuli,
+    SummedModuli,
+    UniformModuli,
+)
+from geoident.model.arrays import Floats, Ints
 from geoident.model.case import Material
 from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.ground import (
@@ -17,10 +35,13 @@ from geoident.model.ground import (
     Isotropic,
     LoveModuli,
     Orthotropic,
+    PointField,
+    PointGrowth,
     TransverselyIsotropic,
     bounded,
     breach,
     constants,
+    numbers_of,
 )
 from geoident.model.parameter import Values
 
@@ -88,6 +109,212 @@ def material_axes(frame: Frame, point: ParameterPoint, *, section: bool) -> Dual
     return point.constant(axes)
 
 
+@dataclass(frozen=True, eq=False)
+class ModeSlopes:
+    """Derivatives of moduli by the modes of a field.
+
+    Args:
+        moduli: dE/dlog c at the points (q).
+        field: whose modes multiply it.
+        places: (q,) the points among those of the field; None: all of them, in order.
+    """
+
+    moduli: Moduli
+    field: PointField
+    places: Ints | None = None
+
+    @property
+    def modes(self) -> Floats:
+        """(q, n_modes) Phi at the points."""
+        return self.field.modes if self.places is None else self.field.modes[self.places]
+
+
+@dataclass(frozen=True, eq=False)
+class MaterialModuli:
+    """E at strain points (q) of a material, and its derivatives.
+
+    Args:
+        value: E, Pa.
+        slopes: parameter to dE/dp, for those that E depends on otherwise than by a mode.
+        modes: derivatives by modes.
+    """
+
+    value: Moduli
+    slopes: Mapping[str, Moduli]
+    modes: tuple[ModeSlopes, ...] = ()
+
+    def at(self, places: Ints) -> MaterialModuli:
+        """At some of the points, (k,) by place."""
+        return MaterialModuli(
+            self.value.at(places),
+            {name: moduli.at(places) for name, moduli in self.slopes.items()},
+            tuple(ModeSlopes(m.moduli.at(places), m.field, places) for m in self.modes),
+        )
+
+
+def uniform_moduli(columns: Dual, names: Sequence[str]) -> MaterialModuli:
+    """Moduli without fields.
+
+    Args:
+        columns: E (s, s) with its derivatives by n parameters.
+        names: of these.
+    """
+    slopes = ((name, columns.slope(n)) for n, name in enumerate(names))
+    return MaterialModuli(
+        UniformModuli(np.ascontiguousarray(columns.value)),
+        {name: UniformModuli(slope) for name, slope in slopes if slope is not None},
+    )
+
+
+def field_moduli(
+    elastic: Elastic,
+    fields: Sequence[PointField],
+    point: ParameterPoint,
+    n_strain: int,
+    growths: Sequence[PointGrowth] = (),
+) -> MaterialModuli:
+    """Moduli with constants that are fields or grow, at all strain points of their material.
+
+    Args:
+        elastic: symmetry, constants and axes; the constants of the fields are their means, those
+            that grow are their typical numbers.
+        fields: of the material.
+        point: the parameters.
+        n_strain: number s of strain components of the analysis.
+        growths: of the material; one of these or of the fields at least.
+    """
+    own = {name for scalar in numbers_of(elastic).values() for name in scalar.parameters}
+    own = own.union(*(growth.names for growth in growths))
+    local = ParameterPoint(point.values, tuple(name for name in point.names if name in own))
+    by_modes = any(name in point.names for field in fields for name in field.names)
+    if grows_whole(elastic, fields, growths):
+        return _grown(elastic, growths[0], local, n_strain)
+    if not growths and scales_whole(elastic, fields):
+        return _scaled(elastic, fields[0], local, n_strain, by_modes=by_modes)
+    return _pointwise(elastic, fields, growths, local, n_strain, by_modes=by_modes)
+
+
+def grows_whole(
+    elastic: Elastic, fields: Sequence[PointField], growths: Sequence[PointGrowth]
+) -> bool:
+    """Whether the whole matrix grows in proportion to the one modulus that is given.
+
+    Args:
+        elastic: symmetry and constants.
+        fields: of the material.
+        growths: of the material.
+    """
+    moduli = {name for name in constants(elastic) if not name.startswith("nu")}
+    return not fields and len(growths) == 1 and moduli == {growths[0].growth.constant}
+
+
+def _grown(elastic: Elastic, growth: PointGrowth, local: ParameterPoint, s: int) -> MaterialModuli:
+    """E of the typical number times a factor of every point, with the derivatives of both."""
+    matrix = Dual(elasticity(elastic, local, section=s < 6).columns[:s, :s])
+    found = np.ascontiguousarray(growth.value(local).columns / growth.typical)
+    value = ScaledModuli(np.ascontiguousarray(matrix.value), np.ascontiguousarray(found[:, 0]))
+    slopes: dict[str, Moduli] = {}
+    for n, name in enumerate(local.names):
+        slope, grows = matrix.slope(n), found[:, 1 + n]
+        parts = [] if slope is None else [ScaledModuli(slope, value.factor)]
+        if grows.any():
+            parts.append(ScaledModuli(value.matrix, np.ascontiguousarray(grows)))
+        if parts:
+            slopes[name] = parts[0] if len(parts) == 1 else SummedModuli(tuple(parts))
+    return MaterialModuli(value, slopes)
+
+
+def scales_whole(elastic: Elastic, fields: Sequence[PointField]) -> bool:
+    """Whether fields multiply the whole matrix by one factor.
+
+    That is so where all moduli (not the ratios) vary together: E grows in proportion to them.
+    """
+    moduli = {name for name in constants(elastic) if not name.startswith("nu")}
+    alike = all(_vary_alike(fields[0], field) for field in fields[1:])
+    return moduli == {field.constant for field in fields} and alike
+
+
+def _vary_alike(one: PointField, other: PointField) -> bool:
+    """Whether two constants differ from their means by the same factor, whatever the means."""
+    return (
+        one.names == other.names
+        and np.array_equal(one.known, other.known)
+        and np.array_equal(one.modes, other.modes)
+        and not (one.pull.any() or other.pull.any())
+    )
+
+
+def _scaled(
+    elastic: Elastic, field: PointField, local: ParameterPoint, s: int, *, by_modes: bool
+) -> MaterialModuli:
+    """E times a factor of every point.
+
+    Where tests hold the field, the factor also depends on the mean m, by m^-pull.
+    """
+    section = s < 6
+    matrix = Dual(elasticity(elastic, local, section=section).columns[:s, :s])
+    mean = local.number(constants(elastic)[field.constant])
+    factor = field.factor(local.values, float(mean.value))
+    value = ScaledModuli(np.ascontiguousarray(matrix.value), factor)
+    slopes: dict[str, Moduli] = {}
+    for n, name in enumerate(local.names):
+        slope, grows = matrix.slope(n), float(mean.columns[1 + n])
+        parts = [] if slope is None else [ScaledModuli(slope, factor)]
+        if grows and field.pull.any():
+            relative = -grows / float(mean.value)
+            parts.append(ScaledModuli(relative * value.matrix, factor * field.pull))
+        if parts:
+            slopes[name] = parts[0] if len(parts) == 1 else SummedModuli(tuple(parts))
+    return MaterialModuli(value, slopes, (ModeSlopes(value, field),) if by_modes else ())
+
+
+def _pointwise(
+    elastic: Elastic,
+    fields: Sequence[PointField],
+    growths: Sequence[PointGrowth],
+    local: ParameterPoint,
+    s: int,
+    *,
+    by_modes: bool,
+) -> MaterialModuli:
+    """A matrix of its own at every point."""
+    extra = len(fields) if by_modes else 0
+    numbers = {name: _wide(local.number(c), extra) for name, c in constants(elastic).items()}
+    for n, field in enumerate(fields):
+        numbers[field.constant] = varying(field, numbers[field.constant], local.values)
+        if by_modes:
+            columns = numbers[field.constant].columns
+            columns[..., columns.shape[-1] - extra + n] = columns[..., 0]
+    for growth in growths:
+        columns = growth.value(local).columns
+        columns = np.concatenate([columns, np.zeros((len(columns), extra))], axis=1)
+        numbers[growth.growth.constant] = Dual(columns[:, None, None])
+    dual = elasticity_of(elastic, numbers, local, section=s < 6, extra=extra)
+    entries = np.moveaxis(dual.columns[:, :s, :s], 0, 2)  # (s, s, q, 1 + k)
+    parts = [PointwiseModuli(np.ascontiguousarray(entries[..., k])) for k in range(dual.n + 1)]
+    k = 1 + len(local.names)
+    slopes = zip(local.names, parts[1:k], strict=True)
+    return MaterialModuli(
+        parts[0],
+        {name: part for name, part in slopes if part.entries.any()},
+        tuple(ModeSlopes(part, field) for part, field in zip(parts[k:], fields, strict=False)),
+    )
+
+
+def varying(field: PointField, mean: Dual, values: Mapping[str, float]) -> Dual:
+    """A constant (q, 1, 1) at the points of its field, with the derivatives that its mean has.
+
+    Args:
+        field: the field; its modes are not differentiated by.
+        mean: the mean (1, 1, 1).
+        values: parameters by name, SI.
+    """
+    m = mean.value.item()
+    factor = field.factor(values, m)[:, None, None]
+    slope = (factor * (1.0 - field.pull[:, None, None]))[..., None] * mean.columns[..., 1:]
+    return Dual(np.concatenate([(factor * m)[..., None], slope], axis=-1))
+
+
 def inadmissible(material: Material, values: Values) -> str | None:
     """Why moduli or strengths are none, a sentence, or None if they are."""
     breaches = (surface.breach(values) for surface in material.yields)
@@ -96,3 +323,61 @@ def inadmissible(material: Material, values: Values) -> str | None:
     if found is None:
         return None
     return f"{found.constant} of {material.name} is {found.shown}, {found.limit}"
+
+
+def inadmissible_moduli(
+    material: Material,
+    fields: Sequence[PointField],
+    values: Values,
+    n_strain: int,
+    growths: Sequence[PointGrowth] = (),
+) -> str | None:
+    """Why moduli that vary from point to point are none somewhere, or None if they are.
+
+    Args:
+        material: the material; of constants that grow it has the typical numbers.
+        fields: its elastic constants that are fields.
+        values: parameters by name, SI.
+        n_strain: number s of strain components of the analysis.
+        growths: its elastic constants that grow; one of these or of the fields at least.
+    """
+    elastic, given = material.elastic, constants(material.elastic)
+    for growth in growths:
+        said = not_positive(growth, values)
+        if said is not None:
+            return said
+    for field in fields:
+        with np.errstate(over="ignore"):
+            factor = field.factor(values, given[field.constant].value(values))
+        if not (np.isfinite(factor).all() and factor.min() > 0.0):
+            return f"{field.constant} of {material.name} is beyond all measure at a strain point"
+    if grows_whole(elastic, fields, growths) or (not growths and scales_whole(elastic, fields)):
+        return None
+    found = field_moduli(elastic, fields, ParameterPoint(values, ()), n_strain, growths).value
+    points = fields[0].points if fields else growths[0].points
+    matrices = found.matrices(np.arange(len(points)))
+    if np.linalg.eigvalsh(matrices).min() > 0.0:
+        return None
+    grown = (growth.growth.constant for growth in growths)
+    names = ", ".join((*(field.constant for field in fields), *grown))
+    return (
+        f"where {names} of {material.name} varies most, its elasticity is not positive definite: "
+        "ratios that its other constants allow at the mean are not allowed there"
+    )
+
+
+def not_positive(one: PointGrowth, values: Values) -> str | None:
+    """Where a constant is not positive at parameter values, half a sentence; None for nowhere."""
+    with np.errstate(all="ignore"):
+        found = one.value(ParameterPoint(values, ())).value
+    if np.isfinite(found).all() and found.min() > 0.0:
+        return None
+    worst = int(np.argmin(np.where(np.isfinite(found), found, -np.inf)))
+    number, where = found[worst], format_point(one.positions[worst])
+    return f"{one.growth.words}: it is {number:.4g} Pa at {where}, where it must be positive"
+
+
+def _wide(number: Dual, extra: int) -> Dual:
+    """A number as an array (1, 1, 1) that broadcasts to matrices at points, with more columns."""
+    columns = np.concatenate([number.columns, np.zeros(extra)])
+    return Dual(columns[None, None, None])

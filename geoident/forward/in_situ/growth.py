@@ -14,7 +14,7 @@ import numpy as np
 
 from geoident.errors import Fault
 from geoident.fem.location import format_point
-from geoident.forward.ground.moduli import not_positive
+from geoident.forward.ground.elasticity import not_positive
 from geoident.forward.in_situ.stress import InSituStress, StressPlaces
 from geoident.forward.in_situ.surfaces import Depths
 from geoident.forward.stages import CaseOnMesh

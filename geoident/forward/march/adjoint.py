@@ -39,7 +39,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from geoident.forward.actions.thermal import NORMAL_COMPONENTS
-from geoident.forward.ground.moduli import ModeSlopes
+from geoident.forward.ground.elasticity import ModeSlopes
 from geoident.forward.march.march import March
 from geoident.forward.march.stage import ElasticTrace, LastFactor, LinearRows, StageTask, factorize
 from geoident.forward.stages import Index, numbers

@@ -42,6 +42,7 @@ from geoident.fem.solvers.direct import Factor
 from geoident.forward.march.inexact_newton import MOST_FAR, Directions
 from geoident.forward.march.stage_equations import (
     ELASTIC_PARTS,
+    EvenFlow,
     NoEquilibrium,
     StageEquations,
     Trial,
@@ -73,10 +74,10 @@ _UNBALANCED = 0.01
 """Part of the change of load that may stay unbalanced where flow is not associated."""
 
 _HARDLY_VISCOUS = 3e-4
-"""Part of the overstress that may stay: displacements are then a tenth of a percent short."""
+"""Part of the overstress that may stay whatever else might be found."""
 
 _LITTLE_VISCOUS = 3e-3
-"""The same where all else shears in bands: a percent or two."""
+"""The same where all else shears in bands; by how much displacements are short then is said."""
 
 _SAME = 2e-3
 """Relative difference of displacements that are of one flow."""
@@ -123,6 +124,7 @@ class Balance:
         made_at: where it was made.
         unbalanced: part of the change of load that is left, where no more could be done.
         viscosity: part of the overstress that is kept, where the even flow ends short of none.
+        short: part by which displacements are then short of those that the path promises.
     """
 
     trial: Trial
@@ -131,6 +133,7 @@ class Balance:
     made_at: Trial | None
     unbalanced: float = 0.0
     viscosity: float = 0.0
+    short: float = 0.0
 
 
 def solve(
@@ -287,13 +290,35 @@ def _without_potential(equations: StageEquations, start: Trial, ways: Sequence[W
             return Balance(found.trial, found.steps, found.factor, found.made_at)
         best = end if best is None or end.mu < best.mu else best
         if best.mu <= _HARDLY_VISCOUS:
-            found = best.found
-            return Balance(found.trial, found.steps, None, None, viscosity=best.mu)
-    if best is None or len(ways) < len(WAYS):
+            return _nearly_even(best)
+    if best is None:
         raise NoEquilibrium(found.trial.du)
+    return _short_of_its_end(equations, best, only_one=len(ways) < len(WAYS))
+
+
+def _short_of_its_end(equations: StageEquations, best: PathEnd, *, only_one: bool) -> Balance:
+    """What is taken of a path that ends short of the ground itself.
+
+    Args:
+        equations: of the stage.
+        best: the end with the least viscosity.
+        only_one: not all ways were tried.
+
+    Raises:
+        NoEquilibrium: it is too far.
+    """
+    if only_one:
+        raise NoEquilibrium(best.found.trial.du, even=EvenFlow(best.found.trial, best.mu))
     if best.mu <= _LITTLE_VISCOUS:
-        return Balance(best.found.trial, best.found.steps, None, None, viscosity=best.mu)
+        return _nearly_even(best)
     return _nearly(equations, best)
+
+
+def _nearly_even(end: PathEnd) -> Balance:
+    """The even flow of ground that keeps hardly any of its overstress."""
+    found = end.found
+    short = np.abs(end.ahead - found.trial.du).max() / (np.abs(end.ahead).max() or 1.0)
+    return Balance(found.trial, found.steps, None, None, viscosity=end.mu, short=float(short))
 
 
 def _departs(du: Floats, even: PathEnd) -> bool:
@@ -314,13 +339,14 @@ def _nearly(equations: StageEquations, end: PathEnd) -> Balance:
         NoEquilibrium: it is not little.
     """
     found, at_rest = end.found, equations.at(np.zeros_like(equations.forces)).error
+    even = EvenFlow(found.trial, end.mu)
     try:
         trials = [equations.at(du) for du in (found.trial.du, end.ahead)]
     except NoEquilibrium:
-        raise NoEquilibrium(found.trial.du) from None
+        raise NoEquilibrium(found.trial.du, even=even) from None
     trial = min(trials, key=lambda one: one.error)
     if trial.error > _UNBALANCED * at_rest:
-        raise NoEquilibrium(found.trial.du)
+        raise NoEquilibrium(found.trial.du, even=even)
     return Balance(trial, found.steps, None, None, trial.error / at_rest)
 
 

@@ -48,7 +48,12 @@ from geoident.forward.actions.release import Held, PartialRelease, ReleasedParts
 from geoident.forward.actions.thermal import NORMAL_COMPONENTS, ThermalStrains
 from geoident.forward.in_situ.stress import NEGLIGIBLE_IMBALANCE, InSituStress, StressPlaces
 from geoident.forward.march.lasting import LastingGround, LastingStress
-from geoident.forward.march.plastic_step import PlasticFindings, PlasticSteps, WarmStart
+from geoident.forward.march.plastic_step import (
+    Localisation,
+    PlasticFindings,
+    PlasticSteps,
+    WarmStart,
+)
 from geoident.forward.march.stage import (
     BaseStates,
     Carried,
@@ -118,7 +123,7 @@ class RunFindings:
             the forces at work.
         unbalanced: stage to the part of its change of load that is left unbalanced.
         overstressed: stage to the part of the stress beyond the yield surface that is kept.
-        localising: of both the part of the points that yield at which shear may go into bands.
+        localising: of both where shear goes into bands.
         collapses: stages at which the ground cannot carry the loads.
         activity: what the yield planes do, or None if nothing can yield.
     """
@@ -126,7 +131,7 @@ class RunFindings:
     imbalance: float
     unbalanced: Mapping[str, float]
     overstressed: Mapping[str, float]
-    localising: Mapping[str, float]
+    localising: Mapping[str, Localisation]
     collapses: tuple[CollapseError, ...]
     activity: Activity | None
 

@@ -20,12 +20,14 @@ from geoident.fem.location import format_point
 from geoident.fem.solvers.direct import Factor, NotPositiveDefinite
 from geoident.fem.yielding.domain import EmptyDomain, NoProjection
 from geoident.fem.yielding.law import YieldLaw
+from geoident.forward.march.bands import ShearBand, band_at
 from geoident.forward.march.collapse import limit_of
 from geoident.forward.march.equilibrium import Balance, solve
 from geoident.forward.march.held_factors import ElasticByHeld, HeldFactors, StageTangents
 from geoident.forward.march.plastic_derivatives import plastic_derivatives
 from geoident.forward.march.stage import StageTask, impose_motion, not_positive_definite
 from geoident.forward.march.stage_equations import (
+    EvenFlow,
     Ground,
     NoEquilibrium,
     StageEquations,
@@ -104,6 +106,22 @@ class WarmStart:
         kept.append(_Known(dict(task.point.values), task.point.names, du[:, 0].copy(), slopes))
 
 
+@dataclass(frozen=True)
+class Localisation:
+    """Where shear goes into bands at a stage whose even flow ends short.
+
+    Args:
+        part: of the points that yield: that at which the acoustic tensor allows a band.
+        short: part by which displacements are short of those that the even flow promises.
+        band: words for the mode that has lost its stability and for its place; empty where none
+            has, or nobody asked.
+    """
+
+    part: float
+    short: float = 0.0
+    band: str = ""
+
+
 @dataclass
 class PlasticFindings:
     """What a march finds where materials yield.
@@ -112,13 +130,13 @@ class PlasticFindings:
         record: what the yield planes do.
         unbalanced: stage to the part of its change of load that is not balanced.
         overstressed: stage to the part of the overstress that is kept.
-        localising: of these stages the part of the points that yield at which bands may form.
+        localising: of these stages where shear goes into bands.
     """
 
     record: ActivityRecord
     unbalanced: dict[str, float] = field(default_factory=dict)
     overstressed: dict[str, float] = field(default_factory=dict)
-    localising: dict[str, float] = field(default_factory=dict)
+    localising: dict[str, Localisation] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -162,10 +180,16 @@ class PlasticSteps:
             if self.even_only and not error.limit:
                 msg = f"at stage '{task.state.name}' the ground shears in bands, with a dilation "
                 raise ModelError(msg + "far below the friction") from error
-            part = np.nan
-            if self.explain and task.motion is None:
-                part, error = self._carried_part(task, laws, error)
-            raise self._collapse(task, part, error.mechanism, proven=error.limit) from error
+            part, even, band = np.nan, error.even, None
+            if self.explain:
+                if even is not None:
+                    viscous = self._equations(task, laws).viscous(even.viscosity)
+                    band = band_at(viscous, even.trial)
+                if task.motion is None:
+                    part, error = self._carried_part(task, laws, error)
+            raise self._collapse(
+                task, part, error.mechanism, proven=error.limit, ended=even, band=band
+            ) from error
 
     def virgin_factor(self, task: StageTask) -> Factor | None:
         """The elastic stiffness of the virgin state where something yields, on what is held.
@@ -222,7 +246,11 @@ class PlasticSteps:
     def _carried_part(
         self, task: StageTask, laws: Mapping[str, YieldLaw], error: NoEquilibrium
     ) -> tuple[float, NoEquilibrium]:
-        """The part of the change of load that is carried, found by halving, and how it fails."""
+        """The part of the change of load that is carried, found by halving, and how it fails.
+
+        Where the whole load has no even flow, that of its parts is looked for on one way only.
+        """
+        even_only = not error.limit
         equations = self._equations(task, laws)
         before, least, most = equations.before(), 0.0, 1.0
         du = np.zeros_like(before)
@@ -230,7 +258,7 @@ class PlasticSteps:
             part = 0.5 * (least + most)
             under = equations.under(before + part * (equations.forces - before))
             try:
-                found = solve(under, [np.zeros_like(before), du])
+                found = solve(under, [np.zeros_like(before), du], even_only=even_only)
                 if self._means_nothing(under, found):
                     raise NoEquilibrium(found.trial.du)
                 least, du = part, found.trial.du
@@ -255,12 +283,25 @@ class PlasticSteps:
         if balance.viscosity > 0.0:
             self.findings.overstressed[task.state.name] = balance.viscosity
         if balance.unbalanced > 0.0 or balance.viscosity > 0.0:
-            part = equations.localising(balance.trial)
-            self.findings.localising[task.state.name] = part
+            self.findings.localising[task.state.name] = self._localisation(task, equations, balance)
         self.warm.keep(task, du)
         if task.motion is not None:
             du[:, : task.motion.shape[1]] += task.motion
         return du, yielded_points(equations, balance.trial)
+
+    def _localisation(
+        self, task: StageTask, equations: StageEquations, balance: Balance
+    ) -> Localisation:
+        """Where shear goes into bands at the end of a stage."""
+        part, band = equations.localising(balance.trial), None
+        if self.explain:
+            band = band_at(equations, balance.trial)
+        if band is None:
+            return Localisation(part, balance.short)
+        said = f"a band has lost its stability, with half of its strain in {band.points} of the "
+        said += f"{band.yielding} strain points that yield"
+        said += self.systems.describe_mechanism(task.system, band.mode)
+        return Localisation(part, balance.short, said)
 
     def _equations(self, task: StageTask, laws: Mapping[str, YieldLaw]) -> StageEquations:
         moduli = task.elasticity()
@@ -341,8 +382,25 @@ class PlasticSteps:
             raise self._collapse(task, np.nan, again.mechanism) from again
 
     def _collapse(
-        self, task: StageTask, fraction: float, mechanism: Floats | None, *, proven: bool = True
+        self,
+        task: StageTask,
+        fraction: float,
+        mechanism: Floats | None,
+        *,
+        proven: bool = True,
+        ended: EvenFlow | None = None,
+        band: ShearBand | None = None,
     ) -> CollapseError:
+        """What is said of a stage without equilibrium.
+
+        Args:
+            task: the stage.
+            fraction: part of the change of load that is carried, or NaN.
+            mechanism: (n_dofs,) how the ground moves, or None.
+            proven: whether the load is beyond what can be carried; else none was found.
+            ended: where the even flow ended, or None.
+            band: the mode that has lost its stability there, or None.
+        """
         msg = f"at stage '{task.state.name}' the ground cannot carry the loads: plastic collapse"
         hint = "Raise the strengths (their start values or bounds), or see whether the stage "
         hint += "lacks support or loads more than is meant."
@@ -351,6 +409,21 @@ class PlasticSteps:
             msg += "far below the friction shears in bands on this mesh, or the ground collapses"
             hint = "See whether a larger dilation, or none given (associated), or larger elements "
             hint += "where it shears carry the stage: then the ground does not lack strength."
+        if band is not None and ended is not None and not proven:
+            mechanism = band.mode
+            msg = (
+                f"at stage '{task.state.name}' no equilibrium was found: even flow ends where the "
+            )
+            msg += (
+                f"ground still keeps {100 * ended.viscosity:.2g} % of its overstress, and a band "
+            )
+            msg += f"has lost its stability, with half of its strain in {band.points} of the "
+            msg += f"{band.yielding} strain points that yield"
+            hint = (
+                "With a dilation so far below the friction, shear goes into bands as wide as the "
+            )
+            hint += "elements. See whether support that acts in this stage, a larger dilation, or "
+            hint += "larger elements where it shears carry it: then it does not lack strength."
         if np.isfinite(fraction):
             said = "is carried" if proven else "was brought to equilibrium"
             msg += f"; {100 * fraction:.3g} % of the change of load of this stage {said}"

@@ -119,17 +119,34 @@ class Ground:
         return Ground(self.name, here, self.elasticity.at(mine), law, hardened)
 
 
+@dataclass(frozen=True)
+class EvenFlow:
+    """The last state on the path of viscous grounds.
+
+    Args:
+        trial: displacements, stresses, projections.
+        viscosity: part of the overstress that is kept there.
+    """
+
+    trial: Trial
+    viscosity: float
+
+
 class NoEquilibrium(ArithmeticError):
     """The loads of a stage cannot be carried, or no equilibrium was found.
 
     Args:
         mechanism: (n_dofs,) how the ground moves, or None.
         limit: whether it moves without end under this load: no doubt is left.
+        even: where the even flow of ground without potential ended, or None.
     """
 
-    def __init__(self, mechanism: Floats | None, *, limit: bool = False) -> None:
+    def __init__(
+        self, mechanism: Floats | None, *, limit: bool = False, even: EvenFlow | None = None
+    ) -> None:
         self.mechanism = mechanism
         self.limit = limit
+        self.even = even
         super().__init__("no equilibrium")
 
 

@@ -38,8 +38,12 @@ from geoident.fem.yielding.polyhedral import PolyhedralLaw
 from geoident.fem.yielding.principal import PrincipalLaw
 from geoident.fem.yielding.scaled_law import ScaledLaw
 from geoident.forward.actions.supports import fixed_dofs
-from geoident.forward.ground.elasticity import elasticity
-from geoident.forward.ground.moduli import MaterialModuli, field_moduli, uniform_moduli
+from geoident.forward.ground.elasticity import (
+    MaterialModuli,
+    elasticity,
+    field_moduli,
+    uniform_moduli,
+)
 from geoident.forward.of_mesh import OfMesh
 from geoident.forward.stages import CaseOnMesh, ConstructionState, Index, as_index, numbers
 from geoident.forward.structures.members import Structures

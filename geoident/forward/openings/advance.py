@@ -17,7 +17,8 @@ gives the part s of its final motion that the wall has made, u(x) = s u_max:
 In elastic ground the wall moves in proportion to the stress that is released: lambda = s. Where the
 ground at the wall yields, lambda is found on its reaction curve (`closed_forms`) so that the wall
 without support has made that part of its motion, u(lambda) = s u(1): ground that yields moves most
-at the end, so that lambda is larger than s. The *direct* conversion takes lambda = s there as well.
+at the end, so that lambda is larger than s. The conversion *mesh* asks the same of the wall of a
+mesh (`mesh_reaction`); the *direct* conversion takes lambda = s where the ground yields, too.
 
 u(lambda) is convex, so Newton's method from lambda = 1 comes down on its root; its derivatives
 follow from those of the closed form by the theorem of implicit functions.
@@ -25,16 +26,17 @@ follow from those of the closed form by the theorem of implicit functions.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 
 from geoident.errors import CollapseError, ModelError
 from geoident.forward.openings.closed_forms import NO_EQUILIBRIUM, BeyondClosedForm, Opening
-from geoident.model.actions import FaceProfile, Release
+from geoident.model.actions import FaceDistance, FaceProfile, Release
 from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.parameter import Scalar
 
@@ -59,17 +61,25 @@ INSTEAD = (
     "write 'conversion: direct' in 'face', with the plastic radius where the profile needs it, or "
     "give the parts by 'release', stage by stage"
 )
-"""What helps where the ground has no reaction curve in closed form."""
+"""What helps where the ground has no final motion without support."""
+
+BY_MESH = f"write 'conversion: mesh' in 'face', or {INSTEAD[len('write ') :]}"
+"""What helps where there is no reaction curve in closed form."""
 
 OpeningAt = Callable[[ParameterPoint], Opening]
 """The opening of radius 1 m in the ground of a case, at some parameters."""
 
 
 class NoFinalMotion(Exception):
-    """Without support the ground has no motion in closed form of which a part would be known."""
+    """Without support the ground has no motion of which a part would be known.
 
-    def __init__(self, reason: str) -> None:
-        self.reason = reason
+    Args:
+        reason: why, a clause.
+        collapse: whether it comes to no rest.
+    """
+
+    def __init__(self, reason: str, *, collapse: bool = False) -> None:
+        self.reason, self.collapse = reason, collapse
         super().__init__(reason)
 
 
@@ -129,7 +139,8 @@ class ReactionCurve:
         try:
             state = self._opening.under((1.0 - released) * self._opening.rock.pressure)
         except BeyondClosedForm as beyond:
-            raise NoFinalMotion(beyond.reason) from beyond
+            collapse = beyond.reason == NO_EQUILIBRIUM
+            raise NoFinalMotion(beyond.reason, collapse=collapse) from beyond
         radius = np.array([self._opening.radius])
         plastic = state.plastic_radius
         n = self._opening.rock.pressure.n
@@ -142,13 +153,36 @@ def _widened(number: Dual) -> Dual:
     return Dual(np.append(number.columns, 0.0))
 
 
+class WallReaction(Protocol):
+    """The reaction of an opening that need not be round; see `mesh_reaction`."""
+
+    @property
+    def releases(self) -> Sequence[FaceDistance]:
+        """The distances that say a part each."""
+
+    def parts(self, shares: Sequence[Dual], point: ParameterPoint) -> Mapping[FaceDistance, Dual]:
+        """The parts of the stress (), 0 to 1, that are released, by distance.
+
+        Args:
+            shares: () of its final motion that the wall has made, for every release.
+            point: the parameters.
+
+        Raises:
+            NoFinalMotion: without support the opening has none, or no part of it is found.
+            ModelError: the march has no solution otherwise.
+        """
+
+    def forget(self) -> None:
+        """Begin the next solution as a new model does."""
+
+
 @dataclass
 class _AtPoint:
     """What is known at a parameter point."""
 
     point: ParameterPoint
     curve: ReactionCurve | None
-    parts: dict[Release, Dual] = field(default_factory=dict)
+    parts: dict[FaceDistance, Dual] = field(default_factory=dict)
 
 
 @contextmanager
@@ -160,7 +194,7 @@ def _said_of(stage: str) -> Iterator[None]:
         where = f" at stage '{stage}'" if stage else ""
         text = f"the part of its final motion that the wall has made{where} is not known, since "
         text += f"the ground has none without support: {none.reason}"
-        if none.reason == NO_EQUILIBRIUM:
+        if none.collapse:
             raise CollapseError(text, INSTEAD, stage=stage, fraction=float("nan")) from none
         raise ModelError(text, INSTEAD) from none
 
@@ -171,17 +205,36 @@ class AdvancingFace:
     Args:
         profile: of the case, or None for one that gives all parts.
         opening: the ground around the tunnel where a closed form is needed, else None.
+        wall: the reaction of the opening itself where that is asked for and something yields, else
+            None.
     """
 
-    def __init__(self, profile: FaceProfile | None, opening: OpeningAt | None) -> None:
-        self._profile, self._opening = profile, opening
+    def __init__(
+        self,
+        profile: FaceProfile | None,
+        opening: OpeningAt | None,
+        wall: WallReaction | None = None,
+    ) -> None:
+        self._profile, self._opening, self._wall = profile, opening, wall
         self._known: _AtPoint | None = None
 
     @property
     def by_reaction(self) -> bool:
-        """Whether distances become parts by the reaction curve of ground that yields."""
-        profile = self._profile
-        return self._opening is not None and profile is not None and profile.conversion != "direct"
+        """Whether distances become parts by the reaction curve of round ground that yields."""
+        if self._profile is None or self._opening is None:
+            return False
+        return self._profile.conversion in (None, "reaction-curve")
+
+    @property
+    def by_wall(self) -> bool:
+        """Whether they do so by the reaction of the opening itself."""
+        return self._wall is not None
+
+    def forget(self) -> None:
+        """Begin the next answer as a new model does."""
+        self._known = None
+        if self._wall is not None:
+            self._wall.forget()
 
     def part(self, release: Release, point: ParameterPoint, stage: str) -> Dual:
         """The part of the stress (), 0 to 1, that is released.
@@ -198,13 +251,20 @@ class AdvancingFace:
             return point.number(release)
         known = self._at(point)
         if release not in known.parts:
-            curve = known.curve
             with _said_of(stage):
-                share = self._share(release.distance, point, curve)
-                by_curve = curve is not None and self.by_reaction
-                found = curve.part_for(share) if curve is not None and by_curve else share
-            known.parts[release] = found
+                known.parts |= self._found(release, point, known.curve)
         return known.parts[release]
+
+    def _found(
+        self, release: FaceDistance, point: ParameterPoint, curve: ReactionCurve | None
+    ) -> Mapping[FaceDistance, Dual]:
+        """The part of a distance, and those that are found with it."""
+        if self._wall is not None:
+            every = self._wall.releases
+            return self._wall.parts([self._share(r.distance, point, curve) for r in every], point)
+        share = self._share(release.distance, point, curve)
+        by_curve = curve is not None and self.by_reaction
+        return {release: curve.part_for(share) if curve is not None and by_curve else share}
 
     def share(self, distance: Scalar, point: ParameterPoint, stage: str) -> Dual:
         """The part of its final motion () that the wall has made.

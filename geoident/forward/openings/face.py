@@ -7,28 +7,55 @@ from dataclasses import dataclass
 import numpy as np
 
 from geoident.errors import Fault, ModelError
+from geoident.fem.solvers.direct import Solver
 from geoident.forward.in_situ.stress import InSituStress, StressPlaces
-from geoident.forward.openings.advance import INSTEAD, AdvancingFace, OpeningAt
+from geoident.forward.openings.advance import BY_MESH, AdvancingFace, OpeningAt
 from geoident.forward.openings.closed_forms import Opening
 from geoident.forward.openings.field import unsuitable
 from geoident.forward.openings.load import opening_in
+from geoident.forward.openings.mesh_reaction import (
+    MeshReaction,
+    follow_each_other,
+    tunnel_base,
+    wall_of,
+    yields_at_tunnel,
+)
 from geoident.forward.stages import CaseOnMesh
 from geoident.model.actions import FaceDistance, FaceProfile
+from geoident.model.arrays import Floats
 from geoident.model.case import Material
 from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.mesh import nodes_in
-from geoident.model.parameter import Values
+from geoident.model.parameter import Scalar, Values
+from geoident.model.results.opening import FaceAdvance
+
+_BY_CIRCLE = (None, "reaction-curve")
+"""Conversions by the reaction of a round opening; the first is what is not said."""
+
+_ROUND = 0.02
+"""Distance of a wall from a circle, and difference of in-situ stresses, of their size: not seen."""
+
+_AHEAD, _BEHIND = 21, 81
+"""Places of the profile that are kept ahead of the face and behind it."""
 
 UNIT = 1.0
 """Radius of the opening whose reaction is asked, m: its motion by its radius has no size."""
 
 
-def advancing_face(on_mesh: CaseOnMesh) -> AdvancingFace:
-    """What turns distances to the face into released parts, of a case without `face_faults`."""
+def advancing_face(on_mesh: CaseOnMesh, solver: Solver) -> AdvancingFace:
+    """What turns distances to the face into released parts, of a case without `face_faults`.
+
+    Args:
+        on_mesh: the case.
+        solver: factorizes where the opening itself is asked how it reacts.
+    """
     profile = on_mesh.case.face
-    if profile is None or _why_not(on_mesh, profile) is not None:
-        return AdvancingFace(profile, None)
-    return AdvancingFace(profile, _opening_at(on_mesh, profile))
+    if profile is None:
+        return AdvancingFace(None, None)
+    own = profile.conversion == "mesh" and yields_at_tunnel(on_mesh)
+    wall = MeshReaction(on_mesh, AdvancingFace(None, None), solver) if own else None
+    known = _why_not(on_mesh, profile) is None
+    return AdvancingFace(profile, _opening_at(on_mesh, profile) if known else None, wall)
 
 
 def face_at(on_mesh: CaseOnMesh, centre: tuple[float, float], ground: int) -> AdvancingFace:
@@ -51,19 +78,40 @@ def face_faults(on_mesh: CaseOnMesh) -> list[Fault]:
     case, profile = on_mesh.case, on_mesh.case.face
     if profile is None:
         return []
+    if profile.conversion == "mesh" and (found := _mesh_faults(on_mesh, profile)):
+        return found
     why = _why_not(on_mesh, profile)
     if not why:
         return []
+    by_circle = profile.conversion in _BY_CIRCLE
     what = (
         "how distances to the face become released stress"
-        if profile.conversion != "direct"
+        if by_circle
         else "the plastic radius, on which the profile depends,"
     )
     message = f"{what} cannot be computed by a closed form: {why}"
-    hint = INSTEAD[0].upper() + INSTEAD[1:] + "."
-    if profile.conversion == "direct":
+    hint = BY_MESH[0].upper() + BY_MESH[1:] + "."
+    if not by_circle:
         hint = "Give 'plastic_radius', of the tunnel without support, far from its face."
     return [case.source.fault(("face",), code="no-closed-form", message=message, hint=hint)]
+
+
+def _mesh_faults(on_mesh: CaseOnMesh, profile: FaceProfile) -> list[Fault]:
+    """A tunnel whose own reaction cannot be asked for."""
+    source, path = on_mesh.case.source, ("face", "conversion")
+    if not follow_each_other(on_mesh):
+        message = "stages with a distance to the face do not all build on each other, so that the "
+        message += "mesh has no one reaction to the face"
+        hint = "Let each of them build on the one before, or write 'conversion: reaction-curve'."
+        return [source.fault(path, code="branches", message=message, hint=hint)]
+    if not wall_of(on_mesh, profile.groups, tunnel_base(on_mesh)):
+        names = ", ".join(f"'{name}'" for name in profile.groups)
+        message = (
+            f"no ground is beside {names}, so there is no wall whose motion could be asked for"
+        )
+        hint = "Name the element groups of the tunnel by 'groups' of 'face'."
+        return [source.fault(path, code="no-wall", message=message, hint=hint)]
+    return []
 
 
 @dataclass(frozen=True)
@@ -105,6 +153,42 @@ def face_states(face: AdvancingFace, on_mesh: CaseOnMesh, values: Values) -> tup
     return tuple(found)
 
 
+def advance_of(face: AdvancingFace, on_mesh: CaseOnMesh, values: Values) -> FaceAdvance | None:
+    """The profile at some parameters with the stages on it; None where it is not known.
+
+    Args:
+        face: of the case.
+        on_mesh: the case.
+        values: parameters by name, SI.
+    """
+    case, profile = on_mesh.case, on_mesh.case.face
+    if profile is None:
+        return None
+    try:
+        states = face_states(face, on_mesh, values)
+        radius, point = profile.radius.value(values), ParameterPoint(values, ())
+        far = max((s.distance for s in states), default=0.0)
+        near = min(0.0 if profile.law == "panet" else -2.0 * radius, *(s.distance for s in states))
+        ahead = np.linspace(near, 0.0, _AHEAD)[:-1] if near < 0.0 else np.empty(0)
+        behind = far * np.linspace(0.0, 1.0, _BEHIND) ** 2  # closer where it bends
+        way = np.concatenate([ahead, behind])
+        share = [float(face.share(Scalar(float(x)), point, "").value) for x in way]
+    except ModelError:
+        return None
+    zeros = {case.stage_names[case.zero_of(c)] for c in case.channels if c.is_zeroed}
+    return FaceAdvance(
+        law=profile.law,
+        radius=radius,
+        distance=way,
+        share=np.array(share),
+        stages=tuple(s.stage for s in states),
+        stage_distance=np.array([s.distance for s in states]),
+        stage_share=np.array([s.share for s in states]),
+        stage_released=np.array([s.released for s in states]),
+        stage_zero=np.array([s.stage in zeros for s in states], dtype=np.bool_),
+    )
+
+
 def face_note(face: AdvancingFace, on_mesh: CaseOnMesh, values: Values) -> tuple[str, ...]:
     """The same as a sentence without a stop; none for a case without distances.
 
@@ -144,8 +228,47 @@ def conversion_note(face: AdvancingFace, on_mesh: CaseOnMesh) -> tuple[str, ...]
     text = f"distances to the face release stress by {_NAMES[profile.law]}; "
     if face.by_reaction:
         text += "the part of the final motion becomes a part of the stress on the reaction curve "
-        return (text + "of a circular opening without support, in the mean in-situ stress",)
+        text += "of a circular opening without support, in the mean in-situ stress"
+        return (text + _unlike_circle(on_mesh, profile),)
+    if face.by_wall:
+        text += (
+            "the part of the stress is that at which the mean motion of the tunnel's wall in the "
+        )
+        return (text + "mesh, without support, is the part of its final motion",)
     return (text + "the part of the stress is that of the final motion (exact in elastic ground)",)
+
+
+def _unlike_circle(on_mesh: CaseOnMesh, profile: FaceProfile) -> str:
+    """In what a tunnel in a mesh differs from a circle in even stress, a clause; or nothing."""
+    if not on_mesh.mesh.blocks:
+        return ""
+    found = []
+    wall = wall_of(on_mesh, profile.groups, tunnel_base(on_mesh))
+    radii = _radii(on_mesh.mesh.points[np.unique(np.concatenate([p.nodes.ravel() for p in wall]))])
+    if not np.ptp(radii) <= _ROUND * radii.mean():
+        found.append("is not round")
+    ((_, group),) = _at_wall(on_mesh, profile).items()
+    place = StressPlaces(np.array([_centre(on_mesh, profile)]), np.array([group]))
+    point = ParameterPoint(on_mesh.case.start, ())
+    xx, yy, _, xy = InSituStress(on_mesh, place).columns(point)[:, 0, 0]
+    apart = float(np.hypot(0.5 * (xx - yy), xy))
+    if 2.0 * apart > _ROUND * abs(0.5 * (xx + yy)):
+        least, most = (1e-6 * abs(0.5 * (xx + yy) + sign * apart) for sign in (1.0, -1.0))
+        found.append(
+            f"stands in uneven stress ({least:.3g} and {most:.3g} MPa at the start values)"
+        )
+    if not found:
+        return ""
+    text = f". This tunnel {' and '.join(found)}, so that the mean motion of its wall is another "
+    return text + "part of the final one (theory 2.9): 'conversion: mesh' takes that of the mesh"
+
+
+def _radii(wall: Floats) -> Floats:
+    """Distances (k,) of places (k, 2) from the middle of the circle that is nearest to them."""
+    away = wall - wall.mean(axis=0)
+    rows = np.column_stack([2.0 * away, np.ones(len(away))])
+    middle = np.linalg.lstsq(rows, (away**2).sum(axis=1), rcond=None)[0][:2]
+    return np.asarray(np.linalg.norm(away - middle, axis=1))
 
 
 _NAMES = {
@@ -158,7 +281,7 @@ _NAMES = {
 def _asks(profile: FaceProfile) -> bool:
     """Whether ground that yields has to tell its reaction."""
     radius = profile.law == "vlachopoulos-diederichs" and profile.plastic_radius is None
-    return radius or profile.conversion != "direct"
+    return radius or profile.conversion in _BY_CIRCLE
 
 
 def _why_not(on_mesh: CaseOnMesh, profile: FaceProfile) -> str | None:

@@ -24,7 +24,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import brentq
 
 from geoident.forward.openings.closed_forms import BeyondClosedForm, PlasticZone, Rock, WallLimit
 from geoident.model.dual import Dual, Number
@@ -190,6 +189,8 @@ def _root(
         slope: of the function by the place.
         between: two places where it has different signs.
     """
+    from scipy.optimize import brentq  # noqa: PLC0415 - 0.2 s, and most cases have no such root
+
     found = float(brentq(value, *between, xtol=_EXACT * max(map(abs, between)), rtol=_EXACT))
     off = function(found).columns
     return Dual(np.append(found, -off[1:] / slope(found)))

@@ -11,6 +11,7 @@ from geoident.forward.gauges.instrument_errors import InstrumentErrors, ReadingP
 from geoident.forward.model_response import ModelResponse
 from geoident.forward.openings.face import (
     FaceState,
+    advance_of,
     conversion_note,
     face_at,
     face_note,
@@ -125,6 +126,7 @@ class OpeningModel:
             reaction=found,
             increments=change,
             notes=face_note(self._face, self._on_mesh, values),
+            advance=advance_of(self._face, self._on_mesh, values) if fields else None,
         )
 
     def increments(self, p: Floats) -> Floats:

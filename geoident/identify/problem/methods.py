@@ -41,8 +41,16 @@ Identifier = Callable[[Problem, MethodOptions, Observer], Outcome]
 
 SQUARED = SquaredOptions()
 
+FORMULATIONS = {"implicit": "implicit", "full-space": "full_space", "global": "global_bound"}
+"""Formulation of the search for yield limits (theory 5) to its module and function.
+
+    implicit     the stages are solved for every trial; a search over the strengths alone
+    full-space   one nonlinear program in all unknowns, an independent check
+    global       branch and bound with a proven bound, for small problems
+"""
+
 FORMULATION_PACKAGES = {"full-space": "casadi", "global": "pyscipopt"}
-"""What the formulations of the complementarity method need beside the model's equations."""
+"""What the formulations need beside the model's equations."""
 
 
 METHOD_PACKAGES = {"ensemble-smoother": ("iterative_ensemble_smoother", "ensemble")}
@@ -55,27 +63,30 @@ class Method:
 
     Args:
         name: as users write it.
-        module: within `geoident.identify`, of the function that runs it; imported when it runs.
+        room: folder of `geoident.identify` with the module of the function that runs it, which is
+            imported when it runs.
         options: type of its options.
         needs: the protocol that the model must offer, `Response` or `AffineElastic`.
         help: one line for lists of methods.
     """
 
     name: str
-    module: str
+    room: str
     options: type[MethodOptions]
     needs: type[object]
     help: str
 
-    def function(self) -> Identifier:
-        """The function that runs it: (problem, options, observe) -> Outcome."""
+    def function(self, options: MethodOptions) -> Identifier:
+        """The function that runs it with some options: (problem, options, observe) -> Outcome."""
         word = self.name.replace("-", "_")
-        return cast(Identifier, getattr(import_module(f"geoident.identify.{self.module}"), word))
+        if isinstance(options, ComplementarityOptions):
+            word = FORMULATIONS[options.formulation]
+        module = import_module(f"geoident.identify.{self.room}.{word}")
+        return cast(Identifier, getattr(module, word))
 
 
 def _method(room: str, name: str, needs: type[object], text: str) -> tuple[str, Method]:
-    module = f"{room}.{name.replace('-', '_')}"
-    return name, Method(name, module, METHOD_OPTIONS[name], needs, text)
+    return name, Method(name, room, METHOD_OPTIONS[name], needs, text)
 
 
 METHODS: Mapping[str, Method] = dict(
@@ -236,7 +247,7 @@ def identify(problem: Problem, methods: Sequence[MethodOptions], observe: Observ
     _refuse_impossible(problem, methods)
     done: list[Outcome] = []
     for options in methods:
-        outcome = METHODS[method_name(options)].function()(problem, options, observe)
+        outcome = METHODS[method_name(options)].function(options)(problem, options, observe)
         done.append(outcome)
         if outcome.status == STOPPED:
             break

@@ -56,7 +56,9 @@ class FaceBase(Section):
         description="How the part s of its final motion that the wall has made becomes a part of "
         "the stress that is released, where the ground yields. reaction-curve (the default): on "
         "the reaction curve of the circular opening without support, so that its wall has moved "
-        "by that part. direct: the part s itself. In elastic ground both are the same.",
+        "by that part. mesh: so that the wall of the tunnel in the mesh, without support, has "
+        "moved by that part in the mean, whatever its shape, its ground and the in-situ stress; it "
+        "takes some marches more. direct: the part s itself. In elastic ground all are the same.",
     )
 
     @property
@@ -285,6 +287,10 @@ class FaceCheck:
                 "Add 'radius: 4 m', of a tunnel that is not round that of the circle of its area."
             )
             self._faults.add(_AT, "missing-key", message, hint, key=True)
+        if section.conversion == "mesh" and circle:
+            message = "the case has no mesh whose wall would tell"
+            hint = "Leave 'conversion' out: the closed form has its own reaction curve."
+            self._faults.add((*_AT, "conversion"), "no-mesh", message, hint)
         for n, group in enumerate(section.groups or ()):
             if group not in groups:
                 self._faults.add_unknown((*_AT, "groups", n), "group", group, groups)

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -24,23 +23,23 @@ from geoident.io.case.case import (
     CaseSection,
     ReportSection,
     build_case,
-    check_references,
     tied_parameters,
 )
 from geoident.io.case.elsewhere.build import build_elsewhere
 from geoident.io.case.elsewhere.surroundings import Surroundings
 from geoident.io.case.elsewhere.table import within_runs
 from geoident.io.case.face import with_zero_stages
-from geoident.io.case.gauges.accuracy import described_channels
-from geoident.io.case.point_tables import with_tables
+from geoident.io.case.gauges.channel_errors import described_channels
 from geoident.io.case.readings_by_stage import read_all
+from geoident.io.case.references import check_references
 from geoident.io.case.site_files.measured_values import with_measured
+from geoident.io.case.site_files.point_tables import with_tables
 from geoident.io.schema.faults import add_schema_faults, paths_of
 from geoident.io.schema.partial import Rest
 from geoident.io.schema.values import kind_of
-from geoident.io.text.campaign_folder import OVER_ALL, over_all_of
 from geoident.io.text.faults import Faults, Places
 from geoident.io.text.kinds import refuse_other_kind
+from geoident.io.text.named_files import named_files
 from geoident.io.text.overrides import apply_overrides
 from geoident.io.text.text_file import STDIN, decode, read_bytes
 from geoident.io.text.wording import shorten
@@ -352,50 +351,6 @@ def read_report_head(text: str, path: str) -> ReportHead:
         date=found.date,
         logo=logo,
     )
-
-
-def files_of_text(text: str, path: str) -> tuple[str, ...]:
-    """Paths of the files that the text of a case names and that exist; none of a faulty text.
-
-    Args:
-        text: the case.
-        path: where it stands or stood.
-    """
-    try:
-        return named_files(parse_yaml(text, path).data, Path(path).parent)
-    except InputError:
-        return ()
-
-
-def named_files(data: Node, folder: Path) -> tuple[str, ...]:
-    """Paths of the files that a case names: of every text in it that is the name of a file.
-
-    The folder of a campaign stands for the file of all its runs.
-
-    Args:
-        data: the case as mappings, lists and texts.
-        folder: against which its paths are meant.
-    """
-    found: dict[str, None] = {}
-    for text in dict.fromkeys(_texts(data)):
-        with suppress(OSError, ValueError):  # too long or strange for a name
-            path = folder / text
-            if path.name != OVER_ALL and not path.exists():  # most texts: to ask is dear
-                continue
-            over_all = over_all_of(path)
-            if over_all is not None and over_all.is_file():
-                found[str(over_all)] = None
-            elif path.is_file():
-                found[str(path)] = None
-    return tuple(found)
-
-
-def _texts(data: Node) -> Iterator[str]:
-    if isinstance(data, dict | list):
-        for part in data.values() if isinstance(data, dict) else data:
-            yield from _texts(part)
-    elif data is not None:
-        yield data
 
 
 def _shown(path: str) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
@@ -67,6 +67,22 @@ RatioByGroup = Annotated[
 Equilibrium = Literal["required", "accept"]
 
 
+_ACROSS: Any = Field(
+    None,
+    description="Ratio in the other horizontal direction (out of plane in 2-D); K0 if missing.",
+)
+_AZIMUTH: Any = Field(
+    None,
+    description="Solid: direction of K0, clockwise from north (y); along x if missing.",
+    examples=["35 deg", "$azimuth"],
+)
+_TECTONIC: Any = Field(
+    None,
+    description="Horizontal stress added everywhere, tension positive: xx, zz (2-D); "
+    "xx, yy, xy (solid).",
+)
+
+
 class _ModelBase(Section):
     @abstractmethod
     def stress(self, context: Context) -> InSitu:
@@ -122,15 +138,8 @@ class HeimModel(_ModelBase):
     K0: Coefficient = Field(
         description="Ratio of horizontal to vertical stress: along x, or along `azimuth`."
     )
-    K0_across: Coefficient | None = Field(
-        None,
-        description="Ratio in the other horizontal direction (out of plane in 2-D); K0 if missing.",
-    )
-    azimuth: Angle | None = Field(
-        None,
-        description="Solid: direction of K0, clockwise from north (y); along x if missing.",
-        examples=["35 deg", "$azimuth"],
-    )
+    K0_across: Coefficient | None = _ACROSS
+    azimuth: Angle | None = _AZIMUTH
     vertical: Stress | None = Field(
         None, description="Vertical pressure, compression positive, the same everywhere."
     )
@@ -140,11 +149,7 @@ class HeimModel(_ModelBase):
     surface: LevelOrGroup | None = Field(
         None, description=_SURFACE, examples=["300 m", "topography"]
     )
-    tectonic: StressSection | None = Field(
-        None,
-        description="Horizontal stress added everywhere, tension positive: xx, zz (2-D); "
-        "xx, yy, xy (solid).",
-    )
+    tectonic: StressSection | None = _TECTONIC
     held: Flag | None = Field(None, description=_HELD)
 
     @model_validator(mode="after")
@@ -211,15 +216,8 @@ class GeostaticModel(_ModelBase):
         "`azimuth`: one number, or one for each element group.",
         examples=["0.5", {"clay": 0.6, "sand": 0.45}],
     )
-    K0_across: RatioByGroup | None = Field(
-        None,
-        description="Ratio in the other horizontal direction (out of plane in 2-D); K0 if missing.",
-    )
-    azimuth: Angle | None = Field(
-        None,
-        description="Solid: direction of K0, clockwise from north (y); along x if missing.",
-        examples=["35 deg", "$azimuth"],
-    )
+    K0_across: RatioByGroup | None = _ACROSS
+    azimuth: Angle | None = _AZIMUTH
     surface: LevelOrGroup | None = Field(
         None,
         description="Surface of the ground: a level, or a group of lines (2-D) or surfaces (solid)"
@@ -237,11 +235,7 @@ class GeostaticModel(_ModelBase):
         description="Pressure on the surface, compression positive; it lies on the ground until "
         "that is excavated. Give here or as a load what acts from the beginning, not both.",
     )
-    tectonic: StressSection | None = Field(
-        None,
-        description="Horizontal stress added everywhere, tension positive: xx, zz (2-D); "
-        "xx, yy, xy (solid).",
-    )
+    tectonic: StressSection | None = _TECTONIC
     held: Flag | None = Field(None, description=_HELD)
 
     @model_validator(mode="after")

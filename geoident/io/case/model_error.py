@@ -11,7 +11,7 @@ from pydantic import Discriminator, Field, GetJsonSchemaHandler, Tag
 from pydantic_core import CoreSchema
 
 from geoident.io.schema.section import Section
-from geoident.io.schema.values import Given, GivenSize, Of, require_text
+from geoident.io.schema.values import Given, GivenSize, Of, or_words, require_text
 from geoident.io.text.wording import Refusal, did_you_mean, shorten
 from geoident.model.methods import ModelErrorOptions
 from geoident.units import DIMENSIONLESS, UnitError
@@ -67,8 +67,7 @@ class RelativeError(Of):
         self, schema: CoreSchema, handler: GetJsonSchemaHandler
     ) -> dict[str, Any]:
         described = super().__get_pydantic_json_schema__(schema, handler)
-        found = described["pattern"].removeprefix(r"^\s*(").removesuffix(r")\s*$")
-        described["pattern"] = rf"^\s*({found}|{ESTIMATE}|{NONE})\s*$"
+        or_words(described, ESTIMATE, NONE)
         described["description"] = self.words()
         described["examples"] = ["15 %", ESTIMATE, NONE]
         described["x-quantity"] = f"part of the motion, `{ESTIMATE}` or `{NONE}`"

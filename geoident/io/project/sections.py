@@ -20,6 +20,7 @@ from geoident.io.schema.values import (
     Of,
     ParameterName,
     Text,
+    or_words,
     require_text,
 )
 from geoident.io.text.wording import Refusal, did_you_mean, shorten
@@ -71,8 +72,7 @@ class ScatterSize(Of):
         self, schema: CoreSchema, handler: GetJsonSchemaHandler
     ) -> dict[str, Any]:
         described = super().__get_pydantic_json_schema__(schema, handler)
-        found = described["pattern"].removeprefix(r"^\s*(").removesuffix(r")\s*$")
-        described["pattern"] = rf"^\s*({found}|{ESTIMATE}|{NONE})\s*$"
+        or_words(described, ESTIMATE, NONE)
         described["description"] = self.words()
         described["examples"] = [ESTIMATE, NONE, "30 %"]
         described["x-quantity"] = f"standard deviation, `{ESTIMATE}` or `{NONE}`"

@@ -45,6 +45,8 @@ class CampaignHead:
         case_file: of the base case.
         paths: what varies.
         total: number of runs.
+        fit_file: path of the fit that is predicted from, as seen from the folder; empty for none.
+        fit_fingerprint: `Result.fingerprint` of that fit.
     """
 
     title: str
@@ -53,6 +55,8 @@ class CampaignHead:
     case_file: str
     paths: tuple[str, ...]
     total: int
+    fit_file: str = ""
+    fit_fingerprint: str = ""
 
 
 def record_object(record: RunRecord) -> dict[str, Any]:

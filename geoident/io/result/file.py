@@ -166,7 +166,7 @@ def _write(file: h5py.File, result: Result) -> None:
         tables.write_certificate(file, result.certificate, names)
     rivals.write_rival_answers(file, result.rivals, result.evidence, result.comparison, names)
     if result.fields is not None:
-        vtkhdf.write_fields(file, result.fields, result.varied)
+        vtkhdf.write_fields(file, result.fields, result.varied, result.mechanism)
         if result.mechanism is not None:
             tables.write_mechanism(file, result.mechanism)
     file.attrs["contents"] = " ".join(sorted(file))
@@ -182,6 +182,8 @@ def _write_states(file: h5py.File, result: Result) -> None:
         tables.write_yielded(file, result.yielded)
     if result.reaction is not None:
         opening.write_reaction(file, result.reaction)
+    if result.advance is not None:
+        opening.write_advance(file, result.advance)
 
 
 def _write_errors(file: h5py.File, result: Result) -> None:
@@ -343,6 +345,7 @@ def _read(file: h5py.File, root: _Attributes) -> Result:
         reactions=tables.read_reactions(file) if tables.REACTIONS in contents else None,
         yielded=tables.read_yielded(file) if tables.YIELDED in contents else None,
         reaction=opening.read_reaction(file) if opening.GROUP in contents else None,
+        advance=opening.read_advance(file) if opening.FACE in contents else None,
         certificate=(tables.read_certificate(file) if "certificate" in contents else None),
         rivals=rivals.read_rivals(file) if rivals.RIVALS in contents else None,
         comparison=rivals.read_models(file) if rivals.MODELS in contents else None,

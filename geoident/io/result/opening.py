@@ -1,4 +1,4 @@
-"""The group ``/opening`` of a result: the ground reaction of an opening in closed form."""
+"""The groups ``/opening`` and ``/face``: ground reaction in closed form; a face that goes on."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from typing import Any
 
 import h5py
 
-from geoident.io.result.hdf5 import TableReader, TableWriter
-from geoident.model.results.opening import GroundReaction
+from geoident.io.result.hdf5 import TableReader, TableWriter, text_attribute
+from geoident.model.results.opening import FaceAdvance, GroundReaction
 
-GROUP = "opening"
+GROUP, FACE = "opening", "face"
 _ON_CURVE = {"displacement": "m", "plastic_radius": "m"}
 _OF_STAGES = {"stage_pressure": "Pa", "stage_displacement": "m", "stage_plastic_radius": "m"}
 
@@ -61,4 +61,39 @@ def read_reaction(file: h5py.File) -> GroundReaction:
         stages=stages,
         radii=radii,
         **found,
+    )
+
+
+def write_advance(file: h5py.File, found: FaceAdvance) -> None:
+    """Writes ``/face``: the profile, and what distances to the face say of the stages.
+
+    Args:
+        file: the result.
+        found: they.
+    """
+    out = TableWriter(file, FACE, {"distance": found.distance, "stage": found.stages})
+    out.group["distance"].attrs["unit"] = "m"
+    out.group.attrs["radius"] = float(found.radius)
+    text_attribute(out.group.id, "profile", found.law)
+    out.add("share", found.share, "distance")
+    out.add("stage_distance", found.stage_distance, "stage", unit="m")
+    for name in ("stage_share", "stage_released", "stage_zero"):
+        out.add(name, getattr(found, name), "stage")
+
+
+def read_advance(file: h5py.File) -> FaceAdvance:
+    """What was written of a face."""
+    group = TableReader(file, FACE)
+    distance, stages = group.array("distance", "f"), group.texts("stage")
+    s = len(stages)
+    return FaceAdvance(
+        law=group.attribute("profile", str),
+        radius=group.attribute("radius", float),
+        distance=distance,
+        share=group.floats("share", len(distance)),
+        stages=stages,
+        stage_distance=group.floats("stage_distance", s),
+        stage_share=group.floats("stage_share", s),
+        stage_released=group.floats("stage_released", s),
+        stage_zero=group.bools("stage_zero", s),
     )

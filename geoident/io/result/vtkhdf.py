@@ -25,6 +25,7 @@ from geoident.model.cells import CELLS
 from geoident.model.mesh import ElementBlock, Mesh
 from geoident.model.results.result import FieldSeries
 from geoident.model.results.varied import FieldEstimate
+from geoident.model.results.yielded import Mechanism
 
 HIDDEN_CELL = 32
 GROUP = "VTKHDF"
@@ -74,7 +75,10 @@ def sidecar_target(path: str | Path) -> str | None:
 
 
 def write_fields(
-    file: h5py.File, fields: FieldSeries, varied: Sequence[FieldEstimate] = ()
+    file: h5py.File,
+    fields: FieldSeries,
+    varied: Sequence[FieldEstimate] = (),
+    mechanism: Mechanism | None = None,
 ) -> None:
     """Writes ``/VTKHDF`` and ``/mesh``.
 
@@ -83,6 +87,7 @@ def write_fields(
         fields: the states.
         varied: constants that vary from place to place, as cell data that are the same at all
             states: ``NAME``, ``NAME.sd`` (of the logarithm) and ``NAME.reduction``.
+        mechanism: of a collapse, as point data ``mechanism`` and cell data ``mechanism_shear``.
     """
     group = file.create_group(GROUP)
     group.attrs["Version"] = np.array([2, 0], dtype=np.int64)
@@ -99,13 +104,19 @@ def write_fields(
         "number": element_numbers(fields.mesh),
         **varied_cells(varied, fields.mesh.n_elements),
     }
-    _write_data(group, "PointData", {"displacement": with_z(fields.displacement)})
+    moving, shearing = mechanism_arrays(mechanism, len(fields.present))
+    point_data = {"displacement": with_z(fields.displacement), **moving}
+    cell_data |= shearing
+    _write_data(group, "PointData", point_data)
     _write_data(group, "CellData", cell_data | static)
     group["PointData/displacement"].attrs["unit"] = "m"
     group["CellData/stress"].attrs["unit"] = "Pa"
     names = texts(tuple(fields.mesh.groups))
     group["CellData/group"].attrs.create("names", names, dtype=h5py.string_dtype())
-    _write_steps(group, fields.mesh, len(fields.present), (*cell_data,), (*static,))
+    sizes = {f"PointData/{name}": fields.mesh.n_nodes for name in point_data}
+    sizes |= {f"CellData/{name}": fields.mesh.n_elements for name in cell_data}
+    sizes |= {f"CellData/{name}": 0 for name in static}
+    _write_step_offsets(group, len(fields.present), sizes)
     _write_mesh(file.create_group("mesh"), fields.mesh)
 
 
@@ -171,6 +182,27 @@ def varied_cells(varied: Sequence[FieldEstimate], n_elements: int) -> dict[str, 
     return cells
 
 
+def mechanism_arrays(
+    found: Mechanism | None, states: int
+) -> tuple[dict[str, Floats], dict[str, Floats]]:
+    """The mechanism of a collapse at nodes and in elements, zero at states other than its own.
+
+    Args:
+        found: the mechanism; None for no arrays.
+        states: how many there are.
+
+    Returns:
+        ``mechanism``, velocities (n_states, n_nodes, 3), and ``mechanism_shear``, rates of shear
+        (n_states, n_elements), both in parts of the largest.
+    """
+    if found is None:
+        return {}, {}
+    velocity = np.zeros((states, *found.velocity.shape))
+    shear = np.zeros((states, len(found.shear)))
+    velocity[found.state], shear[found.state] = found.velocity, found.shear
+    return {"mechanism": with_z(velocity)}, {"mechanism_shear": shear}
+
+
 def _write_grid(group: h5py.Group, mesh: Mesh) -> None:
     sizes = [np.full(len(block), block.nodes.shape[1]) for block in mesh.blocks]
     types = [np.full(len(block), CELLS[block.kind].vtk) for block in mesh.blocks]
@@ -190,14 +222,6 @@ def _write_data(group: h5py.Group, name: str, arrays: Mapping[str, npt.NDArray[A
     data = group.create_group(name)
     for key, array in arrays.items():
         data[key] = array.reshape(-1, *array.shape[2:])
-
-
-def _write_steps(
-    group: h5py.Group, mesh: Mesh, states: int, cells: tuple[str, ...], static: tuple[str, ...]
-) -> None:
-    sizes = {"PointData/displacement": mesh.n_nodes}
-    sizes |= {f"CellData/{name}": mesh.n_elements for name in cells}
-    _write_step_offsets(group, states, sizes | {f"CellData/{name}": 0 for name in static})
 
 
 def _write_step_offsets(group: h5py.Group, states: int, sizes: Mapping[str, int]) -> None:

@@ -21,6 +21,7 @@ from geoident.io.result.vtkhdf import (
     LINE,
     element_groups,
     element_numbers,
+    mechanism_arrays,
     varied_cells,
     with_z,
 )
@@ -29,6 +30,7 @@ from geoident.model.cells import CELLS
 from geoident.model.mesh import Mesh, rows_in
 from geoident.model.results.result import FieldSeries, MemberForces
 from geoident.model.results.varied import FieldEstimate
+from geoident.model.results.yielded import Mechanism
 
 Arrays = Mapping[str, npt.NDArray[Any]]
 _BLOCK = 1 << 20  # bytes of an array that are compressed together
@@ -40,7 +42,11 @@ _HEAD = (
 
 
 def write_vtu(
-    fields: FieldSeries, state: int, path: str | Path, varied: Sequence[FieldEstimate] = ()
+    fields: FieldSeries,
+    state: int,
+    path: str | Path,
+    varied: Sequence[FieldEstimate] = (),
+    mechanism: Mechanism | None = None,
 ) -> None:
     """Writes what is present at a state.
 
@@ -53,7 +59,9 @@ def write_vtu(
         state: 0 is the virgin state.
         path: the file.
         varied: constants that vary from place to place, as cell data.
+        mechanism: of a collapse, as point data ``mechanism`` and cell data ``mechanism_shear``.
     """
+    moving, shearing = mechanism_arrays(mechanism, len(fields.present))
     mesh, present = fields.mesh, np.flatnonzero(fields.present[state])
     types, sizes, nodes = _cells(mesh, present)
     kept, connectivity = np.unique(nodes, return_inverse=True)
@@ -63,6 +71,7 @@ def write_vtu(
         "group": element_groups(mesh)[present],
         "number": element_numbers(mesh)[present],
         **{k: v[present] for k, v in varied_cells(varied, mesh.n_elements).items()},
+        **{k: v[state, present] for k, v in shearing.items()},
     }
     topology: Arrays = {
         "connectivity": connectivity.astype(np.int64),
@@ -74,10 +83,11 @@ def write_vtu(
         file.write("<UnstructuredGrid>\n")
         file.write(f'<Piece NumberOfPoints="{len(kept)}" NumberOfCells="{len(types)}">\n')
         points = {"Points": with_z(mesh.points[kept])}
-        displacement = {"displacement": with_z(fields.displacement[state, kept])}
+        at_points = {"displacement": with_z(fields.displacement[state, kept])}
+        at_points |= {k: v[state, kept] for k, v in moving.items()}
         file.writelines(_section("Points", points))
         file.writelines(_section("Cells", topology))
-        file.writelines(_section("PointData", displacement))
+        file.writelines(_section("PointData", at_points))
         file.writelines(_section("CellData", cells))
         file.write("</Piece>\n</UnstructuredGrid>\n</VTKFile>\n")
 

@@ -24,6 +24,8 @@ _QUOTED = re.compile(r"'([^']*)'")
 _MISSING_HINTS = {
     "bounds": "Bounds are required: write 'bounds: [LOWER, UPPER]'.",
     "format": "Write 'format: geoident-case/1' in the first line.",
+    "type": "Say which yield surface: 'type: mohr-coulomb' with cohesion, friction and dilation, "
+    "or tresca, hoek-brown, drucker-prager, weak-plane, planes.",
     "accuracy": "Write the standard deviation of one reading, such as 'accuracy: 0.1 mm'.",
 }
 _KINDS = {
@@ -148,7 +150,8 @@ def _add_wrong_tag(faults: Faults, path: KeyPath, node: Node, context: dict[str,
     elif "tag" in context:
         _add_not_listed(faults, (*path, name), str(context["tag"]), context["expected_tags"])
     else:
-        faults.add(path, "missing-key", f"'{name}' is missing", f"Add '{name}: ...'.", key=True)
+        hint = _MISSING_HINTS.get(name, f"Add '{name}: ...'.")
+        faults.add(path, "missing-key", f"'{name}' is missing", hint, key=True)
 
 
 def _add_not_listed(faults: Faults, path: KeyPath, found: str, expected: str) -> None:

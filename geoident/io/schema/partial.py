@@ -61,6 +61,8 @@ _NAMES = {
     "unused-parameter": "materials",
 }
 """Code of a fault to the key of which something must be left for it to be known."""
+_MODEL_NEEDS = {"kind", "function", "file", "face", "sections", "C_inf", "X", "m", "T", "n"}
+"""Keys of `model` without which nothing can be said of it."""
 _REFERENCE = re.compile(r"\$\{?([A-Za-z_]\w*)")
 
 
@@ -75,6 +77,8 @@ class Rest:
         used: parameters that these refer to.
         empty: one of them holds none of what it should.
         whole: keys of the first level of which nothing is left.
+        stand_ins: how messages and paths name entries of a model elsewhere that are left out, or in
+            whose place something else stands.
     """
 
     places: Places
@@ -83,6 +87,7 @@ class Rest:
     used: frozenset[str] = frozenset()
     empty: bool = False
     whole: frozenset[str] = frozenset()
+    stand_ins: frozenset[str] = frozenset()
 
     @classmethod
     def all_of(cls, places: Places) -> Rest:
@@ -107,17 +112,26 @@ class Rest:
         data = copy.deepcopy(self.places.data)
         if not isinstance(data, dict):
             return None
-        keys, names = set(self.keys), set(self.names)
+        keys, names, stand_ins = set(self.keys), set(self.names), set(self.stand_ins)
         gone: list[Node] = []
         for path in sorted(set(faults), key=len, reverse=True):
-            if not path or not _take(data, path, names, gone):
+            if not path:
+                return None
+            of_model = path[0] == "model"
+            taken = (
+                _take_of_model(data, path, stand_ins)
+                if of_model
+                else _take(data, path, names, gone)
+            )
+            if not taken:
                 return None
             keys.add(ZERO if _is_zero(path) else str(path[0]))
         whole = {key for key in keys if not data.get(key)}
-        if not data.get("materials"):
-            data["materials"] = {_STAND_IN: dict(_ANY)}
-        if not data.get("groups"):
-            data["groups"] = {_STAND_IN: next(_names_in(data["materials"]), _STAND_IN)}
+        if "model" not in data:  # which has no ground
+            if not data.get("materials"):
+                data["materials"] = {_STAND_IN: dict(_ANY)}
+            if not data.get("groups"):
+                data["groups"] = {_STAND_IN: next(_names_in(data["materials"]), _STAND_IN)}
         if whole & {"materials", "groups"}:
             names.add(_STAND_IN)
         names.update(_words(gone))
@@ -128,6 +142,7 @@ class Rest:
             self.used | frozenset(_REFERENCE.findall(str(gone))),
             self.empty or any(not isinstance(node, dict | list) for node in gone),
             self.whole | whole,
+            frozenset(stand_ins),
         )
 
     def independent(self, faults: Iterable[Fault]) -> list[Fault]:
@@ -142,7 +157,9 @@ class Rest:
         names = (f"'{name}{end}" for name in self.names | self.used for end in ("'", "."))
         if any(name in fault.message for name in names):
             return False
-        if fault.code == "unused-parameter" and self.empty:
+        if fault.code == "unused-parameter" and (self.empty or "model.inputs" in self.stand_ins):
+            return False
+        if any(fault.path.startswith(path) or path in fault.message for path in self.stand_ins):
             return False
         if self.keys & _ASKS_FOR.get(fault.code, set()):
             return False
@@ -170,6 +187,39 @@ def _take(data: dict[str, Node], path: KeyPath, names: set[str], gone: list[Node
         return True
     data[key] = next(iter(get_close_matches(str(holder), _KEPT[key], n=1)), None)
     return data[key] is not None
+
+
+def _take_of_model(data: dict[str, Node], path: KeyPath, stand_ins: set[str]) -> bool:
+    """Take the entry of a model elsewhere that holds a fault; whether the rest can be judged."""
+    model = data.get("model")
+    if not isinstance(model, dict) or len(path) < 2 or path[1] in _MODEL_NEEDS:
+        return False
+    key, held = str(path[1]), model.get(str(path[1]))
+    if key == "command":
+        model[key] = [_STAND_IN]
+    elif key == "outputs":
+        if len(path) < 3 or not isinstance(held, list) or not isinstance(path[2], int):
+            return False
+        held[path[2]] = _any_output(held[path[2]], path)
+        stand_ins.add(f"outputs[{path[2]}]")
+        stand_ins.add(f"model.outputs[{path[2]}]")
+    elif key == "inputs":
+        if len(path) < 3 or not isinstance(held, dict) or len(held) < 2:
+            return False
+        held.pop(str(path[2]), None)
+        stand_ins.add("model.inputs")  # it may be what has the field of a parameter
+    else:
+        model.pop(key, None)
+    return True
+
+
+def _any_output(entry: Node, path: KeyPath) -> Node:
+    """In place of a wrong entry of outputs: it finds the same readings, whatever it does."""
+    found: dict[str, Node] = {"file": _STAND_IN, "column": _STAND_IN, "unit": "1"}
+    for key in ("gauges", "stages"):
+        if isinstance(entry, dict) and key in entry and path[3:4] != (key,):
+            found[key] = entry[key]
+    return found
 
 
 def _take_named(holder: dict[str, Node], path: KeyPath, names: set[str], gone: list[Node]) -> None:

@@ -325,6 +325,17 @@ def quantity_pattern(units: Any) -> str:
     return rf"{NUMBER_PATTERN}(\s*({alternatives})){needed}"
 
 
+def or_words(described: dict[str, Any], *words: str) -> None:
+    """Lets some words match, too, where the pattern of a number does.
+
+    Args:
+        described: the JSON schema of the number, which is changed.
+        words: that may stand in its place.
+    """
+    number = described["pattern"].removeprefix(r"^\s*(").removesuffix(r")\s*$")
+    described["pattern"] = rf"^\s*({'|'.join((number, *words))})\s*$"
+
+
 def share_unit(value: object) -> object:
     """A list whose bare numbers take the unit of the last entry: ``[12.5, 3 m]``.
 

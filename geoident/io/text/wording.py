@@ -60,21 +60,36 @@ def nearest(word: str, known: Iterable[str]) -> str:
 
 OTHER_WORDS = {
     "anchor-cell": "load-cell",
+    "c": "cohesion",
+    "c'": "cohesion",
     "conv": "convergence",
     "crackmeter": "convergence",
+    "cu": "strength",
+    "dilatancy": "dilation",
     "distometer": "convergence",
     "earth-pressure-cell": "pressure-cell",
     "insar": "line-of-sight",
     "jointmeter": "convergence",
     "level": "levelling",
     "pendulum": "displacement",
+    "phi": "friction",
+    "phi'": "friction",
+    "poisson": "nu",
     "pore-pressure": "piezometer",
     "prism": "target",
+    "psi": "dilation",
+    "rho": "density",
+    "sigma_ci": "sigci",
     "strain-gauge": "strain",
+    "su": "strength",
     "tape-extensometer": "convergence",
+    "tensile": "tension",
+    "tensile_strength": "tension",
     "tiltmeter": "tilt",
+    "ucs": "sigci",
+    "young": "e",
 }
-"""What people call things that go by another name here; all in small letters."""
+"""What people call things and keys that go by another name here; all in small letters."""
 
 
 def listing(names: Iterable[str]) -> str:

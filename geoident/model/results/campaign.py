@@ -132,6 +132,7 @@ class CampaignTable:
         total: number of all runs.
         versions: of the program and the libraries.
         created: date and time.
+        outdated: a sentence where they were made from an earlier fit than its file holds now.
     """
 
     title: str
@@ -143,6 +144,7 @@ class CampaignTable:
     total: int
     versions: dict[str, str]
     created: str
+    outdated: str = ""
 
     @property
     def parameter_names(self) -> tuple[str, ...]:

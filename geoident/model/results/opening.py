@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from geoident.model.arrays import Floats
+from geoident.model.arrays import Bools, Floats
 
 
 @dataclass(frozen=True)
@@ -45,3 +45,30 @@ class GroundReaction:
     radii: Floats
     radial: Floats
     hoop: Floats
+
+
+@dataclass(frozen=True)
+class FaceAdvance:
+    """How a tunnel's wall moves as the face goes on, and what the stages of a case release.
+
+    Args:
+        law: name of the longitudinal displacement profile.
+        radius: of the tunnel, m.
+        distance: (k,) of the section behind the face, m, ascending.
+        share: (k,) part of its final motion that the wall has made there.
+        stages: names of the s stages that a distance speaks for.
+        stage_distance: (s,) of each, m.
+        stage_share: (s,) part of the final motion at each.
+        stage_released: (s,) part of the stress that is released at each.
+        stage_zero: (s,) whether gauges read zero at its end.
+    """
+
+    law: str
+    radius: float
+    distance: Floats
+    share: Floats
+    stages: tuple[str, ...]
+    stage_distance: Floats
+    stage_share: Floats
+    stage_released: Floats
+    stage_zero: Bools

@@ -16,7 +16,7 @@ from geoident.model.gauges import ErrorParts, ReadingTable
 from geoident.model.mesh import Mesh
 from geoident.model.parameter import Prior
 from geoident.model.results.model_error import ModelErrorTable
-from geoident.model.results.opening import GroundReaction
+from geoident.model.results.opening import FaceAdvance, GroundReaction
 from geoident.model.results.posterior import PosteriorDraws
 from geoident.model.results.reduced import KeptReducedModel
 from geoident.model.results.rivals import Evidence, ModelComparison, Rivals
@@ -547,6 +547,7 @@ class Result:
         yielded: how far ground yields, or None where nothing can.
         mechanism: how the ground moves at the first stage that collapses, or None.
         reaction: of the ground around an opening in closed form, or None.
+        advance: of a tunnel whose stages say how far its face is, or None.
         reduced: a reduced model that was to be kept, or None.
         certificate: what an identification of yield limits can say for itself, or None.
         accuracies: those that were estimated, or None.
@@ -587,6 +588,7 @@ class Result:
     yielded: YieldedGround | None = None
     mechanism: Mechanism | None = None
     reaction: GroundReaction | None = None
+    advance: FaceAdvance | None = None
     reduced: KeptReducedModel | None = None
     certificate: Certificate | None = None
     accuracies: AccuracyTable | None = None

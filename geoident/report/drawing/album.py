@@ -10,6 +10,7 @@ from geoident.report.drawing.backtest import backtest_pictures
 from geoident.report.drawing.fields.mechanism import mechanism_picture
 from geoident.report.drawing.fields.pictures import field_pictures
 from geoident.report.drawing.forces import structure_pictures
+from geoident.report.drawing.gauges.advance import advance_pictures
 from geoident.report.drawing.gauges.compared import compared_gauge_pictures
 from geoident.report.drawing.gauges.course import face_pictures, reading_pictures
 from geoident.report.drawing.gauges.profiles import profile_pictures
@@ -74,6 +75,7 @@ def album(result: Result, *, prefix: str = "") -> Album:
             *profile_pictures(result),
             *reading_pictures(result),
             *face_pictures(result),
+            *advance_pictures(result),
             *sign_pictures(result),
         ),
         fields,

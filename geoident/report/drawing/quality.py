@@ -26,8 +26,8 @@ from geoident.report.drawing.style import (
     marker,
     short,
 )
-from geoident.report.text.gauges import OUTLIER, in_sd_note, standardized
 from geoident.report.text.layout import number
+from geoident.report.text.residuals import OUTLIER, in_sd_note, standardized
 
 _MOST_ROWS = 60
 _MOST_NAMES = 30

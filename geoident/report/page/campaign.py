@@ -5,9 +5,11 @@ from __future__ import annotations
 from pathlib import PurePosixPath
 
 from geoident.model.results.campaign import CampaignTable
+from geoident.model.results.head import NO_HEAD, ReportHead
 from geoident.report.drawing.campaign import campaign_pictures
-from geoident.report.page.blocks import Draw, Figures, TitledTable, body, contents, section
-from geoident.report.page.html import page, tag
+from geoident.report.page.blocks import Draw, Figures, TitledTable, section
+from geoident.report.page.headed import PageHead, headed_page
+from geoident.report.page.html import tag
 from geoident.report.text.campaign.tables import (
     failed_table,
     outcome_sentences,
@@ -17,15 +19,17 @@ from geoident.report.text.campaign.tables import (
 from geoident.report.text.layout import TextTable
 
 
-def campaign_page(table: CampaignTable, *, draw: Draw, title: str = "") -> str:
+def campaign_page(
+    table: CampaignTable, head: ReportHead = NO_HEAD, *, logo: bytes = b"", draw: Draw
+) -> str:
     """The report of a campaign as one page.
 
     Args:
         table: its runs.
+        head: what it says of itself.
+        logo: content of the file of the logo.
         draw: makes the figures.
-        title: in place of that of the campaign.
     """
-    shown = title or table.title or f"Campaign {PurePosixPath(table.campaign_file).name}"
     left_out = runs_left_out(table)
     parts = (
         section(
@@ -41,8 +45,9 @@ def campaign_page(table: CampaignTable, *, draw: Draw, title: str = "") -> str:
         ),
         section("Provenance", TitledTable("Where this comes from", _provenance(table))),
     )
-    head = tag("header", tag("h1", shown), tag("p", f"Computed {table.created.partition('T')[0]}"))
-    return page(f"{shown} - geoident", head, contents(parts), tag("main", body(parts, draw)))
+    title = table.title or f"Campaign {PurePosixPath(table.campaign_file).name}"
+    version = table.versions.get("geoident", "")
+    return headed_page(PageHead(title, [table.created], [version], head, logo), parts, draw)
 
 
 def _provenance(table: CampaignTable) -> TextTable:

@@ -20,12 +20,10 @@ from geoident.report.page.blocks import (
     Figures,
     PagePart,
     TitledTable,
-    body,
-    contents,
     section,
 )
-from geoident.report.page.html import Html, joined, page, table, tag
-from geoident.report.page.logo import logo_element
+from geoident.report.page.headed import PageHead, headed_page
+from geoident.report.page.html import Html, joined, table, tag
 from geoident.report.text import (
     accuracies,
     backtest,
@@ -38,21 +36,20 @@ from geoident.report.text import (
 )
 from geoident.report.text.case import case_entries, case_title
 from geoident.report.text.errors import model_error, surface
-from geoident.report.text.gauges import (
-    OUTLIER,
-    in_sd_note,
-    influence_table,
-    influence_title,
-    outliers,
-    reading_table,
-    unit_title,
-)
+from geoident.report.text.gauges import reading_table, unit_title
 from geoident.report.text.inputs.construction import construction_table
 from geoident.report.text.inputs.materials import ground_sentences, materials_table
 from geoident.report.text.inputs.numbers import SaidNumbers, entries
 from geoident.report.text.inputs.structures import structures_table, supports_table
 from geoident.report.text.layout import TextTable, number
 from geoident.report.text.parameters import compared_parameters, parameter_table
+from geoident.report.text.residuals import (
+    OUTLIER,
+    in_sd_note,
+    influence_table,
+    influence_title,
+    outliers,
+)
 from geoident.report.text.result import compared_outcomes, counts_text, outcome_sentences, warnings
 
 _MOST_OUTLIERS = 20
@@ -80,48 +77,19 @@ def report_page(
     """
     if len(results) == 1:
         ((label, result),) = results
-        title = head.title or case_title(result) or label
+        title = case_title(result) or label
         sections = _parts(result)
     else:
-        title = head.title or "Comparison of " + ", ".join(label for label, _ in results)
+        title = "Comparison of " + ", ".join(label for label, _ in results)
         sections = _compared(results)
-    drawn = body(sections, draw or _one_by_one)
-    right = ", ".join(part for part in (head.client, _revision(head), head.date) if part)
-    margins = (head.project or title, right if head.project else "")
-    return page(
-        f"{title} - geoident",
-        _head(title, head, results, logo),
-        contents(sections),
-        tag("main", drawn),
-        margins=margins,
-    )
+    origins = [result.provenance for _, result in results]
+    versions = [one.versions.get("geoident", "") for one in origins]
+    above = PageHead(title, [one.created for one in origins], versions, head, logo)
+    return headed_page(above, sections, draw or _one_by_one)
 
 
 def _one_by_one(pictures: Sequence[Picture]) -> list[bytes]:
     return [image(picture, "svg") for picture in pictures]
-
-
-def _revision(head: ReportHead) -> str:
-    return f"revision {head.revision}" if head.revision else ""
-
-
-def _head(title: str, head: ReportHead, results: Labelled, logo: bytes) -> Html:
-    """What the page is, of what, for whom, by whom."""
-    versions = {result.provenance.versions.get("geoident", "") for _, result in results} - {""}
-    computed = sorted({result.provenance.created.partition("T")[0] for _, result in results})
-    rows = [
-        ("Project", head.project),
-        ("Client", head.client),
-        ("Author", head.author),
-        ("Revision", head.revision),
-        ("Date", head.date),
-        ("Computed", f"{', '.join(computed)}, geoident {', '.join(sorted(versions))}"),
-    ]
-    entries = [tag(name, text) for key, text in rows if text for name, text in
-               (("dt", key), ("dd", text))]  # fmt: skip
-    picture = logo_element(logo, head.logo) if logo else Html("")
-    words = tag("div", tag("h1", title), tag("dl", *entries))
-    return tag("header", tag("div", words, picture, class_="head"))
 
 
 def _compared(results: Labelled) -> tuple[PagePart, ...]:

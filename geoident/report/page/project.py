@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from geoident.model.results.head import NO_HEAD, ReportHead
 from geoident.model.results.project import ProjectResult, SectionEnd
 from geoident.report.drawing.project.laws import estimate_pictures, law_pictures
 from geoident.report.drawing.project.readings import reading_pictures
@@ -9,36 +10,37 @@ from geoident.report.page.blocks import (
     Draw,
     Figures,
     TitledTable,
-    body,
-    contents,
     section,
 )
-from geoident.report.page.html import Html, page, tag
+from geoident.report.page.headed import PageHead, headed_page
+from geoident.report.page.html import Html, tag
 from geoident.report.text.layout import TextTable
 from geoident.report.text.project.tables import (
     bands_table,
     common_table,
-    head,
     laws_table,
     left_out_table,
     parameters_table,
     sections_table,
 )
+from geoident.report.text.project.tables import head as summary
 
 
-def project_page(result: ProjectResult, *, draw: Draw, title: str = "") -> str:
+def project_page(
+    result: ProjectResult, head: ReportHead = NO_HEAD, *, logo: bytes = b"", draw: Draw
+) -> str:
     """The report of several sections as one page.
 
     Args:
         result: of their fit.
+        head: what it says of itself.
+        logo: content of the file of the logo.
         draw: makes the figures.
-        title: in place of that of the project.
     """
-    shown = title or result.title or f"Project {result.provenance.case_file}"
     parts = (
         section(
             "Summary",
-            tag("p", " ".join(head(result).split()), class_="lead"),
+            tag("p", " ".join(summary(result).split()), class_="lead"),
             TitledTable("Common to all sections", common_table(result)),
             TitledTable("Laws, and how far sections scatter about them", laws_table(result)),
         ),
@@ -62,9 +64,10 @@ def project_page(result: ProjectResult, *, draw: Draw, title: str = "") -> str:
         section("Notes", _list(result.notes)),
         section("Provenance", TitledTable("Where this comes from", _provenance(result))),
     )
-    created = result.provenance.created.partition("T")[0]
-    above = tag("header", tag("h1", shown), tag("p", f"Computed {created}"))
-    return page(f"{shown} - geoident", above, contents(parts), tag("main", body(parts, draw)))
+    origin = result.provenance
+    title = result.title or f"Project {origin.case_file}"
+    version = origin.versions.get("geoident", "")
+    return headed_page(PageHead(title, [origin.created], [version], head, logo), parts, draw)
 
 
 def _list(sentences: tuple[str, ...]) -> Html:

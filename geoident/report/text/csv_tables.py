@@ -20,16 +20,15 @@ from geoident.model.results.posterior import LEVELS
 from geoident.model.results.result import Grid, ParameterTable, Result
 from geoident.report.text.accuracies import accuracies_list
 from geoident.report.text.backtest import csv_fit_rows, csv_rows
-from geoident.report.text.gauges import (
+from geoident.report.text.gauges import by_stage, each_reading
+from geoident.report.text.parameters import prior_in_unit
+from geoident.report.text.posterior import draw_rows
+from geoident.report.text.residuals import (
     by_distance,
-    by_stage,
     compared_with,
-    each_reading,
     standardized,
     wide_diagnostics,
 )
-from geoident.report.text.parameters import prior_in_unit
-from geoident.report.text.posterior import draw_rows
 from geoident.units import in_unit, shown_unit
 
 CsvCell = str | int | float | bool

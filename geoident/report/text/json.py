@@ -25,14 +25,9 @@ from geoident.report.text.backtest import backtest_object
 from geoident.report.text.errors.model_error import model_error_object
 from geoident.report.text.errors.surface import surface_object
 from geoident.report.text.extent import yielded_list
-from geoident.report.text.gauges import (
-    by_stage,
-    compared_with,
-    diagnostics_object,
-    each_reading,
-    moment_text,
-)
+from geoident.report.text.gauges import by_stage, each_reading, moment_text
 from geoident.report.text.posterior import posterior_object
+from geoident.report.text.residuals import compared_with, diagnostics_object
 from geoident.report.text.rivals import models_object, rivals_list
 from geoident.report.text.structures import reactions_list, structures_list
 from geoident.report.text.varied import varied_list

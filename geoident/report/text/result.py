@@ -23,19 +23,7 @@ from geoident.report.text import (
     yielding,
 )
 from geoident.report.text.errors import model_error, surface
-from geoident.report.text.gauges import (
-    OUTLIER,
-    fit_table,
-    fit_title,
-    in_sd_note,
-    influence_table,
-    influence_title,
-    outliers,
-    prediction_table,
-    prediction_title,
-    rms,
-    scored,
-)
+from geoident.report.text.gauges import fit_table, fit_title, prediction_table, prediction_title
 from geoident.report.text.layout import (
     TextTable,
     bullets,
@@ -50,6 +38,15 @@ from geoident.report.text.parameters import (
     nearer_bound,
     parameters_text,
     value_sentence,
+)
+from geoident.report.text.residuals import (
+    OUTLIER,
+    in_sd_note,
+    influence_table,
+    influence_title,
+    outliers,
+    rms,
+    scored,
 )
 
 _STATUS = {

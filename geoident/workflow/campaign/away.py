@@ -13,9 +13,9 @@ from functools import partial
 from pathlib import Path
 
 from geoident.errors import ExitCode, Fault, InputError, Location
-from geoident.io.case.file import named_files
 from geoident.io.result.file import read_identity
 from geoident.io.text.atomic import atomic_output, make_folder
+from geoident.io.text.named_files import named_files
 from geoident.io.text.text_file import decode, read_bytes
 from geoident.io.text.yaml_reader import MAX_BYTES, parse_yaml
 from geoident.model.cluster import Cluster

@@ -13,7 +13,7 @@ from geoident import __version__
 from geoident.errors import Fault, InputError, Location, OutputError, Term
 from geoident.forward.elsewhere.model import ElsewhereModel
 from geoident.io.campaign.file import FaultyCampaign, read_campaign
-from geoident.io.case.file import FaultyCase, named_files, parse_case
+from geoident.io.case.file import FaultyCase, parse_case
 from geoident.io.mesh.file import mesh_files
 from geoident.io.result.campaign import (
     CampaignHead,
@@ -21,9 +21,10 @@ from geoident.io.result.campaign import (
     read_journal,
     tables_are_newer,
 )
-from geoident.io.result.file import FORMAT
+from geoident.io.result.file import FORMAT, read_identity
 from geoident.io.text.campaign_folder import JOURNAL
 from geoident.io.text.faults import OVERRIDES, shortened
+from geoident.io.text.named_files import named_files
 from geoident.io.text.overrides import parse_path
 from geoident.io.text.text_file import decode, read_bytes, seen_from
 from geoident.io.text.yaml_reader import MAX_BYTES, Node, parse_yaml
@@ -69,6 +70,7 @@ class CampaignPlan:
         known: name to record of those that need not be computed.
         inputs: paths of all that is read, which no output may replace.
         settled: journal and tables have these runs and no others, all of them known.
+        fit: `Result.fingerprint` of the fit that is predicted from; empty where nothing is.
     """
 
     campaign: Campaign
@@ -78,6 +80,7 @@ class CampaignPlan:
     known: Mapping[str, RunRecord]
     inputs: tuple[str, ...]
     settled: bool = False
+    fit: str = ""
 
     @property
     def left(self) -> tuple[PlannedRun, ...]:
@@ -94,6 +97,8 @@ class CampaignPlan:
             case_file=seen_from(self.folder, self.campaign.case),
             paths=self.paths,
             total=len(self.runs),
+            fit_file=seen_from(self.folder, self.campaign.result) if self.campaign.result else "",
+            fit_fingerprint=self.fit,
         )
 
 
@@ -125,14 +130,15 @@ def plan_campaign(
         raise InputError(_in_order((*error.faults, *further))) from error
     variations = _variations(campaign)
     folder, paths = folder_of(path, output), paths_of(variations)
-    inputs = _inputs(campaign, variations)
-    runs = _runs(campaign, variations, paths, inputs)
+    data = _base(campaign)
+    inputs, fit = _inputs(campaign, variations, data), _fit(campaign)
+    runs = _runs(campaign, variations, paths, _depends_on(campaign, variations, data, fit))
     _require_own(folder, path, force=force)
     known: dict[str, RunRecord] = {}
     head, records = (None, ()) if fresh else read_journal(folder)
     if records:
         known = _known(runs, records, folder)
-    plan = CampaignPlan(campaign, folder, paths, runs, known, inputs)
+    plan = CampaignPlan(campaign, folder, paths, runs, known, inputs, fit=fit)
     if head == plan.head and len(records) == len(known) == len(runs):
         plan = replace(plan, settled=tables_are_newer(folder))
     left = {run.name for run in plan.left}
@@ -198,18 +204,55 @@ def _require_own(folder: Path, path: str, *, force: bool) -> None:
         raise OutputError(f"{folder}: has the runs of another campaign ({other})\n    {remedy}")
 
 
-def _inputs(campaign: Campaign, variations: Sequence[Variation]) -> tuple[str, ...]:
-    """Paths of the base case and of all files that it or a run names."""
-    folder = Path(campaign.case).parent
+def _base(campaign: Campaign) -> Node:
+    """The base case as mappings, lists and texts."""
     text = decode(read_bytes(campaign.case, limit=MAX_BYTES, what="case"), campaign.case)
-    data = parse_yaml(text, campaign.case).data
+    return parse_yaml(text, campaign.case).data
+
+
+def _fit(campaign: Campaign) -> str:
+    """Fingerprint of the fit that is predicted from; empty where there is none."""
+    found = read_identity(campaign.result) if campaign.result else None
+    return "" if found is None else found.fingerprint
+
+
+def _inputs(campaign: Campaign, variations: Sequence[Variation], data: Node) -> tuple[str, ...]:
+    """Paths of the campaign, of its base case and of all files that this or a run names."""
+    of_fit = [campaign.result] if campaign.result else []
+    named = _named(campaign, variations, data)
+    return tuple(dict.fromkeys((campaign.path, campaign.case, *of_fit, *named)))
+
+
+def _named(campaign: Campaign, variations: Sequence[Variation], data: Node) -> tuple[str, ...]:
+    """Paths of all files that a base case or a run names."""
+    folder = Path(campaign.case).parent
     named = [*named_files(data, folder), *_of_model(campaign, data)]
     values = {value for run in variations for _, value in run.settings}
     named += [str(folder / value) for value in sorted(values | _values(campaign.settings))
               if _is_file(folder / value)]  # fmt: skip
-    parts = [part for name in named for part in mesh_files(name)]
-    of_fit = [campaign.result] if campaign.result else []
-    return tuple(dict.fromkeys((campaign.path, campaign.case, *of_fit, *parts)))
+    return tuple(part for name in named for part in mesh_files(name))
+
+
+def _depends_on(
+    campaign: Campaign, variations: Sequence[Variation], data: Node, fit: str
+) -> list[Node]:
+    """What the runs depend on beside their settings: the base case, and checksums of files.
+
+    No reading enters a simulation, so neither those of the case nor their files count for it.
+
+    Args:
+        campaign: with the base case.
+        variations: what its runs set.
+        data: the base case.
+        fit: fingerprint of the fit that is predicted from.
+    """
+    of_fit: list[Node] = [fit or _sum(campaign.result)] if campaign.result else []
+    if campaign.command != "simulate":
+        return [_sum(campaign.case), *of_fit, *map(_sum, _named(campaign, variations, data))]
+    without = data
+    if isinstance(data, dict):
+        without = {key: value for key, value in data.items() if key != "readings"}
+    return [without, *map(_sum, _named(campaign, variations, without))]
 
 
 def _of_model(campaign: Campaign, data: Node) -> tuple[str, ...]:
@@ -251,13 +294,13 @@ def _runs(
     campaign: Campaign,
     variations: Sequence[Variation],
     paths: Sequence[str],
-    inputs: Sequence[str],
+    depends_on: list[Node],
 ) -> tuple[PlannedRun, ...]:
     common = {
         "command": campaign.command,
         "version": __version__,
         "format": FORMAT,
-        "files": [_sum(path) for path in inputs if path != campaign.path],
+        "inputs": depends_on,
         "settings": campaign.settings,
         "noise": campaign.noise,
         "draw": campaign.draw,

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
-from geoident.errors import Fault, InputError, Location, Term, UsageError
+from geoident.errors import Fault, InputError, Location
 from geoident.io.result.campaign import (
     CampaignHead,
     read_journal,
@@ -15,21 +15,24 @@ from geoident.io.result.campaign import (
 )
 from geoident.io.text.atomic import atomic_output
 from geoident.io.text.campaign_folder import JOURNAL, OVER_ALL, TABLE
-from geoident.io.text.text_file import STDIN
 from geoident.model.results.campaign import CampaignTable, RunRecord
 from geoident.workflow.running.jobs import versions
-from geoident.workflow.running.remade import write_remade
+from geoident.workflow.running.remade import place_of_page, write_remade
+from geoident.workflow.running.result_files import case_path, outdated_words
 
 PAGE = "report.html"
 """Name of the page of a campaign, in its folder."""
 
 
-def table_of(head: CampaignHead, records: Iterable[RunRecord]) -> CampaignTable:
+def table_of(
+    head: CampaignHead, records: Iterable[RunRecord], *, outdated: str = ""
+) -> CampaignTable:
     """The runs of a campaign as a table.
 
     Args:
         head: of the campaign.
         records: of the runs that have ended.
+        outdated: a sentence where they were made from an earlier fit than its file holds now.
     """
     return CampaignTable(
         title=head.title,
@@ -41,6 +44,7 @@ def table_of(head: CampaignHead, records: Iterable[RunRecord]) -> CampaignTable:
         total=head.total,
         versions=versions(),
         created=datetime.now(UTC).isoformat(timespec="seconds"),
+        outdated=outdated,
     )
 
 
@@ -80,36 +84,50 @@ def read_runs(path: str) -> CampaignTable:
         message = f"the folder has no journal of a campaign ({JOURNAL})"
         hint = "Give the folder that `geoident batch` has written, such as CAMPAIGN.batch."
         raise InputError([Fault("no-campaign", message, hint, Location(str(folder)))])
-    return table_of(head, sorted(records, key=lambda record: record.name))
+    return table_of(
+        head, sorted(records, key=lambda record: record.name), outdated=_outdated(head, folder)
+    )
+
+
+def _outdated(head: CampaignHead, folder: Path) -> str:
+    """Whether the fit that is predicted from has changed since."""
+    if not head.fit_file:
+        return ""
+    fit, campaign = (case_path(folder / PAGE, name) for name in (head.fit_file, head.campaign_file))
+    return outdated_words(fit, head.fit_fingerprint, f"geoident batch {campaign}")
 
 
 def write_campaign_page(
-    table: CampaignTable, path: str, content: str, output: str | None, *, force: bool
+    path: str,
+    output: str | None,
+    *,
+    force: bool,
+    inputs: Sequence[str] = (),
+    render: Callable[[CampaignTable], str],
 ) -> str:
     """Write the page of a campaign; an earlier one of it gives way.
 
     Args:
-        table: the campaign.
         path: of its folder, or of a file in it.
-        content: of the page.
         output: where it goes; None for ``report.html`` in the folder.
         force: replace any other file.
+        inputs: files beside the campaign and its case that are not to be replaced.
+        render: makes the page.
 
     Returns:
         Its path.
 
     Raises:
+        InputError: there is no campaign.
         UsageError: it would go to stdout.
         OutputError: something else stands there, or it cannot be written.
     """
-    if output == STDIN:
-        raise UsageError(f"A page cannot be written to stdout: give a file to {Term.OUTPUT}.")
     place = Path(path)
     folder = place if place.is_dir() else place.parent
-    page = folder / PAGE if output is None else Path(output)
-    page = page / PAGE if page.is_dir() else page
+    page = place_of_page(output, folder / PAGE)
+    table = read_runs(path)
     named = (table.campaign_file, table.case_file)
     campaign, case = (os.path.normpath(folder / name) for name in named)
-    write_remade({str(page): content.encode()}, cases=(campaign,), force=force,
-                 inputs=(campaign, case), form="html")  # fmt: skip
+    write_remade({str(page): render(table).encode()}, cases=(campaign,), force=force,
+                 inputs=(campaign, case, *inputs), form="html")  # fmt: skip
     return str(page)

@@ -102,8 +102,8 @@ def estimated(
     """The parameters that meet the readings of a setup, and all that is estimated with them.
 
     Linearised steps are led by the reduced model wherever that is `CERTAIN`, and a search that
-    begins where another ended wherever it is `EXACT`. The model itself is asked at the end; not by
-    the latter where the reduced model is `CERTAIN`.
+    begins where another ended wherever it is `EXACT`. At the end the model itself is asked, unless
+    the reduced model is `CERTAIN` there.
 
     Everything that is said of an estimate (assessment, diagnostics, predictions) is computed from
     the problem that comes back.
@@ -128,7 +128,7 @@ def estimated(
     if isinstance(only, ScanOptions) and staged:
         kept = kept_response(setup)
         problem = with_reduced_readings(problem, used_response(setup), only, kept)
-    search = _Search(methods, control, near)
+    search = _Search(methods, control)
     linear = all(isinstance(options, GaussNewtonOptions) for options in methods)
     exact = EXACT if near else CERTAIN
     with led(problem.response, exact) if near or linear else nullcontext():
@@ -147,13 +147,10 @@ class _Search:
     Args:
         methods: the identifiers to run, one after the other.
         control: progress, budget and stops.
-        near: another fit of the same model has ended near: the model itself need not be asked at
-            the end where the reduced model is `CERTAIN`.
     """
 
     methods: Sequence[MethodOptions]
     control: Control
-    near: bool = False
 
     def identified(self, problem: Problem, methods: Sequence[MethodOptions]) -> Outcome:
         """Run identifiers, one after the other."""
@@ -251,11 +248,14 @@ class _Search:
         return self._with_accuracies(at) if found is None else found
 
     def _confirmed(self, at: SearchState) -> SearchState:
-        """The same, confirmed by the model itself where the reduced model led to it."""
+        """The same, confirmed by the model itself where the reduced model led to it.
+
+        Where that is `CERTAIN` the model would say the same, and is not asked.
+        """
         _, problem, outcome = at
         if outcome.status == STOPPED or not known_nearly(problem.response, outcome.values):
             return at
-        if self.near and known_certainly(problem.response, outcome.values):
+        if known_certainly(problem.response, outcome.values):
             return at
         again = self.descent(problem.begun_at(outcome.values))
         return at._replace(outcome=after(outcome, again))

@@ -81,17 +81,18 @@ Derivatives are less exact than states, and intervals are made of them: they agr
 
 
 def carry_over(
-    log: Log,
+    known: EvaluationArrays | None,
     other: Log,
     p: Floats,
     rows: Bools,
     n_states: int,
     visited: Sequence[Floats] = (),
 ) -> None:
-    """Give a fit of some of the readings of another what that has evaluated at p, if it has.
+    """Give a fit of some of the readings of another what is known of all at p, if it is.
 
     Args:
-        log: of the fit of all.
+        known: readings, derivatives and increments at p, as the log of the fit of all has them or
+            `Remembered.answer` gives them; None for nothing.
         other: of the fit of some.
         p: (n,) parameters, SI.
         rows: (g,) which of the readings of the first the second has too.
@@ -99,7 +100,6 @@ def carry_over(
         visited: (n,) parameters at which the first was evaluated with derivatives: their marches
             serve the reduced model of the second.
     """
-    known = log.find("evaluate", p)
     if known is None or "increments" not in known:
         return
     some = {name: known[name][rows] for name in ("v", "dv_dp")}
@@ -260,6 +260,17 @@ class Remembered:
     def knows_nearly(self, p: Floats) -> bool:
         """Whether at p (n,) the reduced model has answered, and not the model."""
         return p.tobytes() in self._near and ("evaluate", p.tobytes()) not in self._seen
+
+    def answer(self, p: Floats) -> EvaluationArrays | None:
+        """Readings, derivatives and increments at p (n,), where they are known; else None.
+
+        Of the model, or of the reduced model that is `CERTAIN` there.
+        """
+        known = self._log.find("evaluate", p)
+        if known is None and self.knows_certainly(p):
+            with self.led():
+                known = self._instead(p)
+        return known
 
     def lend(self, p: Floats) -> bool:
         """Have marches at p (n,) take the displacements of the reduced model that is `CERTAIN`.

@@ -11,10 +11,28 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from geoident.errors import OutputError, Term
+from geoident.errors import OutputError, Term, UsageError
 from geoident.io.text.atomic import atomic_output, refuse_inputs
 from geoident.io.text.mark import CaseOrigin, marked, origin_of, read_mark
+from geoident.io.text.text_file import STDIN
 from geoident.workflow.running.outputs import set_aside
+
+
+def place_of_page(output: str | None, beside: Path) -> Path:
+    """Where a page goes.
+
+    Args:
+        output: a file, an existing folder, or None for beside what it is made of.
+        beside: the page there; its name is that of the page in a folder, too.
+
+    Raises:
+        UsageError: it would go to stdout.
+    """
+    if output == STDIN:
+        msg = f"A page cannot be written to stdout: give a file or a folder to {Term.OUTPUT}."
+        raise UsageError(msg)
+    place = beside if output is None else Path(output)
+    return place / beside.name if place.is_dir() else place
 
 
 def write_remade(

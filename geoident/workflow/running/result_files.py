@@ -6,9 +6,9 @@ import os
 from dataclasses import replace
 from pathlib import Path
 
-from geoident.io.case.file import files_of_text
 from geoident.io.mesh.file import mesh_files
 from geoident.io.result.file import read_identity
+from geoident.io.text.named_files import files_of_text
 from geoident.io.text.text_file import STDIN
 from geoident.model.results.result import Result
 
@@ -48,13 +48,22 @@ def why_outdated(result: Result, path: str) -> str:
     if not origin.fit_file:
         return ""
     file = case_path(path, origin.fit_file)
-    fit = read_identity(file)
-    if fit is None or fit.fingerprint == origin.fit_fingerprint:
+    again = f"geoident {result.kind} {file}"
+    return outdated_words(file, origin.fit_fingerprint, again)
+
+
+def outdated_words(fit: str, fingerprint: str, again: str) -> str:
+    """A sentence where the file of a fit holds another one than before; else empty.
+
+    Args:
+        fit: path of its file.
+        fingerprint: of the fit that was there.
+        again: the command that makes again what came from it.
+    """
+    now = read_identity(fit)
+    if now is None or now.fingerprint == fingerprint:
         return ""  # a fit that has gone says nothing
-    return (
-        f"Outdated: made from an earlier fit than {file} holds now. "
-        f"`geoident {result.kind} {file}` makes it again."
-    )
+    return f"Outdated: made from an earlier fit than {fit} holds now. `{again}` makes it again."
 
 
 def outdated_beside(fit: Result, path: str) -> tuple[str, ...]:

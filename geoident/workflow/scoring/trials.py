@@ -19,6 +19,7 @@ from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case
 from geoident.model.gauges import ReadingTable
 from geoident.model.methods import ComplementarityOptions, GaussNewtonOptions, MethodOptions
+from geoident.model.response import Response
 from geoident.model.results.backtest import Backtest, BacktestStep, Skipped
 from geoident.model.results.bands import Bands, next_read
 from geoident.model.results.result import Counts, GaugeTable
@@ -30,7 +31,7 @@ from geoident.workflow.estimating.setup import Setup
 from geoident.workflow.executing.looking_ahead import EvaluationArrays
 from geoident.workflow.running.computed import gauge_table
 from geoident.workflow.running.control import Control
-from geoident.workflow.running.evaluation_log import Log, carry_over
+from geoident.workflow.running.evaluation_log import Log, Remembered, carry_over
 from geoident.workflow.running.readings import (
     error_structure,
     reading_table,
@@ -365,7 +366,7 @@ class LastStage:
 
 
 def last_stage(
-    setup: Setup, answer: Floats, log: Log, control: Control, visited: Sequence[Floats] = ()
+    setup: Setup, answer: Floats, log: Log, control: Control, response: Response
 ) -> LastStage:
     """The readings of the last fitted stage, predicted from those before it.
 
@@ -376,7 +377,8 @@ def last_stage(
         answer: (n,) its parameters, SI.
         log: of its evaluations.
         control: progress, budget and stops.
-        visited: (n,) parameters at which it was evaluated, for the reduced model.
+        response: of its search: what that knows at the answer, and of the marches that its reduced
+            model is made of, is not computed again.
 
     Raises:
         Interrupted: a stop was asked for.
@@ -391,7 +393,9 @@ def last_stage(
     readings = setup.readings
     numbers = [setup.case.stage_names.index(stage) for stage in readings.stage]
     earlier = np.array(numbers)[readings.used] <= stages[-2] + 1
-    carry_over(log, part, answer, earlier, stages[-2] + 2, visited)
+    if isinstance(response, Remembered):
+        known, visited = response.answer(answer), response.visited()
+        carry_over(known, part, answer, earlier, stages[-2] + 2, visited)
     try:
         trial = tried(
             setup,

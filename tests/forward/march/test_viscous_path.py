@@ -5,9 +5,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from geoident.forward.march.equilibrium import solve
+from geoident.forward.march.equilibrium import _departs, solve
 from geoident.forward.march.stage_equations import NoEquilibrium, Trial
-from geoident.forward.march.viscous_path import Way, follow, newton
+from geoident.forward.march.viscous_path import NewtonEnd, PathEnd, Way, follow, newton
 
 
 class Given:
@@ -121,3 +121,72 @@ def test_a_hundredth_of_the_load_may_be_left_where_the_path_ends(left, said):
         with pytest.raises(NoEquilibrium) as caught:
             solve(Given(ends, CARRIED[1]), [ZERO])
         assert not caught.value.limit
+
+
+def carried_from(least):
+    """As `CARRIED`, with no zero below a part of the overstress."""
+    return Given(
+        lambda u, mu: CARRIED[0](u, mu) if mu >= least else 1.0,
+        lambda u, mu: CARRIED[1](u, mu) if mu >= least else 1.0,
+    )
+
+
+def test_the_even_flow_may_end_at_hardly_any_viscosity():
+    """A way at 2.1e-4, below 3e-4, is the answer at once; one at 3.4e-4 asks for other ways."""
+    given = carried_from(2e-4)
+    found = solve(given, [ZERO])
+    assert 2e-4 <= found.viscosity < 3e-4
+    assert found.unbalanced == 0.0
+    assert found.trial.du[0] == pytest.approx(np.arctanh(0.5), rel=1e-3)
+    assert 0.05 not in [mu for mu, _ in given.asked]  # where the second way begins
+    assert solve(carried_from(2e-4), [ZERO], even_only=True).viscosity == found.viscosity
+    with pytest.raises(NoEquilibrium):
+        solve(carried_from(3e-4), [ZERO], even_only=True)
+
+
+@pytest.mark.parametrize(("least", "answers"), [(2.5e-3, True), (3.0e-3, False)])
+def test_after_all_ways_it_may_be_ten_times_as_much(least, answers):
+    """The last way comes down to 2.6e-3 and to 3.1e-3; the limit is 3e-3."""
+    given = carried_from(least)
+    if answers:
+        assert least <= solve(given, [ZERO]).viscosity < 3e-3
+        assert 0.05 in [mu for mu, _ in given.asked]
+    else:
+        with pytest.raises(NoEquilibrium):
+            solve(given, [ZERO])
+
+
+@pytest.mark.parametrize(
+    ("end", "mu", "far", "departs"),
+    [
+        # the even flow ends 0.01 short of what it promises
+        (0.99, 1e-3, 0.0101, True), (0.99, 1e-3, -0.0099, False),
+        # it has come nearer than a five-hundredth of 2, the largest displacement
+        (1.0, 1e-3, -0.0041, True), (1.0, 1e-3, 0.0039, False),
+        # an even flow that ends early promises nothing
+        (0.99, 3.1e-3, 0.5, False), (0.99, 2.9e-3, 0.5, True),
+    ],
+)  # fmt: skip
+def test_another_flow_is_farther_from_the_promise_than_the_even_one(end, mu, far, departs):
+    ahead = np.array([1.0, -2.0])
+    trial = Trial(np.array([end, -2.0]), np.zeros((1, 1)), (), ZERO, 1.0)
+    even = PathEnd(NewtonEnd(trial, 1, None, None, converged=True), mu, ahead)
+    assert _departs(np.add(ahead, [far, 0.0]), even) == departs
+
+
+@pytest.mark.parametrize(("end", "viscous"), [(3.0, True), (np.arctanh(0.5), False)])
+def test_bands_that_another_way_has_met_are_not_the_answer(end, viscous):
+    """The first way is lost at 2.3e-3; the second comes to the ground, and to another flow."""
+
+    def again():
+        return 0.05 in (mu for mu, _ in given.asked)  # where the second way begins
+
+    def residual(u, mu):
+        if mu > 1e-3 or (mu > 0.0 and again()):
+            return CARRIED[0](u, mu)
+        return end - u if again() else 1.0
+
+    given = Given(residual, lambda u, mu: CARRIED[1](u, mu) if mu > 1e-3 else 1.0)
+    found = solve(given, [ZERO])
+    assert (found.viscosity > 0.0) == viscous
+    assert found.trial.du[0] == pytest.approx(np.arctanh(0.5), rel=4e-3)

@@ -11,10 +11,10 @@ from support.derivatives import assert_exact, richardson
 from support.yielding import mohr, parameters, rock
 
 from geoident.errors import CollapseError, InputError
-from geoident.forward.openings.advance import PANET, AdvancingFace
+from geoident.forward.openings.advance import CHERN, PANET, AdvancingFace, vlachopoulos_diederichs
 from geoident.model.actions import FaceDistance, FaceProfile
 from geoident.model.case import Stage
-from geoident.model.dual import ParameterPoint
+from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.in_situ import HeimStress
 from geoident.model.parameter import Scalar
 from geoident.model.yielding import HoekBrown
@@ -27,7 +27,7 @@ DISTANCES = (-1.0, 0.0, 1.5, 4.0, 12.0)
 
 
 def profile(law: str, **changes) -> FaceProfile:
-    constants = {"panet": PANET, "chern": (Scalar(1.1), Scalar(1.7))}.get(law, ())
+    constants = {"panet": PANET, "chern": CHERN}.get(law, ())
     settings = {"groups": ("core",), "radius": Scalar(RADIUS), "constants": constants}
     return FaceProfile(law, **{**settings, **changes})
 
@@ -63,6 +63,16 @@ def test_profiles_are_those_of_their_papers(law, ratio, away, share):
     face = AdvancingFace(profile(law, plastic_radius=radius), None)
     found = face.part(FaceDistance(Scalar(away * RADIUS)), NOWHERE, "")
     assert found.value == pytest.approx(share, abs=6e-6)
+
+
+@pytest.mark.parametrize(
+    ("away", "slope"),
+    # s_0 = 0.22910 for R* = 2.5: s_0 exp(x) ahead, 3/2 (1 - s_0) / R* exp(-3/2 x / R*) behind
+    [(-1.0, 0.22910 * 0.36788), (0.0, 0.6 * 0.77090), (2.5, 0.6 * 0.77090 * 0.22313)],
+)
+def test_slope_at_the_face_is_that_behind_it(away, slope):
+    found = vlachopoulos_diederichs(Dual(np.array([away, 1.0])), Dual(np.array([2.5, 0.0])))
+    assert found.columns[1] == pytest.approx(slope, abs=6e-6)
 
 
 @pytest.mark.parametrize("law", ["vlachopoulos-diederichs", "chern"])
@@ -250,3 +260,23 @@ def test_what_is_released_is_said():
     at_face = opened.face_states({})[0]
     assert f"0: 0 m, {100 * at_face.share:.3g} % of the final motion" in said
     assert f"{100 * at_face.released:.3g} % of the stress" in said
+
+
+@pytest.mark.parametrize("law", ["vlachopoulos-diederichs", "panet"])
+def test_the_profile_is_kept_with_its_stages(law):
+    """Every stage on the curve, from ahead of the face on where the profile goes there."""
+    opened = without_mesh(
+        rock(5e9, 0.25, mohr(1 * MPa, 0.5)), face=profile(law), stages=stages((0.5, 4.0)),
+        channels=(replace(WALL, zero="0"),),
+    )  # fmt: skip
+    kept = opened.survey(np.empty(0), fields=True).advance
+    states = opened.face_states({})
+    assert (kept.law, kept.radius, kept.stages) == (law, RADIUS, ("0", "1"))
+    assert list(kept.stage_released) == [s.released for s in states]
+    np.testing.assert_allclose(
+        np.interp(kept.stage_distance, kept.distance, kept.share), kept.stage_share, atol=1e-3
+    )
+    assert list(kept.stage_zero) == [True, False]
+    assert kept.distance[0] == (0.0 if law == "panet" else -2.0 * RADIUS)
+    assert (np.diff(kept.distance) > 0.0).all()
+    assert opened.survey(np.empty(0), fields=False).advance is None

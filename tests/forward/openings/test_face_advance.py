@@ -85,7 +85,7 @@ def test_elastic_ground_follows_panet(verification):
     assert np.abs(found[around] - law).max() == pytest.approx(0.07, abs=0.01)
 
 
-def test_ground_that_yields_follows_vlachopoulos_and_diederichs():
+def test_ground_that_yields_follows_vlachopoulos_and_diederichs(verification):
     """Without dilation, as theirs; ground that dilates moves later (0.20 at the face, not 0.25)."""
     cohesion, friction = 1e6, 0.5
     E_, nu, p0, c, phi, zero = (Dual.constant(v, 0) for v in (E, NU, P0, cohesion, friction, 0.0))
@@ -99,5 +99,9 @@ def test_ground_that_yields_follows_vlachopoulos_and_diederichs():
     x, found = x[at_rounds], moved[at_rounds] / final
     law = shares("vlachopoulos-diederichs", x, ratio)
     np.testing.assert_allclose(found, law, atol=0.06)
+    listed = np.isin(np.round(x, 9), (-1.0, 0.0, 0.5, 1.0, 2.0, 3.0, 5.0))
+    order = np.argsort(x[listed])
+    exact, seen = law[listed][order], found[listed][order]
+    verification("face-yielding", "", np.round(x[listed][order], 9) + 0.0, exact=exact, found=seen)
     far = x > 1.4
     np.testing.assert_allclose(found[far], law[far], atol=0.03)

@@ -23,6 +23,7 @@ from geoident.forward.march.plastic_derivatives import (
     _SAME_GENERAL_TANGENT,
     _SAME_TANGENT,
     _exact_factor,
+    _kept,
 )
 from geoident.forward.march.stage_equations import Ground, StageEquations
 
@@ -96,3 +97,13 @@ def test_and_where_the_tangent_differs_by_rounding_only(off, again, associated):
     )
     found = _exact_factor(equations, Balance(0.0, 1, "last", off))
     assert found == ("last" if again else "new")
+
+
+@pytest.mark.parametrize(
+    ("viscosity", "slopes"), [(0.0, [1.0, 0.0, 1.0]), (0.25, [1.0, 0.25, 0.75])]
+)
+def test_slopes_of_a_stress_that_keeps_a_part_of_its_overstress(viscosity, slopes):
+    """sigma = k + mu (s* - k): by s* within the strength and beyond it, and by the strength k."""
+    equations = bar(0.9, 0.3, 0.0).viscous(viscosity)
+    of_trial, projected = np.array([[1.0, 1.0, 0.0], [1.0, 0.0, 1.0]])
+    assert _kept(equations, of_trial, projected).tolist() == slopes

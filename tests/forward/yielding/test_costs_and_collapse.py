@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 import tracemalloc
 from dataclasses import replace
 
@@ -139,12 +138,12 @@ def test_collapse_names_stage_part_and_place(planes):
 ])  # fmt: skip
 def test_ground_without_strength_collapses_soon(yields):
     """No endless search, whatever the strength; nothing of the load is carried."""
-    start = time.perf_counter()
+    staged = pulled(1e6, yields)
     with pytest.raises(CollapseError) as caught:
-        pulled(1e6, yields).survey(NOTHING, fields=False)
+        staged.survey(NOTHING, fields=False)
     assert caught.value.stage == "first"
     assert not caught.value.fraction > 1e-3
-    assert time.perf_counter() - start < 10.0
+    assert staged.counts.factorizations < 150
 
 
 def test_flow_without_potential_collapses_too():

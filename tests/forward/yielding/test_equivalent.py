@@ -54,9 +54,22 @@ def test_what_is_said():
     (said,) = equivalent_notes(ground, stress, {})
     for part in ("mb 0.925", "around a deep tunnel", "of 8.12 MPa", "sigma3 = 5.88 MPa", "2002"):
         assert part in said, said
+    # the largest of both principal stresses, each where it is largest
+    elsewhere = -np.array([[1.0], [3.0], [0.4], [0.0]]) * MPa
+    both = equivalent_notes(ground, np.column_stack([elsewhere, stress, elsewhere]), {})
+    assert both == (said,)
     (none,) = equivalent_notes(ground, 0.0 * stress, {})
     assert "no in-situ stress" in none
     assert equivalent_notes(ground, stress[:, :0], {}) == ()
+
+
+def test_numbers_are_said_in_their_unit():
+    """c of a straight curve, as in the first test, below and above 100 kPa."""
+    for sigci, said in ((2 * MPa, "c 57.7 kPa"), (5 * MPa, "c 0.144 MPa")):
+        surface = hoek(sigci, mb=2.0, s=0.1, a=1.0, psi=0.0)
+        ground = Material("rock", Isotropic(E=Scalar(1e9), nu=Scalar(0.2)), yields=(surface,))
+        (note,) = equivalent_notes(ground, -np.full((4, 1), 0.05 * MPa), {})
+        assert f"{said} and phi 30 deg" in note, note
 
 
 def test_check_says_it_of_a_mesh():

@@ -108,11 +108,13 @@ def test_what_cannot_yield_is_not_asked():
     assert extent_table(None).text == ""
 
 
-def test_what_was_placed_anew_has_not_yielded():
-    again = (
-        Stage("dig", excavate=("dug",)),
-        Stage("renew", install={"soil": "rock"}),
-    )
+@pytest.mark.parametrize(
+    "after",
+    [Stage("renew", install={"soil": "rock"}), Stage("clear", excavate=("soil",))],
+    ids=lambda stage: stage.name,
+)
+def test_what_was_placed_anew_has_not_yielded_and_what_is_gone_does_not_count(after):
+    again = (Stage("dig", excavate=("dug",)), after)
     found = pit(stages=again).survey(NOTHING, fields=True).yielded
     assert found.volume[1] > 0.1
     assert found.volume[2] == 0.0
@@ -142,3 +144,11 @@ def test_circles_are_told_from_other_outlines():
     assert circle_centre(flat + [0.0, 1e-9] * np.arange(12)[:, None] ** 2) is None
     square = np.array([[x, y] for x in np.linspace(-1, 1, 9) for y in (-1.0, 1.0)])
     assert circle_centre(square) is None
+    # a horseshoe that is within 2 % of a circle is none, one of a thousandth is
+    round_to = np.where(np.arange(12) % 2, 1.0, -1.0)[:, None] * (arc - [3.0, -1.0])
+    assert circle_centre(arc + 0.02 * round_to) is None
+    np.testing.assert_allclose(circle_centre(arc + 0.001 * round_to), [3.0, -1.0], atol=0.02)
+    # nor is a wall that bends a little, a piece of a circle ten times as large as itself
+    angle = np.linspace(0.0, 0.1, 12)
+    bent = 10.0 * np.column_stack([np.cos(angle), np.sin(angle)])
+    assert circle_centre(bent) is None

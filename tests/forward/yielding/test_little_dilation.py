@@ -13,12 +13,13 @@ import numpy as np
 import pytest
 from support.cases import displacement, model
 from support.meshes import box, elevate, regroup, with_outer_faces
-from support.yielding import NOTHING, Cavity, constant, mohr, parameters, rock
+from support.yielding import NOTHING, Cavity, constant, hoek, mohr, parameters, rock
 
 from geoident.errors import CollapseError
 from geoident.forward.march.march import RunOptions
 from geoident.forward.model import StagedModel
-from geoident.forward.openings.closed_forms import Opening, Rock, mohr_coulomb
+from geoident.forward.openings.closed_forms import Opening, Rock, flow_slope, mohr_coulomb
+from geoident.forward.openings.hoek_brown import HoekBrownLimit
 from geoident.model.actions import Traction
 from geoident.model.case import Stage, Support
 from geoident.model.dual import Dual
@@ -115,6 +116,32 @@ def test_derivatives_without_dilation_are_those_of_the_response():
         differences = (there[0] - there[1]) / (2.0 * step[column])
         scale = np.abs(slopes[:, column]).max()
         np.testing.assert_allclose(differences, slopes[:, column], rtol=0, atol=1e-6 * scale)
+
+
+@pytest.mark.slow
+def test_where_the_even_flow_ends_a_band_is_shown():
+    """Hoek-Brown without support: a row of elements loses its stability, and its place is said.
+
+    Near the wall the ground is as one of 60 degrees; the motions are short by less than promised.
+    """
+    far, wall = 10e6, np.array([1.0])
+    numbers = {"mb": 1.2, "s": 2e-3, "a": 0.507}
+    psi = np.radians(10.0)
+    cavity = Cavity(pressure=far, E=3e9, nu=0.25)
+    staged = cavity.staged(unstructured(0.10), hoek(30e6, psi=psi, **numbers), stages=STAGES)
+    run = staged.at(NOTHING, RunOptions(derivatives=False))
+    *_, end = run.states()
+    ground = Rock(*(Dual(np.array([x])) for x in (3e9, 0.25, far, far)))
+    constants = (Dual(np.array([x])) for x in (30e6, *numbers.values()))
+    limit = HoekBrownLimit(*constants, flow_slope(Dual(np.array([psi]))))
+    state = Opening(1.0, ground, limit).under(Dual(np.array([0.0])))
+    short = 1.0 - cavity.outwards(staged, end).mean() / state.displacement(wall).value[0]
+    (stage,) = run.findings.overstressed
+    found = run.findings.localising[stage]
+    assert 0.02 < short < found.short < 0.1
+    assert found.band.startswith("a band has lost its stability, with half of its strain in ")
+    assert int(found.band.split(" in ")[1].split()[0]) < 20
+    assert "it shears most in group 'rock' near (0.0" in found.band
 
 
 # --- loads that are not carried ---

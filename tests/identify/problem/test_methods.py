@@ -38,7 +38,7 @@ def test_the_table_has_the_names_and_options_that_users_can_write():
     assert {name: method.options for name, method in METHODS.items()} == dict(METHOD_OPTIONS)
     for name, method in METHODS.items():
         assert method.name == name
-        assert callable(method.function())
+        assert callable(method.function(method.options()))
         assert method.help
 
 

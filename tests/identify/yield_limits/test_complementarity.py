@@ -15,7 +15,6 @@ from geoident.identify.least_squares.gauss_newton import gauss_newton
 from geoident.identify.objective.discrepancy import Discrepancy
 from geoident.identify.problem.problem import History, Problem
 from geoident.identify.yield_limits import global_bound
-from geoident.identify.yield_limits.complementarity import complementarity
 from geoident.identify.yield_limits.global_bound import BranchAndBound
 from geoident.identify.yield_limits.stationarity import (
     check,
@@ -50,7 +49,7 @@ def problem_of(bars, measured, parameters=None, sd=1e-3):
 
 
 def run(problem, **options):
-    return complementarity(problem, ComplementarityOptions(**options), lambda iteration: None)
+    return identify(problem, [ComplementarityOptions(**options)], lambda iteration: None)
 
 
 def test_the_bars_answer_as_by_hand():
@@ -257,7 +256,7 @@ def test_the_observer_ends_the_search():
     def observe(iteration):
         return "enough" if iteration.number == 7 else None
 
-    found = complementarity(problem, ComplementarityOptions(), observe)
+    found = identify(problem, [ComplementarityOptions()], observe)
     assert (found.status, found.reason) == ("out-of-budget", "enough")
     assert len(found.iterations) == 8
 

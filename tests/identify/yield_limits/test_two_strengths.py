@@ -9,8 +9,7 @@ from support.yielding import Cavity, constant, mohr, rock
 
 from geoident.identify.least_squares.gauss_newton import Ending, gauss_newton
 from geoident.identify.problem.problem import Problem
-from geoident.identify.yield_limits.complementarity import complementarity
-from geoident.identify.yield_limits.implicit import ImplicitSearch
+from geoident.identify.yield_limits.implicit import ImplicitSearch, implicit
 from geoident.model.case import Stage
 from geoident.model.methods import ComplementarityOptions, GaussNewtonOptions
 from geoident.model.parameter import Parameter, Scalar
@@ -58,7 +57,7 @@ def _problem(seed: int) -> Problem:
 def test_the_answer_is_as_good_as_that_of_a_plain_descent(seed):
     problem = _problem(seed)
     plain = gauss_newton(problem, GaussNewtonOptions(), lambda _: None)
-    found = complementarity(problem, ComplementarityOptions(), lambda _: None)
+    found = implicit(problem, ComplementarityOptions(), lambda _: None)
     assert found.objective <= 1.001 * plain.objective
 
 

@@ -63,6 +63,7 @@ def test_a_gauge_is_zeroed_at_a_distance(project, tunnel):
         ("{profile: panet, radius: «0 m}", "", "", "out-of-range", "positive"),
         ("{profile: panet, radius: 4 m, alpha: «1.2}", "", "", "out-of-range", "less than 1"),
         ("{profile: panet, radius: 4 m, «reach: 1.2}", "", "", None, "reach"),
+        ("{profile: chern, radius: 4 m, conversion: «arch}", "", "", None, "reaction-curve"),
         ("{profile: chern, radius: 4 m, groups: [«roof]}", "", "", "unknown-group", "roof"),
         (
             "{profile: vlachopoulos-diederichs, radius: 4 m, plastic_radius: «3 m}",

@@ -99,11 +99,23 @@ def test_modulus_of_a_rock_mass(tmp_path, modulus, expected):
         (BY_CONSTANTS[:-1] + ", tension: -1 kPa}", "yield.tension: '-1 kPa': it must not be"),
         (f"[{BY_CONSTANTS}, {BY_GSI}]", "a smooth surface cannot be combined with another one"),
         (BY_CONSTANTS.replace("flow: associated", "flow: none"), "yield.flow"),
+        (BY_GSI.replace("sigci", "UCS"), "the key 'UCS' is not known here. Did you mean 'sigci'?"),
+        (BY_GSI.replace("dilation", "psi"), "'psi' is not known here. Did you mean 'dilation'?"),
     ],
 )
 def test_what_is_wrong_with_a_strength_is_said_at_its_place(tmp_path, yields, said):
     found = faults(tmp_path, yields=yields)
     assert said in found
+
+
+def test_symbols_of_strengths_are_told_the_keys_that_are_meant(tmp_path):
+    symbols = "c: 1 MPa, phi: 30 deg, psi: 0 deg"
+    found = faults(tmp_path, yields=f"{{type: mohr-coulomb, {symbols}}}")
+    for symbol, meant in (("c", "cohesion"), ("phi", "friction"), ("psi", "dilation")):
+        said = f"materials.rock.yield.{symbol}: the key '{symbol}' is not known here."
+        assert f"{said} Did you mean '{meant}'?" in found
+    found = faults(tmp_path, yields=f"{{{symbols}}}")
+    assert "'type' is missing. Say which yield surface: 'type: mohr-coulomb' with cohes" in found
 
 
 @pytest.mark.parametrize(

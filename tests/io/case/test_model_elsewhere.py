@@ -188,3 +188,39 @@ def test_with_one_stage_a_reading_need_not_name_it(tmp_path):
     [fault] = faults_of(case)
     assert (fault.message, fault.code) == ("'stage' is missing", "missing-key")
     assert (fault.location.line, fault.path) == (9, "readings[0]")
+
+
+WRONG = {
+    "[opening.in]": ("{opening.in:", "{../opening.in:"),
+    "[out.csv]": ("file: out.csv", "file: ../out.csv"),
+    "[way]": (ROW, "line: 3"),
+    "[command]": ("command: [", "command: [{}, "),
+    "[input]": ("{opening.in: opening.template}", "{opening.in: opening.template, b.in: [3]}"),
+    "[files]": ("files: [opening.py]", "files: opening.py"),
+    "[time]": ("files: [opening.py]", "files: [opening.py]\n  time_limit: soon"),
+    "[key]": ("files: [opening.py]", "files: [opening.py]\n  tmie_limit: 1 s"),
+    "[gauge]": ("H: {kind: reading, accuracy: 0.02 mm}", "H: {kind: reading, accuracy: soon}"),
+}
+"""Wrong entries: what is there, what is written instead."""
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_a_wrong_entry_hides_no_other_fault_of_the_model(tmp_path, name):
+    case = write_case(tmp_path)
+    case.write_text(case.read_text().replace(*WRONG[name]))
+    alone = faults_of(case)
+    assert len(alone) == 1, [str(fault) for fault in alone]  # and nothing that follows from it
+    (tmp_path / "opening.template").write_text(TEMPLATE + "{{Q}}\n")
+    readings = tmp_path / "readings.csv"
+    readings.write_text(readings.read_text().replace("V,half", "VV,half"))
+    both = faults_of(case)
+    assert {alone[0].code, "unknown-parameter", "unknown-gauge"} <= {f.code for f in both}
+    assert {f.message for f in alone} <= {f.message for f in both}
+
+
+def test_of_a_model_that_is_wrong_as_a_whole_nothing_more_is_said(tmp_path):
+    case = write_case(tmp_path)
+    text = case.read_text()
+    for old, new in (("kind: external", "kind: extern"), ("outputs:", "output:")):
+        case.write_text(text.replace(old, new))
+        assert {fault.path.partition(".")[0] for fault in faults_of(case)} == {"model"}

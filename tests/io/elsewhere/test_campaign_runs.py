@@ -10,8 +10,9 @@ import pytest
 from support.elsewhere import HEAD, READINGS, gauge_values, spread_values
 
 from geoident.errors import ExitCode, InputError
-from geoident.io.case.file import named_files, parse_case, read_case
+from geoident.io.case.file import parse_case, read_case
 from geoident.io.result.campaign import write_over_all
+from geoident.io.text.named_files import named_files
 from geoident.model.results.campaign import (
     FAILED,
     CampaignTable,

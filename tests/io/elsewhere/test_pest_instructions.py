@@ -96,6 +96,10 @@ def test_they_read_what_pyemu_reads(tmp_path, instructions, output, expected):
         ("pif $\nl1 [a]1:8 [b]9:16 [c]17:24\n", "1236.5678495.000-900.000\n",
          {"a": "1236.567", "b": "8495.000", "c": "-900.000"}),
         ("JIF ~\nL1 w !X!\n", "u 1.5D-03", {"x": "1.5d-03"}),
+        ("pif ~\nl1 [a]1:3 t5\n", "1.5 m\n", {"a": "1.5"}),  # the last column is there
+        ("pif ~\nl1 [a]3:3\n", "xy7z\n", {"a": "7"}),
+        # a word ends at the mark that follows, or at a blank before it
+        ("pif ~\nl1 !a!~m~ !b! ~m~\n", "1.5m 2.5 or so m\n", {"a": "1.5", "b": "2.5"}),
     ],
 )  # fmt: skip
 def test_what_the_manual_says_and_pyemu_does_not_do(tmp_path, instructions, output, expected):
@@ -124,6 +128,8 @@ def test_the_file_of_the_page_reads_its_listing(tmp_path):
         ("~nowhere~ !a!", "from line 1 on no line has 'nowhere' (line 2 of the instructions)"),
         ("~roof~ ~nowhere~ !a!", "no line has 'roof' and then 'nowhere'"),
         ("l1 ~nowhere~ !a!", "line 1 has no 'nowhere' from column 1 on (line 2"),
+        ("l1 [a]1:30 [b]25:28", "line 1 has nothing where 'b' is looked for"),
+        ("l1 (a)8:8", "line 1 has nothing in the columns 8 to 8"),
         ("l1 [a]30:40", "line 1 has nothing where 'a' is looked for"),
         ("l1 (a)30:40", "line 1 has nothing in the columns 30 to 40"),
         ("l1 t30 !a!", "line 1 ends before column 30"),

@@ -9,7 +9,7 @@ import pytest
 from geoident.model.cells import CELLS
 from geoident.model.mesh import ElementBlock, Mesh
 from geoident.model.parameter import Prior
-from geoident.model.results.opening import GroundReaction
+from geoident.model.results.opening import FaceAdvance, GroundReaction
 from geoident.model.results.reduced import FORM, KeptReducedModel
 from geoident.model.results.result import (
     Counts,
@@ -178,6 +178,21 @@ def make_reaction() -> GroundReaction:
     )
 
 
+def make_advance() -> FaceAdvance:
+    """A face that passes: two stages, gauges zeroed at the first."""
+    return FaceAdvance(
+        law="panet",
+        radius=2.5,
+        distance=np.array([0.0, 2.0, 8.0]),
+        share=np.array([0.25, 0.825, 0.9773]),
+        stages=("first reading", "far on"),
+        stage_distance=np.array([2.0, 8.0]),
+        stage_share=np.array([0.825, 0.9773]),
+        stage_released=np.array([0.9, 0.99]),
+        stage_zero=np.array([True, False]),
+    )
+
+
 def make_reduced() -> KeptReducedModel:
     """Arrays of every number of axes, an empty one among them."""
     return KeptReducedModel(
@@ -245,6 +260,7 @@ def make_result(dim: int = 2, *, full: bool = True) -> Result:
             np.array([[1.0, 2.0], [3.0, np.inf], [5.0, 6.0]]),
         ),
         reaction=make_reaction(),
+        advance=make_advance(),
         yielded=make_yielded(dim),
         mechanism=make_mechanism(plane_mesh() if dim == 2 else solid_mesh()),
         reduced=make_reduced(),

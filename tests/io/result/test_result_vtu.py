@@ -8,6 +8,7 @@ import pytest
 from geoident.io.result.vtu import write_pvd, write_vtu
 from geoident.model.mesh import ElementBlock, Mesh
 from geoident.model.results.result import FieldSeries
+from geoident.model.results.yielded import Mechanism
 
 xml = pytest.importorskip("vtkmodules.vtkIOXML", reason="needs vtk")
 from vtkmodules.util.numpy_support import vtk_to_numpy  # noqa: E402
@@ -50,6 +51,30 @@ def test_each_state_has_its_elements_with_their_values(tmp_path, result_maker, d
         np.testing.assert_array_equal(stress, fields.stress[state, there])
         yielded = vtk_to_numpy(grid.GetCellData().GetArray("yielded"))
         np.testing.assert_array_equal(yielded, fields.yielded[state, there])
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_the_mechanism_of_a_collapse_stands_at_its_state(tmp_path, result_maker, dim):
+    fields = result_maker(dim).fields
+    mesh, rng = fields.mesh, np.random.default_rng(4)
+    velocity = rng.uniform(-1.0, 1.0, mesh.points.shape)
+    shear = rng.uniform(size=mesh.n_elements)
+    found = Mechanism("s", 1, 0.5, mesh, fields.present[1], velocity, shear)
+    elements = [row for block in mesh.blocks for row in block.nodes.tolist()]
+    for state in (0, 1):
+        write_vtu(fields, state, tmp_path / "a.vtu", mechanism=found)
+        grid, there = read(tmp_path / "a.vtu"), np.flatnonzero(fields.present[state])
+        moves = vtk_to_numpy(grid.GetPointData().GetArray("mechanism"))
+        shears = vtk_to_numpy(grid.GetCellData().GetArray("mechanism_shear"))
+        assert moves.shape[1] == 3
+        if state == 0:
+            assert not moves.any()
+            assert not shears.any()
+            continue
+        np.testing.assert_array_equal(shears, shear[there])
+        for cell, element in enumerate(there):
+            here = nodes_of(grid, cell)
+            np.testing.assert_array_equal(moves[here, :dim], velocity[elements[element]])
 
 
 def test_nodes_that_belong_to_nothing_are_left_out(tmp_path, result_maker):

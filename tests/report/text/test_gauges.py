@@ -14,18 +14,20 @@ from geoident.model.gauges import Reading
 from geoident.model.results.model_error import ModelErrorTable
 from geoident.report.text.csv_tables import csv_tables
 from geoident.report.text.gauges import (
-    OUTLIER,
-    diagnostics_object,
     fit_table,
     fit_title,
-    in_sd_note,
-    influence_table,
-    influence_title,
-    outliers,
     prediction_table,
     reading_table,
     reading_text,
     readings_csv,
+)
+from geoident.report.text.residuals import (
+    OUTLIER,
+    diagnostics_object,
+    in_sd_note,
+    influence_table,
+    influence_title,
+    outliers,
     rms,
     scored,
     standardized,

@@ -9,16 +9,9 @@ import pytest
 
 from geoident.model.gauges import Reading
 from geoident.model.parameter import Prior
-from geoident.report.text.gauges import (
-    fit_table,
-    influence_table,
-    outliers,
-    prediction_table,
-    reading_table,
-    readings_csv,
-    scored,
-)
+from geoident.report.text.gauges import fit_table, prediction_table, reading_table, readings_csv
 from geoident.report.text.parameters import parameter_table, prior_interval
+from geoident.report.text.residuals import influence_table, outliers, scored
 from tests.support.cases import displacement
 from tests.support.results import CHANNELS, STAGES, changed_gauges, example_result
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from geoident.model.results.summary import Identifiability
-from geoident.report.text.gauges import rms
+from geoident.report.text.residuals import rms
 from geoident.report.text.result import (
     compared_outcomes,
     outcome_sentences,

@@ -16,7 +16,7 @@ import pytest
 import geoident
 from geoident.errors import ExitCode, InputError, ModelError, OutputError
 from geoident.io.result.campaign import RunJournal
-from geoident.io.result.file import read_result
+from geoident.io.result.file import read_result, write_result
 from geoident.io.text.atomic import output_error
 from geoident.model.results.campaign import CampaignTable, RunRecord
 from geoident.report.drawing.campaign import campaign_pictures
@@ -141,6 +141,29 @@ def test_what_is_up_to_date_is_not_computed_again(here):
     assert len(changed.begun) == 6
     _, fresh, _ = computed(fresh=True)
     assert len(fresh.begun) == 6
+
+
+def test_readings_of_the_case_are_no_part_of_a_simulation(here):
+    write("command: simulate\nvariations: {product: {materials.rock.nu: [0.2, 0.3]}}")
+    computed()
+    readings, case = Path("readings.csv"), Path("case.yaml")
+    lines = readings.read_text().splitlines(keepends=True)
+    readings.write_text("".join(lines[:-1]))
+    assert not plan_campaign("campaign.yaml").left
+    text = case.read_text()
+    case.write_text(text.replace("readings: readings.csv", "readings: []"))
+    assert not plan_campaign("campaign.yaml").left
+    assert str(readings) in {Path(name).name for name in _read("campaign.yaml", text)}
+    write("command: scan\nset: {fit.scan.points: 3}\nvariations: {rows: [{run: one}]}", "s.yaml")
+    before = plan_campaign("s.yaml").runs
+    readings.write_text("".join(lines))
+    assert plan_campaign("s.yaml").runs != before  # which a misfit depends on
+
+
+def _read(name, text):
+    """What no output of a campaign may replace, with another text of its case."""
+    Path("case.yaml").write_text(text)
+    return plan_campaign(name).inputs
 
 
 def test_tables_are_written_again_only_where_they_are_not_those_of_the_runs(here):
@@ -299,6 +322,23 @@ def test_predictions_and_scans(here):
     assert reading.lower95 < reading.value < reading.upper95
     with h5py.File("p.batch/campaign.h5") as file:
         assert np.isfinite(file["readings/lower95"][...]).all()
+    assert not plan_campaign("p.yaml").left
+    assert "Outdated" not in run_command("show", "p.batch").stdout
+    fit = read_result("case.fit.h5")
+    later = replace(fit, provenance=replace(fit.provenance, created="2030-01-01T12:00:00+00:00"))
+    write_result(later, "case.fit.h5", overwrite=True, inputs=())  # the same fit, on another day
+    assert not plan_campaign("p.yaml").left
+    other = replace(fit, objective=1.01 * fit.objective)
+    write_result(other, "case.fit.h5", overwrite=True, inputs=())
+    said = " ".join(run_command("show", "p.batch").stdout.split())
+    assert "Outdated: made from an earlier fit than case.fit.h5 holds now." in said
+    assert "`geoident batch p.yaml` makes it again." in said
+    first = json.loads(run_command("show", "p.batch", "--json").stdout.splitlines()[0])
+    assert first["outdated"] in said
+    assert said.count("Outdated") == 1
+    assert [run.name for run in plan_campaign("p.yaml").left] == ["0001", "0002"]
+    computed("p.yaml")
+    assert "Outdated" not in run_command("show", "p.batch").stdout
     scans, _, _ = computed(write(f"command: scan\nset: {{fit.scan.points: 3}}\n{vary}", "s.yaml"))
     assert [run.file for run in scans.runs] == ["0001.scan.h5", "0002.scan.h5"]
     assert all(np.isfinite(run.objective) for run in scans.runs)

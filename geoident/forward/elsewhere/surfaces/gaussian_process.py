@@ -19,7 +19,6 @@ from functools import cached_property
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
-from scipy.optimize import minimize
 
 from geoident.model.arrays import Floats
 
@@ -212,6 +211,8 @@ def fitted_process(
         smooth: squared exponential; else Matern's function of order 5/2.
         near: hyperparameters from which the search begins where they are the likelier start.
     """
+    from scipy.optimize import minimize  # noqa: PLC0415 - 0.2 s, and most cases have no table
+
     rows = np.arange(len(u))
     if len(u) > MOST_FOR_LENGTHS:
         rows = np.sort(np.random.default_rng(0).permutation(len(u))[:MOST_FOR_LENGTHS])

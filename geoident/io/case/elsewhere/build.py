@@ -9,6 +9,7 @@ from geoident.errors import Fault, InputError
 from geoident.io.case.elsewhere.convergence import build_law
 from geoident.io.case.elsewhere.function import function_of
 from geoident.io.case.elsewhere.outputs import build_outputs
+from geoident.io.case.elsewhere.run_folder import check_inside
 from geoident.io.case.elsewhere.section import (
     ConvergenceLawSection,
     ElsewhereSection,
@@ -125,7 +126,9 @@ def _jinja(source: str, target: str, around: Surroundings) -> tuple[AnyTemplate,
 
 
 def _check_targets(section: ExternalModelSection, faults: Faults) -> None:
-    """Two files of a run must not have one name."""
+    """All inputs stay in the folder of a run, and no two of its files have one name."""
+    for target in section.inputs:
+        check_inside(target, (*_AT, "inputs", target), faults, key=True)
     taken: dict[str, str] = {}
     names: list[tuple[KeyPath, str]] = [
         ((*_AT, "inputs", target), target) for target in section.inputs

@@ -8,6 +8,7 @@ from functools import partial
 
 from geoident.errors import InputError
 from geoident.io.case.elsewhere.function import function_of
+from geoident.io.case.elsewhere.run_folder import check_inside
 from geoident.io.case.elsewhere.section import OutputSection
 from geoident.io.case.elsewhere.surroundings import Surroundings
 from geoident.io.elsewhere.pest_instructions import DUMMY, read_instructions
@@ -45,6 +46,8 @@ def build_outputs(sections: Sequence[OutputSection], around: Surroundings) -> It
     found = set[str]()
     for number, section in enumerate(sections):
         path: KeyPath = (*_AT, "outputs", number)
+        if section.file is not None:
+            check_inside(section.file, (*path, "file"), around.faults)
         how = _finder(section, path, around)
         gauges = _named(section.gauges, rows, (*path, "gauges"), "gauge", around.faults)
         stages = _named(section.stages, columns, (*path, "stages"), "stage", around.faults)

@@ -56,16 +56,6 @@ def _whole(value: object) -> int:
     return int(text)
 
 
-def _inside(value: object) -> str:
-    """The name of a file that stays in the folder of its run."""
-    text = require_text(value, "the name of a file").strip()
-    parts = re.split(r"[/\\]", text)
-    if not text or text[0] in "/\\~" or ".." in parts or re.match("[A-Za-z]:", text):
-        message = f"'{shorten(text)}' leads out of the folder of a run"
-        raise Refusal("outside", message, "Write a name, or a path below that folder.")
-    return text
-
-
 def _called(value: object) -> str:
     text = require_text(value, "MODULE:FUNCTION").strip()
     if not re.fullmatch(r"[^:]*[^:\s]:[A-Za-z_]\w*", text):
@@ -92,7 +82,6 @@ Time = Annotated[
     BeforeValidator(_time),
     WithJsonSchema({"type": "string", "description": "a time such as 30 s or 1h 30min"}),
 ]
-Inside = Annotated[str, BeforeValidator(_inside)]
 Called = Annotated[str, BeforeValidator(_called)]
 Pattern = Annotated[str, BeforeValidator(_pattern)]
 CountedPlace = Annotated[
@@ -143,7 +132,7 @@ class OutputSection(Section):
         description="In which the program writes them. Required but for readings without unit.",
         examples=["mm"],
     )
-    file: Inside | None = Field(
+    file: Text | None = Field(
         None, description="File in the folder of the run.", examples=["out.csv"]
     )
     column: Text | None = Field(
@@ -268,7 +257,7 @@ class ExternalModelSection(Section):
         "the folder of the case.",
         examples=[["ccx", "-i", "cube"]],
     )
-    inputs: dict[Inside, AnyTemplateSection] = Field(
+    inputs: dict[Text, AnyTemplateSection] = Field(
         min_length=1,
         description="Name of a file in the folder of the run to its template beside the case: a "
         "text with fields such as `{{E_rock:10.3e}}` or `{{E_rock [GPa]:10.3f}}`.",

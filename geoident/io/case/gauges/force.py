@@ -281,3 +281,7 @@ def _refuse_twice(key: str, names: Sequence[str], faults: SectionFaults) -> None
     for n, name in enumerate(names):
         if name in names[:n]:
             faults.add((key, n), "duplicate", f"'{name}' is listed twice", "Remove one.")
+
+
+ForceSection = StressGaugeSection | PressureCellSection | PiezometerSection | LoadCellSection
+"""What a gauge of forces, stresses or pressures may be."""

@@ -11,12 +11,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from geoident.io.case.gauges.force import (
-    LoadCellSection,
-    PiezometerSection,
-    PressureCellSection,
-    StressGaugeSection,
-)
+from geoident.io.case.gauges.force import ForceSection
 from geoident.io.case.gauges.gauge import (
     GaugeBase,
     Motion,
@@ -28,7 +23,7 @@ from geoident.io.case.gauges.gauge import (
     unit_vector,
 )
 from geoident.io.case.gauges.inclinometer import InclinometerSection
-from geoident.io.case.gauges.motion import LevellingSection, LineOfSightSection, TiltSection
+from geoident.io.case.gauges.motion import MotionSection
 from geoident.io.case.gauges.on_structure import on_structures
 from geoident.io.case.gauges.reading import PlainReadingSection
 from geoident.io.case.gauges.strain import StrainSection
@@ -141,16 +136,11 @@ GaugeSection = Annotated[
     | ConvergenceSection
     | DisplacementSection
     | SettlementSection
-    | StressGaugeSection
-    | PressureCellSection
-    | PiezometerSection
-    | LoadCellSection
+    | ForceSection
     | StrainSection
     | InclinometerSection
     | TargetSection
-    | TiltSection
-    | LevellingSection
-    | LineOfSightSection
+    | MotionSection
     | PlainReadingSection,
     Field(discriminator="kind"),
 ]

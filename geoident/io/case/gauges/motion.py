@@ -395,3 +395,7 @@ def _leaning(towards: Vector) -> tuple[Vector, ...]:
     lean = np.outer(towards, up)
     half = 0.5 * (lean - lean.T)
     return tuple(tuple(float(x) for x in row) for row in half)
+
+
+MotionSection = TiltSection | LevellingSection | LineOfSightSection
+"""What a gauge may be that adds up motions of points."""

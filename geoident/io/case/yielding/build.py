@@ -1,48 +1,17 @@
-"""What stands under the key `yield` of a material, and what it is built into."""
+"""The yield surfaces of a material: built of their sections, and held against the material."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Annotated, Any
-
-from pydantic import Discriminator, Field, Tag
 
 from geoident.io.case.parameters import ParameterSection, start_values
 from geoident.io.case.varied.number import fields_in
-from geoident.io.case.yielding.hoek_brown import HoekBrownSection
-from geoident.io.case.yielding.sections import (
-    DruckerPragerSection,
-    MohrCoulombSection,
-    PlanesSection,
-    TrescaSection,
-    WeakPlaneSection,
-)
+from geoident.io.case.yielding.sections import YieldSection, YieldSections
 from geoident.io.schema.section import Context
 from geoident.io.schema.values import Given
 from geoident.model.ground import Elastic, Isotropic
 from geoident.model.ground import Field as RandomField
 from geoident.model.yielding import HoekBrown, YieldSurface
-
-YieldSection = Annotated[
-    PlanesSection
-    | TrescaSection
-    | MohrCoulombSection
-    | DruckerPragerSection
-    | WeakPlaneSection
-    | HoekBrownSection,
-    Field(discriminator="type"),
-]
-
-
-def _shape(value: Any) -> str:
-    return "list" if isinstance(value, list | tuple) else "<mapping>"
-
-
-YieldSections = Annotated[
-    Annotated[YieldSection, Tag("<mapping>")]
-    | Annotated[list[YieldSection], Field(min_length=1), Tag("list")],
-    Discriminator(_shape),
-]
 
 
 def build_yields(

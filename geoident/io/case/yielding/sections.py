@@ -1,4 +1,4 @@
-"""Yield surfaces by planes, cohesion and friction: one section per kind."""
+"""What stands under the key `yield` of a material: one section per kind of yield surface."""
 
 from __future__ import annotations
 
@@ -7,17 +7,27 @@ from collections.abc import Sequence
 from math import hypot
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Discriminator, Field, Tag, model_validator
 
 from geoident.io.case.frames import strata
 from geoident.io.case.varied.number import FieldAngle, FieldStrength
 from geoident.io.schema.section import Context, Section, require_one_of
-from geoident.io.schema.values import Angle, Count, DirectionVector, Name, Stress, scalar_of
+from geoident.io.schema.values import (
+    Angle,
+    Coefficient,
+    Count,
+    DirectionVector,
+    Multiple,
+    Name,
+    Stress,
+    scalar_of,
+)
 from geoident.model.parameter import Scalar
 from geoident.model.yielding import (
     DruckerPrager,
     Fit,
     GivenPlanes,
+    HoekBrown,
     MohrCoulomb,
     WeakPlane,
     YieldPlane,
@@ -268,6 +278,90 @@ class WeakPlaneSection(SurfaceBase):
         frame = strata(context, self.dip, self.dip_direction, self.normal)
         strengths = self.cohesion.scalar, self.friction.scalar, scalar_of(self.tension)
         return WeakPlane(frame, *strengths, self.planes)
+
+
+class HoekBrownSection(SurfaceBase):
+    """The generalised criterion of Hoek and Brown (2002 edition), smooth.
+
+    By mi, GSI and D of intact rock and rock mass, or by mb, s and a directly.
+    """
+
+    type: Literal["hoek-brown"] = Field(description="Kind of yield surface.")
+    sigci: FieldStrength = Field(
+        description="Uniaxial compressive strength of intact rock.",
+        examples=["50 MPa", "$sigci"],
+    )
+    mi: Multiple | None = Field(
+        None,
+        description="Constant of intact rock, with GSI: about 4 for claystone, 32 for granite.",
+    )
+    GSI: Coefficient | None = Field(
+        None, description="Geological Strength Index, 0 to 100.", examples=["45", "$GSI"]
+    )
+    D: Coefficient | None = Field(
+        None,
+        description="Disturbance by blasting and relaxation, 0 to 1, with GSI; 0 if missing.",
+    )
+    mb: Multiple | None = Field(None, description="Constant of the rock mass, with s and a.")
+    s: Coefficient | None = Field(
+        None, description="Constant of the rock mass, with mb and a: 0 to 1, 1 for intact rock."
+    )
+    a: Coefficient | None = Field(
+        None, description="Exponent, with mb and s: 0.5 for intact rock, 0.2 to 0.9 at most."
+    )
+    dilation: Angle | None = Field(
+        None,
+        description="Constant dilation angle; 0 deg for flow without change of volume.",
+        examples=["0 deg", "5 deg"],
+    )
+    flow: Literal["associated"] | None = Field(
+        None,
+        description="In place of `dilation`: flow along the normals, which near an unsupported "
+        "wall dilates as no rock does.",
+    )
+    tension: FieldStrength | None = Field(
+        None,
+        description="Tensile strength: largest principal stress, lower than s sigci / mb, which "
+        "limits it if missing.",
+    )
+
+    @model_validator(mode="after")
+    def _one_set(self) -> HoekBrownSection:
+        ways = [("mi", "GSI"), ("mi", "GSI", "D"), ("mb", "s", "a")]
+        expected = "mi with GSI (and D), or mb, s and a, are"
+        require_one_of(self, ways, expected, "Give all constants of one set.")
+        expected = "dilation, or flow, is"
+        hint = "Flow without change of volume: 'dilation: 0 deg'; or write 'flow: associated'."
+        require_one_of(self, [("dilation",), ("flow",)], expected, hint)
+        return self
+
+    def surface(self, context: Context) -> HoekBrown:
+        """The surface; a tie has its own number for each constant."""
+        names = ("mi", "GSI", "D", "mb", "s", "a", "dilation", "tension")
+        given = {name: scalar_of(getattr(self, name)) for name in names}
+        return HoekBrown(self.sigci.scalar, **given)
+
+
+YieldSection = Annotated[
+    PlanesSection
+    | TrescaSection
+    | MohrCoulombSection
+    | DruckerPragerSection
+    | WeakPlaneSection
+    | HoekBrownSection,
+    Field(discriminator="type"),
+]
+
+
+def _shape(value: Any) -> str:
+    return "list" if isinstance(value, list | tuple) else "<mapping>"
+
+
+YieldSections = Annotated[
+    Annotated[YieldSection, Tag("<mapping>")]
+    | Annotated[list[YieldSection], Field(min_length=1), Tag("list")],
+    Discriminator(_shape),
+]
 
 
 def _check_count(planes: int, fewest: int, context: Context, *, even: bool) -> None:

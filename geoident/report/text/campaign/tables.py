@@ -40,7 +40,8 @@ def campaign_text(table: CampaignTable, *, title: str) -> str:
 def outcome_sentences(table: CampaignTable) -> list[str]:
     """How the runs ended, in a few sentences."""
     done = sum(run.finished for run in table.runs)
-    said = [f"{done} of {table.total} runs done ({statuses_text(table.runs)})."]
+    said = [table.outdated] if table.outdated else []
+    said.append(f"{done} of {table.total} runs done ({statuses_text(table.runs)}).")
     left = table.total - len(table.runs)
     if left:
         said.append(f"{left} runs have not ended; the same command goes on with them.")

@@ -1,0 +1,71 @@
+"""Where the even flow of ground without potential ends: bands of shear (theory 5.4).
+
+The path of viscous grounds (`viscous_path`) leads to the ground itself where it can be followed.
+Where it turns before, a mode of the tangent has lost its stability: an eigenvalue with a real part
+that is not positive (R. Hill 1958, J. Mech. Phys. Solids 6; J. R. Rice 1976). If its shear stands
+in few strain points it is a band, a few elements wide, in the directions of the acoustic tensor
+(`fem.yielding.localisation`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse.linalg as spla
+
+from geoident.forward.march.stage_equations import StageEquations, Trial, flowing
+from geoident.model.arrays import Floats
+
+_MODES = 4
+"""Eigenvalues around zero that are looked at."""
+
+_CLOSE_TO_ZERO = 1e-3
+"""Relative accuracy of these eigenvalues."""
+
+_HALF = 0.5
+"""Of the square of its strain: where a mode stands."""
+
+
+@dataclass(frozen=True)
+class ShearBand:
+    """A mode of flow that has lost its stability.
+
+    Args:
+        mode: (n_dofs,) how the ground moves, the largest 1.
+        points: number of the strain points that have half of its squared strain.
+        yielding: number of the points that yield.
+    """
+
+    mode: Floats
+    points: int
+    yielding: int
+
+
+def band_at(equations: StageEquations, trial: Trial) -> ShearBand | None:
+    """The least stable mode at a state of flow; None where those around zero are stable.
+
+    Args:
+        equations: of the stage, with the viscosity at which the state is in equilibrium.
+        trial: the state.
+    """
+    n, yielding = len(equations.dofs), sum(len(mine) for *_, mine in flowing(equations, trial))
+    if n <= _MODES + 1 or not yielding:
+        return None
+    factor, _ = equations.factor(trial)
+    inverse = spla.LinearOperator(
+        (n, n), matvec=lambda x: factor.solve(x.reshape(n, 1))[:, 0], dtype=np.float64
+    )
+    start = np.random.default_rng(0).standard_normal(n)
+    try:
+        values, modes = spla.eigs(inverse, k=_MODES, v0=start, tol=_CLOSE_TO_ZERO)
+    except spla.ArpackNoConvergence:
+        return None
+    least = int(np.argmin((1.0 / values).real))
+    if values[least].real > 0.0:
+        return None
+    mode = equations.spread(np.real(modes[:, least]))
+    strain = equations.operators.strain(mode)
+    held = np.sort((strain**2).sum(axis=0) * equations.volume)[::-1].cumsum()
+    points = int(np.searchsorted(held, _HALF * held[-1])) + 1
+    return ShearBand(mode / np.abs(mode).max(), points, yielding)

@@ -1,0 +1,269 @@
+"""The reaction of a mesh's own opening: what it releases so that its wall moves as a profile says.
+
+A stage with a distance to the face wants that the wall has made a part s_k of its final motion.
+With the motion of a wall the mean of what it moves inwards,
+
+    ubar = - integral u . n dl / integral dl ,    n out of the opening,
+
+counted from the state before the tunnel, its K released parts lambda solve
+
+    F_k = ubar_k(lambda, p) - s_k(p) ubar_end(lambda, p) = 0 ,    k = 1 .. K,
+
+where the states k are those of a march of their own: the stages with a distance one after the
+other, with nothing built, and at last all of the stress released. The parts are parameters of
+that march, so one march gives F and its derivatives by lambda and p; Newton's method solves it, and
+
+    dlambda/dp = - (dF/dlambda)^-1 dF/dp .
+
+Where the ground yields, ubar is convex in what is released: a step beyond all of the stress is
+halved, and from above Newton's method comes down. The next parameter vector starts at
+lambda + dlambda/dp dp, which leaves one or two marches.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from geoident.errors import CollapseError
+from geoident.fem.faces import FacetPatch, patches
+from geoident.fem.loads import pressure_forces, traction_weights
+from geoident.fem.solvers.direct import Solver
+from geoident.forward.actions.release import ReleasedParts
+from geoident.forward.march.march import March, Run, RunOptions
+from geoident.forward.march.systems import StageSystems
+from geoident.forward.openings.advance import NoFinalMotion
+from geoident.forward.stages import CaseOnMesh, used_groups
+from geoident.model.actions import FaceDistance
+from geoident.model.arrays import Floats
+from geoident.model.case import VIRGIN, Case, Stage
+from geoident.model.dual import Dual, ParameterPoint, stacked
+from geoident.model.parameter import Scalar
+
+_SMALL = 1e-8
+"""Step of the parts after which the next one is below rounding: steps are squared."""
+
+_MOST_MARCHES = 40
+
+_END = " all released"
+"""Name of the last stage of the march; no stage can have it, with its blank."""
+
+
+@dataclass(frozen=True)
+class _Solved:
+    """What was found at a parameter vector.
+
+    Args:
+        values: the parameters.
+        names: by which it is differentiated.
+        columns: (K, 1 + n) the parts and their derivatives.
+    """
+
+    values: Mapping[str, float]
+    names: tuple[str, ...]
+    columns: Floats
+
+
+class MeshReaction:
+    """Released parts by which the wall of an opening in a mesh makes given parts of its motion.
+
+    Args:
+        on_mesh: the case, the stages with a distance of which build on each other.
+        parts: how much of the stress is released before the tunnel.
+        solver: factorizes the stiffness matrices.
+
+    Attributes:
+        releases: the distances that say a part each, in the order of the stages.
+    """
+
+    def __init__(self, on_mesh: CaseOnMesh, parts: ReleasedParts, solver: Solver) -> None:
+        chain, stages = stages_by_distance(on_mesh), on_mesh.case.stages
+        given = [stages[number - 1].distance for number in chain]
+        distances = [FaceDistance(distance) for distance in given if distance is not None]
+        self.releases: tuple[FaceDistance, ...] = tuple(dict.fromkeys(distances))
+        self._names = tuple(f"released part {k}" for k in range(len(self.releases)))
+        named = dict(zip(self.releases, self._names, strict=True))
+        alone = CaseOnMesh(
+            _unsupported(on_mesh, named),
+            on_mesh.mesh,
+            on_mesh.fields,
+            on_mesh.turned,
+            on_mesh.growths,
+        )
+        self._march = March(alone, StageSystems(alone, solver), parts)
+        self._end = len(alone.sequence.states) - 1
+        self._before = self._end - len(chain) - 1
+        self._states = [self._before + 1 + distances.index(release) for release in self.releases]
+        self._inwards = mean_inwards(alone, _tunnel(on_mesh.case), self._before)
+        self._last: _Solved | None = None
+
+    def forget(self) -> None:
+        """Begin the next solution as a new model does."""
+        self._march.forget()
+        self._last = None
+
+    def parts(self, shares: Sequence[Dual], point: ParameterPoint) -> dict[FaceDistance, Dual]:
+        """The parts of the stress (), 0 to 1, that are released, by distance.
+
+        Args:
+            shares: () of its final motion that the wall has made, for every release.
+            point: the parameters.
+
+        Raises:
+            NoFinalMotion: without support the opening has none, or no part of it is found.
+            ModelError: the march has no solution otherwise.
+        """
+        found = self._known_at(point)
+        if found is None:
+            self._last = found = self._solve(stacked(shares), point)
+        columns = [0, *(1 + found.names.index(name) for name in point.names)]
+        return {r: Dual(found.columns[k, columns]) for k, r in enumerate(self.releases)}
+
+    def _known_at(self, point: ParameterPoint) -> _Solved | None:
+        """What was found last, if that is what is asked for."""
+        last = self._last
+        if last is None or dict(last.values) != dict(point.values):
+            return None
+        return last if set(point.names) <= set(last.names) else None
+
+    def _start(self, shares: Dual, point: ParameterPoint) -> Floats:
+        """(K,) parts to begin with: those of elastic ground, or what the last ones lead to."""
+        last = self._last
+        if last is None:
+            return np.array(shares.value)
+        moved = [point.values[name] - last.values[name] for name in last.names]
+        led = last.columns[:, 0] + last.columns[:, 1:] @ np.array(moved)
+        return led if np.all((led > 0.0) & (led < 1.0)) else last.columns[:, 0].copy()
+
+    def _solve(self, shares: Dual, point: ParameterPoint) -> _Solved:
+        n, parts = len(point.names), self._start(shares, point)
+        for _ in range(_MOST_MARCHES):
+            wall, end = self._moved(parts, point)
+            if not end[0] > 0.0:
+                msg = "its wall does not move inwards on the whole"
+                raise NoFinalMotion(msg)
+            off = wall - np.multiply.outer(shares.value, end)
+            off[:, 1 : 1 + n] -= shares.columns[:, 1:] * end[0]
+            by_parts = off[:, 1 + n :]
+            step = np.linalg.solve(by_parts, off[:, : 1 + n])
+            after = parts - step[:, 0]
+            after = np.where(after < 1.0, after, 0.5 * (parts + 1.0))
+            after = np.where(after >= 0.0, after, 0.5 * parts)
+            change = np.abs(after - parts).max()
+            parts = after
+            if change <= _SMALL:
+                columns = np.hstack([parts[:, None], -step[:, 1:]])
+                return _Solved(dict(point.values), point.names, columns)
+        msg = "no part of the stress is found at which it has made that part"
+        raise NoFinalMotion(msg)
+
+    def _moved(self, parts: Floats, point: ParameterPoint) -> tuple[Floats, Floats]:
+        """Motion of the wall, m, by n parameters and K parts: (K, 1 + n + K), and its end."""
+        given = dict(zip(self._names, map(float, parts), strict=True))
+        wider = ParameterPoint({**point.values, **given}, (*point.names, *self._names))
+        run = Run(self._march, wider, RunOptions(explain=False))
+        try:
+            found = [self._inwards @ end.u for end in run.states()]
+        except CollapseError as collapse:
+            msg = "the mesh finds no equilibrium when all of the stress is released"
+            raise NoFinalMotion(msg, collapse=True) from collapse
+        before = found[self._before]
+        return np.stack([found[k] - before for k in self._states]), found[self._end] - before
+
+
+def stages_by_distance(on_mesh: CaseOnMesh) -> list[int]:
+    """Numbers of the states that say how far the face is, in their order."""
+    stages = on_mesh.case.stages
+    return [n for n, stage in enumerate(stages, start=1) if stage.distance is not None]
+
+
+def follow_each_other(on_mesh: CaseOnMesh) -> bool:
+    """Whether all stages with a distance are one sequence, without branches."""
+    chain = stages_by_distance(on_mesh)
+    return not chain or set(chain) <= {*_path(on_mesh, chain[-1]), chain[-1]}
+
+
+def yields_at_tunnel(on_mesh: CaseOnMesh) -> bool:
+    """Whether any ground that is there before the tunnel may yield; else lambda = s."""
+    before = on_mesh.sequence.states[tunnel_base(on_mesh)]
+    return any(on_mesh.case.materials[name].yields for name in before.materials.values())
+
+
+def tunnel_base(on_mesh: CaseOnMesh) -> int:
+    """Index of the state on which the first stage with a distance builds."""
+    return on_mesh.sequence.states[stages_by_distance(on_mesh)[0]].base
+
+
+def _path(on_mesh: CaseOnMesh, state: int) -> list[int]:
+    """The states after the virgin one on which a state builds, the first one first."""
+    states, found = on_mesh.sequence.states, list[int]()
+    base = states[state].base
+    while base:
+        found.append(base)
+        base = states[base].base
+    return found[::-1]
+
+
+def _unsupported(on_mesh: CaseOnMesh, names: Mapping[FaceDistance, str]) -> Case:
+    """The case up to its tunnel, which is then left to itself and released by named parts.
+
+    Args:
+        on_mesh: the whole one.
+        names: of the parts, by distance.
+    """
+    case, inside = on_mesh.case, _tunnel(on_mesh.case)
+    stages, base = list[Stage](), VIRGIN
+
+    def follow(stage: Stage) -> None:
+        nonlocal base
+        stages.append(replace(stage, base=base, independent=False))
+        base = stage.name
+
+    chain = stages_by_distance(on_mesh)
+    for before in _path(on_mesh, chain[0]):
+        follow(case.stages[before - 1])
+    for number in chain:
+        stage = case.stages[number - 1]
+        assert stage.distance is not None
+        part = Scalar(1.0, names[FaceDistance(stage.distance)])
+        leaves = tuple(name for name in stage.excavate if name in inside)
+        follow(Stage(stage.name, leaves, release=dict.fromkeys(inside, part)))
+    follow(Stage(_END, release=dict.fromkeys(inside, Scalar(1.0))))
+    absent = {name: None for name in used_groups(case) if name not in case.groups}
+    groups = {**case.groups, **absent}
+    return replace(case, groups=groups, stages=tuple(stages), channels=(), readings=(), face=None)
+
+
+def _tunnel(case: Case) -> tuple[str, ...]:
+    return () if case.face is None else case.face.groups
+
+
+def wall_of(on_mesh: CaseOnMesh, inside: Sequence[str], before: int) -> tuple[FacetPatch, ...]:
+    """The faces of the ground that stays where a tunnel is dug.
+
+    Args:
+        on_mesh: the case.
+        inside: element groups within the wall.
+        before: index of the state before they leave.
+    """
+    table, sequence = on_mesh.table, on_mesh.sequence
+    within = np.isin(sequence.group_of, [sequence.groups.index(name) for name in inside])
+    rows = table.free(sequence.present(before) & ~within)
+    rows = rows[np.isin(table.face[rows], table.face[within[table.element]])]
+    return patches(on_mesh.mesh, table, rows)
+
+
+def mean_inwards(on_mesh: CaseOnMesh, inside: Sequence[str], before: int) -> Floats:
+    """What turns displacements (n_dofs,) into the mean motion of a wall inwards (), m.
+
+    Args:
+        on_mesh: the case.
+        inside: element groups within the wall.
+        before: index of the state before they leave.
+    """
+    mesh, wall = on_mesh.mesh, wall_of(on_mesh, inside, before)
+    outwards = sum(pressure_forces(mesh, patch, on_mesh.kinematics) for patch in wall)
+    length = sum(float(traction_weights(mesh, p, on_mesh.kinematics).sum()) for p in wall)
+    return -np.asarray(outwards) / length

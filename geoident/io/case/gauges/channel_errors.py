@@ -1,0 +1,124 @@
+"""Errors of all channels of a case, when the whole case and its readings are known.
+
+A zero that was subtracted from readings, `fit.accuracies` and set-ups that several gauges share
+change what the section of each gauge says by itself (`accuracy`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+
+from geoident.io.case.case import CaseSection
+from geoident.io.text.faults import Faults
+from geoident.model.case import Case
+from geoident.model.gauges import PARTS, Channel, ErrorParts, Reading
+
+
+def described_channels(
+    case: Case, section: CaseSection, zeros: Mapping[str, Reading], faults: Faults
+) -> tuple[Channel, ...]:
+    """The channels of a case with all that is known of their errors.
+
+    Args:
+        case: with its channels.
+        section: the same as it was written.
+        zeros: channel to what was read at its zero and subtracted from its readings.
+        faults: is told what cannot be estimated.
+    """
+    kinds = section.fit.accuracies
+    said = {
+        channel: own
+        for name, gauge in section.gauges.items()
+        for channel, own in gauge.sections(name).items()
+    }
+    channels = tuple(
+        _with_zero(c, zeros[c.name], stated=said[c.name].states_zero) if c.name in zeros else c
+        for c in case.channels
+    )
+    if isinstance(kinds, dict):
+        present = dict.fromkeys(channel.kind for channel in channels)
+        for kind in kinds.keys() - present.keys():
+            path = ("fit", "accuracies", kind)
+            faults.add_unknown(path, "kind of gauge", kind, list(present), key=True)
+    found = tuple(
+        _estimated(c) if isinstance(kinds, str) or (kinds and c.kind in kinds) else c
+        for c in channels
+    )
+    if section.fit.loss != "squared" and any(c.errors and c.errors.estimated for c in found):
+        message = f"accuracies cannot be estimated with the loss '{section.fit.loss}': it explains "
+        message += "large residuals by wrong readings, an estimated accuracy by the gauge"
+        hint = "Find the wrong readings first, list them under 'bad', and use 'loss: squared'."
+        faults.add(("fit", "loss"), "contradiction", message, hint)
+    return _one_set_up(tuple(c if c.errors is None else _complete(c, c.errors) for c in found))
+
+
+def _one_set_up(channels: tuple[Channel, ...]) -> tuple[Channel, ...]:
+    """Channels that share a set-up have one component for it, also where their kinds differ.
+
+    If one of them has it estimated, it is; of several components that are stated, the first by name
+    is taken.
+    """
+    names: dict[str, str] = {}
+    for channel in channels:
+        parts = channel.errors
+        name = parts.component("epoch") if parts is not None else None
+        if parts is not None and name is not None and parts.epoch > 0.0:
+            survey = parts.survey or channel.gauge
+            names[survey] = min(name, names.get(survey, name))
+    return tuple(
+        c
+        if c.errors is None or c.errors.epoch == 0.0 or (c.errors.survey or c.gauge) not in names
+        else replace(c, errors=_with_epoch(c.errors, names[c.errors.survey or c.gauge]))
+        for c in channels
+    )
+
+
+def _with_epoch(parts: ErrorParts, name: str) -> ErrorParts:
+    """The same with this component for the set-up."""
+    estimated = {**dict(parts.estimated), "epoch": name}
+    return replace(parts, estimated=tuple(estimated.items()))
+
+
+def _complete(channel: Channel, parts: ErrorParts) -> Channel:
+    """A channel with its total accuracy; without the error of a zero where it has no zero."""
+    if not channel.is_zeroed:
+        kept = tuple(pair for pair in parts.estimated if pair[0] != "zero")
+        parts = replace(parts, zero=0.0, zero_surveyed=0.0, estimated=kept)
+    return _with_parts(channel, parts)
+
+
+def _with_zero(channel: Channel, zero: Reading, *, stated: bool) -> Channel:
+    """A channel whose readings are differences from one that was read at its zero.
+
+    Args:
+        channel: of the case.
+        zero: what was subtracted, perhaps a mean.
+        stated: the case itself says how accurate the zero is.
+    """
+    if stated:
+        return channel
+    parts = channel.errors or ErrorParts(channel.accuracy)
+    own = zero.accuracy
+    size = parts.reading / math.sqrt(zero.count) if own is None else own
+    kept = tuple(pair for pair in parts.estimated if pair[0] != "zero")
+    component = parts.component("reading")
+    if own is None and component is not None:
+        kept = (*kept, ("zero", component))
+    surveyed = 1.0 / math.sqrt(zero.epochs)
+    parts = replace(parts, zero=size, zero_surveyed=surveyed, estimated=kept)
+    return _with_parts(channel, parts)
+
+
+def _estimated(channel: Channel) -> Channel:
+    parts = channel.errors or ErrorParts(channel.accuracy)
+    known = dict(parts.estimated)
+    more = {
+        name: channel.kind for name in PARTS if getattr(parts, name) > 0.0 and name not in known
+    }
+    return _with_parts(channel, replace(parts, estimated=tuple((known | more).items())))
+
+
+def _with_parts(channel: Channel, parts: ErrorParts) -> Channel:
+    return replace(channel, errors=parts, accuracy=parts.total(channel.along))

@@ -1,0 +1,242 @@
+"""Whether the names in a case refer to something, and fit what they refer to.
+
+Names of stages, groups, materials, parameters and structures; what stands alone is judged by its
+section, the sequence of stages in `stages`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import replace
+
+from geoident.io.case.actions import WaterSection
+from geoident.io.case.case import CaseSection, circle_of, numbers_of
+from geoident.io.case.elsewhere.section import ConvergenceLawSection
+from geoident.io.case.face import FaceCheck, groups_released
+from geoident.io.case.fit import AxisSection
+from geoident.io.case.in_situ import GeostaticModel
+from geoident.io.case.ladder import names_of_sets
+from geoident.io.case.stages import ABSENT, Begin, check_sequence
+from geoident.io.schema.values import Given
+from geoident.io.text.faults import Faults
+from geoident.model.case import VIRGIN, KeyPath, format_path
+from geoident.units import with_article
+
+
+def check_references(section: CaseSection, faults: Faults) -> None:
+    """Note every name in the case that refers to nothing, and every impossible sequence."""
+    _check_ties(section, faults)
+    if section.model is not None:
+        _check_names(section, faults)
+        _check_fit(section, faults)
+        _check_fit_elsewhere(section, faults)
+        return
+    _check_materials(section, faults)
+    _check_groups(section, faults)
+    _check_geostatic(section, faults)
+    _check_names(section, faults)
+    _check_fit(section, faults)
+    _check_mesh(section, faults)
+    FaceCheck(section.face, section.stages, section.parameters, faults).note(
+        section.analysis, section.groups, circle=circle_of(section) is not None
+    )
+    begin = Begin(
+        section.groups,
+        section.materials,
+        section.loads,
+        section.structures,
+        section.supports,
+        groups_released(section.face, section.stages),
+    )
+    check_sequence(begin, section.stages, faults)
+
+
+def _check_materials(section: CaseSection, faults: Faults) -> None:
+    known = section.materials
+    if ABSENT in known:
+        message = f"'{ABSENT}' says that a group is not there; no material can have this name"
+        faults.add(("materials", ABSENT), "reserved-name", message, "Rename it.", key=True)
+    uses: list[tuple[KeyPath, str]] = [
+        (("groups", group), name) for group, name in section.groups.items() if name != ABSENT
+    ]
+    for n, stage in enumerate(section.stages):
+        for key, mapping in (("install", stage.install), ("change", stage.change)):
+            uses += [(("stages", n, key, group), name) for group, name in mapping.items()]
+    for path, name in uses:
+        if name not in known:
+            faults.add_unknown(path, "material", name, known)
+
+
+def _check_groups(section: CaseSection, faults: Faults) -> None:
+    """Groups with water in their pores or an in-situ stress of their own."""
+    known = set(section.groups)
+    known.update(group for stage in section.stages for group in stage.install)
+    waters: list[tuple[KeyPath, WaterSection | None]] = [(("water",), section.water)]
+    waters += [(("stages", n, "water"), stage.water) for n, stage in enumerate(section.stages)]
+    named: list[tuple[KeyPath, str, bool]] = [
+        ((*path, "groups", n), group, False)
+        for path, water in waters
+        for n, group in enumerate((water and water.groups) or ())
+    ]
+    if section.in_situ is not None:
+        zones = section.in_situ.groups
+        named += [(("in_situ", "groups", group), group, True) for group in zones]
+    for place, group, key in named:
+        if group not in known:
+            hint = faults.did_you_mean(group, sorted(known), what="Groups")
+            message = f"no group '{group}' is in 'groups' or installed by a stage"
+            faults.add(place, "unknown-group", message, hint, key=key)
+
+
+def _check_geostatic(section: CaseSection, faults: Faults) -> None:
+    """What an in-situ stress that follows from the weight of the ground needs to know of it."""
+    if section.in_situ is None:
+        return
+    zones = section.in_situ.groups
+    present = [group for group, material in section.groups.items() if material != ABSENT]
+    rest = [group for group in present if group not in zones]
+    models: list[tuple[KeyPath, object, list[str]]] = [(("in_situ",), section.in_situ, rest)]
+    models += [(("in_situ", "groups", name), zone, [name]) for name, zone in zones.items()]
+    weighed = False
+    for path, model, mine in models:
+        if isinstance(model, GeostaticModel):
+            weighed = True
+            for key in ("K0", "K0_across"):
+                _check_ratios((*path, key), getattr(model, key), mine, section, faults)
+    if not weighed:
+        return
+    if section.gravity is None:
+        message = "the geostatic stress is the weight of the ground, and there is no gravity"
+        faults.add(("in_situ",), "no-gravity", message, "Add 'gravity: 9.81 m/s2'.")
+    for name in dict.fromkeys(section.groups[group] for group in present):
+        if name in section.materials and section.materials[name].density is None:
+            message = f"'{name}' has no density, of which the geostatic stress is made"
+            hint = "Add 'density: 1900 kg/m3'; below a water table that of the saturated ground."
+            faults.add(("materials", name), "no-density", message, hint, key=True)
+
+
+def _check_ratios(
+    path: KeyPath, given: object, mine: Collection[str], section: CaseSection, faults: Faults
+) -> None:
+    """Ratios of horizontal stresses by group: one for each group that needs one, no other."""
+    if not isinstance(given, Mapping):
+        return
+    missing = [group for group in mine if group not in given]
+    if missing:
+        message = f"no {path[-1]} for {', '.join(map(repr, missing))}"
+        hint = "Add it, or write one number for all groups."
+        faults.add(path, "missing-group", message, hint, key=True)
+    for group in given:
+        if group not in section.groups:
+            faults.add_unknown((*path, group), "group", group, section.groups, key=True)
+        elif group not in mine:
+            absent = section.groups[group] == ABSENT
+            why = (
+                "is not there in the initial state, so it has no in-situ stress"
+                if absent
+                else "takes its in-situ stress from another place"
+            )
+            faults.add((*path, group), "absent-group", f"'{group}' {why}", "Remove it.", key=True)
+
+
+def _check_names(section: CaseSection, faults: Faults) -> None:
+    """Names of stages, and of the stages and structures that others name."""
+    names: dict[str, int] = {}
+    for n, stage in enumerate(section.stages):
+        first = names.setdefault(stage.name, n)
+        if first != n:
+            message = f"two stages are named '{stage.name}', "
+            message += f"the first is {format_path(('stages', first))}"
+            faults.add(("stages", n, "name"), "duplicate-stage", message, "Rename one.")
+    for n, name in enumerate(section.fit.stages or ()):
+        _require_stage(("fit", "stages", n), name, names, faults)
+    zeros = {VIRGIN: 0, **names}
+    for name, gauge in section.gauges.items():
+        _require_stage(("gauges", name, "zero"), gauge.zero_stage, zeros, faults)
+        structure = getattr(gauge, "structure", None)
+        if structure is not None and structure not in section.structures:
+            key = "on" if hasattr(gauge, "on") else "structure"
+            place = ("gauges", name, key)
+            faults.add_unknown(place, "structure", structure, section.structures)
+
+
+def _require_stage(path: KeyPath, name: str, known: Collection[str], faults: Faults) -> None:
+    if name not in known:
+        faults.add_unknown(path, "stage", name, known)
+
+
+def _check_fit(section: CaseSection, faults: Faults) -> None:
+    grid: dict[str, AxisSection] = getattr(section.fit.options("scan"), "grid", {})
+    path: KeyPath = ("fit", "scan", "grid")
+    if len(grid) > 2:
+        message = f"found {len(grid)} axes; a scan has one or two"
+        faults.add(path, "too-many-axes", message, "Remove some.", key=True)
+    for name, axis in grid.items():
+        parameter = section.parameters.get(name)
+        if parameter is None:
+            faults.add_unknown((*path, name), "parameter", name, section.parameters, key=True)
+            continue
+        for key, given in (("from", axis.start), ("to", axis.stop)):
+            _check_dimension((*path, name, key), given, parameter.start, faults)
+        if axis.start.factor == axis.stop.factor:
+            message = f"the axis begins and ends at '{axis.stop.text}'"
+            faults.add((*path, name, "to"), "zero-length", message, "Let them differ.")
+
+
+def _check_mesh(section: CaseSection, faults: Faults) -> None:
+    """Only a circular opening that the case gives does without a mesh."""
+    circle = section.fit.options("closed-form")
+    given = [getattr(circle, name) is not None for name in ("centre", "radius")]
+    if section.mesh is not None or all(given):
+        return
+    message = "there is no mesh, and fit.closed-form gives no opening to compute in its place"
+    hint = "Write 'mesh: {file: ...}', or in 'fit' 'closed-form: {centre: [0, 0 m], radius: 3 m}'."
+    faults.add((), "no-mesh", message, hint)
+
+
+def _check_fit_elsewhere(section: CaseSection, faults: Faults) -> None:
+    """What asks for the equations of a model is not there; offsets are of what is read."""
+    for name, gauge in section.gauges.items():
+        for key, given in (("offset", gauge.offset), ("drift_per_stage", gauge.drift_per_stage)):
+            if given is not None and given.parameter in section.parameters:
+                tie = replace(given, dimension=gauge.dimension)
+                path: KeyPath = ("gauges", name, key)
+                _check_tie(section, path, tie, str(given.parameter), faults)
+    why = "the model is elsewhere ('model')"
+    if section.fit.ladder:
+        message = f"{why}, so geoident cannot make simpler ones of it"
+        faults.add(("fit", "ladder"), "no-ground", message, "Remove it.", key=True)
+
+
+def _check_dimension(path: KeyPath, given: Given, start: Given, faults: Faults) -> None:
+    if given.dimension != start.dimension:
+        message = f"'{given.text}' is {with_article(given.dimension)}; "
+        message += f"{with_article(start.dimension)} is expected, as for the start '{start.text}'"
+        faults.add(path, "unit", message)
+
+
+def _check_ties(section: CaseSection, faults: Faults) -> None:
+    """Note ties to unknown parameters or of another dimension, and parameters without any use."""
+    used = names_of_sets(section.fit.ladder or ())
+    for path, given in numbers_of(section):
+        if given.parameter is not None:
+            used.add(given.parameter)
+            _check_tie(section, path, given, given.parameter, faults)
+    for name in section.parameters:
+        if name not in used and isinstance(section.model, ConvergenceLawSection | None):
+            message = f"the parameter '{name}' is declared, but nothing depends on it"
+            hint = f"Write ${name} where it stands, or remove it."
+            faults.add(("parameters", name), "unused-parameter", message, hint, key=True)
+
+
+def _check_tie(
+    section: CaseSection, path: KeyPath, given: Given, name: str, faults: Faults
+) -> None:
+    parameter = section.parameters.get(name)
+    if parameter is None:
+        faults.add_unknown(path, "parameter", name, section.parameters)
+    elif given.dimension and parameter.start.dimension != given.dimension:
+        message = f"'{given.text}' is {with_article(parameter.start.dimension)} "
+        message += f"(start: {parameter.start.text}); {with_article(given.dimension)} is expected"
+        hint = "Change the unit of its start, or use another parameter."
+        faults.add(path, "unit", message, hint)

@@ -1,0 +1,75 @@
+"""The least stable mode of a tangent, against dense eigenvalues."""
+
+from __future__ import annotations
+
+import numpy as np
+from support.cases import model
+from support.meshes import box
+from support.yielding import NOTHING, constant, mohr, rock
+
+from geoident.forward.march import plastic_step
+from geoident.forward.march.bands import band_at
+from geoident.forward.march.march import RunOptions
+from geoident.forward.march.stage_equations import StageEquations, Trial
+from geoident.model.actions import Traction
+from geoident.model.case import Stage, Support
+from geoident.model.parameter import Scalar
+
+PRESSURE, PHI = 1e5, 0.95
+
+
+def sheared(monkeypatch, psi: float) -> tuple[StageEquations, Trial]:
+    """A box far beyond its limit, all of which flows: strained evenly in its plane.
+
+    No equilibrium is needed to ask for the stability of a tangent.
+    """
+    ends = []
+    solved = plastic_step.solve
+
+    def spied(equations, *args, **kwargs):
+        ends.append(equations)
+        return solved(equations, *args, **kwargs)
+
+    monkeypatch.setattr(plastic_step, "solve", spied)
+    soil = rock(3e7, 0.3, mohr(1e2, PHI, psi=psi), name="soil")
+    mesh = box("quad8", (4, 4), distortion=0.2)
+    staged = model(
+        mesh,
+        materials={"soil": soil},
+        groups={"all": "soil"},
+        supports=(Support("y0", (0, 1)),),
+        in_situ=constant(*(-PRESSURE,) * 3),
+        stages=(Stage("load", loads={"top": Traction("y1", (Scalar(0.0), Scalar(-1.0)))}),),
+    )
+    list(staged.at(NOTHING, RunOptions(derivatives=False)).states())
+    x, y = mesh.points.T
+    strained = np.column_stack([0.028 * x + 0.03 * y + 0.004 * x * y, -0.03 * y]).ravel()
+    (equations,) = ends
+    return equations, equations.at(equations.spread(strained[equations.dofs]))
+
+
+def test_the_least_stable_mode_is_that_of_dense_eigenvalues(monkeypatch):
+    equations, trial = sheared(monkeypatch, 0.0)
+    inverse = equations.factor(trial)[0].solve(np.eye(len(equations.dofs)))
+    values, modes = np.linalg.eig(inverse)
+    near = np.argsort(-np.abs(values))[:4]
+    least = near[np.argmin((1.0 / values[near]).real)]
+    assert values[least].real < 0.0
+    band = band_at(equations, trial)
+    assert band is not None
+    expected = equations.spread(modes[:, least].real)
+    cosine = expected @ band.mode / np.linalg.norm(expected) / np.linalg.norm(band.mode)
+    assert abs(cosine) > 1.0 - 1e-6
+    assert np.abs(band.mode).max() == 1.0
+    strain = equations.operators.strain(expected)
+    held = np.einsum("sm,sm,m->m", strain, strain, equations.volume)
+    most = held.argsort()[::-1]
+    assert held[most[: band.points]].sum() >= 0.5 * held.sum()
+    assert held[most[: band.points - 1]].sum() < 0.5 * held.sum()
+    assert band.points < band.yielding / 4
+    assert band.yielding == 144
+
+
+def test_associated_flow_is_stable(monkeypatch):
+    equations, trial = sheared(monkeypatch, PHI)
+    assert band_at(equations, trial) is None

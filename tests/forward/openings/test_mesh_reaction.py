@@ -1,0 +1,205 @@
+"""Released parts by the reaction of a mesh's own opening: its wall moves as the profile says."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from support.cases import material
+from support.derivatives import assert_exact
+from support.tunnels import walled
+from support.yielding import constant, mohr, parameters, rock
+
+from geoident.errors import CollapseError, InputError
+from geoident.model.case import Stage
+from geoident.model.parameter import Scalar
+
+from .test_advance import profile, stages
+from .test_opening_model import GAUGES, RADIUS, MPa, quarter, staged, without_mesh
+
+DISTANCES = (0.5, 4.0)
+UNEVEN = constant(-7 * MPa, -11 * MPa, -9 * MPa)
+
+
+def oval(n: int = 2, layers: int = 6, reach: float = 12.0, stretch: float = 1.3):
+    """A quarter around an ellipse of the area of a circle; far away nothing is stretched."""
+    mesh = walled("quad8", n=n, layers=layers, radius=RADIUS, reach=reach * RADIUS)
+    r = np.linalg.norm(mesh.points, axis=1)
+    near = np.minimum(1.0, RADIUS / np.maximum(r, RADIUS))[:, None]
+    ways = np.array([stretch - 1.0, 1.0 / stretch - 1.0])
+    return replace(mesh, points=mesh.points * (1.0 + near * ways))
+
+
+def wall_by_hand(mesh, displacement) -> float:
+    """Mean motion inwards of the lines of the wall, by Simpson's rule on each of them."""
+    nodes = mesh.facets[-1].nodes
+    first, last, middle = mesh.points[nodes].transpose(1, 0, 2)
+    slopes = [4 * middle - 3 * first - last, last - first, 3 * last + first - 4 * middle]
+    moved = displacement[nodes[:, [0, 2, 1]]].transpose(1, 0, 2)
+    swept, length = 0.0, 0.0
+    for weight, slope, u, x in zip((1, 4, 1), slopes, moved, (first, middle, last), strict=True):
+        normal = np.stack([slope[:, 1], -slope[:, 0]], axis=1)
+        normal *= np.sign((normal * x).sum(axis=1))[:, None]
+        swept -= weight / 6 * float((u * normal).sum())
+        length += weight / 6 * float(np.linalg.norm(slope, axis=1).sum())
+    return swept / length
+
+
+@pytest.mark.parametrize(("law", "psi"), [("vlachopoulos-diederichs", 0.0), ("chern", 0.3)])
+def test_the_mean_of_the_wall_moves_by_the_profile(law, psi):
+    """An ellipse in uneven stress; by the circle it moves 2 to 7 hundredths too far."""
+    mesh, ground = oval(), rock(5e9, 0.25, mohr(MPa, 0.5, psi=psi))
+    off = {}
+    for conversion in ("mesh", "reaction-curve"):
+        found = staged(
+            mesh, ground, face=profile(law, conversion=conversion), stages=stages(DISTANCES),
+            in_situ=UNEVEN,
+        )  # fmt: skip
+        fields = found.survey(np.empty(0), fields=True).fields
+        moved = [wall_by_hand(mesh, u) for u in fields.displacement[1:]]
+        shares = [s.share for s in found.face_states({})]
+        off[conversion] = np.array(moved[:-1]) / moved[-1] - shares
+    np.testing.assert_allclose(off["mesh"], 0.0, atol=1e-9)
+    assert off["reaction-curve"].max() > 0.02
+
+
+def test_a_circle_in_even_stress_releases_as_the_closed_form():
+    """Up to the error of the mesh, which is a quarter as large on half the size."""
+    ground = rock(5e9, 0.25, mohr(MPa, 0.5))
+    law = "vlachopoulos-diederichs"
+    exact = without_mesh(ground, face=profile(law), stages=stages(DISTANCES)).face_states({})
+    meshed = staged(
+        quarter(6, 20, 30.0), ground, face=profile(law, conversion="mesh"),
+        stages=stages(DISTANCES),
+    )  # fmt: skip
+    for one, other in zip(meshed.face_states({}), exact, strict=True):
+        assert one.share == pytest.approx(other.share, rel=1e-12)
+        assert one.released == pytest.approx(other.released, abs=1.2e-3)
+
+
+@pytest.mark.parametrize("law", ["vlachopoulos-diederichs", "chern"])
+def test_elastic_ground_is_released_by_the_share_itself(law):
+    found = staged(
+        oval(), material("rock", 5e9, 0.25), face=profile(law, conversion="mesh"),
+        stages=stages(DISTANCES), in_situ=UNEVEN,
+    )  # fmt: skip
+    assert all(s.released == s.share for s in found.face_states({}))
+    assert found.counts.factorizations == 0
+
+
+def test_derivatives_are_exact():
+    """By strength, distance and constants of the profile; larger steps would meet kinks."""
+    numbers = {"c": MPa, "x": 1.4, "two": 1.6}
+    own = {name: Scalar(1.0, name) for name in numbers}
+    face = profile("chern", constants=(Scalar(1.1), own["two"]), conversion="mesh")
+    found = staged(
+        oval(), rock(5e9, 0.25, mohr(own["c"], 0.5)), face=face,
+        stages=stages((own["x"], 4.0))[:2], parameters=parameters(**numbers), in_situ=UNEVEN,
+    )  # fmt: skip
+    pairs = [(c.name, stage) for c in GAUGES for stage in ("0", "1")]
+    p = np.array(list(numbers.values()))
+    assert_exact(found.response(pairs), p, tuple(numbers), rtol=1e-6, step=2e-5)
+
+
+def test_what_was_asked_before_changes_nothing():
+    """A start from the last answer leads to the same parts; forgotten, to the same bits."""
+    c = Scalar(1.0, "c")
+    found = staged(
+        oval(), rock(5e9, 0.25, mohr(c, 0.5)),
+        face=profile("chern", conversion="mesh"), stages=stages(DISTANCES),
+        parameters=parameters(c=MPa),
+    )  # fmt: skip
+    pairs = [(GAUGES[0].name, "0")]
+    first = found.response(pairs).readings(np.array([MPa]))
+    found.response(pairs).readings(np.array([1.3 * MPa]))
+    again = found.response(pairs).readings(np.array([MPa]))
+    np.testing.assert_allclose(again, first, rtol=1e-9)
+    found.forget()
+    np.testing.assert_array_equal(found.response(pairs).readings(np.array([MPa])), first)
+
+
+def test_what_is_built_in_later_stages_has_no_part_in_it():
+    """Stages without a distance, linings among them, are not of the reaction without support."""
+    ground, stiff = rock(5e9, 0.25, mohr(MPa, 0.5)), material("lining", 30e9, 0.2)
+    face = profile("chern", conversion="mesh")
+    bare, plain = stages((0.5, 4.0)), oval()
+    lined = (bare[0], Stage("line", install={"core": "lining"}), *bare[1:])
+    settings = {"face": face, "materials": {"rock": ground, "lining": stiff}, "in_situ": UNEVEN}
+    one = staged(plain, ground, stages=bare, **settings).face_states({})
+    other = staged(plain, ground, stages=lined, **settings).face_states({})
+    assert {(s.distance, s.released) for s in one} == {(s.distance, s.released) for s in other}
+
+
+def test_an_earlier_tunnel_counts_and_its_motion_does_not():
+    """What moved before the tunnel is no part of the motion that the profile shares out."""
+    mesh = oval()
+    centre = mesh.points[mesh.blocks[0].nodes].mean(axis=1)
+    rest = mesh.groups["rock"]
+    niche = rest[(np.abs(centre[rest] - (12.0, 12.0)) < 5.0).all(axis=1)]
+    mesh = replace(mesh, groups={**mesh.groups, "niche": niche, "rock": np.setdiff1d(rest, niche)})
+    found = staged(
+        mesh,
+        rock(5e9, 0.25, mohr(2 * MPa, 0.5)),
+        face=profile("chern", conversion="mesh"),
+        groups={"core": "rock", "rock": "rock", "niche": "rock"},
+        stages=(
+            Stage("niche", excavate=("niche",), release={"niche": Scalar(0.3)}),
+            *stages(DISTANCES),
+        ),
+        in_situ=UNEVEN,
+    )
+    u = found.survey(np.empty(0), fields=True).fields.displacement
+    before, *moved = (wall_by_hand(mesh, one) for one in u[1:])
+    shares = [s.share for s in found.face_states({})]
+    assert abs(before) > 0.001 * moved[-1]
+    np.testing.assert_allclose((np.array(moved[:-1]) - before) / (moved[-1] - before), shares)
+
+
+def test_a_tunnel_that_does_not_stand_alone_says_so():
+    found = staged(
+        oval(), rock(5e9, 0.25, mohr(0.01 * MPa, 0.2, psi=0.2)),
+        face=profile("chern", conversion="mesh"), stages=stages((0.5,))[:1],
+    )  # fmt: skip
+    with pytest.raises(CollapseError, match=r"(?s)has none without support.*conversion: direct"):
+        found.survey(np.empty(0), fields=False)
+
+
+def test_branches_have_no_one_reaction():
+    apart = stages((0.5, 2.0))[:2]
+    apart = (replace(apart[0], independent=True), replace(apart[1], excavate=("core",)))
+    settings = {"face": profile("chern", conversion="mesh"), "stages": apart}
+    with pytest.raises(InputError) as caught:
+        staged(oval(), rock(5e9, 0.25, mohr(MPa, 0.5)), **settings)
+    (fault,) = caught.value.faults
+    assert (fault.code, fault.path) == ("branches", "face.conversion")
+
+
+def test_a_tunnel_needs_ground_around_it():
+    face = replace(profile("chern", conversion="mesh"), groups=("core", "rock"))
+    settings = {"face": face, "stages": stages((0.5,))[:1]}
+    with pytest.raises(InputError) as caught:
+        staged(oval(), rock(5e9, 0.25, mohr(MPa, 0.5)), **settings)
+    assert "no-wall" in {fault.code for fault in caught.value.faults}
+
+
+@pytest.mark.parametrize(
+    ("mesh", "stress", "said"),
+    [
+        (quarter(3, 8, 20.0), constant(*(-9 * MPa,) * 3), ()),
+        (oval(), constant(*(-9 * MPa,) * 3), ("is not round",)),
+        (quarter(3, 8, 20.0), UNEVEN, ("uneven stress (7 and 11 MPa",)),
+        (oval(), UNEVEN, ("is not round and stands in uneven stress",)),
+    ],
+)
+def test_what_a_circle_does_not_tell_is_said(mesh, stress, said):
+    settings = {"in_situ": stress, "stages": stages(DISTANCES)}
+    ground = rock(5e9, 0.25, mohr(MPa, 0.5))
+    (note,) = [
+        n for n in staged(mesh, ground, face=profile("chern"), **settings).notes if "face" in n
+    ]
+    assert ("conversion: mesh" in note) == bool(said)
+    assert all(words in note for words in said)
+    own = staged(mesh, ground, face=profile("chern", conversion="mesh"), **settings)
+    (note,) = [n for n in own.notes if "face" in n]
+    assert "in the mesh, without support" in note
