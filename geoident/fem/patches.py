@@ -8,8 +8,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import scipy.sparse as sp
 
 from geoident.fem.kinematics import StrainPoints
@@ -120,7 +122,7 @@ def _nodes(touches: sp.csr_array, points: Ints) -> Ints:
     return _rows(touches.indptr, touches.indices, points)
 
 
-def _rows(indptr: Ints, indices: Ints, rows: Ints) -> Ints:
+def _rows(indptr: npt.NDArray[Any], indices: npt.NDArray[Any], rows: Ints) -> Ints:
     """The entries of some rows of a compressed pattern, one row after the other."""
     counts = indptr[rows + 1] - indptr[rows]
     ends = np.cumsum(counts)
