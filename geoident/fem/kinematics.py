@@ -341,6 +341,13 @@ class StrainPoints:
         return {}
 
     @cached_property
+    def points_of_nodes(self) -> sp.csr_array:
+        """(n_nodes, n_points) which points the nodes strain: a pattern by rows."""
+        import scipy.sparse as sp  # noqa: PLC0415 - see above
+
+        return sp.csr_array(self.gradients[0].T)
+
+    @cached_property
     def _transposed(self) -> tuple[sp.csc_array, ...]:
         """The transposes of the gradients: views, by columns."""
         return tuple(gradient.T for gradient in self.gradients)

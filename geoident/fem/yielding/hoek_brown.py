@@ -79,6 +79,10 @@ class HoekBrownLaw:
         """Never."""
         return False
 
+    def at(self, points: Ints) -> HoekBrownLaw:
+        """The same: its numbers are those of all points."""
+        return self
+
     def project(self, trial: Floats, hardened: Floats | None = None) -> HoekBrownProjection:
         """Return trial stresses (s, m) to the surface; nothing hardens."""
         rough = rough_values(trial)

@@ -174,6 +174,9 @@ class YieldLaw(Protocol):
     def hardens(self) -> bool:
         """Whether the multipliers of earlier steps count."""
 
+    def at(self, points: Ints) -> YieldLaw:
+        """The law at some of its points, (k,) by place."""
+
     def project(self, trial: Floats, hardened: Floats | None = None) -> Projection:
         """Bring trial stresses (s, m) to the yield surface.
 

@@ -228,6 +228,10 @@ class PolyhedralLaw:
         """Whether the multipliers of earlier steps count."""
         return self._system.hardens
 
+    def at(self, points: Ints) -> PolyhedralLaw:
+        """The same: its numbers are those of all points."""
+        return self
+
     def project(self, trial: Floats, hardened: Floats | None = None) -> ReturnStep:
         """Bring trial stresses (s, m) to the polyhedron; `hardened` (y, m) as in `YieldLaw`.
 

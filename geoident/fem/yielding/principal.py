@@ -80,6 +80,10 @@ class PrincipalLaw:
         """Whether the multipliers of earlier steps count."""
         return self._system.hardens
 
+    def at(self, points: Ints) -> PrincipalLaw:
+        """The same: its numbers are those of all points."""
+        return self
+
     def project(self, trial: Floats, hardened: Floats | None = None) -> PrincipalProjection:
         """Return trial stresses (s, m) to the surface; `hardened` (y, m) as in `YieldLaw`."""
         some = self._outside(trial, hardened)

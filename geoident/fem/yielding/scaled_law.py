@@ -50,6 +50,11 @@ class ScaledLaw:
         """Never."""
         return False
 
+    def at(self, points: Ints) -> ScaledLaw:
+        """The law at some of its points, (k,) by place."""
+        factors = self.strength[points], self.stiffness[points], self.slopes[points]
+        return ScaledLaw(self.law.at(points), *factors)
+
     def project(self, trial: Floats, hardened: Floats | None = None) -> ScaledProjection:
         """Bring trial stresses (s, m) to the yield surface."""
         found = self.law.project(trial / self.strength, None)

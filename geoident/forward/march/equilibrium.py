@@ -14,6 +14,12 @@ piecewise linear, so it ends, exactly, once the pieces are found; along each ste
 is followed to near its zero, which makes it converge from everywhere. Where K_T is singular, a
 little of the elastic stiffness is left in it.
 
+In a large model a few places, corners mostly, are far from equilibrium long after all else is near:
+a step that is right for the ground around is then far too long there. So the worst places after a
+step are brought to equilibrium by themselves, all else kept (`fem.patches`): nonlinear elimination
+(Lanzkron, Rose & Wilkes 1996, SIAM J. Sci. Comput. 17, 538-559). It lowers Pi, and takes factors of
+a few hundred unknowns. Near the end the last factor serves a further step.
+
 Flow that is not associated has no potential; its steps are judged by the next ones, and where
 they are lost a path of viscous grounds leads to the solution (`viscous_path`).
 
@@ -79,6 +85,30 @@ _SAME = 2e-3
 FAR_OUT = 1e6
 """Where along a step its mechanism alone decides, in steps."""
 
+LARGE = 10_000
+"""Unknowns from which on a factorization costs more than a few places solved by themselves."""
+
+_HARDLY_RISEN = 0.3
+"""Slope of Pi at the end of a step, as part of that at its beginning, that is nearly none."""
+
+_QUICK = 0.1
+"""Part of the out-of-balance force that a good step leaves."""
+
+_CLOSE = 0.01
+"""The same of a step whose factor is tried once more."""
+
+_WORST = (0.03, 0.1, 0.3)
+"""Parts of the largest out-of-balance force from which on places are solved by themselves."""
+
+_PATCH = 0.1
+"""Part of the unknowns that they are at most."""
+
+_PATCH_STEPS = 10
+"""Newton steps there at most."""
+
+_SETTLED = 1e-3
+"""Part of the out-of-balance force that is left there."""
+
 _STIFFER = 6
 """Level from which a tangent whose step was too long is made stiffer."""
 
@@ -136,21 +166,83 @@ def _by_potential(equations: StageEquations, trial: Trial) -> Balance:
     """Newton's method along the slope of Pi."""
     factor: Factor | None = None
     made_at: Trial | None = None
-    least = 0
+    least, quick = 0, False
     for step in range(MOST_STEPS):
         if trial.error <= BALANCED:
             return Balance(trial, step, factor, made_at)
+        if quick and factor is not None:
+            again = equations.at(trial.du + equations.spread(_solved(factor, trial)))
+            quick = again.error <= _QUICK * trial.error
+            if quick:
+                trial = again
+                continue
+        before = trial.error
         factor, level = equations.factor(trial, least=least)
         made_at = trial if level == 0 else None
-        d = equations.spread(factor.solve(trial.residual[:, None])[:, 0])
-        following, share = follow_slope(equations, trial, d)
+        d = equations.spread(_solved(factor, trial))
+        following, share = _stepped(equations, trial, d)
         if following.error >= trial.error and trial.error <= ROUNDING:
             return Balance(trial, step + 1, factor, made_at)
         if step >= _SUSPICIOUS and share == 1.0:
             _refuse_mechanism(equations, following, d)
         least = _next_level(least, share)
         trial = following
+        quick = made_at is not None and trial.error <= _CLOSE * before
     raise NoEquilibrium(trial.du)
+
+
+def _solved(factor: Factor, trial: Trial) -> Floats:
+    """(n,) the step to equilibrium."""
+    return factor.solve(trial.residual[:, None])[:, 0]
+
+
+def _stepped(equations: StageEquations, trial: Trial, d: Floats) -> tuple[Trial, float]:
+    """Follows a step (n_dofs,), its worst places brought to equilibrium by themselves.
+
+    Returns:
+        Where it ended, and the share of the step that was made.
+    """
+    whole = equations.at(trial.du + d)
+    quick = whole.error <= _QUICK * trial.error
+    if quick or equations.patches is None or len(equations.dofs) < LARGE:
+        return follow_slope(equations, trial, d, whole)
+    settled = _settled(equations, whole)
+    if settled is not None:
+        way = (settled.du - trial.du)[equations.dofs]
+        slope = float(trial.residual @ way)
+        if slope > 0.0 and float(settled.residual @ way) >= -_HARDLY_RISEN * slope:
+            return settled, 1.0
+    return follow_slope(equations, trial, d, whole)
+
+
+def _settled(equations: StageEquations, trial: Trial) -> Trial | None:
+    """The same with the places that are farthest from equilibrium brought there, all else kept.
+
+    None where they are too many.
+    """
+    patches = equations.patches
+    assert patches is not None
+    rest = np.abs(trial.residual)
+    worst, most = float(rest.max(initial=0.0)), int(_PATCH * rest.size)
+    for part in _WORST:
+        patch = patches.around(np.flatnonzero(rest > part * worst), most)
+        if patch is not None:
+            break
+    else:
+        return None
+    own = equations.within(patch, patches.within(patch), trial.du)
+    here = own.at(trial.du[patch.dofs])
+    least = 0
+    for _ in range(_PATCH_STEPS):
+        if np.abs(here.residual).max() <= _SETTLED * worst:
+            break
+        factor, _ = own.factor(here, least=least)
+        d = own.spread(factor.solve(here.residual[:, None])[:, 0])
+        here, share = follow_slope(own, here, d)
+        least = _next_level(least, share)
+    du = trial.du.copy()
+    du[patch.dofs] = here.du
+    return equations.at(du)
 
 
 def _on_held_factors(equations: StageEquations, directions: Directions, trial: Trial) -> Balance:
@@ -267,7 +359,9 @@ def _next_level(level: int, share: float) -> int:
     return level - 1 if level > _STIFFER else 0
 
 
-def follow_slope(equations: StageEquations, trial: Trial, d: Floats) -> tuple[Trial, float]:
+def follow_slope(
+    equations: StageEquations, trial: Trial, d: Floats, whole: Trial | None = None
+) -> tuple[Trial, float]:
     """Follows a step to near the zero of the slope of Pi, which is monotone.
 
     A full step on which Pi still falls at its end, or has hardly risen, is taken as it is.
@@ -276,15 +370,16 @@ def follow_slope(equations: StageEquations, trial: Trial, d: Floats) -> tuple[Tr
         equations: of the stage.
         trial: where the step begins.
         d: (n_dofs,) the step.
+        whole: what is at its end, if that is known.
 
     Returns:
         Where it ended, and the share of the step that was made.
     """
     free = d[equations.dofs]
     slope = float(trial.residual @ free)
-    following = equations.at(trial.du + d)
+    following = equations.at(trial.du + d) if whole is None else whole
     found = float(following.residual @ free)
-    if found >= -0.3 * slope:
+    if found >= -_HARDLY_RISEN * slope:
         return following, 1.0
     low, s_low, high, s_high = 0.0, slope, 1.0, found
     share = 1.0

@@ -21,6 +21,7 @@ import scipy.sparse as sp
 
 from geoident.fem.conjugate_gradients import Product, conjugate_gradients
 from geoident.fem.moduli import Moduli
+from geoident.fem.patches import Patch, PatchTangents, patch_around
 from geoident.fem.solvers.direct import Factor, LowerPattern, SymbolicFactorization
 from geoident.fem.solvers.splu import GeneralFactor
 from geoident.forward.march.stage import StageTask
@@ -132,6 +133,17 @@ class StageTangents:
     def product(self, points: Ints, change: Floats) -> Product:
         """Products of K plus symmetric changes (q, s, s) of V E at some points (q,)."""
         return symmetric_product(self._system.pattern.lower, self._changed(points, change))
+
+    def around(self, unknowns: Ints, most: int) -> Patch | None:
+        """The patch around unknowns (w,); None where more than a number of them would move."""
+        system, points = self._system, self._systems.discretization.points
+        return patch_around(points, system.present, system.dofs, unknowns, most)
+
+    def within(self, patch: Patch) -> PatchTangents:
+        """What makes factors of the stiffness of a patch."""
+        lower, mine = self._system.pattern.lower, patch.unknowns
+        whole = sp.csc_array((self._elastic, lower.indices, lower.indptr), shape=(lower.n, lower.n))
+        return PatchTangents(patch, sp.csc_array(whole[:, mine][mine]))
 
     def _changed(self, points: Ints, change: Floats) -> Floats:
         """Values (nnz,) of K plus symmetric changes."""

@@ -331,6 +331,7 @@ class PlasticSteps:
             tangents=tangents,
             members=members,
             at_hand=tangents if tangents.most else None,
+            patches=tangents,
         )
 
     def _balance(

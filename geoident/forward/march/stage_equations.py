@@ -14,6 +14,7 @@ import numpy as np
 
 from geoident.fem.conjugate_gradients import Product
 from geoident.fem.moduli import Moduli
+from geoident.fem.patches import Patch
 from geoident.fem.solvers.direct import Factor, NotPositiveDefinite
 from geoident.fem.yielding.domain import NoProjection
 from geoident.fem.yielding.law import Projection, YieldLaw
@@ -50,6 +51,16 @@ class Tangents(Protocol):
             change: (q, s, s) changes of V E there.
             symmetric: whether they are symmetric matrices.
         """
+
+
+class Patches(Protocol):
+    """Parts of the ground whose equations are solved by themselves."""
+
+    def around(self, unknowns: Ints, most: int) -> Patch | None:
+        """The patch around unknowns (w,); None where more than a number of them would move."""
+
+    def within(self, patch: Patch) -> Tangents:
+        """What makes factors of the stiffness of a patch."""
 
 
 class FactorsAtHand(Protocol):
@@ -91,6 +102,21 @@ class Ground:
     def hardens(self) -> bool:
         """Whether multipliers of earlier stages count."""
         return self.law is not None and self.law.hardens
+
+    def among(self, points: Ints, n_points: int) -> Ground | None:
+        """Its part among some points (q,), ascending, numbered by them; None where there is none.
+
+        Args:
+            points: strain points of the mesh.
+            n_points: number of them all.
+        """
+        own = numbers(self.points, n_points)
+        _, mine, here = np.intersect1d(own, points, assume_unique=True, return_indices=True)
+        if not mine.size:
+            return None
+        law = None if self.law is None else self.law.at(mine)
+        hardened = None if self.hardened is None else self.hardened[:, mine]
+        return Ground(self.name, here, self.elasticity.at(mine), law, hardened)
 
 
 @dataclass(frozen=True)
@@ -164,6 +190,7 @@ class StageEquations:
         members: nodal forces (n_dofs,) of linings and bolts at a displacement step, or None.
         at_hand: factors that were made before; None: every step makes its own.
         viscosity: part of the overstress s* - P(s*) that is kept (`viscous_path`).
+        patches: parts that can be solved by themselves; None for none.
     """
 
     operators: Operators
@@ -176,6 +203,7 @@ class StageEquations:
     members: Callable[[Floats], Floats] | None = None
     at_hand: FactorsAtHand | None = None
     viscosity: float = 0.0
+    patches: Patches | None = None
 
     @cached_property
     def associated(self) -> bool:
@@ -189,6 +217,36 @@ class StageEquations:
     def viscous(self, part: float) -> StageEquations:
         """The same of a ground that keeps a part of its overstress."""
         return replace(self, viscosity=part) if part != self.viscosity else self
+
+    def within(self, patch: Patch, tangents: Tangents, du: Floats) -> StageEquations:
+        """Those of a patch, where all else stays; its displacements are those of its own.
+
+        Args:
+            patch: which unknowns move.
+            tangents: makes factors of their stiffness.
+            du: (n_dofs,) displacement step of all else.
+        """
+        n = self.operators.n_points
+        parts = (ground.among(patch.points, n) for ground in self.grounds)
+        members: Callable[[Floats], Floats] | None = None
+        if self.members is not None:
+            of_all = self.members
+
+            def members(own: Floats) -> Floats:
+                moved = du.copy()
+                moved[patch.dofs] = own
+                return of_all(moved)[patch.dofs]
+
+        return StageEquations(
+            patch,
+            volume=self.volume[patch.points],
+            dofs=patch.places,
+            grounds=[part for part in parts if part is not None],
+            stress=np.ascontiguousarray(self.stress[:, patch.points]),
+            forces=self.forces[patch.dofs],
+            tangents=tangents,
+            members=members,
+        )
 
     def before(self) -> Floats:
         """(n_dofs,) forces that hold what is carried into the stage."""
