@@ -167,6 +167,7 @@ def fit_project(
     fresh: bool = False,
     trust: bool = False,
     progress: Progress | None = None,
+    cluster: AnyPath | None = None,
 ) -> ProjectFit:
     """Fit several sections of one ground together, as a project file says.
 
@@ -184,6 +185,8 @@ def fit_project(
         trust: programs and functions that cases of sections name as their models may be run;
             remembered.
         progress: is told of every iteration.
+        cluster: in place of processes of this machine: address of a scheduler of dask, ``local``,
+            or the path of a cluster file.
 
     Raises:
         InputError: the project or the case of a section is wrong, with all faults; or nobody has
@@ -201,7 +204,7 @@ def fit_project(
     )
     job = plan_project(request)
     with decided_by(trusting(trust=trust)):
-        found = run_project(job, control(progress, max_time))
+        found = run_project(job, control(progress, max_time, jobs, cluster))
     return ProjectFit(found.result, found.path, found.up_to_date)
 
 

@@ -21,6 +21,7 @@ from geoident.report.text.project.json import plan_object, project_object
 from geoident.report.text.project.spreadsheet import project_csv, project_tables
 from geoident.report.text.project.tables import plan_text, project_summary, project_text
 from geoident.workflow.executing.stop import StopRequest
+from geoident.workflow.executing.workplace import workplace
 from geoident.workflow.project.plan import ProjectJob, ProjectRequest, plan_project
 from geoident.workflow.project.run import fit_project
 from geoident.workflow.running.control import Control
@@ -28,13 +29,16 @@ from geoident.workflow.running.control import Control
 _SETS_ITSELF = "A project sets values of its sections itself: sections[..].set."
 
 
-def run_project(path: str, options: Options, *, leave_one_out: bool) -> int:
+def run_project(
+    path: str, options: Options, *, leave_one_out: bool, cluster: str | None = None
+) -> int:
     """Fit a project and say what came out.
 
     Args:
         path: of its file.
         options: of the command.
         leave_one_out: predict each section from the others, too.
+        cluster: address, ``local`` or file of a cluster; None for processes of this machine.
 
     Returns:
         The exit code.
@@ -59,13 +63,18 @@ def run_project(path: str, options: Options, *, leave_one_out: bool) -> int:
         if options.dry_run:
             return _say_plan(job, options)
         terminal = Terminal(options)
-        control = Control(terminal, StopRequest(), max_time=options.max_time)
+        control = Control(
+            terminal, StopRequest(), max_time=options.max_time,
+            cluster=workplace(cluster, request.jobs, terminal.inform),
+        )  # fmt: skip
         with asked(options), terminal.live(path), stop_on_signals(control.stop):
             finished = fit_project(job, control)
     result = finished.result
     for remark in finished.remarks:
         terminal.inform(remark)
-    if finished.up_to_date:
+    if not finished.up_to_date:
+        control.tell_of_cluster()
+    else:
         terminal.inform(f"{finished.path} is up to date; --fresh computes it again")
     terminal.inform(project_summary(result))
     if result.exit_code != ExitCode.DONE and options.quiet:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from support.elsewhere import EXTERNAL, PROGRAM, trusted
 from support.elsewhere import write_case as write_program
+from support.projects import SECTIONS, example
 from support.real_cluster import free_port
 from support.trench import write_case
 
@@ -19,6 +20,8 @@ from geoident.workflow.executing.executor import Answered
 from geoident.workflow.executing.on_cluster import OnCluster
 from geoident.workflow.executing.parcel import packed
 from geoident.workflow.fit import fit
+from geoident.workflow.project.plan import ProjectRequest, plan_project
+from geoident.workflow.project.run import fit_project
 from geoident.workflow.running.control import NOTHING_SENT, Control, Silent
 from geoident.workflow.running.jobs import Request, plan_fit, plan_scan
 from geoident.workflow.running.workers import ModelWorkers
@@ -184,3 +187,45 @@ def test_what_is_told_of_an_earlier_run_of_an_executor_counts_for_no_later_one()
         assert list(executor._on_begun({**told, "key": key}, None)) == []
         assert len(sent.begun) == begun
     assert not sent.losses
+
+
+def test_sections_of_a_project_are_fitted_there(tmp_path, cluster):
+    """Each by itself and all together, as here; the files of their cases travel."""
+    path, results = example(tmp_path, SECTIONS), []
+    for control, request in (
+        (Control(), ProjectRequest(path, jobs=1)),
+        (on(cluster), ProjectRequest(path, fresh=True)),
+    ):
+        results.append(fit_project(plan_project(request), control).result)
+        control.tell_of_cluster()
+    assert NOTHING_SENT not in control.monitor.said
+    here, there = results
+    assert [row.name for row in there.common] == [row.name for row in here.common]
+    for one, other in zip(here.common, there.common, strict=True):
+        np.testing.assert_allclose(one.value, other.value, rtol=1e-9)
+        np.testing.assert_allclose(one.sd, other.sd, rtol=1e-6)
+    assert not list(tmp_path.glob("*checkpoint*"))
+
+
+def test_programs_of_sections_run_there_and_are_logged_here(tmp_path, cluster):
+    script = PROGRAM.replace(
+        "E, K = (", "from pathlib import Path\nPath('ran').touch()\nE, K = (", 1
+    )
+    model = EXTERNAL.replace(f"[{sys.executable}, -S, opening.py]", "[./opening.py]")
+    for name in "AB":
+        case = write_program(tmp_path / name, model, script=f"#!{sys.executable} -S\n{script}")
+        (case.parent / "opening.py").chmod(0o755)
+        case.write_text(
+            case.read_text().replace("backtest: false", "backtest: false, model_error: none")
+        )
+    (tmp_path / "project.yaml").write_text(
+        "format: geoident-project/1\ntitle: twice\nsections:\n"
+        "  - {name: A, case: A/case.yaml}\n  - {name: B, case: B/case.yaml}\nshared: [E, K0]\n"
+    )
+    control = on(cluster)
+    with trusted():
+        fit_project(plan_project(ProjectRequest(str(tmp_path / "project.yaml"))), control)
+    control.tell_of_cluster()
+    assert NOTHING_SENT not in control.monitor.said
+    assert not list(tmp_path.rglob("ran"))
+    assert list(tmp_path.rglob("runs.jsonl"))

@@ -66,18 +66,16 @@ def command(
 
     In place of a case a project may be given (format: geoident-project/1): several sections of one
     ground, whose parameters are shared or follow laws about which they scatter. Sections are
-    computed in -j processes.
+    computed in -j processes, or on a cluster.
     """
     from geoident.io.project.head import is_project
 
     if any(is_project(case) for case in cases):
         if len(cases) > 1:
             raise UsageError("A project is fitted by itself: name it alone.")
-        if cluster is not None:
-            raise UsageError("--cluster is for cases: sections of a project are computed here.")
         from geoident.cli.project import run_project
 
-        return run_project(cases[0], options, leave_one_out=leave_one_out)
+        return run_project(cases[0], options, leave_one_out=leave_one_out, cluster=cluster)
     if leave_one_out:
         raise UsageError("--leave-one-out is of a project of several sections.")
     if len(cases) > 1:

@@ -3,17 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import replace
 from functools import partial
+from pathlib import Path
+from types import TracebackType
 
 import numpy as np
 
 from geoident.errors import ExitCode, InputError, Interrupted, ModelError
+from geoident.forward.protocols import CaseModel
 from geoident.model.arrays import Floats
 from geoident.model.project.project import Project
 from geoident.model.results.result import NO_COST, Counts
-from geoident.workflow.executing.executor import Answered, usable_cores
+from geoident.workflow.executing.executor import (
+    Answered,
+    BegunExecutor,
+    Workplace,
+    usable_cores,
+)
+from geoident.workflow.executing.parcel import layout_of, packed, relative
 from geoident.workflow.executing.processes import LocalProcesses
-from geoident.workflow.executing.stop import StopRequest
 from geoident.workflow.project.plan import placed
 from geoident.workflow.project.sections import (
     EVALUATE,
@@ -29,25 +39,38 @@ from geoident.workflow.project.sections import (
 )
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.evaluation_log import Log
+from geoident.workflow.running.jobs import Inputs
+from geoident.workflow.running.workers import runs_on_cluster
 
 
 class OneProcess:
-    """Computes the tasks here, one after the other.
+    """Computes the tasks here, one after the other; new runs of programs on a cluster, if given.
 
     Args:
         sources: of the sections.
-        stop: the wish to stop.
+        control: of the command.
     """
 
-    def __init__(self, sources: SectionSources, stop: StopRequest) -> None:
-        self._answer = SectionsInProcess(sources, stop)
-        self._stop = stop
+    def __init__(self, sources: SectionSources, control: Control) -> None:
+        self._begun = ExitStack()
+
+        def begin(model: CaseModel) -> None:
+            self._begun.enter_context(runs_on_cluster(model, control))
+
+        self._answer = SectionsInProcess(sources, control.stop, begin)
+        self._stop = control.stop
 
     def __enter__(self) -> OneProcess:
         return self
 
-    def __exit__(self, *_: object) -> None:
-        """There is nothing to end."""
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """End what runs programs elsewhere."""
+        self._begun.__exit__(kind, error, trace)
 
     def ask_to_stop(self) -> None:
         """Nothing runs beside who asks."""
@@ -59,25 +82,49 @@ class OneProcess:
             yield Answered(number, self._answer(task))
 
 
-SectionExecutor = OneProcess | LocalProcesses[SectionTask, SectionAnswer]
+SectionExecutor = OneProcess | BegunExecutor[SectionTask, SectionAnswer]
 """What computes tasks of sections; a context."""
 
 
 def section_executor(
-    sources: SectionSources, stop: StopRequest, *, jobs: int | None, here: bool
+    sources: SectionSources, inputs: Sequence[Inputs], control: Control, *, jobs: int | None
 ) -> SectionExecutor:
-    """What computes the sections: processes of this machine, or this one.
+    """What computes the sections: workers of a cluster, processes of this machine, or this one.
+
+    Sections that run programs share one log of runs, which is kept here: their runs alone travel.
 
     Args:
         sources: of the sections.
-        stop: the wish to stop.
+        inputs: the case of each.
+        control: of the command.
         jobs: number of processes; None for the cores there are.
-        here: formulas take less time than the start of a process, and programs share one log.
     """
+    elsewhere = any(one.case.elsewhere is not None for one in inputs)
+    if control.cluster is not None and not elsewhere:
+        return _on(control.cluster, sources, inputs, control)
     count = min(jobs or usable_cores(), len(sources.sources))
-    if here or count == 1:
-        return OneProcess(sources, stop)
+    formulas = all(one.loaded.mesh_path is None for one in inputs)  # sooner than a process starts
+    if elsewhere or formulas or count == 1:
+        return OneProcess(sources, control)
     return LocalProcesses[SectionTask, SectionAnswer](count, partial(set_up_sections, sources))
+
+
+def _on(
+    cluster: Workplace, sources: SectionSources, inputs: Sequence[Inputs], control: Control
+) -> BegunExecutor[SectionTask, SectionAnswer]:
+    """Workers of a cluster, to which all files of the cases travel.
+
+    Own fits of sections leave their checkpoints there, in folders that go with the workers.
+    """
+    files = tuple(dict.fromkeys(path for one in inputs for path in one.files))
+    layout = layout_of(files)
+    there = replace(
+        sources,
+        sources=tuple(replace(one, case=relative(one.case)) for one in sources.sources),
+        checkpoint=Path(sources.checkpoint.name),
+    )
+    parcel = packed({layout.name(path): Path(path) for path in files}, here=layout.here)
+    return cluster.begin(partial(set_up_sections, there), parcel, check=control.stop.check)
 
 
 class SectionAnswers:

@@ -59,6 +59,7 @@ def fit_project(job: ProjectJob, control: Control) -> FinishedProject:
     if before is not None:
         return before
     place, request = job.place, job.request
+    control.require_cluster()
     if request.fresh:
         place.checkpoint.unlink(missing_ok=True)
     log = EvaluationLog.open(place.checkpoint, job.identity)
@@ -148,10 +149,7 @@ def _sources(job: ProjectJob, control: Control) -> SectionSources:
 def _found(
     job: ProjectJob, sources: SectionSources, log: EvaluationLog, control: Control
 ) -> ProjectResult:
-    cases = [one.case for one in job.inputs]
-    here = all(one.loaded.mesh_path is None for one in job.inputs)
-    here = here or any(case.elsewhere is not None for case in cases)
-    executor = section_executor(sources, control.stop, jobs=job.request.jobs, here=here)
+    executor = section_executor(sources, job.inputs, control, jobs=job.request.jobs)
     with executor, control.stop.heard_by(executor.ask_to_stop):
         models = SectionAnswers(executor, log, control, job.project)
         prepared = models.prepared()

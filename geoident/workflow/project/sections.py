@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from geoident.errors import GeoidentError, Interrupted, ModelError
+from geoident.forward.protocols import CaseModel
 from geoident.identify.problem.errors import SharedErrors
 from geoident.identify.problem.problem import HasDifferences
 from geoident.io.result.checkpoint import EvaluationLog
@@ -167,10 +168,16 @@ class SectionsInProcess:
     Args:
         sources: of all sections.
         stop: the wish to stop; None for that of a worker.
+        begin: is told of the model of each section as it is set up.
     """
 
-    def __init__(self, sources: SectionSources, stop: StopRequest | None = None) -> None:
-        self._sources, self._stop = sources, stop or STOP
+    def __init__(
+        self,
+        sources: SectionSources,
+        stop: StopRequest | None = None,
+        begin: Callable[[CaseModel], None] = lambda model: None,
+    ) -> None:
+        self._sources, self._stop, self._begin = sources, stop or STOP, begin
         self._known: dict[int, _OneSection] = {}
 
     def __call__(self, task: SectionTask) -> SectionAnswer:
@@ -189,6 +196,7 @@ class SectionsInProcess:
     def _section(self, number: int) -> _OneSection:
         if number not in self._known:
             self._known[number] = _OneSection(self._sources, number)
+            self._begin(self._known[number].model)
         return self._known[number]
 
 
@@ -213,6 +221,11 @@ class _OneSection:
         if self._source.predicted:
             readings = replace(readings, used=np.zeros(len(readings), dtype=np.bool_))
         self._setup = Setup(model, model.case, readings)
+
+    @property
+    def model(self) -> CaseModel:
+        """Its model."""
+        return self._setup.model
 
     @property
     def counts(self) -> Counts:

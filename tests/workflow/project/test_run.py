@@ -2,7 +2,6 @@
 
 import json
 import math
-import shutil
 from dataclasses import fields, replace
 
 import numpy as np
@@ -10,7 +9,7 @@ import pytest
 from click.testing import CliRunner
 from scipy.optimize import least_squares
 from support.elsewhere import EXTERNAL, PROGRAM, PYTHON, SCRIPT, write_case
-from support.projects import CASES, SECTIONS, example
+from support.projects import MESHED, SECTIONS, example, meshed
 
 from geoident import fit_project as fit_project_here
 from geoident import read_project
@@ -26,7 +25,6 @@ from geoident.workflow.project.plan import ProjectRequest, plan_project
 from geoident.workflow.project.run import fit_project
 from geoident.workflow.running.control import Control, Silent
 from geoident.workflow.running.jobs import Request, plan_fit
-from geoident.workflow.simulate import simulate
 
 
 def fitted(path, **options):
@@ -193,27 +191,9 @@ def test_too_few_sections_do_not_tell_the_scatter(tmp_path):
     assert any("is not determined: there are too few" in text for text in result.findings)
 
 
-MESHED = """\
-format: geoident-project/1
-sections:
-  - {name: A, case: fe.yaml, set: {readings: A.csv}, covariates: {GSI: 34}}
-  - {name: B, case: fe.yaml, set: {readings: B.csv, in_situ.vertical: 5 MPa}, covariates: {GSI: 52}}
-shared: [K0]
-laws:
-  E:
-    formula: a * exp(b * GSI)
-    constants:
-      a: {start: 1 GPa, bounds: [0.01 GPa, 20 GPa], scale: log}
-      b: {start: 0.03, bounds: [-0.1, 0.2]}
-    scatter: none
-"""
-
-
 def test_sections_on_meshes_are_computed_in_processes(tmp_path):
     """Two elastic sections on a mesh: in two processes as in this one."""
-    meshed(tmp_path)
-    (tmp_path / "project.yaml").write_text(MESHED)
-    path = str(tmp_path / "project.yaml")
+    path = meshed(tmp_path)
     here = fitted(path, jobs=1)
     processes = fitted(path, jobs=2, fresh=True)
     for one, other in zip(here.common, processes.common, strict=True):
@@ -222,38 +202,6 @@ def test_sections_on_meshes_are_computed_in_processes(tmp_path):
     np.testing.assert_allclose(
         [found["K0"], found["a"], found["b"]], [1.4, 0.6e9, 0.045], rtol=2e-3
     )
-
-
-def meshed(folder):
-    """An elastic case on the mesh of the pressure tunnel, and its readings in two sections."""
-    text = (CASES / "pressure-tunnel" / "case.yaml").read_text()
-    shutil.copy(CASES / "pressure-tunnel" / "tunnel.msh", folder)
-    head = text[: text.index("parameters:")]
-    gauges = text[text.index("gauges:") : text.index("  EX0:")].replace(
-        "zero: excavation", "zero: face"
-    )
-    (folder / "fe.yaml").write_text(
-        head + "parameters:\n"
-        "  E: {start: 3 GPa, bounds: [0.3 GPa, 60 GPa], scale: log}\n"
-        "  K0: {start: 1.0, bounds: [0.3, 3.0]}\n"
-        "materials: {rock: {elastic: isotropic, E: $E, nu: 0.25}}\n"
-        "groups: {core: rock, rock: rock}\n"
-        "supports: {far: [x, y]}\n"
-        "in_situ: {model: heim, vertical: 8 MPa, K0: $K0}\n"
-        "stages:\n"
-        "  - {name: face, excavate: [core], release: {core: 0.6}}\n"
-        "  - {name: far on, release: {core: 1.0}}\n"
-        + gauges
-        + "readings: []\nfit: {model_error: none, mesh_error: false}\n"
-    )
-    for name, gsi, stress in (("A", 34, 8), ("B", 52, 5)):
-        said = [
-            f"parameters.E.start={0.6 * math.exp(0.045 * gsi)} GPa", "parameters.K0.start=1.4",
-            f"in_situ.vertical={stress} MPa",
-        ]  # fmt: skip
-        found = simulate(str(folder / "fe.yaml"), overrides=said)
-        rows = [f"{r.channel},{r.stage},{1e3 * r.value:.6f},mm\n" for r in found.readings]
-        (folder / f"{name}.csv").write_text("gauge,stage,value,unit\n" + "".join(rows))
 
 
 def test_formulas_meet_readings_of_a_mesh(tmp_path):
