@@ -207,6 +207,7 @@ def test_sections_of_a_project_are_fitted_there(tmp_path, cluster):
     assert not list(tmp_path.glob("*checkpoint*"))
 
 
+@pytest.mark.slow
 def test_programs_of_sections_run_there_and_are_logged_here(tmp_path, cluster):
     script = PROGRAM.replace(
         "E, K = (", "from pathlib import Path\nPath('ran').touch()\nE, K = (", 1
