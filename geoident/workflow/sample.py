@@ -37,7 +37,7 @@ from geoident.workflow.estimating.setup import (
 from geoident.workflow.executing.processes import LocalProcesses
 from geoident.workflow.running.answers import (
     Asked,
-    Begin,
+    BeginWorkers,
     Compute,
     KeptAnswers,
     WhereWorthWhile,
@@ -292,7 +292,7 @@ def _computed(
     if most == 1 and cluster is None:
         yield here(asked)
         return
-    begin: Begin = partial(LocalProcesses, most) if cluster is None else cluster.begin
+    begin: BeginWorkers = partial(LocalProcesses, most) if cluster is None else cluster.begin
     processes = partial(in_processes, begin, build_elsewhere, (parts, readings), asked.beside)
     unasked = jobs is None and cluster is None
     with WhereWorthWhile(asked, processes, WORTH if unasked else 0.0) as compute:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from geoident.fem.conjugate_gradients import conjugate_gradients
+from geoident.fem.solvers.conjugate_gradients import conjugate_gradients
 from geoident.fem.solvers.direct import LowerPattern
 from geoident.forward.march.held_factors import symmetric_product
 

@@ -123,15 +123,15 @@ def test_what_cannot_be_marched_again_is_not_lent():
 
 
 @pytest.mark.parametrize(
-    ("error", "near", "asked"),
-    [(0.9e-9, True, False), (1.1e-9, True, True), (0.9e-9, False, True), (1.1e-6, True, False)],
+    ("error", "asked"),
+    [(0.9e-9, False), (1.1e-9, True), (0.9e-6, True), (1.1e-6, False)],
 )
-def test_a_search_that_was_led_asks_the_model_at_its_end(monkeypatch, error, near, asked):
-    """Not where the model itself has answered, nor after another fit where it was certain."""
+def test_a_search_that_was_led_asks_the_model_at_its_end(monkeypatch, error, asked):
+    """Not where the model itself has answered, nor where the reduced one was certain."""
     _, response = begun(error)
     with led(response):
         response.evaluate(P)
-    made = search._Search((), None, near)
+    made = search._Search((), None)
     problem = SimpleNamespace(response=response, begun_at=lambda p: p)
     outcome = SimpleNamespace(status="converged", values=P)
     monkeypatch.setattr(search._Search, "descent", lambda self, problem: f"from {problem}")

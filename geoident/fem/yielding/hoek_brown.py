@@ -80,7 +80,7 @@ class HoekBrownLaw:
         return False
 
     def at(self, points: Ints) -> HoekBrownLaw:
-        """The same: its numbers are those of all points."""
+        """The same at points (k,): its numbers are those of all."""
         return self
 
     def project(self, trial: Floats, hardened: Floats | None = None) -> HoekBrownProjection:

@@ -229,7 +229,7 @@ class PolyhedralLaw:
         return self._system.hardens
 
     def at(self, points: Ints) -> PolyhedralLaw:
-        """The same: its numbers are those of all points."""
+        """The same at points (k,): its numbers are those of all."""
         return self
 
     def project(self, trial: Floats, hardened: Floats | None = None) -> ReturnStep:

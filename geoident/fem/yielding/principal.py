@@ -81,7 +81,7 @@ class PrincipalLaw:
         return self._system.hardens
 
     def at(self, points: Ints) -> PrincipalLaw:
-        """The same: its numbers are those of all points."""
+        """The same at points (k,): its numbers are those of all."""
         return self
 
     def project(self, trial: Floats, hardened: Floats | None = None) -> PrincipalProjection:

@@ -22,7 +22,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from geoident.fem.conjugate_gradients import Product, conjugate_gradients
+from geoident.fem.solvers.conjugate_gradients import Product, conjugate_gradients
 from geoident.fem.solvers.direct import Factor
 from geoident.forward.march.stage_equations import (
     ELASTIC_PARTS,

@@ -12,9 +12,9 @@ from typing import Protocol
 
 import numpy as np
 
-from geoident.fem.conjugate_gradients import Product
 from geoident.fem.moduli import Moduli
 from geoident.fem.patches import Patch
+from geoident.fem.solvers.conjugate_gradients import Product
 from geoident.fem.solvers.direct import Factor, NotPositiveDefinite
 from geoident.fem.yielding.domain import NoProjection
 from geoident.fem.yielding.law import Projection, YieldLaw
@@ -107,7 +107,7 @@ class Ground:
         """Its part among some points (q,), ascending, numbered by them; None where there is none.
 
         Args:
-            points: strain points of the mesh.
+            points: (q,) strain points of the mesh.
             n_points: number of them all.
         """
         own = numbers(self.points, n_points)

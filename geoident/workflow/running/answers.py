@@ -225,13 +225,13 @@ Build = Callable[..., Asked]
 """Makes the model in another process, from what can be sent there."""
 
 
-Begin = Callable[[SetUp[Floats, list[Answer]]], BegunExecutor[Floats, list[Answer]]]
+BeginWorkers = Callable[[SetUp[Floats, list[Answer]]], BegunExecutor[Floats, list[Answer]]]
 """Begins processes: those of this machine, or on a cluster."""
 
 
 @contextmanager
 def in_processes(
-    begin: Begin, build: Build, arguments: tuple[object, ...], beside: int
+    begin: BeginWorkers, build: Build, arguments: tuple[object, ...], beside: int
 ) -> Iterator[Compute]:
     """A computation in several processes, each with a model of its own.
 

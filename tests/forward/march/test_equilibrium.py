@@ -24,7 +24,7 @@ class Given:
     """
 
     dofs = np.array([0])
-    at_hand = None
+    at_hand = patches = None
 
     def __init__(self, residual, *, associated=False, forces=1.0):
         self.residual, self.associated = residual, associated

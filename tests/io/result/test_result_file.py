@@ -281,6 +281,7 @@ UNUSED = ("bound", "end", "other", "iteration", "parameter", "gauge", "stage", "
 UNUSED += ("parameters/unit",)
 UNUSED += ("Values", "Offsets", "Types", "vtkGhostType", "CellData/group", "NumberOfCells")
 UNUSED += ("NumberOfConnectivityIds", "singular_values")
+UNUSED += ("PointData/mechanism", "CellData/mechanism_shear")  # for ParaView; read in /mechanism
 WIDE = tuple(f"gauges/{name}" for name in ("measured", "residual", "sd", "used", "bad", "unit"))
 WIDE += tuple(f"diagnostics/{name}" for name in (*DIAGNOSTIC_COLUMNS, "influence", "parameter"))
 UNUSED += (*WIDE, *(f"readings/{name}" for name in ("residual", "unit", "dimension", "reading")))

@@ -231,7 +231,8 @@ def test_a_task_is_told_to_have_begun_and_where(worker, parcel, monkeypatch):
     worker.get_current_task = lambda: "key"
     monkeypatch.setattr(relay, "get_worker", lambda: worker)
     assert relay.relayed("name", 5, "task") == replace(DONE, number=5)
-    assert events == [("name", {"begun": 5, "worker": "tcp://there", "host": platform.node()})]
+    begun = {"begun": 5, "key": "key", "worker": "tcp://there", "host": platform.node()}
+    assert events == [("name", begun)]
     with pytest.raises(relay.Reschedule):
         relay.relayed("unknown", 5, "task")
     assert made._pools.busy == {}

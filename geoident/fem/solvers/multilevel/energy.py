@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from geoident.fem.conjugate_gradients import ConjugateDirections, Product
+from geoident.fem.solvers.conjugate_gradients import ConjugateDirections, Product
 from geoident.fem.solvers.direct import NotPositiveDefinite
 from geoident.model.arrays import Floats
 
