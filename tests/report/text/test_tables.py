@@ -226,7 +226,9 @@ def test_a_face_that_goes_on_is_in_tables_and_json(result):
     assert numbers(first, *columns) == [2.0, 0.825, 0.9]
     assert numbers(far, *columns) == [8.0, 0.9773, 0.99]
     assert [first["zero_of_gauges"], far["zero_of_gauges"]] == ["yes", "no"]
-    curve = [numbers(row, "distance (m)", "share_of_motion") for row in table(given, "face-profile")]
+    curve = [
+        numbers(row, "distance (m)", "share_of_motion") for row in table(given, "face-profile")
+    ]
     assert curve == [[0.0, 0.25], [2.0, 0.825], [8.0, 0.9773]]
     said = json.loads(dumps(result_object(given, case="case.yaml", output="out.h5")))["face"]
     assert (said["profile"], said["radius"], said["lost"]) == ("panet", 2.5, 0.825)

@@ -20,7 +20,8 @@ def advance_pictures(result: Result) -> tuple[Picture, ...]:
         return ()
     lost = ""
     if found.lost is not None:
-        lost = f" Grey: the {100.0 * found.lost:.3g} % of the motion before the first gauges read zero (dashed)."
+        lost = f" Grey: the {100.0 * found.lost:.3g} % of the motion before the first gauges read "
+        lost += "zero (dashed)."
     caption = (
         "Line: part of its final motion that the wall without support has made, by the distance of "
         "its section behind the face; dots: the stages. Squares: part of the stress that is "
