@@ -249,13 +249,13 @@ class Ending(Generic[IterateT]):
         point: the best point.
         status: ``converged`` or ``not-converged``.
         reason: a sentence; with its remedy where it did not converge.
-        left: it was not worth going on.
+        abandoned: it was not worth going on.
     """
 
     point: IterateT
     status: str
     reason: str
-    left: bool = False
+    abandoned: bool = False
 
     @property
     def stalled(self) -> bool:
@@ -479,7 +479,7 @@ class Descent(Generic[IterateT]):
             leave: likewise, with what comes next.
         """
         ending = self._run(start, give_up, leave)
-        while not ending.left and self.evaluator.history.stop is None:
+        while not ending.abandoned and self.evaluator.history.stop is None:
             sharper = self.evaluator.sharper(ending.point)
             if sharper is None:
                 break
@@ -494,9 +494,9 @@ class Descent(Generic[IterateT]):
         for number in range(self.max_steps):
             ending = self._ended(judge)
             if ending is None and give_up and give_up(number, judge.radius, judge.best.phi):
-                ending = Ending(judge.best, "not-converged", _GIVEN_UP, left=True)
+                ending = Ending(judge.best, "not-converged", _GIVEN_UP, abandoned=True)
             if ending is None and leave and leave(judge.point, self.propose(judge.point, np.inf)):
-                ending = Ending(judge.best, "not-converged", _GIVEN_UP, left=True)
+                ending = Ending(judge.best, "not-converged", _GIVEN_UP, abandoned=True)
             if ending is not None:
                 return ending
             point, radius = judge.point, judge.radius

@@ -243,7 +243,7 @@ class SeveralStarts:
         """
         ending = self.descent.run(start, leave=self._not_worth_it if further else None)
         for _ in range(2):
-            x = None if ending.left else self.angles.other_side(ending.point.x)
+            x = None if ending.abandoned else self.angles.other_side(ending.point.x)
             if x is None or self.evaluator.history.stop is not None:
                 break
             point = self.evaluator.start(x, "past the bound of an angle")

@@ -501,4 +501,4 @@ class ImplicitSearch:
             )
         if proof.kind == NONE:
             return "not-converged", _STALLED
-        return "converged", f"{_AT_KINK if best.left else best.reason}{_tried(self.tried)}"
+        return "converged", f"{_AT_KINK if best.abandoned else best.reason}{_tried(self.tried)}"
