@@ -6,11 +6,11 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from functools import partial
-from typing import TYPE_CHECKING
 
 from geoident.api.calling import AnyPath, needed, spoken
+from geoident.api.campaigns import CampaignResult
 from geoident.api.projects import ProjectFit, read_project
-from geoident.api.results import KINDS, ModelChoice, ResultFile
+from geoident.api.results import ModelChoice, ResultFile
 from geoident.api.runs import path_of
 from geoident.errors import UsageError
 from geoident.io.result.file import read_result as read_file
@@ -35,30 +35,8 @@ from geoident.workflow.report import (
     read_results,
     write_page,
 )
-from geoident.workflow.running.result_files import with_outdated
-
-if TYPE_CHECKING:
-    from geoident.api.campaigns import CampaignResult  # which reads results by what stands here
 
 _FORMATS = ("csv", "vtu", "vtkhdf")
-
-
-@spoken
-def read_result(path: AnyPath) -> ResultFile:
-    """Read a result that a command or a call has written.
-
-    Args:
-        path: of the result.
-
-    Returns:
-        A `FitResult`, `PredictionResult`, `ScanResult`, `SampleResult` or `BacktestResult`.
-
-    Raises:
-        InputError: the file is missing, damaged, or no result.
-    """
-    file = os.fspath(path)
-    data, _ = with_outdated(read_file(file), file)
-    return KINDS.get(data.kind, ResultFile)(data, file, up_to_date=True)
 
 
 @spoken
