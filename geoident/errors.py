@@ -144,7 +144,7 @@ class Fault:
         hint = f"\n    {self.hint}" if self.hint else ""
         return worded(f"{place}{path}{self.message}{hint}")
 
-    def told(self, caller: Caller) -> Fault:
+    def worded_for(self, caller: Caller) -> Fault:
         """The same in the words of who calls."""
         place = replace(self.location, file=worded(self.location.file, caller))
         message, hint = worded(self.message, caller), worded(self.hint, caller)
@@ -199,7 +199,7 @@ class InputError(GeoidentError):
 
     def tell(self, caller: Caller) -> None:
         """Put all faults in the words of who calls."""
-        self.faults = tuple(fault.told(caller) for fault in self.faults)
+        self.faults = tuple(fault.worded_for(caller) for fault in self.faults)
         self.args = ("\n".join(str(fault) for fault in self.faults),)
 
 
@@ -225,7 +225,7 @@ class ModelError(GeoidentError):
 
     def tell(self, caller: Caller) -> None:
         """Put message and remedy in the words of who calls."""
-        self.fault = self.fault.told(caller)
+        self.fault = self.fault.worded_for(caller)
         self.message, self.hint = self.fault.message, self.fault.hint
         self.args = (str(self.fault),)
 

@@ -24,7 +24,7 @@ from geoident.workflow.executing.workplace import workplace
 from geoident.workflow.predict import PredictRequest, plan_prediction, predict
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.jobs import Job, Request
-from geoident.workflow.running.outputs import Standing
+from geoident.workflow.running.outputs import Existing
 from geoident.workflow.running.result_files import outdated_beside, outdated_sentence
 from geoident.workflow.sample import SampleRequest, plan_sample, sample
 
@@ -169,6 +169,6 @@ def _say_plan(job: Job, options: Options) -> int:
     else:
         click.echo(case_text(summary))
         click.echo(f"\n{path} is up to date" if job.up_to_date else f"\nWould write {path}")
-        if job.found is Standing.OTHER and not options.force:
+        if job.found is Existing.OTHER and not options.force:
             click.echo("and keep what stands there beside it")
     return ExitCode.DONE

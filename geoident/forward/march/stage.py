@@ -14,7 +14,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from geoident.errors import ModelError
-from geoident.fem.moduli import Moduli
+from geoident.fem.elasticity import Moduli
 from geoident.fem.solvers.direct import Factor, NotPositiveDefinite, SymbolicFactorization
 from geoident.forward.actions.thermal import NORMAL_COMPONENTS
 from geoident.forward.march.systems import GroundAt, StageSystem, StageSystems

@@ -106,7 +106,7 @@ def write_structures_vtu(found: MemberForces, state: int, path: str | Path) -> N
         path: the file.
     """
     lines = structure_lines(found, state)
-    there = lines.standing
+    there = lines.present
     count = int(np.count_nonzero(there))
     topology: Arrays = {
         "connectivity": np.arange(2 * count, dtype=np.int64),
