@@ -36,8 +36,7 @@ class ShearBand:
     """A mode of flow that has lost its stability.
 
     Args:
-        mode: (n_dofs,) how the ground moves, the largest 1; of a pair of modes that are complex, the
-            real part.
+        mode: (n_dofs,) how the ground moves, the largest 1; the real part of a complex pair.
         points: number of the strain points that have half of its squared strain.
         yielding: number of the points that yield.
         stiffness: l, as part of the elastic stiffness.

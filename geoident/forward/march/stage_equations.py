@@ -12,7 +12,7 @@ from typing import Protocol
 
 import numpy as np
 
-from geoident.fem.moduli import Moduli
+from geoident.fem.elasticity import Moduli
 from geoident.fem.patches import Patch
 from geoident.fem.solvers.conjugate_gradients import Product
 from geoident.fem.solvers.direct import Factor, NotPositiveDefinite

@@ -218,7 +218,7 @@ def test_a_tension_beyond_the_tip_changes_nothing():
 
 @FLOWS
 def test_roots_end_where_only_rounding_is_left(monkeypatch, dilation):
-    """Some tens of evaluations of an equation and not two hundred; its roots are those of halving."""
+    """Tens of evaluations of an equation and not two hundred; its roots are those of halving."""
     found = []
     search = curved_return.bracketed
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 import pytest
 import scipy.linalg
@@ -56,7 +54,7 @@ Pencil = tuple[StageEquations, Trial, np.ndarray, np.ndarray]
 
 
 @pytest.fixture(scope="module")
-def pencil() -> Iterator[Pencil]:
+def pencil() -> Pencil:
     """A state with eigenvalues l and modes of K_T x = l K x, dense, both by the residual alone."""
     with pytest.MonkeyPatch.context() as patch:
         equations, trial = sheared(patch, 0.0)
@@ -71,7 +69,7 @@ def pencil() -> Iterator[Pencil]:
     assert not any(p is not None and len(p.yielded) for p in rest.projections)
     elastic = (rest.residual[:, None] - residuals(rest.du, h)) / h
     values, modes = scipy.linalg.eig(tangent, elastic)
-    yield equations, trial, values, modes
+    return equations, trial, values, modes
 
 
 @pytest.mark.parametrize("viscosity", [0.0, 0.02])

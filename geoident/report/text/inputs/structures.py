@@ -25,7 +25,7 @@ def structures_table(case: CaseTexts, numbers: SaidNumbers) -> TextTable:
             _place(structure, numbers),
             "; ".join(f"{k} = {numbers.text(structure[k])}" for k in _STIFFNESS if k in structure),
             _details(structure, numbers),
-            _standing(case, name),
+            _stages_of(case, name),
         ]
         for name, structure in entries(case, "structures").items()
         if isinstance(structure, Mapping)
@@ -60,7 +60,7 @@ def _details(structure: CaseTexts, numbers: SaidNumbers) -> str:
     return "; ".join(said)
 
 
-def _standing(case: CaseTexts, name: str) -> str:
+def _stages_of(case: CaseTexts, name: str) -> str:
     """Stages that build and remove it."""
     said = []
     for key, word in (("build", "from"), ("dismantle", "until")):
