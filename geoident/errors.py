@@ -250,6 +250,8 @@ class CollapseError(ModelError):
             where they are not known.
         motion: the same on its mesh (`geoident.model.results.yielded.Mechanism`), to be drawn;
             None where it is not known. It does not leave its process.
+        reached: the last equilibrium that was found on the way to the load
+            (`geoident.forward.march.stage.LastEquilibrium`), or None; it stays there, too.
     """
 
     def __init__(
@@ -261,16 +263,18 @@ class CollapseError(ModelError):
         fraction: float,
         mechanism: npt.NDArray[np.float64] | None = None,
         motion: object = None,
+        reached: object = None,
     ) -> None:
         self.stage = stage
         self.fraction = fraction
         self.mechanism = mechanism
         self.motion = motion
+        self.reached = reached
         super().__init__(message, hint)
 
     def __reduce__(self) -> tuple[Any, ...]:
         made, (kind, args, known) = super().__reduce__()
-        return made, (kind, args, {**known, "motion": None})
+        return made, (kind, args, {**known, "motion": None, "reached": None})
 
     def add(self, sentence: str) -> None:
         """Add a sentence to the remedy."""

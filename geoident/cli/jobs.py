@@ -80,8 +80,9 @@ def run_case(
 def run_prediction(request: PredictRequest, options: Options) -> int:
     """Make a prediction, and say what came out."""
     task = plan_prediction(request)
-    work = partial(predict, task)
-    return _run(work, Terminal(options), options, title=request.result, case=task.inputs.path)
+    case, work = task.inputs.path, partial(predict, task)
+    with mechanism_drawn(case, options):
+        return _run(work, Terminal(options), options, title=request.result, case=case)
 
 
 def run_sample(request: SampleRequest, options: Options, *, cluster: str | None = None) -> int:
@@ -96,10 +97,11 @@ def run_sample(request: SampleRequest, options: Options, *, cluster: str | None 
         The exit code.
     """
     task = plan_sample(request)
-    return _run(
-        partial(sample, task), Terminal(options), options,
-        title=request.result, case=task.job.inputs.path, cluster=cluster,
-    )  # fmt: skip
+    case, work = task.job.inputs.path, partial(sample, task)
+    with mechanism_drawn(case, options):
+        return _run(
+            work, Terminal(options), options, title=request.result, case=case, cluster=cluster
+        )
 
 
 def _run(

@@ -23,7 +23,7 @@ def fitted(trench, run):
 MISSING = (
     *("accuracies", "grid", "structures", "backtest", "backtest-parameters"),
     *("posterior", "draws", "fields", "yielded"),
-    *("opening", "ground-reaction", "opening-stresses"),
+    *("opening", "ground-reaction", "opening-stresses", "face", "face-profile"),
 )
 """Tables of which a plain fit has nothing to say."""
 

@@ -321,10 +321,11 @@ class HoekBrownSection(SurfaceBase):
         description="Constant dilation angle; 0 deg for flow without change of volume.",
         examples=["0 deg", "5 deg"],
     )
-    flow: Literal["associated"] | None = Field(
+    flow: Literal["associated", "none"] | None = Field(
         None,
-        description="In place of `dilation`: flow along the normals, which near an unsupported "
-        "wall dilates as no rock does.",
+        description="In place of `dilation`: `associated` flows along the normals, which near an "
+        "unsupported wall dilates as no rock does; `none` does not change its volume, as "
+        "`dilation: 0 deg`.",
     )
     tension: FieldStrength | None = Field(
         None,
@@ -338,7 +339,7 @@ class HoekBrownSection(SurfaceBase):
         expected = "mi with GSI (and D), or mb, s and a, are"
         require_one_of(self, ways, expected, "Give all constants of one set.")
         expected = "dilation, or flow, is"
-        hint = "Flow without change of volume: 'dilation: 0 deg'; or write 'flow: associated'."
+        hint = "Flow without change of volume: 'flow: none'; along the normals: 'flow: associated'."
         require_one_of(self, [("dilation",), ("flow",)], expected, hint)
         return self
 
@@ -346,6 +347,8 @@ class HoekBrownSection(SurfaceBase):
         """The surface; a tie has its own number for each constant."""
         names = ("mi", "GSI", "D", "mb", "s", "a", "dilation", "tension")
         given = {name: scalar_of(getattr(self, name)) for name in names}
+        if self.flow == "none":
+            given["dilation"] = Scalar(0.0)
         return HoekBrown(self.sigci.scalar, **given)
 
 
