@@ -40,6 +40,7 @@ from geoident.forward.march.stage_equations import (
     flowing,
 )
 from geoident.forward.march.systems import StageSystems
+from geoident.forward.march.viscous_path import Effort
 from geoident.forward.stages import ConstructionState, numbers
 from geoident.forward.yielding.activity import ActivityRecord
 from geoident.model.arrays import Bools, Floats
@@ -64,6 +65,9 @@ _NEAR_BY = 1e-4
 
 _RESOLUTION = 1 / 512
 """To which the part of a load that is carried is known where there is no potential."""
+
+_PARTS = 80
+"""Newton steps for the part that could be balanced, where collapse is not proven."""
 
 
 @dataclass(frozen=True)
@@ -256,17 +260,23 @@ class PlasticSteps:
 
         With the equilibrium under that part, where any was found.
 
-        Where the whole load has no even flow, that of its parts is looked for on one way only.
+        Where the whole load has no even flow, that of its parts is looked for on one way only, and
+        no longer than it is worth: each part beyond the last would be lost where the whole is.
         """
         even_only = not error.limit
         equations = self._equations(task, laws)
         before, least, most = equations.before(), 0.0, 1.0
-        du, reached = np.zeros_like(before), None
-        while most - least > _RESOLUTION:
+        du, reached, effort = np.zeros_like(before), None, Effort(_PARTS)
+        while most - least > _RESOLUTION and not (effort.spent and not error.limit):
             part = 0.5 * (least + most)
             under = equations.under(before + part * (equations.forces - before))
             try:
-                found = solve(under, [np.zeros_like(before), du], even_only=even_only)
+                found = solve(
+                    under,
+                    [np.zeros_like(before), du],
+                    even_only=even_only,
+                    effort=None if error.limit else effort,
+                )
                 if self._means_nothing(under, found):
                     raise NoEquilibrium(found.trial.du)
                 least, du = part, found.trial.du

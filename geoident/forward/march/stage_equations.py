@@ -294,6 +294,17 @@ class StageEquations:
             stress[:, mine] += self.viscosity * (trial - projection.stress)
         return projection
 
+    def elastic_forces(self, free: Floats) -> Floats:
+        """K x (n,) of displacements x (n,) of the unknowns where nothing yields, N."""
+        du = self.spread(free)
+        strain, stress = self.operators.strain(du), np.zeros_like(self.stress)
+        for ground in self.grounds:
+            stress[:, ground.points] = ground.elasticity.stress(strain[:, ground.points])
+        forces = self.operators.forces(stress, self.volume)
+        if self.members is not None:
+            forces = forces + self.members(du) - self.members(0.0 * du)
+        return np.asarray(forces[self.dofs])
+
     def distance(self, trial: Trial) -> float:
         """How far displacements are from equilibrium, to compare them: Pi, or else the residual.
 
