@@ -144,7 +144,7 @@ class Fault:
         hint = f"\n    {self.hint}" if self.hint else ""
         return worded(f"{place}{path}{self.message}{hint}")
 
-    def told(self, caller: Caller) -> Fault:
+    def worded_for(self, caller: Caller) -> Fault:
         """The same in the words of who calls."""
         place = replace(self.location, file=worded(self.location.file, caller))
         message, hint = worded(self.message, caller), worded(self.hint, caller)
@@ -199,7 +199,7 @@ class InputError(GeoidentError):
 
     def tell(self, caller: Caller) -> None:
         """Put all faults in the words of who calls."""
-        self.faults = tuple(fault.told(caller) for fault in self.faults)
+        self.faults = tuple(fault.worded_for(caller) for fault in self.faults)
         self.args = ("\n".join(str(fault) for fault in self.faults),)
 
 
@@ -225,7 +225,7 @@ class ModelError(GeoidentError):
 
     def tell(self, caller: Caller) -> None:
         """Put message and remedy in the words of who calls."""
-        self.fault = self.fault.told(caller)
+        self.fault = self.fault.worded_for(caller)
         self.message, self.hint = self.fault.message, self.fault.hint
         self.args = (str(self.fault),)
 
@@ -250,6 +250,8 @@ class CollapseError(ModelError):
             where they are not known.
         motion: the same on its mesh (`geoident.model.results.yielded.Mechanism`), to be drawn;
             None where it is not known. It does not leave its process.
+        reached: the last equilibrium that was found on the way to the load
+            (`geoident.forward.march.stage.LastEquilibrium`), or None; it stays there, too.
     """
 
     def __init__(
@@ -261,16 +263,18 @@ class CollapseError(ModelError):
         fraction: float,
         mechanism: npt.NDArray[np.float64] | None = None,
         motion: object = None,
+        reached: object = None,
     ) -> None:
         self.stage = stage
         self.fraction = fraction
         self.mechanism = mechanism
         self.motion = motion
+        self.reached = reached
         super().__init__(message, hint)
 
     def __reduce__(self) -> tuple[Any, ...]:
         made, (kind, args, known) = super().__reduce__()
-        return made, (kind, args, {**known, "motion": None})
+        return made, (kind, args, {**known, "motion": None, "reached": None})
 
     def add(self, sentence: str) -> None:
         """Add a sentence to the remedy."""

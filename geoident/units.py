@@ -292,7 +292,7 @@ _SAME = {
 
 _SHORT = 3
 
-LEAST_SPREAD, MOST_SPREAD = 1e-15, 1e15
+LEAST_SD, MOST_SD = 1e-15, 1e15
 """Standard deviations (SI) between which those of all instruments lie, by far.
 
 Readings that are more accurate would be fitted to the rounding of what is computed.

@@ -29,7 +29,7 @@ from geoident.api.cases import (
     simulate,
     trust,
 )
-from geoident.api.files import compare, export, read_result, report
+from geoident.api.files import compare, export, report
 from geoident.api.plots import Drawing
 from geoident.api.projects import ProjectFit, SectionFit, fit_project, read_project
 from geoident.api.reduced import KeptModel, ReducedReadings
@@ -41,6 +41,7 @@ from geoident.api.results import (
     ResultFile,
     SampleResult,
     ScanResult,
+    read_result,
 )
 from geoident.api.runs import backtest, fit, predict, sample, scan
 from geoident.api.tables import (

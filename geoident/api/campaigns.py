@@ -9,8 +9,7 @@ from functools import cached_property
 from pathlib import Path
 
 from geoident.api.calling import AnyPath, processes, spoken
-from geoident.api.files import read_result
-from geoident.api.results import ResultFile
+from geoident.api.results import ResultFile, read_result
 from geoident.api.tables import ResultTable
 from geoident.io.text.wording import did_you_mean
 from geoident.model.results.campaign import CampaignTable, RunRecord

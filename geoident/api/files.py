@@ -3,22 +3,20 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from functools import partial
-from typing import TYPE_CHECKING
 
 from geoident.api.calling import AnyPath, needed, spoken
+from geoident.api.campaigns import CampaignResult
 from geoident.api.projects import ProjectFit, read_project
-from geoident.api.results import KINDS, ModelChoice, ResultFile
+from geoident.api.results import ModelChoice, ResultFile
 from geoident.api.runs import path_of
 from geoident.errors import UsageError
-from geoident.io.result.campaign import is_campaign
 from geoident.io.result.file import read_result as read_file
 from geoident.io.result.project import is_project_result
 from geoident.model.results.head import ReportHead
 from geoident.report.text.csv_tables import csv_tables, csv_text
-from geoident.workflow.campaign.runs import write_campaign_page
 from geoident.workflow.compare import compare as run_comparison
 from geoident.workflow.export import (
     Export,
@@ -27,7 +25,7 @@ from geoident.workflow.export import (
     export_vtkhdf,
     export_vtu,
 )
-from geoident.workflow.project.page import write_project_page
+from geoident.workflow.page_of_many import kind_of_many, write_page_of_many
 from geoident.workflow.report import (
     cases_of,
     files_read,
@@ -37,30 +35,8 @@ from geoident.workflow.report import (
     read_results,
     write_page,
 )
-from geoident.workflow.running.result_files import with_outdated
-
-if TYPE_CHECKING:
-    from geoident.api.campaigns import CampaignResult  # which reads results by what stands here
 
 _FORMATS = ("csv", "vtu", "vtkhdf")
-
-
-@spoken
-def read_result(path: AnyPath) -> ResultFile:
-    """Read a result that a command or a call has written.
-
-    Args:
-        path: of the result.
-
-    Returns:
-        A `FitResult`, `PredictionResult`, `ScanResult`, `SampleResult` or `BacktestResult`.
-
-    Raises:
-        InputError: the file is missing, damaged, or no result.
-    """
-    file = os.fspath(path)
-    data, _ = with_outdated(read_file(file), file)
-    return KINDS.get(data.kind, ResultFile)(data, file, up_to_date=True)
 
 
 @spoken
@@ -114,23 +90,20 @@ def report(
         raise UsageError(msg)
     needed("matplotlib", extra="report", what="a report")
     from geoident.report.drawing.style import images  # noqa: PLC0415
-    from geoident.report.page.campaign import campaign_page  # noqa: PLC0415
+    from geoident.report.page.of_many import page_of_many  # noqa: PLC0415
     from geoident.report.page.page import report_page  # noqa: PLC0415
-    from geoident.report.page.project import project_page  # noqa: PLC0415
 
     paths = [path_of(result) for result in results]
     asked, given = None if output is None else os.fspath(output), _head(head or {})
-    logo, draw = _logo(given), partial(images, suffix="svg")
-    if _is_alone("campaign", is_campaign, paths):
-        page = partial(campaign_page, head=given, logo=read_logo(given), draw=draw)
-        return write_campaign_page(paths[0], asked, force=force, inputs=logo, render=page)
-    if _is_alone("project", is_project_result, paths):
-        of_all = partial(project_page, head=given, logo=read_logo(given), draw=draw)
-        return write_project_page(paths[0], asked, force=force, inputs=logo, render=of_all)
+    if kind_of_many(paths):
+        draw = partial(images, suffix="svg")
+        page = partial(page_of_many, head=given, logo=read_logo(given), draw=draw)
+        return write_page_of_many(paths[0], asked, force=force, logo=given.logo, render=page)
     place = page_path(paths, output=asked)
     read = read_results(paths)
     said = head_of(paths, read, given)
-    inputs = (*files_read(paths, read), *_logo(said))
+    inputs = files_read(paths, read)
+    inputs = (*inputs, said.logo) if said.logo else inputs
     render = partial(report_page, head=said, logo=read_logo(said))
     return write_page(
         read, place, cases=cases_of(paths, read), overwrite=force, inputs=inputs, render=render
@@ -188,18 +161,6 @@ def export(
     folder = export_folder(path, None if output is None else os.fspath(output))
     files = Export(path, data, folder, force)
     return tuple(file for name in wanted for file in _exported(name, files))
-
-
-def _is_alone(kind: str, is_one: Callable[[str], bool], paths: Sequence[str]) -> bool:
-    """Whether a page is that of the only result given, which is of a kind with its own page."""
-    found = any(is_one(path) for path in paths)
-    if found and len(paths) > 1:
-        raise UsageError(f"A {kind} has a page of its own: report it alone.")
-    return found
-
-
-def _logo(head: ReportHead) -> tuple[str, ...]:
-    return (head.logo,) if head.logo else ()
 
 
 def _exported(name: str, files: Export) -> tuple[str, ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -9,12 +10,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from geoident.api.arrays import dataset
-from geoident.api.calling import spoken
+from geoident.api.calling import AnyPath, spoken
 from geoident.api.found import Found
 from geoident.api.notebook import result_html
 from geoident.api.plots import Plots
 from geoident.api.reduced import KeptModel
 from geoident.api.tables import GaugeReadings, Parameters, ResultTable, summary_of, tables_of
+from geoident.io.result.file import read_result as read_file
 from geoident.model.arrays import Floats
 from geoident.model.results.backtest import Scores
 from geoident.model.results.posterior import PosteriorDraws
@@ -25,6 +27,7 @@ from geoident.report.page.html import joined, table, tag
 from geoident.report.text.result import summary_text
 from geoident.report.text.rivals import MODELS_LEGEND, models_table, models_text
 from geoident.workflow.running.kept_reduced import restored_alone
+from geoident.workflow.running.result_files import with_outdated
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -261,3 +264,21 @@ class ModelChoice:
     def _repr_html_(self) -> str:
         said = tag("ul", *(tag("li", text) for text in self.sentences))
         return joined([table(models_table(self.data)), said, tag("p", MODELS_LEGEND)])
+
+
+@spoken
+def read_result(path: AnyPath) -> ResultFile:
+    """Read a result that a command or a call has written.
+
+    Args:
+        path: of the result.
+
+    Returns:
+        A `FitResult`, `PredictionResult`, `ScanResult`, `SampleResult` or `BacktestResult`.
+
+    Raises:
+        InputError: the file is missing, damaged, or no result.
+    """
+    file = os.fspath(path)
+    data, _ = with_outdated(read_file(file), file)
+    return KINDS.get(data.kind, ResultFile)(data, file, up_to_date=True)

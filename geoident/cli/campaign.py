@@ -31,7 +31,7 @@ class _Progress:
 
     options: Options
     terminal: Terminal
-    left: int
+    remaining: int
     at_a_time: Callable[[], int]
     ended: int = 0
     failed: list[str] = field(default_factory=list)
@@ -46,16 +46,16 @@ class _Progress:
         if not record.finished:
             self.failed.append(record.name)
             self.terminal.inform(f"{record.name}: {record.status}: {_first_line(record.reason)}")
-        self.terminal.part(self._words(self.slowest), self.ended / self.left)
+        self.terminal.part(self._words(self.slowest), self.ended / self.remaining)
 
     def _words(self, slowest: RunRecord) -> str:
         failed = f"{len(self.failed)} failed"
         if self.failed:
             more = "..., " if len(self.failed) > _NAMED else ""
             failed += f" ({more}{', '.join(self.failed[-_NAMED:])})"
-        running = min(self.at_a_time(), self.left - self.ended)
+        running = min(self.at_a_time(), self.remaining - self.ended)
         return (
-            f"{self.ended} of {self.left} runs ended, {failed}, {running} running, "
+            f"{self.ended} of {self.remaining} runs ended, {failed}, {running} running, "
             f"slowest {slowest.name} ({seconds_text(slowest.seconds)})"
         )
 
@@ -95,8 +95,8 @@ def run_campaign(
         failures_as_json(path, options),
         run_executor(plan, where, jobs, terminal.inform) as (executor, at_a_time),
     ):
-        progress = _Progress(options, terminal, len(plan.left), at_a_time)
-        with terminal.live(f"{len(plan.left)} runs"), stop_runs_on_signals(executor) as heard:
+        progress = _Progress(options, terminal, len(plan.remaining), at_a_time)
+        with terminal.live(f"{len(plan.remaining)} runs"), stop_runs_on_signals(executor) as heard:
             table = compute(
                 plan, executor, progress, runs_csv,
                 fresh=options.fresh, trust=options.trust, permitted=permitted,
@@ -119,17 +119,17 @@ def _say_end(table: CampaignTable, plan: CampaignPlan, terminal: Terminal) -> No
 
 def _say_plan(plan: CampaignPlan, options: Options) -> int:
     """What would be computed; nothing is written."""
-    left = {run.name for run in plan.left}
+    remaining = {run.name for run in plan.remaining}
     if options.as_json:
         for run in plan.runs:
             given = {"name": run.name, "settings": dict(run.varied), "seed": run.seed}
-            click.echo(dumps({**given, "up_to_date": run.name not in left}))
+            click.echo(dumps({**given, "up_to_date": run.name not in remaining}))
         return ExitCode.DONE
-    click.echo(f"{len(plan.runs)} runs of {plan.campaign.command}, {len(left)} to be computed")
+    click.echo(f"{len(plan.runs)} runs of {plan.campaign.command}, {len(remaining)} to be computed")
     click.echo(_names(plan.paths))
     for run in plan.runs:
         words = " ".join(f"{path}={value}" for path, value in run.varied if value)
-        click.echo(f"{run.name}  {words}{'' if run.name in left else '  (up to date)'}")
+        click.echo(f"{run.name}  {words}{'' if run.name in remaining else '  (up to date)'}")
     click.echo(f"\nWould write {plan.folder}")
     return ExitCode.DONE
 

@@ -23,9 +23,9 @@ def mechanism_drawn(case: str, options: Options) -> Iterator[None]:
     try:
         yield
     except CollapseError as error:
-        told = _drawn(error, case, options)
-        if told:
-            error.add(told)
+        drawn = _drawn(error, case, options)
+        if drawn:
+            error.add(drawn)
         raise
 
 

@@ -24,7 +24,7 @@ from geoident.workflow.executing.workplace import workplace
 from geoident.workflow.predict import PredictRequest, plan_prediction, predict
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.jobs import Job, Request
-from geoident.workflow.running.outputs import Standing
+from geoident.workflow.running.outputs import Existing
 from geoident.workflow.running.result_files import outdated_beside, outdated_sentence
 from geoident.workflow.sample import SampleRequest, plan_sample, sample
 
@@ -80,8 +80,9 @@ def run_case(
 def run_prediction(request: PredictRequest, options: Options) -> int:
     """Make a prediction, and say what came out."""
     task = plan_prediction(request)
-    work = partial(predict, task)
-    return _run(work, Terminal(options), options, title=request.result, case=task.inputs.path)
+    case, work = task.inputs.path, partial(predict, task)
+    with mechanism_drawn(case, options):
+        return _run(work, Terminal(options), options, title=request.result, case=case)
 
 
 def run_sample(request: SampleRequest, options: Options, *, cluster: str | None = None) -> int:
@@ -96,10 +97,11 @@ def run_sample(request: SampleRequest, options: Options, *, cluster: str | None 
         The exit code.
     """
     task = plan_sample(request)
-    return _run(
-        partial(sample, task), Terminal(options), options,
-        title=request.result, case=task.job.inputs.path, cluster=cluster,
-    )  # fmt: skip
+    case, work = task.job.inputs.path, partial(sample, task)
+    with mechanism_drawn(case, options):
+        return _run(
+            work, Terminal(options), options, title=request.result, case=case, cluster=cluster
+        )
 
 
 def _run(
@@ -167,6 +169,6 @@ def _say_plan(job: Job, options: Options) -> int:
     else:
         click.echo(case_text(summary))
         click.echo(f"\n{path} is up to date" if job.up_to_date else f"\nWould write {path}")
-        if job.found is Standing.OTHER and not options.force:
+        if job.found is Existing.OTHER and not options.force:
             click.echo("and keep what stands there beside it")
     return ExitCode.DONE

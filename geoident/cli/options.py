@@ -197,7 +197,7 @@ def takes(*names: str, after: Next) -> Callable[[Callable[..., int]], Callable[.
             if "trust" in names:
                 from geoident.cli.trust import asked
 
-                with asked(options):
+                with asked(trust=options.trust, as_json=options.as_json):
                     code = function(**given, options=options)
             else:
                 code = function(**given, options=options)

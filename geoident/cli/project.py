@@ -67,7 +67,11 @@ def run_project(
             terminal, StopRequest(), max_time=options.max_time,
             cluster=workplace(cluster, request.jobs, terminal.inform),
         )  # fmt: skip
-        with asked(options), terminal.live(path), stop_on_signals(control.stop):
+        with (
+            asked(trust=options.trust, as_json=options.as_json),
+            terminal.live(path),
+            stop_on_signals(control.stop),
+        ):
             finished = fit_project(job, control)
     result = finished.result
     for remark in finished.remarks:

@@ -197,7 +197,11 @@ def _set_up(
 
     def run_one(case: str) -> CaseEnd:
         out, err = io.StringIO(), io.StringIO()
-        with redirect_stdout(out), redirect_stderr(err), asked(quiet, permitted):
+        with (
+            redirect_stdout(out),
+            redirect_stderr(err),
+            asked(trust=quiet.trust, as_json=quiet.as_json, permitted=permitted),
+        ):
             code = guarded(lambda: run_case(case, quiet, plan=plan, run=run, stop=STOP, begun=True))
         return CaseEnd(code, out.getvalue(), err.getvalue())
 

@@ -211,7 +211,7 @@ def run_cases(cases: Sequence[str], options: Options) -> dict[str, RunCase]:
                 given, ExternalProgram | PythonFunction
             ):
                 found[case] = RunCase(given, "")
-                with asked(options):
+                with asked(trust=options.trust, as_json=options.as_json):
                     found[case] = RunCase(given, model.runs.require_trust())
     return found
 

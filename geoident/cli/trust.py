@@ -8,24 +8,26 @@ from contextlib import contextmanager
 
 import click
 
-from geoident.cli.options import Options
 from geoident.workflow.programs.trust import Execution, decided_by
 
 
 @contextmanager
-def asked(options: Options, permitted: Collection[str] | None = None) -> Iterator[None]:
+def asked(
+    *, trust: bool, as_json: bool, permitted: Collection[str] | None = None
+) -> Iterator[None]:
     """Meanwhile ``--trust`` decides, or who sits at the terminal.
 
     Args:
-        options: of the command.
+        trust: all may run.
+        as_json: nobody is asked, since programs read what is said.
         permitted: on another machine, `Execution.portable` of what may be run; nothing is
             remembered there.
     """
 
     def decide(execution: Execution) -> bool:
-        if options.trust or execution.portable in (permitted or ()):
+        if trust or execution.portable in (permitted or ()):
             return True
-        if not (sys.stdin.isatty() and sys.stderr.isatty()) or options.as_json:
+        if not (sys.stdin.isatty() and sys.stderr.isatty()) or as_json:
             return False
         click.echo(f"\nThe case runs {execution.words}.", err=True)
         return click.confirm("May it?", default=False, err=True)

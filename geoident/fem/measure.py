@@ -54,9 +54,9 @@ def suspected_unit(low: Sequence[float], high: Sequence[float]) -> str:
     sizes = [b - a for a, b in zip(low, high, strict=True)]
     if max(sizes) < LARGEST:
         return ""
-    told = " by ".join(f"{size:.6g} m" for size in sizes)
+    size = " by ".join(f"{side:.6g} m" for side in sizes)
     return (
-        f"the mesh is {told} large, if its coordinates are metres: if they are millimetres, scale "
+        f"the mesh is {size} large, if its coordinates are metres: if they are millimetres, scale "
         "it by 0.001 (gmsh: Mesh.ScalingFactor = 0.001)"
     )
 

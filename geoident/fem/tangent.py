@@ -19,8 +19,8 @@ from itertools import pairwise
 import numpy as np
 import scipy.sparse as sp
 
+from geoident.fem.elasticity import Moduli, ScaledModuli
 from geoident.fem.kinematics import BlockGeometry, Kinematics
-from geoident.fem.moduli import Moduli, ScaledModuli
 from geoident.fem.stiffness import StiffnessPattern
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.mesh import Mesh

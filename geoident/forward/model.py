@@ -261,13 +261,13 @@ class StagedModel(Marches):
         )
 
     def fields_up_to_collapse(self, p: Floats) -> FieldSeries:
-        """The states that do not build on a stage that collapses; the others are NaN.
+        """The states that do not build on a stage that collapses; what is known of the others.
 
         Args:
             p: (n,) parameters.
         """
         recorder = MeshRecorder(self.on_mesh, self.structures)
-        options = RunOptions(derivatives=False, explain=False, partial=True)
+        options = RunOptions(derivatives=False, partial=True)
         for end in self.at(p, options).states():
             recorder.add(end)
         return recorder.fields.series()
@@ -438,7 +438,7 @@ def _unbalanced_notes(found: RunFindings) -> Iterator[str]:
     why = (
         "with a dilation far below the friction the flow tends to shear in bands: the acoustic "
         "tensor has no positive determinant at {:.0f} % of the strain points that yield{}. A "
-        "larger dilation (or none given: associated) has an exact solution"
+        "larger dilation (or associated flow) has an exact solution"
     )
 
     def reason(stage: str) -> str:

@@ -83,8 +83,8 @@ class ErrorParts:
         >>> round(ErrorParts(3e-4, zero=4e-4, along=1e-4).total(75.0), 7)
         0.001
         """
-        walk = self.along * math.sqrt(along)
-        shared = math.hypot(self.head, self.epoch, walk)
+        added_up = self.along * math.sqrt(along)
+        shared = math.hypot(self.head, self.epoch, added_up)
         return math.hypot(self.reading, self.zero, shared, shared * self.zero_surveyed)
 
     def component(self, part: str) -> str | None:

@@ -55,7 +55,7 @@ from geoident.workflow.running.jobs import (
     provenance,
 )
 from geoident.workflow.running.kept_reduced import answer_note, answered, restored_of
-from geoident.workflow.running.outputs import Standing, Target, require_free, standing, target
+from geoident.workflow.running.outputs import Existing, Target, existing, require_free, target
 from geoident.workflow.running.readings import bad_notes, reading_table, used_rows, why_useless
 from geoident.workflow.running.result_files import case_path, files_of_result
 
@@ -139,7 +139,7 @@ class Task:
     inputs: Inputs
     place: Target
     identity: str
-    found: Standing
+    found: Existing
 
     @property
     def files_read(self) -> tuple[str, ...]:
@@ -177,7 +177,7 @@ def plan_prediction(request: PredictRequest) -> Task:
     place = target(request.result, "predict", output=request.output)
     purpose = f"predict {fit.fingerprint} {request.stages}"
     identity = inputs.identity(purpose, (), seed=fit.provenance.seed)
-    found = standing(place, identity, kind="predict", case=inputs.path)
+    found = existing(place, identity, kind="predict", case=inputs.path)
     return Task(request, fit, origin, inputs, place, identity, found)
 
 

@@ -56,7 +56,7 @@ from geoident.workflow.running.jobs import (
     of_fit,
 )
 from geoident.workflow.running.kept_reduced import restored_of, spread_around
-from geoident.workflow.running.outputs import require_free, standing, target
+from geoident.workflow.running.outputs import existing, require_free, target
 from geoident.workflow.running.reduced_answers import ReducedAnswers, reduced_answers
 from geoident.workflow.running.result_files import case_path, files_of_result
 from geoident.workflow.running.workers import WORTH, ModelParts, as_many_as_fit, runs_on_cluster
@@ -150,7 +150,7 @@ def plan_sample(request: SampleRequest) -> SampleTask:
         inputs,
         place,
         identity,
-        standing(place, identity, kind="sample", case=inputs.path),
+        existing(place, identity, kind="sample", case=inputs.path),
     )
     return SampleTask(request, fit, job)
 

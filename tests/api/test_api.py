@@ -125,6 +125,7 @@ def test_a_backtest_has_its_scores(case):
     found = backtest(case.with_values({"fit.stages": ["first", "second"]}))
     assert isinstance(found, BacktestResult)
     assert found.scores.readings == 3
+    assert found.later_scores.readings == 0
     assert len(found.to_frame()) >= 2
 
 

@@ -119,7 +119,7 @@ def known_again(folder: Path, jobs: int) -> Spent:
         plan = plan_campaign(str(folder / "campaign.yaml"), output=str(folder / f"out-{jobs}"))
         with local_executor(plan, jobs) as executor:
             compute(plan, executor, lambda record: None, runs_csv)
-    assert not plan.left
+    assert not plan.remaining
     return found
 
 

@@ -11,6 +11,7 @@ from manual.pages import DOCS
 
 import geoident
 from geoident.io.result.file import write_result
+from tests.io.result.conftest import make_result
 from tests.support.commands import run_command
 from tests.support.results import example_result
 from tests.support.trench import write_case
@@ -52,6 +53,7 @@ def written(path):
 def files(tmp_path_factory):
     folder = tmp_path_factory.mktemp("results")
     write_result(example_result(2, yielded=True), folder / "example.fit.h5", overwrite=False)
+    write_result(make_result(), folder / "full.fit.h5", overwrite=False)
     write_case(folder)
     case = str(folder / "case.yaml")
     for command in ("fit", "scan", "backtest"):

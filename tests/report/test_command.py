@@ -9,6 +9,7 @@ from click.testing import CliRunner
 from geoident.cli.app import geoident
 from geoident.errors import ExitCode, InputError, OutputError, UsageError
 from geoident.io.result.file import write_result
+from geoident.io.text.campaign_folder import JOURNAL
 from geoident.workflow.report import page_path, read_results
 from tests.support.results import small_result
 
@@ -162,3 +163,13 @@ def test_places_and_labels(folder):
     assert labels == ["pit.fit.h5", "b/pit.fit.h5"]
     with pytest.raises(InputError):
         read_results(["c.h5"])
+
+
+def test_a_campaign_is_reported_alone_and_without_figures_beside_its_page(folder):
+    (folder / "many.batch").mkdir()
+    (folder / "many.batch" / JOURNAL).write_text("")
+    code, message = refused("many.batch", "--figures", "figures")
+    assert (code, "drop --figures" in message) == (ExitCode.USAGE, True)
+    code, message = refused("pit.fit.h5", "many.batch")
+    assert (code, "report it alone" in message) == (ExitCode.USAGE, True)
+    assert not (folder / "figures").exists()

@@ -48,6 +48,19 @@ def test_a_command_that_ends_by_collapse_draws_the_mechanism_and_names_it(weak):
     assert "as a picture: case.collapse.png" in again.stderr
 
 
+def test_a_prediction_of_another_case_draws_it_too(tmp_path, monkeypatch):
+    write_case(tmp_path)
+    (tmp_path / "weak.yaml").write_text(WEAK)
+    monkeypatch.chdir(tmp_path)
+    written = ("--set", "readings=[]", "-o", "readings.csv")
+    assert run_command("simulate", "case.yaml", *written).exit_code == 0
+    assert run_command("fit", "case.yaml", "-q").exit_code == 0
+    done = run_command("predict", "case.fit.h5", "--case", "weak.yaml")
+    assert done.exit_code == 5
+    assert done.stderr.rstrip().endswith("The mechanism, as a picture: weak.collapse.png")
+    assert (tmp_path / "weak.collapse.png").read_bytes().startswith(b"\x89PNG")
+
+
 def test_what_geoident_did_not_make_stays(weak):
     (weak / "case.collapse.png").write_bytes(b"mine")
     done = run_command("simulate", "case.yaml")
@@ -73,14 +86,25 @@ def test_fields_for_paraview_have_the_mechanism_and_the_stages_before_it(weak):
         shear = group["CellData/mechanism_shear"][:].reshape(states, -1)
         begins = group["Steps/PointDataOffsets/mechanism"][:]
         moved = group["PointData/displacement"][:].reshape(states, -1, 3)
+        stress = group["CellData/stress"][:].reshape(states, -1, 6)
+        yielded = group["CellData/yielded"][:].reshape(states, -1)
+        balanced = group["CellData/equilibrium"][:].reshape(states, -1)
+        there = group["CellData/present"][:].reshape(states, -1).astype(bool)
     assert states == 6
     assert begins.tolist() == [k * found.mesh.n_nodes for k in range(6)]
     np.testing.assert_allclose(velocity[2, :, :2], found.velocity)
     np.testing.assert_allclose(shear[2], found.shear)
     for others in (velocity, shear):
         assert not others[[0, 1, 3, 4, 5]].any()
-    assert np.isfinite(moved[:2]).all()
-    assert np.isnan(moved[2:]).any(axis=(1, 2)).all()
+    assert [set(state) for state in balanced.tolist()] == [{1}, {1}, {0}, {0}, {0}, {0}]
+    # the last equilibrium on the way down, from where the ground at rest was
+    assert np.isfinite(moved).all()
+    assert np.isfinite(stress[there]).all()
+    assert moved[2, :, 1].max() > 1e-4 > np.abs(moved[1]).max()
+    assert yielded[2].any()
+    for later in (3, 4, 5):
+        np.testing.assert_array_equal(moved[later], moved[2])
+        np.testing.assert_array_equal(stress[later][there[later]], stress[2][there[later]])
     # the sides of the pit move inwards and down, its floor up
     used = np.unique(np.concatenate([b.nodes[found.present[: len(b)]] for b in found.mesh.blocks]))
     x, y = found.mesh.points[used].T

@@ -14,7 +14,7 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
 from geoident.errors import CollapseError
-from geoident.fem.moduli import UniformModuli
+from geoident.fem.elasticity import UniformModuli
 from geoident.fem.yielding.law import YieldPlanes
 from geoident.fem.yielding.polyhedral import PolyhedralLaw
 from geoident.forward.march.equilibrium import Balance, solve

@@ -3,7 +3,7 @@
 import pytest
 
 from geoident.errors import UsageError
-from geoident.workflow.project.page import write_project_page
+from geoident.workflow.page_of_many import write_page_of_many
 from geoident.workflow.running.remade import place_of_page
 
 
@@ -19,4 +19,4 @@ def test_a_page_is_not_written_to_stdout(tmp_path):
     with pytest.raises(UsageError, match="A page cannot be written to stdout"):
         place_of_page("-", tmp_path / "case.fit.html")
     with pytest.raises(UsageError, match="give a file or a folder"):
-        write_project_page("no-project.h5", "-", force=False, render=lambda _: "")
+        write_page_of_many("no-project.h5", "-", force=False, logo="", render=lambda _: "")

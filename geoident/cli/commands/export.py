@@ -33,6 +33,8 @@ TABLES = (
     "opening",
     "ground-reaction",
     "opening-stresses",
+    "face",
+    "face-profile",
     "grid",
     "readings",
     "accuracies",

@@ -79,22 +79,16 @@ def command(
 
     Needs matplotlib: pip install "geoident[report]".
     """
-    from geoident.io.result.campaign import is_campaign
-    from geoident.io.result.project import is_project_result
     from geoident.model.results.head import ReportHead
     from geoident.report.saving.collector import collector_paused
+    from geoident.workflow.page_of_many import kind_of_many
 
     _require_sense(folder, suffixes, no_page=no_page, output=options.output)
-    for kind, is_one, write in (
-        ("campaign", is_campaign, _campaign_page),
-        ("project", is_project_result, _project_page),
-    ):
-        if not any(is_one(path) for path in results):
-            continue
-        if len(results) > 1 or folder is not None:
-            raise UsageError(f"A {kind} has a page of its own: name it alone, without --figures.")
+    if kind := kind_of_many(results):
+        if folder is not None:
+            raise UsageError(f"A {kind} has a page, and no figures beside it: drop --figures.")
         _require_matplotlib()
-        click.echo(write(results[0], options, ReportHead(**head)))
+        click.echo(_page_of_many(results[0], options, ReportHead(**head)))
         return 0
     if no_page and any(head.values()):
         raise UsageError("The head is that of the page, which --no-page leaves out.")
@@ -180,31 +174,15 @@ def _require_matplotlib() -> None:
         raise UsageError(msg) from error
 
 
-def _campaign_page(path: str, options: Options, said: ReportHead) -> str:
-    """The page of a campaign, beside its runs."""
+def _page_of_many(path: str, options: Options, said: ReportHead) -> str:
+    """The page of a campaign or a project, beside its runs or its result."""
     from geoident.report.drawing.style import images
-    from geoident.report.page.campaign import campaign_page
-    from geoident.workflow.campaign.runs import write_campaign_page
+    from geoident.report.page.of_many import page_of_many
+    from geoident.workflow.page_of_many import write_page_of_many
     from geoident.workflow.report import read_logo
 
     draw = partial(images, suffix="svg")
-    render = partial(campaign_page, head=said, logo=read_logo(said), draw=draw)
-    inputs = [said.logo] if said.logo else []
-    return write_campaign_page(
-        path, options.output, force=options.force, inputs=inputs, render=render
-    )
-
-
-def _project_page(path: str, options: Options, said: ReportHead) -> str:
-    """The page of a project, beside its result."""
-    from geoident.report.drawing.style import images
-    from geoident.report.page.project import project_page
-    from geoident.workflow.project.page import write_project_page
-    from geoident.workflow.report import read_logo
-
-    draw = partial(images, suffix="svg")
-    render = partial(project_page, head=said, logo=read_logo(said), draw=draw)
-    inputs = [said.logo] if said.logo else []
-    return write_project_page(
-        path, options.output, force=options.force, inputs=inputs, render=render
+    render = partial(page_of_many, head=said, logo=read_logo(said), draw=draw)
+    return write_page_of_many(
+        path, options.output, force=options.force, logo=said.logo, render=render
     )

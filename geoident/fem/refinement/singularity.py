@@ -18,7 +18,7 @@ import numpy as np
 from geoident.fem.faces import FaceTable
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.cells import CELLS
-from geoident.model.mesh import ElementBlock, Mesh, rows_in
+from geoident.model.mesh import ElementBlock, Mesh, rows_in, spans
 
 _STRAIGHT = np.radians(1.0)
 """Turn of a boundary below which it counts as straight."""
@@ -82,17 +82,15 @@ def _joined(ends: Ints, mesh: Mesh) -> Ints:
 def _free_ends(mesh: Mesh, table: FaceTable, rows: Ints) -> Ints:
     """Corners (edges) of the free faces in some rows of the table, as `_joined` numbers."""
     found = [np.empty(0, np.int64)]
-    first = 0
-    for number, block in enumerate(mesh.blocks):
+    for number, (block, span) in enumerate(spans(mesh.blocks)):
         for local, face in enumerate(CELLS[block.kind].shape.faces):
             mine = rows[(table.block[rows] == number) & (table.local[rows] == local)]
-            nodes = block.nodes[table.element[mine] - first][:, face]
+            nodes = block.nodes[table.element[mine] - span.start][:, face]
             if mesh.dim == 2:
                 found += [_joined(nodes[:, [k]], mesh) for k in range(2)]
             else:
                 around = [(k, (k + 1) % len(face)) for k in range(len(face))]
                 found += [_joined(np.sort(nodes[:, pair], axis=1), mesh) for pair in around]
-        first += len(block)
     return np.unique(np.concatenate(found))
 
 

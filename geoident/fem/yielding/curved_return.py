@@ -44,6 +44,9 @@ CUTS = (0, 0, 0, 1, 2, 3, 1, 2, 1)
 """How many principal stresses are at the cut-off, the largest first."""
 
 _WHOLE, _HALF = 1.0, 0.5
+_NEAR_ROOT = 1e-8
+"""Relative change of a root from which on only rounding can keep the next one from being less."""
+
 _VALID = 1e-12
 """Of the stresses: what rounding may break of the conditions of the face."""
 
@@ -221,17 +224,21 @@ def bracketed(
     """
     x = 0.5 * (low + high)
     done = np.zeros(x.shape, dtype=np.bool_)
+    last = np.full(x.shape, np.inf)
     with np.errstate(divide="ignore", invalid="ignore"):
         for _ in range(200):
             value, slope = equation(x)
             low, high = np.where(value <= 0.0, x, low), np.where(value > 0.0, x, high)
             step = x - value / slope
-            done |= (np.abs(step - x) <= 2e-16 * np.abs(x)) | (value == 0.0)
             inside = (step >= low) & (step <= high)
             following = np.where(inside, step, 0.5 * (low + high))
-            done |= following == x
+            change = np.abs(following - x)
+            # near the root each change is far smaller than the last, until only rounding is left
+            rounding = (change <= _NEAR_ROOT * np.abs(x)) & (change >= 0.5 * last)
+            done |= (value == 0.0) | (change <= 2e-16 * np.abs(x)) | rounding
             if done.all():
                 break
+            last = np.where(inside, change, np.inf)
             x = np.where(done, x, following)
     return x
 

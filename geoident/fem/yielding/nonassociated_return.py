@@ -26,7 +26,7 @@ _BETWEEN = 1e5
 """Times the tolerance: what a point may lack that falls between two sets by rounding."""
 
 
-class Returns:
+class ActiveSetSearch:
     """Finds active sets with any flow.
 
     Args:

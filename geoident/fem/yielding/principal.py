@@ -18,7 +18,7 @@ import numpy as np
 
 from geoident.fem.yielding.domain import EmptyDomain, empty_principal_domain
 from geoident.fem.yielding.law import ScaledPlanes, YieldPlanes
-from geoident.fem.yielding.nonassociated_return import Returns
+from geoident.fem.yielding.nonassociated_return import ActiveSetSearch
 from geoident.fem.yielding.polyhedral import ReturnStep
 from geoident.fem.yielding.principal_axes import (
     PAIRS,
@@ -67,7 +67,7 @@ class PrincipalLaw:
         if self.associated:
             rays = Rays(self._faces, self._system.root)
             return lambda excess, tolerance, _limits: active_sets_of(excess, tolerance, rays)
-        return Returns(self._system, self._faces, self._images).find
+        return ActiveSetSearch(self._system, self._faces, self._images).find
 
     @property
     def associated(self) -> bool:

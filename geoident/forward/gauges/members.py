@@ -214,9 +214,9 @@ class BeamTilts:
 def tilts_of_beams(channels: Sequence[Channel], on_mesh: CaseOnMesh) -> Placed:
     """Channels that read the rotation of a beam, while it stands."""
     faults = [fault for channel in channels for fault in _faults(channel, on_mesh)]
-    readable = [_standing(channel, on_mesh) for channel in channels]
+    readable = [_present(channel, on_mesh) for channel in channels]
     when = np.array(readable, bool).reshape(-1, len(on_mesh.sequence.states))
-    return Placed(BeamTilts(channels), when, faults=tuple(faults), unreadable=_NOT_STANDING)
+    return Placed(BeamTilts(channels), when, faults=tuple(faults), unreadable=_NOT_THERE)
 
 
 def _of_beam(
@@ -271,26 +271,26 @@ def _scaled(values: Floats, factor: Dual) -> Floats:
 def member_readings(channels: Sequence[Channel], on_mesh: CaseOnMesh) -> Placed:
     """Channels that read forces and strains of structures, while these stand."""
     faults = [fault for channel in channels for fault in _faults(channel, on_mesh)]
-    readable = [_standing(channel, on_mesh) for channel in channels]
+    readable = [_present(channel, on_mesh) for channel in channels]
     when = np.array(readable, bool).reshape(-1, len(on_mesh.sequence.states))
-    return Placed(MemberReadings(channels), when, faults=tuple(faults), unreadable=_NOT_STANDING)
+    return Placed(MemberReadings(channels), when, faults=tuple(faults), unreadable=_NOT_THERE)
 
 
-_NOT_STANDING = "its structure does not stand then"
+_NOT_THERE = "its structure does not stand then"
 
 
 def pressures_on_beams(channels: Sequence[Channel], on_mesh: CaseOnMesh) -> Placed:
     """Channels that read what the ground presses on a beam, normal to it, while it stands."""
     faults = [fault for channel in channels for fault in _faults(channel, on_mesh)]
-    standing = np.array([_standing(channel, on_mesh) for channel in channels])
-    when = standing.reshape(-1, len(on_mesh.sequence.states))
+    present = np.array([_present(channel, on_mesh) for channel in channels])
+    when = present.reshape(-1, len(on_mesh.sequence.states))
     if faults:
         nothing = StressReadings([], Spots.of([], on_mesh).water(on_mesh))
-        return Placed(nothing, when, faults=tuple(faults), unreadable=_NOT_STANDING)
+        return Placed(nothing, when, faults=tuple(faults), unreadable=_NOT_THERE)
     turned, sites = zip(*(_facing(channel, on_mesh) for channel in channels), strict=True)
     spots = Spots.of(turned, on_mesh, sites)
     observable = StressReadings(readers_of(spots, on_mesh), spots.water(on_mesh))
-    return Placed(observable, spots.readable & when, spots.snapped, spots.faults, _NOT_STANDING)
+    return Placed(observable, spots.readable & when, spots.snapped, spots.faults, _NOT_THERE)
 
 
 def _facing(channel: Channel, on_mesh: CaseOnMesh) -> tuple[Channel, tuple[Site, ...]]:
@@ -328,7 +328,7 @@ def _place(channel: Channel, on_mesh: CaseOnMesh) -> tuple[Ints, _PlaceOnBeam, F
     return edges, place, inside / np.linalg.norm(inside)
 
 
-def _standing(channel: Channel, on_mesh: CaseOnMesh) -> Bools:
+def _present(channel: Channel, on_mesh: CaseOnMesh) -> Bools:
     """(n_states,) when a channel on a structure can be read: while it stands, since its zero."""
     stands = [channel.structure in state.structures for state in on_mesh.sequence.states]
     since = from_zero(on_mesh, channel)
@@ -346,15 +346,15 @@ def _faults(channel: Channel, on_mesh: CaseOnMesh) -> Iterator[Fault]:
         place = (*channel.key, *key)
         return on_mesh.case.source.fault(place, code=code, message=message, hint=hint)
 
-    standing = [state.name for state in states if channel.structure in state.structures]
-    if not standing:
+    present = [state.name for state in states if channel.structure in state.structures]
+    if not present:
         message = f"{named} sits on {of}, which no stage builds"
         yield fault("structure-never-built", message, f"add 'build: [{channel.structure}]'")
         return
-    if channel.is_zeroed and channel.zero not in standing:
+    if channel.is_zeroed and channel.zero not in present:
         message = (
             f"{named} reads zero at stage '{channel.zero}', at which {of} does not stand; "
-            f"it stands at: {', '.join(standing)}"
+            f"it stands at: {', '.join(present)}"
         )
         hint = "zero it at one of these stages"
         if channel.kind != "tilt":

@@ -341,11 +341,11 @@ class Spots:
     def water(self, on_mesh: CaseOnMesh) -> PoreWater:
         """The water in the pores at these places."""
         sequence = on_mesh.sequence
-        standing = [spot for spot in self.found if spot.site is not None]
-        positions = np.array([spot.place for spot in standing]).reshape(-1, on_mesh.mesh.dim)
+        in_ground = [spot for spot in self.found if spot.site is not None]
+        positions = np.array([spot.place for spot in in_ground]).reshape(-1, on_mesh.mesh.dim)
         groups = [
             sequence.groups[sequence.group_of[spot.site.element]]
-            for spot in standing
+            for spot in in_ground
             if spot.site is not None
         ]
         return PoreWater(sequence, on_mesh.mesh, positions, groups)

@@ -16,14 +16,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from geoident.fem import elasticity as formulas
-from geoident.fem.location import format_point
-from geoident.fem.moduli import (
+from geoident.fem.elasticity import (
     Moduli,
     PointwiseModuli,
     ScaledModuli,
     SummedModuli,
     UniformModuli,
 )
+from geoident.fem.location import format_point
 from geoident.model.arrays import Floats, Ints
 from geoident.model.case import Material
 from geoident.model.dual import Dual, ParameterPoint

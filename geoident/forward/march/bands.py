@@ -1,10 +1,14 @@
 """Where the even flow of ground without potential ends: bands of shear (theory 5.4).
 
 The path of viscous grounds (`viscous_path`) leads to the ground itself where it can be followed.
-Where it turns before, a mode of the tangent has lost its stability: an eigenvalue with a real part
-that is not positive (R. Hill 1958, J. Mech. Phys. Solids 6; J. R. Rice 1976). If its shear stands
-in few strain points it is a band, a few elements wide, in the directions of the acoustic tensor
-(`fem.yielding.localisation`).
+Where it ends before, a mode x of the ground's own tangent has lost its stability there,
+
+    K_T x = l K x    with a real part of l that is not positive
+
+(R. Hill 1958, J. Mech. Phys. Solids 6; J. R. Rice 1976); l is its stiffness as part of the elastic
+one. Viscous ground has the same modes with l + mu (1 - l): so those of its tangent around zero are
+the ones that are lost first as mu falls. If the shear of a mode stands in few strain points it is a
+band, a few elements wide, in the directions of the acoustic tensor (`fem.yielding.localisation`).
 """
 
 from __future__ import annotations
@@ -20,7 +24,7 @@ from geoident.model.arrays import Floats
 _MODES = 4
 """Eigenvalues around zero that are looked at."""
 
-_CLOSE_TO_ZERO = 1e-3
+_CLOSE_TO_ZERO = 1e-4
 """Relative accuracy of these eigenvalues."""
 
 _HALF = 0.5
@@ -32,18 +36,20 @@ class ShearBand:
     """A mode of flow that has lost its stability.
 
     Args:
-        mode: (n_dofs,) how the ground moves, the largest 1.
+        mode: (n_dofs,) how the ground moves, the largest 1; the real part of a complex pair.
         points: number of the strain points that have half of its squared strain.
         yielding: number of the points that yield.
+        stiffness: l, as part of the elastic stiffness.
     """
 
     mode: Floats
     points: int
     yielding: int
+    stiffness: float
 
 
 def band_at(equations: StageEquations, trial: Trial) -> ShearBand | None:
-    """The least stable mode at a state of flow; None where those around zero are stable.
+    """The least stable mode at a state of flow; None where all are stable without viscosity.
 
     Args:
         equations: of the stage, with the viscosity at which the state is in equilibrium.
@@ -54,18 +60,25 @@ def band_at(equations: StageEquations, trial: Trial) -> ShearBand | None:
         return None
     factor, _ = equations.factor(trial)
     inverse = spla.LinearOperator(
-        (n, n), matvec=lambda x: factor.solve(x.reshape(n, 1))[:, 0], dtype=np.float64
+        (n, n),
+        matvec=lambda x: factor.solve(equations.elastic_forces(x.ravel())[:, None])[:, 0],
+        dtype=np.float64,
     )
     start = np.random.default_rng(0).standard_normal(n)
     try:
         values, modes = spla.eigs(inverse, k=_MODES, v0=start, tol=_CLOSE_TO_ZERO)
     except spla.ArpackNoConvergence:
         return None
-    least = int(np.argmin((1.0 / values).real))
-    if values[least].real > 0.0:
+    own = (1.0 / values - equations.viscosity) / (1.0 - equations.viscosity)
+    least = int(np.argmin(own.real))
+    if own[least].real > 0.0:
         return None
-    mode = equations.spread(np.real(modes[:, least]))
-    strain = equations.operators.strain(mode)
-    held = np.sort((strain**2).sum(axis=0) * equations.volume)[::-1].cumsum()
+    largest = modes[np.abs(modes[:, least]).argmax(), least]
+    mode = modes[:, least] / largest  # of a pair of modes: in the phase of its largest motion
+    held = np.zeros(equations.operators.n_points)
+    for part in (mode.real, mode.imag):
+        strain = equations.operators.strain(equations.spread(part))
+        held += (strain**2).sum(axis=0) * equations.volume
+    held = np.sort(held)[::-1].cumsum()
     points = int(np.searchsorted(held, _HALF * held[-1])) + 1
-    return ShearBand(mode / np.abs(mode).max(), points, yielding)
+    return ShearBand(equations.spread(mode.real), points, yielding, float(own[least].real))

@@ -51,6 +51,7 @@ from geoident.forward.march.viscous_path import (
     BALANCED,
     ROUNDING,
     WAYS,
+    Effort,
     PathEnd,
     Way,
     follow,
@@ -69,6 +70,10 @@ Steps that wander longer may end in bands of shear where there is an even flow.
 
 _SUSPICIOUS = 4
 """Steps after which a mechanism is looked for; fewer end most stages."""
+
+SEARCH = 240
+"""Newton steps, along all ways, that a search without potential may take: the hardest that leads to
+an end takes a fifth of them on its way."""
 
 _UNBALANCED = 0.01
 """Part of the change of load that may stay unbalanced where flow is not associated."""
@@ -140,7 +145,11 @@ class Balance:
 
 
 def solve(
-    equations: StageEquations, guesses: Iterable[Floats], *, even_only: bool = False
+    equations: StageEquations,
+    guesses: Iterable[Floats],
+    *,
+    even_only: bool = False,
+    effort: Effort | None = None,
 ) -> Balance:
     """The equilibrium of a stage.
 
@@ -149,6 +158,7 @@ def solve(
         guesses: (n_dofs,) displacement steps, the best of which is likely to be the last; the
             nearest one is the start (`distance`).
         even_only: without potential, no flow in bands of shear is looked for.
+        effort: steps that are left where there is no potential; None for a search of its own.
 
     Raises:
         NoEquilibrium: see there.
@@ -160,7 +170,8 @@ def solve(
         trials = [*(equations.at(other) for other in others), *trials]
     if not equations.associated:
         ways = WAYS[:1] if even_only else WAYS
-        return _without_potential(equations, min(trials, key=equations.distance), ways)
+        start = min(trials, key=equations.distance)
+        return _without_potential(equations, start, ways, effort or Effort(SEARCH))
     if equations.at_hand is None:
         return _by_potential(equations, min(trials, key=equations.distance))
     directions = Directions(equations, equations.at_hand, BALANCED)
@@ -290,18 +301,20 @@ def _on_held_factors(equations: StageEquations, directions: Directions, trial: T
     raise NoEquilibrium(trial.du)
 
 
-def _without_potential(equations: StageEquations, start: Trial, ways: Sequence[Way]) -> Balance:
+def _without_potential(
+    equations: StageEquations, start: Trial, ways: Sequence[Way], effort: Effort
+) -> Balance:
     """Newton's method, and where its steps are lost, the path of viscous grounds.
 
     Where the even flow folds back at hardly any viscosity, that is the answer: beyond the fold
     there are only bands of shear, whose place is that of the elements.
     """
-    found = newton(equations, start, most=PATIENCE)
+    found = newton(equations, start, most=PATIENCE, effort=effort)
     if found.converged:
         return Balance(found.trial, found.steps, found.factor, found.made_at)
     best: PathEnd | None = None
     for way in ways:
-        end = follow(equations, way)
+        end = follow(equations, way, effort)
         if end is None:
             continue
         if end.runs_away is not None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from geoident.forward.actions.supports import support_nodes
@@ -10,7 +12,7 @@ from geoident.forward.stages import CaseOnMesh
 from geoident.forward.structures.members import Structures
 from geoident.forward.yielding.extent import YieldRecorder
 from geoident.model.arrays import Bools, Floats
-from geoident.model.results.result import FieldSeries, SupportReactions
+from geoident.model.results.result import FieldSeries, LastStates, SupportReactions
 from geoident.model.results.yielded import YieldedGround
 
 
@@ -45,6 +47,15 @@ class MeshRecorder:
         return None if self._yielded is None else self._yielded.table()
 
 
+@dataclass(frozen=True)
+class _Shown:
+    """A state of the mesh: (n_nodes, dim), (n_elements, 6) and (n_elements,)."""
+
+    displacement: Floats
+    stress: Floats
+    yielded: Bools
+
+
 class FieldRecorder:
     """Copies displacements and mean element stresses, state by state.
 
@@ -58,15 +69,17 @@ class FieldRecorder:
         self._displacement: list[Floats] = []
         self._stress: list[Floats] = []
         self._yielded: list[Bools] = []
+        self._last: dict[int, _Shown] = {}
 
     def add(self, end: StageEnd) -> None:
         """Record a state (column 0 of its arrays)."""
-        u = end.u[:, 0].reshape(self._mesh.n_nodes, self._mesh.dim)
-        self._displacement.append(u.copy())
-        mean = self._element_means(end.stress[..., 0])
-        mean[~self._sequence.present(end.state)] = np.nan
-        self._stress.append(mean)
-        self._yielded.append(self._yielded_so_far(end))
+        found = self._shown(end.state, end.u[:, 0], end.stress[..., 0], end.yielded)
+        self._displacement.append(found.displacement)
+        self._stress.append(found.stress)
+        self._yielded.append(found.yielded)
+        if not np.isfinite(found.displacement).all():
+            self._last[end.state] = self._last_found(end)
+            found.yielded[:] = False
 
     def series(self) -> FieldSeries:
         """All that was recorded."""
@@ -74,21 +87,55 @@ class FieldRecorder:
         present = np.stack([self._sequence.present(state) for state in range(n)])
         return FieldSeries(
             self._mesh, np.stack(self._displacement), np.stack(self._stress), present,
-            np.stack(self._yielded),
+            np.stack(self._yielded), self._last_states(),
         )  # fmt: skip
 
-    def _yielded_so_far(self, end: StageEnd) -> Bools:
+    def _shown(self, state: int, u: Floats, stress: Floats, yielded: Bools) -> _Shown:
+        """A state of displacements (n_dofs,), stresses (n_strain, n_points) and what yields."""
+        mean = self._element_means(stress)
+        mean[~self._sequence.present(state)] = np.nan
+        moved = u.reshape(self._mesh.n_nodes, self._mesh.dim).copy()
+        return _Shown(moved, mean, self._yielded_so_far(state, yielded))
+
+    def _last_found(self, end: StageEnd) -> _Shown:
+        """What was found on the way to a state without equilibrium; else where it began."""
+        if end.last is not None:
+            return self._shown(end.state, end.last.u, end.last.stress, end.last.yielded)
+        base = self._at(self._sequence.states[end.state].base)
+        present = self._sequence.present(end.state)
+        stress = np.where(np.isnan(base.stress), 0.0, base.stress)  # what is placed bears nothing
+        stress[~present] = np.nan
+        placed = np.isin(self._sequence.group_of, list(self._sequence.states[end.state].placed))
+        return _Shown(base.displacement, stress, base.yielded & present & ~placed)
+
+    def _at(self, state: int) -> _Shown:
+        """A state as it is shown."""
+        recorded = self._displacement[state], self._stress[state], self._yielded[state]
+        return self._last.get(state, _Shown(*recorded))
+
+    def _last_states(self) -> LastStates | None:
+        if not self._last:
+            return None
+        found = list(self._last.values())
+        return LastStates(
+            np.array(list(self._last), dtype=np.int64),
+            np.stack([one.displacement for one in found]),
+            np.stack([one.stress for one in found]),
+            np.stack([one.yielded for one in found]),
+        )
+
+    def _yielded_so_far(self, number: int, yielded: Bools) -> Bools:
         """(n_elements,) elements that yield in this state, or did in those it builds on.
 
         What is placed anew has not yielded yet.
         """
-        state = self._sequence.states[end.state]
+        state = self._sequence.states[number]
         here = np.zeros(self._mesh.n_elements, dtype=bool)
-        here[self._points.element[end.yielded]] = True
-        if end.state:
+        here[self._points.element[yielded]] = True
+        if number:
             placed = np.isin(self._sequence.group_of, list(state.placed))
             here |= self._yielded[state.base] & ~placed
-        return here & self._sequence.present(end.state)
+        return here & self._sequence.present(number)
 
     def _element_means(self, stress: Floats) -> Floats:
         """(n_elements, 6) means weighted with volume of stresses (n_strain, n_points)."""

@@ -19,7 +19,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import scipy.sparse as sp
 
-from geoident.fem.moduli import Moduli
+from geoident.fem.elasticity import Moduli
 from geoident.fem.patches import Patch, PatchTangents, patch_around
 from geoident.fem.solvers.conjugate_gradients import Product, conjugate_gradients
 from geoident.fem.solvers.direct import Factor, LowerPattern, SymbolicFactorization

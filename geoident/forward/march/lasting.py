@@ -25,8 +25,8 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 
+from geoident.fem.elasticity import UniformModuli
 from geoident.fem.kinematics import StrainPoints
-from geoident.fem.moduli import UniformModuli
 from geoident.fem.solvers.direct import DirectFactor, Factor
 from geoident.forward.march.stage import (
     Carried,

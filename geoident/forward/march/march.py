@@ -59,6 +59,7 @@ from geoident.forward.march.stage import (
     Carried,
     ElasticTrace,
     GivenStress,
+    LastEquilibrium,
     LastFactor,
     StageEnd,
     StageTask,
@@ -289,7 +290,7 @@ class Run:
         bases = BaseStates(states)
         lost: set[int] = set()
         for n, state in enumerate(states):
-            yielded = None
+            yielded, last_found = None, None
             if n == 0 or state.base not in lost:
                 bases.go_to(n, u, carried)
                 forces = np.zeros_like(u)
@@ -304,10 +305,11 @@ class Run:
                     if not self._options.partial:
                         raise
                     self._collapses.append(error)
+                    last_found = _last_of(error, u[:, 0])
             self._tell(n)
             if yielded is None:
                 lost.add(n)
-                yield _unknown(n, u, carried)
+                yield replace(_unknown(n, u, carried), last=last_found)
             else:
                 yield StageEnd(n, u, self._stresses(carried, u), carried.members, yielded, forces)
                 bases.leave(n, u, carried)
@@ -437,6 +439,12 @@ class Run:
         if thermal is not None:
             _impose(task, thermal)
         return task
+
+
+def _last_of(error: CollapseError, before: Floats) -> LastEquilibrium | None:
+    """What was found on the way to a load that is not carried, after displacements (n_dofs,)."""
+    found = error.reached
+    return replace(found, u=before + found.u) if isinstance(found, LastEquilibrium) else None
 
 
 def _unknown(state: int, u: Floats, carried: Carried) -> StageEnd:

@@ -25,7 +25,12 @@ from geoident.forward.march.collapse import limit_of
 from geoident.forward.march.equilibrium import Balance, solve
 from geoident.forward.march.held_factors import ElasticByHeld, HeldFactors, StageTangents
 from geoident.forward.march.plastic_derivatives import plastic_derivatives
-from geoident.forward.march.stage import StageTask, impose_motion, not_positive_definite
+from geoident.forward.march.stage import (
+    LastEquilibrium,
+    StageTask,
+    impose_motion,
+    not_positive_definite,
+)
 from geoident.forward.march.stage_equations import (
     EvenFlow,
     Ground,
@@ -35,6 +40,7 @@ from geoident.forward.march.stage_equations import (
     flowing,
 )
 from geoident.forward.march.systems import StageSystems
+from geoident.forward.march.viscous_path import Effort
 from geoident.forward.stages import ConstructionState, numbers
 from geoident.forward.yielding.activity import ActivityRecord
 from geoident.model.arrays import Bools, Floats
@@ -60,6 +66,9 @@ _NEAR_BY = 1e-4
 
 _RESOLUTION = 1 / 512
 """To which the part of a load that is carried is known where there is no potential."""
+
+_PARTS = 80
+"""Newton steps for the part that could be balanced, where collapse is not proven."""
 
 
 @dataclass(frozen=True)
@@ -184,16 +193,17 @@ class PlasticSteps:
             if self.even_only and not error.limit:
                 msg = f"at stage '{task.state.name}' the ground shears in bands, with a dilation "
                 raise ModelError(msg + "far below the friction") from error
-            part, even, band = np.nan, error.even, None
+            part, even, band, reached = np.nan, error.even, None, None
             if self.explain:
                 if even is not None:
                     viscous = self._equations(task, laws).viscous(even.viscosity)
                     band = band_at(viscous, even.trial)
                 if task.motion is None:
-                    part, error = self._carried_part(task, laws, error)
+                    part, reached, error = self._carried_part(task, laws, error)
             raise self._collapse(
-                task, part, error.mechanism, proven=error.limit, ended=even, band=band
-            ) from error
+                task, part, error.mechanism,
+                proven=error.limit, ended=even, band=band, reached=reached,
+            ) from error  # fmt: skip
 
     def virgin_factor(self, task: StageTask) -> Factor | None:
         """The elastic stiffness of the virgin state where something yields, on what is held.
@@ -249,28 +259,37 @@ class PlasticSteps:
 
     def _carried_part(
         self, task: StageTask, laws: Mapping[str, YieldLaw], error: NoEquilibrium
-    ) -> tuple[float, NoEquilibrium]:
+    ) -> tuple[float, LastEquilibrium | None, NoEquilibrium]:
         """The part of the change of load that is carried, found by halving, and how it fails.
 
-        Where the whole load has no even flow, that of its parts is looked for on one way only.
+        With the equilibrium under that part, where any was found.
+
+        Where the whole load has no even flow, that of its parts is looked for on one way only, and
+        no longer than it is worth: each part beyond the last would be lost where the whole is.
         """
         even_only = not error.limit
         equations = self._equations(task, laws)
         before, least, most = equations.before(), 0.0, 1.0
-        du = np.zeros_like(before)
-        while most - least > _RESOLUTION:
+        du, reached, effort = np.zeros_like(before), None, Effort(_PARTS)
+        while most - least > _RESOLUTION and not (effort.spent and not error.limit):
             part = 0.5 * (least + most)
             under = equations.under(before + part * (equations.forces - before))
             try:
-                found = solve(under, [np.zeros_like(before), du], even_only=even_only)
+                found = solve(
+                    under,
+                    [np.zeros_like(before), du],
+                    even_only=even_only,
+                    effort=None if error.limit else effort,
+                )
                 if self._means_nothing(under, found):
                     raise NoEquilibrium(found.trial.du)
                 least, du = part, found.trial.du
+                reached = _last(under, found.trial)
             except NoEquilibrium as failed:
                 most = part
                 if failed.mechanism is not None and (failed.limit or not error.limit):
                     error = failed
-        return least, error
+        return least, reached, error
 
     def _solved(self, task: StageTask, laws: Mapping[str, YieldLaw]) -> tuple[Floats, Bools]:
         impose_motion(task, self.systems)
@@ -379,8 +398,10 @@ class PlasticSteps:
         """Follow the arc of equilibria: it ends at collapse, or leads to the whole load."""
         limit = limit_of(equations)
         if limit.fraction < 1.0:
-            carried = limit.fraction if task.motion is None else np.nan
-            raise self._collapse(task, carried, error.mechanism) from error
+            if task.motion is not None:  # what is carried of it is not known
+                raise self._collapse(task, np.nan, error.mechanism) from error
+            reached = _last(equations, equations.at(limit.du))
+            raise self._collapse(task, limit.fraction, error.mechanism, reached=reached) from error
         try:
             return solve(equations, [limit.du])
         except NoEquilibrium as again:
@@ -395,6 +416,7 @@ class PlasticSteps:
         proven: bool = True,
         ended: EvenFlow | None = None,
         band: ShearBand | None = None,
+        reached: LastEquilibrium | None = None,
     ) -> CollapseError:
         """What is said of a stage without equilibrium.
 
@@ -405,6 +427,7 @@ class PlasticSteps:
             proven: whether the load is beyond what can be carried; else none was found.
             ended: where the even flow ended, or None.
             band: the mode that has lost its stability there, or None.
+            reached: equilibrium under the part that is carried, or None.
         """
         msg = f"at stage '{task.state.name}' the ground cannot carry the loads: plastic collapse"
         hint = "Raise the strengths (their start values or bounds), or see whether the stage "
@@ -412,7 +435,7 @@ class PlasticSteps:
         if not proven:
             msg = f"at stage '{task.state.name}' no equilibrium was found: flow with a dilation so "
             msg += "far below the friction shears in bands on this mesh, or the ground collapses"
-            hint = "See whether a larger dilation, or none given (associated), or larger elements "
+            hint = "See whether a larger dilation, or associated flow, or larger elements "
             hint += "where it shears carry the stage: then the ground does not lack strength."
         if band is not None and ended is not None and not proven:
             mechanism = band.mode
@@ -444,6 +467,7 @@ class PlasticSteps:
             fraction=fraction,
             mechanism=mechanism,
             motion=motion,
+            reached=reached,
         )
 
     def _accept(self, task: StageTask, equations: StageEquations, trial: Trial) -> None:
@@ -462,6 +486,11 @@ class PlasticSteps:
             if ground.law is not None:
                 excess = ground.law.excess(trial.stress[:, ground.points], ground.hardened)
                 self.findings.record.reach(ground.name, excess)
+
+
+def _last(equations: StageEquations, trial: Trial) -> LastEquilibrium:
+    """A trial in equilibrium, to be kept."""
+    return LastEquilibrium(trial.du.copy(), trial.stress.copy(), yielded_points(equations, trial))
 
 
 def _yield_laws(task: StageTask) -> dict[str, YieldLaw]:

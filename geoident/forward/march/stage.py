@@ -14,7 +14,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from geoident.errors import ModelError
-from geoident.fem.moduli import Moduli
+from geoident.fem.elasticity import Moduli
 from geoident.fem.solvers.direct import Factor, NotPositiveDefinite, SymbolicFactorization
 from geoident.forward.actions.thermal import NORMAL_COMPONENTS
 from geoident.forward.march.systems import GroundAt, StageSystem, StageSystems
@@ -77,6 +77,22 @@ class GivenStress:
 
 
 @dataclass(frozen=True)
+class LastEquilibrium:
+    """The last equilibrium on the way to a load that the ground does not carry.
+
+    Args:
+        u: (n_dofs,) displacements, m: of the stage alone where the stage says it, since placing
+            where the march does.
+        stress: (n_strain, n_points), Pa.
+        yielded: (n_points,) strain points that flow plastically.
+    """
+
+    u: Floats
+    stress: Floats
+    yielded: Bools
+
+
+@dataclass(frozen=True)
 class StageEnd:
     """The state of equilibrium at the end of a stage. Arrays are the march's own: copy to keep.
 
@@ -88,6 +104,8 @@ class StageEnd:
         yielded: (n_points,) strain points that flow plastically in this state.
         forces: (n_dofs, 1 + n + k) what acts on the nodes, supports aside, N; None where nobody
             has said.
+        last: of a state without equilibrium, what was found on the way to it; None where nothing
+            was.
     """
 
     state: int
@@ -96,6 +114,7 @@ class StageEnd:
     members: Floats
     yielded: Bools
     forces: Floats | None = None
+    last: LastEquilibrium | None = None
 
     @cached_property
     def stress(self) -> Floats:

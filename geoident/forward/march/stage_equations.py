@@ -12,7 +12,7 @@ from typing import Protocol
 
 import numpy as np
 
-from geoident.fem.moduli import Moduli
+from geoident.fem.elasticity import Moduli
 from geoident.fem.patches import Patch
 from geoident.fem.solvers.conjugate_gradients import Product
 from geoident.fem.solvers.direct import Factor, NotPositiveDefinite
@@ -303,6 +303,17 @@ class StageEquations:
         if self.viscosity > 0.0:
             stress[:, mine] += self.viscosity * (trial - projection.stress)
         return projection
+
+    def elastic_forces(self, free: Floats) -> Floats:
+        """K x (n,) of displacements x (n,) of the unknowns where nothing yields, N."""
+        du = self.spread(free)
+        strain, stress = self.operators.strain(du), np.zeros_like(self.stress)
+        for ground in self.grounds:
+            stress[:, ground.points] = ground.elasticity.stress(strain[:, ground.points])
+        forces = self.operators.forces(stress, self.volume)
+        if self.members is not None:
+            forces = forces + self.members(du) - self.members(0.0 * du)
+        return np.asarray(forces[self.dofs])
 
     def distance(self, trial: Trial) -> float:
         """How far displacements are from equilibrium, to compare them: Pi, or else the residual.

@@ -10,8 +10,8 @@ from functools import cached_property, partial
 import numpy as np
 import scipy.sparse as sp
 
+from geoident.fem.elasticity import Moduli, ScaledModuli, UniformModuli
 from geoident.fem.location import format_point
-from geoident.fem.moduli import Moduli, ScaledModuli, UniformModuli
 from geoident.fem.solvers.direct import (
     LowerPattern,
     Solver,

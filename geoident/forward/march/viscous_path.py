@@ -15,6 +15,10 @@ Unlike the residual, that does not mind how badly the tangent is conditioned; it
 positive eigenvalues either, so the even flow is found also where it is not stable.
 
 A load beyond the limit shows in the displacements: they grow like 1 / mu.
+
+Where the ground goes into bands, every way is lost near the same mu, and each next start, ratio and
+part of the load would be lost there again. So a search has a number of steps (`Effort`) and ends
+with the best that it has; counted, so that it ends at the same place on every machine.
 """
 
 from __future__ import annotations
@@ -59,6 +63,27 @@ _RUNS_AWAY = 0.7
 
 _OFTEN = 2
 """Times in a row that they must, to count as one."""
+
+
+@dataclass
+class Effort:
+    """Newton steps that a search may take; each is a factorization.
+
+    Args:
+        left: number of them.
+    """
+
+    left: int
+
+    @property
+    def spent(self) -> bool:
+        """Whether none is left."""
+        return self.left <= 0
+
+    def take(self) -> bool:
+        """Take one, if there is one."""
+        self.left -= 1
+        return self.left >= 0
 
 
 @dataclass(frozen=True)
@@ -123,6 +148,7 @@ def newton(
     balanced: float = BALANCED,
     most: int = _MOST_STEPS,
     bold: bool = False,
+    effort: Effort | None = None,
 ) -> NewtonEnd:
     """Newton's method under the natural monotonicity test, or boldly.
 
@@ -132,6 +158,7 @@ def newton(
         balanced: out-of-balance force that is enough.
         most: steps at most.
         bold: lower the residual instead, or take the step of the least harm and go on.
+        effort: steps that are left to the whole search, less those taken here; None: enough.
     """
     factor: Factor | None = None
     made_at: Trial | None = None
@@ -143,6 +170,8 @@ def newton(
             return NewtonEnd(trial, step, factor, made_at, converged=True)
         if trial.error < 0.5 * reached[1]:
             reached = step, trial.error
+        if effort is not None and not effort.take():
+            return NewtonEnd(trial, step, factor, made_at, converged=False)
         try:
             factor, level = equations.factor(trial)
         except NotPositiveDefinite:
@@ -207,24 +236,31 @@ def _moved(equations: StageEquations, trial: Trial, d: Floats) -> Trial | None:
         return None
 
 
-def follow(equations: StageEquations, way: Way) -> PathEnd | None:
+def follow(equations: StageEquations, way: Way, effort: Effort | None = None) -> PathEnd | None:
     """The path from viscous ground to the ground itself, as far as it can be followed.
 
     Args:
         equations: of the stage.
         way: how.
+        effort: steps that are left to the whole search, less those taken here; None: enough.
 
     Returns:
         Where it ends; None where not even its first point was found.
     """
     mu = way.first
     viscous = equations.viscous(mu)
-    found = newton(viscous, viscous.at(0.0 * equations.forces), balanced=_ON_THE_WAY, bold=way.bold)
+    found = newton(
+        viscous,
+        viscous.at(0.0 * equations.forces),
+        balanced=_ON_THE_WAY,
+        bold=way.bold,
+        effort=effort,
+    )
     if not found.converged:
         return None
     known, growing = [(mu, found.trial.du)], 0
     while mu > 0.0:
-        following, ahead = _next(equations, known, way)
+        following, ahead = _next(equations, known, way, effort)
         if ahead is None:
             return PathEnd(found, mu, _extrapolated(known, 0.0))
         change = ahead.trial.du - found.trial.du
@@ -249,11 +285,16 @@ def _extrapolated(known: list[tuple[float, Floats]], mu: float) -> Floats:
 
 
 def _next(
-    equations: StageEquations, known: list[tuple[float, Floats]], way: Way
+    equations: StageEquations,
+    known: list[tuple[float, Floats]],
+    way: Way,
+    effort: Effort | None,
 ) -> tuple[float, NewtonEnd | None]:
     """A smaller mu, and the equilibrium there, from what the last two say; None if not found."""
     last = mu = known[-1][0]
     for power in _POWERS:
+        if effort is not None and effort.spent:
+            break
         mu = last * way.ratio**power
         mu = mu if mu > _LAST else 0.0
         viscous = equations.viscous(mu)
@@ -262,7 +303,7 @@ def _next(
         except NoEquilibrium:
             continue
         balanced = _ON_THE_WAY if mu > 0.0 else BALANCED
-        found = newton(viscous, trial, balanced=balanced, bold=way.bold)
+        found = newton(viscous, trial, balanced=balanced, bold=way.bold, effort=effort)
         if found.converged:
             return mu, found
     return mu, None

@@ -455,9 +455,9 @@ class PlasticState(GroundState):
     def _is_middle(self, radial: Dual) -> bool:
         """Whether sigma_z of the face zone lies between the others, to rounding."""
         axial, hoop = self._zones[0].axial(radial).value, self._limit.hoop(radial).value
-        slack = 1e-9 * abs(hoop - radial.value)
+        tolerance = 1e-9 * abs(hoop - radial.value)
         low, high = min(hoop, radial.value), max(hoop, radial.value)
-        return bool(low - slack <= axial <= high + slack)
+        return bool(low - tolerance <= axial <= high + tolerance)
 
 
 class Unloaded(GroundState):

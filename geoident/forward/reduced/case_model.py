@@ -38,7 +38,7 @@ class ReducedCaseModel:
         self, restored: RestoredModel, limit: Floats, build: Callable[[], CaseModel]
     ) -> None:
         self._restored, self._limit, self._build = restored, limit, build
-        self._told: Callable[[int], None] | None = None
+        self._on_state: Callable[[int], None] | None = None
         self._built = False
         self.by_reduced = self.by_model = 0
         self.worst = 0.0
@@ -47,17 +47,17 @@ class ReducedCaseModel:
     def whole(self) -> CaseModel:
         """The model on the mesh."""
         model = self._build()
-        model.on_state, self._built = self._told, True
+        model.on_state, self._built = self._on_state, True
         return model
 
     @property
     def on_state(self) -> Callable[[int], None] | None:
         """Is told of every state that is computed."""
-        return self._told
+        return self._on_state
 
     @on_state.setter
     def on_state(self, tell: Callable[[int], None] | None) -> None:
-        self._told = tell
+        self._on_state = tell
         if self._built:
             self.whole.on_state = tell
 

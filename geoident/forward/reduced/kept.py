@@ -338,9 +338,9 @@ class RestoredModel:
         if not np.all(np.isfinite(p)):
             return "a parameter is not finite"
         kept = self.kept
-        slack = 1e-9 * (kept.upper - kept.lower)
+        tolerance = 1e-9 * (kept.upper - kept.lower)
         for name, value, low, high in zip(
-            kept.names, p, kept.lower - slack, kept.upper + slack, strict=True
+            kept.names, p, kept.lower - tolerance, kept.upper + tolerance, strict=True
         ):
             if not low <= value <= high:
                 return f"{name} is beyond the bounds with which the reduced model was made"

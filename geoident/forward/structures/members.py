@@ -362,9 +362,9 @@ def _with_end_moments(
 ) -> tuple[StructureMembers, ...]:
     """The structures, of beams with how moments at the ends of their pieces are found."""
     mesh = on_mesh.mesh
-    borne = [bears_on(mesh, part.members) for part in parts]
+    held = [bears_on(mesh, part.members) for part in parts]
     return tuple(
-        replace(part, end_moments=_end_moments(on_mesh, part, [*borne[:n], *borne[n + 1 :]]))
+        replace(part, end_moments=_end_moments(on_mesh, part, [*held[:n], *held[n + 1 :]]))
         for n, part in enumerate(parts)
     )
 

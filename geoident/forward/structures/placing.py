@@ -220,12 +220,12 @@ _BEARS = 0.3
 
 def bears_on(mesh: Mesh, members: Members) -> Bools:
     """(n_nodes,) nodes on which a structure bears: of bars those next to their ends."""
-    borne = np.zeros(mesh.n_nodes, dtype=bool)
+    held = np.zeros(mesh.n_nodes, dtype=bool)
     if members.nodes is not None:
-        borne[members.nodes] = True
-        return borne
+        held[members.nodes] = True
+        return held
     weights = abs(members.operator).tocoo()
     largest = abs(members.operator).max(axis=1).toarray().ravel()
     chosen = weights.data > _BEARS * largest[weights.row]
-    borne[weights.col[chosen] // mesh.dim] = True
-    return borne
+    held[weights.col[chosen] // mesh.dim] = True
+    return held

@@ -59,15 +59,15 @@ def given_used(
         total = sd**2 + _squares(shared) if shared is not None else sd**2
         return LaterReadings(np.zeros(len(sd)), later_jacobian, np.sqrt(total))
     used, B = problem.covariance, shared.columns
-    left = sd**2 + used.shared_left(B)
+    found = sd**2 + used.conditional_variance(B)
     return LaterReadings(
         np.asarray(B @ used.expected_shared(problem.measured - readings)),
         later_jacobian - B @ used.expected_shared(jacobian),
-        np.sqrt(np.maximum(left, sd**2)),
+        np.sqrt(np.maximum(found, sd**2)),
     )
 
 
-def left_covariance(problem: Problem, later: ErrorStructure) -> Floats:
+def later_covariance(problem: Problem, later: ErrorStructure) -> Floats:
     """Covariance (l, l) of the errors of later readings that the used ones leave, SI.
 
     Args:
@@ -75,12 +75,12 @@ def left_covariance(problem: Problem, later: ErrorStructure) -> Floats:
         later: the errors of the later readings, with the shared errors of the used ones.
     """
     sd, shared = later.stated
-    left = np.array(np.diag(sd**2))
+    found = np.array(np.diag(sd**2))
     if shared is not None and problem.covariance is None:
-        left += (shared.columns @ shared.columns.T).toarray()
+        found += (shared.columns @ shared.columns.T).toarray()
     elif shared is not None and problem.covariance is not None:
-        left += problem.covariance.shared_left_matrix(shared.columns)
-    return left
+        found += problem.covariance.conditional_covariance(shared.columns)
+    return found
 
 
 def _squares(shared: SharedErrors) -> Floats:

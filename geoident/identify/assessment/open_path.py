@@ -132,8 +132,8 @@ def followed(
     i = open_parameter(assessment, problem, values)
     if i is None:
         return assessment, None
-    walk = _Walk(assessment, problem, values, at, evaluate, i)
-    points = walk.points()
+    search = _PathSearch(assessment, problem, values, at, evaluate, i)
+    points = search.points()
     # an estimate on its bound and the end of the way there are one place
     points = None if points is None else _distinct(points)
     if points is None or len(points) < 3:
@@ -145,11 +145,11 @@ def followed(
         np.array([point.log_density for point in points]),
         np.array([point.bend for point in points]),
     )
-    posterior = _along(path, walk)
+    posterior = _along(path, search)
     return with_posterior(assessment, problem, values, posterior), path
 
 
-class _Walk:
+class _PathSearch:
     """Points along the path of a parameter.
 
     Args:
@@ -295,29 +295,29 @@ def _monotone(t: Floats, values: Floats) -> Callable[[Floats], Floats]:
     return found
 
 
-def _along(path: OpenPath, walk: _Walk) -> Posterior:
+def _along(path: OpenPath, search: _PathSearch) -> Posterior:
     """The cut normal with the density of the path in place of the normal one along it."""
-    i, size = path.parameter, walk.size
+    i, size = path.parameter, search.size
     fine = np.linspace(path.t[0], path.t[-1], _FINE)
     log_density = path.log_density.copy()
     here = int(np.argmin(np.abs(path.t)))
-    log_density[here] -= 0.5 * walk.here.phi
+    log_density[here] -= 0.5 * search.here.phi
     spline = _monotone(path.t, log_density)
     weight = np.exp(spline(fine) - spline(fine).max())
     weight /= weight.sum()
     centre = float(weight @ fine)
     spread = 1.5 * float(np.sqrt(weight @ (fine - centre) ** 2)) + 1e-12 * size
-    lower, upper = walk.lower.copy(), walk.upper.copy()
+    lower, upper = search.lower.copy(), search.upper.copy()
     lower[i], upper[i] = path.t[0], path.t[-1]
-    unit = walk.factor[i] / size
-    factor = walk.factor - np.outer(walk.slope * size, unit)
-    factor = factor + np.outer(walk.slope * spread, unit)
-    mean = walk.mean + walk.slope * (centre - walk.mean[i])
+    unit = search.factor[i] / size
+    factor = search.factor - np.outer(search.slope * size, unit)
+    factor = factor + np.outer(search.slope * spread, unit)
+    mean = search.mean + search.slope * (centre - search.mean[i])
     cut = cut_normal(mean, factor, lower, upper, always=i)
     t = np.clip(cut.shift[i], path.t[0], path.t[-1])
     log_ratio = spline(t) + 0.5 * ((t - centre) / spread) ** 2
     weight = cut.weight * np.exp(log_ratio - log_ratio.max())
-    linear = path.t[:, None] * walk.slope
+    linear = path.t[:, None] * search.slope
     shift = cut.shift + _monotone(path.t, path.dx - linear)(t).T
-    shift = np.clip(shift, walk.lower[:, None], walk.upper[:, None])
+    shift = np.clip(shift, search.lower[:, None], search.upper[:, None])
     return replace(cut, shift=shift, weight=weight / weight.sum())

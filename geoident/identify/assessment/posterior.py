@@ -144,12 +144,12 @@ class NormalMixture:
             low[rows], high[rows] = part._interval()
         if lower is not None:
             close = low - lower < _CLOSE * (high - low)
-            slack = close & (self.below(low[:, None])[:, 0] <= _NO_TAIL)
-            low = np.where(slack, lower, np.maximum(low, lower))
+            open_end = close & (self.below(low[:, None])[:, 0] <= _NO_TAIL)
+            low = np.where(open_end, lower, np.maximum(low, lower))
         if upper is not None:
             close = upper - high < _CLOSE * (high - low)
-            slack = close & (self.below(high[:, None])[:, 0] >= 1.0 - _NO_TAIL)
-            high = np.where(slack, upper, np.minimum(high, upper))
+            open_end = close & (self.below(high[:, None])[:, 0] >= 1.0 - _NO_TAIL)
+            high = np.where(open_end, upper, np.minimum(high, upper))
         return low, high
 
     def _interval(self) -> tuple[Floats, Floats]:

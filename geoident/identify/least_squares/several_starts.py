@@ -22,19 +22,16 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import islice, product
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from geoident.errors import ModelError
 from geoident.identify.least_squares.acceptance import Iterate, Step
+from geoident.identify.least_squares.descent import Descent, Ending
 from geoident.identify.problem.ahead import Look, in_turns, knows_nothing_of_others
 from geoident.identify.problem.problem import LocalMinimum, Scaling
 from geoident.model.arrays import Floats
 from geoident.model.parameter import Parameter
-
-if TYPE_CHECKING:
-    from geoident.identify.least_squares.gauss_newton import Descent, Ending
 
 AUTOMATIC = 5
 """Starts where an angle is sought, or a sign of another basin was met."""
@@ -243,7 +240,7 @@ class SeveralStarts:
         """
         ending = self.descent.run(start, leave=self._not_worth_it if further else None)
         for _ in range(2):
-            x = None if ending.left else self.angles.other_side(ending.point.x)
+            x = None if ending.abandoned else self.angles.other_side(ending.point.x)
             if x is None or self.evaluator.history.stop is not None:
                 break
             point = self.evaluator.start(x, "past the bound of an angle")

@@ -101,10 +101,10 @@ class Chains:
                 parts.append(self.advance(_STEP))
             except Stopped as stop:
                 return stop.reason
-            told = SamplingProgress(
+            progress = SamplingProgress(
                 self.name, self.density.evaluations, self.effective, self.wish.effective
             )
-            if reason := self.watch(told):
+            if reason := self.watch(progress):
                 return reason
         return ""
 
@@ -216,14 +216,14 @@ def crank_nicolson(
         wish: what is asked for.
         watch: is told of the progress.
     """
-    walk = _CrankNicolson(density, begin, rng)
+    chain = _CrankNicolson(density, begin, rng)
     try:
-        walk.begin()
-        walk.tune(lambda: density.evaluations < wish.evaluations)
+        chain.begin()
+        chain.tune(lambda: density.evaluations < wish.evaluations)
     except Stopped:
         return None
     name = "preconditioned Crank-Nicolson"
-    advance, accepted = walk.advance, lambda: walk.acceptance
+    advance, accepted = chain.advance, lambda: chain.acceptance
     return Chains(name, density, wish, watch, advance, accepted, _CHAINS).run()
 
 

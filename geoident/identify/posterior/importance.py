@@ -178,10 +178,10 @@ class ImportanceSampler:
             except Stopped as stop:
                 self.stopped = stop.reason
                 break
-            told = SamplingProgress(
+            progress = SamplingProgress(
                 name, self._density.evaluations, found.effective, self._wish.effective
             )
-            self.stopped = self._watch(told) or ""
+            self.stopped = self._watch(progress) or ""
             if self.stopped:
                 break
         return found

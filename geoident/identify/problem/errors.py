@@ -115,7 +115,7 @@ class _Block(Protocol):
     shared: Ints
 
     @property
-    def left(self) -> Floats:
+    def conditional(self) -> Floats:
         """Covariance (k, k) of z, given the readings."""
 
     def white(self, own: Floats) -> Floats:
@@ -149,7 +149,7 @@ class _FewReadings:
         self._inverse = np.asarray(dtrtri(L, lower=1)[0])
 
     @cached_property
-    def left(self) -> Floats:
+    def conditional(self) -> Floats:
         """Covariance (k, k) of z, given the readings."""
         seen = self._inverse @ self._C
         return np.asarray(np.eye(len(self.shared)) - seen.T @ seen)
@@ -185,7 +185,7 @@ class _ManyReadings:
         self._R = np.asarray(np.linalg.cholesky(A))
 
     @cached_property
-    def left(self) -> Floats:
+    def conditional(self) -> Floats:
         """Covariance (k, k) of z, given the readings."""
         return np.asarray(cho_solve((self._R, True), np.eye(len(self._R))))
 
@@ -207,7 +207,7 @@ class _ManyReadings:
     def diagonal(self) -> Floats:
         """Diagonal (m,) of the inverse."""
         least = np.finfo(np.float64).eps  # what rounding leaves where shared errors are all
-        return np.maximum(1.0 - row_squares(self._C, self.left), least)
+        return np.maximum(1.0 - row_squares(self._C, self.conditional), least)
 
     def log_root(self) -> float:
         """Half of the logarithm of the determinant."""
@@ -275,23 +275,23 @@ class Covariance:
             z[block.shared] = block.given(own[block.rows])
         return z
 
-    def shared_left(self, columns: sp.csr_array) -> Floats:
+    def conditional_variance(self, columns: sp.csr_array) -> Floats:
         """Variance (l,) that rows (l, K) of shared errors keep, given the g readings."""
         found = np.asarray(columns.power(2).sum(axis=1), dtype=np.float64).ravel()
         for block in self._blocks:
             part = sp.csr_array(columns[:, block.shared])
             rows = np.flatnonzero(np.diff(part.indptr))
             if len(rows):
-                less = block.left - np.eye(len(block.shared))
+                less = block.conditional - np.eye(len(block.shared))
                 found[rows] += row_squares(sp.csr_array(part[rows]), less)
         return found
 
-    def shared_left_matrix(self, columns: sp.csr_array) -> Floats:
+    def conditional_covariance(self, columns: sp.csr_array) -> Floats:
         """Covariance (l, l) of what rows (l, K) of shared errors keep, given the g readings."""
         found = np.asarray((columns @ columns.T).toarray(), dtype=np.float64)
         for block in self._blocks:
             part = sp.csr_array(columns[:, block.shared])
-            less = block.left - np.eye(len(block.shared))
+            less = block.conditional - np.eye(len(block.shared))
             found += part @ np.asarray((part @ less).T)
         return found
 
@@ -321,7 +321,7 @@ class Covariance:
             touched = np.flatnonzero(np.diff(columns.tocsc().indptr))
             B = np.asarray(columns[:, touched].toarray())
             C = B / self.sd[rows[inside], None]
-            others = np.linalg.inv(block.left[np.ix_(touched, touched)]) - C.T @ C
+            others = np.linalg.inv(block.conditional[np.ix_(touched, touched)]) - C.T @ C
             found[inside] += B @ np.linalg.solve(others, B.T @ values[inside])
         return np.asarray(found)
 

@@ -32,14 +32,8 @@ import numpy as np
 
 from geoident.errors import ModelError
 from geoident.identify.least_squares.acceptance import Iterate, Step
-from geoident.identify.least_squares.gauss_newton import (
-    Descent,
-    Ending,
-    Evaluator,
-    Stopping,
-    gauss_newton_descent,
-    gauss_newton_step,
-)
+from geoident.identify.least_squares.descent import Descent, Ending, Evaluator, Stopping
+from geoident.identify.least_squares.gauss_newton import gauss_newton_descent, gauss_newton_step
 from geoident.identify.least_squares.several_starts import halton_starts
 from geoident.identify.least_squares.trust_region import TrustBox
 from geoident.identify.objective.discrepancy import Discrepancy
@@ -501,4 +495,4 @@ class ImplicitSearch:
             )
         if proof.kind == NONE:
             return "not-converged", _STALLED
-        return "converged", f"{_AT_KINK if best.left else best.reason}{_tried(self.tried)}"
+        return "converged", f"{_AT_KINK if best.abandoned else best.reason}{_tried(self.tried)}"

@@ -30,7 +30,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from geoident.identify.least_squares.acceptance import Iterate
-from geoident.identify.least_squares.gauss_newton import Evaluator, gradient_cosines, phi_after_step
+from geoident.identify.least_squares.descent import Evaluator, gradient_cosines
+from geoident.identify.least_squares.gauss_newton import phi_after_step
 from geoident.identify.least_squares.trust_region import bounded_least_squares
 from geoident.identify.objective.discrepancy import Discrepancy
 from geoident.identify.problem.problem import History, YieldSystem

@@ -28,7 +28,6 @@ _APREPRO = re.compile(r"\{\s*(\S+)\s*=\s*(.*?)\s*\}\s*$")
 _STANDARD = re.compile(r"(\S+)\s+(\S+)\s*$")
 _COUNTS = ("DAKOTA_VARS", "DAKOTA_FNS", "DAKOTA_DER_VARS")
 _WORDS = ("variables", "functions", "derivative_variables")
-_AFTER = {"analysis_components", "eval_id", "metadata"}
 
 
 @dataclass(frozen=True)

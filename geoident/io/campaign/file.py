@@ -34,12 +34,12 @@ class FaultyCampaign(InputError):
 
     Args:
         faults: they.
-        left: the campaign without what is wrong, to be held against its case; None where that is
+        sound: the campaign without what is wrong, to be held against its case; None where that is
             none.
     """
 
-    def __init__(self, faults: Iterable[Fault], left: Campaign | None) -> None:
-        self.left = left
+    def __init__(self, faults: Iterable[Fault], sound: Campaign | None) -> None:
+        self.sound = sound
         super().__init__(faults)
 
 

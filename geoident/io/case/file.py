@@ -263,11 +263,11 @@ class FaultyCase(InputError):
 
     Args:
         found: the faults.
-        left: what is right, where it is a case with a mesh.
+        sound: what is right, where it is a case with a mesh.
     """
 
-    def __init__(self, found: Faults, left: PartOfCase | None) -> None:
-        self._found, self.left = found, left
+    def __init__(self, found: Faults, sound: PartOfCase | None) -> None:
+        self._found, self.sound = found, sound
         super().__init__(found.shown())
 
     def with_those_of_the_mesh(self, further: Iterable[Fault]) -> InputError:
@@ -276,7 +276,7 @@ class FaultyCase(InputError):
         Args:
             further: faults of what is left.
         """
-        stand = self.left.rest.independent(further) if self.left else ()
+        stand = self.sound.rest.independent(further) if self.sound else ()
         return InputError(Faults(self._found.places, [*self._found.found, *stand]).shown())
 
 

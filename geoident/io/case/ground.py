@@ -12,8 +12,7 @@ from geoident.io.case.frames import attitude, axes_along, strata
 from geoident.io.case.parameters import ParameterSection, start_values
 from geoident.io.case.varied.number import FieldModulus, YoungModulus, fields_in, growths_in
 from geoident.io.case.varied.rock_mass import KEY, DerivedModulus
-from geoident.io.case.yielding.build import build_yields, fields_of_yields
-from geoident.io.case.yielding.sections import YieldSections
+from geoident.io.case.yielding.sections import YieldSections, build_yields, fields_of_yields
 from geoident.io.schema.section import Context, Section, refuse, require_one_of
 from geoident.io.schema.values import (
     Angle,

@@ -5,73 +5,51 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated
 
-from pydantic import Discriminator, Field, GetJsonSchemaHandler, Tag
-from pydantic_core import CoreSchema
+from pydantic import Discriminator, Field, Tag
 
+from geoident.io.schema.estimated import ESTIMATE, NONE, SizeOrWord
 from geoident.io.schema.section import Section
-from geoident.io.schema.values import Given, GivenSize, Of, or_words, require_text
+from geoident.io.schema.values import Given, GivenSize
 from geoident.io.text.wording import Refusal, did_you_mean, shorten
 from geoident.model.methods import ModelErrorOptions
-from geoident.units import DIMENSIONLESS, UnitError
-
-ESTIMATE, NONE = "estimate", "none"
+from geoident.units import DIMENSIONLESS
 
 _NO = ("no", "off", "false")
 _LARGEST = 2.0
 """A model that is wrong by twice its own motion is no model."""
 
 
-def _hint(text: str) -> str:
-    near = did_you_mean(text, (ESTIMATE, NONE))
-    return near if near.startswith("Did") else "Write it such as 15 %."
-
-
 @dataclass(frozen=True)
-class RelativeError(Of):
+class RelativeError(SizeOrWord):
     """Annotation of a `Given`: a part of the motion, ``estimate`` or ``none`` (a NaN, a zero)."""
 
     dimension: str | None = DIMENSIONLESS
+    expected = "a part of the computed motion, such as 15 %, or estimate or none"
+    called = "part of the motion"
+    code = "bad-model-error"
+    shown = ("15 %", ESTIMATE, NONE)
 
-    def parse(self, value: object) -> Given:
-        """The size that a text says.
+    def remedy(self, text: str) -> str:
+        """What to write in place of a text that is neither."""
+        if text in _NO:
+            return f"Did you mean '{NONE}'?"
+        near = did_you_mean(text, (ESTIMATE, NONE))
+        return near if near.startswith("Did") else "Write it such as 15 %."
+
+    def refuse_size(self, given: Given) -> None:
+        """Judge a size.
 
         Raises:
-            Refusal: no such text, or a size out of range.
+            Refusal: it is negative, or larger than a model may err.
         """
-        if isinstance(value, Given):
-            return value
-        text = require_text(value, self.words())
-        if text.strip() in (ESTIMATE, NONE):
-            size = math.nan if text.strip() == ESTIMATE else 0.0
-            return Given(text.strip(), size, None, DIMENSIONLESS)
-        try:
-            given = super().parse(text)
-        except (UnitError, Refusal) as error:
-            message = f"'{shorten(text)}' is not {self.words()}"
-            hint = f"Did you mean '{NONE}'?" if text.strip() in _NO else _hint(text.strip())
-            raise Refusal("bad-model-error", message, hint) from error
-        if not 0.0 <= given.factor <= _LARGEST:
-            message = f"'{shorten(text)}': it must be between 0 and {100 * _LARGEST:g} %"
-            bare = given.unit == "" and given.factor > _LARGEST
-            hint = f"Did you mean '{text} %'?" if bare else "10 to 30 % of the motion are usual."
-            raise Refusal("out-of-range", message, hint)
-        return given
-
-    def words(self) -> str:
-        """What is expected, for a message."""
-        return "a part of the computed motion, such as 15 %, or estimate or none"
-
-    def __get_pydantic_json_schema__(
-        self, schema: CoreSchema, handler: GetJsonSchemaHandler
-    ) -> dict[str, Any]:
-        described = super().__get_pydantic_json_schema__(schema, handler)
-        or_words(described, ESTIMATE, NONE)
-        described["description"] = self.words()
-        described["examples"] = ["15 %", ESTIMATE, NONE]
-        described["x-quantity"] = f"part of the motion, `{ESTIMATE}` or `{NONE}`"
-        return described
+        if 0.0 <= given.factor <= _LARGEST:
+            return
+        message = f"'{shorten(given.text)}': it must be between 0 and {100 * _LARGEST:g} %"
+        bare = given.unit == "" and given.factor > _LARGEST
+        hint = f"Did you mean '{given.text} %'?" if bare else "10 to 30 % of the motion are usual."
+        raise Refusal("out-of-range", message, hint)
 
 
 class ModelErrorSection(Section):

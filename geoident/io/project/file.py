@@ -12,7 +12,8 @@ from pydantic import ValidationError
 
 from geoident.errors import Fault, InputError
 from geoident.io.project.formula import parse_formula
-from geoident.io.project.sections import NONE, LawSection, ProjectFile, SiteSection
+from geoident.io.project.sections import LawSection, ProjectFile, SiteSection
+from geoident.io.schema.estimated import NONE
 from geoident.io.schema.faults import add_schema_faults, paths_of
 from geoident.io.schema.values import Given, kind_of
 from geoident.io.text.faults import Faults, Places
@@ -31,11 +32,11 @@ class FaultyProject(InputError):
 
     Args:
         faults: they.
-        left: the sections at which nothing is wrong, whose cases can be read.
+        sound: the sections at which nothing is wrong, whose cases can be read.
     """
 
-    def __init__(self, faults: Iterable[Fault], left: Sequence[ProjectSection]) -> None:
-        self.left = tuple(left)
+    def __init__(self, faults: Iterable[Fault], sound: Sequence[ProjectSection]) -> None:
+        self.sound = tuple(sound)
         super().__init__(faults)
 
 

@@ -6,27 +6,23 @@ import math
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field, GetJsonSchemaHandler
-from pydantic_core import CoreSchema
+from pydantic import BeforeValidator, Field
 
 from geoident.io.case.parameters import ParameterSection
 from geoident.io.project.formula import parse_formula
+from geoident.io.schema.estimated import ESTIMATE, NONE, SizeOrWord
 from geoident.io.schema.section import Section
 from geoident.io.schema.values import (
     AnyQuantity,
     Flag,
     Given,
     Name,
-    Of,
     ParameterName,
     Text,
-    or_words,
     require_text,
 )
 from geoident.io.text.wording import Refusal, did_you_mean, shorten
-from geoident.units import DIMENSIONLESS, UnitError
-
-ESTIMATE, NONE = "estimate", "none"
+from geoident.units import DIMENSIONLESS
 
 
 def _formula(value: object) -> str:
@@ -36,47 +32,28 @@ def _formula(value: object) -> str:
 
 
 @dataclass(frozen=True)
-class ScatterSize(Of):
+class ScatterSize(SizeOrWord):
     """Annotation of a `Given`: a standard deviation, ``estimate`` or ``none`` (a NaN, a zero)."""
 
     dimension: str | None = None
+    expected = "a standard deviation, such as 30 %, or estimate or none"
+    called = "standard deviation"
+    code = "bad-scatter"
+    shown = (ESTIMATE, NONE, "30 %")
 
-    def parse(self, value: object) -> Given:
-        """The size that a text says.
+    def remedy(self, text: str) -> str:
+        """What to write in place of a text that is neither."""
+        return did_you_mean(text, (ESTIMATE, NONE), what="Words")
+
+    def refuse_size(self, given: Given) -> None:
+        """Judge a size.
 
         Raises:
-            Refusal: no such text, or a size that is not positive.
+            Refusal: it is not positive.
         """
-        if isinstance(value, Given):
-            return value
-        text = require_text(value, self.words()).strip()
-        if text in (ESTIMATE, NONE):
-            size = math.nan if text == ESTIMATE else 0.0
-            return Given(text, size, None, DIMENSIONLESS)
-        try:
-            given = super().parse(text)
-        except (UnitError, Refusal) as error:
-            message = f"'{shorten(text)}' is not {self.words()}"
-            hint = did_you_mean(text, (ESTIMATE, NONE), what="Words")
-            raise Refusal("bad-scatter", message, hint) from error
         if given.factor <= 0.0:
-            message = f"'{shorten(text)}': a standard deviation is above zero"
+            message = f"'{shorten(given.text)}': a standard deviation is above zero"
             raise Refusal("out-of-range", message, f"Write '{NONE}' where nothing scatters.")
-        return given
-
-    def words(self) -> str:
-        """What is expected, for a message."""
-        return "a standard deviation, such as 30 %, or estimate or none"
-
-    def __get_pydantic_json_schema__(
-        self, schema: CoreSchema, handler: GetJsonSchemaHandler
-    ) -> dict[str, Any]:
-        described = super().__get_pydantic_json_schema__(schema, handler)
-        or_words(described, ESTIMATE, NONE)
-        described["description"] = self.words()
-        described["examples"] = [ESTIMATE, NONE, "30 %"]
-        described["x-quantity"] = f"standard deviation, `{ESTIMATE}` or `{NONE}`"
-        return described
 
 
 class SiteSection(Section):

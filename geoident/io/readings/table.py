@@ -20,8 +20,8 @@ from geoident.io.text.wording import did_you_mean, shorten
 from geoident.model.gauges import Reading
 from geoident.units import (
     DIMENSIONLESS,
-    LEAST_SPREAD,
-    MOST_SPREAD,
+    LEAST_SD,
+    MOST_SD,
     UNITS,
     UnitError,
     normal_unit,
@@ -321,9 +321,9 @@ class Table:
         if accuracy is not None and accuracy <= 0:
             message = f"the accuracy '{cell.text}' is not positive"
             self.refuse((number, cell.column), "out-of-range", message)
-        elif accuracy is not None and not LEAST_SPREAD <= accuracy <= MOST_SPREAD:
+        elif accuracy is not None and not LEAST_SD <= accuracy <= MOST_SD:
             message = f"the accuracy '{cell.text}' is no accuracy of a gauge"
-            hint = f"From {LEAST_SPREAD:g} to {MOST_SPREAD:g} is expected."
+            hint = f"From {LEAST_SD:g} to {MOST_SD:g} is expected."
             self.refuse((number, cell.column), "out-of-range", message, hint)
         return accuracy
 

@@ -28,13 +28,13 @@ class StructureLines:
             space and for bars.
         of_cells: arrays (n,): ``structure`` (its number, from 0), ``number`` of the piece,
             ``per_metre``, ``N_hoop``, ``stressed_to``.
-        standing: (n,) which of them stand.
+        present: (n,) which of them stand.
     """
 
     points: Floats
     at_points: Mapping[str, npt.NDArray[Any]]
     of_cells: Mapping[str, npt.NDArray[Any]]
-    standing: Bools
+    present: Bools
 
 
 def structure_lines(found: MemberForces, state: int) -> StructureLines:
@@ -91,7 +91,7 @@ def write_structures_vtkhdf(found: MemberForces, path: str | Path) -> None:
     cells = {name: first.of_cells[name] for name in static}
     series = {
         "vtkGhostType": np.stack(
-            [np.where(each.standing, 0, HIDDEN_CELL).astype(np.uint8) for each in states]
+            [np.where(each.present, 0, HIDDEN_CELL).astype(np.uint8) for each in states]
         ),
         **{
             name: np.stack([each.of_cells[name] for each in states])

@@ -12,6 +12,7 @@ coordinates and displacements are padded with z = 0. Removed elements have ``vtk
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +24,7 @@ from geoident.io.result.hdf5 import TableReader, hdf5_input, hdf5_output, plain_
 from geoident.model.arrays import Floats, Ints
 from geoident.model.cells import CELLS
 from geoident.model.mesh import ElementBlock, Mesh
-from geoident.model.results.result import FieldSeries
+from geoident.model.results.result import FieldSeries, LastStates
 from geoident.model.results.varied import FieldEstimate
 from geoident.model.results.yielded import Mechanism
 
@@ -88,7 +89,11 @@ def write_fields(
         varied: constants that vary from place to place, as cell data that are the same at all
             states: ``NAME``, ``NAME.sd`` (of the logarithm) and ``NAME.reduction``.
         mechanism: of a collapse, as point data ``mechanism`` and cell data ``mechanism_shear``.
+
+    States without equilibrium have the last one that was found on the way to them, since viewers
+    draw nothing where a number is missing, and 0 in the cell data ``equilibrium``.
     """
+    fields, balanced = fields.shown, balanced_cells(fields)
     group = file.create_group(GROUP)
     group.attrs["Version"] = np.array([2, 0], dtype=np.int64)
     group.attrs["Type"] = np.bytes_(b"UnstructuredGrid")
@@ -99,6 +104,7 @@ def write_fields(
         "yielded": fields.yielded.astype(np.int8),
         "vtkGhostType": np.where(fields.present, 0, HIDDEN_CELL).astype(np.uint8),
     }
+    cell_data |= balanced
     static: dict[str, npt.NDArray[Any]] = {
         "group": element_groups(fields.mesh),
         "number": element_numbers(fields.mesh),
@@ -180,6 +186,23 @@ def varied_cells(varied: Sequence[FieldEstimate], n_elements: int) -> dict[str, 
             array[found.elements] = values
             cells[f"{found.name}{suffix}"] = array
     return cells
+
+
+BALANCED = "equilibrium"
+"""Cell data: 0 at states without equilibrium."""
+
+
+def balanced_cells(fields: FieldSeries) -> dict[str, npt.NDArray[np.int8]]:
+    """``equilibrium`` (n_states, n_elements); nothing where every state is in equilibrium.
+
+    Args:
+        fields: the states.
+    """
+    if fields.last is None:
+        return {}
+    found = np.ones(fields.present.shape, dtype=np.int8)
+    found[fields.last.states] = 0
+    return {BALANCED: found}
 
 
 def mechanism_arrays(
@@ -269,13 +292,26 @@ def read_fields(file: h5py.File) -> FieldSeries:
     points, cells = TableReader(group.group, "PointData"), TableReader(group.group, "CellData")
     states, rows = len(steps.array("Values", "f")), mesh.n_elements
     displacement = points.floats("displacement", states * mesh.n_nodes, 3)
-    return FieldSeries(
+    shown = FieldSeries(
         mesh=mesh,
         displacement=displacement.reshape(states, mesh.n_nodes, 3)[:, :, : mesh.dim].copy(),
         stress=cells.floats("stress", states * rows, 6).reshape(states, rows, 6),
         present=cells.bools("present", states * rows).reshape(states, rows),
         yielded=cells.bools("yielded", states * rows).reshape(states, rows),
     )
+    if BALANCED not in cells.group:
+        return shown
+    balanced = cells.bools(BALANCED, states * rows).reshape(states, rows)
+    return _without(shown, np.flatnonzero(~balanced.all(axis=1)))
+
+
+def _without(shown: FieldSeries, states: Ints) -> FieldSeries:
+    """Fields in which some states (k,) are without equilibrium, as they were before writing."""
+    moved, stress, yielded = shown.displacement, shown.stress, shown.yielded
+    last = LastStates(states, moved[states], stress[states], yielded[states])
+    moved[states] = stress[states] = np.nan
+    yielded[states] = False
+    return replace(shown, last=last)
 
 
 def _read_mesh(file: h5py.File) -> Mesh:

@@ -19,6 +19,7 @@ import numpy.typing as npt
 from geoident.io.result.structure_lines import structure_lines
 from geoident.io.result.vtkhdf import (
     LINE,
+    balanced_cells,
     element_groups,
     element_numbers,
     mechanism_arrays,
@@ -62,6 +63,7 @@ def write_vtu(
         mechanism: of a collapse, as point data ``mechanism`` and cell data ``mechanism_shear``.
     """
     moving, shearing = mechanism_arrays(mechanism, len(fields.present))
+    fields, balanced = fields.shown, balanced_cells(fields)
     mesh, present = fields.mesh, np.flatnonzero(fields.present[state])
     types, sizes, nodes = _cells(mesh, present)
     kept, connectivity = np.unique(nodes, return_inverse=True)
@@ -71,7 +73,7 @@ def write_vtu(
         "group": element_groups(mesh)[present],
         "number": element_numbers(mesh)[present],
         **{k: v[present] for k, v in varied_cells(varied, mesh.n_elements).items()},
-        **{k: v[state, present] for k, v in shearing.items()},
+        **{k: v[state, present] for k, v in (shearing | balanced).items()},
     }
     topology: Arrays = {
         "connectivity": connectivity.astype(np.int64),
@@ -104,7 +106,7 @@ def write_structures_vtu(found: MemberForces, state: int, path: str | Path) -> N
         path: the file.
     """
     lines = structure_lines(found, state)
-    there = lines.standing
+    there = lines.present
     count = int(np.count_nonzero(there))
     topology: Arrays = {
         "connectivity": np.arange(2 * count, dtype=np.int64),

@@ -90,8 +90,8 @@ class Bands:
 
 def bands_of(found: Backtest, step: BacktestStep) -> Bands:
     """The predictions of a fit of a backtest beside what was read, (n_channels, n_stages)."""
-    told = step.prediction
-    return Bands(found.measured, told.mean, told.lower95, told.upper95)
+    given = step.prediction
+    return Bands(found.measured, given.mean, given.lower95, given.upper95)
 
 
 def next_read(bands: Bands) -> Bools:
@@ -104,7 +104,7 @@ def next_read(bands: Bands) -> Bools:
     return first
 
 
-def told_before(found: Backtest) -> Prediction:
+def predicted_before(found: Backtest) -> Prediction:
     """Each reading of a backtest as the last fit before has predicted it, (n_channels, n_stages).
 
     ``sd`` is that of the side on which the reading is, so that (measured - mean) / sd is z; NaN
@@ -115,8 +115,8 @@ def told_before(found: Backtest) -> Prediction:
         bands = bands_of(found, step)
         at, (below, above) = next_read(bands), bands.sides
         sd = np.where(bands.scored, np.where(bands.measured < bands.mean, below, above), np.inf)
-        for name, told in zip(
+        for name, given in zip(
             _COLUMNS, (bands.mean, sd, bands.lower95, bands.upper95), strict=True
         ):
-            parts[name][at] = told[at]
+            parts[name][at] = given[at]
     return Prediction(**parts)

@@ -72,3 +72,9 @@ class FaceAdvance:
     stage_share: Floats
     stage_released: Floats
     stage_zero: Bools
+
+    @property
+    def lost(self) -> float | None:
+        """Part of the final motion that was over before the first gauges read zero, if any do."""
+        known = self.stage_share[self.stage_zero]
+        return float(known.min()) if len(known) else None

@@ -410,16 +410,35 @@ class Grid:
 
 
 @dataclass(frozen=True)
+class LastStates:
+    """Of states without equilibrium: the last one that was found on the way to each.
+
+    Args:
+        states: (k,) their numbers.
+        displacement: (k, n_nodes, dim), m.
+        stress: (k, n_elements, 6), Pa; NaN in absent elements.
+        yielded: (k, n_elements).
+    """
+
+    states: Ints
+    displacement: Floats
+    stress: Floats
+    yielded: Bools
+
+
+@dataclass(frozen=True)
 class FieldSeries:
     """The state of the whole mesh, stage by stage, the virgin state first.
 
     Args:
         mesh: the mesh.
-        displacement: (n_states, n_nodes, dim), m; 0 at nodes that are absent.
+        displacement: (n_states, n_nodes, dim), m; 0 at nodes that are absent. NaN at states
+            without equilibrium, as is the stress.
         stress: (n_states, n_elements, 6) mean stress of each element, xx yy zz xy yz xz, Pa;
             NaN in absent elements.
         present: (n_states, n_elements).
-        yielded: (n_states, n_elements).
+        yielded: (n_states, n_elements); none at states without equilibrium.
+        last: what is known of states without equilibrium; None where there are none.
     """
 
     mesh: Mesh
@@ -427,6 +446,18 @@ class FieldSeries:
     stress: Floats
     present: Bools
     yielded: Bools
+    last: LastStates | None = None
+
+    @cached_property
+    def shown(self) -> FieldSeries:
+        """The same with the last equilibrium that was found in place of one that there is not."""
+        if self.last is None:
+            return self
+        names = ("displacement", "stress", "yielded")
+        arrays = {name: getattr(self, name).copy() for name in names}
+        for name, array in arrays.items():
+            array[self.last.states] = getattr(self.last, name)
+        return replace(self, **arrays)
 
 
 @dataclass(frozen=True)

@@ -74,7 +74,7 @@ def structure_pictures(result: Result) -> tuple[Picture, ...]:
                     "Bars and their forces where they stand",
                     "Axial force of one bar, kN, tension positive. Wide: a large force; solid: "
                     "tension, dashed: compression. Faint: walls and linings. "
-                    f"{_some_stages(_standing(found, ~found.per_metre), _MOST_DRAWN)}",
+                    f"{_some_stages(_present(found, ~found.per_metre), _MOST_DRAWN)}",
                     partial(_bars_along_figure, found),
                 )
             )
@@ -99,10 +99,10 @@ def _beam_picture(found: MemberForces, name: str, count: int) -> Picture:
             f"forces-{count}",
             f"Forces in {name}",
             f"{_POSITIVE.replace(' (the ring)', '')} One line a stage. "
-            f"{_some_stages(_standing(found, line.members), _MOST_STAGES)}",
+            f"{_some_stages(_present(found, line.members), _MOST_STAGES)}",
             partial(_beam_figure, found, line),
         )
-    stages = _standing(found, line.members)
+    stages = _present(found, line.members)
     return Picture(
         f"forces-{count}",
         f"Forces in {name}",
@@ -174,7 +174,7 @@ def _line(found: MemberForces, name: str) -> _Line:
     return _Line(name, members, np.asarray(turned, dtype=np.bool_), label, along, ends)
 
 
-def _standing(found: MemberForces, members: Ints | Bools) -> Ints:
+def _present(found: MemberForces, members: Ints | Bools) -> Ints:
     """Stages at which any of some members stands."""
     return np.flatnonzero(np.asarray(np.isfinite(found.axial[members]).any(axis=0)))
 
@@ -196,7 +196,7 @@ def _quantities(found: MemberForces, members: Ints) -> list[tuple[str, Floats]]:
 
 def _beam_figure(found: MemberForces, line: _Line) -> Figure:
     """Forces against the coordinate of a line, a line for each stage."""
-    stages = _some(_standing(found, line.members), _MOST_STAGES)
+    stages = _some(_present(found, line.members), _MOST_STAGES)
     panels = _quantities(found, line.members)
     figure = Figure(figsize=(10.0, 3.6))
     for axes, (title, forces) in zip(
@@ -229,7 +229,7 @@ def _along_figure(found: MemberForces, line: _Line) -> Figure:
         found: forces of all structures.
         line: of one of them.
     """
-    stages = _some(_standing(found, line.members), _MOST_DRAWN)
+    stages = _some(_present(found, line.members), _MOST_DRAWN)
     panels = _quantities(found, line.members)
     reach = _REACH * float(np.linalg.norm(np.ptp(line.ends.reshape(-1, 2), axis=0)))
     low, high = (end(line.ends.reshape(-1, 2), axis=0) for end in (np.min, np.max))
@@ -287,7 +287,7 @@ def _right(ends: Floats) -> Floats:
 def _bars_along_figure(found: MemberForces) -> Figure:
     """Bars where they stand, as wide as their force is large, a panel a stage."""
     bars = ~found.per_metre
-    stages = _some(_standing(found, bars), _MOST_DRAWN)
+    stages = _some(_present(found, bars), _MOST_DRAWN)
     forces = found.axial[bars] / _KILO
     largest = float(np.nanmax(np.abs(forces[:, stages]))) or 1.0
     spread = found.ends[bars].reshape(-1, 2)

@@ -59,9 +59,9 @@ class Scene:
         self.only = only
         self.axis_names = axis_names(result)
         self._maker = SheetMaker(fields.mesh)
-        self._rasters: dict[int, Raster] = {}
-        self._areas: dict[tuple[int, int], tuple[Ints, Floats]] = {}
-        self._lines: dict[tuple[int, int], tuple[Trace, Trace]] = {}
+        self._rasters: dict[Sheet, Raster] = {}
+        self._areas: dict[tuple[Sheet, int], tuple[Ints, Floats]] = {}
+        self._lines: dict[tuple[Sheet, int], tuple[Trace, Trace]] = {}
         self._sections: dict[Plane, Sheet] = {}
 
     @property
@@ -180,16 +180,16 @@ class Scene:
 
     def raster(self, sheet: Sheet) -> Raster:
         """The pixels of a sheet in its window, found once."""
-        if id(sheet) not in self._rasters:
+        if sheet not in self._rasters:
             window = self.window(sheet)
-            self._rasters[id(sheet)] = raster_of(
+            self._rasters[sheet] = raster_of(
                 sheet.xy,
                 sheet.triangles,
                 window.low,
                 window.high,
                 width=self.raster_width(window),
             )
-        return self._rasters[id(sheet)]
+        return self._rasters[sheet]
 
     def raster_width(self, window: Window) -> float:
         """Width of the image of a window, inches: as fine as it can be in some number of pixels."""
@@ -232,7 +232,7 @@ class Scene:
 
     def lines(self, sheet: Sheet, state: int) -> tuple[Trace, Trace]:
         """Where groups meet on a sheet in a state, and where the ground ends; found once."""
-        key = (id(sheet), state)
+        key = (sheet, state)
         if key not in self._lines:
             self._lines[key] = (
                 sheet.borders(self.borders_label(state)),
@@ -248,7 +248,7 @@ class Scene:
             state: number of the state at which they are present.
             window: what is looked at.
         """
-        key = (id(sheet), state)
+        key = (sheet, state)
         if key not in self._areas:
             triangles = sheet.triangles[self.fields.present[state][sheet.element]]
             a, b, c = (sheet.xy[corner] for corner in triangles.T)

@@ -136,7 +136,7 @@ class Trace:
         return np.asarray((1 - w) * values[self.a] + w * values[self.b])
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Sheet:
     """A flat piece of a mesh as triangles.
 

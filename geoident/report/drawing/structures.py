@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from matplotlib.patheffects import withStroke
 
 from geoident.model.arrays import Floats
 from geoident.model.case import Case
@@ -16,7 +15,6 @@ from geoident.report.drawing.labels import place_labels
 from geoident.report.drawing.style import key, short
 
 INK = "#6a1b6a"
-_HALO = [withStroke(linewidth=2.0, foreground="white")]
 _WORDS: Mapping[type[Structure], tuple[str, dict[str, Any]]] = {
     Beam: ("wall or lining", {"lw": 2.4}),
     Bolts: ("bolt", {"lw": 1.0}),

@@ -158,11 +158,11 @@ def prediction_table(result: Result) -> TextTable:
     found, gauges = result.backtest, result.gauges
     if found is None:
         return TextTable((), ())
-    told = sorted(predictions(result), key=lambda one: -abs(one.z if one.z == one.z else 0.0))
-    kept = {id(one) for one in told[:_MOST_ROWS]}
+    ranked = sorted(predictions(result), key=lambda one: -abs(one.z if one.z == one.z else 0.0))
+    kept = {id(one) for one in ranked[:_MOST_ROWS]}
     rows = []
     for one in predictions(result):
-        if len(told) > _MOST_ROWS and id(one) not in kept:
+        if len(ranked) > _MOST_ROWS and id(one) not in kept:
             continue
         texts = predicted_texts(gauges, one.row, one.mean, one.low, one.high)
         known = math.isfinite(one.low)

@@ -462,6 +462,26 @@ def _opening_stresses(result: Result) -> CsvTable:
     return CsvTable(header, tuple(rows))
 
 
+def _face(result: Result) -> CsvTable:
+    """What distances to the face say of the stages; parts of one."""
+    found = result.advance
+    header = ("stage", "distance (m)", "share_of_motion", "released_stress", "zero_of_gauges")
+    rows = () if found is None else zip(
+        found.stages, map(float, found.stage_distance), map(float, found.stage_share),
+        map(float, found.stage_released), map(bool, found.stage_zero), strict=True,
+    )  # fmt: skip
+    return CsvTable(header, tuple(rows))
+
+
+def _face_profile(result: Result) -> CsvTable:
+    """The part of its final motion that the wall has made, by the distance behind the face."""
+    found = result.advance
+    curve = () if found is None else zip(
+        map(float, found.distance), map(float, found.share), strict=True
+    )  # fmt: skip
+    return CsvTable(("distance (m)", "share_of_motion"), tuple(curve))
+
+
 _TABLES: Mapping[str, Callable[[Result], CsvTable]] = {
     "parameters": _parameters,
     "gauges": _gauges,
@@ -476,6 +496,8 @@ _TABLES: Mapping[str, Callable[[Result], CsvTable]] = {
     "opening": _opening,
     "ground-reaction": _ground_reaction,
     "opening-stresses": _opening_stresses,
+    "face": _face,
+    "face-profile": _face_profile,
     "grid": _grid,
     "readings": _readings,
     "accuracies": _accuracies,

@@ -224,21 +224,21 @@ def reading_table(result: Result) -> TextTable:
     result = as_predicted(result)
     shown = np.isfinite(result.gauges.measured) | has_prediction(result)
     residual = standardized(result)
-    told = beside_prediction(result)
+    predicted = beside_prediction(result)
     rows = [
-        _reading_row(result, i, j, float(residual[i, j]), told=bool(told[i, j]))
+        _reading_row(result, i, j, float(residual[i, j]), predicted=bool(predicted[i, j]))
         for i, j in by_stage(shown)
     ]
     header = ("gauge", "stage", "measured", "computed", "95 % band", "residual", "in sd", "")
     return _reading_table(result.gauges, header, rows, "llrrrrrl")
 
 
-def _reading_row(result: Result, i: int, j: int, in_sd: float, *, told: bool) -> list[str]:
+def _reading_row(result: Result, i: int, j: int, in_sd: float, *, predicted: bool) -> list[str]:
     gauges, prediction = result.gauges, result.prediction
     measured, computed = float(gauges.measured[i, j]), float(gauges.computed[i, j])
     state, band, determined = "used" if gauges.used[i, j] else "not used", "-", True
     said = reading_text(gauges, i, computed)
-    if prediction is not None and told:
+    if prediction is not None and predicted:
         state, determined = "predicted", bool(np.isfinite(prediction.sd[i, j]))
         if determined:
             of = (prediction.mean, prediction.lower95, prediction.upper95)

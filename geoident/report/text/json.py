@@ -16,7 +16,7 @@ import numpy as np
 
 from geoident.errors import Fault, GeoidentError, InputError, ModelError, worded
 from geoident.model.gauges import Channel, Reading
-from geoident.model.results.opening import GroundReaction
+from geoident.model.results.opening import FaceAdvance, GroundReaction
 from geoident.model.results.result import Grid, ParameterTable, Prediction, Result
 from geoident.model.results.rivals import Evidence
 from geoident.model.results.summary import CaseSummary, Identifiability
@@ -104,6 +104,7 @@ def result_object(
         **({"yielded": yielded_list(result.yielded)} if result.yielded is not None else {}),
         **({"posterior": posterior_object(result)} if result.posterior is not None else {}),
         **({"opening": opening_object(result.reaction)} if result.reaction is not None else {}),
+        **({"face": face_object(result.advance)} if result.advance is not None else {}),
         **({"grid": grid_object(result.grid)} if result.grid is not None else {}),
     }
 
@@ -130,6 +131,26 @@ def opening_object(found: GroundReaction) -> dict[str, Any]:
             "radial": dict(zip(found.stages, found.radial, strict=True)),
             "hoop": dict(zip(found.stages, found.hoop, strict=True)),
         },
+    }
+
+
+def face_object(found: FaceAdvance) -> dict[str, Any]:
+    """A tunnel face that goes on, SI: its profile, and what distances to it say of the stages."""
+    columns = {
+        "stage": found.stages,
+        "distance": found.stage_distance,
+        "share": found.stage_share,
+        "released": found.stage_released,
+        "zero": found.stage_zero,
+    }
+    return {
+        "profile": found.law,
+        "radius": found.radius,
+        "curve": {"distance": found.distance, "share": found.share},
+        "stages": [
+            dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)
+        ],
+        "lost": found.lost,
     }
 
 

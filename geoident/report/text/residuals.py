@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from geoident.model.arrays import Bools, Floats, Ints
-from geoident.model.results.bands import told_before
+from geoident.model.results.bands import predicted_before
 from geoident.model.results.result import Diagnostics, Result
 from geoident.report.text.layout import TextTable, decimals, number
 
@@ -32,7 +32,7 @@ def as_predicted(result: Result) -> Result:
     """
     if result.kind != "backtest" or result.backtest is None:
         return result
-    return replace(result, prediction=told_before(result.backtest))
+    return replace(result, prediction=predicted_before(result.backtest))
 
 
 def has_prediction(result: Result) -> Bools:
@@ -44,8 +44,8 @@ def has_prediction(result: Result) -> Bools:
 
 def beside_prediction(result: Result) -> Bools:
     """(n_channels, n_stages) a reading stands beside its prediction, not beside a fit."""
-    told = has_prediction(result)
-    return told if result.kind == "backtest" else told & ~result.gauges.used
+    predicted = has_prediction(result)
+    return predicted if result.kind == "backtest" else predicted & ~result.gauges.used
 
 
 def standardized(result: Result) -> Floats:
@@ -58,11 +58,11 @@ def standardized(result: Result) -> Floats:
     Tables, figures, outliers and their sentences all have these numbers; `in_sd_note` says so to
     people. NaN where nothing was measured or the prediction is not determined.
     """
-    told = as_predicted(result)
-    if told is not result and told.prediction is not None:
+    before = as_predicted(result)
+    if before is not result and before.prediction is not None:
         with np.errstate(invalid="ignore"):
-            z = (told.gauges.measured - told.prediction.mean) / told.prediction.sd
-        return np.where(np.isfinite(told.prediction.sd), z, np.nan)
+            z = (before.gauges.measured - before.prediction.mean) / before.prediction.sd
+        return np.where(np.isfinite(before.prediction.sd), z, np.nan)
     table = result.gauges
     sd, computed = table.sd.copy(), table.computed.copy()
     if result.prediction is not None:
@@ -85,15 +85,15 @@ def compared_with(result: Result) -> tuple[Floats, Floats]:
     their standard deviations, NaN where they are not determined. Readings before which there was
     no fit stand beside what the last one computes, without standard deviation.
     """
-    told = as_predicted(result)
-    if told is result or told.prediction is None:
+    predicted = as_predicted(result)
+    if predicted is result or predicted.prediction is None:
         return result.gauges.computed, result.gauges.sd
-    known = np.isfinite(told.prediction.sd)
-    first = ~np.isfinite(told.prediction.mean)
-    computed = np.where(known, told.prediction.mean, np.nan)
+    known = np.isfinite(predicted.prediction.sd)
+    first = ~np.isfinite(predicted.prediction.mean)
+    computed = np.where(known, predicted.prediction.mean, np.nan)
     return (
         np.where(first, result.gauges.computed, computed),
-        np.where(known, told.prediction.sd, np.nan),
+        np.where(known, predicted.prediction.sd, np.nan),
     )
 
 

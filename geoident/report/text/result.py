@@ -103,7 +103,7 @@ def summary_text(result: Result) -> str:
     result = result.for_people
     parts = (
         head(result),
-        _told_parameters(result),
+        _parameters_in_words(result),
         section(f"{varied.TITLE}:", varied.varied_text(result.varied)),
         section(f"{rivals.MODELS_TITLE}:", *rivals.models_parts(result.comparison)),
         section(f"{accuracies.TITLE}:", accuracies.accuracies_table(result.accuracies).text),
@@ -127,7 +127,7 @@ def _fit_parts(result: Result) -> tuple[str, ...]:
     return (table, sentence(in_sd_note(result))) if table else ()
 
 
-def _told_parameters(result: Result) -> str:
+def _parameters_in_words(result: Result) -> str:
     """The parameters with their intervals; of a sample the table of its draws."""
     if result.posterior is not None:
         return posterior.posterior_table(result).text
@@ -136,7 +136,7 @@ def _told_parameters(result: Result) -> str:
 
 def _parameters(result: Result) -> str:
     """The parameters under a heading, and how far draws of them are to be believed."""
-    said = _told_parameters(result)
+    said = _parameters_in_words(result)
     if result.posterior is None:
         return section("Parameters", said)
     return section(posterior.TITLE, said, sentence(posterior.cost_sentence(result.posterior)))

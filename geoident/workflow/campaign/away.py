@@ -126,7 +126,7 @@ def cluster_executor(
             here=layout.here,
             programs=() if ran is None else program_of(ran),
         ),
-        jobs=max(1, min(jobs, len(plan.left))),
+        jobs=max(1, min(jobs, len(plan.remaining))),
         time_limit=campaign.time_limit,
         retries=campaign.retries,
         tell=tell,

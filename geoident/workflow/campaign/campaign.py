@@ -30,7 +30,7 @@ def local_executor(plan: CampaignPlan, jobs: int) -> LocalProcesses[RunTask, Run
     """
     campaign = plan.campaign
     return LocalProcesses(
-        max(1, min(jobs, len(plan.left))),
+        max(1, min(jobs, len(plan.remaining))),
         set_up,
         time_limit=campaign.time_limit,
         retries=campaign.retries,
@@ -53,7 +53,7 @@ def run_executor(
         InputError: nobody answers there, or workers cannot compute for us.
     """
     at_once = jobs or usable_cores()
-    if where is None or not plan.left:
+    if where is None or not plan.remaining:
         with local_executor(plan, at_once) as processes:
             yield processes, lambda: at_once
         return
@@ -94,7 +94,7 @@ def compute(
     if plan.settled:
         return table_of(plan.head, [plan.known[run.name] for run in plan.runs])
     found = dict(plan.known)
-    left = plan.left
+    left = plan.remaining
     if fresh:  # forgotten once: a run that is begun again goes on from its own
         for run in left:
             checkpoint_of(plan.campaign, plan.folder, run).unlink(missing_ok=True)

@@ -83,7 +83,7 @@ class CampaignPlan:
     fit: str = ""
 
     @property
-    def left(self) -> tuple[PlannedRun, ...]:
+    def remaining(self) -> tuple[PlannedRun, ...]:
         """The runs that are to be computed."""
         return tuple(run for run in self.runs if run.name not in self.known)
 
@@ -126,7 +126,7 @@ def plan_campaign(
     try:
         campaign = read_campaign(path)
     except FaultyCampaign as error:
-        further = () if error.left is None else _found(error.left, _variations(error.left))
+        further = () if error.sound is None else _found(error.sound, _variations(error.sound))
         raise InputError(_in_order((*error.faults, *further))) from error
     variations = _variations(campaign)
     folder, paths = folder_of(path, output), paths_of(variations)
@@ -141,7 +141,7 @@ def plan_campaign(
     plan = CampaignPlan(campaign, folder, paths, runs, known, inputs, fit=fit)
     if head == plan.head and len(records) == len(known) == len(runs):
         plan = replace(plan, settled=tables_are_newer(folder))
-    left = {run.name for run in plan.left}
+    left = {run.name for run in plan.remaining}
     if left:
         _check(campaign, [run for run in variations if run.name in left])
     return plan
@@ -160,7 +160,7 @@ def require_trust(plan: CampaignPlan) -> tuple[str, ...]:
     Raises:
         InputError: it may not.
     """
-    if not plan.left:
+    if not plan.remaining:
         return ()
     campaign = plan.campaign
     inputs = load_inputs(campaign.case, overrides=(*overrides_of(campaign.settings), NO_READINGS))

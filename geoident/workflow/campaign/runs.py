@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -17,7 +16,6 @@ from geoident.io.text.atomic import atomic_output
 from geoident.io.text.campaign_folder import JOURNAL, OVER_ALL, TABLE
 from geoident.model.results.campaign import CampaignTable, RunRecord
 from geoident.workflow.running.jobs import versions
-from geoident.workflow.running.remade import place_of_page, write_remade
 from geoident.workflow.running.result_files import case_path, outdated_words
 
 PAGE = "report.html"
@@ -95,39 +93,3 @@ def _outdated(head: CampaignHead, folder: Path) -> str:
         return ""
     fit, campaign = (case_path(folder / PAGE, name) for name in (head.fit_file, head.campaign_file))
     return outdated_words(fit, head.fit_fingerprint, f"geoident batch {campaign}")
-
-
-def write_campaign_page(
-    path: str,
-    output: str | None,
-    *,
-    force: bool,
-    inputs: Sequence[str] = (),
-    render: Callable[[CampaignTable], str],
-) -> str:
-    """Write the page of a campaign; an earlier one of it gives way.
-
-    Args:
-        path: of its folder, or of a file in it.
-        output: where it goes; None for ``report.html`` in the folder.
-        force: replace any other file.
-        inputs: files beside the campaign and its case that are not to be replaced.
-        render: makes the page.
-
-    Returns:
-        Its path.
-
-    Raises:
-        InputError: there is no campaign.
-        UsageError: it would go to stdout.
-        OutputError: something else stands there, or it cannot be written.
-    """
-    place = Path(path)
-    folder = place if place.is_dir() else place.parent
-    page = place_of_page(output, folder / PAGE)
-    table = read_runs(path)
-    named = (table.campaign_file, table.case_file)
-    campaign, case = (os.path.normpath(folder / name) for name in named)
-    write_remade({str(page): render(table).encode()}, cases=(campaign,), force=force,
-                 inputs=(campaign, case, *inputs), form="html")  # fmt: skip
-    return str(page)

@@ -14,7 +14,7 @@ from geoident.model.results.result import STOPPED, Result
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.jobs import Job
 from geoident.workflow.running.older_files import older_files
-from geoident.workflow.running.outputs import Standing, Target, restore, set_aside
+from geoident.workflow.running.outputs import Existing, Target, restore, set_aside
 
 
 @contextmanager
@@ -96,7 +96,7 @@ def keep(place: Target) -> Finished:
 
 
 def at_hand(
-    place: Target, identity: str, found: Standing, *, force: bool, fresh: bool
+    place: Target, identity: str, found: Existing, *, force: bool, fresh: bool
 ) -> Finished | None:
     """The result of an input where it is there already: in its place, or kept from before.
 
@@ -109,9 +109,9 @@ def at_hand(
     """
     if fresh:
         return None
-    if found is Standing.UP_TO_DATE:
+    if found is Existing.UP_TO_DATE:
         return keep(place)
-    if found is not Standing.OTHER or force:
+    if found is not Existing.OTHER or force:
         return None
     moved = restore(place, identity)
     if moved is None:
@@ -134,7 +134,7 @@ def _kept(aside: Path) -> str:
 
 
 def write(
-    result: Result, place: Target, found: Standing, *, inputs: Sequence[str], force: bool
+    result: Result, place: Target, found: Existing, *, inputs: Sequence[str], force: bool
 ) -> Finished:
     """Put a result in its place; an earlier one of the same case is kept beside.
 
@@ -147,18 +147,18 @@ def write(
     """
     now = read_identity(place.path) if place.path.exists() else None
     same = now is not None and now.identity == result.provenance.identity
-    if now is not None and same and found in (Standing.NOTHING, Standing.OTHER):
+    if now is not None and same and found in (Existing.NOTHING, Existing.OTHER):
         if now.status != STOPPED:  # computed by another run meanwhile
             return keep(place)
-        found = Standing.UNFINISHED
+        found = Existing.UNFINISHED
     remarks: tuple[str, ...] = ()
-    if found is Standing.OTHER and now is not None and not force:
+    if found is Existing.OTHER and now is not None and not force:
         aside, removed = set_aside(place.path)
         remarks = (
             f"{place.path} was made from other input: it is kept as {aside}",
             *(f"{path}, an older one, is removed" for path in removed),
         )
-    overwrite = found is not Standing.NOTHING
+    overwrite = found is not Existing.NOTHING
     paths = write_result(result, place.path, overwrite=overwrite, inputs=inputs)
-    older = older_files(place.path, result.provenance.identity, new=found is Standing.OTHER)
+    older = older_files(place.path, result.provenance.identity, new=found is Existing.OTHER)
     return Finished(result, paths, remarks=(*remarks, *older))

@@ -100,7 +100,7 @@ def fitted_mesh(
         outcome: of the search.
         known: what another fit has found at its parameters.
     """
-    before, told = model.counts, problem.response.counts
+    before, of_response = model.counts, problem.response.counts
     try:
         if known is None:
             found = _of_used(model, problem, read, outcome)
@@ -108,7 +108,7 @@ def fitted_mesh(
             found = _of_known(known, model, problem, used_pairs(read), outcome)
     except ModelError:
         return None
-    aside = (model.counts - before) - (problem.response.counts - told)
+    aside = (model.counts - before) - (problem.response.counts - of_response)
     return replace(found, spent=aside + found.found.cost)
 
 

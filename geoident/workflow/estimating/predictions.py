@@ -10,7 +10,7 @@ import numpy as np
 from geoident.errors import ModelError
 from geoident.forward.protocols import CaseModel, Survey
 from geoident.identify.assessment.diagnostics import effective_sd
-from geoident.identify.assessment.later_readings import LaterReadings, given_used, left_covariance
+from geoident.identify.assessment.later_readings import LaterReadings, given_used, later_covariance
 from geoident.identify.assessment.open_path import Answers, OpenPath, followed
 from geoident.identify.assessment.uncertainty import Assessment, Bend, predict_band
 from geoident.identify.problem.errors import ErrorStructure
@@ -102,7 +102,7 @@ def correlations(
     left = np.zeros((len(rows), len(rows)))
     if known is not None and len(rows):
         rows = known.of(numbers, rows).jacobian
-        left = left_covariance(*known.with_later(numbers))
+        left = later_covariance(*known.with_later(numbers))
     rows = rows * assessment.slope
     common = rows @ assessment.posterior.covariance @ rows.T + left
     sd = np.maximum(prediction.sd[places], np.sqrt(np.diag(common)))

@@ -118,7 +118,7 @@ class DaskCluster(Generic[T, R]):
         self._events: SimpleQueue[tuple[str, Any]] = SimpleQueue()
         self._out: dict[int, _Sent[T]] = {}
         self._stopping = False
-        self._told_to_stop = -_AGAIN
+        self._stop_sent = -_AGAIN
         self._killing = False
 
     def __enter__(self) -> Self:
@@ -172,7 +172,7 @@ class DaskCluster(Generic[T, R]):
                 if not self._stopping:
                     self._check()
                     self._give_out(coming, again)
-                elif time.monotonic() - self._told_to_stop > _AGAIN:
+                elif time.monotonic() - self._stop_sent > _AGAIN:
                     self._stop_workers()
                 if not self._out:
                     break
@@ -278,7 +278,7 @@ class DaskCluster(Generic[T, R]):
         sent = self._out.get(number)
         return sent if sent is not None and sent.future is future else None
 
-    def _told_of(self, number: int, event: Any) -> _Sent[T] | None:
+    def _task_of(self, number: int, event: Any) -> _Sent[T] | None:
         """The task that an event is of; None if that was sent again since, or is of an earlier run.
 
         Args:
@@ -292,7 +292,7 @@ class DaskCluster(Generic[T, R]):
 
     def _on_grown(self, event: Any) -> None:
         """A task has added something to a file."""
-        sent = self._told_of(event[GROWN], event)
+        sent = self._task_of(event[GROWN], event)
         if sent is not None:
             with suppress(OSError):  # it is lost with its worker, then
                 keep(event["file"], event["content"], at=event["at"])
@@ -303,7 +303,7 @@ class DaskCluster(Generic[T, R]):
 
         It is sent anew then with what has come back of it, which dask knows nothing of.
         """
-        sent = self._told_of(event[BEGUN], event)
+        sent = self._task_of(event[BEGUN], event)
         if sent is None:
             return
         if sent.begun:
@@ -373,7 +373,7 @@ class DaskCluster(Generic[T, R]):
 
     def _stop_workers(self) -> None:
         """Take back what has not begun, and let the rest end soon; told again to new workers."""
-        self._told_to_stop = time.monotonic()
+        self._stop_sent = time.monotonic()
         with suppress(OSError):  # a worker that is lost is told when it is back
             self._link.client.run(
                 stop_relay, self._order.name, False, wait=False, on_error="ignore"

@@ -93,14 +93,14 @@ class GrowthWatch:
         self._task = task if isinstance(task, Resumable) else None
         self._over = threading.Event()
         self._thread = threading.Thread(target=self._watch, daemon=True)
-        self._told: dict[tuple[int, str], int] = {}
+        self._sizes: dict[tuple[int, str], int] = {}
 
     def __enter__(self) -> Self:
         if self._task is not None:
             for process in self._processes():  # what earlier tasks have added there
                 for name in self._task.growing:
                     if name.endswith(_LINES):
-                        self._told[process, name] = _size(self._place(process) / name)
+                        self._sizes[process, name] = _size(self._place(process) / name)
             self._thread.start()
         return self
 
@@ -125,7 +125,7 @@ class GrowthWatch:
         known = (
             () if name.endswith(_LINES) or self._task is None else self._task.kept.get(name, b"")
         )
-        at = self._told.get((process, name), len(known))
+        at = self._sizes.get((process, name), len(known))
         with (self._place(process) / name).open("rb") as file:
             file.seek(at)
             content = file.read(_PIECE)
@@ -133,7 +133,7 @@ class GrowthWatch:
             content = content[: content.rfind(b"\n") + 1]
         if content and at + len(content) <= _MOST:
             self._tell(AddedPart(self._number, name, at, content))
-            self._told[process, name] = at + len(content)
+            self._sizes[process, name] = at + len(content)
 
 
 def found_in(task: Resumable, place: Path) -> dict[str, bytes]:

@@ -112,7 +112,7 @@ class FunctionRuns(LoggedRuns, RunsOfAllDigits):
         with self._lock:
             worker = self._free.pop() if self._free else self._new_worker()
             self._busy.add(worker)
-        function, name = self._function, item.told
+        function, name = self._function, item.argument
         values = dict(item.values)
         answer = worker.call(function.path, name, (values,), function.machine.time_limit)
         with self._lock:

@@ -46,12 +46,12 @@ class RunItem:
 
     Args:
         key: in the log.
-        told: what the model is given.
+        argument: what the model is given.
         values: parameters by name, SI.
     """
 
     key: str
-    told: Any
+    argument: Any
     values: Mapping[str, float]
 
 

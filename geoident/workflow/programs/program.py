@@ -259,7 +259,7 @@ class ProgramRuns(LoggedRuns):
         """
         folder = new_folder(self._folder)
         try:
-            found = self._made(folder, item.told)
+            found = self._made(folder, item.argument)
         except OSError as error:
             message = f"{folder}: the run cannot be written: {error.strerror or error}"
             raise OutputError(message) from error

@@ -23,11 +23,11 @@ from geoident.model.project.project import ParameterLaw, Project, ProjectSection
 from geoident.units import DIMENSIONLESS, shown_unit, with_article
 from geoident.workflow.running.jobs import Inputs, load_inputs, sha256
 from geoident.workflow.running.outputs import (
-    Standing,
+    Existing,
     Target,
+    existing,
     require_free,
     stamp,
-    standing,
     target,
 )
 
@@ -82,14 +82,14 @@ class ProjectJob:
     inputs: tuple[Inputs, ...]
     place: Target
     identity: str
-    found: Standing
+    found: Existing
     stamp: str
     started: float = field(default_factory=time.monotonic)
 
     @property
     def up_to_date(self) -> bool:
         """The result stands there already and is to be kept."""
-        return self.found is Standing.UP_TO_DATE and not self.request.fresh
+        return self.found is Existing.UP_TO_DATE and not self.request.fresh
 
     @property
     def files(self) -> tuple[str, ...]:
@@ -109,7 +109,7 @@ def plan_project(request: ProjectRequest) -> ProjectJob:
     project, inputs = read_sections(request.path)
     identity = _identity(project, inputs, request)
     place = target(request.path, COMMAND, output=request.output)
-    found = standing(place, identity, kind=COMMAND, case=request.path)
+    found = existing(place, identity, kind=COMMAND, case=request.path)
     text = decode(read_bytes(request.path, limit=MAX_BYTES, what="project"), request.path)
     job = ProjectJob(request, project, text, inputs, place, identity, found, "")
     said = [LEAVE_ONE_OUT] if request.leave_one_out else []
@@ -132,7 +132,7 @@ def read_sections(path: str) -> tuple[Project, tuple[Inputs, ...]]:
     try:
         project = read_project(path)
     except FaultyProject as error:
-        _, faults = _section_inputs(error.left)
+        _, faults = _section_inputs(error.sound)
         raise InputError(in_order((*error.faults, *faults))) from error
     inputs, faults = _section_inputs(project.sections)
     faults += _common_faults(project, inputs)

@@ -27,7 +27,7 @@ from geoident.workflow.project.sections import (
     SectionSources,
 )
 from geoident.workflow.running.control import Control
-from geoident.workflow.running.outputs import Standing, restore, set_aside
+from geoident.workflow.running.outputs import Existing, restore, set_aside
 
 
 @dataclass(frozen=True)
@@ -106,9 +106,9 @@ def _at_hand(job: ProjectJob) -> FinishedProject | None:
     place, request = job.place, job.request
     if request.fresh:
         return None
-    if job.found is Standing.UP_TO_DATE:
+    if job.found is Existing.UP_TO_DATE:
         return FinishedProject(read_project_result(place.path), str(place.path), up_to_date=True)
-    if job.found is not Standing.OTHER or request.force:
+    if job.found is not Existing.OTHER or request.force:
         return None
     moved = restore(place, job.identity)
     if moved is None:
@@ -123,11 +123,11 @@ def _at_hand(job: ProjectJob) -> FinishedProject | None:
 def _written(job: ProjectJob, result: ProjectResult) -> FinishedProject:
     """Put the result in its place; an earlier one of the same project is kept beside."""
     place, remarks = job.place, []
-    if job.found is Standing.OTHER and not job.request.force and read_identity(place.path):
+    if job.found is Existing.OTHER and not job.request.force and read_identity(place.path):
         aside, removed = set_aside(place.path)
         remarks.append(f"{place.path} was made from other input: it is kept as {aside}")
         remarks += [f"{path}, an older one, is removed" for path in removed]
-    overwrite = job.found is not Standing.NOTHING
+    overwrite = job.found is not Existing.NOTHING
     (path,) = write_project_result(result, place.path, overwrite=overwrite, inputs=job.files)
     return FinishedProject(result, path, remarks=tuple(remarks))
 

@@ -285,7 +285,7 @@ class WhereWorthWhile:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, *told: object) -> None:
+    def __exit__(self, *error: object) -> None:
         self._held.close()
 
     def __call__(self, points: Floats) -> Iterator[Answer]:

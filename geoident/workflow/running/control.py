@@ -107,7 +107,7 @@ class Control:
     jobs: int | None = 1
     cluster: Workplace | None = None
 
-    def left(self) -> float | None:
+    def remaining(self) -> float | None:
         """Seconds that are left; None where there is no limit."""
         if self.max_time is None:
             return None

@@ -216,7 +216,7 @@ class Remembered:
 
     def readings(self, p: Floats) -> Floats:
         """v(p), (g,)."""
-        known = self._instead(p) or self._recall("readings", p) or self._recall("evaluate", p)
+        known = self._instead(p) or self._from_log("readings", p) or self._from_log("evaluate", p)
         if known is None:
             known = self._compute(
                 "readings", p, lambda: {"v": self._inner.readings(p), **self._seen_at(p)}
@@ -376,7 +376,7 @@ class Remembered:
         if failure is not None:
             self._spend(failure.cost)
             raise failure.error
-        return self._recall(kind, p)
+        return self._from_log(kind, p)
 
     def evaluated(self) -> Sequence[Floats]:
         """Parameter vectors (n,) that this run has evaluated with derivatives, in their order."""
@@ -391,7 +391,7 @@ class Remembered:
 
         At a p (n,) that was evaluated it costs nothing.
         """
-        known = self._instead(p) or self._recall("evaluate", p) or self._recall("readings", p)
+        known = self._instead(p) or self._from_log("evaluate", p) or self._from_log("readings", p)
         if known is None or "increments" not in known:
             known = self._compute("increments", p, lambda: self._seen_at(p))
         return np.array(known["increments"])
@@ -491,10 +491,10 @@ class Remembered:
         self, kind: str, p: Floats, work: Callable[[], EvaluationArrays]
     ) -> EvaluationArrays:
         """What the log has, or what is computed for it."""
-        known = self._recall(kind, p)
+        known = self._from_log(kind, p)
         return self._compute(kind, p, work) if known is None else known
 
-    def _recall(self, kind: str, p: Floats) -> EvaluationArrays | None:
+    def _from_log(self, kind: str, p: Floats) -> EvaluationArrays | None:
         known = self._log.find(kind, p)
         if known is not None and (kind, p.tobytes()) not in self._seen:
             self._see(kind, p)

@@ -41,12 +41,12 @@ from geoident.workflow.programs.digest import digest_of
 from geoident.workflow.programs.function import FunctionRuns
 from geoident.workflow.programs.program import ProgramRuns
 from geoident.workflow.running.outputs import (
-    Standing,
+    Existing,
     Target,
+    existing,
     require_free,
     runs_folder,
     stamp,
-    standing,
     target,
 )
 from geoident.workflow.running.readings import readings_of
@@ -129,7 +129,7 @@ def load_inputs(path: str, *, overrides: Sequence[str] = (), text: str | None = 
             return _hashed(path, parse_case(text, path, overrides=tuple(overrides)))
         return _hashed(path, read_case(path, overrides=tuple(overrides)))
     except FaultyCase as error:
-        raise error.with_those_of_the_mesh(_faults_on_mesh(error.left)) from error
+        raise error.with_those_of_the_mesh(_faults_on_mesh(error.sound)) from error
 
 
 def _faults_on_mesh(left: PartOfCase | None) -> list[Fault]:
@@ -380,14 +380,14 @@ class Job:
     inputs: Inputs
     place: Target
     identity: str
-    found: Standing
+    found: Existing
     stamp: str = ""
     started: float = field(default_factory=time.monotonic)
 
     @property
     def up_to_date(self) -> bool:
         """The result stands there already and is to be kept."""
-        return self.found is Standing.UP_TO_DATE and not self.request.fresh
+        return self.found is Existing.UP_TO_DATE and not self.request.fresh
 
 
 def plan_fit(request: Request) -> Job:
@@ -421,7 +421,7 @@ def _plan(request: Request, inputs: Inputs, command: str, methods: Sequence[Meth
     _require_parameters(inputs.case, command)
     identity = inputs.identity(command, methods, seed=request.seed)
     place = target(request.case, command, output=request.output)
-    found = standing(place, identity, kind=command, case=request.case)
+    found = existing(place, identity, kind=command, case=request.case)
     job = Job(
         request,
         command,

@@ -28,7 +28,7 @@ from geoident.io.text.text_file import STDIN, seen_from
 from geoident.model.results.result import STOPPED
 
 
-class Standing(Enum):
+class Existing(Enum):
     """What stands at the place of an output."""
 
     NOTHING = "nothing"
@@ -115,7 +115,7 @@ def _stem(path: Path) -> str:
     return stem or path.name
 
 
-def standing(place: Target, identity: str, *, kind: str, case: str) -> Standing:
+def existing(place: Target, identity: str, *, kind: str, case: str) -> Existing:
     """What stands at the place of the result that has this identity.
 
     Args:
@@ -125,16 +125,16 @@ def standing(place: Target, identity: str, *, kind: str, case: str) -> Standing:
         case: path of its case; ``-`` for stdin.
     """
     if not place.path.exists():
-        return Standing.NOTHING
+        return Existing.NOTHING
     found = read_identity(place.path)
     if found is None:
-        return Standing.UNKNOWN
+        return Existing.UNKNOWN
     if found.identity != identity:
-        return Standing.OTHER if _is_of(found, place, kind, case) else Standing.FOREIGN
-    return Standing.UNFINISHED if place.checkpoint.exists() else Standing.UP_TO_DATE
+        return Existing.OTHER if _is_of(found, place, kind, case) else Existing.FOREIGN
+    return Existing.UNFINISHED if place.checkpoint.exists() else Existing.UP_TO_DATE
 
 
-def require_free(found: Standing, place: Target, *, force: bool, inputs: Sequence[str]) -> None:
+def require_free(found: Existing, place: Target, *, force: bool, inputs: Sequence[str]) -> None:
     """Try whether a result, its sidecar and its checkpoint may be written, before computing.
 
     Args:
@@ -150,7 +150,7 @@ def require_free(found: Standing, place: Target, *, force: bool, inputs: Sequenc
     sidecar = sidecar_path(place.path)
     for path in (place.path, place.checkpoint, *([] if sidecar is None else [sidecar])):
         refuse_inputs(path, inputs)
-    if not force and found in (Standing.FOREIGN, Standing.UNKNOWN):
+    if not force and found in (Existing.FOREIGN, Existing.UNKNOWN):
         raise OutputError(
             f"{place.path}: exists and holds {found.value}; it is not overwritten\n"
             f"    {Term.FORCE} replaces it, {Term.OUTPUT} writes elsewhere"

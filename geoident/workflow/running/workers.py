@@ -208,7 +208,7 @@ class ModelWorkers:
             times: when each was read.
         """
         control = self._control
-        tasks = (LookTask(look, tuple(pairs), tuple(times), control.left()) for look in looks)
+        tasks = (LookTask(look, tuple(pairs), tuple(times), control.remaining()) for look in looks)
         processes = self._ready(looks)
         with control.stop.heard_by(processes.ask_to_stop):
             yield from processes.run(tasks)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize, nnls
 
+from geoident.fem.yielding import curved_return
 from geoident.fem.yielding.curved_return import HoekBrownConstants, HoekBrownCurve, returned
 from geoident.fem.yielding.hoek_brown import HoekBrownLaw
 from geoident.model.dual import Dual
@@ -213,3 +214,33 @@ def test_a_tension_beyond_the_tip_changes_nothing():
         plain = returned(curve(dilation=dilation, tension=None), trial)
         cut = returned(curve(dilation=dilation, tension=1.5 * TIP), trial)
         np.testing.assert_array_equal(plain.stress, cut.stress)
+
+
+@FLOWS
+def test_roots_end_where_only_rounding_is_left(monkeypatch, dilation):
+    """Tens of evaluations of an equation and not two hundred; its roots are those of halving."""
+    found = []
+    search = curved_return.bracketed
+
+    def counted(equation, low, high):
+        calls = []
+
+        def seen(x):
+            calls.append(x)
+            return equation(x)
+
+        root = search(seen, low, high)
+        below, above = low.copy(), high.copy()
+        for _ in range(80):
+            middle = 0.5 * (below + above)
+            under = equation(middle)[0] <= 0.0
+            below, above = np.where(under, middle, below), np.where(under, above, middle)
+        np.testing.assert_allclose(root, 0.5 * (below + above), rtol=1e-13, atol=1e-16)
+        found.append(len(calls))
+        return root
+
+    monkeypatch.setattr(curved_return, "bracketed", counted)
+    surface = curve(dilation=dilation, tension=None)
+    returned(surface, trials(surface))
+    assert found
+    assert max(found) <= 45

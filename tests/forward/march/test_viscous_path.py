@@ -5,9 +5,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from geoident.forward.march import equilibrium
 from geoident.forward.march.equilibrium import _departs, solve
 from geoident.forward.march.stage_equations import NoEquilibrium, Trial
-from geoident.forward.march.viscous_path import NewtonEnd, PathEnd, Way, follow, newton
+from geoident.forward.march.viscous_path import Effort, NewtonEnd, PathEnd, Way, follow, newton
 
 
 class Given:
@@ -190,3 +191,38 @@ def test_bands_that_another_way_has_met_are_not_the_answer(end, viscous):
     found = solve(given, [ZERO])
     assert (found.viscosity > 0.0) == viscous
     assert found.trial.du[0] == pytest.approx(np.arctanh(0.5), rel=4e-3)
+
+
+def folded(u, mu):
+    """A tenth of the load is missing at u = 1; the path turns near mu = 0.05, flow ends at 3."""
+    return np.nan if abs(u) > 3.0 else 0.5 - 0.45 * u * np.exp(1.0 - u) - mu * u
+
+
+@pytest.mark.parametrize("most", [7, 30, 100_000])
+def test_a_search_whose_path_turns_takes_no_more_steps_than_it_may(monkeypatch, most):
+    """Each factor is counted; what it has found by then is handed on."""
+    made = []
+
+    def slope(u, mu):
+        made.append((u, mu))
+        return 0.45 * (1.0 - u) * np.exp(1.0 - u) + mu
+
+    monkeypatch.setattr(equilibrium, "SEARCH", most)
+    with pytest.raises(NoEquilibrium) as caught:
+        solve(Given(folded, slope), [ZERO])
+    assert len(made) <= most
+    if most > 20:
+        assert 0.04 < caught.value.even.viscosity < 0.1
+    if most > 1000:
+        assert len(made) < 400  # the ways end by themselves
+
+
+def test_steps_of_one_search_are_shared_by_its_parts():
+    effort = Effort(9)
+    given = Given(*CARRIED)
+    first = newton(given, given.at(ZERO), effort=effort)
+    assert first.converged
+    assert effort.left == 9 - first.steps
+    again = newton(given, given.at(np.array([-2.0])), effort=Effort(1))
+    assert (again.steps, again.converged) == (1, False)
+    assert follow(given, Way(0.1, 0.3, bold=False), Effort(0)) is None

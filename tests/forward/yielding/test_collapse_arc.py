@@ -16,7 +16,7 @@ import scipy.sparse.linalg as spla
 from support.array_model import DenseFactor, Operators
 from support.plastic import Planes, polyhedral
 
-from geoident.fem.moduli import UniformModuli
+from geoident.fem.elasticity import UniformModuli
 from geoident.forward.march.collapse import limit_of
 from geoident.forward.march.equilibrium import Balance
 from geoident.forward.march.plastic_derivatives import (

@@ -56,6 +56,27 @@ def test_what_builds_on_a_collapse_is_unknown_and_the_rest_is_there():
     assert "66.7 %" in sentence  # of the change from 1 to 2.5 MPa
 
 
+def test_the_last_equilibrium_is_kept_to_be_shown():
+    """2 c above, nothing beside, and more settlement than without yielding."""
+    staged = _column(_press("low", 1e6), _press("too much", 2.5e6), _press("on top of it", 0.5e6))
+    fields = staged.survey(np.empty(0), fields=True, partial=True).fields
+    assert np.isnan(fields.displacement[2:]).any(axis=(1, 2)).all()
+    assert not fields.yielded[2:].any()
+    assert fields.last.states.tolist() == [2, 3]
+    np.testing.assert_allclose(fields.last.stress[..., 1], -2.0 * COHESION, rtol=1e-3)
+    np.testing.assert_allclose(fields.last.stress[..., [0, 3]], 0.0, atol=1e-3 * COHESION)
+    top = fields.mesh.points[:, 1] == 1.0
+    settled = -fields.last.displacement[0, top, 1]
+    assert settled.min() > 2.0 * COHESION * (1.0 - 0.25**2) / 1e9
+    assert fields.last.yielded[0].all()
+    for name in ("displacement", "stress", "yielded"):
+        found = getattr(fields.last, name)
+        np.testing.assert_array_equal(found[1], found[0])
+        shown = getattr(fields.shown, name)
+        np.testing.assert_array_equal(shown[2:], found)
+        np.testing.assert_array_equal(shown[:2], getattr(fields, name)[:2])
+
+
 def test_without_partial_a_collapse_is_an_error_with_stage_and_fraction():
     staged = _column(_press("low", 1e6), _press("too much", 2.5e6))
     with pytest.raises(CollapseError) as caught:

@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 
 from geoident.identify.least_squares.acceptance import Acceptance, Iterate, Step
+from geoident.identify.least_squares.descent import Stopping, gradient_cosines
 from geoident.identify.least_squares.gauss_newton import (
-    Stopping,
     gauss_newton_descent,
     gauss_newton_step,
-    gradient_cosines,
     phi_after_step,
 )
 from geoident.identify.least_squares.trust_region import TrustBox

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from geoident.errors import ModelError
-from geoident.identify.least_squares.gauss_newton import gauss_newton, plain_evaluator
+from geoident.identify.least_squares.descent import plain_evaluator
+from geoident.identify.least_squares.gauss_newton import gauss_newton
 from geoident.identify.least_squares.several_starts import (
     Angles,
     SeveralStarts,

@@ -9,7 +9,7 @@ import scipy.sparse as sp
 
 from geoident.identify.assessment import variance_components
 from geoident.identify.assessment.diagnostics import diagnose, effective_sd
-from geoident.identify.assessment.later_readings import given_used, left_covariance
+from geoident.identify.assessment.later_readings import given_used, later_covariance
 from geoident.identify.assessment.uncertainty import assess, predict_band
 from geoident.identify.direct.simplex import simplex
 from geoident.identify.least_squares.condensation import condensation
@@ -278,7 +278,7 @@ def test_what_used_readings_leave_of_errors_that_later_ones_share(measured, make
     structure = ErrorStructure(sd, np.array([-1, -1]), sp.csr_array(shares), np.full(3, -1), ())
     whole, common = np.diag(SD**2) + (B @ B.T), shares @ B.T
     dense = np.diag(sd**2) + shares @ shares.T - common @ np.linalg.solve(whole, common.T)
-    left = left_covariance(problem, structure)
+    left = later_covariance(problem, structure)
     np.testing.assert_allclose(left, dense, rtol=1e-10)
     later = given_used(problem, line(np.ones(2)), np.ones((len(SD), 2)), later=structure,
                        later_jacobian=np.ones((2, 2)))  # fmt: skip

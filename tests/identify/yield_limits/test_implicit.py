@@ -8,7 +8,7 @@ from support.plastic_bars import Frame, PlasticBars
 
 from geoident.errors import ModelError
 from geoident.identify.least_squares.acceptance import Iterate
-from geoident.identify.least_squares.gauss_newton import Ending
+from geoident.identify.least_squares.descent import Ending
 from geoident.identify.objective.discrepancy import Linearization
 from geoident.identify.problem.problem import History, Problem
 from geoident.identify.yield_limits import implicit

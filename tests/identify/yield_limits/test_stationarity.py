@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from geoident.identify.least_squares.gauss_newton import Evaluator
+from geoident.identify.least_squares.descent import Evaluator
 from geoident.identify.objective.discrepancy import Discrepancy, Linearization
 from geoident.identify.problem.problem import History, Problem
 from geoident.identify.yield_limits.stationarity import (

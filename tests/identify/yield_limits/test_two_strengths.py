@@ -7,7 +7,8 @@ import pytest
 from support.cases import displacement
 from support.yielding import Cavity, constant, mohr, rock
 
-from geoident.identify.least_squares.gauss_newton import Ending, gauss_newton
+from geoident.identify.least_squares.descent import Ending
+from geoident.identify.least_squares.gauss_newton import gauss_newton
 from geoident.identify.problem.problem import Problem
 from geoident.identify.yield_limits.implicit import ImplicitSearch, implicit
 from geoident.model.case import Stage

@@ -112,3 +112,27 @@ def test_a_face_is_for_sections(project, tunnel):
     assert "a part of the model" in fault.message
     none = tunnel().replace(", distance: 2.5 m", "").replace(", distance: 6 m", "")
     assert project.only_fault(none).code == "no-distance"
+
+
+OPENING = """\
+format: geoident-case/1
+analysis: plane-strain
+parameters: {E: {start: 2 GPa, bounds: [0.1 GPa, 20 GPa]}}
+materials: {rock: {elastic: isotropic, E: $E, nu: 0.25}}
+groups: {rock: rock, tunnel: rock}
+in_situ: {model: heim, vertical: 5 MPa, K0: 1.0}
+face: {profile: chern, conversion: «mesh}
+stages: [{name: first, excavate: [tunnel], distance: 2 m}, {name: far, distance: 40 m}]
+gauges: {H: {kind: convergence, between: [[-3, 0 m], [3, 0 m]], accuracy: 1 mm, zero: first}}
+readings: [{stage: far, gauge: H, value: -4 mm}]
+fit: {method: closed-form, closed-form: {centre: [0, 0 m], radius: 3 m}}
+"""
+
+
+def test_a_case_without_mesh_has_no_wall_to_ask(project):
+    fault = project.only_fault(OPENING)
+    assert (fault.code, fault.path) == ("no-mesh", "face.conversion")
+    assert "the case has no mesh" in fault.message
+    assert "Leave 'conversion' out" in fault.hint
+    sound = OPENING.replace(", conversion: «mesh", "")
+    assert project.read(sound).case.face.radius == Scalar(3.0)

@@ -58,6 +58,11 @@ def test_strength_by_constants_of_the_rock_mass(tmp_path):
     assert (found.dilation, found.tension) == (Scalar(radians(5)), Scalar(1e4))
 
 
+def test_no_flow_of_its_own_is_flow_without_change_of_volume(tmp_path):
+    without = rock(tmp_path, yields=BY_GSI.replace("dilation: 0 deg", "flow: none"))
+    assert without == rock(tmp_path, yields=BY_GSI)
+
+
 def test_intact_strength_may_be_a_field(tmp_path):
     given = BY_GSI.replace("50 MPa", "{field: {mean: 50 MPa, sd: 20 %, length: 5 m}}")
     (field,) = rock(tmp_path, yields=given).fields
@@ -98,7 +103,7 @@ def test_modulus_of_a_rock_mass(tmp_path, modulus, expected):
         (BY_CONSTANTS.replace("mb: 1.2", "mb: 0"), "yield.mb: '0': it must be positive"),
         (BY_CONSTANTS[:-1] + ", tension: -1 kPa}", "yield.tension: '-1 kPa': it must not be"),
         (f"[{BY_CONSTANTS}, {BY_GSI}]", "a smooth surface cannot be combined with another one"),
-        (BY_CONSTANTS.replace("flow: associated", "flow: none"), "yield.flow"),
+        (BY_CONSTANTS.replace("flow: associated", "flow: constant"), "yield.flow"),
         (BY_GSI.replace("sigci", "UCS"), "the key 'UCS' is not known here. Did you mean 'sigci'?"),
         (BY_GSI.replace("dilation", "psi"), "'psi' is not known here. Did you mean 'dilation'?"),
     ],

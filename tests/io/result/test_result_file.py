@@ -9,6 +9,7 @@ import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,7 @@ from geoident.errors import InputError, OutputError
 from geoident.io.result import hdf5
 from geoident.io.result.file import ResultIdentity, read_identity, read_result, write_result
 from geoident.io.result.hdf5 import TableWriter, hdf5_output
-from geoident.model.results.result import DIAGNOSTIC_COLUMNS, Result
+from geoident.model.results.result import DIAGNOSTIC_COLUMNS, FieldSeries, LastStates, Result
 from tests.support.results import changed_gauges
 
 Make = Callable[..., Result]
@@ -63,6 +64,37 @@ def test_round_trip(tmp_path: Path, result_maker: Make, dim: int, full: bool) ->
     assert written == tuple(str(tmp_path / name) for name in names)
     assert names_in(tmp_path) == names
     assert_same(result, read_result(path))
+
+
+def collapsed(fields: FieldSeries) -> FieldSeries:
+    """The last of three states is without equilibrium."""
+    rng = np.random.default_rng(3)
+    moved, stress = fields.displacement.copy(), fields.stress.copy()
+    yielded = fields.yielded.copy()
+    moved[2] = stress[2] = np.nan
+    yielded[2] = False
+    last = LastStates(
+        np.array([2]), rng.normal(size=(1, *moved.shape[1:])),
+        np.where(np.isnan(fields.stress[2]), np.nan, 1e6)[None],
+        rng.random((1, yielded.shape[1])) < 0.5,
+    )  # fmt: skip
+    return replace(fields, displacement=moved, stress=stress, yielded=yielded, last=last)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_round_trip_of_a_collapse(tmp_path: Path, result_maker: Make, dim: int) -> None:
+    """Viewers are given the last equilibrium; who reads the result knows that there is none."""
+    result = result_maker(dim)
+    result = replace(result, fields=collapsed(result.fields))
+    path = tmp_path / "a.fit.h5"
+    write_result(result, path, overwrite=False)
+    assert_same(result, read_result(path))
+    with h5py.File(path) as file:
+        moved = file["VTKHDF/PointData/displacement"][:].reshape(3, -1, 3)[:, :, :dim]
+        balanced = file["VTKHDF/CellData/equilibrium"][:].reshape(3, -1)
+    np.testing.assert_array_equal(moved[:2], result.fields.displacement[:2])
+    np.testing.assert_array_equal(moved[2], result.fields.last.displacement[0])
+    assert balanced.min(axis=1).tolist() == balanced.max(axis=1).tolist() == [1, 1, 0]
 
 
 def test_round_trip_of_nothing(tmp_path: Path, result_maker: Make) -> None:

@@ -1,5 +1,6 @@
 """VTK reads back from VTU files what was present at each state, and nothing else."""
 
+from dataclasses import replace
 from xml.etree import ElementTree
 
 import numpy as np
@@ -7,7 +8,7 @@ import pytest
 
 from geoident.io.result.vtu import write_pvd, write_vtu
 from geoident.model.mesh import ElementBlock, Mesh
-from geoident.model.results.result import FieldSeries
+from geoident.model.results.result import FieldSeries, LastStates
 from geoident.model.results.yielded import Mechanism
 
 xml = pytest.importorskip("vtkmodules.vtkIOXML", reason="needs vtk")
@@ -75,6 +76,24 @@ def test_the_mechanism_of_a_collapse_stands_at_its_state(tmp_path, result_maker,
         for cell, element in enumerate(there):
             here = nodes_of(grid, cell)
             np.testing.assert_array_equal(moves[here, :dim], velocity[elements[element]])
+
+
+def test_a_state_without_equilibrium_has_the_last_one_that_was_found(tmp_path, result_maker):
+    fields = result_maker(2).fields
+    moved, stress = fields.displacement[2:], fields.stress[2:]
+    last = LastStates(np.array([2]), moved.copy(), stress.copy(), fields.yielded[2:].copy())
+    moved[:] = stress[:] = np.nan
+    fields = replace(fields, last=last)
+    for state, balanced in ((1, 1), (2, 0)):
+        write_vtu(fields, state, tmp_path / "a.vtu")
+        grid, there = read(tmp_path / "a.vtu"), np.flatnonzero(fields.present[state])
+        flags = vtk_to_numpy(grid.GetCellData().GetArray("equilibrium"))
+        np.testing.assert_array_equal(flags, np.full(len(there), balanced))
+    shown = vtk_to_numpy(grid.GetPointData().GetArray("displacement"))
+    assert np.isfinite(shown).all()
+    np.testing.assert_array_equal(
+        vtk_to_numpy(grid.GetCellData().GetArray("stress")), last.stress[0, there]
+    )
 
 
 def test_nodes_that_belong_to_nothing_are_left_out(tmp_path, result_maker):

@@ -21,6 +21,7 @@ from geoident.report.text.json import (
     result_object,
     simulation_object,
 )
+from tests.io.result.conftest import make_advance
 from tests.support.cases import displacement
 from tests.support.results import example_result, small_result
 
@@ -214,3 +215,28 @@ def test_programs_get_differences_in_si_units():
     assert told["relative"] == pytest.approx(0.75)
     zero = Difference(Place("a", "b", "c"), Amount(0.0, "", ""), Amount(0.0, "", ""))
     assert comparison_object(comparison(differences=(zero,)))["differences"][0]["relative"] == 0.0
+
+
+def test_a_face_that_goes_on_is_in_tables_and_json(result):
+    """What each stage releases, and what was lost before the first reading."""
+    given = replace(result, advance=make_advance())
+    first, far = table(given, "face")
+    assert [first["stage"], far["stage"]] == ["first reading", "far on"]
+    columns = ("distance (m)", "share_of_motion", "released_stress")
+    assert numbers(first, *columns) == [2.0, 0.825, 0.9]
+    assert numbers(far, *columns) == [8.0, 0.9773, 0.99]
+    assert [first["zero_of_gauges"], far["zero_of_gauges"]] == ["yes", "no"]
+    curve = [
+        numbers(row, "distance (m)", "share_of_motion") for row in table(given, "face-profile")
+    ]
+    assert curve == [[0.0, 0.25], [2.0, 0.825], [8.0, 0.9773]]
+    said = json.loads(dumps(result_object(given, case="case.yaml", output="out.h5")))["face"]
+    assert (said["profile"], said["radius"], said["lost"]) == ("panet", 2.5, 0.825)
+    assert said["curve"] == {"distance": [0.0, 2.0, 8.0], "share": [0.25, 0.825, 0.9773]}
+    assert said["stages"][1] == {
+        "stage": "far on", "distance": 8.0, "share": 0.9773, "released": 0.99, "zero": False,
+    }  # fmt: skip
+    never = replace(make_advance(), stage_zero=np.array([False, False]))
+    assert result_object(replace(result, advance=never), case="", output="")["face"]["lost"] is None
+    assert "face" not in result_object(result, case="", output="")
+    assert not {"face", "face-profile"} & set(csv_tables(result))

@@ -113,7 +113,7 @@ def test_results_of_a_cluster_are_those_of_the_serial_run_bit_for_bit(here, clus
     for run, one in zip(table.runs, expected, strict=True):
         assert repr(run.readings) == repr(one.readings)
         assert content(f"away/{run.file}") == content(f"here/{one.file}")
-    assert not plan_campaign("campaign.yaml", output=str(here / "away")).left
+    assert not plan_campaign("campaign.yaml", output=str(here / "away")).remaining
 
 
 def test_a_cluster_that_is_lost_leaves_what_had_ended(there):
@@ -123,7 +123,7 @@ def test_a_cluster_that_is_lost_leaves_what_had_ended(there):
     assert [run.name for run in read_runs("campaign.batch").runs] == ["0001"]
     assert Path("campaign.batch/runs.csv").is_file()
     table, plan = computed(There(there, None))
-    assert len(plan.left) == 2
+    assert len(plan.remaining) == 2
     assert table.exit_code == 0
 
 
@@ -146,7 +146,7 @@ def test_a_disk_that_is_full_here_ends_the_campaign_and_costs_nothing_that_is_th
     assert caught.value.exit_code == ExitCode.OUTPUT
     assert sorted(path.name for path in Path("campaign.batch").glob("*.h5")) == ["0001.fit.h5"]
     _, plan = computed(There(there, None))
-    assert [run.name for run in plan.left] == ["0002", "0003"]
+    assert [run.name for run in plan.remaining] == ["0002", "0003"]
 
 
 def test_a_result_of_other_input_is_kept_beside(there):

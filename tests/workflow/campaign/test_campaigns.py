@@ -149,10 +149,10 @@ def test_readings_of_the_case_are_no_part_of_a_simulation(here):
     readings, case = Path("readings.csv"), Path("case.yaml")
     lines = readings.read_text().splitlines(keepends=True)
     readings.write_text("".join(lines[:-1]))
-    assert not plan_campaign("campaign.yaml").left
+    assert not plan_campaign("campaign.yaml").remaining
     text = case.read_text()
     case.write_text(text.replace("readings: readings.csv", "readings: []"))
-    assert not plan_campaign("campaign.yaml").left
+    assert not plan_campaign("campaign.yaml").remaining
     assert str(readings) in {Path(name).name for name in _read("campaign.yaml", text)}
     write("command: scan\nset: {fit.scan.points: 3}\nvariations: {rows: [{run: one}]}", "s.yaml")
     before = plan_campaign("s.yaml").runs
@@ -322,12 +322,12 @@ def test_predictions_and_scans(here):
     assert reading.lower95 < reading.value < reading.upper95
     with h5py.File("p.batch/campaign.h5") as file:
         assert np.isfinite(file["readings/lower95"][...]).all()
-    assert not plan_campaign("p.yaml").left
+    assert not plan_campaign("p.yaml").remaining
     assert "Outdated" not in run_command("show", "p.batch").stdout
     fit = read_result("case.fit.h5")
     later = replace(fit, provenance=replace(fit.provenance, created="2030-01-01T12:00:00+00:00"))
     write_result(later, "case.fit.h5", overwrite=True, inputs=())  # the same fit, on another day
-    assert not plan_campaign("p.yaml").left
+    assert not plan_campaign("p.yaml").remaining
     other = replace(fit, objective=1.01 * fit.objective)
     write_result(other, "case.fit.h5", overwrite=True, inputs=())
     said = " ".join(run_command("show", "p.batch").stdout.split())
@@ -336,7 +336,7 @@ def test_predictions_and_scans(here):
     first = json.loads(run_command("show", "p.batch", "--json").stdout.splitlines()[0])
     assert first["outdated"] in said
     assert said.count("Outdated") == 1
-    assert [run.name for run in plan_campaign("p.yaml").left] == ["0001", "0002"]
+    assert [run.name for run in plan_campaign("p.yaml").remaining] == ["0001", "0002"]
     computed("p.yaml")
     assert "Outdated" not in run_command("show", "p.batch").stdout
     scans, _, _ = computed(write(f"command: scan\nset: {{fit.scan.points: 3}}\n{vary}", "s.yaml"))

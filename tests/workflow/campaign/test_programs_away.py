@@ -89,7 +89,7 @@ def test_a_function_with_what_it_imports_and_reads_is_fitted_there_as_here(here,
         assert repr(mine.parameters) == repr(one.parameters)
     assert logged() == made  # what was made there is known here
     (here / "nu.txt").write_text("0.3")
-    assert len(plan_campaign("campaign.yaml", output="away").left) == 1
+    assert len(plan_campaign("campaign.yaml", output="away").remaining) == 1
 
 
 def test_a_program_beside_the_case_runs_there_and_what_failed_comes_back(here, cluster):

@@ -17,14 +17,15 @@ from typing import Annotated, Any, Literal, get_args
 from pydantic import Discriminator, Field, GetJsonSchemaHandler, Tag
 from pydantic_core import CoreSchema
 
+from geoident.io.schema.estimated import ESTIMATE
 from geoident.io.schema.section import Section, SectionFaults
 from geoident.io.schema.values import Given, Of, or_words, quantity_pattern, require_text
 from geoident.io.text.wording import Refusal, shorten
 from geoident.model.gauges import PARTS, ErrorParts
 from geoident.units import (
     DIMENSIONS,
-    LEAST_SPREAD,
-    MOST_SPREAD,
+    LEAST_SD,
+    MOST_SD,
     UNITS,
     in_unit,
     read_quantity,
@@ -32,8 +33,6 @@ from geoident.units import (
     unit_list,
     with_article,
 )
-
-ESTIMATE = "estimate"
 
 _ROOT = re.compile(r"(.*?)\s*/\s*(?:sqrt\s*\(\s*([A-Za-z]+)\s*\)|([A-Za-z]+)\s*\^?\s*0\.5)")
 
@@ -89,14 +88,14 @@ that are not here nobody but the user knows it.
 
 
 @dataclass(frozen=True)
-class SpreadOf(Of):
+class StandardDeviationOf(Of):
     """Annotation of a `Given`: a standard deviation, or ``estimate``, which has no dimension.
 
     Args:
-        walk: per root of a length, as in ``0.2 mm/sqrt(m)``.
+        per_root_length: as it adds up along a casing, as in ``0.2 mm/sqrt(m)``.
     """
 
-    walk: bool = False
+    per_root_length: bool = False
 
     def parse(self, value: object) -> Given:
         """The size that a text says.
@@ -110,7 +109,7 @@ class SpreadOf(Of):
         text = require_text(value, self.words())
         if text.strip() == ESTIMATE:
             return Given(ESTIMATE, math.nan, None, self.dimension or ESTIMATE)
-        given = self._along(text) if self.walk else super().parse(text)
+        given = self._along(text) if self.per_root_length else super().parse(text)
         if not given.factor >= 0.0:
             message = f"'{shorten(text)}' is negative; a standard deviation is expected"
             raise Refusal("out-of-range", message, "Write it positive, or 0 for none.")
@@ -118,7 +117,7 @@ class SpreadOf(Of):
 
     def words(self) -> str:
         """What is expected, for a message."""
-        if self.walk:
+        if self.per_root_length:
             return "a standard deviation per root of a length, such as 0.2 mm/sqrt(m),"
         return super().words()
 
@@ -126,9 +125,9 @@ class SpreadOf(Of):
         self, schema: CoreSchema, handler: GetJsonSchemaHandler
     ) -> dict[str, Any]:
         described = super().__get_pydantic_json_schema__(schema, handler)
-        if self.walk:
-            walk = quantity_pattern(UNITS).removesuffix("?") + r"\s*/\s*sqrt\([A-Za-z]+\)"
-            described["pattern"] = rf"^\s*({walk})\s*$"
+        if self.per_root_length:
+            size = quantity_pattern(UNITS).removesuffix("?") + r"\s*/\s*sqrt\([A-Za-z]+\)"
+            described["pattern"] = rf"^\s*({size})\s*$"
             described["examples"] = ["0.2 mm/sqrt(m)"]
             described["description"] = "a standard deviation per root of a length, or estimate"
             described["type"] = "string"
@@ -155,14 +154,14 @@ def computable(given: Given) -> Given:
     Raises:
         Refusal: it, or its square, is beyond what numbers can hold.
     """
-    if given.factor == 0.0 or LEAST_SPREAD <= given.factor <= MOST_SPREAD:
+    if given.factor == 0.0 or LEAST_SD <= given.factor <= MOST_SD:
         return given
     message = f"'{shorten(given.text)}' is no accuracy of a gauge"
-    hint = f"From {LEAST_SPREAD:g} to {MOST_SPREAD:g} of the SI unit is expected; "
+    hint = f"From {LEAST_SD:g} to {MOST_SD:g} of the SI unit is expected; "
     raise Refusal("out-of-range", message, f"{hint}a gauge that tells nothing is best left out.")
 
 
-AccuracyPart = Annotated[Given, SpreadOf(None)]
+AccuracyPart = Annotated[Given, StandardDeviationOf(None)]
 
 
 class ErrorsSection(Section):
@@ -190,7 +189,7 @@ class ErrorsSection(Section):
         description="Of the set-up, which all readings of a survey share on a day of a stage.",
         examples=["0.2 mm"],
     )
-    along: Annotated[Given, SpreadOf(None, walk=True)] | None = Field(
+    along: Annotated[Given, StandardDeviationOf(None, per_root_length=True)] | None = Field(
         None,
         description="What adds up along a casing, as a random walk from its reference end.",
         examples=["0.2 mm/sqrt(m)"],
@@ -205,19 +204,19 @@ def accuracy_shape(value: object) -> str:
 AS_PARTS = Annotated[ErrorsSection, Tag("mapping")]
 ACCURACY = Discriminator(accuracy_shape)
 LengthAccuracy = Annotated[
-    Annotated[Given, SpreadOf("length", above=0.0), Tag("text")] | AS_PARTS, ACCURACY
+    Annotated[Given, StandardDeviationOf("length", above=0.0), Tag("text")] | AS_PARTS, ACCURACY
 ]
 AngleAccuracy = Annotated[
-    Annotated[Given, SpreadOf("angle", above=0.0), Tag("text")] | AS_PARTS, ACCURACY
+    Annotated[Given, StandardDeviationOf("angle", above=0.0), Tag("text")] | AS_PARTS, ACCURACY
 ]
 PressureAccuracy = Annotated[
-    Annotated[Given, SpreadOf("pressure", above=0.0), Tag("text")] | AS_PARTS, ACCURACY
+    Annotated[Given, StandardDeviationOf("pressure", above=0.0), Tag("text")] | AS_PARTS, ACCURACY
 ]
 StrainAccuracy = Annotated[
-    Annotated[Given, SpreadOf("strain", above=0.0), Tag("text")] | AS_PARTS, ACCURACY
+    Annotated[Given, StandardDeviationOf("strain", above=0.0), Tag("text")] | AS_PARTS, ACCURACY
 ]
 ForceAccuracy = Annotated[
-    Annotated[Given, SpreadOf(None, above=0.0), Tag("text")] | AS_PARTS, ACCURACY
+    Annotated[Given, StandardDeviationOf(None, above=0.0), Tag("text")] | AS_PARTS, ACCURACY
 ]
 AnyAccuracy = Given | ErrorsSection
 FORCES = ("force", "line load", "moment per length")

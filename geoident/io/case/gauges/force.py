@@ -9,7 +9,6 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from geoident.io.case.gauges.accuracy import (
-    ESTIMATE,
     FORCES,
     ForceAccuracy,
     PressureAccuracy,
@@ -24,6 +23,7 @@ from geoident.io.case.gauges.value import (
     refuse_no_direction,
     unit_direction,
 )
+from geoident.io.schema.estimated import ESTIMATE
 from geoident.io.schema.section import Context, SectionFaults
 from geoident.io.schema.values import (
     Coordinates,

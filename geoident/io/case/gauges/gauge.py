@@ -21,13 +21,13 @@ from pydantic import (
 
 from geoident.io.case.face import ZeroValue
 from geoident.io.case.gauges.accuracy import (
-    ESTIMATE,
     LengthAccuracy,
     check_parts,
     dimension_read,
     error_parts,
     unit_shown,
 )
+from geoident.io.schema.estimated import ESTIMATE
 from geoident.io.schema.section import Context, Section, refuse
 from geoident.io.schema.values import (
     Coordinates,

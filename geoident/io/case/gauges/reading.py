@@ -7,15 +7,16 @@ from typing import Annotated, Literal
 
 from pydantic import Field, Tag, model_validator
 
-from geoident.io.case.gauges.accuracy import ACCURACY, AS_PARTS, ESTIMATE, SpreadOf
+from geoident.io.case.gauges.accuracy import ACCURACY, AS_PARTS, StandardDeviationOf
 from geoident.io.case.gauges.value import ValueGauge
+from geoident.io.schema.estimated import ESTIMATE
 from geoident.io.schema.section import Context, SectionFaults
 from geoident.io.schema.values import Given, Of
 from geoident.model.gauges import PARTS, Channel
 from geoident.units import DIMENSIONLESS, unit_list, with_article
 
 OfAnyDimension = Annotated[
-    Annotated[Given, SpreadOf(None, above=0.0), Tag("text")] | AS_PARTS, ACCURACY
+    Annotated[Given, StandardDeviationOf(None, above=0.0), Tag("text")] | AS_PARTS, ACCURACY
 ]
 PlainOffset = Annotated[Given, Of(None, tied=True)]
 

@@ -1,27 +1,34 @@
-"""What stands under the key `yield` of a material: one section per kind of yield surface."""
+"""The key `yield` of a material: one section per kind of yield surface, and what it is built into.
+
+A surface is held against the elasticity of its material, and against the start of the parameters.
+"""
 
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from math import hypot
 from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from geoident.io.case.frames import strata
-from geoident.io.case.varied.number import FieldAngle, FieldStrength
+from geoident.io.case.parameters import ParameterSection, start_values
+from geoident.io.case.varied.number import FieldAngle, FieldStrength, fields_in
 from geoident.io.schema.section import Context, Section, require_one_of
 from geoident.io.schema.values import (
     Angle,
     Coefficient,
     Count,
     DirectionVector,
+    Given,
     Multiple,
     Name,
     Stress,
     scalar_of,
 )
+from geoident.model.ground import Elastic, Isotropic
+from geoident.model.ground import Field as RandomField
 from geoident.model.parameter import Scalar
 from geoident.model.yielding import (
     DruckerPrager,
@@ -314,10 +321,11 @@ class HoekBrownSection(SurfaceBase):
         description="Constant dilation angle; 0 deg for flow without change of volume.",
         examples=["0 deg", "5 deg"],
     )
-    flow: Literal["associated"] | None = Field(
+    flow: Literal["associated", "none"] | None = Field(
         None,
-        description="In place of `dilation`: flow along the normals, which near an unsupported "
-        "wall dilates as no rock does.",
+        description="In place of `dilation`: `associated` flows along the normals, which near an "
+        "unsupported wall dilates as no rock does; `none` does not change its volume, as "
+        "`dilation: 0 deg`.",
     )
     tension: FieldStrength | None = Field(
         None,
@@ -331,7 +339,7 @@ class HoekBrownSection(SurfaceBase):
         expected = "mi with GSI (and D), or mb, s and a, are"
         require_one_of(self, ways, expected, "Give all constants of one set.")
         expected = "dilation, or flow, is"
-        hint = "Flow without change of volume: 'dilation: 0 deg'; or write 'flow: associated'."
+        hint = "Flow without change of volume: 'flow: none'; along the normals: 'flow: associated'."
         require_one_of(self, [("dilation",), ("flow",)], expected, hint)
         return self
 
@@ -339,6 +347,8 @@ class HoekBrownSection(SurfaceBase):
         """The surface; a tie has its own number for each constant."""
         names = ("mi", "GSI", "D", "mb", "s", "a", "dilation", "tension")
         given = {name: scalar_of(getattr(self, name)) for name in names}
+        if self.flow == "none":
+            given["dilation"] = Scalar(0.0)
         return HoekBrown(self.sigci.scalar, **given)
 
 
@@ -362,6 +372,99 @@ YieldSections = Annotated[
     | Annotated[list[YieldSection], Field(min_length=1), Tag("list")],
     Discriminator(_shape),
 ]
+
+
+def build_yields(
+    given: YieldSections | None,
+    elastic: Elastic,
+    parameters: Mapping[str, ParameterSection],
+    context: Context,
+) -> tuple[YieldSurface, ...]:
+    """The yield surfaces of a material.
+
+    What cannot be, as given or at the start of the parameters, is noted as a fault.
+
+    Args:
+        given: what stands under the key `yield`.
+        elastic: elasticity of the material.
+        parameters: the parameters of the case.
+        context: of the key `yield`.
+    """
+    surfaces = []
+    sections = _listed(given, context)
+    for place, section in sections:
+        surface = section.surface(place)
+        surfaces.append(surface)
+        _check_smooth(surface, elastic, place, alone=len(sections) == 1)
+        _check_strengths(section, surface, parameters, place)
+    return tuple(surfaces)
+
+
+def fields_of_yields(
+    given: YieldSections | None, context: Context, *, material: str
+) -> tuple[RandomField, ...]:
+    """The fields among the strengths of a material.
+
+    Args:
+        given: what stands under the key `yield`.
+        context: of the key `yield`.
+        material: its name.
+    """
+    return tuple(
+        field
+        for n, (place, section) in enumerate(_listed(given, context))
+        for field in fields_in(
+            section, place, material=material, surface=n, names={"strength": "cohesion"}
+        )
+    )
+
+
+def _listed(
+    given: YieldSections | None, context: Context
+) -> Sequence[tuple[Context, YieldSection]]:
+    """The sections under a key `yield`, each with its own place."""
+    if given is None:
+        return []
+    if isinstance(given, list):
+        return [(context.at(n), section) for n, section in enumerate(given)]
+    return [(context, given)]
+
+
+def _check_strengths(
+    section: YieldSection,
+    surface: YieldSurface,
+    parameters: Mapping[str, ParameterSection],
+    context: Context,
+) -> None:
+    """Note a strength that is inadmissible as given, or at the start of the parameters."""
+    starts = start_values(section.numbers, parameters)
+    found = None if starts is None else surface.breach(starts)
+    if found is None:
+        return
+    key = section.key_of(found.constant)
+    given: Given = getattr(section, key)
+    message, hint = f"'{given.text}': {found.limit}", "Correct the number or its unit."
+    if given.parameter is not None:
+        message = f"'{given.text}' is {found.shown} at the start; {found.limit}"
+        hint = f"Change the start of {given.parameter}."
+    context.at(key).refuse("out-of-range", message, hint)
+
+
+def _check_smooth(
+    surface: YieldSurface, elastic: Elastic, context: Context, *, alone: bool
+) -> None:
+    """The smooth surface is a law of principal stresses, which go with no other directions."""
+    if not surface.is_smooth:
+        return
+    hint = f"Add 'planes: {16 if context.dim == 2 else 96}' to it."
+    if isinstance(surface, HoekBrown):
+        hint = "Leave out the other, or describe it by planes of Mohr-Coulomb."
+    if not alone:
+        message = "a smooth surface cannot be combined with another one"
+        context.refuse("smooth-surface", message, hint)
+    elif not isinstance(elastic, Isotropic):
+        message = "a smooth surface needs isotropic elasticity"
+        context.refuse("smooth-surface", message, hint)
 
 
 def _check_count(planes: int, fewest: int, context: Context, *, even: bool) -> None:

@@ -19,9 +19,9 @@ def advance_pictures(result: Result) -> tuple[Picture, ...]:
     if found is None or not found.stages:
         return ()
     lost = ""
-    if found.stage_zero.any():
-        part = 100.0 * float(found.stage_share[found.stage_zero].min())
-        lost = f" Grey: the {part:.3g} % of the motion before the first gauges read zero (dashed)."
+    if found.lost is not None:
+        lost = f" Grey: the {100.0 * found.lost:.3g} % of the motion before the first gauges read "
+        lost += "zero (dashed)."
     caption = (
         "Line: part of its final motion that the wall without support has made, by the distance of "
         "its section behind the face; dots: the stages. Squares: part of the stress that is "
@@ -48,8 +48,8 @@ def advance_figure(found: FaceAdvance) -> Figure:
     zeros = np.unique(x[found.stage_zero])
     for at in zeros:
         axes.axvline(at, color=MEASURED, lw=0.8, ls="--")
-    if len(zeros):
-        axes.axhspan(0.0, float(share[found.stage_zero].min()), color=_LOST, lw=0.0, zorder=0)
+    if found.lost is not None:
+        axes.axhspan(0.0, 100.0 * found.lost, color=_LOST, lw=0.0, zorder=0)
         keys.append(key("gauges read zero", color=MEASURED, lw=0.8, ls="--"))
     names = [short(name, 18) for name in found.stages]
     curve = np.column_stack([found.distance, 100.0 * found.share])

@@ -13,6 +13,7 @@ from geoident.fem.faces import patches
 from geoident.forward.actions.supports import all_supports, support_nodes
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.cells import CELLS
+from geoident.model.mesh import spans
 from geoident.report.drawing.labels import hidden, place_labels
 from geoident.report.drawing.model.actions import LOAD, WATER
 from geoident.report.drawing.model.construction import marked_places
@@ -234,13 +235,12 @@ def outer_faces(model: DrawnModel, chosen: Bools) -> tuple[list[Ints], Ints]:
 def _near_faces(model: DrawnModel, faces: list[Ints], owner: Ints) -> tuple[list[Ints], Ints]:
     """The faces whose middle lies in the box around gauges and construction."""
     low, high = model.near
-    kept, owners, first = [], [np.empty(0, np.int64)], 0
-    for nodes in faces:
+    kept, owners = [], [np.empty(0, np.int64)]
+    for nodes, span in spans(faces):
         middle = model.mesh.points[nodes].mean(axis=1)
         here = ((middle >= low - 1e-9) & (middle <= high + 1e-9)).all(axis=1)
         kept.append(nodes[here])
-        owners.append(owner[first : first + len(nodes)][here])
-        first += len(nodes)
+        owners.append(owner[span][here])
     return kept, np.concatenate(owners)
 
 

@@ -285,8 +285,8 @@ def _inside(nodes: tuple[Floats, Floats], at: tuple[Floats, Floats], cells: Bool
     cell, inside = [], np.ones(at[0].shape, dtype=np.bool_)
     for axis, own in zip(nodes, at, strict=True):
         cell.append(np.clip(np.searchsorted(axis, own, side="right") - 1, 0, len(axis) - 2))
-        slack = 1e-9 * (axis[-1] - axis[0])
-        inside &= (own >= axis[0] - slack) & (own <= axis[-1] + slack)
+        tolerance = 1e-9 * (axis[-1] - axis[0])
+        inside &= (own >= axis[0] - tolerance) & (own <= axis[-1] + tolerance)
     return np.asarray(cells[cell[0], cell[1]] & inside)
 
 

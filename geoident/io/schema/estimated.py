@@ -1,0 +1,79 @@
+"""Sizes that need not be given: ``estimate`` or ``none`` stands in place of a number."""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from pydantic import GetJsonSchemaHandler
+from pydantic_core import CoreSchema
+
+from geoident.io.schema.values import Given, Of, or_words, require_text
+from geoident.io.text.wording import Refusal, shorten
+from geoident.units import DIMENSIONLESS, UnitError
+
+ESTIMATE, NONE = "estimate", "none"
+
+
+@dataclass(frozen=True)
+class SizeOrWord(Of):
+    """Annotation of a `Given`: a size, ``estimate`` or ``none`` (a NaN, a zero).
+
+    Attributes:
+        expected: what is expected, for messages.
+        called: what the size is, for the page of keys.
+        code: of the fault where it is neither.
+        shown: examples.
+    """
+
+    expected: ClassVar[str]
+    called: ClassVar[str]
+    code: ClassVar[str]
+    shown: ClassVar[tuple[str, ...]]
+
+    @abstractmethod
+    def remedy(self, text: str) -> str:
+        """What to write in place of a text that is neither."""
+
+    @abstractmethod
+    def refuse_size(self, given: Given) -> None:
+        """Judge a size.
+
+        Raises:
+            Refusal: it is out of range.
+        """
+
+    def parse(self, value: object) -> Given:
+        """The size that a text says.
+
+        Raises:
+            Refusal: no such text, or a size out of range.
+        """
+        if isinstance(value, Given):
+            return value
+        text = require_text(value, self.words()).strip()
+        if text in (ESTIMATE, NONE):
+            return Given(text, math.nan if text == ESTIMATE else 0.0, None, DIMENSIONLESS)
+        try:
+            given = super().parse(text)
+        except (UnitError, Refusal) as error:
+            message = f"'{shorten(text)}' is not {self.words()}"
+            raise Refusal(self.code, message, self.remedy(text)) from error
+        self.refuse_size(given)
+        return given
+
+    def words(self) -> str:
+        """What is expected, for a message."""
+        return self.expected
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        described = super().__get_pydantic_json_schema__(schema, handler)
+        or_words(described, ESTIMATE, NONE)
+        described["description"] = self.words()
+        described["examples"] = list(self.shown)
+        described["x-quantity"] = f"{self.called}, `{ESTIMATE}` or `{NONE}`"
+        return described
