@@ -527,9 +527,7 @@ def _result(task: Task, known: Known, survey: Survey, model: CaseModel) -> Resul
         method=fit.method,
         reason=f"Predicted from {task.request.result} ({fit.status})." + (POOR if poor else ""),
         objective=fit.objective,
-        findings=tuple(
-            dict.fromkeys((*collapse_findings(survey), *without_collapses(fit.findings)))
-        ),
+        findings=tuple(dict.fromkeys(found)),
         case_text=task.inputs.loaded.text,
         case_resolved=task.inputs.loaded.resolved,
         provenance=task.provenance,
