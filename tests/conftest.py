@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Generator
 from functools import cache
 from importlib import import_module
 
 import pytest
+from _pytest.doctest import DoctestModule
 from manual.records import Recorder
 
 LONGEST = (
@@ -26,6 +28,13 @@ Processes take tests from each other, those at the end first, until few are left
 long one last keeps the others waiting. Tests on the one cluster stand together, so that mostly one
 process makes it.
 """
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collect_file() -> Generator[None, list[pytest.Collector], list[pytest.Collector]]:
+    """Looks for examples in the docstrings of the package only; tests have none."""
+    found = yield
+    return [one for one in found if not isinstance(one, DoctestModule)]
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -3,6 +3,7 @@
 import ast
 import re
 from collections import defaultdict
+from functools import cache
 from pathlib import Path
 
 import geoident
@@ -25,6 +26,7 @@ def types_of(source):
             yield ast.unparse(statement.target)
 
 
+@cache
 def homes():
     """Name to the modules in which it is defined."""
     found = defaultdict(list)

@@ -139,7 +139,7 @@ def test_heterogeneous_rock_is_met_by_model_error_and_by_a_field(name, tmp_path)
     """
     output = tmp_path / "result.h5"
     case = str(CASES / "cavern-field" / name)
-    run = CliRunner().invoke(geoident, ["fit", case, "-o", str(output), "--json", "-q"])
+    run = CliRunner().invoke(geoident, ["fit", case, "-o", str(output), "--json", "-q", "-j", "1"])
     result = json.loads(run.stdout)
     assert (run.exit_code, result["status"]) == (0, "converged"), result["reason"]
     scored = [p for p in result["predictions"] if p["measured"] is not None]
@@ -168,7 +168,7 @@ def mesh_of(folder: Path) -> Any:
 def fit(folder: Path, scratch: Path) -> dict[str, Any]:
     """What ``geoident fit --json`` says of a case."""
     output = scratch / "case.fit.h5"
-    command = ["fit", str(folder / "case.yaml"), "-o", str(output), "--json", "-q"]
+    command = ["fit", str(folder / "case.yaml"), "-o", str(output), "--json", "-q", "-j", "1"]
     found = CliRunner().invoke(geoident, command)
     assert found.exit_code == 0, found.output
     return json.loads(found.stdout)

@@ -14,12 +14,20 @@ from geoident.report.text.result import outcome_sentences
 from tests.support.lifts import LIFTS, SAME, TWO_ROCKS, readings_of, write_case, write_readings
 
 
+def write_pit(folder):
+    path = write_case(folder)
+    write_readings(folder, readings_of(path, SAME, seed=1))
+
+
 @pytest.fixture
-def pit(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    path = write_case(tmp_path)
-    write_readings(tmp_path, readings_of(path, SAME, seed=1))
-    return tmp_path
+def pit(after):
+    return after(write=write_pit)
+
+
+@pytest.fixture
+def tested(after):
+    """The pit with its backtest."""
+    return after(("backtest", "case.yaml"), write=write_pit)
 
 
 def test_its_path_on_stdout_the_rest_on_stderr(pit, run):
@@ -39,14 +47,13 @@ def test_exit_code_4_says_why(pit, run):
     assert "bands-fail: The 95 % bands do not hold" in done.stderr
 
 
-def test_a_result_of_the_same_input_is_kept_and_of_another_is_not_lost(pit, run):
-    run("backtest", "case.yaml")
-    before = (pit / "case.backtest.h5").read_bytes()
+def test_a_result_of_the_same_input_is_kept_and_of_another_is_not_lost(tested, run):
+    before = (tested / "case.backtest.h5").read_bytes()
     assert "up to date" in run("backtest", "case.yaml").stderr
-    assert (pit / "case.backtest.h5").read_bytes() == before
+    assert (tested / "case.backtest.h5").read_bytes() == before
     other = ("backtest", "case.yaml", "--set", "parameters.E.start=3 GPa")
     assert run(*other).exit_code == 0
-    assert (pit / "case.backtest.1.h5").read_bytes() == before
+    assert (tested / "case.backtest.1.h5").read_bytes() == before
 
 
 def test_json_has_all_of_it(pit, run_json):
@@ -62,8 +69,7 @@ def test_json_has_all_of_it(pit, run_json):
     assert told["fits"][0]["parameters"]["E"]["unit"] == "Pa"
 
 
-def test_show_has_tables_of_fits_scores_and_errors(pit, run):
-    run("backtest", "case.yaml")
+def test_show_has_tables_of_fits_scores_and_errors(tested, run):
     shown = run("show", "case.backtest.h5").stdout
     assert "Fits of the first stages" in shown
     assert "next           15" in shown
@@ -95,19 +101,18 @@ def test_show_fits_a_terminal_of_80_columns(pit, run):
     assert "E2 (GPa)" in part
 
 
-def test_the_page_has_both_figures(pit, run):
-    run("backtest", "case.yaml")
+@pytest.mark.usefixtures("plain_pictures")
+def test_the_page_has_both_figures(tested, run):
     assert run("report", "case.backtest.h5").exit_code == 0
-    page = (pit / "case.backtest.html").read_text()
+    page = (tested / "case.backtest.html").read_text()
     for title in ("Parameters as readings are added", "Predictions against later readings",
                   "further ahead, last fitted &gt; predicted stage"):  # fmt: skip
         assert title in page
 
 
-def test_export_writes_predictions_and_parameters(pit, run):
-    run("backtest", "case.yaml")
+def test_export_writes_predictions_and_parameters(tested, run):
     run("export", "case.backtest.h5", "-o", "out")
-    text = (pit / "out" / "case.backtest.backtest.csv").read_text()
+    text = (tested / "out" / "case.backtest.backtest.csv").read_text()
     rows = list(csv.DictReader(io.StringIO(text)))
     assert len(rows) == 30  # 15 of the next stage, 15 further ahead
     assert {row["unit"] for row in rows} == {"mm"}
@@ -119,8 +124,7 @@ def test_export_writes_predictions_and_parameters(pit, run):
     assert len(table.splitlines()) == 1 + 4 * 2
 
 
-def test_the_file_is_plain_hdf5(pit, run):
-    run("backtest", "case.yaml")
+def test_the_file_is_plain_hdf5(tested, run):
     with h5py.File("case.backtest.h5") as file:
         group = file["backtest"]
         assert group["fit"].asstr()[:].tolist() == list(LIFTS)
@@ -129,8 +133,7 @@ def test_the_file_is_plain_hdf5(pit, run):
         assert group["mean"].attrs["unit"] == "m"
 
 
-def test_diff_compares_fits_predictions_and_scores(pit, run):
-    run("backtest", "case.yaml")
+def test_diff_compares_fits_predictions_and_scores(tested, run):
     run("backtest", "case.yaml", "--set", "fit.stages=[lift 1, lift 3]", "-o", "other.h5")
     assert run("diff", "case.backtest.h5", "case.backtest.h5").exit_code == 0
     said = run("diff", "case.backtest.h5", "other.h5")
@@ -139,8 +142,7 @@ def test_diff_compares_fits_predictions_and_scores(pit, run):
     assert "Scores" in said.stdout
 
 
-def test_diff_says_what_it_compares_of_a_fit_and_a_backtest(pit, run):
-    run("backtest", "case.yaml")
+def test_diff_says_what_it_compares_of_a_fit_and_a_backtest(tested, run):
     run("fit", "case.yaml")
     said = run("diff", "case.fit.h5", "case.backtest.h5").stdout
     assert "A is a fit, B a backtest" in said
@@ -148,13 +150,13 @@ def test_diff_says_what_it_compares_of_a_fit_and_a_backtest(pit, run):
     assert told["kinds"] == ["fit", "backtest"]
 
 
-def test_predict_refuses_a_backtest(pit, run):
-    run("backtest", "case.yaml")
+def test_predict_refuses_a_backtest(tested, run):
     done = run("predict", "case.backtest.h5")
     assert done.exit_code == 3
     assert "the result of a fit is expected" in done.stderr
 
 
+@pytest.mark.usefixtures("plain_pictures")
 def test_a_fit_shows_its_last_stage(pit, run):
     run("fit", "case.yaml")
     shown = run("show", "case.fit.h5").stdout
@@ -180,9 +182,8 @@ def test_a_dry_run_computes_nothing(pit, run):
     assert not (pit / "case.backtest.h5").exists()
 
 
-def test_in_sd_is_of_the_band_that_predicted_it_in_all_forms(pit, run, run_json):
+def test_in_sd_is_of_the_band_that_predicted_it_in_all_forms(tested, run, run_json):
     """Not of the accuracy of the gauge: text, page, CSV and JSON agree with the errors' table."""
-    run("backtest", "case.yaml")
     (told,) = run_json("show", "case.backtest.h5")
     z = {
         (one["gauge"], one["stage"]): one["z"]

@@ -170,6 +170,19 @@ def test_what_dakota_is_not_told_is_said(trench, run):
     (trench / "case.yaml").write_text(CASE.replace("scale: log}", prior))
     said = run("export", "case.yaml", "--format", "dakota").stderr
     assert "the priors of E are left out" in said
+    assert "readings share errors" not in said
+    shared = CASE.replace("accuracy: 0.01 mm}", "accuracy: {reading: 0.01 mm, zero: 0.02 mm}}", 1)
+    (trench / "case.yaml").write_text(shared.replace("stages: [first], ", ""))
+    said = run("export", "case.yaml", "--format", "dakota", "--force").stderr
+    assert "readings share errors, of which Dakota knows only their size" in said
+
+
+@pytest.mark.parametrize(("form", "program"), [("dakota", "Dakota"), ("pest", "PEST")])
+def test_a_case_from_stdin_is_none_that_can_be_run_again(trench, run, form, program):
+    refused = run("export", "-", "--format", form, stdin=CASE)
+    assert refused.exit_code == 2
+    said = " ".join(refused.stderr.split())
+    assert f"{program} runs the case again and again: save it as a file and name that" in said
 
 
 FUNCTION = """\

@@ -8,11 +8,10 @@ from geoident.workflow import diff as diff_workflow
 
 
 @pytest.fixture
-def two(trench, run):
+def two(after):
     """The same readings fitted by two methods, and with one reading more."""
-    run("fit", "case.yaml", "-q")
-    run("fit", "case.yaml", "-q", "--set", "fit.stages=[first, second]", "-o", "both.h5")
-    return trench
+    both = ("--set", "fit.stages=[first, second]", "-o", "both.h5")
+    return after(("fit", "case.yaml", "-q"), ("fit", "case.yaml", "-q", *both))
 
 
 def test_a_result_is_the_same_as_its_copy(two, run, run_json):

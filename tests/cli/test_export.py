@@ -15,9 +15,8 @@ from geoident.report.text.csv_tables import CSV_TABLES
 
 
 @pytest.fixture
-def fitted(trench, run):
-    assert run("fit", "case.yaml", "-q").exit_code == 0
-    return trench
+def fitted(after):
+    return after(("fit", "case.yaml", "-q"))
 
 
 MISSING = (

@@ -13,6 +13,7 @@ RUN = pages_that_are_run()
 OUTPUT = "Head\nof it\n\nGroups\na  1\nb  2\nc  3\n\nNotes\n- one\n"
 
 
+@pytest.mark.usefixtures("plain_pictures")
 @pytest.mark.parametrize("path", RUN, ids=page_name)
 def test_a_page_does_what_it_says(tmp_path, path):
     page = read_page(path)

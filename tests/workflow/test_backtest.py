@@ -1,6 +1,7 @@
 """Fits of the first stages and their predictions: right, counted, and as long as readings allow."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,11 +11,11 @@ from geoident.forward.model import StagedModel
 from geoident.forward.response import StagedResponse
 from geoident.io.result.file import read_result
 from geoident.report.text.backtest import fits_table
-from geoident.workflow.backtest import backtest
+from geoident.workflow.backtest import _ending, backtest
 from geoident.workflow.estimating import mesh_error
 from geoident.workflow.estimating.setup import prepare, problem_of
 from geoident.workflow.fit import fit
-from geoident.workflow.running.control import Control, Silent
+from geoident.workflow.running.control import OUT_OF_TIME, Control, Silent
 from geoident.workflow.running.evaluation_log import carry_over
 from geoident.workflow.running.jobs import Request, plan_backtest, plan_fit
 from geoident.workflow.scoring.trials import up_to
@@ -351,11 +352,18 @@ def test_given_accuracies_and_a_prior_make_up_for_few_readings(pit):
     assert [row[column] for row in table.rows] == ["as its prior"] * 4
 
 
+def test_a_backtest_that_is_out_of_time_says_how_many_fits_it_has():
+    found = SimpleNamespace(steps=("one", "two", "three"))
+    status, reason = _ending(None, found, None, out_of_time=True)
+    assert (status, reason) == ("out-of-budget", f"{OUT_OF_TIME} Fits that were done: 3.")
+
+
 class TestInterrupted:
     def test_out_of_time_keeps_what_was_done(self, pit):
         short = run(control=Control(Silent(), max_time=0.0))
         assert (short.status, short.exit_code) == ("out-of-budget", ExitCode.NOT_CONVERGED)
         assert short.backtest is None
+        assert short.reason == f"{OUT_OF_TIME} No fit was done."
         assert (pit / "case.backtest.checkpoint").exists()
         again, whole = run(), run(output="whole.h5")
         assert not (pit / "case.backtest.checkpoint").exists()

@@ -25,6 +25,7 @@ from geoident.workflow.project.run import fit_project
 from geoident.workflow.running.control import NOTHING_SENT, Control, Silent
 from geoident.workflow.running.jobs import Request, plan_fit, plan_scan
 from geoident.workflow.running.workers import ModelWorkers
+from geoident.workflow.sample import SampleRequest, plan_sample, sample
 from geoident.workflow.scan import scan
 
 
@@ -71,6 +72,31 @@ def test_a_scan_and_starts_of_a_fit_have_the_bits_of_a_serial_run(tmp_path, clus
             assert np.array_equal(mine.values, its.values)
         assert there.counts == here.counts
     assert sent == [9, 2]
+
+
+def test_draws_of_a_posterior_are_those_of_a_serial_run(tmp_path, cluster, monkeypatch):
+    case, asked_there = write_case(tmp_path), []
+    run = DaskCluster.run
+    monkeypatch.setattr(
+        DaskCluster, "run",
+        lambda self, tasks: asked_there.append(len(tasks)) or run(self, tasks),
+    )  # fmt: skip
+    said = ("fit.reduced=false", "fit.model_error=none", "fit.backtest=false")
+    fit(asked(case, "out", *said, plan=plan_fit), Control())
+    found = []
+    for place, control in (("here", Control()), ("there", on(cluster))):
+        (tmp_path / place).mkdir()
+        request = SampleRequest(str(tmp_path / "out" / "case.fit.h5"), draws=60, effective=30,
+                                output=str(tmp_path / place))  # fmt: skip
+        found.append(sample(plan_sample(request), control).result)
+        assert bool(asked_there) == (place == "there")
+    control.tell_of_cluster()
+    assert NOTHING_SENT not in control.monitor.said
+    here, there = found
+    assert here.posterior.values.tobytes() == there.posterior.values.tobytes()
+    assert here.posterior.log_density.tobytes() == there.posterior.log_density.tobytes()
+    assert here.prediction.mean.tobytes() == there.prediction.mean.tobytes()
+    assert here.counts.evaluations == there.counts.evaluations > 30
 
 
 def test_a_fit_that_has_nothing_to_compute_at_a_time_says_so(tmp_path):

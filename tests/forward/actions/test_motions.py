@@ -255,7 +255,12 @@ def test_what_cannot_be_is_said_with_place_and_remedy():
     )
     with pytest.raises(InputError) as caught:
         check_on_mesh(case, mesh)
-    assert {f.code for f in caught.value.faults} == {"open-wall", "not-covered"}
+    found = {fault.code: fault.message for fault in caught.value.faults}
+    assert set(found) == {"open-wall", "not-covered"}
+    assert found["open-wall"] == "'wall' is not one closed line, so no area is within it"
+    rim = len(nodes_in(mesh.facets, mesh.facet_groups["rim"]))  # the points are far within
+    said = f"the points do not cover 'rim': {rim} of its {rim} nodes lie beyond them"
+    assert said in found["not-covered"]
     twice = (*rollers(2), moved("rim", x=1e-3))
     with pytest.raises(InputError, match="both hold the node at") as caught:
         check_on_mesh(replace(case, supports=twice, stages=(Stage("one"),)), mesh)

@@ -149,7 +149,7 @@ def test_convergence_across_the_axis_is_twice_the_radial_motion():
 def refused(mesh: Mesh | None = None, **changes: Any) -> str:
     with pytest.raises(InputError) as caught:
         revolve(shaft() if mesh is None else mesh, **{**SINKING, "stages": (), **changes})
-    return "\n".join(f"{f.code} {f.path}: {f.message}" for f in caught.value.faults)
+    return "\n".join(f"{f.code} {f.path}: {f.message}; {f.hint}" for f in caught.value.faults)
 
 
 def test_elements_across_the_axis_are_refused_by_their_numbers():
@@ -157,6 +157,7 @@ def test_elements_across_the_axis_are_refused_by_their_numbers():
     text = refused(replace(mesh, points=mesh.points - np.array([0.4, 0.0])))
     assert "negative-radius" in text
     assert "elements 1, 2, 3, 4, 5, 6, 7, 8 have negative radii x, down to -0.4 m" in text
+    assert "mesh one half of the section, at x >= 0, with y along the axis" in text
 
 
 def test_rounding_at_the_axis_is_the_axis():
@@ -192,8 +193,11 @@ def test_what_is_not_axisymmetric_is_refused(changes, words):
 
 def test_a_ring_that_nothing_holds_along_the_axis_is_named():
     supports = (Support("x1", (0,)),)
-    with pytest.raises(ModelError, match="can move along y freely"):
-        revolve(shaft(), **{**SINKING, "supports": supports}, stages=())
+    mesh = shaft()
+    count = sum(map(len, mesh.blocks))
+    whole = f"{count} elements of .* can move along y freely: nothing holds the piece"
+    with pytest.raises(ModelError, match=whole):
+        revolve(mesh, **{**SINKING, "supports": supports}, stages=())
 
 
 # Derivatives -------------------------------------------------------------------------------------

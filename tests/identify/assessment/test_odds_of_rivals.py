@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from geoident.identify.least_squares.gauss_newton import gauss_newton
-from geoident.identify.objective.discrepancy import Discrepancy
 from geoident.model.methods import GaussNewtonOptions
 from geoident.model.parameter import Parameter
 from geoident.workflow.estimating.rivals import weighed_minima
@@ -38,18 +37,17 @@ def with_size(p):
     return p[1] * stiffness(p[0])
 
 
-def integral(problem, minima, n):
-    """(k,) parts of exp(-phi/2) in the scaled parameters that belong to minima (k, m)."""
-    discrepancy = Discrepancy(problem)
-    scaling = discrepancy.scaling
-    axes = [
-        low + (np.arange(n) + 0.5) / n * (high - low)
-        for low, high in zip(scaling.lower, scaling.upper, strict=True)
-    ]
-    grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
-    points = [scaling.to_natural(x) for x in grid]
-    weight = np.exp([-0.5 * discrepancy.objective(p) for p in points])
-    dip = np.array([p[0] for p in points])
+def integral(formula, measured, sd, minima, n):
+    """(k,) parts of exp(-phi/2) over the dip, and the size on its logarithm, of minima (k, m)."""
+    dip = DIP.lower + (np.arange(n) + 0.5) / n * (DIP.upper - DIP.lower)
+    points = dip[:, None]
+    if formula is with_size:
+        ends = np.log([SIZE.lower, SIZE.upper])
+        size = np.exp(ends[0] + (np.arange(n) + 0.5) / n * (ends[1] - ends[0]))
+        points = np.stack(np.meshgrid(dip, size, indexing="ij"), axis=-1).reshape(-1, 2)
+    answers = formula(points.T[:, :, None])
+    weight = np.exp(-0.5 * (((measured - answers) / sd) ** 2).sum(axis=1))
+    dip = points[:, 0]
     apart = np.abs(np.angle(np.exp(2j * (dip[:, None] - np.asarray(minima)[None, :, 0]))))
     near = np.argmin(apart, axis=1)
     parts = np.bincount(near, weight, minlength=len(minima))
@@ -72,5 +70,5 @@ def test_the_odds_are_those_of_the_integral(make_problem, formula, parameters, t
     assert len(rivals) == 2
     assert np.ptp(rivals.values[:, 0]) == pytest.approx(np.pi / 2, abs=0.05)
     assert 0.03 < rivals.odds[1] < 0.6
-    expected = integral(problem, rivals.values, n)
+    expected = integral(formula, measured, 0.02, rivals.values, n)
     assert rivals.odds == pytest.approx(expected, abs=0.03)
