@@ -135,13 +135,14 @@ def weak_rock(psi: float, released: Sequence[float] = RELEASED) -> StagedModel:
     return cavity.staged(unstructured(0.10), hoek(30e6, psi=psi, **HOEK), stages=stages)
 
 
-def test_what_is_said_of_a_band_is_true(monkeypatch):
+@pytest.mark.parametrize("parts", [1, pytest.param(25, marks=pytest.mark.slow)])
+def test_what_is_said_of_a_band_is_true(monkeypatch, parts):
     """A search that may not go on ends in ground that is viscous still: its band, place, part.
 
     All is reckoned again from residuals and displacements.
     """
     monkeypatch.setattr(equilibrium, "SEARCH", 21)
-    monkeypatch.setattr(plastic_step, "_PARTS", 25)
+    monkeypatch.setattr(plastic_step, "_PARTS", parts)
     asked = []
 
     def seen(equations, trial):
@@ -182,6 +183,9 @@ def test_what_is_said_of_a_band_is_true(monkeypatch):
 
     # the part that was brought to equilibrium is in equilibrium
     assert f"{100 * error.fraction:.3g} % of the change of load of this stage was brought" in text
+    if parts == 1:  # too few steps to look for any
+        assert error.fraction == 0.0
+        return
     assert 0.0 < error.fraction < 1.0
     monkeypatch.undo()
     part = RELEASED[1] + error.fraction * (RELEASED[2] - RELEASED[1])
