@@ -113,7 +113,8 @@ class ParameterEstimate:
         lower95, upper95: its 95 % interval.
         unit: the SI unit.
         at_bound: it lies on a bound.
-        determined: the readings (with its prior) determine it, not the prior alone.
+        determined: the readings (with its prior) determine it, not the prior alone; on a bound, how
+            far from it the ground may be.
         text: the same in the unit of the case, as people write it.
     """
 

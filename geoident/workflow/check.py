@@ -263,6 +263,8 @@ def _stages(case: Case, model: CaseModel, readings: ReadingTable) -> tuple[Stage
                 (group, at_face[stage.name] if isinstance(part, FaceDistance) else _share(part))
                 for group, part in released_by(stage, case).items()
             ),
+            supported=tuple(name for name, held in stage.supports.items() if held is not None),
+            freed=tuple(name for name, held in stage.supports.items() if held is None),
         )
         for n, (stage, state, dofs) in enumerate(
             zip(case.stages, model.sequence.states[1:], model.n_dofs[1:], strict=True)

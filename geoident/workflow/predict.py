@@ -36,6 +36,7 @@ from geoident.workflow.estimating.predictions import (
     predict_stages,
     predicted_stages,
     score,
+    without_collapses,
 )
 from geoident.workflow.estimating.rivals import mixed_prediction
 from geoident.workflow.estimating.setup import (
@@ -515,6 +516,7 @@ def _result(task: Task, known: Known, survey: Survey, model: CaseModel) -> Resul
     prediction = predict_stages(
         survey, known.assessment, accuracies(case), stages, errors, known.bends
     )
+    found = (*collapse_findings(survey), *without_collapses(fit.findings))
     others, left_out = _others(task, known, model, stages)
     if fit.rivals is not None and others:
         prediction = mixed_prediction(fit.rivals.odds, [prediction, *others])
@@ -525,7 +527,7 @@ def _result(task: Task, known: Known, survey: Survey, model: CaseModel) -> Resul
         method=fit.method,
         reason=f"Predicted from {task.request.result} ({fit.status})." + (POOR if poor else ""),
         objective=fit.objective,
-        findings=tuple(dict.fromkeys((*collapse_findings(survey), *fit.findings))),
+        findings=tuple(dict.fromkeys(found)),
         case_text=task.inputs.loaded.text,
         case_resolved=task.inputs.loaded.resolved,
         provenance=task.provenance,

@@ -133,12 +133,27 @@ def growth_notes(growths: tuple[PointGrowth, ...], values: Values) -> list[str]:
 def _growth_note(one: PointGrowth, values: Values) -> str:
     growth, found = one.growth, one.value(ParameterPoint(values, ())).value
     low, high = int(np.argmin(found)), int(np.argmax(found))
-    note = f"{growth.words}: at the start values {_shown(found[low], growth)} near "
-    note += f"{format_point(one.positions[low])} to {_shown(found[high], growth)} near "
-    note += format_point(one.positions[high])
+    ends = _shown(found[low], growth), _shown(found[high], growth)
+    note = f"{growth.words}: at the start values {ends[0]} "
+    if ends[0] == ends[1]:
+        note += "everywhere"
+    else:
+        note += f"near {format_point(one.positions[low])} to {ends[1]} near "
+        note += format_point(one.positions[high])
     if isinstance(growth.law, WithStress):
         note += _floor(one, growth.law, found, values)
     return note
+
+
+def _per_cent(part: float) -> str:
+    """A part of a whole: 100 % is all of it.
+
+    >>> _per_cent(0.0234), _per_cent(0.9999), _per_cent(1.0)
+    ('2.3 %', '99.9 %', '100 %')
+    """
+    if part == 1.0:
+        return "100 %"
+    return f"{min(100.0 * part, 99.9):.{2 if part < 0.99 else 3}g} %"
 
 
 def _floor(one: PointGrowth, law: WithStress, found: Floats, values: Values) -> str:
@@ -149,9 +164,7 @@ def _floor(one: PointGrowth, law: WithStress, found: Floats, values: Values) -> 
     if law.exponent.value(values) == 0.0 or part == 0.0:
         return ""
     kPa = 1e-3 * least
-    return (
-        f"; at {100 * part:.2g} % of its points p' is not above {kPa:.4g} kPa, which counts there"
-    )
+    return f"; at {_per_cent(part)} of its points p' is not above {kPa:.4g} kPa, which counts there"
 
 
 def _shown(value: float, growth: Growth) -> str:

@@ -39,7 +39,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from geoident.fem.solvers.direct import Factor
-from geoident.forward.march.inexact_newton import MOST_FAR, Directions
+from geoident.forward.march.inexact_newton import MOST_FAR, Directions, SecantSteps
 from geoident.forward.march.stage_equations import (
     ELASTIC_PARTS,
     EvenFlow,
@@ -90,9 +90,6 @@ _SAME = 2e-3
 FAR_OUT = 1e6
 """Where along a step its mechanism alone decides, in steps."""
 
-LARGE = 10_000
-"""Unknowns from which on a factorization costs more than a few places solved by themselves."""
-
 _HARDLY_RISEN = 0.3
 """Slope of Pi at the end of a step, as part of that at its beginning, that is nearly none."""
 
@@ -101,6 +98,12 @@ _QUICK = 0.1
 
 _CLOSE = 0.01
 """The same of a step whose factor is tried once more."""
+
+_SURE = 1e-4
+"""Out-of-balance force of the last guess below which the others are not looked at."""
+
+_NEAR = 1e-3
+"""Out-of-balance force of a guess below which the factor of another march is tried."""
 
 _WORST = (0.03, 0.1, 0.3)
 """Parts of the largest out-of-balance force from which on places are solved by themselves."""
@@ -152,7 +155,8 @@ def solve(
 
     Args:
         equations: of the stage.
-        guesses: (n_dofs,) displacement steps; the nearest one is the start (`distance`).
+        guesses: (n_dofs,) displacement steps, the best of which is likely to be the last; the
+            nearest one is the start (`distance`).
         even_only: without potential, no flow in bands of shear is looked for.
         effort: steps that are left where there is no potential; None for a search of its own.
 
@@ -160,7 +164,10 @@ def solve(
         NoEquilibrium: see there.
         NotPositiveDefinite: the elastic stiffness itself is singular.
     """
-    trials = [equations.at(guess) for guess in guesses]
+    *others, last = guesses
+    trials = [equations.at(last)]
+    if not (equations.associated and equations.large and trials[0].error <= _SURE):
+        trials = [*(equations.at(other) for other in others), *trials]
     if not equations.associated:
         ways = WAYS[:1] if even_only else WAYS
         start = min(trials, key=equations.distance)
@@ -174,19 +181,21 @@ def solve(
 
 
 def _by_potential(equations: StageEquations, trial: Trial) -> Balance:
-    """Newton's method along the slope of Pi."""
+    """Newton's method along the slope of Pi.
+
+    In a large model a guess that is near goes on with the factor that the last march has left.
+    Near the end every factor serves as many steps as are good ones.
+    """
     factor: Factor | None = None
     made_at: Trial | None = None
-    least, quick = 0, False
+    if equations.large and equations.held is not None and trial.error <= _NEAR:
+        last = equations.held.last()
+        if last is not None:
+            trial = _by_secants(equations, trial, last)
+    least = 0
     for step in range(MOST_STEPS):
         if trial.error <= BALANCED:
             return Balance(trial, step, factor, made_at)
-        if quick and factor is not None:
-            again = equations.at(trial.du + equations.spread(_solved(factor, trial)))
-            quick = again.error <= _QUICK * trial.error
-            if quick:
-                trial = again
-                continue
         before = trial.error
         factor, level = equations.factor(trial, least=least)
         made_at = trial if level == 0 else None
@@ -198,8 +207,22 @@ def _by_potential(equations: StageEquations, trial: Trial) -> Balance:
             _refuse_mechanism(equations, following, d)
         least = _next_level(least, share)
         trial = following
-        quick = made_at is not None and trial.error <= _CLOSE * before
+        if made_at is not None and trial.error <= _CLOSE * before:
+            trial = _by_secants(equations, trial, factor)
     raise NoEquilibrium(trial.du)
+
+
+def _by_secants(equations: StageEquations, trial: Trial, factor: Factor) -> Trial:
+    """Goes on with one factor as long as its steps are good ones."""
+    steps = SecantSteps(factor)
+    while trial.error > BALANCED:
+        d = steps.direction(trial.residual)
+        following = equations.at(trial.du + equations.spread(d))
+        if following.error > _QUICK * trial.error:
+            break
+        steps.learn(d, trial.residual - following.residual)
+        trial = following
+    return trial
 
 
 def _solved(factor: Factor, trial: Trial) -> Floats:
@@ -215,7 +238,7 @@ def _stepped(equations: StageEquations, trial: Trial, d: Floats) -> tuple[Trial,
     """
     whole = equations.at(trial.du + d)
     quick = whole.error <= _QUICK * trial.error
-    if quick or equations.patches is None or len(equations.dofs) < LARGE:
+    if quick or equations.patches is None or not equations.large:
         return follow_slope(equations, trial, d, whole)
     settled = _settled(equations, whole)
     if settled is not None:

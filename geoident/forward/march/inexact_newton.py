@@ -107,13 +107,22 @@ class Directions:
     def solve(self, trial: Trial, rhs: Floats) -> Floats:
         """Solutions (n, k) with the exact tangent."""
         last = self.at_hand.last()
-        if last is not None:
-            found = conjugate_gradients(
-                self._product(trial), rhs, last.solve, tolerance=EXACT, most=self.at_hand.most
-            )
-            if found.reached:
-                return found.x
-        return self.equations.factor(trial)[0].solve(rhs)
+        found = None if last is None else self.solved_on(last, trial, rhs, self.at_hand.most)
+        return self.equations.factor(trial)[0].solve(rhs) if found is None else found
+
+    def solved_on(self, factor: Factor, trial: Trial, rhs: Floats, most: int) -> Floats | None:
+        """The same on a factor of a tangent near by; None where a number of steps is not enough.
+
+        Args:
+            factor: of that tangent.
+            trial: where the tangent is wanted.
+            rhs: (n, k) right-hand sides.
+            most: steps of conjugate gradients at most.
+        """
+        found = conjugate_gradients(
+            self._product(trial), rhs, factor.solve, tolerance=EXACT, most=most
+        )
+        return found.x if found.reached else None
 
     def _product(self, trial: Trial) -> Product:
         points, change = self.equations.changes(trial)
@@ -149,3 +158,36 @@ class Directions:
         """The residual of a step, relative: what is left of the nonlinearity is no less."""
         least, most = 0.1 * self.balanced / trial.error, float(trial.error ** (2.0 / 3.0))
         return max(least, min(_ROUGH, most))
+
+
+class SecantSteps:
+    """Steps on one factor, corrected by what the steps before have found.
+
+    The inverse that is thought of is that of the factor, changed so that it explains the changes of
+    the residual along earlier steps (L-BFGS: Matthies & Strang 1979, Int. J. Numer. Methods Eng.
+    14, 1613-1626; Nocedal 1980, Math. Comput. 35, 773-782).
+
+    Args:
+        factor: of a tangent near by.
+    """
+
+    def __init__(self, factor: Factor) -> None:
+        self._factor = factor
+        self._known: list[tuple[Floats, Floats, float]] = []  # d, change of the residual, product
+
+    def direction(self, residual: Floats) -> Floats:
+        """The step (n,) for a residual (n,)."""
+        left, weights = residual.copy(), []
+        for d, fall, work in reversed(self._known):
+            weights.append(float(d @ left) / work)
+            left -= weights[-1] * fall
+        step = self._factor.solve(left[:, None])[:, 0]
+        for (d, fall, work), weight in zip(self._known, reversed(weights), strict=True):
+            step += (weight - float(fall @ step) / work) * d
+        return step
+
+    def learn(self, d: Floats, fall: Floats) -> None:
+        """Count a step (n,) that was made, by which the residual fell by (n,)."""
+        work = float(d @ fall)
+        if work > 0.0:
+            self._known.append((d, fall, work))

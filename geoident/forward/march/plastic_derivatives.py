@@ -16,7 +16,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from geoident.fem.solvers.direct import Factor
 from geoident.forward.actions.thermal import NORMAL_COMPONENTS
 from geoident.forward.march.equilibrium import Balance
 from geoident.forward.march.inexact_newton import Directions
@@ -31,6 +30,9 @@ _SAME_TANGENT = 1e-7
 
 _SAME_GENERAL_TANGENT = 1e-11
 """The same without potential, where eigenvalues may be a ten thousandth of the elastic ones."""
+
+_FEW = 6
+"""Steps of conjugate gradients for all derivatives together that cost less than a factorization."""
 
 _DERIVATIVES = slice(1, None)
 """Columns of what the march carries; column 0 is the state."""
@@ -111,19 +113,32 @@ def _add_multipliers(task: StageTask, ground: Ground, points: Ints, more: Floats
 
 
 def _solved(equations: StageEquations, balance: Balance, rest: Floats) -> Floats:
-    """Solutions (n, k) with the tangent at the end."""
+    """Solutions (n, k) with the tangent at the end.
+
+    The last factor serves as it is where it was made on the same pieces. In a large model it leads
+    a few steps of conjugate gradients where it was made near by.
+    """
     if equations.associated and equations.at_hand is not None:
         return Directions(equations, equations.at_hand, BALANCED).solve(balance.trial, rest)
-    return _exact_factor(equations, balance).solve(rest)
+    factor, trial = balance.factor, balance.trial
+    if factor is not None and _is_exact(equations, balance):
+        return factor.solve(rest)
+    if equations.associated and equations.held is not None and equations.large:
+        near = factor if factor is not None else equations.held.last()
+        if near is not None and near.valid:
+            directions = Directions(equations, equations.held, BALANCED)
+            found = directions.solved_on(near, trial, rest, _FEW)
+            if found is not None:
+                return found
+    return equations.factor(trial)[0].solve(rest)
 
 
-def _exact_factor(equations: StageEquations, balance: Balance) -> Factor:
-    """The factor of the tangent at the end: the last one, unless it was made on other pieces."""
-    if balance.factor is not None and balance.made_at is not None:
-        same = _SAME_TANGENT if equations.associated else _SAME_GENERAL_TANGENT
-        before, after = (equations.changes(t) for t in (balance.made_at, balance.trial))
-        if np.array_equal(before[0], after[0]) and np.allclose(
-            before[1], after[1], rtol=0.0, atol=same * np.abs(after[1]).max(initial=0.0)
-        ):
-            return balance.factor
-    return equations.factor(balance.trial)[0]
+def _is_exact(equations: StageEquations, balance: Balance) -> bool:
+    """Whether the last factor was made on the pieces of the end."""
+    if balance.made_at is None:
+        return False
+    same = _SAME_TANGENT if equations.associated else _SAME_GENERAL_TANGENT
+    before, after = (equations.changes(t) for t in (balance.made_at, balance.trial))
+    least = same * np.abs(after[1]).max(initial=0.0)
+    alike = np.array_equal(before[0], after[0])
+    return alike and bool(np.allclose(before[1], after[1], rtol=0.0, atol=least))

@@ -57,8 +57,9 @@ Meshes that lock under flow without change of volume let pressures grow without 
 flows, Newton's method finds equilibria kilometres away (Nagtegaal, Parks, Rice 1974).
 """
 
-_KEPT = 4
-"""Parameter vectors whose displacements are kept, to start from the nearest one."""
+_KEPT, _FEWEST = 10_000_000, 4
+"""Numbers of displacements, with their derivatives, that are kept of each stage, to start from the
+nearest one; parameter vectors that they are kept of at least."""
 
 _NEAR_BY = 1e-4
 """How far apart parameter vectors are of which one is worth keeping: 2 % in one parameter."""
@@ -111,7 +112,10 @@ class WarmStart:
         if not task.n and any(_far(one.values, task.point.values) < _NEAR_BY for one in known):
             return
         slopes = du[:, 1 : 1 + task.n].copy()
-        kept = self._known.setdefault(task.number, deque(maxlen=_KEPT))
+        most = max(_FEWEST, _KEPT // (task.forces.shape[0] * (1 + task.n) or 1))
+        kept = self._known.setdefault(task.number, deque())
+        while len(kept) >= most:
+            kept.popleft()
         kept.append(_Known(dict(task.point.values), task.point.names, du[:, 0].copy(), slopes))
 
 
@@ -350,6 +354,7 @@ class PlasticSteps:
             tangents=tangents,
             members=members,
             at_hand=tangents if tangents.most else None,
+            held=tangents,
             patches=tangents,
         )
 

@@ -25,6 +25,9 @@ from geoident.model.arrays import Floats, Ints
 ELASTIC_PARTS = (1e-10, 1e-7, 1e-5, 1e-4, 1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3, 1.0)
 """Parts of the elastic stiffness left in a tangent, by level."""
 
+LARGE = 10_000
+"""Unknowns from which on a factorization costs more than a few places solved by themselves."""
+
 
 class Operators(Protocol):
     """C and C^T V: `geoident.fem.kinematics.StrainPoints`, or a frame's."""
@@ -188,7 +191,8 @@ class StageEquations:
         forces: (n_dofs,) f.
         tangents: makes factors.
         members: nodal forces (n_dofs,) of linings and bolts at a displacement step, or None.
-        at_hand: factors that were made before; None: every step makes its own.
+        at_hand: factors that were made before, to lead everywhere; None: most steps make theirs.
+        held: the same, to begin and to end with.
         viscosity: part of the overstress s* - P(s*) that is kept (`viscous_path`).
         patches: parts that can be solved by themselves; None for none.
     """
@@ -202,8 +206,14 @@ class StageEquations:
     tangents: Tangents
     members: Callable[[Floats], Floats] | None = None
     at_hand: FactorsAtHand | None = None
+    held: FactorsAtHand | None = None
     viscosity: float = 0.0
     patches: Patches | None = None
+
+    @property
+    def large(self) -> bool:
+        """Whether a factorization costs more than a few places, or steps, solved by themselves."""
+        return len(self.dofs) >= LARGE
 
     @cached_property
     def associated(self) -> bool:

@@ -258,9 +258,10 @@ def _bounds(known: Knowledge) -> Iterator[str]:
     """Parameters that a bound holds."""
     for i, parameter in enumerate(known.parameters):
         if known.at_bound[i] and parameter.lower < parameter.upper:
-            near_lower = known.values[i] - parameter.lower < parameter.upper - known.values[i]
+            low = known.values[i] - parameter.lower < parameter.upper - known.values[i]
+            side, way, more = ("lower", "above", "less") if low else ("upper", "below", "more")
             yield (
-                f"{parameter.name} lies on its {'lower' if near_lower else 'upper'} bound: "
-                f"intervals and bands take it as unknown {'above' if near_lower else 'below'}. If "
-                f"the ground may have {'less' if near_lower else 'more'}, widen the bound."
+                f"{parameter.name} lies on its {side} bound: the readings tell how far {way} it "
+                f"the ground may be, not that it ends there. If the ground may have {more}, widen "
+                "the bound."
             )

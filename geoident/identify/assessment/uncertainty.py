@@ -46,7 +46,7 @@ from geoident.identify.assessment.conflicts import (
     prior_conflicts,
     tied_sentences,
 )
-from geoident.identify.assessment.findings import Knowledge, describe_gaps
+from geoident.identify.assessment.findings import Knowledge, describe_gaps, join
 from geoident.identify.assessment.posterior import NormalMixture, Posterior, cut_normal
 from geoident.identify.assessment.spectrum import SingularDirections
 from geoident.identify.problem.problem import Problem, Scaling
@@ -340,7 +340,10 @@ def _room(scaling: Scaling, width: Floats, values: Floats) -> tuple[Floats, Floa
 def with_posterior(
     assessment: Assessment, problem: Problem, values: Floats, posterior: Posterior
 ) -> Assessment:
-    """An assessment with the numbers of another posterior; what is determined stays.
+    """An assessment with the numbers of another posterior.
+
+    What the linearised model takes as determined stays so only as far as its interval agrees: to
+    no side more than half of the range from the estimate.
 
     Args:
         assessment: as it was.
@@ -349,8 +352,26 @@ def with_posterior(
         posterior: of x, from the estimate.
     """
     scaling, numbered = Scaling(problem.parameters), np.isfinite(assessment.sd)
-    numbers = _numbers(scaling, values, posterior, numbered)
-    return replace(assessment, posterior=posterior, **numbers)
+    low, high = _ends(scaling, values, posterior)
+    lost = assessment.determined & (np.maximum(-low, high) > 0.5 * _ranges(scaling))
+    lost &= np.array([not q.field for q in problem.parameters], dtype=np.bool_)
+    numbers = _numbers(scaling, values, posterior, numbered & ~lost)
+    findings = assessment.findings
+    if lost.any():
+        names = [problem.parameters[i].name for i in np.flatnonzero(lost)]
+        verb, seem = ("is", "it seems") if len(names) == 1 else ("are", "they seem")
+        findings += (
+            f"{join(names)} {verb} not determined: near the answer {seem} to be known, but far "
+            "from it the readings are met nearly as well.",
+        )
+    return replace(
+        assessment,
+        posterior=posterior,
+        determined=assessment.determined & ~lost,
+        beyond_bounds=assessment.beyond_bounds & ~lost,
+        findings=findings,
+        **numbers,
+    )
 
 
 def _scaled(spectrum: SingularDirections, width: Floats) -> tuple[Floats, Floats]:
@@ -385,11 +406,9 @@ def _numbers(
     scaling: Scaling, values: Floats, posterior: Posterior, numbered: Bools
 ) -> dict[str, Any]:
     """Deviations, intervals and covariance, SI, of the parameters (n,) that have numbers."""
-    n, x, slope = len(values), scaling.to_scaled(values), scaling.slope(values)
+    slope = scaling.slope(values)
     sd_x = np.where(numbered, np.sqrt(np.diag(posterior.covariance)), np.nan)
-    first, last = scaling.lower - x, scaling.upper - x
-    low, high = posterior.of(np.eye(n), np.zeros(n)).interval(first, last)
-    low, high = np.minimum(low, 0.0), np.maximum(high, 0.0)  # the estimate is among them
+    low, high = _ends(scaling, values, posterior)
     return {
         "sd": slope * sd_x,
         "lower95": np.where(numbered, scaling.away(values, low), np.nan),
@@ -397,6 +416,14 @@ def _numbers(
         "covariance": _only(numbered, np.outer(slope, slope) * posterior.covariance),
         "correlation": _only(numbered, posterior.covariance / np.outer(sd_x, sd_x)),
     }
+
+
+def _ends(scaling: Scaling, values: Floats, posterior: Posterior) -> tuple[Floats, Floats]:
+    """Ends (n,) of the 95 % intervals in x, from the estimate, which is among them."""
+    n, x = len(values), scaling.to_scaled(values)
+    first, last = scaling.lower - x, scaling.upper - x
+    low, high = posterior.of(np.eye(n), np.zeros(n)).interval(first, last)
+    return np.minimum(low, 0.0), np.maximum(high, 0.0)
 
 
 def _reaches_beyond(scaling: Scaling, values: Floats, mean: Floats, factor: Floats) -> Bools:

@@ -52,6 +52,8 @@ class StageSummary:
         dismantled: names of structures that are removed.
         stressed: names of structures whose bars are stressed anew.
         released: group to the part of its stress that is released by now, in words.
+        supported: names of supports that begin to hold or move here.
+        freed: names of supports that let go here.
     """
 
     name: str
@@ -69,6 +71,8 @@ class StageSummary:
     dismantled: tuple[str, ...] = ()
     stressed: tuple[str, ...] = ()
     released: tuple[tuple[str, str], ...] = ()
+    supported: tuple[str, ...] = ()
+    freed: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

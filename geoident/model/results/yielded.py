@@ -46,7 +46,7 @@ class YieldedGround:
         return int(known.argmax()) if known.any() else None
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Mechanism:
     """The velocities with which ground moves under a load that it does not carry.
 
@@ -67,3 +67,7 @@ class Mechanism:
     present: Bools
     velocity: Floats
     shear: Floats
+
+    def __repr__(self) -> str:
+        carried = f", {100.0 * self.fraction:.3g} % carried" if np.isfinite(self.fraction) else ""
+        return f"Mechanism({self.stage!r}{carried}, {self.mesh.n_nodes} nodes)"

@@ -225,7 +225,7 @@ def _model(result: Result, pictures: Album) -> PagePart:
         joined(said),
         TitledTable("Construction", construction_table(case, numbers)),
         TitledTable("Structures", structures_table(case, numbers)),
-        TitledTable("Supports", supports_table(case)),
+        TitledTable("Supports", supports_table(case, numbers)),
         Figures((*pictures.model, *(p for p in pictures.readings if p.name in _SIGNS))),
     )
 

@@ -184,7 +184,7 @@ def case_text(summary: CaseSummary) -> str:
         section("Groups", _groups(summary)),
         section("Materials", _inputs(summary, materials_table)),
         section("Structures", _inputs(summary, structures_table)),
-        section("Supports", _inputs(summary, lambda case, _: supports_table(case))),
+        section("Supports", _inputs(summary, supports_table)),
         section("Ground and loads", bullets(_begin(summary))),
         section(
             surface.TITLE,
@@ -226,7 +226,7 @@ def _groups(summary: CaseSummary) -> str:
     return TextTable(("name", "elements", size, "material at the start"), rows, right="lrr").text
 
 
-_LABELS = {"groups": "groups ", "held along": "held along "}
+_LABELS = {"groups": "groups ", "from stage": "from stage "}
 """Columns whose cells do not say by themselves what they are."""
 
 
@@ -268,6 +268,8 @@ def _events(stage: StageSummary) -> str:
     events += [f"end of load {name}" for name in stage.removed]
     events += [f"temperature of {name}" for name in stage.warmed]
     events += ["water in the pores"] if stage.water else []
+    events += [f"support {name}" for name in stage.supported]
+    events += [f"lets go of {name}" for name in stage.freed]
     return ", ".join(events)
 
 

@@ -15,6 +15,8 @@ NAME = "Structures"
 TITLE = f"{NAME} (kN, kNm; of walls and linings per metre; of bars each; tension positive)"
 REACTIONS_TITLE = "Reactions of supports (kN; per metre in plane strain; on the ground)"
 _KILO = 1e3
+_ROUNDING = 1e-10
+"""Part of the largest reaction that is rounding of the forces around."""
 
 
 def reaction_table(found: SupportReactions | None) -> TextTable:
@@ -22,9 +24,10 @@ def reaction_table(found: SupportReactions | None) -> TextTable:
     if found is None:
         return TextTable(("support", "stage"), [])
     axes = "xyz"[: found.force.shape[2]]
+    rounding = _ROUNDING * np.abs(np.nan_to_num(found.force)).max(initial=0.0)
+    force = np.where(np.abs(found.force) <= rounding, 0.0, found.force)  # of NaN: as it is
     rows = [
-        [found.supports[i], found.states[j], *(_force(force) for force in found.force[i, j])]
-        for i, j in _holding(found)
+        [found.supports[i], found.states[j], *map(_force, force[i, j])] for i, j in _holding(found)
     ]
     header = ("support", "stage", *(f"R_{axis}" for axis in axes))
     return TextTable(header, rows, right="ll" + "r" * len(axes))

@@ -184,12 +184,19 @@ def score(gauges: GaugeTable, prediction: Prediction) -> tuple[str, ...]:
     return tuple(sentences)
 
 
+_COLLAPSES = ("With these parameters, ", ". Nothing is predicted from there on.")
+
+
 def collapse_findings(survey: Survey) -> tuple[str, ...]:
     """One sentence for every stage that the ground does not survive at the estimate."""
-    return tuple(
-        f"With these parameters, {sentence}. Nothing is predicted from there on."
-        for sentence in survey.collapses
-    )
+    begin, end = _COLLAPSES
+    return tuple(f"{begin}{sentence}{end}" for sentence in survey.collapses)
+
+
+def without_collapses(findings: Sequence[str]) -> tuple[str, ...]:
+    """Findings that do not speak of a collapse: a prediction has its own, of what it computed."""
+    begin, end = _COLLAPSES
+    return tuple(text for text in findings if not (text.startswith(begin) and text.endswith(end)))
 
 
 # What a bound leaves open, where the model is not linear (theory 6.3)

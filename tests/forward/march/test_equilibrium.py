@@ -24,7 +24,8 @@ class Given:
     """
 
     dofs = np.array([0])
-    at_hand = patches = None
+    at_hand = held = patches = None
+    large = False
 
     def __init__(self, residual, *, associated=False, forces=1.0):
         self.residual, self.associated = residual, associated

@@ -22,8 +22,9 @@ from geoident.forward.march.equilibrium import Balance
 from geoident.forward.march.plastic_derivatives import (
     _SAME_GENERAL_TANGENT,
     _SAME_TANGENT,
-    _exact_factor,
+    _is_exact,
     _kept,
+    _solved,
 )
 from geoident.forward.march.stage_equations import Ground, StageEquations
 
@@ -81,9 +82,10 @@ def test_the_last_factor_serves_again_where_the_pieces_are_the_same():
     end, beyond, below = (equations.at(np.array([u])) for u in (0.5, 0.7, 0.05))
     factor, _ = equations.factor(end)
     for made_at, again in ((end, True), (beyond, True), (below, False), (None, False)):
-        found = _exact_factor(equations, Balance(end, 1, factor, made_at))
-        assert (found is factor) == again
-        assert found.solve(np.ones((1, 1))) == pytest.approx(np.array([[1.0 / 0.1]]))
+        balance = Balance(end, 1, factor, made_at)
+        assert _is_exact(equations, balance) == again
+        found = _solved(equations, balance, np.ones((1, 1)))
+        assert found == pytest.approx(np.array([[1.0 / 0.1]]))
 
 
 @pytest.mark.parametrize("associated", [True, False])
@@ -93,10 +95,8 @@ def test_and_where_the_tangent_differs_by_rounding_only(off, again, associated):
     equations = SimpleNamespace(
         associated=associated,
         changes=lambda trial: (np.array([3]), np.array([2.0, 0.1 + 2.0 * same * trial])),
-        factor=lambda trial: ("new", 0),
     )
-    found = _exact_factor(equations, Balance(0.0, 1, "last", off))
-    assert found == ("last" if again else "new")
+    assert _is_exact(equations, Balance(0.0, 1, None, off)) == again
 
 
 @pytest.mark.parametrize(

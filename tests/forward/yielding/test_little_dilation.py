@@ -213,6 +213,36 @@ def test_where_the_even_flow_ends_a_band_is_shown():
     assert "it shears most in group 'rock' near (0.0" in found.band
 
 
+@pytest.mark.slow
+def test_the_even_flow_is_not_stable_on_other_elements_either(monkeypatch):
+    """Where triangles find no equilibrium, quad8 in rows have the exact one: it is not stable."""
+    ends = []
+    solved = plastic_step.solve
+
+    def spied(equations, *args, **kwargs):
+        ends.append((equations, solved(equations, *args, **kwargs)))
+        return ends[-1][1]
+
+    monkeypatch.setattr(plastic_step, "solve", spied)
+    far, wall = 10e6, np.array([1.0])
+    cavity = Cavity(pressure=far, E=3e9, nu=0.25)
+    mesh = cavity.mesh("quad8", n=24, layers=40, reach=40.0)
+    staged = cavity.staged(mesh, hoek(30e6, psi=0.0, **HOEK), stages=STAGES)
+    run = staged.at(NOTHING, RunOptions(derivatives=False))
+    *_, end = run.states()
+    assert run.findings.unbalanced == run.findings.overstressed == {}
+    ground = Rock(*(Dual(np.array([x])) for x in (3e9, 0.25, far, far)))
+    constants = (Dual(np.array([x])) for x in (30e6, *HOEK.values()))
+    limit = HoekBrownLimit(*constants, flow_slope(Dual(np.array([0.0]))))
+    state = Opening(1.0, ground, limit).under(Dual(np.array([0.0])))
+    exact_wall = float(state.displacement(wall).value[0])
+    np.testing.assert_allclose(cavity.outwards(staged, end), exact_wall, rtol=0.003)
+    equations, balance = ends[-1]
+    band = band_at(equations, balance.trial)
+    assert band is not None
+    assert -0.01 < band.stiffness < -5e-4
+
+
 # --- loads that are not carried ---
 
 PRESSURE, COHESION = 1e5, 1e4

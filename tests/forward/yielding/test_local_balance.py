@@ -8,7 +8,12 @@ from support.cases import displacement, model, rollers
 from support.meshes import box, regroup
 from support.yielding import constant, mohr, parameters, rock
 
-from geoident.forward.march import equilibrium
+from geoident.forward.march import (
+    equilibrium,
+    plastic_derivatives,
+    plastic_step,
+    stage_equations,
+)
 from geoident.model.case import Stage
 from geoident.model.parameter import Scalar
 
@@ -48,7 +53,7 @@ def found():
 def test_the_worst_places_are_solved_by_themselves_and_nothing_else_changes(monkeypatch):
     """Steps of the whole ground alone take nearly twice as many, to the same state."""
     w, exact, many = found()
-    monkeypatch.setattr(equilibrium, "LARGE", 0)
+    monkeypatch.setattr(stage_equations, "LARGE", 0)
     v, slopes, few = found()
     assert v == pytest.approx(w, rel=1e-9)
     assert slopes == pytest.approx(exact, rel=1e-7)
@@ -59,7 +64,8 @@ def test_the_worst_places_are_solved_by_themselves_and_nothing_else_changes(monk
 def test_they_are_part_of_the_ground_only(monkeypatch):
     """Where more than a tenth would have to move, whole steps are taken."""
     _, _, many = found()
-    monkeypatch.setattr(equilibrium, "LARGE", 0)
+    monkeypatch.setattr(stage_equations, "LARGE", 0)
+    monkeypatch.setattr(plastic_derivatives, "_FEW", 0)
     monkeypatch.setattr(equilibrium, "_PATCH", 0.0)
     assert found()[2] == many
 
@@ -70,3 +76,66 @@ def test_the_last_factor_serves_again_near_the_end(monkeypatch):
     w, _, more = found()
     assert v == pytest.approx(w, rel=1e-9)
     assert few < more
+
+
+NEAR_BY = np.array([1.002, 0.999])
+"""Where a search goes next, by the parameters of before."""
+
+
+def next_to_it(wanted):
+    """What a march near a known parameter vector finds, and the factorizations that it takes.
+
+    Args:
+        wanted: readings alone, or with their derivatives.
+    """
+    response = heading().response(READ)
+    response.evaluate(P)
+    before = response.counts.factorizations
+    found = getattr(response, wanted)(NEAR_BY * P)
+    return found, response.counts.factorizations - before
+
+
+def test_readings_near_what_is_known_take_no_factorization(monkeypatch):
+    """A side of a kink, as the certificate of a search compares it."""
+    v, many = next_to_it("readings")
+    monkeypatch.setattr(stage_equations, "LARGE", 0)
+    w, none = next_to_it("readings")
+    assert w == pytest.approx(v, rel=1e-9)
+    assert many >= 2
+    assert none == 0
+
+
+def test_derivatives_near_what_is_known_take_one_factorization_a_stage_at_most(monkeypatch):
+    (v, slopes), many = next_to_it("evaluate")
+    monkeypatch.setattr(stage_equations, "LARGE", 0)
+    (w, same), few = next_to_it("evaluate")
+    assert w == pytest.approx(v, rel=1e-9)
+    assert same == pytest.approx(slopes, rel=1e-7)
+    assert few <= len(STAGES) < many
+
+
+def test_the_last_factor_leads_the_derivatives_too(monkeypatch):
+    """It was made beside the end; conjugate gradients on it find what a factor of the end would."""
+    monkeypatch.setattr(stage_equations, "LARGE", 0)
+    v, slopes, few = found()
+    monkeypatch.setattr(plastic_derivatives, "_FEW", 0)
+    w, exact, more = found()
+    assert v == pytest.approx(w, rel=1e-12)
+    assert slopes == pytest.approx(exact, rel=1e-9)
+    assert few < more
+
+
+def test_what_was_known_long_ago_is_known_while_there_is_room(monkeypatch):
+    """A search comes back to its best point after restarts elsewhere."""
+
+    def coming_back():
+        response = heading().response(READ)
+        for part in (1.0, 0.7, 0.8, 0.9, 1.2, 1.1):
+            response.evaluate(np.array([part, 1.0]) * P)
+        before = response.counts.factorizations
+        response.readings(P)
+        return response.counts.factorizations - before
+
+    assert coming_back() == 0
+    monkeypatch.setattr(plastic_step, "_KEPT", 0)
+    assert coming_back() > 0

@@ -105,6 +105,44 @@ def test_the_linearised_model_alone_is_too_sure(make_problem):
     assert np.log(site.linear.upper95[0]) < high - 0.1
 
 
+@pytest.mark.parametrize(("plateau", "kept"), [(1.5, False), (4.0, True)])
+def test_what_seems_determined_on_its_bound_stays_so_only_where_it_is(make_problem, plateau, kept):
+    """A reading that rises by some of its standard deviations and then stays: c on its bound.
+
+    As mi does, which readings feel where it is small. The judge is the posterior on a grid.
+    """
+    unknown = (Parameter("c", 0.5, 0.0, 1.0), Parameter("b", 1.0, 0.0, 2.0))
+
+    def v(p):
+        return np.array([plateau * (1.0 - np.exp(-20.0 * p[0])), 100.0 * p[1]])
+
+    def slope(p):
+        return np.diag([20.0 * plateau * np.exp(-20.0 * p[0]), 100.0])
+
+    at, sd = np.array([0.0, 1.0]), np.ones(2)
+    problem = make_problem(v, unknown, v(at), sd)
+    linear = assess(problem, at, slope(at), v(at))
+    assert linear.determined.all()
+    assert linear.upper95[0] < 0.1
+    known, path = followed(
+        linear, problem, at, Answers(v(at), slope(at), v(at), slope(at)),
+        lambda p: Answers(v(p), slope(p), v(p), slope(p)),
+    )  # fmt: skip
+    assert path is not None
+    c = np.linspace(0.0, 1.0, 2000)
+    _, far = shortest(c, np.exp(-0.5 * (plateau * (1.0 - np.exp(-20.0 * c))) ** 2))
+    assert (far <= 0.5) == kept
+    assert known.determined.tolist() == [kept, True]
+    assert known.upper95[1] == pytest.approx(linear.upper95[1], rel=1e-3)
+    if kept:
+        assert known.upper95[0] == pytest.approx(far, rel=0.2)
+        assert known.findings == linear.findings
+    else:
+        assert np.isnan([known.sd[0], known.lower95[0], known.upper95[0]]).all()
+        assert known.findings[:-1] == linear.findings
+        assert known.findings[-1].startswith("c is not determined: near the answer it seems")
+
+
 def test_far_from_bounds_nothing_is_evaluated(make_problem):
     site = Site(make_problem, 2.6, 1)
     assert site.evaluations == 0

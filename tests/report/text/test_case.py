@@ -32,7 +32,8 @@ def summary(**changes):
             StageSummary("heading", ("top",), (("lining", "concrete"),), (("rock", "weak"),),
                          ("lake",), ("jack",), 11062, 4, warmed=("dam",), water=True),
             StageSummary("bench", (), (), (), (), (), 10900, 13, base="heading", built=("wall",),
-                         dismantled=("shell",), stressed=("anchors",)),
+                         dismantled=("shell",), stressed=("anchors",), supported=("side",),
+                         freed=("foot", "top")),
         ),
         "gauges": (
             GaugeSummary("EX.a2", "extensometer", "drift", 1.5e-4, 3, 2),
@@ -93,7 +94,8 @@ def test_stages_have_unknowns_readings_and_all_that_happens(words):
         "temperature of dam, water in the pores"
     )
     assert ["name", "unknowns", "readings", "what", "happens"] in words
-    events = "builds on heading, builds wall, dismantles shell, stresses anchors"
+    events = "builds on heading, builds wall, dismantles shell, stresses anchors, "
+    events += "support side, lets go of foot, lets go of top"
     assert ["bench", "10900", "13", *events.split()] in words
 
 

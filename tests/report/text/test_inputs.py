@@ -97,8 +97,36 @@ def test_structures_have_section_stiffness_and_their_time():
 
 
 def test_supports_are_held_along_the_axes_that_there_are():
-    assert supports_table(CASE).rows == [["bottom", "x, y"], ["side", "x"]]
-    assert supports_table({**CASE, "analysis": "solid"}).rows[0] == ["bottom", "x, y, z"]
+    said = supports_table(CASE, SaidNumbers({})).rows
+    assert said == [["bottom", "", "held along x, y"], ["side", "", "held along x"]]
+    solid = supports_table({**CASE, "analysis": "solid"}, SaidNumbers({})).rows
+    assert solid[0] == ["bottom", "", "held along x, y, z"]
+
+
+def test_supports_that_move_say_by_how_much_and_from_when():
+    """Each row is a sentence: before, a stage stood between "held along" and the motion."""
+    moving = {
+        "parameters": {"V": {"start": "1.2 %"}},
+        "supports": {"wall": {"contraction": "$V"}, "probe": {"at": ["3 m", "4 m"], "y": "1 mm"}},
+        "stages": [
+            {"name": "push", "supports": {"wall": "free", "side": {"x": "2 mm", "y": "fixed"}}},
+            {"name": "on", "supports": {"top": {"measured": {"file": "m.csv", "factor": "2"}}}},
+        ],
+    }
+    numbers = SaidNumbers(moving["parameters"])
+    assert supports_table(moving, numbers).rows == [
+        ["wall", "", "contracted by V (start 1.2 %) of the area within"],
+        ["probe", "", "moved by 1 mm along y, at (3 m, 4 m)"],
+        ["wall", "push", "let go"],
+        ["side", "push", "moved by 2 mm along x, held along y"],
+        ["top", "on", "moved as measured (m.csv) times 2"],
+    ]
+    table = construction_table(moving, numbers)
+    column = [row[table.header.index("supports")] for row in table.rows]
+    assert column == [
+        "", "wall let go; side moved by 2 mm along x, held along y",
+        "top moved as measured (m.csv) times 2",
+    ]  # fmt: skip
 
 
 def test_stress_and_gravity_are_said_by_groups_of_one_number():

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from geoident.model.results.result import MemberForces
-from geoident.report.text.structures import force_table, structures_list
+from geoident.model.results.result import MemberForces, SupportReactions
+from geoident.report.text.structures import force_table, reaction_table, structures_list
 
 NAN = np.nan
 
@@ -46,3 +46,15 @@ def test_programs_get_every_piece():
     assert [m["per_metre"] for m in found] == [True, True, False, False]
     assert found[1]["ends"] == [[4.0, 5.0], [6.0, 7.0]]
     assert structures_list(None) == []
+
+
+def test_rounding_of_large_forces_is_no_reaction():
+    """A support on which nothing acts had -4.6e-12 kN where another has 10 MN."""
+    force = np.array([[[NAN, -4.6e-9], [NAN, 1e7]], [[2.5, NAN], [-3e3, NAN]]])
+    rows = reaction_table(SupportReactions(("foot", "side"), ("push", "load"), force)).rows
+    assert [list(row) for row in rows] == [
+        ["foot", "push", "-", "0"], ["foot", "load", "-", "10000"],
+        ["side", "push", "0.0025", "-"], ["side", "load", "-3", "-"],
+    ]  # fmt: skip
+    nothing = SupportReactions(("foot",), ("push",), np.full((1, 1, 2), NAN))
+    assert reaction_table(nothing).rows == []

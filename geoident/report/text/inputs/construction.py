@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from geoident.report.text.inputs.numbers import CaseTexts, SaidNumbers, entries, listed, ranged
+from geoident.report.text.inputs.structures import support_text
 from geoident.report.text.layout import TextTable
 
 INITIAL = "initial state"
@@ -17,6 +18,7 @@ def construction_table(case: CaseTexts, numbers: SaidNumbers) -> TextTable:
         case: as texts.
         numbers: how its numbers are said.
     """
+    solid = case.get("analysis") == "solid"
     columns: dict[str, Callable[[CaseTexts], str]] = {
         "excavated": lambda s: ranged(listed(s.get("excavate"))),
         "placed": lambda s: _by_material(entries(s, "install")),
@@ -29,6 +31,7 @@ def construction_table(case: CaseTexts, numbers: SaidNumbers) -> TextTable:
         "stressed": lambda s: _pairs(entries(s, "prestress"), numbers),
         "water": lambda s: numbers.text(s["water"]) if s.get("water") else "",
         "temperature": lambda s: _pairs(entries(s, "temperature"), numbers),
+        "supports": lambda s: _supports(s, numbers, solid=solid),
         "follows": _base,
     }
     stages = [stage for stage in case.get("stages", ()) if isinstance(stage, Mapping)]
@@ -62,6 +65,14 @@ def _by_material(groups: CaseTexts, word: str = "of") -> str:
 
 def _pairs(given: CaseTexts, numbers: SaidNumbers) -> str:
     return ", ".join(f"{name} {numbers.text(value)}" for name, value in given.items())
+
+
+def _supports(stage: CaseTexts, numbers: SaidNumbers, *, solid: bool) -> str:
+    """Supports that begin to hold, move or let go."""
+    return "; ".join(
+        f"{name} {support_text(held, numbers, solid=solid)}"
+        for name, held in entries(stage, "supports").items()
+    )
 
 
 def _shares(stage: CaseTexts, numbers: SaidNumbers) -> str:

@@ -72,29 +72,59 @@ def _stages_of(case: CaseTexts, name: str) -> str:
     return ", ".join(said) or "never built"
 
 
-def supports_table(case: CaseTexts) -> TextTable:
-    """Groups that are held, in which directions, and how they move."""
-    rows = [[group, _held(case, held)] for group, held in entries(case, "supports").items()]
-    for stage in case.get("stages") or ():
-        if isinstance(stage, Mapping):
-            since = f"from {stage.get('name')}"
-            for group, held in entries(stage, "supports").items():
-                rows.append([group, f"{since}: {_held(case, held)}"])
-    return TextTable(("support", "held along"), rows)
+def supports_table(case: CaseTexts, numbers: SaidNumbers) -> TextTable:
+    """Groups that are held or moved, from the beginning or from a stage on.
+
+    Args:
+        case: as texts.
+        numbers: how its numbers are said.
+    """
+    solid = case.get("analysis") == "solid"
+    found = [("", entries(case, "supports"))]
+    found += [
+        (str(stage.get("name")), entries(stage, "supports"))
+        for stage in case.get("stages") or ()
+        if isinstance(stage, Mapping)
+    ]
+    rows = [
+        [name, stage, support_text(held, numbers, solid=solid)]
+        for stage, supports in found
+        for name, held in supports.items()
+    ]
+    return TextTable(("support", "from stage", "is"), rows)
 
 
-def _held(case: CaseTexts, held: object) -> str:
-    """What is said of a support, in words."""
-    if isinstance(held, Mapping):
-        parts = [
-            f"{axis} fixed" if held[axis] == "fixed" else f"{axis} moved by {held[axis]}"
-            for axis in "xyz"
-            if axis in held
-        ]
-        if "contraction" in held:
-            parts.append(f"contracted by {held['contraction']}")
-        parts += ["moved as measured"] * ("measured" in held)
-        return ", ".join(parts)
-    if held == "fixed":
-        return "x, y, z" if case.get("analysis") == "solid" else "x, y"
-    return ", ".join(listed(held)) or str(held)
+def support_text(held: object, numbers: SaidNumbers, *, solid: bool) -> str:
+    """What is said of a support, in words.
+
+    Args:
+        held: what the case says.
+        numbers: how its numbers are said.
+        solid: whether there is a z.
+
+    >>> support_text({"x": "fixed", "y": "2 mm"}, SaidNumbers({}), solid=False)
+    'held along x, moved by 2 mm along y'
+    >>> [support_text(held, SaidNumbers({}), solid=True) for held in ("fixed", "free")]
+    ['held along x, y, z', 'let go']
+    """
+    if held == "free":
+        return "let go"
+    if not isinstance(held, Mapping):
+        axes = ["x", "y", *"z" * solid] if held == "fixed" else listed(held) or [str(held)]
+        return f"held along {', '.join(axes)}"
+    parts = [
+        f"held along {axis}"
+        if held[axis] == "fixed"
+        else f"moved by {numbers.text(held[axis])} along {axis}"
+        for axis in "xyz"
+        if axis in held
+    ]
+    if "contraction" in held:
+        parts.append(f"contracted by {numbers.text(held['contraction'])} of the area within")
+    measured = held.get("measured")
+    if isinstance(measured, Mapping):
+        times = f" times {numbers.text(measured['factor'])}" if "factor" in measured else ""
+        parts.append(f"moved as measured ({measured.get('file')}){times}")
+    if "at" in held:
+        parts.append(f"at ({numbers.text(held['at'])})")
+    return ", ".join(parts)
