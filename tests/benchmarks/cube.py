@@ -23,6 +23,7 @@ from pathlib import Path
 import gmsh
 import yaml
 
+ROOT = Path(__file__).resolve().parents[2]
 EDGE = 100.0
 CAVERN = (20.0, 40.0, 20.0)
 GROWTH = 0.18
@@ -209,8 +210,13 @@ def write_readings(folder: Path, seed: int = 1) -> None:
         words = [word for change in changes for word in ("--set", change)]
         made = Path(scratch) / "readings.csv"
         words += ["--noise", "--seed", str(seed), "-o", str(made)]
-        command = [sys.executable, "-m", "geoident", "simulate", str(folder / "case.yaml"), *words]
-        subprocess.run(command, check=True, capture_output=True)
+        case_file = str((folder / "case.yaml").resolve())
+        command = [sys.executable, "-m", "geoident", "simulate", case_file, *words]
+        # from here it is the geoident beside this file, whatever else is installed
+        done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=ROOT)
+        if done.returncode:  # what it says is the reason
+            print(done.stderr, file=sys.stderr)
+            done.check_returncode()
         shutil.copy(made, folder / "readings.csv")
 
 

@@ -331,7 +331,7 @@ class TestSeveralCases:
         return trench
 
     def test_one_that_fails_does_not_stop_the_others(self, cases, run):
-        done = run("fit", "bad.yaml", "good.yaml", "-j", "2")
+        done = run("fit", "bad.yaml", "good.yaml", "-j", "1")
         assert done.exit_code == 7
         assert done.stdout == "good.fit.h5\n"
         assert "bad.yaml: invalid input" in done.stderr

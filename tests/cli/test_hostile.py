@@ -12,6 +12,7 @@ import pytest
 from geoident.io.result.file import read_result
 from geoident.report.text.csv_tables import CsvTable, csv_text
 from geoident.workflow import fit as workflow_fit
+from tests.support.trench import write_case
 
 HUGE = ["--set", "in_situ.vertical=1e300 Pa"]
 
@@ -142,19 +143,31 @@ def test_an_accuracy_beyond_all_measure_in_a_file_of_readings(trench, run, accur
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="pipes with names are of POSIX")
-@pytest.mark.parametrize("what", ["readings.csv", "trench.inp", "case.yaml"])
-def test_a_pipe_does_not_hang(trench, what):
-    (trench / what).unlink()
-    os.mkfifo(trench / what)
-    command = [sys.executable, "-m", "geoident", "fit", "case.yaml"]
-    done = subprocess.run(command, timeout=60, capture_output=True, text=True, check=False)
-    assert done.returncode == 3
-    assert "is a pipe, not a file" in done.stderr
-    (trench / what).unlink()
-    (trench / what).symlink_to("/dev/zero")
-    done = subprocess.run(command, timeout=60, capture_output=True, text=True, check=False)
-    assert done.returncode == 3
-    assert "is a device, not a file" in done.stderr
+def test_pipes_and_devices_do_not_hang(tmp_path):
+    """In a process of its own, which can be ended if one does."""
+    folders = []
+    for what in ("readings.csv", "trench.inp", "case.yaml"):
+        for kind in ("pipe", "device"):
+            folder = tmp_path / f"{kind} for {what}"
+            folder.mkdir()
+            write_case(folder)
+            (folder / what).unlink()
+            if kind == "pipe":
+                os.mkfifo(folder / what)
+            else:
+                (folder / what).symlink_to("/dev/zero")
+            folders.append(folder)
+    script = (
+        "import os, sys\nfrom click.testing import CliRunner\n"
+        "from geoident.cli.app import geoident\nfor folder in sys.argv[1:]:\n"
+        "    os.chdir(folder)\n    done = CliRunner().invoke(geoident, ['fit', 'case.yaml'])\n"
+        "    print(done.exit_code, ' '.join(done.stderr.split()))"
+    )
+    done = subprocess.run([sys.executable, "-c", script, *map(str, folders)], timeout=120,
+                          stdout=subprocess.PIPE, text=True, check=True)  # fmt: skip
+    for folder, said in zip(folders, done.stdout.splitlines(), strict=True):
+        assert said.startswith("3 "), said
+        assert f"is a {folder.name.split()[0]}, not a file" in said
 
 
 def test_a_result_whose_parameters_are_no_numbers_is_damaged(trench, run):

@@ -13,7 +13,7 @@ from geoident.forward.reduced import reduction
 from geoident.workflow.estimating.setup import prepare, problem_of
 from geoident.workflow.fit import fit
 from geoident.workflow.running.control import Control, Silent
-from geoident.workflow.running.evaluation_log import Remembered
+from geoident.workflow.running.evaluation_log import CERTAIN, Remembered
 from geoident.workflow.running.jobs import Request, plan_fit
 from geoident.workflow.simulate import simulate
 from tests.support.deck import write_deck
@@ -121,19 +121,19 @@ def whole(case):
 
 
 def test_a_fit_and_all_that_it_says_takes_one_march_more_than_its_search(whole):
-    """Its search two; one where errors of mesh and model lead it.
+    """Its search one, with the columns that it adds; one where errors of mesh and model lead it.
 
     Where the reduced model is certain, a march follows its displacements and factorizes nothing:
     what the mesh does at the end of the search, and the march at the answer, but for the last
     round, that was not fitted; the fit without the last stage, and its backtest.
     """
-    search, mesh = 2 * FITTED, ROUNDS + (ROUNDS - FITTED)
+    search, mesh = FITTED, ROUNDS + (ROUNDS - FITTED)
     led, answer, backtest = FITTED, ROUNDS - FITTED, 0
     assert whole.status == "converged"
     assert whole.prediction is not None
     assert len(whole.backtest.steps) == 1
     assert any("The mesh is too coarse" in said for said in whole.findings)
-    assert whole.counts.evaluations == 2 + (1 + 1) + 1 + 1 + 1  # the third on the finer mesh
+    assert whole.counts.evaluations == 1 + (1 + 1) + 1 + 1  # the third on the finer mesh
     assert whole.counts.factorizations == search + mesh + led + answer + backtest
     assert whole.backtest.steps[0].counts.evaluations == 1
     assert whole.backtest.steps[0].counts.factorizations == backtest
@@ -199,6 +199,34 @@ def test_a_march_that_waits_holds_its_states_and_no_factor(case):
     elsewhere = model.survey(0.9 * problem.start, fields=False)
     assert model.counts.evaluations == 2
     assert not np.allclose(elsewhere.computed, found.computed, rtol=1e-3)
+
+
+def marched_once():
+    """A response of the case, marched at the start values, and these."""
+    setup = prepare(plan_fit(Request("case.yaml")))
+    response = setup.model.response([("roof", "three"), ("over.a", "two")])
+    response.keep_marches()
+    p = np.array([q.start for q in setup.case.parameters])
+    response.evaluate(p)
+    return response, p
+
+
+def test_one_march_is_enough_where_one_parameter_moves_the_moduli(case, monkeypatch):
+    """E of the rock against a lining: within 1e-8 of the model at a third more of all."""
+    response, p = marched_once()
+    there, reduced = 1.3 * p, response.reduced()
+    assert reduced.error(there) <= CERTAIN
+    v, dv_dp = (
+        prepare(plan_fit(Request("case.yaml")))
+        .model.response([("roof", "three"), ("over.a", "two")])
+        .evaluate(there)
+    )
+    ours, slopes = reduced.evaluate(there)
+    np.testing.assert_allclose(ours, v, rtol=1e-8)
+    np.testing.assert_allclose(slopes * there, dv_dp * there, atol=1e-7 * np.abs(v).max())
+    monkeypatch.setattr(reduction, "MOST_FURTHER", reduction.MOST_SECOND)
+    response, p = marched_once()
+    assert response.reduced().error(there) > 1e4 * CERTAIN
 
 
 @pytest.fixture

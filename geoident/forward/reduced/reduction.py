@@ -16,7 +16,7 @@ from geoident.forward.reduced.duals.march import DualMarch, ReadRows
 from geoident.forward.reduced.model import ReducedModel
 from geoident.forward.reduced.moduli import Span, relative_eigenvalues
 from geoident.forward.reduced.projection import GalerkinProjection
-from geoident.forward.reduced.recorder import MOST_SECOND, Recorder
+from geoident.forward.reduced.recorder import MOST_FURTHER, MOST_SECOND, Recorder
 from geoident.forward.reduced.snapshots import Snapshot
 from geoident.model.arrays import Floats, Ints
 
@@ -95,7 +95,7 @@ class Reduction:
             return "what a march leaves for it does not fit into the memory"
         # second derivatives need up to three times as much beside, and room for another march
         self._second = self._entries(affine, 4 * columns) <= MOST_ENTRIES
-        largest = columns + MOST_SECOND if self._second else columns
+        largest = columns + MOST_FURTHER if self._second else columns
         self.most = max(1, min(self.most, MOST_ENTRIES // self._entries(affine, largest)))
         return self._dear(affine) if self.economical else None
 
@@ -157,8 +157,10 @@ class Reduction:
         if not self.covers() or self._affine is None:
             return None
         number = len(self.snapshots) if self.number is None else self.number
-        second = self._second and (number < _WITH_SECOND or not self.economical)
-        return Recorder(self._affine, self._observation, p, second=second)
+        further = MOST_SECOND if number < _WITH_SECOND or not self.economical else 0
+        if self.economical and number == 0:
+            further = MOST_FURTHER  # a search seldom ends further away than these reach
+        return Recorder(self._affine, self._observation, p, further=further * self._second)
 
     def model(self, reference: Floats | None = None) -> ReducedModel | None:
         """The model of the marches so far.

@@ -18,6 +18,12 @@ import numpy as np
 
 from geoident.model.arrays import Floats
 
+Further = tuple[tuple[int, int, float], ...]
+"""A column beside a state and its derivatives: of (parameter h, column k, shift b) it bears
+
+(E_h - b E) C u_k, the sum of all.
+"""
+
 
 @dataclass(eq=False)
 class Snapshot:
@@ -58,23 +64,23 @@ class Snapshot:
 
 
 def stress_turns(
-    moduli: Mapping[str, Floats], slopes: Mapping[str, Floats], pairs: Sequence[tuple[int, int]]
+    moduli: Mapping[str, Floats], slopes: Mapping[str, Floats], further: Sequence[Further]
 ) -> dict[str, Floats]:
-    """Material to T (r, M, M): for a state, its derivatives, and its second ones by some pairs.
+    """Material to T (r, M, M): for a state, its derivatives, and further columns.
 
     Args:
         moduli: material to c, (r,).
         slopes: material to its derivatives, (r, n), by the parameters in units of their sizes.
-        pairs: the parameters of the second derivatives.
+        further: of what each further column is made.
     """
     found = {}
     for name, c in moduli.items():
         n = slopes[name].shape[1]
-        T = np.einsum("r,ij->rij", c, np.eye(1 + n + len(pairs)))
+        T = np.einsum("r,ij->rij", c, np.eye(1 + n + len(further)))
         T[:, 0, 1 : 1 + n] += slopes[name]
-        for place, (h, k) in enumerate(pairs, start=1 + n):
-            T[:, 1 + k, place] += slopes[name][:, h]
-            T[:, 1 + h, place] += slopes[name][:, k]
+        for place, parts in enumerate(further, start=1 + n):
+            for h, column, shift in parts:
+                T[:, column, place] += slopes[name][:, h] - shift * c
         found[name] = T
     return found
 

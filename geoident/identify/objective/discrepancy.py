@@ -143,6 +143,8 @@ class Discrepancy:
     def __init__(self, problem: Problem) -> None:
         self.problem = problem
         self.scaling = Scaling(problem.parameters)
+        # asked at every step, and to look for the members of a protocol takes longer than a step
+        self._noisy = problem.response if isinstance(problem.response, HasNoise) else None
 
     def residuals(self, p: Floats, readings: Floats) -> Floats:
         """Weighted residuals r (g + k,) at p (n,), SI, where the model answers readings (g,)."""
@@ -164,9 +166,8 @@ class Discrepancy:
 
     def noise(self) -> Floats:
         """(g,) what is not smooth in the computed readings, in their standard deviations."""
-        response = self.problem.response
-        if isinstance(response, HasNoise):
-            return np.asarray(response.noise / self.problem.sd)
+        if self._noisy is not None:
+            return np.asarray(self._noisy.noise / self.problem.sd)
         return np.zeros(len(self.problem.measured))
 
     def squares(self, p: Floats, readings: Floats) -> float:
