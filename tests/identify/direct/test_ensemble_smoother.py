@@ -99,11 +99,11 @@ def test_scores_are_standard_normal_of_each_prior():
     parameters = (
         Parameter("a", 1.0, 0.1, 10.0, scale="log", prior=Prior(2.0, 0.6, "lognormal")),
         Parameter("b", 1.0, -9.0, 9.0, prior=Prior(1.0, 2.0)),
-        Parameter("c", 1.0, 0.0, 4.0),
+        Parameter("c", 1.0, 1.0, 4.0),
     )
     scores = NormalScores(parameters)
     p = scores.values(np.array([1.0, -0.5, 0.0]))
-    assert p == pytest.approx([2.0 * np.exp(0.3), 0.0, 2.0])
+    assert p == pytest.approx([2.0 * np.exp(0.3), 0.0, 2.5])
     assert scores.scores(p) == pytest.approx([1.0, -0.5, 0.0])
 
 
