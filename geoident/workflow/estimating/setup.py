@@ -9,8 +9,8 @@ from dataclasses import dataclass, field, replace
 from geoident.errors import InputError
 from geoident.forward.protocols import CaseModel
 from geoident.forward.reduced.kept import RestoredModel
-from geoident.forward.reduced.reducible import ReducibleResponse
 from geoident.forward.reduced.response import ReducedResponse
+from geoident.forward.reducible import ReducibleResponse
 from geoident.identify.problem.methods import refusals
 from geoident.identify.problem.problem import Problem
 from geoident.model.case import Case

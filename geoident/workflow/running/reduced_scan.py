@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from geoident.forward.reduced.reducible import ReducibleResponse
 from geoident.forward.reduced.response import ReducedResponse
+from geoident.forward.reducible import ReducibleResponse
 from geoident.identify.direct.scan import grid_axes
 from geoident.identify.objective.discrepancy import Discrepancy
 from geoident.identify.problem.ahead import Look, ReadingsAt, Turn, at_once, in_turns

@@ -23,7 +23,7 @@ from geoident.forward.elsewhere.model import ElsewhereModel
 from geoident.forward.model import StagedModel, staged_model
 from geoident.forward.openings.model import OpeningModel, opening_model
 from geoident.forward.protocols import CaseModel
-from geoident.forward.reduced.reducible import ReducibleResponse
+from geoident.forward.reducible import ReducibleResponse
 from geoident.identify.problem.ahead import Look, ReadingsAt
 from geoident.model.case import Case
 from geoident.model.mesh import Mesh
