@@ -108,7 +108,7 @@ def _runs(first: Ints, last: Ints) -> Ints:
     """
     many = last - first
     before = np.cumsum(many) - many
-    return np.arange(int(many.sum())) + np.repeat(first - before, many)
+    return np.asarray(np.arange(int(many.sum())) + np.repeat(first - before, many))
 
 
 def pairs_within(points: Floats, distance: float, cell: float) -> Ints:
