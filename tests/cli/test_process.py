@@ -72,6 +72,17 @@ def test_what_is_computed_without_a_fit_imports_nothing_needless(trench):
     assert [name for name in NEEDLESS if name in modules] == []
 
 
+def test_a_report_imports_nothing_that_computes():
+    code = (
+        "import sys, geoident.workflow.report, geoident.workflow.page_of_many\n"
+        "import geoident.report.page.page, geoident.report.drawing.album\n"
+        "print(*sys.modules)"
+    )
+    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    needless = ("forward.model", "forward.march.march", "identify.problem.problem", "workflow.fit")
+    assert not {f"geoident.{name}" for name in needless} & set(told.stdout.split())
+
+
 def wait_for(condition, process):
     for _ in range(3000):
         if condition():
