@@ -11,7 +11,7 @@ from geoident.forward.protocols import CaseModel
 from geoident.forward.reduced.kept import RestoredModel
 from geoident.forward.reduced.response import ReducedResponse
 from geoident.forward.reducible import ReducibleResponse
-from geoident.identify import refusals
+from geoident.identify.problem.methods import refusals
 from geoident.identify.problem.problem import Problem
 from geoident.model.case import Case
 from geoident.model.gauges import ReadingTable
