@@ -33,7 +33,7 @@ from geoident.forward.openings.face import (
     face_states,
 )
 from geoident.forward.protocols import Survey
-from geoident.forward.reduced.reducible import ReducibleResponse, SharedReduction
+from geoident.forward.reducible import ReducibleResponse, SharedReduction
 from geoident.forward.stages import CaseOnMesh
 from geoident.forward.structures.forces import MemberRecorder
 from geoident.forward.yielding.equivalent import equivalent_notes

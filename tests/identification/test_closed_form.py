@@ -23,7 +23,7 @@ from geoident.model.case import Stage
 from geoident.model.gauges import Channel
 from geoident.model.methods import ClosedFormOptions, GaussNewtonOptions
 from geoident.model.parameter import Parameter, Scalar
-from geoident.model.results.result import Counts
+from geoident.model.results.costs import Counts
 
 MPa = 1e6
 CASE = """\

@@ -12,7 +12,7 @@ from geoident.identify.posterior.sampling import sample_posterior
 from geoident.identify.problem.problem import Problem
 from geoident.model.methods import GaussNewtonOptions
 from geoident.model.parameter import Parameter, Prior
-from geoident.model.results.result import Counts
+from geoident.model.results.costs import Counts
 
 
 class Ridge:

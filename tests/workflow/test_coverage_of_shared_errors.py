@@ -19,7 +19,7 @@ from geoident.io.mesh.file import read_mesh
 from geoident.model.gauges import Channel, ErrorParts, Reading
 from geoident.model.methods import GaussNewtonOptions
 from geoident.model.parameter import Parameter
-from geoident.model.results.result import Counts
+from geoident.model.results.costs import Counts
 from geoident.workflow.estimating.accuracies import weighed
 from geoident.workflow.estimating.predictions import KnownErrors, predict_stages
 from geoident.workflow.running.readings import error_structure

@@ -71,7 +71,6 @@ from geoident.forward.march.stage import (
 )
 from geoident.forward.march.systems import GroundAt, StageSystem, StageSystems
 from geoident.forward.stages import CaseOnMesh, ConstructionState
-from geoident.forward.yielding.activity import ActivityRecord
 from geoident.model.arrays import Bools, Floats
 from geoident.model.dual import ParameterPoint
 from geoident.model.parameter import Values
@@ -241,8 +240,9 @@ class Run:
         self.traces: list[ElasticTrace] = []
         n_strain = systems.discretization.points.n_strain
         self._ground = GroundAt(march.on_mesh, point, n_strain)
-        record = ActivityRecord(self._ground.yield_limits(), march.case.stage_names[1:])
-        self._plastic_findings = PlasticFindings(record)
+        self._plastic_findings = PlasticFindings(
+            self._ground.yield_limits(), march.case.stage_names[1:]
+        )
         self._plastic = PlasticSteps(
             march.case,
             systems,
@@ -272,7 +272,7 @@ class Run:
             dict(plastic.overstressed),
             dict(plastic.localising),
             tuple(self._collapses),
-            plastic.record.activity(),
+            plastic.activity(),
         )
 
     def states(self) -> Iterator[StageEnd]:

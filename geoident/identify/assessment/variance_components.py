@@ -51,7 +51,7 @@ from geoident.identify.problem.errors import (
 )
 from geoident.identify.problem.problem import Problem, Scaling
 from geoident.model.arrays import Bools, Floats
-from geoident.model.results.result import NORMAL_95
+from geoident.model.results.bands import NORMAL_95
 
 LOWEST = -18.0
 """Logarithm of the smallest factor of a variance: a ten-thousandth of the first accuracy."""
