@@ -386,8 +386,7 @@ def estimate_components(likelihood: Likelihood, start: Floats) -> VarianceCompon
         likelihood: of the factors.
         start: (c,) logarithms of factors to begin with.
     """
-    t = _vanished(likelihood, _minimised(likelihood, start))
-    found = likelihood.terms(t)
+    t, found = likeliest_factors(likelihood, start)
     inner = (t > LOWEST) & (t < HIGHEST)
     covariance = np.zeros((len(t), len(t)))
     square = np.ix_(inner, inner)
@@ -402,6 +401,17 @@ def estimate_components(likelihood: Likelihood, start: Floats) -> VarianceCompon
     for c in np.flatnonzero(small).tolist():
         upper[c] = _upper_end(likelihood, t, c, found.value + _CHI_SQUARED_95)
     return VarianceComponents(t, covariance, lower, upper, found.value)
+
+
+def likeliest_factors(likelihood: Likelihood, start: Floats) -> tuple[Floats, LikelihoodTerms]:
+    """The logarithms t (c,) of the factors that the residuals make most likely, and -2 l there.
+
+    Args:
+        likelihood: of the factors.
+        start: (c,) logarithms of factors to begin with.
+    """
+    t = _vanished(likelihood, _minimised(likelihood, start))
+    return t, likelihood.terms(t)
 
 
 def _vanished(likelihood: Likelihood, t: Floats) -> Floats:
