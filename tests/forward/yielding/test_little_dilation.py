@@ -37,7 +37,7 @@ STAGES = tuple(
     for n, part in enumerate(RELEASED)
 )
 MESHES = Path(__file__).with_name("opening_meshes.npz")
-QUICK, FINE = (0.10, 0.05), (0.15, 0.03)
+QUICK, FINE = (0.10,), (0.15, 0.05, 0.03)
 DILATIONS = np.array([0.0, 2.0, 5.0, 10.0, 30.0])
 
 
@@ -113,7 +113,7 @@ def test_derivatives_without_dilation_are_those_of_the_response():
     pairs = [(gauge, "open") for gauge in ("wall", "crown", "inside")]
     p = np.array([CAVITY.E, 1.02 * C, PHI])
     _, slopes = parametric(0.05).response(pairs).evaluate(p)
-    for column in range(3):
+    for column in (1, 2):  # E: in test_derivatives.py
         step = np.zeros(3)
         step[column] = 4e-6 * p[column]
         there = [parametric(0.05).response(pairs).readings(p + sign * step) for sign in (1, -1)]
