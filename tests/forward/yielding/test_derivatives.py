@@ -228,7 +228,7 @@ LONG = (
     "tunnel, 16 planes",
     "shaft, smooth",
 )
-"""Slow: the surface, the ground and the loads of each are in others (Hoek and Brown's in tunnels)."""
+"""Slow: the surface, ground and loads of each are in others (Hoek and Brown's in tunnels)."""
 NAMES = [pytest.param(name, marks=[pytest.mark.slow] * (name in LONG)) for name in PROBLEMS]
 
 
