@@ -19,8 +19,9 @@ from geoident.model.methods import (
     MethodOptions,
 )
 from geoident.model.response import Response
+from geoident.model.results.costs import NO_COST, Counts
 from geoident.model.results.model_error import ModelErrorTable
-from geoident.model.results.result import NO_COST, AccuracyTable, Counts, Result
+from geoident.model.results.result import AccuracyTable, Result
 from geoident.model.results.surface import SurfaceTable
 from geoident.workflow.estimating.fitted_mesh import FittedMesh
 from geoident.workflow.estimating.model_error import (

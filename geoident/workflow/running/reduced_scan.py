@@ -23,7 +23,7 @@ from geoident.identify.problem.problem import Problem
 from geoident.model.arrays import Floats
 from geoident.model.methods import ScanOptions
 from geoident.model.response import Response
-from geoident.model.results.result import NO_COST, Counts
+from geoident.model.results.costs import NO_COST, Counts
 from geoident.workflow.running.reduced_answers import LedByReduced, reduced_around
 
 NEAR = 0.001
