@@ -46,6 +46,21 @@ def test_help_imports_nothing_heavy(arguments):
     assert len(modules) < 200
 
 
+def test_a_report_imports_nothing_that_computes():
+    """What solves equations takes as long to import as some figures to draw."""
+    code = (
+        "import sys, geoident.cli.app as app\n"
+        "try: app.geoident.main(['report', 'missing.h5'])\n"
+        "except BaseException: pass\n"
+        "print('|', *sys.modules)\n"
+    )
+    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    modules = set(told.stdout.rpartition("|")[2].split())
+    assert "matplotlib.figure" in modules
+    assert "geoident.report.page.page" in modules
+    assert not modules & {"scipy", "geoident.fem.solvers", "geoident.forward.march", "meshio"}
+
+
 def wait_for(condition, process):
     for _ in range(3000):
         if condition():
