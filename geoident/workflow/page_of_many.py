@@ -11,6 +11,7 @@ from geoident.io.result.campaign import is_campaign
 from geoident.io.result.project import is_project_result, read_project_result
 from geoident.model.results.many.campaign import CampaignTable
 from geoident.model.results.many.project import ProjectResult
+from geoident.workflow.campaign.runs import PAGE, read_runs
 from geoident.workflow.running.remade import place_of_page, write_remade
 from geoident.workflow.running.result_files import case_path
 
@@ -56,8 +57,6 @@ def write_page_of_many(
     given = Path(path)
     content: CampaignTable | ProjectResult
     if is_campaign(path):
-        from geoident.workflow.campaign.runs import PAGE, read_runs  # noqa: PLC0415 - there alone
-
         folder = given if given.is_dir() else given.parent
         place = place_of_page(output, folder / PAGE)
         content = read_runs(path)
