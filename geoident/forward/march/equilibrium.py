@@ -107,6 +107,9 @@ _SURE = 1e-4
 _NEAR = 1e-3
 """Out-of-balance force of a guess below which the factor of another march is tried."""
 
+_IN_REACH = 3e-3
+"""The same, below which it may lead the first step."""
+
 _WORTH = 10
 """Iterations of conjugate gradients that cost about as much as a factorization in the plane."""
 
@@ -254,13 +257,25 @@ class _LeadingFactors:
     led: bool = False
 
     def begun(self, trial: Trial) -> Trial:
-        """Where the steps begin: beyond those on the factor of the last march that are good."""
-        if not self.equations.large or self.equations.held is None:
+        """Where the steps begin in place of a trial.
+
+        Beside equilibrium that is beyond those on the factor of the last march that are good; far
+        from it at the elastic step where that has the lower Pi, as in ground that is stronger than
+        any known: elastic factors are held, and lead from there.
+        """
+        equations, held = self.equations, self.equations.held
+        if not equations.large or held is None:
             return trial
-        self.lead = self.equations.held.last()
+        if trial.error > _IN_REACH:
+            elastic = equations.at(Directions(equations, held, BALANCED).guess())
+            if equations.distance(elastic) >= equations.distance(trial):
+                return trial
+            self.lead = held.elastic()
+            return elastic
+        self.lead = held.last()
         if self.lead is None or trial.error > _NEAR:
             return trial
-        return _by_secants(self.equations, trial, self.lead)
+        return _by_secants(equations, trial, self.lead)
 
     def direction(self, trial: Trial, least: int) -> Floats:
         """The next step (n_dofs,).

@@ -95,13 +95,39 @@ def far_from_it(*parts):
     return response.counts.factorizations - before
 
 
-@pytest.mark.parametrize("strength", [2.0, 0.75])
-def test_far_from_what_is_known_no_step_is_lost(monkeypatch, strength):
+def test_far_from_what_is_known_no_step_is_lost(monkeypatch):
     """Tangents that keep a hundredth of the elastic stiffness lead there, not whole steps."""
     monkeypatch.setattr(stage_equations, "LARGE", 0)
-    few = far_from_it(1.0, strength)
+    monkeypatch.setattr(equilibrium, "_IN_REACH", 1e9)  # no elastic step
+    few = far_from_it(1.0, 0.75)
     monkeypatch.setattr(equilibrium, "_STIFFER", 0)
-    assert few < far_from_it(1.0, strength)
+    assert few < far_from_it(1.0, 0.75)
+
+
+def test_stronger_ground_begins_with_the_elastic_step(monkeypatch):
+    """Its factor is held from the first march on, and leads: the last ones are made on the end."""
+    monkeypatch.setattr(stage_equations, "LARGE", 0)
+    few = far_from_it(1.2, 2.0)
+    monkeypatch.setattr(equilibrium, "_IN_REACH", 1e9)
+    many = far_from_it(1.2, 2.0)
+    assert few <= len(STAGES) + 1 < many
+
+
+def test_what_was_known_at_a_time_can_be_given_back(monkeypatch):
+    """Without the factors, which are made again: one a stage."""
+    monkeypatch.setattr(stage_equations, "LARGE", 0)
+    response = heading().response(READ)
+    response.evaluate(P)
+    known = response.starts()
+    response.forget()
+    response.evaluate(1.5 * P)
+    costs = []
+    for begin in (response.forget, lambda: response.begin_from(known)):
+        begin()
+        before = response.counts.factorizations
+        response.readings(NEAR_BY * P)
+        costs.append(response.counts.factorizations - before)
+    assert costs[1] <= len(STAGES) < costs[0]
 
 
 def test_the_last_factor_serves_again_near_the_end(monkeypatch):
