@@ -12,7 +12,7 @@ from geoident.api.calling import AnyPath, processes, spoken
 from geoident.api.results import ResultFile, read_result
 from geoident.api.tables import ResultTable
 from geoident.io.text.wording import did_you_mean
-from geoident.model.results.campaign import CampaignTable, RunRecord
+from geoident.model.results.many.campaign import CampaignTable, RunRecord
 from geoident.report.text.campaign.spreadsheet import runs_columns, runs_csv
 from geoident.report.text.campaign.tables import campaign_text
 from geoident.workflow.campaign.campaign import compute, run_executor

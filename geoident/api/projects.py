@@ -14,7 +14,7 @@ from geoident.api.found import Found
 from geoident.api.tables import ResultTable
 from geoident.io.result.project import read_project_result
 from geoident.io.text.wording import did_you_mean
-from geoident.model.results.project import (
+from geoident.model.results.many.project import (
     CommonParameter,
     LawEstimate,
     ProjectResult,

@@ -15,6 +15,7 @@ import click
 
 from geoident import __version__
 from geoident.cli.error_boundary import PipeClosed, guarded
+from geoident.spare_imports import spare_imports
 
 COMMANDS = (
     "init",
@@ -138,6 +139,7 @@ def main() -> NoReturn:
         warnings.simplefilter("ignore")  # ours are said in words; those of libraries are noise
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="surrogateescape")  # names of files may be any bytes
+    spare_imports()
     try:
         geoident.main(prog_name="geoident")
     finally:

@@ -13,7 +13,7 @@ from geoident.cli.signals import stop_runs_on_signals
 from geoident.cli.terminal import Terminal
 from geoident.errors import ExitCode
 from geoident.io.result.campaign import record_object
-from geoident.model.results.campaign import CampaignTable, RunRecord
+from geoident.model.results.many.campaign import CampaignTable, RunRecord
 from geoident.report.text.campaign.spreadsheet import runs_csv
 from geoident.report.text.campaign.tables import failed_table, outcome_sentences, seconds_text
 from geoident.report.text.json import dumps

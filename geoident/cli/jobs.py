@@ -7,6 +7,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import nullcontext
 from functools import partial
+from typing import TYPE_CHECKING
 
 import click
 
@@ -21,12 +22,14 @@ from geoident.report.text.result import summary_text
 from geoident.workflow.estimating.finished import Finished
 from geoident.workflow.executing.stop import StopRequest
 from geoident.workflow.executing.workplace import workplace
-from geoident.workflow.predict import PredictRequest, plan_prediction, predict
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.jobs import Job, Request
 from geoident.workflow.running.outputs import Existing
 from geoident.workflow.running.result_files import outdated_beside, outdated_sentence
-from geoident.workflow.sample import SampleRequest, plan_sample, sample
+
+if TYPE_CHECKING:
+    from geoident.workflow.predict import PredictRequest
+    from geoident.workflow.sample import SampleRequest
 
 PlanJob = Callable[[Request], Job]
 RunJob = Callable[[Job, Control], Finished]
@@ -79,6 +82,8 @@ def run_case(
 
 def run_prediction(request: PredictRequest, options: Options) -> int:
     """Make a prediction, and say what came out."""
+    from geoident.workflow.predict import plan_prediction, predict
+
     task = plan_prediction(request)
     case, work = task.inputs.path, partial(predict, task)
     with mechanism_drawn(case, options):
@@ -96,6 +101,8 @@ def run_sample(request: SampleRequest, options: Options, *, cluster: str | None 
     Returns:
         The exit code.
     """
+    from geoident.workflow.sample import plan_sample, sample
+
     task = plan_sample(request)
     case, work = task.job.inputs.path, partial(sample, task)
     with mechanism_drawn(case, options):

@@ -76,26 +76,26 @@ class ReferenceElement:
         return self.cell.n_nodes
 
     def shapes(self, xi: Floats) -> Floats:
-        """Shape functions (n, n_a) at reference points (n, dim)."""
-        powers = xi[:, None, :] ** self.exponents[None]
-        return np.asarray(np.prod(powers, axis=2) * self._over_w(xi) @ self.coefficients)
+        """Shape functions (..., n_a) at reference points (..., dim)."""
+        powers = xi[..., None, :] ** self.exponents
+        return np.asarray(np.prod(powers, axis=-1) * self._over_w(xi) @ self.coefficients)
 
     def gradients(self, xi: Floats) -> Floats:
-        """Derivatives (n, n_a, dim) of the shape functions by the reference coordinates.
+        """Derivatives (..., n_a, dim) of the shape functions by the coordinates xi (..., dim).
 
         At the apex of a pyramid, where they have no limit, those along its axis.
         """
-        result = np.empty((xi.shape[0], self.n_nodes, self.dim))
-        powers = xi[:, None, :] ** self.exponents[None]
+        result = np.empty((*xi.shape[:-1], self.n_nodes, self.dim))
+        powers = xi[..., None, :] ** self.exponents
         over = self._over_w(xi)
         for axis in range(self.dim):
             lowered = np.maximum(self.exponents[:, axis] - 1, 0)
             factors = powers.copy()
-            factors[:, :, axis] = self.exponents[:, axis] * xi[:, None, axis] ** lowered
-            slopes = np.prod(factors, axis=2) * over
+            factors[..., axis] = self.exponents[:, axis] * xi[..., None, axis] ** lowered
+            slopes = np.prod(factors, axis=-1) * over
             if axis == 2 and self.apex.any():
-                slopes += np.prod(powers, axis=2) * self.apex * self._over_w(xi, more=1)
-            result[:, :, axis] = slopes @ self.coefficients
+                slopes += np.prod(powers, axis=-1) * self.apex * self._over_w(xi, more=1)
+            result[..., axis] = slopes @ self.coefficients
         return result
 
     def outside(self, xi: Floats) -> float:
@@ -106,10 +106,10 @@ class ReferenceElement:
         return float((self.walls[:, :-1] @ xi + self.walls[:, -1]).max())
 
     def _over_w(self, xi: Floats, *, more: int = 0) -> Floats | float:
-        """(n, n_a) w^-(apex + more) with w = 1 - z, and 0 for w = 0; 1 if nothing is divided."""
+        """(..., n_a) w^-(apex + more) with w = 1 - z, 0 for w = 0; 1 if nothing is divided."""
         if not self.apex.any():
             return 1.0
-        w = 1.0 - xi[:, 2:]
+        w = 1.0 - xi[..., 2:]
         powers = self.apex + more
         return np.asarray(np.where(w == 0, powers == 0, np.where(w == 0, 1.0, w) ** -powers))
 

@@ -14,6 +14,7 @@ from typing import Self
 
 import numpy as np
 
+from geoident.fem.near import points_in_boxes
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.cells import CELLS
 from geoident.model.mesh import ElementBlock, Mesh, spans
@@ -224,17 +225,15 @@ def hanging_nodes(mesh: Mesh, table: FaceTable) -> Ints:
     """
     faces = patches(mesh, table, table.free(np.ones(mesh.n_elements, dtype=bool)))
     outer = np.unique(np.concatenate([patch.nodes.ravel() for patch in faces]))
-    from scipy.spatial import cKDTree  # noqa: PLC0415 - 0.3 s
-
-    tree = cKDTree(mesh.points[outer])
     found = [np.empty(0, dtype=np.int64)]
     for patch in faces:
         corners = mesh.points[patch.nodes[:, : CELLS[patch.kind].n_corners]]
         centre = corners.mean(axis=1)
         reach = np.linalg.norm(corners - centre[:, None], axis=2).max(axis=1)
-        near = tree.query_ball_point(centre, reach)
-        row = np.repeat(np.arange(len(near)), [len(one) for one in near])
-        node = outer[np.concatenate([np.asarray(one, dtype=np.int64) for one in near])]
+        spare = 2.0 * _AT_ONE_PLACE * reach[:, None]
+        low, high = corners.min(axis=1) - spare, corners.max(axis=1) + spare
+        near, row = points_in_boxes(mesh.points[outer], low, high)
+        node = outer[near]
         own = np.linalg.norm(mesh.points[patch.nodes[row]] - mesh.points[node][:, None], axis=2)
         other = own.min(axis=1) > _AT_ONE_PLACE * reach[row]
         row, node = row[other], node[other]

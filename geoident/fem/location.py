@@ -7,19 +7,18 @@ that straight elements cut off is taken by the nearest element, up to `REACH` of
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from geoident.fem.elements import ReferenceElement, reference_element
+from geoident.fem.near import points_in_boxes
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.mesh import ElementBlock, Mesh, spans
 
 REACH = 0.1
 """How far outside an element a point may lie to be taken by it, in parts of its size."""
-
-_SPARE = 1e-6
-"""What is not decided by reference coordinates that are less exact, in parts of the size."""
 
 _NEWTON_STEPS = 25
 
@@ -57,21 +56,21 @@ class Locator:
     def sites(self, point: tuple[float, ...]) -> tuple[Site, ...]:
         """The elements that hold a point (dim,), m, the best first; empty if there is none."""
         if point not in self._known:  # a place is asked for by each of its channels
-            self._known[point] = self._find(point)
+            self.find((point,))
         return self._known[point]
 
-    def _find(self, point: tuple[float, ...]) -> tuple[Site, ...]:
-        x = np.asarray(point, dtype=np.float64)
-        found: list[Site] = []
+    def find(self, points: Iterable[tuple[float, ...]]) -> None:
+        """Find several points (dim,), m, together, before `sites` is asked for them."""
+        new = [point for point in dict.fromkeys(points) if point not in self._known]
+        x = np.array(new, dtype=np.float64).reshape(len(new), self._mesh.dim)
+        found: list[list[Site]] = [[] for _ in new]
         for (block, span), (low, high) in zip(spans(self._mesh.blocks), self._boxes, strict=True):
-            near = np.flatnonzero((x[0] >= low[:, 0]) & (x[0] <= high[:, 0]))
-            near = near[np.all((x >= low[near]) & (x <= high[near]), axis=1)]
-            found += [
-                site
-                for e in _within_reach(self._mesh, block, near, x)
-                if (site := _site(self._mesh, block, int(e), span.start, x)) is not None
-            ]
-        return tuple(sorted(found, key=lambda site: (max(site.outside, 1e-6), site.element)))
+            at, row = points_in_boxes(x, low, high)
+            for k, site in _sites(self._mesh, block, span.start, row, x[at]):
+                found[at[k]].append(site)
+        for point, sites in zip(new, found, strict=True):
+            sites.sort(key=lambda site: (max(site.outside, 1e-6), site.element))
+            self._known[point] = tuple(sites)
 
     def best(self, point: tuple[float, ...], present: Bools) -> Site | None:
         """The best of the elements that hold a point (dim,), m, and are present (n_elements,)."""
@@ -85,50 +84,64 @@ def _boxes(mesh: Mesh, block: ElementBlock) -> tuple[Floats, Floats]:
     return low - margin, high + margin
 
 
-def _within_reach(mesh: Mesh, block: ElementBlock, rows: Ints, x: Floats) -> Ints:
-    """Elements of a block (n,) without those that a point (dim,) is surely out of reach of.
+def _sites(
+    mesh: Mesh, block: ElementBlock, first: int, rows: Ints, x: Floats
+) -> Iterator[tuple[int, Site]]:
+    """Which of some points lie in elements of a block: their numbers, and the sites there.
 
-    Of the boxes that hold a point few elements do, and those are looked at one by one.
+    Args:
+        mesh: the mesh.
+        block: of one kind.
+        first: index of its first element.
+        rows: (n,) of the elements in the block.
+        x: (n, dim) the point that is looked for in each, m.
     """
-    if len(rows) < 2:
-        return rows
     reference = reference_element(block.kind)
     corners = mesh.points[block.nodes[rows]]
-    xi = reference_coordinates(reference, corners, np.tile(x, (len(rows), 1)))
-    outside = (xi @ reference.walls[:, :-1].T + reference.walls[:, -1]).max(axis=1)
-    return np.asarray(rows[outside <= REACH + _SPARE])
+    xi = _inverse_maps(reference, corners, x)
+    outside = (reference.walls[:, :-1] @ xi[..., None])[..., 0] + reference.walls[:, -1]
+    outside = outside.max(axis=1, initial=-np.inf)
+    within = np.flatnonzero(outside <= REACH)  # not where it is NaN
+    xi, corners = xi[within, None], corners[within]
+    local = reference.gradients(xi)[:, 0]
+    gradients = local @ np.linalg.inv(corners.swapaxes(1, 2) @ local)
+    shapes = reference.shapes(xi)[:, 0]
+    for n, k in enumerate(within):
+        e = int(rows[k])
+        yield int(k), Site(first + e, block.nodes[e], shapes[n], gradients[n], float(outside[k]))
 
 
-def _site(mesh: Mesh, block: ElementBlock, e: int, first: int, x: Floats) -> Site | None:
-    reference = reference_element(block.kind)
-    nodes = block.nodes[e]
-    xi = _inverse_map(reference, mesh.points[nodes], x)
-    if xi is None:
-        return None
-    outside = reference.outside(xi)
-    if outside > REACH:
-        return None
-    local = reference.gradients(xi[None])[0]
-    gradients = local @ np.linalg.inv(mesh.points[nodes].T @ local)
-    return Site(first + e, nodes, reference.shapes(xi[None])[0], gradients, outside)
+def _inverse_maps(reference: ReferenceElement, corners: Floats, x: Floats) -> Floats:
+    """Reference coordinates (n, dim) by Newton's method, to rounding; NaN where it does not end.
 
+    Each point has products of its own, so that the bits do not depend on what else is looked for.
 
-def _inverse_map(reference: ReferenceElement, corners: Floats, x: Floats) -> Floats | None:
-    """Reference coordinates of a point by Newton's method; None where it does not converge."""
-    xi = reference.nodes[: reference.cell.n_corners].mean(axis=0)
-    size = np.ptp(corners, axis=0).max()
-    for _ in range(_NEWTON_STEPS):
-        error = reference.shapes(xi[None])[0] @ corners - x
-        if np.abs(error).max() <= 1e-13 * size:
-            return np.asarray(xi)
-        jacobian = corners.T @ reference.gradients(xi[None])[0]
-        try:
-            xi = xi - np.linalg.solve(jacobian, error)
-        except np.linalg.LinAlgError:
-            return None
-        if np.abs(xi).max() > _FAR:
-            return None
-    return np.asarray(xi) if np.abs(error).max() <= 1e-9 * size else None
+    Args:
+        reference: the kind of all elements.
+        corners: (n, n_a, dim) nodes of the element in which each point is looked for, m.
+        x: (n, dim) the points, m.
+    """
+    start = reference.nodes[: reference.cell.n_corners].mean(axis=0)
+    found = np.full(x.shape, np.nan)
+    size = np.ptp(corners, axis=1).max(axis=1, initial=0.0)
+    open_, xi = np.arange(len(x)), np.tile(start, (len(x), 1))[:, None]
+    for step in range(_NEWTON_STEPS):
+        error = (reference.shapes(xi) @ corners[open_])[:, 0] - x[open_]
+        off = np.abs(error).max(axis=1, initial=0.0)
+        met = off <= 1e-13 * size[open_]
+        found[open_[met]] = xi[met, 0]
+        jacobian = corners[open_].swapaxes(1, 2) @ reference.gradients(xi)[:, 0]
+        stays = ~met & (np.abs(np.linalg.det(jacobian)) > 0.0)
+        open_, xi, error = open_[stays], xi[stays], error[stays]
+        xi = xi - np.linalg.solve(jacobian[stays], error[..., None])[:, None, :, 0]
+        near = np.abs(xi).max(axis=(1, 2), initial=0.0) <= _FAR
+        open_, xi, off = open_[near], xi[near], off[stays][near]
+        if step + 1 == _NEWTON_STEPS:
+            last = off <= 1e-9 * size[open_]
+            found[open_[last]] = xi[last, 0]
+        if not len(open_):
+            break
+    return found
 
 
 def reference_coordinates(reference: ReferenceElement, x: Floats, points: Floats) -> Floats:

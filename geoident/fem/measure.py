@@ -7,9 +7,9 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from geoident.fem.kinematics import Kinematics, block_geometry
+from geoident.fem.near import pairs_within
 from geoident.model.arrays import Floats, Ints
 from geoident.model.cells import CELLS
 from geoident.model.mesh import Mesh, nodes_in
@@ -30,13 +30,15 @@ def coinciding_nodes(mesh: Mesh) -> Ints:
         edges = np.array(CELLS[block.kind].shape.edges)
         ends = mesh.points[block.nodes[:, edges]]
         shortest = min(shortest, np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2).min())
-    found = cKDTree(mesh.points[used]).query_pairs(_ONE_PLACE * shortest, output_type="ndarray")
-    pairs = used[np.sort(found, axis=1)]
-    return np.asarray(pairs[np.lexsort(pairs.T[::-1])], dtype=np.int64)
+    found = pairs_within(mesh.points[used], _ONE_PLACE * shortest, _CELL * shortest)
+    return np.asarray(used[found], dtype=np.int64)
 
 
 _ONE_PLACE = 1e-3
 """Distance of nodes, in parts of the shortest edge, up to which they stand at one place."""
+
+_CELL = 0.25
+"""Size of the cells in which nodes are compared, in parts of the shortest edge."""
 
 
 def suspected_unit(low: Sequence[float], high: Sequence[float]) -> str:

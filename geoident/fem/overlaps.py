@@ -9,14 +9,13 @@ are taken near the corners, the middle and (in the plane) the quarters of each o
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import chain, product
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from geoident.fem.elements import ReferenceElement, reference_element
 from geoident.fem.faces import FaceTable
 from geoident.fem.location import reference_coordinates
+from geoident.fem.near import points_in_boxes
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.cells import CELLS
 from geoident.model.mesh import Mesh, spans
@@ -40,9 +39,6 @@ _LINEAR = 0.5
 
 _STRAIGHT = 1e-4
 """Distance of nodes from their places in the linear map, in parts of the size, that is none."""
-
-_GRID = {1: 1000, 2: 300, 3: 50}
-"""Cells along an axis of the grid on which places are looked for first, by the dimension."""
 
 _AT_A_TIME = 200_000
 """Pairs of places and elements whose arrays are held together."""
@@ -77,10 +73,9 @@ def overlaps(mesh: Mesh, table: FaceTable, part: Ints) -> Overlaps:
             of one part are present together.
     """
     element, place = _places(mesh, table, _single(table, part))
-    tree = cKDTree(place)
     found: list[tuple[Ints, Ints]] = []
     for block, span in spans(mesh.blocks):
-        at, row = _near(tree, place, mesh.points, block.nodes)
+        at, row = _in_their_boxes(place, mesh.points, block.nodes)
         foreign = element[at] != row + span.start
         at, row = at[foreign], row[foreign]
         for first in range(0, len(at), _AT_A_TIME):
@@ -138,7 +133,7 @@ def _moved_inwards(reference: ReferenceElement, on: Floats) -> Floats:
     return np.asarray((1.0 - t) * on + t * centre)
 
 
-def _near(tree: cKDTree, place: Floats, points: Floats, nodes: Ints) -> tuple[Ints, Ints]:
+def _in_their_boxes(place: Floats, points: Floats, nodes: Ints) -> tuple[Ints, Ints]:
     """Pairs of a place (m, dim) and an element with nodes (n, n_a) in whose box it is."""
     low = points[nodes[:, 0]]
     high = low.copy()
@@ -146,37 +141,7 @@ def _near(tree: cKDTree, place: Floats, points: Floats, nodes: Ints) -> tuple[In
         x = points[column]
         np.minimum(low, x, out=low)
         np.maximum(high, x, out=high)
-    some = np.flatnonzero(_may_hold(place, low, high))
-    low, high = low[some], high[some]
-    centre, reach = 0.5 * (low + high), 0.5 * np.linalg.norm(high - low, axis=1)
-    lists = tree.query_ball_point(centre, reach, return_sorted=False)
-    row = np.repeat(np.arange(len(some)), [len(one) for one in lists])
-    at = np.fromiter(chain.from_iterable(lists), dtype=np.int64, count=len(row))
-    inside = np.ones(len(row), dtype=np.bool_)
-    for x, lower, upper in zip(place.T, low.T, high.T, strict=True):
-        inside &= (x[at] >= lower[row]) & (x[at] <= upper[row])
-    return at[inside], some[row[inside]]
-
-
-def _may_hold(place: Floats, low: Floats, high: Floats) -> Bools:
-    """(n,) whether boxes (n, dim) reach a cell of a coarse grid that has any of some places."""
-    n, dim = _GRID[place.shape[1]], place.shape[1]
-    origin, size = place.min(axis=0), np.maximum(np.ptp(place, axis=0), 1e-300)
-
-    def cells(x: Floats) -> Ints:
-        return np.asarray(np.clip((x - origin) / size * n, 0, n - 1), dtype=np.int64)
-
-    flat = np.ravel_multi_index(tuple(cells(place).T), (n,) * dim)
-    below = np.bincount(flat, minlength=n**dim).reshape((n,) * dim)
-    for axis in range(dim):  # places in all cells up to and with one
-        below = np.cumsum(below, axis=axis)
-    below = np.pad(below, [(1, 0)] * dim)
-    first, last = cells(low), cells(high) + 1
-    count = np.zeros(len(low), dtype=np.int64)
-    for ends in product((False, True), repeat=dim):
-        corner = tuple(np.where(np.array(ends), last, first).T)
-        count += (-1) ** (dim - sum(ends)) * below[corner]
-    return np.asarray(count > 0)
+    return points_in_boxes(place, low, high)
 
 
 def _lies_deep(kind: str, points: Floats, nodes: Ints, row: Ints, place: Floats) -> Bools:

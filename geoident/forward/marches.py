@@ -22,7 +22,7 @@ from geoident.forward.openings.face import advancing_face
 from geoident.forward.stages import CaseOnMesh
 from geoident.model.arrays import Floats
 from geoident.model.dual import ParameterPoint
-from geoident.model.results.result import Counts
+from geoident.model.results.costs import Counts
 
 WHOLE = RunOptions()
 """All states with their derivatives."""

@@ -21,7 +21,8 @@ from geoident.forward.gauges.observation import Observation
 from geoident.forward.ground.field import field_notes, point_field, with_modes
 from geoident.forward.in_situ.growth import growth_notes, point_growths, start_faults
 from geoident.forward.march.fields import MeshRecorder
-from geoident.forward.march.march import Run, RunFindings, RunOptions
+from geoident.forward.march.march import Run, RunOptions
+from geoident.forward.march.plastic_step import PlasticFindings
 from geoident.forward.march.stage import StageEnd
 from geoident.forward.march.virgin import contradictions, overburden_notes, surface_gaps
 from geoident.forward.marches import Marches
@@ -33,7 +34,7 @@ from geoident.forward.openings.face import (
     face_states,
 )
 from geoident.forward.protocols import Survey
-from geoident.forward.reduced.reducible import ReducibleResponse, SharedReduction
+from geoident.forward.reducible import ReducibleResponse, SharedReduction
 from geoident.forward.stages import CaseOnMesh
 from geoident.forward.structures.forces import MemberRecorder
 from geoident.forward.yielding.equivalent import equivalent_notes
@@ -245,11 +246,11 @@ class StagedModel(Marches):
             None if recorder is None else recorder.fields.series(),
             members.table() if last is None else None,
             tuple(error.message for error in found.collapses),
-            found.activity,
+            found.plastic.activity(),
             (
                 *face_note(self.face, self.on_mesh, values),
                 *_equal_notes(equal, self.case.stage_names),
-                *_unbalanced_notes(found),
+                *_unbalanced_notes(found.plastic),
                 *imbalance_notes(found.imbalance),
                 *self._contradiction_notes(values),
             ),
@@ -433,7 +434,7 @@ def _first_mechanism(collapses: Sequence[CollapseError]) -> Mechanism | None:
     return next((motion for motion in motions if isinstance(motion, Mechanism)), None)
 
 
-def _unbalanced_notes(found: RunFindings) -> Iterator[str]:
+def _unbalanced_notes(found: PlasticFindings) -> Iterator[str]:
     """What a march left unbalanced, or beyond the yield surface."""
     why = (
         "with a dilation far below the friction the flow tends to shear in bands: the acoustic "

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Protocol
 
 from geoident.model.arrays import Floats
-from geoident.model.results.result import Counts
+from geoident.model.results.costs import Counts
 
 
 class AsksModel(Protocol):

@@ -13,8 +13,9 @@ from geoident.forward.stages import ConstructionSequence
 from geoident.model.arrays import Floats
 from geoident.model.case import Case
 from geoident.model.response import Response
+from geoident.model.results.costs import Counts
 from geoident.model.results.opening import FaceAdvance, GroundReaction
-from geoident.model.results.result import Counts, FieldSeries, MemberForces, SupportReactions
+from geoident.model.results.result import FieldSeries, MemberForces, SupportReactions
 from geoident.model.results.yielded import Mechanism, YieldedGround
 from geoident.model.yielding import Activity
 

@@ -20,6 +20,7 @@ from geoident.forward.marches import Marches
 from geoident.forward.model_response import ModelResponse
 from geoident.forward.openings.model import OpeningResponse, opening_in_mesh
 from geoident.forward.openings.site import Circle
+from geoident.forward.reduced.reduction import Reduction
 from geoident.forward.staged_system import StagedSystem, bilinear
 from geoident.model.arrays import Floats
 from geoident.model.dual import ParameterPoint
@@ -43,6 +44,10 @@ class StagedResponse(ModelResponse):
         marches: of the case.
         pairs: channel and stage of every reading.
         times: when each was read; None for what is known of its stage.
+
+    Attributes:
+        reduction: is given the marches with derivatives, for a reduced model; None for none.
+        learns: whether it is given the next one, too.
     """
 
     def __init__(
@@ -61,6 +66,8 @@ class StagedResponse(ModelResponse):
         self._places = ReadingPlaces.of(marches.case, pairs, times)
         self._row, self._state = self._places.rows, self._places.states
         self._last = int(self._state.max(initial=0))
+        self.reduction: Reduction | None = None
+        self.learns = True
 
     def readings(self, p: Floats) -> Floats:
         """v(p), (g,), m."""
@@ -72,8 +79,10 @@ class StagedResponse(ModelResponse):
 
     @property
     def backwards(self) -> bool:
-        """Whether derivatives come by adjoints."""
-        return self.adjoints.cost_less(len(self.names))
+        """Whether derivatives come by adjoints: not while marches are kept."""
+        if not self.adjoints.cost_less(len(self.names)):
+            return False
+        return self.reduction is None or not self.reduction.covers()
 
     def remembers(self, p: Floats) -> None:
         """The answer at p (n,) with derivatives is known and was counted, from an earlier run."""
@@ -99,8 +108,17 @@ class StagedResponse(ModelResponse):
         self._marches.march.warm = starts
 
     def by_tangents(self, p: Floats) -> tuple[Floats, Floats]:
-        """v(p), (g,), and its Jacobian, (g, n): one column a parameter through the stages."""
-        table = self._run(p, derivatives=True)
+        """v(p), (g,), and its Jacobian, (g, n): one column a parameter through the stages.
+
+        A march that is kept goes as far as the reduced model is to go.
+        """
+        reduction = self.reduction if self.learns else None
+        recorder = None if reduction is None or reduction.knows(p) else reduction.recorder(p)
+        if reduction is None or recorder is None:
+            table = self._run(p, derivatives=True)
+        else:
+            table = self._run(p, derivatives=True, last=reduction.last, tell=recorder.add)
+            reduction.add(recorder.snapshot)
         return table[:, 0], table[:, 1:]
 
     def increments(self, p: Floats) -> Floats:
@@ -130,7 +148,7 @@ class StagedResponse(ModelResponse):
         table = self.adjoints.table(run, observed[-1][0], seen)
         values = run.given.values
         marches.last_adjoints = AdjointTable(values, self._row, self._state, table.copy())
-        self._activity = p.tobytes(), run.findings.activity
+        self._activity = p.tobytes(), run.findings.plastic.activity()
         table += marches.instrument_errors.added(marches.values(p), self.names, self._places)
         return table[:, 0], table[:, 1:]
 
@@ -275,7 +293,7 @@ class StagedResponse(ModelResponse):
             seen.append(marches.observation.values(MarchState(end, run.point, marches.structures)))
             if tell is not None:
                 tell(end, run)
-        self._activity = p.tobytes(), run.findings.activity
+        self._activity = p.tobytes(), run.findings.plastic.activity()
         return np.stack(seen)
 
     def _unit_forces(self) -> UnitForces:

@@ -1,10 +1,25 @@
-"""Identification of parameters from readings: vectors in, vectors out, no soil, no meshes."""
+"""Identification of parameters from readings: vectors in, vectors out, no soil, no meshes.
+
+The names are loaded when they are asked for: what is computed without a fit needs the parts where
+readings and methods are described, and none of those that judge an estimate.
+"""
 
 from __future__ import annotations
 
-from geoident.identify.assessment.uncertainty import Assessment, assess, predict_band
-from geoident.identify.problem.methods import METHODS, Method, descend, identify, refusal, refusals
-from geoident.identify.problem.problem import Observer, Outcome, Problem
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from geoident.identify.assessment.uncertainty import Assessment, assess, predict_band
+    from geoident.identify.problem.methods import (
+        METHODS,
+        Method,
+        descend,
+        identify,
+        refusal,
+        refusals,
+    )
+    from geoident.identify.problem.problem import Observer, Outcome, Problem
 
 __all__ = [
     "METHODS",
@@ -20,3 +35,18 @@ __all__ = [
     "refusal",
     "refusals",
 ]
+
+_ROOMS = {
+    "assessment.uncertainty": ("Assessment", "assess", "predict_band"),
+    "problem.methods": ("METHODS", "Method", "descend", "identify", "refusal", "refusals"),
+    "problem.problem": ("Observer", "Outcome", "Problem"),
+}
+
+
+def __getattr__(name: str) -> Any:
+    """A name of the list above, from its room."""
+    for room, names in _ROOMS.items():
+        if name in names:
+            return getattr(import_module(f"{__name__}.{room}"), name)
+    msg = f"module {__name__!r} has no attribute {name!r}"
+    raise AttributeError(msg)

@@ -22,7 +22,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from geoident.model.arrays import Floats, Ints
-from geoident.model.results.result import Counts
+from geoident.model.results.costs import Counts
 
 
 @runtime_checkable

@@ -15,8 +15,9 @@ import numpy as np
 from geoident.io.result.file import read_result
 from geoident.model.arrays import Floats
 from geoident.model.results.backtest import Backtest
+from geoident.model.results.bands import Prediction
 from geoident.model.results.comparison import Amount, Comparison, Difference, Place, Tolerance
-from geoident.model.results.result import GaugeTable, ParameterTable, Prediction, Result
+from geoident.model.results.result import GaugeTable, ParameterTable, Result
 from geoident.units import DIMENSIONLESS
 
 NamedAmounts = Iterator[tuple[Place, Amount]]

@@ -15,8 +15,10 @@ from geoident.identify.posterior.sampling import trustworthy
 from geoident.identify.problem.problem import Problem
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.parameter import Parameter
+from geoident.model.results.bands import Prediction
+from geoident.model.results.costs import Counts
 from geoident.model.results.posterior import LEVELS, PosteriorDraws
-from geoident.model.results.result import Counts, ParameterTable, Prediction, Result
+from geoident.model.results.result import ParameterTable, Result
 from geoident.workflow.estimating.estimate import known_errors
 from geoident.workflow.estimating.fields import drawn_fields
 from geoident.workflow.estimating.predictions import KnownErrors

@@ -9,8 +9,8 @@ from pathlib import Path
 from geoident.errors import UsageError
 from geoident.io.result.campaign import is_campaign
 from geoident.io.result.project import is_project_result, read_project_result
-from geoident.model.results.campaign import CampaignTable
-from geoident.model.results.project import ProjectResult
+from geoident.model.results.many.campaign import CampaignTable
+from geoident.model.results.many.project import ProjectResult
 from geoident.workflow.campaign.runs import PAGE, read_runs
 from geoident.workflow.running.remade import place_of_page, write_remade
 from geoident.workflow.running.result_files import case_path

@@ -21,7 +21,8 @@ from geoident.model.arrays import Bools, Ints
 from geoident.model.case import Case
 from geoident.model.gauges import Reading, ReadingTable
 from geoident.model.ground import Field
-from geoident.model.results.result import ParameterTable, Prediction, Provenance, Result
+from geoident.model.results.bands import Prediction
+from geoident.model.results.result import ParameterTable, Provenance, Result
 from geoident.workflow.estimating.diagnosis import at_used
 from geoident.workflow.estimating.estimate import later_errors, look, predicted
 from geoident.workflow.estimating.fields import require_same_modes

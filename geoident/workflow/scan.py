@@ -6,7 +6,8 @@ from geoident.errors import ExitCode
 from geoident.fem.solvers.threads import one_thread
 from geoident.identify.problem.problem import Outcome, Problem
 from geoident.model.methods import method_name
-from geoident.model.results.result import Counts, GaugeTable, Result
+from geoident.model.results.costs import Counts
+from geoident.model.results.result import GaugeTable, Result
 from geoident.workflow.estimating.diagnosis import bare_parameter_table
 from geoident.workflow.estimating.estimate import searched, surveyed
 from geoident.workflow.estimating.finished import Finished

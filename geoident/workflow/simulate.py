@@ -22,7 +22,8 @@ from geoident.io.text.atomic import atomic_output, refuse_inputs
 from geoident.model.arrays import Floats
 from geoident.model.case import Case
 from geoident.model.gauges import Reading
-from geoident.model.results.result import Counts, FieldSeries
+from geoident.model.results.costs import Counts
+from geoident.model.results.result import FieldSeries
 from geoident.model.results.yielded import Mechanism
 from geoident.workflow.running.jobs import (
     NO_READINGS,

@@ -28,6 +28,7 @@ def found(tmp_path_factory):
 
     def find(name, **changes):
         output = tmp_path_factory.mktemp("pit") / f"{name}.h5"
+        changes["fit.backtest"] = False
         return fit(load_case(str(CASE), changes), output=str(output))
 
     return find

@@ -17,7 +17,7 @@ import pytest
 import geoident
 from geoident.cli.campaign import _Progress
 from geoident.cli.options import Options
-from geoident.model.results.campaign import RunRecord
+from geoident.model.results.many.campaign import RunRecord
 from geoident.workflow.campaign.one_run import compute, tasks
 from geoident.workflow.campaign.plan import plan_campaign
 from geoident.workflow.campaign.runs import read_runs

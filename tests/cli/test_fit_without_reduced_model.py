@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from geoident.forward.reduced.reducible import ReducibleResponse
+from geoident.forward.reducible import ReducibleResponse
 
 
 @pytest.mark.parametrize("command", ["fit", "scan"])

@@ -46,6 +46,32 @@ def test_help_imports_nothing_heavy(arguments):
     assert len(modules) < 200
 
 
+NEEDLESS = (
+    "scipy.special", "scipy.spatial", "scipy.optimize", "scipy.interpolate", "scipy.stats",
+    "numpy.f2py.f2py2e", "numpy.testing._private", "unittest",
+    "meshio", "openpyxl", "matplotlib", "rich", "arviz", "distributed",
+    "geoident.identify.assessment.uncertainty", "geoident.workflow.programs.program",
+    "geoident.workflow.predict", "geoident.workflow.sample",
+)  # fmt: skip
+"""What neither a check nor a simulation of a case with a mesh of its own needs."""
+
+
+def test_what_is_computed_without_a_fit_imports_nothing_needless(trench):
+    code = (
+        "import sys\n"
+        "from geoident.cli import main\n"
+        "for command in ('check', 'simulate'):\n"
+        "    sys.argv = ['geoident', command, 'case.yaml', '-q']\n"
+        "    try: main()\n"
+        "    except SystemExit as ended: assert ended.code == 0, command\n"
+        "print('|', *sys.modules)\n"
+    )
+    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    modules = told.stdout.rpartition("|")[2].split()
+    assert "geoident.forward.model" in modules
+    assert [name for name in NEEDLESS if name in modules] == []
+
+
 def wait_for(condition, process):
     for _ in range(3000):
         if condition():

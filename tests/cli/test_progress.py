@@ -6,7 +6,8 @@ import pytest
 from geoident.cli.options import Options
 from geoident.cli.terminal import Pace, Terminal
 from geoident.model.parameter import Parameter
-from geoident.model.results.result import Counts, Iteration
+from geoident.model.results.costs import Counts
+from geoident.model.results.result import Iteration
 from geoident.workflow.fit import fit
 from geoident.workflow.running.control import Control, Silent
 from geoident.workflow.running.jobs import Request, plan_fit

@@ -9,7 +9,7 @@ from geoident.errors import InputError, ModelError
 from geoident.fem.elements import reference_element
 from geoident.fem.faces import face_table
 from geoident.fem.location import reference_coordinates
-from geoident.fem.overlaps import _may_hold, overlaps
+from geoident.fem.overlaps import overlaps
 from geoident.model.case import Stage
 from geoident.model.cells import CELLS
 from geoident.model.mesh import Mesh
@@ -167,18 +167,3 @@ def test_what_is_loose_since_its_nodes_are_copies_says_so():
     with pytest.raises(ModelError) as caught:
         on(mesh, {"rock": "rock", "block": "rock"})
     assert "3 of its nodes stand where nodes of 'rock' stand" in caught.value.hint
-
-
-@pytest.mark.parametrize("dim", [2, 3])
-def test_every_box_with_a_place_in_it_is_looked_at(dim):
-    """And few others, where places lie on a face of the mesh."""
-    random = np.random.default_rng(5)
-    place = random.random((300, dim))
-    place[:, 0] = 0.0
-    place[0] = 1.0  # the grid reaches over all of the mesh
-    low = random.uniform(-0.2, 1.0, (2000, dim))
-    high = low + random.uniform(0.0, 0.15, (2000, dim))
-    inside = (place[:, None] >= low) & (place[:, None] <= high)
-    looked_at = _may_hold(place, low, high)
-    assert looked_at[inside.all(axis=2).any(axis=0)].all()
-    assert looked_at.mean() < 0.3

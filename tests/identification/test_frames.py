@@ -72,7 +72,13 @@ def test_derivatives_by_distances_and_hardening_are_exact(name: str) -> None:
     assert_exact(model, p, model.names, step=1e-4, rtol=1e-6)
 
 
-@pytest.mark.parametrize("name", ["a", "b", "c", "d", "a10t", "b30t", "c10t"])
+QUICK = ("a", "c", "d", "a10t")
+"""Of a truss and a beam; those that take longer are of the same two."""
+
+
+@pytest.mark.parametrize(
+    "name", [*QUICK, *(pytest.param(n, marks=pytest.mark.slow) for n in ("b", "b30t", "c10t"))]
+)
 def test_the_implicit_method_reaches_the_published_optimum(name: str, verification) -> None:
     given = problem(name)
     found = implicit(given, ComplementarityOptions(), silent)

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from geoident.identify.problem.problem import Problem
-from geoident.model.results.result import Counts
+from geoident.model.results.costs import Counts
 
 
 class Formula:

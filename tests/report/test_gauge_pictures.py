@@ -7,7 +7,7 @@ import pytest
 from matplotlib.text import Text
 
 from geoident.model.gauges import ReadingTable
-from geoident.model.results.result import NORMAL_95, Prediction
+from geoident.model.results.bands import NORMAL_95, Prediction
 from geoident.report.drawing.gauges.axis import computed_of, stage_axis
 from geoident.report.drawing.gauges.course import (
     face_pictures,

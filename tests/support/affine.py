@@ -9,7 +9,7 @@ import numpy as np
 
 from geoident.model.arrays import Floats
 from geoident.model.response import Condensed
-from geoident.model.results.result import Counts
+from geoident.model.results.costs import Counts
 
 
 @dataclass

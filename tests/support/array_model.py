@@ -23,7 +23,7 @@ from geoident.forward.staged_system import Affine, LoadStage, PointLaw, StagedSy
 from geoident.model.arrays import Floats, Ints
 from geoident.model.dual import Dual
 from geoident.model.response import BilinearSystem
-from geoident.model.results.result import Counts
+from geoident.model.results.costs import Counts
 from geoident.model.yielding import Activity
 
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from geoident.errors import CollapseError
 from geoident.model.arrays import Floats
-from geoident.model.results.result import Counts
+from geoident.model.results.costs import Counts
 from geoident.model.yielding import Activity
 
 

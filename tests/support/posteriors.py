@@ -6,7 +6,6 @@ import numpy as np
 from scipy.stats import chisquare
 
 from geoident.identify import identify
-from geoident.identify.objective.discrepancy import Discrepancy
 from geoident.identify.posterior.draws import Wish
 from geoident.identify.posterior.sampling import sample_posterior
 from geoident.identify.problem.problem import Problem
@@ -49,29 +48,38 @@ def problem_of_ridge(prior: Prior | None) -> Problem:
     )
 
 
-def grid_quantiles(problem: Problem, of: int, n: int = 300) -> tuple[np.ndarray, np.ndarray]:
-    """Values of one of two parameters and the probability below, by summing exp(-phi/2).
+def grid_quantiles(problem: Problem, n: int = 300) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Values of each of the two parameters of a ridge and the probability below, by summing.
 
-    Cells are even in ln p; a density that is one in p is multiplied with p.
+    The density is written as Bayes says it, of normal errors and of the density of the prior in its
+    own variable. Cells are even in ln p; a density that is one in p is multiplied with p.
     """
     axes = [
         np.exp(np.linspace(np.log(q.lower), np.log(q.upper), 2 * n + 1)[1::2])
         for q in problem.parameters
     ]
-    phi = Discrepancy(problem)
-    density = np.array(
-        [
-            [np.exp(-0.5 * phi.objective_of(p, problem.response.readings(p))) for p in row]
-            for row in np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
-        ]
-    )
-    for axis, (q, values) in enumerate(zip(problem.parameters, axes, strict=True)):
-        in_p = q.scale == "linear" if q.prior is None else q.prior.kind == "normal"
+    E, stress = np.meshgrid(*axes, indexing="ij")
+    v = Ridge.sizes[:, None, None] * stress / E
+    off = (v - problem.measured[:, None, None]) / problem.sd[:, None, None]
+    logarithm = -0.5 * (off**2).sum(axis=0)
+    for q, values in zip(problem.parameters, (E, stress), strict=True):
+        if q.prior is None:
+            in_p = q.scale == "linear"
+        elif q.prior.kind == "normal":
+            logarithm -= 0.5 * ((values - q.prior.mean) / q.prior.sd) ** 2
+            in_p = True
+        else:  # its logarithm is normal, about that of the mean
+            far = np.log(values / q.prior.mean) / (q.prior.sd / q.prior.mean)
+            logarithm -= 0.5 * far**2
+            in_p = False
         if in_p:
-            density = density * (values if axis else values[:, None])
-    alone = density.sum(axis=1 - of)
-    cumulated = np.cumsum(alone) - 0.5 * alone
-    return axes[of], cumulated / alone.sum()
+            logarithm += np.log(values)
+    density = np.exp(logarithm)
+    found = []
+    for of, values in enumerate(axes):
+        alone = density.sum(axis=1 - of)
+        found.append((values, (np.cumsum(alone) - 0.5 * alone) / alone.sum()))
+    return found
 
 
 class Opening:

@@ -9,15 +9,15 @@ import numpy as np
 from geoident.io.result.reading_tables import long_table
 from geoident.model.mesh import ElementBlock, Mesh
 from geoident.model.parameter import Prior
+from geoident.model.results.bands import Prediction
+from geoident.model.results.costs import Counts
 from geoident.model.results.result import (
-    Counts,
     Diagnostics,
     FieldSeries,
     GaugeTable,
     Grid,
     Iteration,
     ParameterTable,
-    Prediction,
     Provenance,
     Result,
 )

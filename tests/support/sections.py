@@ -8,7 +8,7 @@ from geoident.identify.hierarchical.arrangement import SectionReadings
 from geoident.model.parameter import Parameter
 from geoident.model.project.formulas import LawTerm
 from geoident.model.project.project import ParameterLaw, Scatter
-from geoident.model.results.result import Counts
+from geoident.model.results.costs import Counts
 
 
 def name(text):

@@ -3,6 +3,7 @@
 import os
 import signal
 import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -52,6 +53,16 @@ def _obey(task):
     if word == "raise":
         raise ZeroDivisionError("nobody thought of it")
     return word
+
+
+def importing():
+    return _imported
+
+
+def _imported(names):
+    import scipy.sparse  # noqa: F401, PLC0415 - what it imports is asked for
+
+    return [name for name in names if name in sys.modules]
 
 
 def broken():

@@ -1,8 +1,8 @@
 """Intervals and bands hold the truth as often as they say where readings share errors.
 
-200 replicates each: of a linear model, fast, and of a trench with measured zeros, heads and surveys
-(slow), whose errors are drawn by `geoident simulate --noise`. The same data counted as
-independent fail.
+60 replicates of a linear model, and (slow) 200 of it and of a trench with measured zeros, heads and
+surveys, whose errors are drawn by `geoident simulate --noise`. The same data counted as independent
+fail. Of 60 the share inside is known to 0.03 where it is 0.95.
 """
 
 import numpy as np
@@ -19,7 +19,7 @@ from geoident.io.mesh.file import read_mesh
 from geoident.model.gauges import Channel, ErrorParts, Reading
 from geoident.model.methods import GaussNewtonOptions
 from geoident.model.parameter import Parameter
-from geoident.model.results.result import Counts
+from geoident.model.results.costs import Counts
 from geoident.workflow.estimating.accuracies import weighed
 from geoident.workflow.estimating.predictions import KnownErrors, predict_stages
 from geoident.workflow.running.readings import error_structure
@@ -27,6 +27,10 @@ from geoident.workflow.simulate import with_noise
 from tests.support.trench import CASE, write_case
 
 REPLICATES = 200
+NUMBERS = pytest.mark.parametrize(
+    ("replicates", "low", "high"),
+    [(60, 0.90, 0.99), pytest.param(REPLICATES, 0.93, 0.97, marks=pytest.mark.slow)],
+)
 
 
 class Linear:
@@ -94,7 +98,8 @@ def later_part(J, structure, used, problem, p, known):
     return J[used:] @ p + later.shift, predict_band(known, later.jacobian, later.sd).sd
 
 
-def test_linear_model_with_zeros_and_heads():
+@NUMBERS
+def test_linear_model_with_zeros_and_heads(replicates, low, high):
     J, rows, parts = layout()
     structure, used = structure_of(rows, parts), 72
     generator = np.random.default_rng(21)
@@ -102,7 +107,7 @@ def test_linear_model_with_zeros_and_heads():
     total = np.full(used, parts.total())
     inside = {"shared": [], "independent": []}
     bands = {"shared": [], "independent": []}
-    for _ in range(REPLICATES):
+    for _ in range(replicates):
         y = J @ TRUTH + drawn(structure, generator)
         right = Problem(Linear(J[:used]), y[:used], sd, UNKNOWN, shared=shared)
         naive = Problem(Linear(J[:used]), y[:used], total, UNKNOWN)
@@ -113,12 +118,15 @@ def test_linear_model_with_zeros_and_heads():
         p = solved(right).values
         mean, band = later_part(J, structure, used, right, p, assess(right, p, J[:used]))
         bands["shared"].append(np.abs(y[used:] - mean) < 1.96 * band)
-    assert 0.93 <= np.mean(inside["shared"]) <= 0.97
-    assert 0.93 <= np.mean(bands["shared"]) <= 0.97
+    assert low <= np.mean(inside["shared"]) <= high
+    assert low <= np.mean(bands["shared"]) <= high
     assert np.mean(inside["independent"]) < 0.90
 
 
-def test_stated_accuracies_three_times_too_good_fail_and_estimated_ones_cover():
+@NUMBERS
+def test_stated_accuracies_three_times_too_good_fail_and_estimated_ones_cover(
+    replicates, low, high
+):
     J, rows, parts = layout()
     true = structure_of(rows, parts)
     names = ("reading", "zero", "head")
@@ -130,7 +138,7 @@ def test_stated_accuracies_three_times_too_good_fail_and_estimated_ones_cover():
     generator, used = np.random.default_rng(5), 72
     part = stated.rows(np.arange(used))
     inside, factors, failed = [], [], []
-    for _ in range(REPLICATES):
+    for _ in range(replicates):
         y = J @ TRUTH + drawn(true, generator)
         sd, shared = part.at(np.zeros(1))
         problem = Problem(Linear(J[:used]), y[:used], sd, UNKNOWN, shared=shared)
@@ -144,8 +152,8 @@ def test_stated_accuracies_three_times_too_good_fail_and_estimated_ones_cover():
         ends = 0.5 * found.components.lower[0], 0.5 * found.components.upper[0]
         factors.append(ends[0] < np.log(3.0) < ends[1])
     assert np.mean(failed) < 0.65
-    assert 0.93 <= np.mean(inside) <= 0.97
-    assert 0.91 <= np.mean(factors) <= 0.99
+    assert low <= np.mean(inside) <= high
+    assert low - 0.02 <= np.mean(factors) <= min(1.0, high + 0.02)
 
 
 GAUGES = """\

@@ -14,7 +14,7 @@ from geoident.model.actions import Pressure
 from geoident.model.case import Analysis, Stage, Support
 from geoident.model.in_situ import ConstantStress
 from geoident.model.parameter import Scalar
-from geoident.model.results.result import NO_COST
+from geoident.model.results.costs import NO_COST
 from geoident.workflow.estimating import fitted_mesh as in_fits
 from geoident.workflow.estimating import mesh_error as module
 from geoident.workflow.estimating.mesh_error import mesh_error, mesh_sentence

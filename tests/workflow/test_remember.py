@@ -7,7 +7,7 @@ import pytest
 
 from geoident.errors import ExitCode, Interrupted, ModelError
 from geoident.model.response import Condensed
-from geoident.model.results.result import Counts
+from geoident.model.results.costs import Counts
 from geoident.workflow.running.control import Control, Silent, StopRequest
 from geoident.workflow.running.evaluation_log import Remembered
 

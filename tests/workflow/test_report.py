@@ -6,13 +6,9 @@ import numpy as np
 import pytest
 
 from geoident.model.parameter import Prior
-from geoident.model.results.result import (
-    Counts,
-    ParameterTable,
-    Prediction,
-    Provenance,
-    Result,
-)
+from geoident.model.results.bands import Prediction
+from geoident.model.results.costs import Counts
+from geoident.model.results.result import ParameterTable, Provenance, Result
 from geoident.report.text.json import dumps, result_object
 from geoident.report.text.result import result_text
 from tests.support.results import wide_gauges

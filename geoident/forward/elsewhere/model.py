@@ -21,7 +21,7 @@ from geoident.forward.protocols import Survey
 from geoident.forward.stages import ConstructionSequence, ConstructionState
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case
-from geoident.model.results.result import Counts
+from geoident.model.results.costs import Counts
 
 AGREE = 1e-2
 """Part of the derivatives by which given ones may differ from differences."""

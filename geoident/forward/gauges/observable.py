@@ -123,6 +123,8 @@ def relative_displacements(channels: Sequence[Channel], on_mesh: CaseOnMesh) -> 
     as_built: list[str] = []
     faults: list[Fault] = []
     nowhere: set[tuple[str, tuple[float, ...], str]] = set()
+    ends_of_all = (point for channel in channels for point, _ in channel.motions)
+    on_mesh.locator.find(kinematics.in_section(point)[0] for point in ends_of_all)
     for channel in channels:
         ends, stays = [], [from_zero(on_mesh, channel)]
         for point, vector in channel.motions:

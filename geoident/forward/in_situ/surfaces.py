@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.cells import CELLS
@@ -42,6 +41,8 @@ class Topography:
             found[near[met]] = np.maximum(found[near[met]], level)
         outside = ~np.isfinite(found)
         if outside.any():
+            from scipy.spatial import cKDTree  # noqa: PLC0415 - 0.2 s, beyond the mesh alone
+
             nearest = cKDTree(self._corners[:, :-1]).query(plan[outside])[1]
             found[outside] = self._corners[nearest, -1]
         return found, outside

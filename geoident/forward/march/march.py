@@ -35,7 +35,7 @@ factorization.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -49,7 +49,6 @@ from geoident.forward.actions.thermal import NORMAL_COMPONENTS, ThermalStrains
 from geoident.forward.in_situ.stress import NEGLIGIBLE_IMBALANCE, InSituStress, StressPlaces
 from geoident.forward.march.lasting import LastingGround, LastingStress
 from geoident.forward.march.plastic_step import (
-    Localisation,
     PlasticFindings,
     PlasticSteps,
     WarmStart,
@@ -71,11 +70,9 @@ from geoident.forward.march.stage import (
 )
 from geoident.forward.march.systems import GroundAt, StageSystem, StageSystems
 from geoident.forward.stages import CaseOnMesh, ConstructionState
-from geoident.forward.yielding.activity import ActivityRecord
 from geoident.model.arrays import Bools, Floats
 from geoident.model.dual import ParameterPoint
 from geoident.model.parameter import Values
-from geoident.model.yielding import Activity
 
 HELD_ENTRIES = 8_000_000
 """Entries of the stiffness matrices whose factors are held at once for adjoints.
@@ -122,19 +119,13 @@ class RunFindings:
     Args:
         imbalance: of the in-situ stress as given: largest force that is out of balance, relative to
             the forces at work.
-        unbalanced: stage to the part of its change of load that is left unbalanced.
-        overstressed: stage to the part of the stress beyond the yield surface that is kept.
-        localising: of both where shear goes into bands.
         collapses: stages at which the ground cannot carry the loads.
-        activity: what the yield planes do, or None if nothing can yield.
+        plastic: where materials yield.
     """
 
     imbalance: float
-    unbalanced: Mapping[str, float]
-    overstressed: Mapping[str, float]
-    localising: Mapping[str, Localisation]
     collapses: tuple[CollapseError, ...]
-    activity: Activity | None
+    plastic: PlasticFindings
 
 
 class March:
@@ -241,13 +232,11 @@ class Run:
         self.traces: list[ElasticTrace] = []
         n_strain = systems.discretization.points.n_strain
         self._ground = GroundAt(march.on_mesh, point, n_strain)
-        record = ActivityRecord(self._ground.yield_limits(), march.case.stage_names[1:])
-        self._plastic_findings = PlasticFindings(record)
         self._plastic = PlasticSteps(
             march.case,
             systems,
             march.warm,
-            self._plastic_findings,
+            PlasticFindings(self._ground.yield_limits(), march.case.stage_names[1:]),
             explain=options.explain,
             even_only=options.even_only,
         )
@@ -265,15 +254,7 @@ class Run:
     @property
     def findings(self) -> RunFindings:
         """What was found so far; all of it once the states are through."""
-        plastic = self._plastic_findings
-        return RunFindings(
-            self._imbalance,
-            dict(plastic.unbalanced),
-            dict(plastic.overstressed),
-            dict(plastic.localising),
-            tuple(self._collapses),
-            plastic.record.activity(),
-        )
+        return RunFindings(self._imbalance, tuple(self._collapses), self._plastic.findings)
 
     def states(self) -> Iterator[StageEnd]:
         """The end of every stage, the virgin state first.

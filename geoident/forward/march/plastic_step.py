@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from geoident.errors import CollapseError, ModelError
 from geoident.fem.location import format_point
 from geoident.fem.solvers.direct import Factor, NotPositiveDefinite
 from geoident.fem.yielding.domain import EmptyDomain, NoProjection
-from geoident.fem.yielding.law import YieldLaw
+from geoident.fem.yielding.law import Projection, YieldLaw, YieldLimits
 from geoident.forward.march.bands import ShearBand, band_at
 from geoident.forward.march.collapse import limit_of
 from geoident.forward.march.equilibrium import Balance, solve
@@ -42,10 +42,10 @@ from geoident.forward.march.stage_equations import (
 from geoident.forward.march.systems import StageSystems
 from geoident.forward.march.viscous_path import Effort
 from geoident.forward.stages import ConstructionState, numbers
-from geoident.forward.yielding.activity import ActivityRecord
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case, format_path
 from geoident.model.parameter import Values
+from geoident.model.yielding import Activity
 
 _OUTSIDE = 1e-6
 """Excess over the yield surface, relative to the largest stress, that is not rounding."""
@@ -141,21 +141,67 @@ class Localisation:
     band: str = ""
 
 
-@dataclass
 class PlasticFindings:
     """What a march finds where materials yield.
 
     Args:
-        record: what the yield planes do.
+        planes: of every material that yields, at the parameters of the march.
+        stages: names of the stages.
+
+    Attributes:
         unbalanced: stage to the part of its change of load that is not balanced.
         overstressed: stage to the part of the overstress that is kept.
         localising: of these stages where shear goes into bands.
     """
 
-    record: ActivityRecord
-    unbalanced: dict[str, float] = field(default_factory=dict)
-    overstressed: dict[str, float] = field(default_factory=dict)
-    localising: dict[str, Localisation] = field(default_factory=dict)
+    def __init__(self, planes: Mapping[str, YieldLimits], stages: tuple[str, ...]) -> None:
+        self.unbalanced: dict[str, float] = {}
+        self.overstressed: dict[str, float] = {}
+        self.localising: dict[str, Localisation] = {}
+        self._planes = planes
+        self._stages = stages
+        ends = np.cumsum([0, *map(len, planes.values())])
+        self._rows = {
+            name: slice(int(first), int(last))
+            for name, first, last in zip(planes, ends[:-1], ends[1:], strict=True)
+        }
+        shape = (int(ends[-1]), len(stages))
+        self._points = np.zeros(shape, dtype=np.int64)
+        self._biactive = np.zeros(shape, dtype=np.int64)
+        self._margin = np.full(shape[0], -np.inf)
+
+    def flow(self, state: int, material: str, projection: Projection) -> None:
+        """What yields in a state.
+
+        Args:
+            state: index of the state.
+            material: whose points are projected.
+            projection: of its trial stresses.
+        """
+        place = self._rows[material], state - 1
+        flowing = (projection.multipliers > 0.0).sum(axis=0)
+        self._points[place] = np.maximum(self._points[place], flowing)
+        self._biactive[place] = projection.biactive.sum(axis=0)
+
+    def reach(self, material: str, excess: Floats) -> None:
+        """The yield functions psi (y, m) at the stresses of a state."""
+        rows = self._rows[material]
+        self._margin[rows] = np.maximum(self._margin[rows], excess.max(axis=1, initial=-np.inf))
+
+    def activity(self) -> Activity | None:
+        """Which planes were reached, with slopes by all parameters; None where none is."""
+        if not self._planes:
+            return None
+        distances = np.concatenate([p.distances.columns for p in self._planes.values()])
+        return Activity(
+            planes=tuple(f"{m}: {name}" for m, p in self._planes.items() for name in p.names),
+            stages=self._stages,
+            points=self._points,
+            biactive=self._biactive,
+            distances=distances[:, 0].copy(),
+            reached=distances[:, 0] + self._margin,
+            slopes=distances[:, 1:].copy(),
+        )
 
 
 @dataclass(frozen=True)
@@ -239,7 +285,7 @@ class PlasticSteps:
             mine = task.system.points_of[material]
             stress = np.ascontiguousarray(task.carried.stress[:, mine, 0])
             excess = law.excess(stress)
-            self.findings.record.reach(material, excess)
+            self.findings.reach(material, excess)
             worst = np.unravel_index(np.argmax(excess), excess.shape)
             if excess[worst] > _OUTSIDE * np.abs(stress).max():
                 point = numbers(mine, self.systems.discretization.points.n_points)[worst[1]]
@@ -488,11 +534,11 @@ class PlasticSteps:
             if ground.hardens:
                 more = projection.multipliers.T[..., None]
                 task.carried.add_multipliers(ground.name, mine, slice(0, 1), more)
-            self.findings.record.flow(task.number, ground.name, projection)
+            self.findings.flow(task.number, ground.name, projection)
         for ground in equations.grounds:
             if ground.law is not None:
                 excess = ground.law.excess(trial.stress[:, ground.points], ground.hardened)
-                self.findings.record.reach(ground.name, excess)
+                self.findings.reach(ground.name, excess)
 
 
 def _last(equations: StageEquations, trial: Trial) -> LastEquilibrium:

@@ -8,16 +8,16 @@ node is the divided difference in which that node stands twice.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
-from scipy.linalg import expm
 
 from geoident.model.arrays import Floats
 from geoident.model.dual import Dual
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(24)
 _NODES, _WEIGHTS = (_NODES + 1.0) / 2.0, _WEIGHTS / 2.0
+
+_TERMS = 16
+"""Of the exponential series of matrices with elements up to a half: more change no digit."""
 
 _NEAR = 0.5
 """From here on ln(1 + x) / x and its derivative are taken as they are written."""
@@ -35,13 +35,15 @@ def exp_divided(*nodes: Dual) -> Dual:
     True
     """
     shape = np.broadcast_shapes(*(node.value.shape for node in nodes))
-    values = [np.broadcast_to(node.value, shape) for node in nodes]
+    values = [np.zeros(shape), *(np.broadcast_to(node.value, shape) for node in nodes)]
+    size, slopes = len(nodes), nodes[0].columns.shape[-1] > 1
+    ends = values[1:] if slopes else []  # the node that stands twice, of each derivative
+    # the matrices of all derivatives are exponentiated together, and hold that of the value
+    rows = [[*values, end] for end in ends] or [values]
+    corners = _exp_of_bidiagonal(np.stack([np.stack(row, axis=-1) for row in rows]))
     result = np.zeros(np.broadcast_shapes(*(node.columns.shape for node in nodes)))
-    result[..., 0] = _corner([np.zeros_like(values[0]), *values])
-    if nodes[0].columns.shape[-1] == 1:  # no parameters
-        return Dual(result)
-    for value, node in zip(values, nodes, strict=True):
-        slope = _corner([np.zeros_like(value), *values, value])
+    result[..., 0] = corners[0, ..., 0, size]
+    for slope, node in zip(corners[: len(ends), ..., 0, -1], nodes, strict=False):
         result[..., 1:] += slope[..., None] * node.columns[..., 1:]
     return Dual(result)
 
@@ -51,15 +53,24 @@ def log_divided(x: Dual) -> Dual:
     return x.through(_log_ratio, _log_ratio_slope)
 
 
-def _corner(nodes: Sequence[Floats]) -> Floats:
-    """The corner (...) of exp of the bidiagonal matrices with these diagonals."""
-    size = len(nodes)
-    matrix = np.zeros((*nodes[0].shape, size, size))
-    for k, node in enumerate(nodes):
-        matrix[..., k, k] = node
-    for k in range(size - 1):
-        matrix[..., k, k + 1] = 1.0
-    return np.asarray(expm(matrix)[..., 0, -1]) if nodes[0].size else np.empty(nodes[0].shape)
+def _exp_of_bidiagonal(diagonal: Floats) -> Floats:
+    """Exp (..., n, n) of the matrices with a diagonal (..., n) and ones above it.
+
+    By scaling and squaring; of real nodes nothing cancels in the squares, since divided differences
+    of exp are positive.
+    """
+    n = diagonal.shape[-1]
+    size = max(1.0, float(np.abs(diagonal).max(initial=0.0)))
+    halvings = 1 + int(np.ceil(np.log2(size)))
+    ones = np.eye(n)
+    matrix = diagonal[..., None] * ones + np.eye(n, k=1)
+    matrix *= 0.5**halvings
+    found = ones + matrix / _TERMS
+    for term in range(_TERMS - 1, 0, -1):
+        found = ones + matrix @ found / term
+    for _ in range(halvings):
+        found = found @ found
+    return np.asarray(found)
 
 
 def _log_ratio(x: Floats) -> Floats:

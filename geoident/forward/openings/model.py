@@ -26,7 +26,7 @@ from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Analysis, Case
 from geoident.model.mesh import Mesh
 from geoident.model.parameter import Values
-from geoident.model.results.result import Counts
+from geoident.model.results.costs import Counts
 
 _NO_MESH = Mesh(np.empty((0, 2)), ())
 

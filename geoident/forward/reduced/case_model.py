@@ -18,7 +18,7 @@ from geoident.forward.stages import ConstructionSequence
 from geoident.model.arrays import Floats
 from geoident.model.case import Case
 from geoident.model.response import Response
-from geoident.model.results.result import Counts
+from geoident.model.results.costs import Counts
 
 
 class ReducedCaseModel:

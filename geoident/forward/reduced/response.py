@@ -18,7 +18,7 @@ from geoident.forward.gauges.observation import Observation
 from geoident.forward.reduced.duals.bounds import ReadingDuals
 from geoident.forward.reduced.model import EnergyBounds, ReducedModel, ReducedStates
 from geoident.model.arrays import Floats, Ints
-from geoident.model.results.result import Counts
+from geoident.model.results.costs import Counts
 
 ROUNDING = 1e-10
 """Part of the largest reading that may be rounding."""

@@ -15,7 +15,7 @@ from scipy.special import ndtr, ndtri
 
 from geoident.model.arrays import Bools, Floats
 from geoident.model.parameter import Parameter
-from geoident.model.results.result import NORMAL_95
+from geoident.model.results.bands import NORMAL_95
 from geoident.units import in_unit, shown_unit
 
 FALSE_ALARMS = 0.05

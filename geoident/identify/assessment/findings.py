@@ -20,7 +20,7 @@ import numpy as np
 from geoident.identify.assessment.spectrum import SingularDirections, sparse_basis, without
 from geoident.model.arrays import Bools, Floats
 from geoident.model.parameter import Parameter
-from geoident.model.results.result import NORMAL_95
+from geoident.model.results.bands import NORMAL_95
 
 NOTICEABLE = 0.15
 """Entries below this part of the largest are not named."""

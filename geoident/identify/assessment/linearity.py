@@ -15,7 +15,7 @@ from geoident.identify.objective.discrepancy import Discrepancy
 from geoident.identify.problem.problem import Problem
 from geoident.model.arrays import Floats
 from geoident.model.methods import SquaredOptions
-from geoident.model.results.result import NORMAL_95
+from geoident.model.results.bands import NORMAL_95
 
 UNCERTAIN = 0.15
 """Standard deviation, relative to the value, up to which any smooth model is linear enough.

@@ -38,6 +38,7 @@ from geoident.identify.assessment.variance_components import (
     RestrictedLikelihood,
     VarianceComponents,
     estimate_components,
+    likeliest_factors,
 )
 from geoident.identify.problem.errors import Covariance, SharedErrors
 from geoident.model.arrays import Floats
@@ -169,8 +170,8 @@ def weigh_sizes(likelihood: Likelihood, start: Floats) -> SizeWeights:
     """
     values, t = np.empty((len(SIZES), 1, 1)), start
     for m, eta in enumerate(SIZES.tolist()):
-        found = at_size(likelihood, eta, t)
-        t, values[m] = found.log_factor, found.minus_two_l
+        t, found = likeliest_factors(_held(likelihood, eta), t)
+        values[m] = found.value
     prior = np.ones((1, 1))
     joint = _weights(values, prior)
     size = mean_size(joint[:, 0, 0])
@@ -232,11 +233,15 @@ def at_size(likelihood: Likelihood, eta: float, start: Floats) -> VarianceCompon
         eta: its size.
         start: (c,) logarithms of the factors of the others to begin with.
     """
-    held = HeldLast(likelihood, 2.0 * np.log(eta), ACCURACY_SPREAD)
+    held = _held(likelihood, eta)
     if len(start):
         return estimate_components(held, start)
     nothing = np.zeros(0)
     return VarianceComponents(nothing, np.zeros((0, 0)), nothing, nothing, held.value(nothing))
+
+
+def _held(likelihood: Likelihood, eta: float) -> HeldLast:
+    return HeldLast(likelihood, 2.0 * np.log(eta), ACCURACY_SPREAD)
 
 
 class _Spectrum:

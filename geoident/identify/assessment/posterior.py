@@ -31,7 +31,7 @@ import numpy as np
 from scipy.special import log_ndtr, ndtr, ndtri_exp
 
 from geoident.model.arrays import Floats, Ints
-from geoident.model.results.result import NORMAL_95
+from geoident.model.results.bands import NORMAL_95
 
 REACHED = 3.0
 """A bound farther than this, in standard deviations, is not reached: one in 700."""

@@ -21,8 +21,7 @@ import numpy as np
 
 from geoident.model.arrays import Floats
 from geoident.model.results.backtest import Scores
-from geoident.model.results.bands import Bands
-from geoident.model.results.result import NORMAL_95
+from geoident.model.results.bands import NORMAL_95, Bands
 
 DRAWS = 20000
 """Draws by which the chance of a coverage is found: 1 % is known within 0.15 %."""

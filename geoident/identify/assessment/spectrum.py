@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from geoident.model.arrays import Bools, Floats
-from geoident.model.results.result import NORMAL_95
+from geoident.model.results.bands import NORMAL_95
 
 RANK = 1e-10
 """Singular values below this part of the largest say nothing."""

@@ -52,7 +52,7 @@ from geoident.identify.assessment.spectrum import SingularDirections
 from geoident.identify.problem.problem import Problem, Scaling
 from geoident.model.arrays import Bools, Floats
 from geoident.model.parameter import Parameter
-from geoident.model.results.result import NORMAL_95
+from geoident.model.results.bands import NORMAL_95
 
 UNBOUNDED_RANGE = 10.0
 """Admissible range in x of a parameter without finite bounds: ten references, or a factor e^10."""

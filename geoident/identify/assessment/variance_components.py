@@ -51,7 +51,7 @@ from geoident.identify.problem.errors import (
 )
 from geoident.identify.problem.problem import Problem, Scaling
 from geoident.model.arrays import Bools, Floats
-from geoident.model.results.result import NORMAL_95
+from geoident.model.results.bands import NORMAL_95
 
 LOWEST = -18.0
 """Logarithm of the smallest factor of a variance: a ten-thousandth of the first accuracy."""
@@ -386,8 +386,7 @@ def estimate_components(likelihood: Likelihood, start: Floats) -> VarianceCompon
         likelihood: of the factors.
         start: (c,) logarithms of factors to begin with.
     """
-    t = _vanished(likelihood, _minimised(likelihood, start))
-    found = likelihood.terms(t)
+    t, found = likeliest_factors(likelihood, start)
     inner = (t > LOWEST) & (t < HIGHEST)
     covariance = np.zeros((len(t), len(t)))
     square = np.ix_(inner, inner)
@@ -402,6 +401,17 @@ def estimate_components(likelihood: Likelihood, start: Floats) -> VarianceCompon
     for c in np.flatnonzero(small).tolist():
         upper[c] = _upper_end(likelihood, t, c, found.value + _CHI_SQUARED_95)
     return VarianceComponents(t, covariance, lower, upper, found.value)
+
+
+def likeliest_factors(likelihood: Likelihood, start: Floats) -> tuple[Floats, LikelihoodTerms]:
+    """The logarithms t (c,) of the factors that the residuals make most likely, and -2 l there.
+
+    Args:
+        likelihood: of the factors.
+        start: (c,) logarithms of factors to begin with.
+    """
+    t = _vanished(likelihood, _minimised(likelihood, start))
+    return t, likelihood.terms(t)
 
 
 def _vanished(likelihood: Likelihood, t: Floats) -> Floats:

@@ -32,7 +32,7 @@ from geoident.identify.problem.problem import Problem, Scaling
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.parameter import Parameter
 from geoident.model.project.project import ParameterLaw
-from geoident.model.results.result import Counts
+from geoident.model.results.costs import Counts
 from geoident.units import in_unit, shown_unit
 
 WIDEST = 10.0

@@ -22,6 +22,7 @@ once.
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
@@ -40,17 +41,30 @@ class SharedErrors:
 
     Args:
         columns: one column for each shared error, in the standard deviations that it gives.
-        blocks: what hangs together, if that is known already.
     """
 
-    def __init__(
-        self, columns: sp.csr_array, blocks: tuple[tuple[Ints, Ints], ...] | None = None
-    ) -> None:
-        self.columns = sp.csr_array(columns)
-        self._blocks = blocks
+    def __init__(self, columns: sp.csr_array) -> None:
+        self._unsized = sp.csr_array(columns)
+        self._size: Floats | None = None
 
     def __len__(self) -> int:
-        return int(self.columns.shape[1])
+        return int(self._unsized.shape[1])
+
+    def sized(self, factor: Floats) -> SharedErrors:
+        """The same with each of them times a factor (K,); what hangs together is found once."""
+        _ = self.blocks, self._whole  # the copy takes them along
+        found = copy(self)
+        found.__dict__.pop("columns", None)
+        found._size = factor if self._size is None else self._size * factor
+        return found
+
+    @cached_property
+    def columns(self) -> sp.csr_array:
+        """B (g, K), SI."""
+        if self._size is None:
+            return self._unsized
+        B = self._unsized
+        return sp.csr_array((B.data * self._size[B.indices], B.indices, B.indptr), shape=B.shape)
 
     def only(self, kept: Bools) -> SharedErrors:
         """Of some of the readings (g,)."""
@@ -59,11 +73,9 @@ class SharedErrors:
     @cached_property
     def blocks(self) -> tuple[tuple[Ints, Ints], ...]:
         """Readings (m,) and shared errors (k,) that hang together; readings without any: none."""
-        if self._blocks is not None:
-            return self._blocks
-        g = self.columns.shape[0]
-        entries = self.columns.tocoo()
-        size = g + self.columns.shape[1]
+        g = self._unsized.shape[0]
+        entries = self._unsized.tocoo()
+        size = g + self._unsized.shape[1]
         link = sp.csr_array(
             (np.ones(entries.nnz), (entries.row, g + entries.col)), shape=(size, size)
         )
@@ -76,16 +88,17 @@ class SharedErrors:
     def block(self, rows: Ints, shared: Ints) -> Columns:
         """A block (m, k) of B, dense where that is small or most of it is not zero."""
         if self._whole is not None:
-            return np.asarray(self._whole[np.ix_(rows, shared)])
+            whole = np.asarray(self._whole[np.ix_(rows, shared)])
+            return whole if self._size is None else whole * self._size[shared]
         block = sp.csr_array(self.columns[rows][:, shared])
         size = len(rows) * len(shared)
         return np.asarray(block.toarray()) if size <= max(_SMALL, 3 * block.nnz) else block
 
     @cached_property
     def _whole(self) -> Floats | None:
-        """B as a dense matrix where that is small: much faster to take blocks from."""
-        small = self.columns.shape[0] * self.columns.shape[1] <= _SMALL
-        return np.asarray(self.columns.toarray()) if small else None
+        """B, not sized, as a dense matrix where it is small: much faster to take blocks from."""
+        small = self._unsized.shape[0] * self._unsized.shape[1] <= _SMALL
+        return np.asarray(self._unsized.toarray()) if small else None
 
 
 Columns = Floats | sp.csr_array
@@ -373,8 +386,7 @@ class ErrorStructure:
         if self.columns.shape[1] == 0:
             return sd, None
         size = np.where(self.column_component < 0, 1.0, root[self.column_component])
-        columns = sp.csr_array(self.columns @ sp.diags_array(size))
-        return sd, SharedErrors(columns, self._blocks)
+        return sd, self._shared.sized(size)
 
     @property
     def stated(self) -> tuple[Floats, SharedErrors | None]:
@@ -382,8 +394,9 @@ class ErrorStructure:
         return self.at(np.zeros(len(self.names)))
 
     @cached_property
-    def _blocks(self) -> tuple[tuple[Ints, Ints], ...]:
-        return SharedErrors(self.columns).blocks
+    def _shared(self) -> SharedErrors:
+        """At factors of one."""
+        return SharedErrors(self.columns)
 
     def with_component(self, columns: sp.csr_array, name: str) -> ErrorStructure:
         """The same with one component more, of shared errors alone.

@@ -36,7 +36,7 @@ from geoident.identify.least_squares.trust_region import bounded_least_squares
 from geoident.identify.objective.discrepancy import Discrepancy
 from geoident.identify.problem.problem import History, YieldSystem
 from geoident.model.arrays import Bools, Floats
-from geoident.model.results.result import NORMAL_95
+from geoident.model.results.bands import NORMAL_95
 from geoident.model.yielding import Activity, Certificate
 
 FLAT = 1e-4

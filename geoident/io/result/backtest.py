@@ -17,7 +17,9 @@ from geoident.io.result.reading_tables import reading_unit
 from geoident.io.result.tables import COUNTS, read_counts
 from geoident.model.arrays import Floats
 from geoident.model.results.backtest import Backtest, BacktestStep, Scores, Skipped
-from geoident.model.results.result import Counts, GaugeTable, Prediction
+from geoident.model.results.bands import Prediction
+from geoident.model.results.costs import Counts
+from geoident.model.results.result import GaugeTable
 
 GROUP = "backtest"
 _HORIZONS = ("next", "further")

@@ -25,8 +25,8 @@ from geoident.io.result.tables import COUNTS
 from geoident.io.text.atomic import atomic_output, make_folder, output_error
 from geoident.io.text.campaign_folder import JOURNAL, OVER_ALL, TABLE
 from geoident.model.arrays import Floats
-from geoident.model.results.campaign import CampaignTable, RunParameter, RunReading, RunRecord
-from geoident.model.results.result import Counts
+from geoident.model.results.costs import Counts
+from geoident.model.results.many.campaign import CampaignTable, RunParameter, RunReading, RunRecord
 
 FORMAT = "geoident-campaign-result/1"
 

@@ -34,14 +34,8 @@ from geoident.io.result.varied import GROUP as VARIED
 from geoident.io.result.varied import read_varied, write_varied
 from geoident.io.text.atomic import atomic_output
 from geoident.model.arrays import Floats
-from geoident.model.results.result import (
-    Counts,
-    Diagnostics,
-    GaugeTable,
-    Provenance,
-    Result,
-    fingerprint,
-)
+from geoident.model.results.costs import Counts
+from geoident.model.results.result import Diagnostics, GaugeTable, Provenance, Result, fingerprint
 
 FORMAT = "geoident-result/2"
 WIDE_FORMAT = "geoident-result/1"

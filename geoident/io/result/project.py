@@ -26,7 +26,8 @@ from geoident.io.result.hdf5 import (
 )
 from geoident.io.result.tables import COUNTS
 from geoident.io.text.atomic import atomic_output
-from geoident.model.results.project import (
+from geoident.model.results.costs import Counts
+from geoident.model.results.many.project import (
     CommonParameter,
     LawEstimate,
     LawPoint,
@@ -36,7 +37,7 @@ from geoident.model.results.project import (
     SectionParameter,
     SectionReading,
 )
-from geoident.model.results.result import Counts, Iteration, Provenance
+from geoident.model.results.result import Iteration, Provenance
 
 _KIND = "fit"
 _TEXTS = ("title", "status", "reason")

@@ -17,15 +17,15 @@ from geoident.io.result.reading_tables import reading_unit
 from geoident.model.arrays import Floats, Ints
 from geoident.model.mesh import Mesh
 from geoident.model.parameter import Prior
+from geoident.model.results.bands import Prediction
+from geoident.model.results.costs import Counts
 from geoident.model.results.model_error import ModelErrorTable
 from geoident.model.results.result import (
-    Counts,
     GaugeTable,
     Grid,
     Iteration,
     MemberForces,
     ParameterTable,
-    Prediction,
     SupportReactions,
 )
 from geoident.model.results.yielded import Mechanism, YieldedGround

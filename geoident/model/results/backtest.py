@@ -4,8 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from geoident.model.arrays import Bools, Floats, Ints
-from geoident.model.results.result import Counts, Prediction
+from geoident.model.results.bands import Bands, Prediction, next_read
+from geoident.model.results.costs import Counts
+
+_COLUMNS = ("mean", "sd", "lower95", "upper95")
+"""Of a prediction."""
 
 
 @dataclass(frozen=True)
@@ -117,3 +123,27 @@ class Backtest:
             for step in self.steps
         )
         return replace(self, steps=tuple(steps))
+
+
+def bands_of(found: Backtest, step: BacktestStep) -> Bands:
+    """The predictions of a fit of a backtest beside what was read, (n_channels, n_stages)."""
+    given = step.prediction
+    return Bands(found.measured, given.mean, given.lower95, given.upper95)
+
+
+def predicted_before(found: Backtest) -> Prediction:
+    """Each reading of a backtest as the last fit before has predicted it, (n_channels, n_stages).
+
+    ``sd`` is that of the side on which the reading is, so that (measured - mean) / sd is z; NaN
+    where no fit came before.
+    """
+    parts = {name: np.full(found.measured.shape, np.nan) for name in _COLUMNS}
+    for step in found.steps:
+        bands = bands_of(found, step)
+        at, (below, above) = next_read(bands), bands.sides
+        sd = np.where(bands.scored, np.where(bands.measured < bands.mean, below, above), np.inf)
+        for name, given in zip(
+            _COLUMNS, (bands.mean, sd, bands.lower95, bands.upper95), strict=True
+        ):
+            parts[name][at] = given[at]
+    return Prediction(**parts)

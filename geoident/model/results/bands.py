@@ -7,14 +7,27 @@ from dataclasses import dataclass
 import numpy as np
 
 from geoident.model.arrays import Bools, Floats
-from geoident.model.results.backtest import Backtest, BacktestStep
-from geoident.model.results.result import NORMAL_95, Prediction
+
+NORMAL_95 = 1.959963984540054
+"""Half width of a normal 95 % interval, in standard deviations."""
 
 _NARROW = 1e-9
 """Least standard deviation of a side, as a part of the other."""
 
-_COLUMNS = ("mean", "sd", "lower95", "upper95")
-"""Of a prediction."""
+
+@dataclass(frozen=True)
+class Prediction:
+    """What the channels will show, all (n_channels, n_stages), m; NaN where not predicted.
+
+    ``sd`` holds the uncertainty of the parameters and the accuracy of the gauge (theory 6). Where
+    later readings share errors with those of the fit, such as that of a zero, both ``mean`` and
+    ``sd`` know what these tell of them (theory 7).
+    """
+
+    mean: Floats
+    sd: Floats
+    lower95: Floats
+    upper95: Floats
 
 
 @dataclass(frozen=True)
@@ -88,12 +101,6 @@ class Bands:
         return Bands(self.measured, np.where(part, self.mean, np.nan), self.lower95, self.upper95)
 
 
-def bands_of(found: Backtest, step: BacktestStep) -> Bands:
-    """The predictions of a fit of a backtest beside what was read, (n_channels, n_stages)."""
-    given = step.prediction
-    return Bands(found.measured, given.mean, given.lower95, given.upper95)
-
-
 def next_read(bands: Bands) -> Bools:
     """(n_channels, n_stages) the readings of the first stage that was predicted and read."""
     known = np.isfinite(bands.mean) & np.isfinite(bands.measured)
@@ -102,21 +109,3 @@ def next_read(bands: Bands) -> Bools:
     if stages.size:
         first[:, stages[0]] = known[:, stages[0]]
     return first
-
-
-def predicted_before(found: Backtest) -> Prediction:
-    """Each reading of a backtest as the last fit before has predicted it, (n_channels, n_stages).
-
-    ``sd`` is that of the side on which the reading is, so that (measured - mean) / sd is z; NaN
-    where no fit came before.
-    """
-    parts = {name: np.full(found.measured.shape, np.nan) for name in _COLUMNS}
-    for step in found.steps:
-        bands = bands_of(found, step)
-        at, (below, above) = next_read(bands), bands.sides
-        sd = np.where(bands.scored, np.where(bands.measured < bands.mean, below, above), np.inf)
-        for name, given in zip(
-            _COLUMNS, (bands.mean, sd, bands.lower95, bands.upper95), strict=True
-        ):
-            parts[name][at] = given[at]
-    return Prediction(**parts)

@@ -9,7 +9,7 @@ from types import MappingProxyType
 import numpy as np
 
 from geoident.model.arrays import Bools, Floats
-from geoident.model.results.result import NO_COST, Counts
+from geoident.model.results.costs import NO_COST, Counts
 
 NOTICED = 0.1
 """Part of its accuracy from which on the error of a reading by the mesh is counted."""

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import product
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -15,6 +15,9 @@ from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.gauges import ErrorParts, ReadingTable
 from geoident.model.mesh import Mesh
 from geoident.model.parameter import Prior
+from geoident.model.results.backtest import Backtest
+from geoident.model.results.bands import Prediction
+from geoident.model.results.costs import Counts
 from geoident.model.results.model_error import ModelErrorTable
 from geoident.model.results.opening import FaceAdvance, GroundReaction
 from geoident.model.results.posterior import PosteriorDraws
@@ -26,46 +29,8 @@ from geoident.model.results.yielded import Mechanism, YieldedGround
 from geoident.model.yielding import Certificate
 from geoident.units import shown_unit, size_in
 
-if TYPE_CHECKING:
-    from geoident.model.results.backtest import Backtest
-
-NORMAL_95 = 1.959963984540054
-"""Half width of a normal 95 % interval, in standard deviations."""
-
 STOPPED = "out-of-budget"
 """Status of an outcome that was cut short as its time was used up."""
-
-
-@dataclass(frozen=True)
-class Counts:
-    """What the computation cost.
-
-    Args:
-        evaluations: parameter vectors at which the model was evaluated.
-        analyses: symbolic analyses of a sparsity pattern.
-        factorizations: numeric factorizations.
-        solves: right-hand sides solved.
-        iterations: steps of conjugate gradients for them, where they take the place of a factor.
-    """
-
-    evaluations: int = 0
-    analyses: int = 0
-    factorizations: int = 0
-    solves: int = 0
-    iterations: int = 0
-
-    def __add__(self, other: Counts) -> Counts:
-        """Both together."""
-        return Counts(*(getattr(self, name) + getattr(other, name) for name in _COSTS))
-
-    def __sub__(self, other: Counts) -> Counts:
-        """What came since the other."""
-        return Counts(*(getattr(self, name) - getattr(other, name) for name in _COSTS))
-
-
-_COSTS = ("evaluations", "analyses", "factorizations", "solves", "iterations")
-
-NO_COST = Counts()
 
 
 @dataclass(frozen=True)
@@ -284,21 +249,6 @@ class AccuracyTable:
     def determined(self) -> Bools:
         """(c,) the readings tell them from the others."""
         return np.asarray(np.isfinite(self.upper95), dtype=np.bool_)
-
-
-@dataclass(frozen=True)
-class Prediction:
-    """What the channels will show, all (n_channels, n_stages), m; NaN where not predicted.
-
-    ``sd`` holds the uncertainty of the parameters and the accuracy of the gauge (theory 6). Where
-    later readings share errors with those of the fit, such as that of a zero, both ``mean`` and
-    ``sd`` know what these tell of them (theory 7).
-    """
-
-    mean: Floats
-    sd: Floats
-    lower95: Floats
-    upper95: Floats
 
 
 @dataclass(frozen=True)

@@ -7,9 +7,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from geoident.model.arrays import Bools, Floats
-from geoident.model.results.backtest import Backtest
-from geoident.model.results.bands import bands_of, next_read
-from geoident.model.results.result import NORMAL_95, Result
+from geoident.model.results.backtest import Backtest, bands_of
+from geoident.model.results.bands import NORMAL_95, next_read
+from geoident.model.results.result import Result
 from geoident.report.drawing.parameters.scale import logarithmic, set_scale
 from geoident.report.drawing.style import (
     COMPUTED,

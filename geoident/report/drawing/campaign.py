@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from geoident.model.arrays import Bools, Floats
-from geoident.model.results.campaign import SAME_MISFIT, CampaignTable, RunRecord
+from geoident.model.results.many.campaign import SAME_MISFIT, CampaignTable, RunRecord
 from geoident.report.drawing.parameters.parallel import (
     MOST_LINES,
     ParallelAxis,

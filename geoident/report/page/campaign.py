@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import PurePosixPath
 
-from geoident.model.results.campaign import CampaignTable
 from geoident.model.results.head import NO_HEAD, ReportHead
+from geoident.model.results.many.campaign import CampaignTable
 from geoident.report.drawing.campaign import campaign_pictures
 from geoident.report.page.blocks import Draw, Figures, TitledTable, section
 from geoident.report.page.headed import PageHead, headed_page

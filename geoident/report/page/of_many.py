@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from geoident.model.results.campaign import CampaignTable
 from geoident.model.results.head import ReportHead
-from geoident.model.results.project import ProjectResult
+from geoident.model.results.many.campaign import CampaignTable
+from geoident.model.results.many.project import ProjectResult
 from geoident.report.page.blocks import Draw
 from geoident.report.page.campaign import campaign_page
 from geoident.report.page.project import project_page

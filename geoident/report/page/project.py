@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from geoident.model.results.head import NO_HEAD, ReportHead
-from geoident.model.results.project import ProjectResult, SectionEnd
+from geoident.model.results.many.project import ProjectResult, SectionEnd
 from geoident.report.drawing.project.laws import estimate_pictures, law_pictures
 from geoident.report.drawing.project.readings import reading_pictures
 from geoident.report.page.blocks import (

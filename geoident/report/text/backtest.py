@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from geoident.model.arrays import Floats
-from geoident.model.results.backtest import Backtest, BacktestStep, Scores
-from geoident.model.results.bands import bands_of, next_read
+from geoident.model.results.backtest import Backtest, BacktestStep, Scores, bands_of
+from geoident.model.results.bands import next_read
 from geoident.model.results.result import Result
 from geoident.report.text.gauges import by_stage, predicted_texts, reading_text
 from geoident.report.text.layout import TextTable, decimals, section, sections, with_interval

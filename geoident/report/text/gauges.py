@@ -16,7 +16,8 @@ import numpy as np
 
 from geoident.model.arrays import Bools
 from geoident.model.gauges import Channel, Reading
-from geoident.model.results.result import GaugeTable, Prediction, Result
+from geoident.model.results.bands import Prediction
+from geoident.model.results.result import GaugeTable, Result
 from geoident.report.text.layout import TextTable, decimals, number, with_interval
 from geoident.report.text.parameters import NOT_DETERMINED
 from geoident.report.text.residuals import (

@@ -16,8 +16,9 @@ import numpy as np
 
 from geoident.errors import Fault, GeoidentError, InputError, ModelError, worded
 from geoident.model.gauges import Channel, Reading
+from geoident.model.results.bands import Prediction
 from geoident.model.results.opening import FaceAdvance, GroundReaction
-from geoident.model.results.result import Grid, ParameterTable, Prediction, Result
+from geoident.model.results.result import Grid, ParameterTable, Result
 from geoident.model.results.rivals import Evidence
 from geoident.model.results.summary import CaseSummary, Identifiability
 from geoident.report.text.accuracies import accuracies_list

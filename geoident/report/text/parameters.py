@@ -11,14 +11,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from geoident.model.parameter import Parameter, Prior
-from geoident.model.results.result import (
-    NORMAL_95,
-    Grid,
-    Iteration,
-    Labelled,
-    ParameterTable,
-    Result,
-)
+from geoident.model.results.bands import NORMAL_95
+from geoident.model.results.result import Grid, Iteration, Labelled, ParameterTable, Result
 from geoident.model.yielding import Certificate
 from geoident.report.text.layout import TextTable, number, with_interval
 from geoident.report.text.yielding import least_text

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from geoident.model.arrays import Bools, Floats, Ints
-from geoident.model.results.bands import predicted_before
+from geoident.model.results.backtest import predicted_before
 from geoident.model.results.result import Diagnostics, Result
 from geoident.report.text.layout import TextTable, decimals, number
 

@@ -10,7 +10,8 @@ import math
 
 import numpy as np
 
-from geoident.model.results.result import Counts, Labelled, Result
+from geoident.model.results.costs import Counts
+from geoident.model.results.result import Labelled, Result
 from geoident.model.results.summary import Identifiability
 from geoident.report.text import (
     accuracies,

@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from geoident.model.results.result import NORMAL_95, Result
+from geoident.model.results.bands import NORMAL_95
+from geoident.model.results.result import Result
 from geoident.model.results.rivals import ModelComparison, ModelScore
 from geoident.report.text.layout import (
     TextTable,

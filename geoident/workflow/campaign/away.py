@@ -19,7 +19,7 @@ from geoident.io.text.text_file import decode, read_bytes
 from geoident.io.text.yaml_reader import MAX_BYTES, parse_yaml
 from geoident.model.cluster import Cluster
 from geoident.model.elsewhere import Elsewhere, ExternalProgram, PythonFunction
-from geoident.model.results.campaign import FAILED, RunRecord
+from geoident.model.results.many.campaign import FAILED, RunRecord
 from geoident.workflow.campaign.one_run import RunTask, checkpoint_of, compute
 from geoident.workflow.campaign.plan import CampaignPlan, model_of
 from geoident.workflow.executing.cluster import DaskCluster

@@ -11,7 +11,7 @@ from geoident.io.result.campaign import (
     RunJournal,
 )
 from geoident.model.cluster import Cluster
-from geoident.model.results.campaign import INTERRUPTED, SET_ASIDE, CampaignTable, RunRecord
+from geoident.model.results.many.campaign import INTERRUPTED, SET_ASIDE, CampaignTable, RunRecord
 from geoident.workflow.campaign.one_run import RunTask, checkpoint_of, set_up, tasks
 from geoident.workflow.campaign.plan import CampaignPlan, PlannedRun
 from geoident.workflow.campaign.runs import table_of, write_tables

@@ -16,7 +16,7 @@ from geoident.errors import ExitCode, GeoidentError, InputError, Interrupted, Mo
 from geoident.io.result.file import write_result
 from geoident.io.text.atomic import names_may_be_lost
 from geoident.model.campaign import Campaign
-from geoident.model.results.campaign import (
+from geoident.model.results.many.campaign import (
     FAILED,
     INTERRUPTED,
     NAN,

@@ -31,7 +31,7 @@ from geoident.io.text.yaml_reader import MAX_BYTES, Node, parse_yaml
 from geoident.model.campaign import SEED, Campaign, Setting, Variation, overrides_of, paths_of
 from geoident.model.case import format_path
 from geoident.model.elsewhere import Elsewhere
-from geoident.model.results.campaign import RunRecord
+from geoident.model.results.many.campaign import RunRecord
 from geoident.workflow.campaign.sampling import sampled
 from geoident.workflow.running.jobs import NO_READINGS, build_model, load_inputs
 

@@ -15,7 +15,9 @@ from geoident.identify.problem.problem import Outcome, Problem
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case
 from geoident.model.gauges import ReadingTable
-from geoident.model.results.result import Counts, Diagnostics, Prediction, Result
+from geoident.model.results.bands import Prediction
+from geoident.model.results.costs import Counts
+from geoident.model.results.result import Diagnostics, Result
 from geoident.model.results.rivals import Evidence, Rivals
 from geoident.workflow.estimating.diagnosis import assess_robustly, at_used, diagnostics_table
 from geoident.workflow.estimating.finished import Finished, evaluation_log, job_at_hand, write

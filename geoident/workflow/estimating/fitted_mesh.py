@@ -18,8 +18,8 @@ from geoident.identify.problem.problem import Outcome, Problem, Scaling
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case
 from geoident.model.gauges import Channel, ErrorParts, ReadingTable
+from geoident.model.results.costs import NO_COST, Counts
 from geoident.model.results.mesh_error import MATTERS, MeshError
-from geoident.model.results.result import NO_COST, Counts
 from geoident.workflow.estimating.mesh_error import (
     Refinement,
     by_recovery,

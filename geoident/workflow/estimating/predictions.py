@@ -18,7 +18,8 @@ from geoident.identify.problem.problem import Problem
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case
 from geoident.model.gauges import Reading, ReadingTable
-from geoident.model.results.result import GaugeTable, Prediction
+from geoident.model.results.bands import Prediction
+from geoident.model.results.result import GaugeTable
 from geoident.workflow.estimating.diagnosis import at_used
 from geoident.workflow.estimating.model_error import LaterModelError
 from geoident.workflow.running.computed import with_computed

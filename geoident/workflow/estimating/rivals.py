@@ -27,7 +27,8 @@ from geoident.identify.objective.discrepancy import Discrepancy
 from geoident.identify.problem.problem import LocalMinimum, Outcome, Problem
 from geoident.model.arrays import Bools, Floats
 from geoident.model.parameter import Parameter
-from geoident.model.results.result import STOPPED, ParameterTable, Prediction
+from geoident.model.results.bands import Prediction
+from geoident.model.results.result import STOPPED, ParameterTable
 from geoident.model.results.rivals import SETTLED, Evidence, Rivals
 from geoident.units import in_unit, shown_unit
 

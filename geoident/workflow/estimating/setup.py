@@ -9,9 +9,9 @@ from dataclasses import dataclass, field, replace
 from geoident.errors import InputError
 from geoident.forward.protocols import CaseModel
 from geoident.forward.reduced.kept import RestoredModel
-from geoident.forward.reduced.reducible import ReducibleResponse
 from geoident.forward.reduced.response import ReducedResponse
-from geoident.identify import refusals
+from geoident.forward.reducible import ReducibleResponse
+from geoident.identify.problem.methods import refusals
 from geoident.identify.problem.problem import Problem
 from geoident.model.case import Case
 from geoident.model.gauges import ReadingTable
@@ -19,8 +19,9 @@ from geoident.model.methods import (
     MethodOptions,
 )
 from geoident.model.response import Response
+from geoident.model.results.costs import NO_COST, Counts
 from geoident.model.results.model_error import ModelErrorTable
-from geoident.model.results.result import NO_COST, AccuracyTable, Counts, Result
+from geoident.model.results.result import AccuracyTable, Result
 from geoident.model.results.surface import SurfaceTable
 from geoident.workflow.estimating.fitted_mesh import FittedMesh
 from geoident.workflow.estimating.model_error import (

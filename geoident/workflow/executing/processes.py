@@ -9,6 +9,7 @@ they see the end of that process by themselves (`worker`).
 from __future__ import annotations
 
 import os
+import pickle
 import signal
 import sys
 import threading
@@ -17,6 +18,7 @@ from collections import deque
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
+from functools import cached_property
 from multiprocessing import current_process, get_context
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import SpawnProcess
@@ -194,11 +196,14 @@ class LocalProcesses(Generic[T, R]):
             if worker.task is not None:
                 worker.connection.send(worker.task.argument)
 
+    @cached_property
+    def _told(self) -> bytes:
+        """What sets a worker up, pickled once for all of them: it may hold a large mesh."""
+        return pickle.dumps(self._set_up)
+
     def _start(self) -> _Worker[T]:
         here, there = get_context("spawn").Pipe()
-        process = get_context("spawn").Process(
-            target=serve, args=(there, self._set_up), daemon=True
-        )
+        process = get_context("spawn").Process(target=serve, args=(there, self._told), daemon=True)
         with (
             _STARTING,
             cores_shared(self._sharing),

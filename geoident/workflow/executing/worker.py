@@ -7,6 +7,7 @@ It ends when its asker is gone, however that ended.
 from __future__ import annotations
 
 import os
+import pickle
 import signal
 import sys
 import threading
@@ -18,6 +19,7 @@ from types import FrameType
 from typing import Any
 
 from geoident.errors import ExitCode
+from geoident.spare_imports import spare_imports
 from geoident.workflow.executing.family import end_descendants
 from geoident.workflow.executing.stop import StopRequest
 
@@ -31,13 +33,15 @@ RAISED = "raised"
 _HELD = (signal.SIGINT, signal.SIGTERM)
 
 
-def serve(connection: Connection, set_up: Callable[[], Callable[[Any], Any]]) -> None:
+def serve(connection: Connection, set_up: bytes) -> None:
     """Answer tasks that come through a connection, until it is closed.
 
     Args:
         connection: tasks in, pairs of a word and a value out.
-        set_up: gives the function that answers them.
+        set_up: pickled, what gives the function that answers them. It is loaded here, since that
+            imports what it consists of.
     """
+    spare_imports()
     _listen_to_signals()
     threading.Thread(target=_end_with_parent, daemon=True).start()
     sys.stdout = sys.stderr  # what libraries print is no answer
@@ -54,11 +58,9 @@ def serve(connection: Connection, set_up: Callable[[], Callable[[Any], Any]]) ->
                 connection.send((RAISED, error))
 
 
-def _made(
-    connection: Connection, set_up: Callable[[], Callable[[Any], Any]]
-) -> Callable[[Any], Any] | None:
+def _made(connection: Connection, set_up: bytes) -> Callable[[Any], Any] | None:
     try:
-        function = set_up()
+        function: Callable[[Any], Any] = pickle.loads(set_up)()
     except BaseException as error:
         connection.send((RAISED, error))
         return None

@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 
 from geoident.io.text.atomic import atomic_output
-from geoident.model.results.project import ProjectResult
+from geoident.model.results.many.project import ProjectResult
 from geoident.workflow.export import ListedFiles, Writer, export_folder, stem
 from geoident.workflow.running.result_files import case_path
 

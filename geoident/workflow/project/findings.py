@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from geoident.model.results.project import (
+from geoident.model.results.many.project import (
     UNKNOWN_SCATTER,
     ZERO,
     LawEstimate,

@@ -15,7 +15,7 @@ from geoident.errors import ExitCode, InputError, Interrupted, ModelError
 from geoident.forward.protocols import CaseModel
 from geoident.model.arrays import Floats
 from geoident.model.project.project import Project
-from geoident.model.results.result import NO_COST, Counts
+from geoident.model.results.costs import NO_COST, Counts
 from geoident.workflow.executing.executor import (
     Answered,
     BegunExecutor,

@@ -26,7 +26,8 @@ from geoident.io.text.text_file import seen_from
 from geoident.model.arrays import Floats
 from geoident.model.parameter import Parameter
 from geoident.model.project.project import ParameterLaw
-from geoident.model.results.project import (
+from geoident.model.results.bands import NORMAL_95
+from geoident.model.results.many.project import (
     CONSTANT,
     GIVEN_SCATTER,
     KNOWN,
@@ -45,7 +46,7 @@ from geoident.model.results.project import (
     SectionParameter,
     SectionReading,
 )
-from geoident.model.results.result import NORMAL_95, Provenance
+from geoident.model.results.result import Provenance
 from geoident.workflow.estimating.diagnosis import POOR, UNUSABLE
 from geoident.workflow.project.findings import findings
 from geoident.workflow.project.models import SectionAnswers

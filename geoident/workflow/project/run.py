@@ -16,7 +16,7 @@ from geoident.io.result.checkpoint import EvaluationLog
 from geoident.io.result.file import read_identity
 from geoident.io.result.project import read_project_result, write_project_result
 from geoident.model.arrays import Floats
-from geoident.model.results.project import ProjectResult
+from geoident.model.results.many.project import ProjectResult
 from geoident.model.results.result import STOPPED
 from geoident.workflow.project.models import ChosenSections, SectionAnswers, section_executor
 from geoident.workflow.project.outcome import Fitted, LeftOut, project_result

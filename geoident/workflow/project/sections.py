@@ -18,7 +18,7 @@ from geoident.model.arrays import Bools, Floats
 from geoident.model.gauges import Reading
 from geoident.model.parameter import Parameter
 from geoident.model.response import Response
-from geoident.model.results.result import NO_COST, Counts
+from geoident.model.results.costs import NO_COST, Counts
 from geoident.workflow.estimating.diagnosis import parameter_table
 from geoident.workflow.estimating.estimate import look
 from geoident.workflow.estimating.search import estimated

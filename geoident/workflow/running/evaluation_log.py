@@ -37,7 +37,7 @@ from geoident.model.response import (
     HasReducedModel,
     Response,
 )
-from geoident.model.results.result import Counts
+from geoident.model.results.costs import Counts
 from geoident.model.yielding import Activity
 from geoident.workflow.executing.looking_ahead import (
     EvaluationArrays,

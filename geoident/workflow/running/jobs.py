@@ -19,10 +19,7 @@ from geoident import __version__
 from geoident.errors import Fault, InputError, Location, ModelError, Term
 from geoident.fem.solvers import pick_solver
 from geoident.forward.checks import faults_on_mesh
-from geoident.forward.elsewhere.convergence import LawModel
 from geoident.forward.elsewhere.model import ElsewhereModel
-from geoident.forward.elsewhere.runs import ModelRuns
-from geoident.forward.elsewhere.table import SurfaceRuns, TableModel
 from geoident.forward.ground.field import mode_parameters
 from geoident.forward.model import StagedModel, staged_model
 from geoident.forward.openings.model import OpeningModel, opening_model
@@ -33,13 +30,11 @@ from geoident.io.result.file import FORMAT
 from geoident.io.text.text_file import STDIN, require_file, seen_from
 from geoident.model.arrays import Floats
 from geoident.model.case import Case, Source
-from geoident.model.elsewhere import ConvergenceLaw, ExternalProgram, RunTable
+from geoident.model.elsewhere import ConvergenceLaw, Elsewhere, ExternalProgram, RunTable
 from geoident.model.mesh import Mesh
 from geoident.model.methods import MethodOptions, method_name
 from geoident.model.results.result import Provenance, Result
 from geoident.workflow.programs.digest import digest_of
-from geoident.workflow.programs.function import FunctionRuns
-from geoident.workflow.programs.program import ProgramRuns
 from geoident.workflow.running.outputs import (
     Existing,
     Target,
@@ -296,16 +291,7 @@ def build_model(
     """
     elsewhere = inputs.case.elsewhere
     if elsewhere is not None:
-        folder = runs_folder(inputs.path)
-        if isinstance(elsewhere, RunTable):
-            return TableModel(inputs.case, SurfaceRuns(inputs.case, elsewhere))
-        if isinstance(elsewhere, ConvergenceLaw):
-            return LawModel(inputs.case, elsewhere)
-        if isinstance(elsewhere, ExternalProgram):
-            runs: ModelRuns = ProgramRuns(inputs.case, elsewhere, folder, again=fresh)
-        else:
-            runs = FunctionRuns(inputs.case, elsewhere, folder, again=fresh)
-        return ElsewhereModel(inputs.case, runs)
+        return _model_elsewhere(inputs.case, elsewhere, runs_folder(inputs.path), fresh=fresh)
     path = inputs.loaded.mesh_path
     if path is None:
         return opening_model(inputs.case)
@@ -313,6 +299,34 @@ def build_model(
     if faults := model.contradictions():
         raise InputError(faults)
     return model
+
+
+def _model_elsewhere(
+    case: Case, elsewhere: Elsewhere, folder: Path, *, fresh: bool
+) -> ElsewhereModel:
+    """The runs, the table of runs or the law of a case; each is imported where it is needed.
+
+    Args:
+        case: the case.
+        elsewhere: its model.
+        folder: of its runs.
+        fresh: runs that failed before are made again.
+    """
+    if isinstance(elsewhere, RunTable):
+        from geoident.forward.elsewhere.table import SurfaceRuns, TableModel  # noqa: PLC0415
+
+        return TableModel(case, SurfaceRuns(case, elsewhere))
+    if isinstance(elsewhere, ConvergenceLaw):
+        from geoident.forward.elsewhere.convergence import LawModel  # noqa: PLC0415
+
+        return LawModel(case, elsewhere)
+    if isinstance(elsewhere, ExternalProgram):
+        from geoident.workflow.programs.program import ProgramRuns  # noqa: PLC0415
+
+        return ElsewhereModel(case, ProgramRuns(case, elsewhere, folder, again=fresh))
+    from geoident.workflow.programs.function import FunctionRuns  # noqa: PLC0415
+
+    return ElsewhereModel(case, FunctionRuns(case, elsewhere, folder, again=fresh))
 
 
 def start_values(case: Case, model: CaseModel) -> Floats:

@@ -16,8 +16,8 @@ from geoident.forward.model import StagedModel
 from geoident.forward.protocols import CaseModel
 from geoident.forward.reduced.case_model import ReducedCaseModel
 from geoident.forward.reduced.kept import RestoredModel, kept_model
-from geoident.forward.reduced.reducible import ReducibleResponse
 from geoident.forward.reduced.stress_rows import beyond_reduction
+from geoident.forward.reducible import ReducibleResponse
 from geoident.io.case.file import parse_case
 from geoident.io.result.file import read_result
 from geoident.io.text.yaml_reader import parse_yaml

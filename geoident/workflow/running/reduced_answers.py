@@ -15,8 +15,8 @@ import numpy as np
 
 from geoident.errors import ModelError
 from geoident.forward.reduced.kept import RestoredModel
-from geoident.forward.reduced.reducible import ReducibleResponse
 from geoident.forward.reduced.response import ReducedResponse
+from geoident.forward.reducible import ReducibleResponse
 from geoident.model.arrays import Floats
 from geoident.workflow.running.answers import Answer, Asked, Compute
 

@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from geoident.forward.reduced.reducible import ReducibleResponse
 from geoident.forward.reduced.response import ReducedResponse
+from geoident.forward.reducible import ReducibleResponse
 from geoident.identify.direct.scan import grid_axes
 from geoident.identify.objective.discrepancy import Discrepancy
 from geoident.identify.problem.ahead import Look, ReadingsAt, Turn, at_once, in_turns
@@ -23,7 +23,7 @@ from geoident.identify.problem.problem import Problem
 from geoident.model.arrays import Floats
 from geoident.model.methods import ScanOptions
 from geoident.model.response import Response
-from geoident.model.results.result import NO_COST, Counts
+from geoident.model.results.costs import NO_COST, Counts
 from geoident.workflow.running.reduced_answers import LedByReduced, reduced_around
 
 NEAR = 0.001

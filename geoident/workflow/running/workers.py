@@ -23,7 +23,7 @@ from geoident.forward.elsewhere.model import ElsewhereModel
 from geoident.forward.model import StagedModel, staged_model
 from geoident.forward.openings.model import OpeningModel, opening_model
 from geoident.forward.protocols import CaseModel
-from geoident.forward.reduced.reducible import ReducibleResponse
+from geoident.forward.reducible import ReducibleResponse
 from geoident.identify.problem.ahead import Look, ReadingsAt
 from geoident.model.case import Case
 from geoident.model.mesh import Mesh
@@ -38,7 +38,6 @@ from geoident.workflow.executing.executor import (
 from geoident.workflow.executing.looking_ahead import Recording
 from geoident.workflow.executing.processes import LocalProcesses
 from geoident.workflow.executing.worker import STOP
-from geoident.workflow.programs.logged_runs import LoggedRuns
 from geoident.workflow.running.control import OUT_OF_TIME, Control
 from geoident.workflow.running.cost import estimate_cost
 from geoident.workflow.running.evaluation_log import Remembered
@@ -265,10 +264,12 @@ def runs_on_cluster(model: CaseModel, control: Control) -> AbstractContextManage
         model: of a case.
         control: of the command.
     """
-    runs = model.runs if isinstance(model, ElsewhereModel) else None
-    if control.cluster is None or not isinstance(runs, LoggedRuns):
+    if control.cluster is None or not isinstance(model, ElsewhereModel):
         return nullcontext()
-    return runs.on(control.cluster, control.stop)
+    from geoident.workflow.programs.logged_runs import LoggedRuns  # noqa: PLC0415 - there alone
+
+    runs = model.runs
+    return runs.on(control.cluster, control.stop) if isinstance(runs, LoggedRuns) else nullcontext()
 
 
 def _fitting(cost: CostEstimate) -> int:

@@ -22,7 +22,8 @@ from geoident.model.methods import ComplementarityOptions, GaussNewtonOptions, M
 from geoident.model.response import Response
 from geoident.model.results.backtest import Backtest, BacktestStep, Skipped
 from geoident.model.results.bands import Bands, next_read
-from geoident.model.results.result import Counts, GaugeTable
+from geoident.model.results.costs import Counts
+from geoident.model.results.result import GaugeTable
 from geoident.workflow.estimating.diagnosis import assess_robustly, opened, parameter_table
 from geoident.workflow.estimating.estimate import Estimate, look, predicted
 from geoident.workflow.estimating.predictions import correlations

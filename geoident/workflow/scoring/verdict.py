@@ -15,9 +15,9 @@ from geoident.identify.problem.problem import Scaling
 from geoident.model.arrays import Floats
 from geoident.model.case import Case
 from geoident.model.parameter import Parameter
-from geoident.model.results.backtest import Backtest, BacktestStep
-from geoident.model.results.bands import bands_of
-from geoident.model.results.result import NORMAL_95, GaugeTable
+from geoident.model.results.backtest import Backtest, BacktestStep, bands_of
+from geoident.model.results.bands import NORMAL_95
+from geoident.model.results.result import GaugeTable
 from geoident.units import in_unit, shown_unit
 
 ALARM = 0.01

@@ -21,7 +21,7 @@ from geoident.model.ground import Isotropic
 from geoident.model.in_situ import HeimStress
 from geoident.model.methods import ClosedFormOptions
 from geoident.model.parameter import Scalar
-from geoident.model.results.result import Counts
+from geoident.model.results.costs import Counts
 
 MPa = 1e6
 RADIUS = 2.0

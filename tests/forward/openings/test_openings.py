@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from decimal import Decimal, localcontext
 
 import numpy as np
 import pytest
@@ -351,3 +352,32 @@ def test_divided_differences_against_their_definition() -> None:
         assert float(dual.value) == pytest.approx(exact, rel=1e-14)
     near, far = (log_divided(Dual(np.array([x, 1.0]))).columns[1] for x in (0.5 - 1e-12, 0.5))
     assert near == pytest.approx(far, rel=1e-10)
+
+
+@pytest.mark.parametrize("size", [1e-8, 0.1, 1.0, 10.0, 60.0, 300.0])
+def test_divided_differences_lose_no_digit_however_far_the_ground_yields(size: float) -> None:
+    """Against 200 decimal digits: of two nodes, of many points at once, and their derivatives."""
+    first, second = -size * np.array([[0.3, 0.9, 0.5, 1.0], [0.6, 0.2, 0.5 + 1e-12, 0.7]])
+    found = exp_divided(
+        Dual(np.stack([first, np.ones(4), np.zeros(4)], axis=-1)),
+        Dual(np.stack([second, np.zeros(4), np.ones(4)], axis=-1)),
+    )
+    near = 1e-40  # of a node that stands twice, as a part of the other digits
+    for k, (a, b) in enumerate(zip(first.tolist(), second.tolist(), strict=True)):
+        assert found.value[k] == pytest.approx(_divided(0.0, a, b), rel=1e-13, abs=0.0)
+        for column, node in ((1, a), (2, b)):
+            exact = _divided(0.0, a, b, node, apart=near)
+            assert found.columns[k, column] == pytest.approx(exact, rel=1e-13, abs=0.0)
+
+
+def _divided(*nodes: float, apart: float = 0.0) -> float:
+    """The divided difference of exp by its definition, the last node moved a little."""
+    with localcontext() as context:
+        context.prec = 200
+        x = [Decimal(node) for node in nodes]
+        x[-1] += Decimal(apart)
+        table = [node.exp() for node in x]
+        for k in range(1, len(x)):
+            pairs = zip(table[:-1], table[1:], x[:-k], x[k:], strict=True)
+            table = [(up - low) / (right - left) for low, up, left, right in pairs]
+        return float(table[0])

@@ -96,11 +96,11 @@ def test_what_is_left_of_a_load_is_the_largest_force_out_of_balance(monkeypatch,
     part = out_of_balance[1] / out_of_balance[0]
     notes = [n for n in again.survey(NOTHING, fields=False).notes if "not balanced" in n]
     if balanced:
-        assert run.findings.unbalanced == {}
+        assert run.findings.plastic.unbalanced == {}
         assert part < 1e-8
         assert notes == []
     else:
-        assert run.findings.unbalanced == {"open": pytest.approx(part, rel=1e-6)}
+        assert run.findings.plastic.unbalanced == {"open": pytest.approx(part, rel=1e-6)}
         assert part > 1e-4
         expected = f"at stage 'open' {100 * part:.2g} % of the change of load is not balanced:"
         assert [note.startswith(expected) for note in notes] == [True]
@@ -123,9 +123,9 @@ def test_where_the_even_flow_folds_back_the_rest_of_the_overstress_is_said(monke
     forces = staged.march.actions.forces(1, run.point)
     rest = (forces - points.forces(end.stress, system.volume))[system.pattern.dofs]
     assert np.abs(rest).max() < 1e-7 * np.abs(forces).max() + 1e-7 * 30e6  # all of it is carried
-    assert run.findings.unbalanced == {}
-    assert run.findings.overstressed == {"open": 1e-3}
-    assert run.findings.localising["open"].part == pytest.approx(1.0, abs=0.2)
+    assert run.findings.plastic.unbalanced == {}
+    assert run.findings.plastic.overstressed == {"open": 1e-3}
+    assert run.findings.plastic.localising["open"].part == pytest.approx(1.0, abs=0.2)
     (note,) = (n for n in staged.survey(NOTHING, fields=False).notes if "keeps" in n)
     assert note.startswith("at stage 'open' the ground keeps 0.1 % of the stress beyond the yield")
     assert "the acoustic tensor has no positive determinant at 1" in note

@@ -221,7 +221,14 @@ PROBLEMS = {
 }
 
 
-LONG = ("tunnel, smooth, dilation", "solid, smooth, psi", "tunnel, 16 planes", "shaft, smooth")
+LONG = (
+    "tunnel, smooth, dilation",
+    "solid, smooth, psi",
+    "solid, Hoek-Brown",
+    "tunnel, 16 planes",
+    "shaft, smooth",
+)
+"""Slow: the surface, ground and loads of each are in others (Hoek and Brown's in tunnels)."""
 NAMES = [pytest.param(name, marks=[pytest.mark.slow] * (name in LONG)) for name in PROBLEMS]
 
 

@@ -37,7 +37,7 @@ STAGES = tuple(
     for n, part in enumerate(RELEASED)
 )
 MESHES = Path(__file__).with_name("opening_meshes.npz")
-QUICK, FINE = (0.10, 0.05), (0.15, 0.03)
+QUICK, FINE = (0.10,), (0.15, 0.05, 0.03)
 DILATIONS = np.array([0.0, 2.0, 5.0, 10.0, 30.0])
 
 
@@ -85,7 +85,7 @@ def test_opening_of_unstructured_triangles(size, verification):
         run = staged.at(NOTHING, RunOptions(derivatives=False))
         walls = [CAVITY.outwards(staged, end) for end in run.states()][1:]
         truth = [exact(psi, released) for released in RELEASED]
-        assert run.findings.unbalanced == {}
+        assert run.findings.plastic.unbalanced == {}
         for wall, right in zip(walls, truth, strict=True):
             assert wall.mean() == pytest.approx(right, rel=0.005)
             np.testing.assert_allclose(wall, right, rtol=0.015)
@@ -113,7 +113,7 @@ def test_derivatives_without_dilation_are_those_of_the_response():
     pairs = [(gauge, "open") for gauge in ("wall", "crown", "inside")]
     p = np.array([CAVITY.E, 1.02 * C, PHI])
     _, slopes = parametric(0.05).response(pairs).evaluate(p)
-    for column in range(3):
+    for column in (1, 2):  # E: in test_derivatives.py
         step = np.zeros(3)
         step[column] = 4e-6 * p[column]
         there = [parametric(0.05).response(pairs).readings(p + sign * step) for sign in (1, -1)]
@@ -191,7 +191,7 @@ def test_what_is_said_of_a_band_is_true(monkeypatch, parts):
     part = RELEASED[1] + error.fraction * (RELEASED[2] - RELEASED[1])
     again = weak_rock(0.0, (*RELEASED[:2], part)).at(NOTHING, RunOptions(derivatives=False))
     assert len(list(again.states())) == 4
-    assert again.findings.unbalanced == again.findings.overstressed == {}
+    assert again.findings.plastic.unbalanced == again.findings.plastic.overstressed == {}
 
 
 @pytest.mark.slow
@@ -209,8 +209,8 @@ def test_where_the_even_flow_ends_a_band_is_shown():
     limit = HoekBrownLimit(*constants, flow_slope(Dual(np.array([psi]))))
     state = Opening(1.0, ground, limit).under(Dual(np.array([0.0])))
     short = 1.0 - cavity.outwards(staged, end).mean() / state.displacement(wall).value[0]
-    (stage,) = run.findings.overstressed
-    found = run.findings.localising[stage]
+    (stage,) = run.findings.plastic.overstressed
+    found = run.findings.plastic.localising[stage]
     assert 0.02 < short < found.short < 0.1
     assert found.band.startswith("a band has lost its stability, with half of its strain in ")
     assert int(found.band.split(" in ")[1].split()[0]) < 20
@@ -234,7 +234,7 @@ def test_the_even_flow_is_not_stable_on_other_elements_either(monkeypatch):
     staged = cavity.staged(mesh, hoek(30e6, psi=0.0, **HOEK), stages=STAGES)
     run = staged.at(NOTHING, RunOptions(derivatives=False))
     *_, end = run.states()
-    assert run.findings.unbalanced == run.findings.overstressed == {}
+    assert run.findings.plastic.unbalanced == run.findings.plastic.overstressed == {}
     ground = Rock(*(Dual(np.array([x])) for x in (3e9, 0.25, far, far)))
     constants = (Dual(np.array([x])) for x in (30e6, *HOEK.values()))
     limit = HoekBrownLimit(*constants, flow_slope(Dual(np.array([0.0]))))

@@ -6,7 +6,8 @@ from scipy.integrate import quad
 from scipy.stats import binom, multivariate_normal, norm, t
 
 from geoident.identify.assessment.scores import Innovations, chance, changes, scores
-from geoident.model.results.bands import Bands, bands_of, next_read
+from geoident.model.results.backtest import bands_of
+from geoident.model.results.bands import Bands, next_read
 
 HALF = 1.959963984540054
 

@@ -23,7 +23,8 @@ from geoident.identify.problem.problem import Problem
 from geoident.model.arrays import Floats
 from geoident.model.methods import SimplexOptions
 from geoident.model.parameter import Parameter, Prior
-from geoident.model.results.result import Counts, Iteration
+from geoident.model.results.costs import Counts
+from geoident.model.results.result import Iteration
 
 SHARP = SimplexOptions(delta=1e-14, max_evaluations=5000, size=0.5)
 

@@ -15,7 +15,8 @@ from geoident.model.arrays import Floats
 from geoident.model.methods import CondensationOptions
 from geoident.model.parameter import Parameter, Prior
 from geoident.model.response import Condensed
-from geoident.model.results.result import Counts, Iteration
+from geoident.model.results.costs import Counts
+from geoident.model.results.result import Iteration
 
 EQUATION = CondensationOptions(weighting="equation")
 OUTPUT = CondensationOptions(weighting="output")

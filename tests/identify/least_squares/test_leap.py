@@ -11,7 +11,7 @@ from geoident.identify import identify
 from geoident.identify.problem.problem import Problem
 from geoident.model.methods import GaussNewtonOptions
 from geoident.model.parameter import Parameter
-from geoident.model.results.result import Counts
+from geoident.model.results.costs import Counts
 
 PARAMETERS = (
     Parameter("a", 4.0, 0.1, 40.0, "log"),

@@ -6,7 +6,7 @@ import pytest
 from geoident.identify import Problem, identify
 from geoident.model.methods import GaussNewtonOptions
 from geoident.model.parameter import Parameter
-from geoident.model.results.result import Counts
+from geoident.model.results.costs import Counts
 
 A = np.array([[1.0, 0.2], [0.5, 1.0], [-0.3, 0.8], [0.9, -0.4]])
 OFF = A + 0.1 * np.array([[1.0, -1.0], [-1.0, 0.5], [0.5, 1.0], [0.2, -0.7]])

@@ -39,10 +39,14 @@ def drawn(problem, *minima, draws=10_000, effective=1000, evaluations=50_000, se
     return found, p, density
 
 
-def levels(problem, p, *, of):
-    """The probabilities below the 2.5, 50 and 97.5 % quantiles of the draws, by the grid."""
-    at, cumulated = grid_quantiles(problem, of)
-    return np.interp(np.quantile(p[:, of], ENDS), at, cumulated)
+def levels(problem, p):
+    """The probabilities (2, 3) below the 2.5, 50 and 97.5 % quantiles of the draws, by the grid."""
+    return np.array(
+        [
+            np.interp(np.quantile(p[:, of], ENDS), at, cumulated)
+            for of, (at, cumulated) in enumerate(grid_quantiles(problem))
+        ]
+    )
 
 
 @pytest.mark.parametrize("prior", [None, Prior(8.0, 2.0), Prior(8.0, 2.0, "lognormal")])
@@ -52,8 +56,7 @@ def test_modulus_and_stress_along_their_ridge(prior):
     found, p, density = drawn(problem, [10.0, 8.0])
     assert trustworthy(found, density.evaluations)
     assert density.evaluations < 6000
-    for of in (0, 1):
-        assert np.all(np.abs(levels(problem, p, of=of) - ENDS) < (0.012, 0.05, 0.012))
+    assert np.all(np.abs(levels(problem, p) - ENDS) < (0.012, 0.05, 0.012))
 
 
 def test_a_density_on_a_bound_is_cut_by_it():
@@ -149,8 +152,7 @@ def test_the_ensemble_and_importance_sampling_agree(monkeypatch):
     assert found.sampler == "ensemble"
     assert trustworthy(found, density.evaluations)
     assert found.largest_r_hat <= 1.01
-    for of in (0, 1):
-        assert np.all(np.abs(levels(problem, p, of=of) - ENDS) < (0.015, 0.06, 0.015))
+    assert np.all(np.abs(levels(problem, p) - ENDS) < (0.015, 0.06, 0.015))
 
 
 NOISE = 1.0
@@ -214,11 +216,16 @@ def test_modes_of_a_linear_field_have_their_gaussian_posterior():
     assert found.sampler == "importance"  # Laplace's approximation is exact
 
 
-@pytest.mark.parametrize("n", [20, 80])
-def test_crank_nicolson_does_not_depend_on_the_number_of_modes(n):
+@pytest.mark.parametrize(
+    ("n", "effective"),
+    [(40, 250), pytest.param(20, 800, marks=pytest.mark.slow),
+     pytest.param(80, 800, marks=pytest.mark.slow)],
+)  # fmt: skip
+def test_crank_nicolson_does_not_depend_on_the_number_of_modes(n, effective):
     """Readings that are bent: chains meet, and the share of accepted steps is that of few modes.
 
     What the readings see, G p, is compared with importance sampling of G p itself (8 numbers).
+    Of 250 draws the means are known to 0.07 standard deviations, a fifth of what is allowed.
     """
     problem, G = many(n, bend=0.8)
 
@@ -227,16 +234,18 @@ def test_crank_nicolson_does_not_depend_on_the_number_of_modes(n):
 
     rng = np.random.default_rng(3)
     begin = none_yet(laplace(density, [fit.values])).more(density, rng, 200)
-    found = chains.crank_nicolson(density, begin, rng, Wish(4000, 800, 60_000), lambda _: None)
+    found = chains.crank_nicolson(
+        density, begin, rng, Wish(5 * effective, effective, 60_000), lambda _: None
+    )
     assert found.largest_r_hat <= 1.01
     assert found.acceptance > 0.15
     p = density.natural(found.x.reshape(-1, n))
     # the prior of w = G p is N(0, G G^T): the posterior of w by brute force
-    draws = np.random.default_rng(4).normal(size=(400_000, 8)) @ np.linalg.cholesky(G @ G.T).T
+    draws = np.random.default_rng(4).normal(size=(100_000, 8)) @ np.linalg.cholesky(G @ G.T).T
     gap = (np.expm1(0.8 * draws) / 0.8 - problem.measured) / NOISE
     logs = -0.5 * np.sum(gap**2, axis=1)
     weights = np.exp(logs - logs.max())
-    assert weights.sum() ** 2 / np.sum(weights**2) > 2000.0
+    assert weights.sum() ** 2 / np.sum(weights**2) > 500.0
     expected = weights @ draws / weights.sum()
     sd = np.sqrt(weights @ (draws - expected) ** 2 / weights.sum())
     w = p @ G.T

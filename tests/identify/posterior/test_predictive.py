@@ -10,7 +10,7 @@ from geoident.identify.posterior.predictive import with_errors
 from geoident.identify.problem.errors import ErrorStructure, SharedErrors
 from geoident.identify.problem.problem import Problem
 from geoident.model.parameter import Parameter
-from geoident.model.results.result import Counts
+from geoident.model.results.costs import Counts
 
 DRAWS = 200_000
 

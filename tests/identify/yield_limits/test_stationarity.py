@@ -17,7 +17,7 @@ from geoident.identify.yield_limits.stationarity import (
     unreached,
 )
 from geoident.model.parameter import Parameter
-from geoident.model.results.result import Counts
+from geoident.model.results.costs import Counts
 from geoident.model.yielding import Activity
 
 NAMES = ("a", "b")

@@ -54,7 +54,9 @@ def _problem(seed: int) -> Problem:
     return Problem(response, measured, np.full(len(pairs), NOISE), parameters)
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(
+    "seed", [pytest.param(0, marks=pytest.mark.slow), 1, pytest.param(2, marks=pytest.mark.slow)]
+)
 def test_the_answer_is_as_good_as_that_of_a_plain_descent(seed):
     problem = _problem(seed)
     plain = gauss_newton(problem, GaussNewtonOptions(), lambda _: None)

@@ -13,7 +13,7 @@ from geoident.errors import ExitCode, InputError
 from geoident.io.case.file import parse_case, read_case
 from geoident.io.result.campaign import write_over_all
 from geoident.io.text.named_files import named_files
-from geoident.model.results.campaign import (
+from geoident.model.results.many.campaign import (
     FAILED,
     CampaignTable,
     RunParameter,

@@ -9,17 +9,17 @@ import pytest
 from geoident.model.cells import CELLS
 from geoident.model.mesh import ElementBlock, Mesh
 from geoident.model.parameter import Prior
+from geoident.model.results.bands import Prediction
+from geoident.model.results.costs import Counts
 from geoident.model.results.opening import FaceAdvance, GroundReaction
 from geoident.model.results.reduced import FORM, KeptReducedModel
 from geoident.model.results.result import (
-    Counts,
     Diagnostics,
     FieldSeries,
     GaugeTable,
     Grid,
     Iteration,
     ParameterTable,
-    Prediction,
     Provenance,
     Result,
 )

@@ -54,6 +54,20 @@ def test_evaluations_are_found_again(tmp_path: Path) -> None:
         assert found["jacobian"].shape == (3, 2)
 
 
+def test_a_model_of_milliseconds_does_not_wait_for_the_disk_each_time(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    now, waited = [5.0], []
+    monkeypatch.setattr(checkpoint.time, "monotonic", lambda: now[0])
+    monkeypatch.setattr(checkpoint.os, "fsync", lambda file: waited.append(now[0]))
+    with EvaluationLog.open(tmp_path / "a", "id") as log:
+        waited.clear()  # a new log is made once
+        for number in range(10):
+            now[0] = 5.0 + 0.25 * number
+            log.add("jacobian", P + number, ARRAYS)
+    assert waited == [5.0, 6.0, 7.0]
+
+
 def test_only_the_very_same_point_is_found(tmp_path: Path) -> None:
     with EvaluationLog.open(tmp_path / "a", "id") as log:
         log.add("readings", P, ARRAYS)

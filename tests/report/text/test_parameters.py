@@ -7,7 +7,8 @@ import pytest
 from scipy.stats import lognorm, norm
 
 from geoident.model.parameter import Parameter, Prior
-from geoident.model.results.result import Counts, Grid, Iteration
+from geoident.model.results.costs import Counts
+from geoident.model.results.result import Grid, Iteration
 from geoident.report.text.parameters import (
     compared_parameters,
     grid_text,

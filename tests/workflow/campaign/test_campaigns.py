@@ -18,7 +18,7 @@ from geoident.errors import ExitCode, InputError, ModelError, OutputError
 from geoident.io.result.campaign import RunJournal
 from geoident.io.result.file import read_result, write_result
 from geoident.io.text.atomic import output_error
-from geoident.model.results.campaign import CampaignTable, RunRecord
+from geoident.model.results.many.campaign import CampaignTable, RunRecord
 from geoident.report.drawing.campaign import campaign_pictures
 from geoident.report.page.campaign import campaign_page
 from geoident.report.text.campaign.spreadsheet import runs_csv

@@ -1,12 +1,11 @@
 """Tasks in processes: killed, hanging, raising, stopped; none is lost and none stays behind."""
 
+import json
 import os
-import random
 import subprocess
 import sys
 import threading
 import time
-from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
@@ -16,8 +15,9 @@ from geoident.workflow.executing import processes as own
 from geoident.workflow.executing.executor import in_order, usable_cores
 from geoident.workflow.executing.processes import LocalProcesses, cores_shared
 from tests.support.real_cluster import runs, wait_until
-from tests.support.tasks import broken, dying, obedient, squares
+from tests.support.tasks import broken, dying, importing, obedient, squares
 
+ROOT = str(Path(__file__).parents[3])
 KILLS = [pytest.param(6), pytest.param(30, marks=pytest.mark.slow)]
 
 
@@ -32,40 +32,31 @@ def test_answers_are_those_of_their_tasks_whatever_process_gives_them():
     assert not any(runs(pid) for pid in pids)
 
 
+def test_processes_import_nothing_that_is_not_needed():
+    needless = ["numpy.f2py.f2py2e", "numpy.testing._private", "unittest"]
+    with LocalProcesses(1, importing) as processes:
+        (answer,) = processes.run([["scipy.sparse", "click", *needless]])
+    assert answer.value == ["scipy.sparse"]
+
+
 @pytest.mark.parametrize("kills", KILLS)
 def test_no_task_is_lost_when_processes_are_killed_at_random(kills):
-    chance = random.Random(kills)
-    over, seen = threading.Event(), set()
-    killed = 0
-
-    def killer(processes):
-        nonlocal killed
-        while not over.is_set() and killed < kills:
-            time.sleep(chance.uniform(0.02, 0.3))
-            seen.update(processes.processes)
-            # those that are still starting have no task to lose, and a busy machine starts slowly
-            pids = [w.process.pid for w in tuple(processes._workers) if w.ready]
-            with suppress(ProcessLookupError):  # it was reaped a moment ago
-                if pids:
-                    os.kill(chance.choice(pids), 9)
-                    killed += 1
-
-    def tasks():
-        number = 0
-        while killed < kills or number < 100:
-            yield number
-            number += 1
-
-    with LocalProcesses(2, squares, retries=1000) as processes:
-        thread = threading.Thread(target=killer, args=(processes,))
-        thread.start()
-        found = list(in_order(processes.run(tasks())))
-        over.set()
-        thread.join()
-    assert killed == kills
-    assert [answer.value[0] for answer in found] == [n * n for n in range(len(found))]
-    assert sum(len(answer.losses) for answer in found) > 0
-    assert not any(runs(pid) for pid in seen)
+    """Who asks is a process of its own: were it to end with its workers, it alone would."""
+    asked = subprocess.run(
+        [sys.executable, "-X", "faulthandler", "-m", "tests.support.killed_at_random", str(kills)],
+        env={**os.environ, "PYTHONPATH": ROOT},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert asked.returncode == 0, asked.stderr
+    told = json.loads(asked.stdout)
+    assert told["killed"] == kills
+    assert told["answers"] == [n * n for n in range(len(told["answers"]))]
+    assert len(told["answers"]) >= 100
+    assert told["losses"] > 0
+    assert len(told["processes"]) > kills
+    assert not any(runs(pid) for pid in told["processes"])
 
 
 def test_a_task_that_kills_three_processes_is_set_aside_and_the_others_go_on(tmp_path):
@@ -174,10 +165,9 @@ with LocalProcesses(1, obedient) as processes:
 
 def test_a_process_that_hangs_ends_with_who_asks_even_if_that_is_killed(tmp_path):
     begun = tmp_path / "begun"
-    root = str(Path(__file__).parents[3])
     asker = subprocess.Popen(
         [sys.executable, "-c", ORPHAN.format(file=str(begun))],
-        env={**os.environ, "PYTHONPATH": root},
+        env={**os.environ, "PYTHONPATH": ROOT},
     )
     program = Path(f"{begun}.program")
     wait_until(lambda: program.exists() and program.read_text().endswith(" "))

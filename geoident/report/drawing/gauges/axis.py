@@ -11,7 +11,8 @@ from matplotlib.axes import Axes
 
 from geoident.io.text.dates import date_text
 from geoident.model.arrays import Floats
-from geoident.model.results.result import NORMAL_95, GaugeTable, Result
+from geoident.model.results.bands import NORMAL_95
+from geoident.model.results.result import GaugeTable, Result
 from geoident.report.drawing.gauges.instruments import Instrument
 from geoident.report.drawing.style import FAINT, SMALL, stage_ticks
 from geoident.report.text.case import stage_dates

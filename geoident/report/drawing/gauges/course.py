@@ -16,7 +16,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from geoident.model.arrays import Bools, Floats
-from geoident.model.results.result import NORMAL_95, Result
+from geoident.model.results.bands import NORMAL_95
+from geoident.model.results.result import Result
 from geoident.report.drawing.gauges.axis import (
     StageAxis,
     computed_of,

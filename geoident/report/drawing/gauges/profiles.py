@@ -17,7 +17,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from geoident.model.arrays import Floats, Ints
-from geoident.model.results.result import NORMAL_95, Result
+from geoident.model.results.bands import NORMAL_95
+from geoident.model.results.result import Result
 from geoident.report.drawing.gauges.axis import computed_of, value_limits
 from geoident.report.drawing.gauges.course import has_band, last_fitted
 from geoident.report.drawing.gauges.instruments import (

@@ -16,8 +16,9 @@ from matplotlib.figure import Figure
 
 from geoident.model.arrays import Floats
 from geoident.model.parameter import Prior
+from geoident.model.results.bands import NORMAL_95
 from geoident.model.results.posterior import PosteriorDraws
-from geoident.model.results.result import NORMAL_95, ParameterTable, Result
+from geoident.model.results.result import ParameterTable, Result
 from geoident.report.drawing.parameters.scale import (
     logarithmic,
     scaled,

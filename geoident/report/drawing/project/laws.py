@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from geoident.model.arrays import Floats
-from geoident.model.results.project import (
+from geoident.model.results.many.project import (
     LAW,
     LawEstimate,
     LawPoint,

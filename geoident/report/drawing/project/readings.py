@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from geoident.model.results.project import SectionReading
+from geoident.model.results.many.project import SectionReading
 from geoident.report.drawing.style import (
     ACCENT,
     COMPUTED,

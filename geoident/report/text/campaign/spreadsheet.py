@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from geoident.model.results.campaign import CampaignTable, RunParameter, RunReading, RunRecord
+from geoident.model.results.many.campaign import CampaignTable, RunParameter, RunReading, RunRecord
 from geoident.report.text.csv_tables import CsvCell, CsvRow, CsvTable, csv_text
 from geoident.units import in_unit, shown_unit
 

@@ -6,7 +6,7 @@ import math
 from collections import Counter
 from collections.abc import Sequence
 
-from geoident.model.results.campaign import (
+from geoident.model.results.many.campaign import (
     SAME_MISFIT,
     CampaignTable,
     RunParameter,

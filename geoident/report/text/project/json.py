@@ -7,7 +7,7 @@ from dataclasses import asdict
 from typing import Any
 
 from geoident.model.project.project import Project
-from geoident.model.results.project import ProjectResult
+from geoident.model.results.many.project import ProjectResult
 
 
 def project_object(result: ProjectResult, *, project: str, output: str) -> dict[str, Any]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from geoident.model.results.project import (
+from geoident.model.results.many.project import (
     LawEstimate,
     ProjectResult,
     SectionParameter,

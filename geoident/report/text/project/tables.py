@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 
 from geoident.model.project.project import Project
-from geoident.model.results.project import (
+from geoident.model.results.many.project import (
     GIVEN_SCATTER,
     LAW,
     NO_SCATTER,

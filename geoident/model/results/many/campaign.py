@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from geoident.errors import ExitCode
-from geoident.model.results.result import NO_COST, Counts
+from geoident.model.results.costs import NO_COST, Counts
 
 SET_ASIDE = "set-aside"
 FAILED = "failed"

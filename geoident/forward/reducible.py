@@ -1,4 +1,4 @@
-"""The response of a staged model that may have a reduced one, made of what it was evaluated at."""
+"""What a response may be asked of a reduced model, made of the marches of its evaluations."""
 
 from __future__ import annotations
 
@@ -36,16 +36,14 @@ class SharedReduction:
 class ReducibleResponse(StagedResponse):
     """Readings of some (channel, stage) pairs, and the reduced model of the marches for them.
 
-    Fulfils also the protocols ``HasReducedModel`` and ``KeepsMarches``.
+    It evaluates as a `StagedResponse` does. Fulfils also the protocols ``HasReducedModel`` and
+    ``KeepsMarches``.
 
     Args:
         marches: of the case.
         shared: the marches of other responses.
         pairs: channel and stage of every reading.
         times: when each was read; None for what is known of its stage.
-
-    Attributes:
-        reduction: of the marches with derivatives since they are kept; None while they are not.
     """
 
     def __init__(
@@ -57,29 +55,6 @@ class ReducibleResponse(StagedResponse):
     ) -> None:
         super().__init__(marches, pairs, times)
         self._shared = shared
-        self.reduction: Reduction | None = None
-        self._learns = True
-
-    @property
-    def backwards(self) -> bool:
-        """Whether derivatives come by adjoints: not while marches are kept."""
-        if not super().backwards:
-            return False
-        return self.reduction is None or not self.reduction.covers()
-
-    def by_tangents(self, p: Floats) -> tuple[Floats, Floats]:
-        """v(p), (g,), and its Jacobian, (g, n), by a march that is kept for the reduced model.
-
-        Where that is for marches which go further, so does this one.
-        """
-        reduction = self.reduction
-        known = reduction is None or not self._learns or reduction.knows(p)
-        recorder = None if reduction is None or known else reduction.recorder(p)
-        if reduction is None or recorder is None:
-            return super().by_tangents(p)
-        table = self._run(p, derivatives=True, last=reduction.last, tell=recorder.add)
-        reduction.add(recorder.snapshot)
-        return table[:, 0], table[:, 1:]
 
     def keep_marches(self, *, economical: bool = True, most: int = 4) -> None:
         """Keep what marches with derivatives find from now on, for a reduced model.
@@ -137,7 +112,7 @@ class ReducibleResponse(StagedResponse):
             number: of the march.
             learns: whether it is kept for the reduced model.
         """
-        self._learns = learns
+        self.learns = learns
         if self.reduction is not None:
             self.reduction.number = number
 

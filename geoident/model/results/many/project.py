@@ -8,7 +8,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from geoident.model.results.result import Counts, Iteration, Provenance
+from geoident.model.results.costs import Counts
+from geoident.model.results.result import Iteration, Provenance
 from geoident.units import in_unit, shown_unit
 
 SHARED, CONSTANT, LAW, OWN = "shared", "constant", "law", "own"
