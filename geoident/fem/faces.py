@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Self
 
 import numpy as np
@@ -42,6 +43,11 @@ class FaceTable:
     def n_faces(self) -> int:
         """Number of different faces."""
         return len(self.keys.sorted)
+
+    @cached_property
+    def side_by_side(self) -> Ints:
+        """All rows (n_f,), those of one face behind each other in the order of the table."""
+        return np.argsort(self.face, kind="stable")
 
     def free(self, present: Bools) -> Ints:
         """Rows (r,) that are outer faces of the body of present elements (n_elements,)."""

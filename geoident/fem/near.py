@@ -11,11 +11,15 @@ import numpy as np
 
 from geoident.model.arrays import Bools, Floats, Ints
 
-_CELLS = {1: 1000, 2: 300, 3: 60}
+_CELLS = {1: 10_000, 2: 1000, 3: 160}
 """Cells of the grid of `points_in_boxes` along an axis, at most, by the dimension."""
 
 _FINE = 4.0
-"""Cells along an axis for each point along it, were the points spread evenly."""
+"""Cells along an axis for each point along it, were the points spread evenly over a surface."""
+
+_IN_A_BOX = 3.0
+"""Cells along an axis of a box of usual size: few, since its lines of cells are looked up one by
+one, and not one, since it then holds points of a cell far larger than itself."""
 
 _ASIDE = 0.381966
 """Where cells of `pairs_within` begin, in parts of their size: planes of nodes, which lie at round
@@ -40,8 +44,10 @@ def points_in_boxes(points: Floats, low: Floats, high: Floats) -> tuple[Ints, In
     if not len(points) or not len(low):
         return np.empty(0, np.int64), np.empty(0, np.int64)
     dim = points.shape[1]
-    n = int(np.clip(np.ceil(_FINE * len(points) ** (1 / dim)), 1, _CELLS[dim]))
     origin, size = points.min(axis=0), np.maximum(np.ptp(points, axis=0), 1e-300)
+    usual = max(float(np.median((high - low).max(axis=1))), 1e-300)
+    wanted = min(_IN_A_BOX * size.max() / usual, _FINE * len(points) ** (1 / max(1, dim - 1)))
+    n = int(np.clip(np.ceil(wanted), 1, _CELLS[dim]))
 
     def cells(x: Floats) -> Ints:
         return np.asarray(np.clip((x - origin) / size * n, 0, n - 1), dtype=np.int64)

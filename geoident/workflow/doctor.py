@@ -11,7 +11,7 @@ from importlib.metadata import PackageNotFoundError, version
 from geoident.fem.solvers import BEYOND, LARGE, SMALL, SolverInfo, picked, solver_report
 from geoident.fem.solvers.auto import FACTOR_SHARE
 from geoident.fem.solvers.memory_limit import memory_limit
-from geoident.workflow.running.jobs import versions
+from geoident.workflow.executing.versions import versions
 
 EXTRAS = {
     "report": ("matplotlib", "figures and pages"),

@@ -72,6 +72,21 @@ def test_what_is_computed_without_a_fit_imports_nothing_needless(trench):
     assert [name for name in NEEDLESS if name in modules] == []
 
 
+def test_a_report_imports_nothing_that_computes():
+    """What solves equations takes as long to import as some figures to draw."""
+    code = (
+        "import sys, geoident.cli.app as app\n"
+        "try: app.geoident.main(['report', 'missing.h5'])\n"
+        "except BaseException: pass\n"
+        "print('|', *sys.modules)\n"
+    )
+    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    modules = set(told.stdout.rpartition("|")[2].split())
+    assert "matplotlib.figure" in modules
+    assert "geoident.report.page.page" in modules
+    assert not modules & {"scipy", "meshio", "geoident.fem.solvers", "geoident.forward.model"}
+
+
 def wait_for(condition, process):
     for _ in range(3000):
         if condition():

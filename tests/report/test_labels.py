@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from geoident.report.drawing.labels import arranged, place_labels
+from geoident.report.drawing import labels
+from geoident.report.drawing.labels import arranged, hidden, place_labels
 from geoident.report.drawing.style import drawing_style
 
 FRAME = np.array([0.0, 0.0, 300.0, 200.0])
@@ -101,3 +102,38 @@ def test_a_label_far_from_its_anchor_has_a_leader_to_it():
         lone = place_labels(figure.add_subplot(), [(0.5, 0.5)], ["name"])[0].axes
         figure.draw_without_rendering()
         assert not [line for line in lone.lines if line.get_visible()]
+
+
+def sphere(n):
+    """Triangles (m, 3, 3) of the unit sphere, as patches between n meridians and n circles."""
+    turn, rise = np.meshgrid(np.linspace(0, 2 * np.pi, n), np.linspace(0, np.pi, n), indexing="ij")
+    at = np.stack([np.cos(turn) * np.sin(rise), np.sin(turn) * np.sin(rise), np.cos(rise)], axis=2)
+    a, b, c, d = at[:-1, :-1], at[1:, :-1], at[1:, 1:], at[:-1, 1:]
+    return np.concatenate([np.stack([a, b, c], axis=2), np.stack([a, c, d], axis=2)]).reshape(
+        -1, 3, 3
+    )
+
+
+@pytest.mark.parametrize("far", [0.0, 1e5])
+@pytest.mark.parametrize("at_a_time", [7, 1000])
+def test_what_lies_behind_or_inside_a_sphere_is_hidden(monkeypatch, far, at_a_time):
+    monkeypatch.setattr(labels, "_AT_A_TIME", at_a_time)
+    towards = np.array([0.6, -0.48, 0.64])
+    points = np.random.default_rng(5).uniform(-2, 2, (500, 3))
+    along = points @ towards
+    beside = np.linalg.norm(points - along[:, None] * towards, axis=1)
+    behind = (beside < 1) & (along < np.sqrt(np.clip(1 - beside**2, 0, None)))
+    rim = np.abs(beside - 1) < 0.02  # the triangles are not quite a sphere
+    rim |= (beside < 1) & (np.abs(along - np.sqrt(np.clip(1 - beside**2, 0, None))) < 0.02)
+    found = hidden(points + far, sphere(60) + far, towards)
+    assert np.array_equal(found[~rim], behind[~rim])
+    assert 0 < behind.sum() < 250 < (~rim).sum()
+
+
+def test_a_point_on_a_surface_is_not_hidden_by_it_and_without_one_nothing_is():
+    towards = np.array([0.0, 0.0, 1.0])
+    floor = np.array([[[0.0, 0, 0], [4, 0, 0], [0, 4, 0]], [[0, 0, 0], [4, 0, 0], [4, 0, 4]]])
+    points = np.array([[1.0, 1.0, 0.0], [1.0, 1.0, -1.0], [2.2, 2.0, -1.0]])
+    assert hidden(points, floor, towards).tolist() == [False, True, False]
+    assert not hidden(points, np.empty((0, 3, 3)), towards).any()
+    assert hidden(np.empty((0, 3)), floor, towards).shape == (0,)

@@ -22,9 +22,12 @@ from PIL import Image
 from geoident.report.drawing import lines
 from geoident.report.drawing.album import album
 from geoident.report.drawing.fields import panels
+from geoident.report.drawing.raster import Raster
 from geoident.report.drawing.signs import sign_pictures
 from geoident.report.drawing.style import Picture, drawing_style, image
+from geoident.report.saving import collector
 from geoident.report.saving.collector import collector_paused, garbage_at_the_end
+from geoident.report.saving.figure_file import lay_out
 from geoident.report.saving.lean_axes import lean_axes
 from geoident.report.saving.svg_writer import SvgCanvas
 
@@ -38,9 +41,10 @@ def places(picture, *, lean):
         figure = picture.draw()
         SvgCanvas(figure, 150)
         figure.dpi = 72
-        engine = figure.get_layout_engine()
-        if engine is not None:
-            engine.execute(figure)
+        if lean:
+            lay_out(figure)
+        elif figure.get_layout_engine() is not None:
+            figure.get_layout_engine().execute(figure)
             figure.set_layout_engine("none")
         figure.draw_without_rendering()
         found = []
@@ -56,7 +60,16 @@ def places(picture, *, lean):
 
 @pytest.mark.parametrize(
     "name",
-    ["overview", "parameters", "pairs", "readings-1", "displacement-parts", "residuals", "history"],
+    [
+        "overview",
+        "parameters",
+        "pairs",
+        "readings-1",
+        "displacement",
+        "displacement-parts",
+        "residuals",
+        "history",
+    ],
 )
 def test_lean_axes_are_laid_out_as_those_of_matplotlib(plane, name):
     (picture,) = [p for p in album(plane).all if p.name == name]
@@ -124,6 +137,39 @@ def test_bands_have_the_colours_of_norm_and_map():
         assert np.array_equal(found.reshape(-1, 4)[1:], expected.reshape(-1, 4)[1:])
 
 
+@pytest.mark.parametrize("look", [{"linestyle": "dashed"}, {"linestyle": (0, (0.6, 2.2))}])
+def test_lines_of_values_are_the_contours_of_matplotlib(look):
+    rows, columns = 41, 60
+    x, y = np.meshgrid(np.linspace(0.0, 6.0, columns), np.linspace(0.0, 4.0, rows))
+    values = np.sin(x) * np.cos(y) + 0.1 * x
+    values[10:14, 20:25] = np.nan
+    levels = [-0.5, 0.0, 0.3, 7.0]
+    low, high = np.array([0.0, 0.0]), np.array([6.0, 4.0])
+    none = np.empty((0, 3))
+    raster = Raster(low, high, (rows, columns), none, *(np.empty(0),) * 3, none, none)
+    half, every = np.array([6.0 / columns, 4.0 / rows]) / 2, panels._EVERY
+
+    def ours(axes):
+        added = {"edgecolors": "black", "lw": 0.6, "ls": look["linestyle"]}
+        panels.add_levels(axes, raster, values, levels, **added)
+        axes.set(xlim=(0.0, 6.0), ylim=(0.0, 4.0))
+
+    def theirs(axes):
+        at = [half[k] * (1 + 2 * np.arange(0, (columns, rows)[k], every)) for k in (0, 1)]
+        some = np.ma.masked_invalid(values[::every, ::every])
+        for level in levels[:3]:
+            axes.contour(*at, some, levels=[level], colors="black", linewidths=0.6,
+                         linestyles=[look["linestyle"]])  # fmt: skip
+        axes.set(xlim=(0.0, 6.0), ylim=(0.0, 4.0))
+
+    found, expected = (
+        [(p.get("d"), p.get("stroke-dasharray"), p.get("stroke-width")) for p in drawn(each).iter()]
+        for each in (ours, theirs)
+    )
+    assert found == expected
+    assert sum(dashes is not None for _, dashes, _ in found) > 0
+
+
 def test_chained_lines_are_the_same_lines():
     rng = np.random.default_rng(3)
     nodes = rng.integers(0, 6, size=(60, 2, 2)).astype(float)
@@ -170,8 +216,24 @@ def test_numbers_at_many_places_are_one_tick():
     assert len(axes.xaxis.majorTicks) == 1
 
 
-def test_a_figure_is_gone_when_it_is_written():
+def test_an_axis_that_grows_has_more_numbers():
+    found = []
+    for lean in (True, False):
+        with drawing_style(), lean_axes() if lean else nullcontext():
+            axes = Figure(figsize=(8, 3)).add_axes((0.1, 0.2, 0.1, 0.7))
+            axes.plot([0, 1000], [0, 1])
+            for width in (0.1, 0.8):
+                axes.set_position((0.1, 0.2, width, 0.7))
+                measures = SvgCanvas(axes.figure, 150).get_renderer()
+                ticks = axes.xaxis._update_ticks()
+                found.append(len(axes.xaxis._get_ticklabel_bboxes(ticks, measures)[0]))
+    assert found[:2] == found[2:]
+    assert found[0] < found[1]
+
+
+def test_figures_are_gone_before_they_are_many(monkeypatch):
     """Without the collector a page of many figures would keep all of them to its end."""
+    monkeypatch.setattr(collector, "_MUCH", gc.get_count()[0] + 2000)
     made = []
 
     def draw():
@@ -181,7 +243,8 @@ def test_a_figure_is_gone_when_it_is_written():
         return figure
 
     with collector_paused():
-        image(Picture("one", "", "", draw), "svg")
+        for _ in range(5):
+            image(Picture("one", "", "", draw), "svg")
         assert made[0]() is None
         with garbage_at_the_end():
             assert not gc.isenabled()

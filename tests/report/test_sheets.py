@@ -11,7 +11,7 @@ from geoident.model.case import Stage
 from geoident.model.mesh import ElementBlock, Mesh
 from geoident.model.results.result import FieldSeries
 from geoident.report.drawing.model.figure import model_figure
-from geoident.report.drawing.scene import Scene, gauge_planes, round_down
+from geoident.report.drawing.scene import Scene, gauge_planes, principal_stresses, round_down
 from geoident.report.drawing.sheets import Plane, SheetMaker
 from geoident.report.drawing.solid import _means, _View, surface_figure
 from geoident.report.drawing.style import MM
@@ -126,13 +126,29 @@ def test_averages_jump_between_groups_and_nowhere_else():
 
 
 def test_principal_stresses_are_those_of_mohrs_circle():
-    result = example_result(2)
-    scene = Scene(result, result.fields)
-    xx, yy, zz, xy = np.moveaxis(result.fields.stress[1, :, :4], -1, 0)
+    stress = example_result(2).fields.stress[1]
+    xx, yy, zz, xy = np.moveaxis(stress[:, :4], -1, 0)
     centre, radius = (xx + yy) / 2, np.hypot((xx - yy) / 2, xy)
     known = np.isfinite(xx)
     expected = np.sort(np.stack([centre - radius, centre + radius, zz], axis=1)[known], axis=1)
-    np.testing.assert_allclose(scene.principal[1][known], expected, rtol=1e-10)
+    found = principal_stresses(stress)
+    np.testing.assert_allclose(found[known], expected, rtol=1e-10)
+    turned = stress[:, [2, 0, 1, 5, 3, 4]]  # the same tensors, with x, y, z renamed
+    np.testing.assert_allclose(principal_stresses(turned)[known], expected, rtol=1e-10)
+
+
+def test_stresses_of_a_section_are_means_over_all_elements_around_it():
+    result = example_result(3)
+    scene = Scene(result, result.fields)
+    every = principal_stresses(result.fields.stress)
+    present = result.fields.present
+    for sheet in scene.sheets:
+        assert 0 < len(sheet.elements_behind) < result.fields.mesh.n_elements
+        for state in range(scene.n_states):
+            for which in (0, 2):
+                means = sheet.corners.average(every[state, :, which], present[state])
+                expected = sheet.of_corners(means)
+                np.testing.assert_array_equal(scene.stress_at(sheet, state, which), expected)
 
 
 def test_the_stress_of_ground_that_is_gone_is_not_shown():

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import partial
 from importlib import import_module
-from importlib.metadata import PackageNotFoundError, version
 
 from geoident.errors import UsageError
 from geoident.fem.solvers.auto import LARGE_WORK, NOTHING, AutoSolver, FactorSize, is_beyond
@@ -138,6 +137,8 @@ def _info(name: str) -> SolverInfo:
 
 
 def _package(name: str) -> str:
+    from importlib.metadata import PackageNotFoundError, version  # noqa: PLC0415 - for reports
+
     package = _PACKAGES.get(name, "scipy")
     try:
         return f"{package} {version(package)}"

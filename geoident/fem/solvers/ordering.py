@@ -279,15 +279,15 @@ def _divide(level: _Level, cut: _Cut, order: Ints) -> _Level:
 def _restrict(level: _Level, stays: Ints, sizes: Ints, slots: Ints) -> _Level:
     """The level of some of the nodes, in the sequence given."""
     a = level.nodes.size
-    place = np.full(a, -1)
+    place = np.full(a, -1, dtype=np.int32)
     place[stays] = np.arange(stays.size)
     gather, counts = _entries(level, stays)
     columns = place.take(level.indices.take(gather))
     keep = columns >= 0
-    kept = np.concatenate([[0], np.cumsum(keep)])
-    indptr = np.concatenate([[0], kept[np.cumsum(counts)]])
+    kept = np.add.reduceat(keep, np.cumsum(counts) - counts, dtype=np.int64)
+    indptr = np.concatenate([[0], np.cumsum(kept)])
     starts = np.concatenate([[0], np.cumsum(sizes)])
-    return _Level(level.nodes[stays], starts, slots, indptr, columns[keep])
+    return _Level(level.nodes[stays], starts, slots, indptr, columns[keep].astype(np.int64))
 
 
 def _entries(level: _Level, rows: Ints) -> tuple[Ints, Ints]:

@@ -43,6 +43,8 @@ _NEAR, _FAR = (0, 5), (5, len(_RINGS))  # rings that are tried first, and those 
 _MOST_ANCHORS = 6  # of a label, around which places are tried
 _OFF_CENTRE = 6.0  # cost of not standing on the anchor, for a label that would best stand there
 _SWEEPS = 2
+_AT_A_TIME = 64
+"""Points asked together whether a surface hides them."""
 _ON_LINE, _ON_MARK, _LEADERS_CROSS, _LEADER_ON_LABEL = 8.0, 12.0, 25.0, 60.0
 
 
@@ -390,23 +392,32 @@ def _side(a: Floats, b: Floats, c: Floats) -> Floats:
 def hidden(points: Floats, triangles: Floats, towards: Floats) -> Bools:
     """(k,) which points in space are hidden behind a surface, seen from far away.
 
+    The ray from a point to the eye meets the plane of a triangle at two weights and at a distance
+    that are linear in the point: products of two matrices ask that of many points at once, and the
+    distance is found only where the ray goes through the triangle.
+
     Args:
         points: (k, 3) points.
         triangles: (m, 3, 3) corners of the triangles of the surface.
         towards: (3,) direction to the eye.
     """
-    a, u, v = triangles[:, 0], triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
+    u, v = triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
     across = np.cross(towards, v)
     volume = np.einsum("ij,ij->i", u, across)
-    size = float(np.ptp(triangles.reshape(-1, 3), axis=0).max()) if len(triangles) else 1.0
+    met = np.flatnonzero(np.abs(volume) > 1e-200)  # others are seen from their edge
     found = np.zeros(len(points), dtype=bool)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        for k, point in enumerate(points):
-            away = point - a
-            s = np.einsum("ij,ij->i", away, across) / volume
-            turned = np.cross(away, u)
-            t = turned @ towards / volume
-            ahead = np.einsum("ij,ij->i", v, turned) / volume
-            inside = (s >= 0) & (t >= 0) & (s + t <= 1)
-            found[k] = bool((inside & (ahead > 1e-3 * size)).any())
+    if not len(met):
+        return found
+    a, u, v, over = triangles[met, 0], u[met], v[met], 1.0 / volume[met, None]
+    first, second, depth = across[met] * over, np.cross(u, towards) * over, np.cross(u, v) * over
+    origin = a.mean(axis=0)  # near all, for the sake of rounding
+    a = a - origin
+    start = [np.einsum("ij,ij->i", normal, a) for normal in (first, second)]
+    far = 1e-3 * float((triangles.max(axis=(0, 1)) - triangles.min(axis=(0, 1))).max())
+    for begin in range(0, len(points), _AT_A_TIME):
+        here = points[begin : begin + _AT_A_TIME] - origin
+        s, t = here @ first.T - start[0], here @ second.T - start[1]
+        point, triangle = np.nonzero((s >= 0) & (t >= 0) & (s + t <= 1))
+        ahead = np.einsum("ij,ij->i", depth[triangle], here[point] - a[triangle])
+        found[begin + point[ahead > far]] = True
     return found

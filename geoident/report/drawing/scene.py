@@ -63,6 +63,7 @@ class Scene:
         self._areas: dict[tuple[Sheet, int], tuple[Ints, Floats]] = {}
         self._lines: dict[tuple[Sheet, int], tuple[Trace, Trace]] = {}
         self._sections: dict[Plane, Sheet] = {}
+        self._stresses: dict[Sheet, tuple[Ints, Floats]] = {}
 
     @property
     def solid(self) -> bool:
@@ -195,17 +196,6 @@ class Scene:
         """Width of the image of a window, inches: as fine as it can be in some number of pixels."""
         return float(np.sqrt(_PIXELS / window.aspect)) / PER_INCH
 
-    @cached_property
-    def principal(self) -> Floats:
-        """(n_states, n_elements, 3) principal stresses, ascending: compression first."""
-        xx, yy, zz, xy, yz, xz = np.moveaxis(np.nan_to_num(self.fields.stress), -1, 0)
-        if not yz.any() and not xz.any():
-            middle, half = (xx + yy) / 2, np.hypot((xx - yy) / 2, xy)
-            return np.sort(np.stack([middle - half, middle + half, zz], axis=-1), axis=-1)
-        rows = [(xx, xy, xz), (xy, yy, yz), (xz, yz, zz)]
-        tensor = np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
-        return np.asarray(np.linalg.eigvalsh(tensor))
-
     def stress_at(self, sheet: Sheet, state: int, which: int) -> Floats:
         """A principal stress (n,) at the n points of a sheet, Pa; NaN where nothing is present.
 
@@ -214,9 +204,13 @@ class Scene:
             state: number of the state.
             which: 0 for the largest.
         """
-        present = self.fields.present[state]
-        corners = sheet.corners.average(self.principal[state, :, which], present)
-        return sheet.of_corners(corners)
+        if sheet not in self._stresses:
+            elements = sheet.elements_behind
+            self._stresses[sheet] = elements, principal_stresses(self.fields.stress[:, elements])
+        elements, stresses = self._stresses[sheet]
+        values = np.full(self.fields.mesh.n_elements, np.nan)
+        values[elements] = stresses[state, :, which]
+        return sheet.of_corners(sheet.corners.average(values, self.fields.present[state]))
 
     @cached_property
     def moved(self) -> Bools:
@@ -291,6 +285,21 @@ class Scene:
                 if here:
                     motion[state, k] = here[0].shapes @ self.displacement(state)[here[0].nodes]
         return points, motion
+
+
+def principal_stresses(stress: Floats) -> Floats:
+    """Principal stresses (..., 3), ascending: compression first; zero where there is no stress.
+
+    Args:
+        stress: (..., 6) components.
+    """
+    xx, yy, zz, xy, yz, xz = np.moveaxis(np.nan_to_num(stress), -1, 0)
+    if not yz.any() and not xz.any():
+        middle, half = (xx + yy) / 2, np.hypot((xx - yy) / 2, xy)
+        return np.sort(np.stack([middle - half, middle + half, zz], axis=-1), axis=-1)
+    rows = [(xx, xy, xz), (xy, yy, yz), (xz, yz, zz)]
+    tensor = np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    return np.asarray(np.linalg.eigvalsh(tensor))
 
 
 def scene_of(result: Result, only: int | None = None) -> Scene | None:

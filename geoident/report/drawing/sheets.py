@@ -170,6 +170,13 @@ class Sheet:
         """Points (n, 2), m."""
         return self.of_nodes(self.mesh.points)[:, list(self.axes)]
 
+    @cached_property
+    def elements_behind(self) -> Ints:
+        """Elements (k,) that have a corner from which a point of the sheet has a value."""
+        asked = np.zeros(len(self.corners.node), dtype=bool)
+        asked[self.at_corners.column] = True
+        return np.unique(self.corners.element[asked[self.corners.corner]])
+
     def of_nodes(self, values: Floats) -> Floats:
         """What is known at nodes (n_nodes, ...) at the points of the sheet."""
         return np.asarray(self.at_nodes @ values)
@@ -190,8 +197,8 @@ class Sheet:
 
     def borders(self, label: Ints) -> Trace:
         """Where elements (n_elements,) of different labels meet; none at those labelled below 0."""
-        inside = label[self.faces.element] >= 0
-        rows = np.flatnonzero(inside)[np.argsort(self.faces.face[inside], kind="stable")]
+        rows = self.faces.side_by_side
+        rows = rows[label[self.faces.element[rows]] >= 0]
         first, second = rows[:-1], rows[1:]
         same = self.faces.face[first] == self.faces.face[second]
         differ = label[self.faces.element[first]] != label[self.faces.element[second]]

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 
 from geoident.fem.faces import patches
-from geoident.model.arrays import Floats
+from geoident.model.arrays import Bools, Floats
 from geoident.model.cells import CELLS
 from geoident.report.drawing.fields.panels import bands
 from geoident.report.drawing.fields.polygons import Polygons
@@ -253,18 +253,17 @@ def _inside(trace: Trace, scene: Scene, state: int, factor: float, box: _Box) ->
 def _draw_gauges(axes: Any, view: _View, polygons: Polygons) -> None:
     """Gauges that are not hidden, with their names if they are few."""
     table = view.scene.result.gauges
-    surface = _triangles(polygons)
+    every = np.stack([table.first, table.second], axis=1)
+    known: Bools = np.asarray(np.isfinite(every).all(axis=2))
+    behind = np.zeros(known.shape, dtype=bool)
+    behind[known] = hidden(every[known] + 1e-6 * view.towards, _triangles(polygons), view.towards)
     names: dict[str, list[Floats]] = {}
     lines = []
-    for name, first, second in zip(table.gauges, table.first, table.second, strict=True):
-        ends = np.array([end for end in (first, second) if np.isfinite(end).all()])
-        if not len(ends):
-            continue
-        seen = ~hidden(ends + 1e-6 * view.towards, surface, view.towards)
-        if seen.all():
-            axes.plot(*ends.T, "-o", color=GAUGE, lw=0.8, ms=2.0, zorder=5)
-            lines.append(ends)
-            names.setdefault(name, []).append(ends[-1])
+    for k in np.flatnonzero(known.any(axis=1) & ~behind.any(axis=1)):
+        ends = every[k, known[k]]
+        axes.plot(*ends.T, "-o", color=GAUGE, lw=0.8, ms=2.0, zorder=5)
+        lines.append(ends)
+        names.setdefault(table.gauges[k], []).append(ends[-1])
     if len(names) <= _MOST_NAMES:
         place_labels(axes, [np.array(ends) for ends in names.values()],
                      [short(name, 20) for name in names], avoid=lines, colour=GAUGE)  # fmt: skip

@@ -10,6 +10,7 @@ import io
 
 from matplotlib.figure import Figure
 
+from geoident.report.saving.lean_axes import only_places_change
 from geoident.report.saving.svg_writer import SvgCanvas
 from geoident.report.saving.words import mark_halos
 
@@ -34,8 +35,14 @@ def figure_file(figure: Figure, suffix: str, *, title: str = "", description: st
     mark_halos(figure)
     canvas = SvgCanvas(figure, _DPI)
     figure.dpi = _POINTS
+    lay_out(figure)
+    return canvas.written(title, description)
+
+
+def lay_out(figure: Figure) -> None:
+    """Give all that is in a figure its place, once and for all."""
     engine = figure.get_layout_engine()
     if engine is not None:
-        engine.execute(figure)
+        with only_places_change(figure):
+            engine.execute(figure)
         figure.set_layout_engine("none")
-    return canvas.written(title, description)

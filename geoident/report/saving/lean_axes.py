@@ -35,6 +35,7 @@ class _LeanAxis(Axis):
     """What an axis along x and one along y have in common."""
 
     _key: Any = None
+    _asked: Any = None
     _ticks: tuple[tuple[Any, Floats, list[str]], ...] = ()
     _boxes: tuple[list[Bbox], list[Bbox]] | None = None
     _extents: dict[Any, Bbox]
@@ -43,7 +44,7 @@ class _LeanAxis(Axis):
         """Forget the ticks; the one of which others are copies is made when it is asked for."""
         these: Any = self
         these.majorTicks, these.minorTicks = [], []
-        self._key = None
+        self._key = self._asked = None
         if hasattr(these.axes, "patch"):
             self.set_clip_path(these.axes.patch)
 
@@ -67,6 +68,17 @@ class _LeanAxis(Axis):
         if key == self._key:
             return
         self._key, self._boxes, self._extents = key, None, {}
+        self._find_ticks(view)
+
+    def _find_ticks(self: Any, view: tuple[float, float]) -> None:
+        """Find places and words of the ticks, if there is room for more or fewer of them now."""
+        asked = (
+            view, self.get_tick_space(), self.major.locator, self.major.formatter,
+            self.minor.locator, self.minor.formatter,
+        )  # fmt: skip
+        if asked == self._asked:
+            return
+        self._asked = asked
         found = []
         for major in (True, False):
             ticker = self.major if major else self.minor
@@ -173,7 +185,7 @@ class _LeanAxis(Axis):
             return super().set_ticklabels(labels, minor=minor, fontdict=fontdict, **kwargs)
         these.set_major_formatter(FixedFormatter([str(label) for label in labels]))
         these.get_major_ticks(1)[0].label1.set(**(fontdict or {}), **kwargs)
-        self._key = None
+        self._key = self._asked = None
         return []
 
 
@@ -271,6 +283,12 @@ class _LeanY(_LeanAxis, YAxis):
 class _LeanAxes(Axes):
     """Axes in the plane with lean ticks."""
 
+    _extents: dict[Any, Bbox | None] | None = None
+    """Their room at places where they were measured; None while more may change than places."""
+
+    _around: list[Artist] | None = None
+    """What needs room beside them, once it was looked for."""
+
     def _init_axis(self) -> None:
         these: Any = self
         these.xaxis, these.yaxis = _LeanX(these, clear=False), _LeanY(these, clear=False)
@@ -287,9 +305,58 @@ class _LeanAxes(Axes):
             ].get_spine_transform()  # finds the place, which else the first tick asks for
         super().draw(renderer)
 
+    def get_tightbbox(self, renderer: Any = None, **asked: Any) -> Bbox | None:
+        """Their room with all that stands around them.
+
+        Args:
+            renderer: measures words.
+            asked: what matplotlib wants to be left out.
+        """
+        if self._extents is None:
+            return self._plain_tightbbox(renderer, asked)
+        these: Any = self
+        key = (
+            self.get_position(original=True).bounds, self.viewLim.bounds, these.figure.dpi,
+            *sorted(asked.items()),
+        )  # fmt: skip
+        if key not in self._extents:
+            self._extents[key] = self._plain_tightbbox(renderer, asked)
+        found = self._extents[key]
+        return None if found is None else Bbox(found.get_points().copy())
+
+    def _plain_tightbbox(self, renderer: Any, asked: dict[str, Any]) -> Bbox | None:
+        plain: Any = super()
+        found: Bbox | None = plain.get_tightbbox(renderer, **asked)
+        return found
+
     def get_default_bbox_extra_artists(self) -> list[Artist]:
         """What needs room beside the axes; their frame has it with the ticks."""
-        return [a for a in super().get_default_bbox_extra_artists() if not isinstance(a, Spine)]
+        if self._extents is None:
+            return self._beside()
+        if self._around is None:
+            self._around = self._beside()
+        return self._around
+
+    def _beside(self) -> list[Artist]:
+        every = super().get_default_bbox_extra_artists()
+        return [a for a in every if not isinstance(a, Spine) and a is not self.patch]
+
+
+@contextmanager
+def only_places_change(figure: Any) -> Iterator[None]:
+    """While a figure is laid out: what was measured at a place holds when it is asked for again.
+
+    A scale of colours that several panels share is asked for its room once for each of them, and
+    each panel whether its lines and areas may lie beyond its frame.
+    """
+    lean = [axes for axes in figure.axes if isinstance(axes, _LeanAxes)]
+    for axes in lean:
+        axes._extents = {}
+    try:
+        yield
+    finally:
+        for axes in lean:
+            axes._extents = axes._around = None
 
 
 @contextmanager

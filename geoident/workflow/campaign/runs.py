@@ -15,7 +15,7 @@ from geoident.io.result.campaign import (
 from geoident.io.text.atomic import atomic_output
 from geoident.io.text.campaign_folder import JOURNAL, OVER_ALL, TABLE
 from geoident.model.results.many.campaign import CampaignTable, RunRecord
-from geoident.workflow.running.jobs import versions
+from geoident.workflow.executing.versions import versions
 from geoident.workflow.running.result_files import case_path, outdated_words
 
 PAGE = "report.html"

@@ -48,11 +48,12 @@ from geoident.model.results.many.project import (
 )
 from geoident.model.results.result import Provenance
 from geoident.workflow.estimating.diagnosis import POOR, UNUSABLE
+from geoident.workflow.executing.versions import versions
 from geoident.workflow.project.findings import findings
 from geoident.workflow.project.models import SectionAnswers
 from geoident.workflow.project.plan import COMMAND, ProjectJob
 from geoident.workflow.project.sections import PreparedSection
-from geoident.workflow.running.jobs import sha256, versions
+from geoident.workflow.running.jobs import sha256
 
 _POINTS = 41
 """Of a law along a covariate."""

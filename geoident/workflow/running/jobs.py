@@ -4,13 +4,10 @@ from __future__ import annotations
 
 import hashlib
 import json
-import platform
 import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
 from datetime import UTC, datetime
-from functools import cache
-from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
@@ -34,6 +31,7 @@ from geoident.model.elsewhere import ConvergenceLaw, Elsewhere, ExternalProgram,
 from geoident.model.mesh import Mesh
 from geoident.model.methods import MethodOptions, method_name
 from geoident.model.results.result import Provenance, Result
+from geoident.workflow.executing.versions import versions
 from geoident.workflow.programs.digest import digest_of
 from geoident.workflow.running.outputs import (
     Existing,
@@ -467,9 +465,6 @@ def _require_parameters(case: Case, command: str) -> None:
         raise InputError([Fault("no-parameters", message, hint, place, "parameters")])
 
 
-LIBRARIES = ("numpy", "scipy", "h5py", "meshio", "pyyaml", "pydantic")
-
-
 def provenance(
     inputs: Inputs, *, command: str, identity: str, seed: int, output: Path
 ) -> Provenance:
@@ -519,15 +514,3 @@ def job_provenance(job: Job) -> Provenance:
         output=job.place.path,
     )
     return replace(found, seconds=time.monotonic() - job.started, stamp=job.stamp)
-
-
-def versions() -> dict[str, str]:
-    """Versions of geoident, of Python and of the libraries that numbers go through."""
-    return dict(_versions())
-
-
-@cache
-def _versions() -> dict[str, str]:
-    """The same; looking for them takes 5 ms, and they stay while a process runs."""
-    found = {"geoident": __version__, "python": platform.python_version()}
-    return found | {name: version(name) for name in LIBRARIES}

@@ -12,11 +12,14 @@ from functools import partial
 from typing import Any, Literal
 
 import numpy as np
+from contourpy import LineType, contour_generator
 from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
+from matplotlib.collections import PathCollection
 from matplotlib.colors import BoundaryNorm, ListedColormap, Normalize
 from matplotlib.figure import Figure
+from matplotlib.path import Path
 from matplotlib.ticker import FixedLocator, MaxNLocator
 
 from geoident.model.arrays import Bools, Floats
@@ -293,11 +296,10 @@ def shade_image(axes: Axes, raster: Raster, image: Floats, scale: dict[str, Any]
     shading = ScalarMappable(scale["norm"], scale["cmap"])
     show(axes, raster, _coloured(image, scale), zorder=0)
     if scale["levels"][0] < 0.0 < scale["levels"][-1]:  # two hues are one in grey
-        draw_level(axes, raster, image, 0.0, colors="black", linewidths=0.6, linestyles="dashed")
-        negative = scale["levels"][scale["levels"] < 0.0] if _two_sided(scale["levels"]) else []
-        for level in negative:
-            draw_level(axes, raster, image, float(level), colors="black", linewidths=0.5,
-                       linestyles=[_NEGATIVE])  # fmt: skip
+        add_levels(axes, raster, image, [0.0], edgecolors="black", lw=0.6, ls="dashed")
+        if _two_sided(scale["levels"]):
+            negative = scale["levels"][scale["levels"] < 0.0]
+            add_levels(axes, raster, image, negative, edgecolors="black", lw=0.5, ls=[_NEGATIVE])
     return shading
 
 
@@ -306,35 +308,48 @@ def _coloured(image: Floats, scale: dict[str, Any]) -> Any:
 
     What matplotlib's norm and map give, by one search and one look-up instead of ten passes.
     """
-    inner = scale["levels"][1:-1]
+    ends = scale["levels"][1:-1]
     if scale["extend"] in ("min", "both"):
-        inner = np.r_[scale["levels"][0], inner]
+        ends = np.r_[scale["levels"][0], ends]
     if scale["extend"] in ("max", "both"):
-        inner = np.r_[inner, scale["levels"][-1]]
-    table = np.vstack([scale["cmap"](np.arange(len(inner) + 1), bytes=True), np.zeros(4)])
-    band = np.searchsorted(inner, image, side="right")
-    band[np.isnan(image)] = len(inner) + 1
-    return table.astype(np.uint8)[band]
+        ends = np.r_[ends, scale["levels"][-1]]
+    colours = scale["cmap"](np.arange(len(ends) + 1), bytes=True)
+    table = np.vstack([colours, np.zeros((1, 4), np.uint8)]).view(np.uint32)[:, 0]
+    band = np.searchsorted(np.r_[ends, np.inf], image, side="right")  # NaN comes behind infinity
+    return table[band].view(np.uint8).reshape(*image.shape, 4)
 
 
-def draw_level(axes: Axes, raster: Raster, image: Floats, level: float, **style: Any) -> None:
-    """The line along which an image has a value, if it has it.
+def add_levels(
+    axes: Axes, raster: Raster, image: Floats, levels: Sequence[float] | Floats, **style: Any
+) -> None:
+    """The lines along which an image has some values, as far as it has them.
+
+    As matplotlib's contours, without what these find out about colours and scales.
 
     Args:
         axes: where to draw.
         raster: with the place of the image.
         image: (rows, columns) values; NaN for none.
-        level: the value.
-        style: of the line.
+        levels: the values.
+        style: of the lines.
     """
-    if not np.nanmin(image, initial=level) < level <= np.nanmax(image, initial=level):
+    low, high = np.nanmin(image, initial=np.inf), np.nanmax(image, initial=-np.inf)
+    here = [float(level) for level in levels if low < level <= high]
+    if not here:
         return
     rows, columns = raster.shape
     cell = (raster.high - raster.low) / np.array([columns, rows])
     x, y = (
         raster.low[k] + cell[k] * (np.arange(0, (columns, rows)[k], _EVERY) + 0.5) for k in (0, 1)
     )
-    axes.contour(x, y, np.ma.masked_invalid(image[::_EVERY, ::_EVERY]), levels=[level], **style)
+    some = np.ma.masked_invalid(image[::_EVERY, ::_EVERY])
+    finder: Any = contour_generator(x, y, some, name="mpl2014", line_type=LineType.SeparateCode)
+    paths = [
+        Path(np.concatenate(points), np.concatenate(codes))
+        for points, codes in map(finder.lines, here)
+        if points
+    ]
+    axes.add_collection(PathCollection(paths, facecolors="none", zorder=2, **style), autolim=False)
 
 
 def draw_lines(

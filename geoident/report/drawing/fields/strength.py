@@ -17,8 +17,8 @@ from geoident.model.dual import ParameterPoint
 from geoident.report.drawing.fields.panels import (
     TOP,
     ColouredField,
+    add_levels,
     bands,
-    draw_level,
     draw_lines,
     finish,
     panel_figure,
@@ -244,4 +244,4 @@ def _draw_zone(axes: Axes, scene: Scene, sheet: Sheet, state: int) -> None:
     share = sheet.corners.average(scene.fields.yielded[state].astype(float), present)
     raster = scene.raster(sheet)
     image = raster.linear(sheet.of_corners(share), present[sheet.element])
-    draw_level(axes, raster, np.nan_to_num(image), 0.5, colors=[_ZONE], linewidths=1.1)
+    add_levels(axes, raster, np.nan_to_num(image), [0.5], edgecolors=[_ZONE], lw=1.1)

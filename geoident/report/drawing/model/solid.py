@@ -88,18 +88,18 @@ def _draw_outside(axes: Any, model: DrawnModel) -> None:
     edges = model.mesh.points[_zone_edges(model, np.where(there, model.zones, -1))]
     _add_lines(axes, edges[~hidden(edges.mean(axis=1), surface, _towards())], lw=0.5)
     _frame(axes, model.box)
-    named, places = [], []
+    named, nearest = [], [np.empty((0, 3))]
     for support in all_supports(model.case):
         points = model.mesh.points[support_nodes(model.mesh, support)]
         middle = (points.min(axis=0) + points.max(axis=0)) / 2
-        nearest = points[np.linalg.norm(points - middle, axis=1).argmin()]
-        if not hidden(nearest[None], surface, _towards()).any():
-            held = ", ".join("xyz"[c] for c in support.components)
-            moved = " (moved)" if support.moves else ""
-            named.append(f"{short(support.group)}: {held}{moved}")
-            places.append(nearest)
+        nearest.append(points[[np.linalg.norm(points - middle, axis=1).argmin()]])
+        held = ", ".join("xyz"[c] for c in support.components)
+        moved = " (moved)" if support.moves else ""
+        named.append(f"{short(support.group)}: {held}{moved}")
+    places = np.vstack(nearest)
+    seen = np.flatnonzero(~hidden(places, surface, _towards()))
     _draw_loads(axes, model, surface)
-    place_labels(axes, places, named, size=LETTERS, centred=True)
+    place_labels(axes, places[seen], [named[k] for k in seen], size=LETTERS, centred=True)
     axes.set_title("the whole model; what is held along which axis")
 
 
