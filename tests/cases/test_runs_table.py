@@ -26,7 +26,9 @@ def fit(case, output, *words):
 
 @pytest.fixture(scope="module")
 def found(tmp_path_factory):
-    return fit(TABLE / "case.yaml", tmp_path_factory.mktemp("table") / "o.h5")
+    return fit(
+        TABLE / "case.yaml", tmp_path_factory.mktemp("table") / "o.h5", "--set=fit.backtest=false"
+    )
 
 
 def test_it_finds_the_truth_and_predicts_the_later_stages(found):

@@ -2,7 +2,9 @@
 
 import json
 import math
+import shutil
 from dataclasses import fields, replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -37,12 +39,33 @@ def shipped(tmp_path_factory):
     return fitted(path, leave_one_out=True)
 
 
-def test_shared_parameters_over_two_cases_are_one_stack(tmp_path):
+@pytest.fixture(scope="module")
+def two(tmp_path_factory):
+    """The path of a project of two sections, and its fit, which several tests look at."""
+    path = example(tmp_path_factory.mktemp("two"), SECTIONS)
+    return path, fitted(path)
+
+
+@pytest.fixture(scope="module")
+def on_meshes(tmp_path_factory):
+    """The folder of a project of two sections on a mesh."""
+    folder = tmp_path_factory.mktemp("meshed")
+    meshed(folder)
+    return folder
+
+
+@pytest.fixture
+def copied(on_meshes, tmp_path):
+    """A copy of it."""
+    return shutil.copytree(on_meshes, tmp_path / "meshed")
+
+
+def test_shared_parameters_over_two_cases_are_one_stack(two):
     """Against scipy on the responses of the two cases, put together by hand."""
-    path = example(tmp_path, SECTIONS)
+    path, result = two
     responses, measured, sd = [], [], []
     for name, gsi in (("km-1", 34.0), ("km-2", 52.0)):
-        case = str(tmp_path / "section.yaml")
+        case = str(Path(path).with_name("section.yaml"))
         setup = prepare(plan_fit(Request(case, overrides=(f"readings={name}.csv",))))
         responses.append((used_response(setup), gsi))
         measured.append(setup.readings.value)
@@ -59,7 +82,6 @@ def test_shared_parameters_over_two_cases_are_one_stack(tmp_path):
     known = least_squares(
         residuals, [np.log(1e9), 0.03, 1.0], xtol=1e-15, ftol=1e-15, gtol=1e-15, x_scale="jac"
     )
-    result = fitted(path)
     found = {row.name: row.value for row in result.common}
     np.testing.assert_allclose([np.log(found["a"]), found["b"], found["K0"]], known.x, rtol=1e-6)
     np.testing.assert_allclose(result.objective, 2 * known.cost, rtol=1e-7)
@@ -84,9 +106,9 @@ def test_a_section_lies_between_its_law_and_what_it_says_by_itself(shipped):
             assert row.lower95 < row.value < row.upper95
 
 
-def test_a_result_is_read_as_it_was_written(tmp_path, shipped):
-    result = fitted(example(tmp_path, SECTIONS))
-    again = read_project_result(tmp_path / "project.fit.h5")
+def test_a_result_is_read_as_it_was_written(two):
+    path, result = two
+    again = read_project_result(Path(path).with_name("project.fit.h5"))
     for entry in fields(result):
         if entry.name in ("history", "provenance"):
             continue
@@ -132,7 +154,7 @@ class Stops(Silent):
             self.control.stop.ask(ExitCode.INTERRUPTED)
 
 
-def test_an_interrupted_fit_goes_on_from_its_checkpoint(tmp_path):
+def test_an_interrupted_fit_goes_on_from_its_checkpoint(two, tmp_path):
     path = example(tmp_path, SECTIONS)
     control = Control()
     stopping = replace(control, monitor=Stops(control))
@@ -143,7 +165,7 @@ def test_an_interrupted_fit_goes_on_from_its_checkpoint(tmp_path):
     whole = fitted(path)
     assert not checkpoint.exists()
     assert not list(tmp_path.glob("*.checkpoint*"))
-    fresh = fitted(path, fresh=True)
+    fresh = two[1]
     assert whole.common == fresh.common
     assert whole.counts.evaluations < fresh.counts.evaluations
 
@@ -191,9 +213,9 @@ def test_too_few_sections_do_not_tell_the_scatter(tmp_path):
     assert any("is not determined: there are too few" in text for text in result.findings)
 
 
-def test_sections_on_meshes_are_computed_in_processes(tmp_path):
+def test_sections_on_meshes_are_computed_in_processes(copied):
     """Two elastic sections on a mesh: in two processes as in this one."""
-    path = meshed(tmp_path)
+    path = str(copied / "project.yaml")
     here = fitted(path, jobs=1)
     processes = fitted(path, jobs=2, fresh=True)
     for one, other in zip(here.common, processes.common, strict=True):
@@ -204,9 +226,9 @@ def test_sections_on_meshes_are_computed_in_processes(tmp_path):
     )
 
 
-def test_formulas_meet_readings_of_a_mesh(tmp_path):
+def test_formulas_meet_readings_of_a_mesh(copied):
     """The truth is on a mesh of finite extent; sections in closed form find its law nonetheless."""
-    meshed(tmp_path)
+    tmp_path = copied
     example(tmp_path)
     gauges = ["D0,CV0", "D90,CV90"]
     text = SECTIONS.replace("km-1", "a").replace("km-2", "b")
@@ -245,17 +267,16 @@ def test_check_says_what_is_wrong_with_every_section(tmp_path):
     assert run.invoke(geoident, ["check", path, "--identifiability"]).exit_code == ExitCode.USAGE
 
 
-def test_a_section_on_a_mesh_that_does_not_fit_is_said_where_it_is(tmp_path):
-    meshed(tmp_path)
+def test_a_section_on_a_mesh_that_does_not_fit_is_said_where_it_is(copied):
     wrong = MESHED.replace("B.csv,", "B.csv, gauges.D0.between: [[-99, 0 m], [99, 0 m]],")
-    (tmp_path / "project.yaml").write_text(wrong)
+    (copied / "project.yaml").write_text(wrong)
     for command in ("check", "fit"):
-        found = CliRunner().invoke(geoident, [command, str(tmp_path / "project.yaml")])
+        found = CliRunner().invoke(geoident, [command, str(copied / "project.yaml")])
         assert found.exit_code == ExitCode.INVALID_INPUT, command
         assert "project.yaml:4:" in found.stderr, command
 
 
-def test_tables_hold_what_was_found_in_the_units_of_the_cases(tmp_path, shipped):
+def test_tables_hold_what_was_found_in_the_units_of_the_cases(two, shipped):
     tables = project_tables(shipped)
     assert tuple(tables) == PROJECT_TABLES == OF_PROJECTS
     common = {row[0]: row for row in tables["common"].rows}
@@ -267,7 +288,7 @@ def test_tables_hold_what_was_found_in_the_units_of_the_cases(tmp_path, shipped)
         assert row["unit"] == "mm"
         np.testing.assert_allclose(row["computed"], 1e3 * one.computed)
         assert row["inside"] in ("", True, False)
-    path = example(tmp_path, SECTIONS)
+    path, folder = two[0], Path(two[0]).parent
     run = CliRunner()
     result = run.invoke(geoident, ["fit", path]).stdout.strip()
     shown = run.invoke(geoident, ["show", result, "--csv"])
@@ -276,7 +297,7 @@ def test_tables_hold_what_was_found_in_the_units_of_the_cases(tmp_path, shipped)
     assert len(written) == 6
     (only,) = [file for file in written if file.endswith("project.fit.common.csv")]
     alone = run.invoke(geoident, ["export", result, "--table", "common"])
-    assert alone.stdout == (tmp_path / only).read_text()
+    assert alone.stdout == (folder / only).read_text()
     assert run.invoke(geoident, ["export", result]).exit_code == 0  # as they were made
     for words in (["--format", "vtu"], ["--table", "left-out-readings"]):
         assert run.invoke(geoident, ["export", result, *words]).exit_code == ExitCode.USAGE
