@@ -1,7 +1,7 @@
 """Imports that libraries make for others, and that a process of ours does without.
 
 scipy makes a copy of all names of numpy, and with them of numpy's compiler of Fortran and of its
-tools for tests, which import 60 modules more: a tenth of what a command needs to begin. In
+tools for tests, which import 60 modules more: a sixteenth of all that a command imports. In
 processes of our own (the command line, its workers) these modules are imported when something
 takes a name from them, by Python's own means (`importlib.util.LazyLoader`). The Python interface
 leaves the imports of its caller as they are.

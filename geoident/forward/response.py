@@ -14,6 +14,7 @@ from geoident.forward.gauges.adjoints import AdjointTable, ReadingAdjoints
 from geoident.forward.gauges.instrument_errors import ReadingPlaces
 from geoident.forward.gauges.observable import MarchState
 from geoident.forward.march.march import Run, RunOptions
+from geoident.forward.march.plastic_step import WarmStart
 from geoident.forward.march.stage import StageEnd, UnitForces
 from geoident.forward.marches import Marches
 from geoident.forward.model_response import ModelResponse
@@ -92,6 +93,19 @@ class StagedResponse(ModelResponse):
         """Begin the next evaluation as a new model does; what a reduced model is made of stays."""
         self._marches.forget()
         self._activity = self._increments = None
+
+    def starts(self) -> WarmStart:
+        """From where evaluations may begin now, without factors."""
+        return self._marches.march.warm.without_factors()
+
+    def begin_from(self, starts: object) -> None:
+        """Begin the next evaluation from what was known then.
+
+        Args:
+            starts: of this model, as they were.
+        """
+        assert isinstance(starts, WarmStart)
+        self._marches.march.warm = starts
 
     def by_tangents(self, p: Floats) -> tuple[Floats, Floats]:
         """v(p), (g,), and its Jacobian, (g, n): one column a parameter through the stages.

@@ -74,7 +74,7 @@ def _fit(job: Job, control: Control) -> Finished:
 
     def result(setup: Setup, problem: Problem, outcome: Outcome, log: Log) -> Result:
         found = with_curvature(setup, problem, look(setup, problem, outcome, fields=True))
-        last = _last_stage(setup, problem, outcome, log, control)
+        last = _last_stage(job, setup, problem, outcome, log, control)
         written = _result(job, setup, found, last, _unit_findings(setup, found, log))
         return _with_reduced(written, setup, control) if setup.case.fit.keep_reduced else written
 
@@ -115,13 +115,13 @@ def _with_reduced(result: Result, setup: Setup, control: Control) -> Result:
 
 
 def _last_stage(
-    setup: Setup, problem: Problem, outcome: Outcome, log: Log, control: Control
+    job: Job, setup: Setup, problem: Problem, outcome: Outcome, log: Log, control: Control
 ) -> LastStage:
     """The last fitted stage, predicted from those before it: the cheapest backtest."""
     if not setup.case.fit.backtest or outcome.status == STOPPED:
         return LastStage()
     left = replace(control, out_of_time=False)  # that this runs out of time does not undo the fit
-    return last_stage(setup, outcome.values, log, left, problem.response)
+    return last_stage(setup, job.methods, outcome.values, log, left, problem.response)
 
 
 def _unit_findings(setup: Setup, found: Estimate, log: Log) -> tuple[str, ...]:

@@ -10,15 +10,16 @@ from geoident.errors import ExitCode, InputError, Interrupted
 from geoident.forward.model import StagedModel
 from geoident.forward.response import StagedResponse
 from geoident.io.result.file import read_result
+from geoident.model.methods import ComplementarityOptions, GaussNewtonOptions
 from geoident.report.text.backtest import fits_table
 from geoident.workflow.backtest import _ending, backtest
-from geoident.workflow.estimating import mesh_error
+from geoident.workflow.estimating import mesh_error, search
 from geoident.workflow.estimating.setup import prepare, problem_of
 from geoident.workflow.fit import fit
 from geoident.workflow.running.control import OUT_OF_TIME, Control, Silent
 from geoident.workflow.running.evaluation_log import carry_over
 from geoident.workflow.running.jobs import Request, plan_backtest, plan_fit
-from geoident.workflow.scoring.trials import up_to
+from geoident.workflow.scoring.trials import NEARBY, near_answer, up_to
 from geoident.workflow.scoring.verdict import settling_sentences
 from tests.support.lifts import (
     CASE,
@@ -486,3 +487,38 @@ def test_where_ground_yields_a_step_begins_with_what_the_one_before_has_computed
     for mine, other in zip(found.backtest.steps, alone.backtest.steps, strict=True):
         assert mine.values == pytest.approx(other.values, rel=1e-6)
         assert mine.sd == pytest.approx(other.sd, rel=1e-4)
+
+
+def test_where_ground_yields_a_fit_beside_an_answer_weighs_the_readings_there(pit, monkeypatch):
+    """What they would say without model error is not asked for."""
+    said = ("materials.rock.yield={type: tresca, cohesion: 0.5 MPa}", "fit.mesh_error=false")
+    begun = []
+    real = search._Search.identified
+    monkeypatch.setattr(
+        search._Search,
+        "identified",
+        lambda self, problem, methods: begun.append(1) or real(self, problem, methods),
+    )
+
+    def answer(*more, near, start):
+        setup = prepare(plan_fit(Request("case.yaml", (*said, *more))))
+        begun.clear()
+        given = (NEARBY,), Kept(), Control(Silent())
+        found = search.estimated(setup, *given, start=start, near=near)
+        assert found.outcome.status == "converged"
+        return found.outcome.values
+
+    plain = answer("fit.model_error=estimate", near=False, start=None)
+    assert begun
+    beside = answer("fit.model_error=estimate", near=True, start=plain)
+    assert not begun
+    assert beside == pytest.approx(plain, rel=1e-3)
+    answer("fit.model_error=none", near=True, start=plain)
+    assert begun
+
+
+def test_the_fit_without_the_last_stage_is_no_more_exact_than_the_fit():
+    plain, strengths = GaussNewtonOptions(tolerance=1e-8), ComplementarityOptions(tolerance=1e-3)
+    assert near_answer(plain).tolerance == NEARBY.tolerance
+    assert near_answer(strengths).tolerance == 1e-3
+    assert near_answer(replace(strengths, tolerance=1e-8)) == NEARBY

@@ -115,9 +115,13 @@ def fitted(*overrides, control=None, **options):
     return fit(job, control or Control(Silent())).result
 
 
-@pytest.fixture
-def whole(case):
-    return fitted(output="whole.h5")
+@pytest.fixture(scope="module")
+def whole(files, tmp_path_factory):
+    """A fit of the case, uninterrupted and with nothing known before."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(reduction, "PROJECTED", 0.0)
+        patch.chdir(shutil.copytree(files, tmp_path_factory.mktemp("whole") / "here"))
+        return fitted()
 
 
 def test_a_fit_and_all_that_it_says_takes_one_march_more_than_its_search(whole):
@@ -139,11 +143,11 @@ def test_a_fit_and_all_that_it_says_takes_one_march_more_than_its_search(whole):
     assert whole.backtest.steps[0].counts.factorizations == backtest
 
 
-def test_it_says_what_the_model_alone_would(whole, monkeypatch):
+def test_it_says_what_the_model_alone_would(case, whole, monkeypatch):
     """Weights are known to `AT_REST`: another way there changes answers by 1e-4 of an interval."""
-    plain = fitted("fit.reduced=false")
+    plain = fitted("fit.reduced=false", "fit.backtest=false")
     monkeypatch.setattr(Remembered, "_instead", lambda self, p: None)
-    unled = fitted(output="unled.h5")
+    unled = fitted("fit.backtest=false", output="unled.h5")
     assert plain.counts.evaluations > 2 * whole.counts.evaluations
     assert unled.counts.evaluations > whole.counts.evaluations
     wide = whole.parameters.upper95 - whole.parameters.lower95
@@ -159,8 +163,8 @@ def test_it_says_what_the_model_alone_would(whole, monkeypatch):
     np.testing.assert_allclose(whole.fields.stress, unled.fields.stress, rtol=1e-6, atol=1.0)
 
 
-@pytest.mark.parametrize("after", [2, 5])
-def test_one_that_was_cut_short_ends_with_the_same_numbers_and_counts(whole, after):
+@pytest.mark.parametrize("after", [pytest.param(2, marks=pytest.mark.slow), 5])
+def test_one_that_was_cut_short_ends_with_the_same_numbers_and_counts(case, whole, after):
     class Stopping(Silent):
         steps = 0
 

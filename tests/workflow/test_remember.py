@@ -155,3 +155,45 @@ def test_the_time_given_ends_a_search_at_the_next_iteration():
     assert control.observe(None)
     assert control.out_of_time
     assert Control().observe(None) is None
+
+
+class Starting(Spring):
+    """Knows what it has evaluated, to begin from there."""
+
+    def __init__(self):
+        super().__init__()
+        self.known = ()
+
+    def readings(self, p):
+        self.known += (float(p[0]),)
+        return super().readings(p)
+
+    def forget(self):
+        self.known = ()
+
+    def starts(self):
+        return self.known
+
+    def begin_from(self, starts):
+        self.known = starts
+
+
+def test_what_comes_after_the_parts_of_a_search_begins_from_what_was_known_before_them():
+    spring = Starting()
+    model = remembered(Notebook(), spring)
+    model.readings(np.array([1.0]))
+    with model.turns([lambda response: None] * 2) as turn:
+        for number in (0, 1):
+            turn(number)
+            assert spring.known == ()
+            model.readings(np.array([2.0 + number]))
+    assert spring.known == (1.0,)
+
+
+def test_where_there_are_no_parts_nothing_is_forgotten():
+    spring = Starting()
+    model = remembered(Notebook(), spring)
+    model.readings(np.array([1.0]))
+    with model.turns([]):
+        pass
+    assert spring.known == (1.0,)

@@ -22,6 +22,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from geoident.fem.solvers.conjugate_gradients import Product, conjugate_gradients
 from geoident.fem.solvers.direct import Factor
 from geoident.forward.march.stage_equations import (
@@ -43,6 +45,9 @@ MOST_FAR = 20
 
 _ROUGH, _FINE = 0.1, 1e-3
 """Residuals, relative, of steps far from equilibrium: at most, and at least where they are long."""
+
+_FAIR = 0.2
+"""Residual, relative, that a step which was not brought as far as wanted leaves at most."""
 
 _GUESS_STEPS = 3
 
@@ -124,9 +129,30 @@ class Directions:
         )
         return found.x if found.reached else None
 
-    def _product(self, trial: Trial) -> Product:
+    def step_on(self, factor: Factor, trial: Trial, most: int, level: int) -> Floats | None:
+        """The step (n,) to equilibrium on a factor of a tangent near by, as far as it is wanted.
+
+        Args:
+            factor: of that tangent.
+            trial: where from.
+            most: iterations of conjugate gradients at most.
+            level: of `ELASTIC_PARTS` in the tangent.
+
+        Returns:
+            None where more than `_FAIR` of the residual is left.
+        """
+        product, rhs = self._product(trial, level), trial.residual[:, None]
+        found = conjugate_gradients(
+            product, rhs, factor.solve, tolerance=self._wanted(trial), most=most
+        )
+        if found.reached:
+            return found.x[:, 0]
+        left = np.linalg.norm(rhs - product(found.x)) / np.linalg.norm(rhs)
+        return found.x[:, 0] if left <= _FAIR else None
+
+    def _product(self, trial: Trial, level: int = 0) -> Product:
         points, change = self.equations.changes(trial)
-        return self.at_hand.product(points, (1.0 - ELASTIC_PARTS[0]) * change)
+        return self.at_hand.product(points, (1.0 - ELASTIC_PARTS[level]) * change)
 
     def _on_last(self, product: Product, trial: Trial) -> Floats | None:
         """The direction on the last factor; None if that is too far off."""

@@ -93,6 +93,12 @@ class WarmStart:
         self._known: dict[int, deque[_Known]] = {}
         self.factors = HeldFactors()
 
+    def without_factors(self) -> WarmStart:
+        """What is known now; what comes to be known later of one is not known of the other."""
+        other = WarmStart()
+        other._known = {stage: deque(kept) for stage, kept in self._known.items()}
+        return other
+
     def guesses(self, task: StageTask) -> list[Floats]:
         """Displacement steps (n_dofs,) to try: what near parameters needed, and its slope there."""
         kept = self._known.get(task.number)
@@ -410,7 +416,8 @@ class PlasticSteps:
         """Equilibrium, or the reason why there is none."""
         try:
             starts = [np.zeros_like(equations.forces), *guesses]
-            found = solve(equations, starts, even_only=self.even_only)
+            slopes = task.forces.shape[1] > 1
+            found = solve(equations, starts, even_only=self.even_only, slopes=slopes)
             if self._means_nothing(equations, found):
                 raise NoEquilibrium(found.trial.du)
             return found

@@ -5,10 +5,11 @@ descents from several starts. A search names them in their order, and then goes 
 one as if there were no others. A model that has several processes works on them meanwhile, and
 knows the answers when their turn comes.
 
-What is found does not depend on that. Before each part, and after the last, the model forgets what
-others have left to begin from (`TakesTurns.turns`), so that a part has the same numbers wherever it
-is computed; which parts there are does not depend on the number of processes. A part may be named
-in vain: the search may turn elsewhere before it comes to it.
+What is found does not depend on that. Before each part the model forgets what others have left to
+begin from (`TakesTurns.turns`), so that a part has the same numbers wherever it is computed; what
+comes after the last begins from what was known before the first. Which parts there are does not
+depend on the number of processes. A part may be named in vain: the search may turn elsewhere before
+it comes to it.
 """
 
 from __future__ import annotations

@@ -7,7 +7,8 @@ Its discrepancy has many local minima. The way to the global one is
     scan        all strengths lowered together from what hardly yields (`starts`),
     descent     Gauss-Newton from its best point, or from the given start if that is better,
     restarts    descents from around the best point (`starts`), until the readings are met exactly
-                or some of them in a row found nothing better,
+                or some of them in a row found nothing better; one that has come as low as the best
+                point is left where its next step promises nothing better,
     elsewhere   plain descents from other places where strengths ended unreached,
     certificate what kind of point it is (`stationarity`); on from there where a side of it is
                 lower.
@@ -67,6 +68,11 @@ _KINK = 1e-5
 
 _TRIAL_STEPS, _SLOW, _FAR = 12, 3, 10.0
 """Steps of a restart; after the first few, phi must be below this many times the best."""
+
+_BESIDE, _NEXT, _NO_LOWER = 1.0, 0.3, 3e-3
+"""A restart is left where phi is no more than this above the best (a standard deviation of the
+parameters; where residuals are not explained, as many times more as these are), and its next step
+is no longer than this, relative, and does not promise to end lower than the best by this part."""
 
 ROOM = 0.5
 """How far, relative, an unreached plane that is to stay out of the way rises with each step."""
@@ -190,20 +196,20 @@ class RestartLook:
         problem: apart from its model.
         options: of the search.
         x: (n,) where it begins.
-        lowest_phi: the discrepancy of the best point.
+        best: the best point.
         number: of the restart.
     """
 
     problem: ProblemApart
     options: ComplementarityOptions
     x: Floats
-    lowest_phi: float
+    best: Iterate
     number: int
 
     def __call__(self, response: Response) -> None:
         """Make it."""
         search = ImplicitSearch(self.problem.of(response), self.options, lambda iteration: None)
-        search.restart(self.x, self.lowest_phi, self.number)
+        search.restart(self.x, self.best, self.number)
 
 
 class ImplicitSearch:
@@ -366,18 +372,19 @@ class ImplicitSearch:
             most: how many at most.
         """
         count = min(most, at_once(self.problem.response))
+        known = Iterate(best.x, best.p, best.model)
         places, drawn = [], deepcopy(restarts)
         for _ in range(count):
             places.append(self.place(drawn, best))
         looks = [
-            RestartLook(apart(self.problem), self.options, x, best.phi, self.tried + k)
+            RestartLook(apart(self.problem), self.options, x, known, self.tried + k)
             for k, x in enumerate(places)
         ]
         with in_turns(self.problem.response, looks) as turn:
             for k in range(count):
                 turn(k)
                 x = self.place(restarts, best)
-                ending = self.restart(x, best.phi, self.tried)
+                ending = self.restart(x, known, self.tried)
                 self.tried += 1
                 yield ending
 
@@ -385,22 +392,30 @@ class ImplicitSearch:
         """Where a restart begins, x (n,)."""
         return self.scaling.clip(restarts.around(best, self.evaluator.box.unit(best.x)))
 
-    def restart(self, x: Floats, lowest_phi: float, number: int) -> Ending[YieldIterate] | None:
-        """One descent; None where its start has no solution.
+    def restart(self, x: Floats, best: Iterate, number: int) -> Ending[YieldIterate] | None:
+        """One descent, left where it ends no lower than the best; None without a solution.
 
         Args:
             x: (n,) where it begins.
-            lowest_phi: the discrepancy of the best point.
+            best: the best point.
             number: of the restart, from 0; every other one lets unreached planes rise.
         """
         self.descent = self.descents[number % 2]
         start = self.evaluator.start(x, "restart")
 
         def give_up(steps: int, radius: float, lowest: float) -> bool:
-            far = steps >= _SLOW and lowest > _FAR * lowest_phi
+            far = steps >= _SLOW and lowest > _FAR * best.phi
             return far or steps >= _TRIAL_STEPS or self.stuck(steps, radius, lowest)
 
-        return None if start is None else self.descent.run(start, give_up)
+        freedom = max(len(self.problem.measured) - len(self.scaling), 1)
+        beside = best.phi + _BESIDE * max(1.0, best.phi / freedom)
+
+        def returns(point: Iterate, full: Step) -> bool:
+            promised = point.phi - full.gain
+            no_lower = full.length <= _NEXT and promised >= (1.0 - _NO_LOWER) * best.phi
+            return no_lower and best.phi <= point.phi <= beside
+
+        return None if start is None else self.descent.run(start, give_up, returns)
 
     def from_elsewhere(self, best: Ending[YieldIterate]) -> Ending[YieldIterate]:
         """Where strengths ended unreached: what a plain descent finds, if it is better.

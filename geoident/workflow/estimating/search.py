@@ -14,9 +14,11 @@ from geoident.forward.elsewhere.table import TableModel
 from geoident.forward.model import StagedModel
 from geoident.identify import descend, identify
 from geoident.identify.assessment.variance_components import VarianceComponents
+from geoident.identify.objective.discrepancy import Discrepancy
+from geoident.identify.problem.ahead import begins_near
 from geoident.identify.problem.errors import ErrorStructure
 from geoident.identify.problem.methods import continued
-from geoident.identify.problem.problem import LocalMinimum, Outcome, Problem
+from geoident.identify.problem.problem import LocalMinimum, Outcome, Problem, Scaling
 from geoident.model.arrays import Floats
 from geoident.model.case import Case
 from geoident.model.methods import (
@@ -105,6 +107,9 @@ def estimated(
     begins where another ended wherever it is `EXACT`. At the end the model itself is asked, unless
     the reduced model is `CERTAIN` there.
 
+    Where ground yields, a search that begins where another ended weighs the readings there: what
+    they would say without model error is not asked for.
+
     Everything that is said of an estimate (assessment, diagnostics, predictions) is computed from
     the problem that comes back.
 
@@ -131,6 +136,12 @@ def estimated(
     search = _Search(methods, control)
     linear = all(isinstance(options, GaussNewtonOptions) for options in methods)
     exact = EXACT if near else CERTAIN
+    weighed = near and begins_near(problem.response)
+    if weighed and no_model_error(setup.case, setup.readings, methods) is None:
+        unsearched = _where_it_begins(problem)
+        found = search.with_all_errors(SearchState(setup, problem, unsearched))
+        if found.outcome is not unsearched:
+            return found
     with led(problem.response, exact) if near or linear else nullcontext():
         first = SearchState(setup, problem, search.identified(problem, methods))
     try:
@@ -138,6 +149,14 @@ def estimated(
     except TimeIsUp:
         cut = replace(first.outcome, status=STOPPED, reason=OUT_OF_TIME)
         return first._replace(outcome=cut)
+
+
+def _where_it_begins(problem: Problem) -> Outcome:
+    """The start of a problem as if a search had ended there."""
+    start = Scaling(problem.parameters)
+    values = start.to_natural(start.start)
+    phi = Discrepancy(problem).linearize(values).objective
+    return Outcome(values, phi, "converged", "Another search has ended here.", ())
 
 
 @dataclass(frozen=True)

@@ -147,6 +147,21 @@ class BeginsNear(Protocol):
         """Begin the next evaluation as a new model does."""
 
 
+@runtime_checkable
+class KeepsStarts(BeginsNear, Protocol):
+    """One that can be given back from where its evaluations may begin."""
+
+    def starts(self) -> object:
+        """From where they may begin now, without factors."""
+
+    def begin_from(self, starts: object) -> None:
+        """Begin the next evaluation from what was known then.
+
+        Args:
+            starts: of this model, as they were.
+        """
+
+
 def forget(model: object) -> None:
     """Have a model begin its next evaluation as a new one does, if it does not anyway."""
     if isinstance(model, BeginsNear):
@@ -333,15 +348,18 @@ class Remembered:
     def turns(self, looks: Sequence[Look]) -> Iterator[Turn]:
         """Work on parts of a search meanwhile; each begins with a model that has forgotten others.
 
+        What comes after them begins from what was known before.
+
         Args:
             looks: they, in their order.
         """
-        where = self._elsewhere
+        where, inner = self._elsewhere, self._inner
+        before = inner.starts() if looks and isinstance(inner, KeepsStarts) else None
         if where is not None and len(looks) > 1 and where.processes.at_once(looks) > 1:
             self._ahead = LookedAhead(self, where, looks)
 
         def turn(number: int) -> None:
-            forget(self._inner)
+            forget(inner)
             if self._ahead is not None:
                 self._ahead.turn = number
 
@@ -350,7 +368,9 @@ class Remembered:
         finally:
             ahead, self._ahead = self._ahead, None
             if looks:  # what comes next has not seen the parts, wherever they were made
-                forget(self._inner)
+                forget(inner)
+            if isinstance(inner, KeepsStarts) and before is not None:
+                inner.begin_from(before)
             if ahead is not None:
                 ahead.end()
 

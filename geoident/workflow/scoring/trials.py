@@ -346,7 +346,16 @@ def _innovations(trial: PartialFit) -> Innovations:
 
 NEARBY = GaussNewtonOptions(tolerance=1e-4, max_iterations=10, starts=1)
 """How a fit searches from its own answer for that of all but its last stage: its intervals are
-thousands of times wider than this tolerance matters."""
+thousands of times wider than this tolerance matters. It is no more exact than that of the fit."""
+
+
+def near_answer(options: MethodOptions) -> GaussNewtonOptions:
+    """How to search near the answer that a method has found.
+
+    It is never sharper than that method.
+    """
+    own = options.tolerance if isinstance(options, ComplementarityOptions) else 0.0
+    return replace(NEARBY, tolerance=max(NEARBY.tolerance, own))
 
 
 @dataclass(frozen=True)
@@ -367,7 +376,12 @@ class LastStage:
 
 
 def last_stage(
-    setup: Setup, answer: Floats, log: Log, control: Control, response: Response
+    setup: Setup,
+    methods: Sequence[MethodOptions],
+    answer: Floats,
+    log: Log,
+    control: Control,
+    response: Response,
 ) -> LastStage:
     """The readings of the last fitted stage, predicted from those before it.
 
@@ -375,6 +389,7 @@ def last_stage(
 
     Args:
         setup: model and readings of the fit, with its accuracies.
+        methods: of the fit.
         answer: (n,) its parameters, SI.
         log: of its evaluations.
         control: progress, budget and stops.
@@ -401,7 +416,7 @@ def last_stage(
         trial = tried(
             setup,
             stages[-2],
-            (NEARBY,),
+            (near_answer(methods[-1]),),
             part,
             control,
             start=answer,

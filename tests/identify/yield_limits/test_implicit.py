@@ -7,7 +7,7 @@ import pytest
 from support.plastic_bars import Frame, PlasticBars
 
 from geoident.errors import ModelError
-from geoident.identify.least_squares.acceptance import Iterate
+from geoident.identify.least_squares.acceptance import Iterate, Step
 from geoident.identify.least_squares.descent import Ending
 from geoident.identify.objective.discrepancy import Linearization
 from geoident.identify.problem.problem import History, Problem
@@ -114,7 +114,7 @@ def test_a_restart_that_stays_far_off_is_given_up():
     seen = []
 
     class Recorder:
-        def run(self, start, give_up):
+        def run(self, start, give_up, leave):
             seen.extend(
                 give_up(number, 1.0, lowest)
                 for number, lowest in ((2, 1e9), (3, 10.1), (3, 9.9), (11, 1.0), (12, 1.0))
@@ -129,8 +129,48 @@ def test_a_restart_that_stays_far_off_is_given_up():
 
     scaled = Linearization(start.model.residual / np.sqrt(start.phi), start.model.jacobian)
     best = type(start)(start.x, start.p, scaled, start.unreached, start.activity)
-    search.restart(best.x, best.phi, 0)
+    search.restart(best.x, best, 0)
     assert seen == [False, True, False, False, True]
+
+
+@pytest.mark.parametrize(
+    ("phi", "length", "promised", "left"),
+    [
+        (8.9, 0.29, 7.98, True),
+        (9.1, 0.29, 7.98, False),  # not there yet
+        (7.99, 0.29, 7.98, False),  # lower than the best
+        (8.9, 0.31, 7.98, False),  # far from where it goes
+        (8.9, 0.29, 7.97, False),  # three thousandths less are worth looking for
+        (8.9, 0.29, 8.5, True),
+    ],
+)
+def test_a_restart_that_ends_no_lower_than_the_best_point_is_left(phi, length, promised, left):
+    """The best has 8, of 10 readings less one parameter: within 1 of it is beside it."""
+    search, asked = searching(n=1, readings=10), []
+    start = search.evaluator.evaluate(search.scaling.start)
+
+    class Recorder:
+        def run(self, start, give_up, leave):
+            asked.append(leave(of_phi(phi), Step(np.zeros(1), length, phi - promised)))
+
+    search.descents = [Recorder(), Recorder()]
+    search.restart(start.x, of_phi(8.0), 0)
+    assert asked == [left]
+
+
+def test_where_residuals_are_not_explained_beside_is_farther():
+    search, asked = searching(n=1, readings=10), []
+    start = search.evaluator.evaluate(search.scaling.start)
+
+    class Recorder:
+        def run(self, start, give_up, leave):
+            asked.extend(
+                leave(of_phi(phi), Step(np.zeros(1), 0.1, phi - 90.0)) for phi in (99.9, 100.1)
+            )
+
+    search.descents = [Recorder(), Recorder()]
+    search.restart(start.x, of_phi(90.0), 0)
+    assert asked == [True, False]
 
 
 class Ways:
@@ -139,7 +179,7 @@ class Ways:
     def __init__(self, name, seen, end=None):
         self.name, self.seen, self.end = name, seen, end
 
-    def run(self, start, give_up):
+    def run(self, start, give_up, leave=None):
         self.seen.append(self.name)
         return self.end or Ending(start, "converged", "")
 
@@ -164,7 +204,7 @@ def test_fruitless_restarts_are_counted_in_a_row(monkeypatch):
     size = np.sqrt(np.array([0.9, None, 0.9 * 0.9995, 0.4, 0.5, 0.4, 0.5, 0.4, 0.1]).astype(float))
     factors = iter(size)
 
-    def restart(x, lowest_phi, number):
+    def restart(x, best, number):
         factor = next(factors)
         if np.isnan(factor):
             return None
