@@ -286,8 +286,7 @@ def _choice(
     marks, lines = avoid
     lines = lines[(lines.max(axis=1) > padded[:, :2].min(axis=0, initial=np.inf)).all(axis=1)]
     lines = lines[(lines.min(axis=1) < padded[:, 2:].max(axis=0, initial=-np.inf)).all(axis=1)]
-    on_marks = ((marks[None] > padded[:, None, :2]) & (marks[None] < padded[:, None, 2:])).all(2)
-    total = cost[kept] + _ON_MARK * on_marks.sum(axis=1)
+    total = cost[kept] + _ON_MARK * _holds(padded, marks).sum(axis=1)
     total = total + _ON_LINE * np.minimum(_cut(lines, padded).sum(axis=1), 4)
     leaders, length = _leaders(boxes, anchors)
     leaders[length <= _LEADER] = np.nan
@@ -348,8 +347,20 @@ def _best(choice: _Choice, others: Floats, leaders: Floats) -> tuple[Floats, Flo
 
 def _overlap(boxes: Floats, others: Floats) -> Bools:
     """(c, m) which boxes (c, 4) touch which others (m, 4), with the room kept between letters."""
-    low, high = boxes[:, None, :2] - 2 * _PAD, boxes[:, None, 2:] + 2 * _PAD
-    return np.asarray(((low < others[None, :, 2:]) & (high > others[None, :, :2])).all(axis=2))
+    found = np.ones((len(boxes), len(others)), dtype=bool)
+    for k in (0, 1):  # by columns: reductions over the last, short axis take three times as long
+        found &= boxes[:, None, k] - 2 * _PAD < others[None, :, k + 2]
+        found &= boxes[:, None, k + 2] + 2 * _PAD > others[None, :, k]
+    return found
+
+
+def _holds(boxes: Floats, points: Floats) -> Bools:
+    """(c, p) which boxes (c, 4) have which points (p, 2) inside."""
+    found = np.ones((len(boxes), len(points)), dtype=bool)
+    for k in (0, 1):
+        found &= points[None, :, k] > boxes[:, None, k]
+        found &= points[None, :, k] < boxes[:, None, k + 2]
+    return found
 
 
 def _leaders(boxes: Floats, anchors: Floats) -> tuple[Floats, Floats]:
@@ -363,16 +374,22 @@ def _leaders(boxes: Floats, anchors: Floats) -> tuple[Floats, Floats]:
 
 def _cut(lines: Floats, boxes: Floats) -> Bools:
     """(c, s) which boxes (c, 4) are cut by which lines (s, 2, 2)."""
-    start, along = lines[None, :, 0], (lines[:, 1] - lines[:, 0])[None]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        enter = (boxes[:, None, :2] - start) / along
-        leave = (boxes[:, None, 2:] - start) / along
-    low, high = np.minimum(enter, leave), np.maximum(enter, leave)
-    level = along == 0
-    between = (start > boxes[:, None, :2]) & (start < boxes[:, None, 2:])
-    low = np.where(level, np.where(between, -np.inf, np.inf), low).max(axis=2)
-    high = np.where(level, np.where(between, np.inf, -np.inf), high).min(axis=2)
-    return np.asarray(np.maximum(low, 0.0) < np.minimum(high, 1.0))
+    first, last = np.zeros((len(boxes), len(lines))), np.ones((len(boxes), len(lines)))
+    for k in (0, 1):
+        start, along = lines[None, :, 0, k], (lines[:, 1, k] - lines[:, 0, k])[None]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            enter = (boxes[:, None, k] - start) / along
+            leave = (boxes[:, None, k + 2] - start) / along
+        low, high = np.minimum(enter, leave), np.maximum(enter, leave)
+        level = np.flatnonzero(along[0] == 0)
+        if len(level):
+            at = start[:, level]
+            between = (at > boxes[:, None, k]) & (at < boxes[:, None, k + 2])
+            low[:, level] = np.where(between, -np.inf, np.inf)
+            high[:, level] = np.where(between, np.inf, -np.inf)
+        np.maximum(first, low, out=first)
+        np.minimum(last, high, out=last)
+    return np.asarray(first < last)
 
 
 def _cross(first: Floats, second: Floats) -> Bools:
