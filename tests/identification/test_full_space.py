@@ -65,7 +65,7 @@ def lined_opening(**strength: object):
 
 def responses():
     """Stage by stage with excavation, free moduli, stresses and strengths; parameters for each."""
-    opening = deep_opening(2)
+    opening = deep_opening(2, elements=200)
     return (
         (
             lined_opening().response([("wall", "open"), ("rock", "open")]),

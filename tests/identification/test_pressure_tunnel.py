@@ -34,7 +34,7 @@ RADIUS, E, NU = 1.5, 2e9, 0.25
 TRUTH = np.array([0.8 * MPa, 30 * DEG, 1.2 * MPa])
 ACCURACY = 0.02e-3
 UP = (0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 5.0, 6.0)
-CYCLE = (*UP, 3.0, 1.5, 0.5, 0.0)
+CYCLE = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 3.0, 1.5, 0.5, 0.0)
 PARAMETERS = (
     Parameter("c", 2 * MPa, 0.1 * MPa, 8 * MPa, "log", None, "pressure", "MPa"),
     Parameter("phi", 40 * DEG, 10 * DEG, 60 * DEG, "linear", None, "angle", "deg"),
@@ -133,7 +133,7 @@ def test_complementarity_recovers_all_three_from_a_cycle_of_pressure():
 
 def test_estimate_under_noise_is_as_far_off_as_it_says():
     """On the mesh of the readings, since the error of a mesh is no noise."""
-    chamber = Chamber(CYCLE)
+    chamber = Chamber(CYCLE, layers=24)
     noise = ACCURACY * np.random.default_rng(3).standard_normal(len(CYCLE))
     outcome, known = found(problem(chamber, chamber.readings(TRUTH) + noise), FEW)
     off = outcome.values - TRUTH
@@ -159,11 +159,11 @@ def test_what_a_curve_that_ends_soon_after_yielding_tells():
     the pressure, one seed in eight ends at a sum a tenth too high, which meets the readings within
     their accuracy too; which seed, depends on the last digits, so on the processor.
     """
-    chamber = Chamber((0.5, 1.0, 1.5, 2.0, 2.5, 2.75, 3.0, 3.25))
+    chamber = Chamber((1.0, 2.0, 2.5, 2.75, 3.0, 3.25))
     given = problem(chamber, finer(chamber).readings(TRUTH))
     weak = zip(PARAMETERS, (0.5 * MPa, 20 * DEG, 1.0 * MPa), strict=True)
     given = replace(given, parameters=tuple(replace(q, start=start) for q, start in weak))
-    outcome, known = found(given, ComplementarityOptions())
+    outcome, known = found(given, FEW)
     assert yield_pressure(outcome.values) == pytest.approx(yield_pressure(TRUTH), rel=0.02)
     assert not known.determined[:2].any()
     (finding,) = [text for text in known.findings if "cannot separate" in text]

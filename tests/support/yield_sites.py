@@ -80,7 +80,7 @@ def layers(free: int, layered: bool) -> list[GivenPlanes]:
 
 def deep_opening(free: int, *, elements: int = 500, layered: bool = False) -> Site:
     """A round opening in a stressed rock: heading, bench, invert."""
-    n, rings = {500: (3, 9), 2000: (6, 18), 10000: (13, 42)}[elements]
+    n, rings = {200: (2, 5), 500: (3, 9), 2000: (6, 18), 10000: (13, 42)}[elements]
     mesh = opening("tri3", 2, n=n, layers=rings, radius=1.0, reach=8.0, whole=True)
     core = np.zeros(mesh.n_elements, bool)
     core[mesh.groups["core"]] = True

@@ -131,7 +131,9 @@ def chosen(folder, what, *, rich):
     assert drawn.exit_code == 0, drawn.output
     (folder / "readings.csv").write_text(drawn.stdout)
     ladder = [{"name": "simple"}, {"name": "rich", "set": choice.changes}]
-    fit = json.dumps({"ladder": ladder, "model_error": "none", "mesh_error": False})
+    fit = json.dumps(
+        {"ladder": ladder, "model_error": "none", "mesh_error": False, "backtest": False}
+    )
     (folder / "case.yaml").write_text(f"{choice.text}readings: readings.csv\nfit: {fit}\n")
     ended = run_command("fit", folder / "case.yaml", "--json")
     assert ended.exit_code == 0, ended.output
@@ -171,7 +173,13 @@ def test_the_ensemble_smoother_finds_a_strength_and_agrees_with_gauss_newton(tmp
     found = {}
     for method in ("ensemble-smoother", "gauss-newton"):
         options = {"ensemble": 30, "assimilations": 3} if method == "ensemble-smoother" else {}
-        fit = {"method": method, method: options, "model_error": "none", "mesh_error": False}
+        fit = {
+            "method": method,
+            method: options,
+            "model_error": "none",
+            "mesh_error": False,
+            "backtest": False,
+        }
         last = (f"--set=fit={json.dumps(fit)}", "--set=readings=readings.csv")
         output = tmp_path / f"{method}.fit.h5"
         ended = run_command("fit", tmp_path / "case.yaml", *flags, *last, "-o", output)
