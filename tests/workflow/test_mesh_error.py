@@ -412,6 +412,19 @@ def test_only_a_mesh_that_is_too_coarse_asks_the_user_to_act():
         assert "check CASE.fit.h5 --mesh-error" in fit.sentence  # at the fit, not at the start
 
 
+def test_stages_in_which_the_finer_mesh_collapses_are_named():
+    staged, _ = excavated("tri3", 2)
+    found = mesh_error(staged, staged.case, NOTHING)
+    twice = np.hstack([found.error, np.full_like(found.error, np.nan)])
+    found = replace(found, error=twice, stages=("one", "two"), how="refinement")
+    both = np.ones(twice.shape, dtype=bool)
+    for counts in (False, True):
+        (*_, said) = in_fits.FittedMesh(found, both, shift=1.0, counts=counts).notes
+        assert "finds no equilibrium in 'two':" in said
+    first = np.array([[True, False]] * len(twice))
+    assert in_fits.FittedMesh(found, first, shift=0.0, counts=False).notes == ()
+
+
 def test_gauges_better_than_stated_notice_the_mesh(coarse):
     """Stated as 100 mm, read to 0.05 mm ten times: only the estimate tells that the mesh counts."""
     path = coarse.with_name("readings.csv")

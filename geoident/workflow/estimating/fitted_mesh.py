@@ -72,9 +72,21 @@ class FittedMesh:
     def notes(self) -> tuple[str, ...]:
         """The sentence on a mesh that is fine enough, and how its error was found."""
         if not self.counts:
-            return ()
+            return self._untold
         how = () if self.found.how == "refinement" else self.found.notes
-        return how if self._coarse else (self.sentence, *how)
+        return (*(() if self._coarse else (self.sentence,)), *how, *self._untold)
+
+    @property
+    def _untold(self) -> tuple[str, ...]:
+        """A sentence on stages in which the finer mesh collapses, and so tells nothing."""
+        lost = np.any(self.used & ~np.isfinite(self.found.error), axis=0)
+        stages = [f"'{self.found.stages[n]}'" for n in np.flatnonzero(lost)]
+        if not stages:
+            return ()
+        return (
+            f"On the finer mesh the ground finds no equilibrium in {', '.join(stages)}: what the "
+            "mesh does to the readings there is not known, and their accuracies do not have it.",
+        )
 
     @property
     def _coarse(self) -> bool:
