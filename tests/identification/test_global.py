@@ -129,6 +129,13 @@ def test_history_is_kept_from_stage_to_stage_and_a_prior_counts(
     assert found.certificate.bound <= found.objective
     assert found.certificate.gap < 1e-4
 
+    def objective(p: np.ndarray) -> float:  # of the march, stage by stage
+        return phi(problem, p) + float(((p[0] - 1.2) / 0.1) ** 2)
+
+    assert found.objective == pytest.approx(objective(found.values), rel=1e-6)
+    for p in np.random.default_rng(1).uniform(0.8, 1.8, (10, 2)):
+        assert objective(p) >= found.certificate.bound
+
 
 @pytest.mark.slow
 def test_hardening_as_a_parameter_a_much_better_point_than_one_descent_finds_is_proven() -> None:
