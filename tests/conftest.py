@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Generator
 from functools import cache
 from importlib import import_module
 
 import pytest
 from _pytest.doctest import DoctestModule
+from hypothesis import settings
 from manual.records import Recorder
+
+# What has passed passes again; long runs of tests/fuzz look for what is new.
+settings.register_profile("tests", derandomize=not os.environ.get("GEOIDENT_FUZZ_EXAMPLES"))
+settings.load_profile("tests")
 
 LONGEST = (
     "tests/docs/test_pages.py",

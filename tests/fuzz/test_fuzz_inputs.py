@@ -2,7 +2,9 @@
 
 The whole values of shipped cases are deleted, doubled, replaced, moved and nested, so that the text
 stays YAML and the checks behind are reached; ``tests/io/case/test_case_fuzz.py`` spoils characters.
-The long run: pytest -m slow tests/fuzz (GEOIDENT_FUZZ_EXAMPLES sets the examples of each test).
+Examples are the same each time (`tests/conftest.py`), and told as they were found. The long run has
+others:
+pytest -m slow tests/fuzz (GEOIDENT_FUZZ_EXAMPLES sets the examples of each test).
 """
 
 import contextlib
@@ -12,10 +14,11 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+from typing import ClassVar
 
 import pytest
 import yaml
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
 from geoident.errors import GeoidentError, InputError
@@ -26,11 +29,13 @@ from tests.support.trench import CASE, READINGS, write_case
 
 SECONDS = 5
 MEMORY = 1_000_000  # kB
-EXAMPLES = int(os.environ.get("GEOIDENT_FUZZ_EXAMPLES", "40"))
+LONG = os.environ.get("GEOIDENT_FUZZ_EXAMPLES")
+EXAMPLES = int(LONG or "40")
 FUZZ = settings(
     max_examples=EXAMPLES,
     deadline=None,  # `within` measures, and stops
     database=None,
+    phases=tuple(Phase) if LONG else (Phase.explicit, Phase.generate),
     suppress_health_check=list(HealthCheck),
 )
 ROOT = Path(__file__).parents[2]
@@ -140,13 +145,57 @@ def spoil(data, tree):
         holder[path[-1]] = data.draw(small)
 
 
+class Loader(yaml.SafeLoader):
+    """The key `on` stays a word, as geoident reads it."""
+
+    yaml_implicit_resolvers: ClassVar = {
+        first: [one for one in known if not one[0].endswith(":bool") or first in "tTfF"]
+        for first, known in yaml.SafeLoader.yaml_implicit_resolvers.items()
+    }
+
+
+def loaded(text):
+    return yaml.load(text, Loader)
+
+
 def spoiled(data, text):
     """The text of a case with up to four changes."""
-    tree = yaml.safe_load(text)
+    tree = loaded(text)
     for _ in range(data.draw(st.integers(1, 4))):
         if isinstance(tree, (dict, list)) and tree:
             spoil(data, tree)
     return yaml.safe_dump(tree, allow_unicode=True, sort_keys=False)
+
+
+def points(tree):
+    """One place for each use of a point: its path, with the path of what is of its kind."""
+    found = {}
+    for path in places(tree):
+        node, kind = tree, ""
+        for key in path:
+            node = node[key]
+            kind = node.get("kind", kind) if isinstance(node, dict) else kind
+        plain = isinstance(node, list) and all(not isinstance(x, (list, dict)) for x in node)
+        if plain and len(node) in (2, 3) and any(" m" in str(x) for x in node):
+            words = tuple(key for key in path[2:] if isinstance(key, str))
+            found.setdefault((path[0], str(kind), words, path[-1]), path)
+    return list(found.values())
+
+
+@pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.parent.name)
+def test_points_of_another_dimension(path):
+    """One coordinate less, one more, and none, of each point alone."""
+    text = path.read_text(encoding="utf-8")
+    for place in points(loaded(text)):
+        for change in (slice(0, 1), slice(1, None), slice(0, 0), None):
+            tree = loaded(text)
+            holder = tree
+            for key in place[:-1]:
+                holder = holder[key]
+            point = holder[place[-1]]
+            holder[place[-1]] = [*point, "1 m"] if change is None else point[change]
+            with contextlib.suppress(InputError):
+                parse_case(yaml.safe_dump(tree, allow_unicode=True, sort_keys=False), str(path))
 
 
 @pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.parent.name)

@@ -101,6 +101,8 @@ def _on_bar(channel: Channel, section: GaugeBase, bars: Bars, place: Context) ->
         place.at("bar").refuse("no-such-bar", message, "They count from 1.")
     else:
         first, second = bars.ends[channel.member]
+        if len(first) != len(second):
+            return None  # ends of too few or too many coordinates are a fault of the structure
         along = unit_vector(tuple(b - a for a, b in zip(first, second, strict=True)))
         counts = getattr(section, "sign", None)
         pushed = isinstance(bars, Struts) if counts is None else counts == "compression"
