@@ -85,7 +85,7 @@ class FittedMesh:
             return ()
         return (
             f"On the finer mesh the ground finds no equilibrium in {', '.join(stages)}: what the "
-            "mesh does to the readings there is not known, and their accuracies do not have it.",
+            "mesh does to the readings there is not known, and is not counted in their accuracies.",
         )
 
     @property
