@@ -31,7 +31,8 @@ import numpy as np
 from geoident.fem.elasticity import ScaledModuli
 from geoident.fem.yielding.curved_return import HoekBrownConstants
 from geoident.fem.yielding.hoek_brown import HoekBrownLaw
-from geoident.fem.yielding.law import YieldLaw, YieldPlanes, common_inside
+from geoident.fem.yielding.law import YieldLaw
+from geoident.fem.yielding.planes import YieldPlanes, common_inside
 from geoident.fem.yielding.polyhedral import PolyhedralLaw
 from geoident.fem.yielding.principal import PrincipalLaw
 from geoident.fem.yielding.scaled_law import ScaledLaw
