@@ -9,6 +9,7 @@ from itertools import islice
 import numpy as np
 
 from geoident.fem.solvers.direct import Solver
+from geoident.fem.solvers.kept_solutions import KeepsSolutions, SolutionStore
 from geoident.forward.checks import inadmissible_numbers
 from geoident.forward.gauges.adjoints import AdjointTable
 from geoident.forward.gauges.instrument_errors import InstrumentErrors
@@ -132,6 +133,11 @@ class Marches:
         """Costs so far."""
         spent = self._spent()
         return replace(spent, evaluations=self._evaluations) - self._free
+
+    def keep_solutions(self, store: SolutionStore | None) -> None:
+        """Have solutions that take long kept, where the solver can; None for no longer."""
+        if isinstance(self._solver, KeepsSolutions):
+            self._solver.keep_solutions(store)
 
     def _spent(self) -> Counts:
         """What the solver has done so far."""
