@@ -298,6 +298,11 @@ class ReadingTable:
         return tuple(zip(self.channel, self.stage, strict=True))
 
     @property
+    def used_pairs(self) -> list[tuple[str, str]]:
+        """Channel and stage of those that are used."""
+        return [pair for pair, used in zip(self.pairs, self.used, strict=True) if used]
+
+    @property
     def notes(self) -> tuple[str, ...]:
         """Remark of each reading; empty for none."""
         return self.note or ("",) * len(self)
