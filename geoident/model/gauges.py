@@ -110,7 +110,7 @@ class Channel:
     Args:
         name: name under which readings are given.
         gauge: name of the gauge it belongs to.
-        kind: of the gauge; says what is read (`forward.gauges.observation.OBSERVABLES`).
+        kind: of the gauge; says what is read (`forward.gauges.kinds.OBSERVABLES`).
         first: (dim,) coordinates of the reference point in m; None for fixed ground.
         second: (dim,) coordinates of the point whose motion is read, m.
         direction: (dim,) unit vector; along the line from first to second where the gauge reads

@@ -20,7 +20,7 @@ from geoident.fem.refinement.finer import halved, raised
 from geoident.fem.refinement.singularity import exponent, openings
 from geoident.fem.solvers import pick_solver
 from geoident.forward.gauges.instrument_errors import ReadingPlaces
-from geoident.forward.gauges.observation import reads_displacements
+from geoident.forward.gauges.kinds import reads_displacements
 from geoident.forward.model import StageByStage, StagedModel, staged_model
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case
