@@ -15,7 +15,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from geoident.fem.solvers.direct import LowerPattern
-from geoident.model.arrays import Floats
+from geoident.model.arrays import Floats, Ints
 
 Found = Mapping[str, Floats]
 
@@ -82,10 +82,10 @@ class KeptSolutions:
             self.store.add_solution(name, arrays)
 
 
-def _digest(*arrays: np.ndarray) -> str:
+def _digest(*arrays: Floats | Ints) -> str:
     """Of the bits of arrays."""
     found = blake2b(digest_size=16)
     for array in arrays:
         found.update(repr(array.shape).encode())
-        found.update(np.ascontiguousarray(array))
+        found.update(np.ascontiguousarray(array).data)
     return found.hexdigest()
