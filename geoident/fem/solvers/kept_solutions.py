@@ -17,7 +17,7 @@ import numpy as np
 from geoident.fem.solvers.direct import LowerPattern
 from geoident.model.arrays import Floats, Ints
 
-Found = Mapping[str, Floats]
+_Arrays = Mapping[str, Floats]
 
 WORTH = 5.0
 """Seconds from which on it pays to keep what was computed."""
@@ -26,10 +26,10 @@ WORTH = 5.0
 class SolutionStore(Protocol):
     """Where solutions are kept: a file, or a dictionary in tests."""
 
-    def find_solution(self, name: str) -> Found | None:
+    def find_solution(self, name: str) -> _Arrays | None:
         """What was put there under a name, bit by bit, or None."""
 
-    def add_solution(self, name: str, arrays: Found) -> None:
+    def add_solution(self, name: str, arrays: _Arrays) -> None:
         """Put something there, if there is room.
 
         Args:
@@ -66,11 +66,11 @@ class KeptSolutions:
         """The name of solutions with a matrix of a name, for right-hand sides (n, k)."""
         return f"{matrix} {_digest(rhs.T)}" if matrix else ""
 
-    def find(self, name: str) -> Found | None:
+    def find(self, name: str) -> _Arrays | None:
         """What is kept under a name, or None."""
         return self.store.find_solution(name) if self.store is not None and name else None
 
-    def add(self, name: str, seconds: float, arrays: Found) -> None:
+    def add(self, name: str, seconds: float, arrays: _Arrays) -> None:
         """Keep something, if it is worth it.
 
         Args:
