@@ -30,7 +30,8 @@ from geoident.identify.least_squares.acceptance import Iterate, Step
 from geoident.identify.least_squares.descent import Descent, Ending
 from geoident.identify.primes import first_primes
 from geoident.identify.problem.ahead import Look, in_turns, knows_nothing_of_others
-from geoident.identify.problem.problem import LocalMinimum, Scaling
+from geoident.identify.problem.outcome import LocalMinimum
+from geoident.identify.problem.scaling import Scaling
 from geoident.model.arrays import Floats
 from geoident.model.parameter import Parameter
 

@@ -12,7 +12,7 @@ import numpy as np
 from geoident.errors import GeoidentError, Interrupted, ModelError
 from geoident.forward.protocols import CaseModel
 from geoident.identify.problem.errors import SharedErrors
-from geoident.identify.problem.problem import HasDifferences
+from geoident.identify.problem.responses import HasDifferences
 from geoident.io.result.checkpoint import EvaluationLog
 from geoident.model.arrays import Bools, Floats
 from geoident.model.gauges import Reading

@@ -14,8 +14,9 @@ from geoident.identify.least_squares.several_starts import (
     spread,
     start_ranges,
 )
-from geoident.identify.objective.discrepancy import Discrepancy
-from geoident.identify.problem.problem import History, Scaling
+from geoident.identify.problem.outcome import History
+from geoident.identify.problem.problem import Discrepancy
+from geoident.identify.problem.scaling import Scaling
 from geoident.model.methods import GaussNewtonOptions
 from geoident.model.parameter import Parameter, Prior
 

@@ -9,7 +9,7 @@ from geoident.identify.least_squares.trust_region import (
     bounded_least_squares,
     smallest_solution,
 )
-from geoident.identify.problem.problem import Scaling
+from geoident.identify.problem.scaling import Scaling
 from geoident.model.parameter import Parameter
 
 LOG = Parameter("E", 2.0, 1.0, 100.0, "log")

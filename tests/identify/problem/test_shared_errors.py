@@ -14,10 +14,9 @@ from geoident.identify.assessment.uncertainty import assess, predict_band
 from geoident.identify.direct.simplex import simplex
 from geoident.identify.least_squares.condensation import condensation
 from geoident.identify.least_squares.gauss_newton import gauss_newton
-from geoident.identify.objective.discrepancy import Discrepancy, own_residuals
 from geoident.identify.problem import errors
 from geoident.identify.problem.errors import Covariance, ErrorStructure, SharedErrors
-from geoident.identify.problem.problem import Problem
+from geoident.identify.problem.problem import Discrepancy, Problem, own_residuals
 from geoident.model.methods import (
     CondensationOptions,
     GaussNewtonOptions,

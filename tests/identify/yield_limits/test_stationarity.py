@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from geoident.identify.least_squares.descent import Evaluator
-from geoident.identify.objective.discrepancy import Discrepancy, Linearization
-from geoident.identify.problem.problem import History, Problem
+from geoident.identify.problem.outcome import History
+from geoident.identify.problem.problem import Discrepancy, Linearization, Problem
 from geoident.identify.yield_limits.stationarity import (
     StationarityCheck,
     YieldIterate,
