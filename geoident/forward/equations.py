@@ -13,11 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
-from geoident.fem.yielding.law import YieldPlanes
 from geoident.forward.affine import affine_obstacle, affine_yield_obstacle
+from geoident.forward.ground.elasticity import ModuliAt
 from geoident.forward.in_situ.stress import NEGLIGIBLE_IMBALANCE
 from geoident.forward.march.march import March
-from geoident.forward.march.systems import GroundAt
 from geoident.forward.staged_system import Affine, LoadStage, PointLaw, PointSet, StagedSystem
 from geoident.forward.stages import numbers
 from geoident.forward.structures.members import StructureMembers, rigidities
@@ -102,7 +101,7 @@ class _Exporter:
         self.march, self.point, self.n = march, point, len(point.names)
         self.p = np.array([point.values[name] for name in point.names])
         self.s = march.systems.discretization.points.n_strain
-        self.ground = GroundAt(march.on_mesh, self.point, self.s)
+        self.ground = ModuliAt(march.on_mesh, self.point, self.s)
         self.sets: list[PointSet] = []
         self.laws: list[PointLaw] = []
         self.set_of: dict[int, int] = {}
@@ -202,9 +201,10 @@ class _Exporter:
 
     def _point_law(self, name: str, *, yields: bool) -> PointLaw:
         elastic = self._elastic(self.ground.elasticity(name).columns)
-        planes = self.ground.yield_limits().get(name) if yields else None
-        if not isinstance(planes, YieldPlanes):
+        material = self.march.case.materials[name]
+        if not (yields and material.yields):
             return elastic
+        planes = yield_planes(material, self.point, self.s)
         none = np.zeros((len(planes), len(planes), 1 + self.n))
         hardening = none if planes.hardening is None else planes.hardening.columns
         return PointLaw(

@@ -19,7 +19,7 @@ from geoident.fem.solvers.iterative import IterativeSolver, lower_values, whole_
 from geoident.fem.solvers.multifrontal import MultifrontalSolver
 from geoident.fem.solvers.multilevel import cycle, energy
 from geoident.fem.stiffness import stiffness_pattern
-from geoident.forward.march.systems import GroundAt
+from geoident.forward.ground.elasticity import ModuliAt
 from geoident.forward.model import StagedModel, staged_model
 from geoident.model.case import Stage
 from geoident.model.dual import ParameterPoint
@@ -44,7 +44,7 @@ def system(staged):
     """Pattern and values of the stiffness."""
     state, point = staged.sequence.states[1], ParameterPoint({}, ())
     found = staged.systems[1]
-    at = GroundAt(staged.on_mesh, point, staged.discretization.points.n_strain)
+    at = ModuliAt(staged.on_mesh, point, staged.discretization.points.n_strain)
     laws = {name: at.moduli(name, mine).value for name, mine in found.points_of.items()}
     return found.pattern.lower, staged.systems.values(found, state, laws, {})
 
@@ -142,7 +142,7 @@ def test_a_body_that_nothing_holds_is_refused(fixed):
         places=systems._places,
     )
     point = ParameterPoint({}, ())
-    at = GroundAt(staged.on_mesh, point, staged.discretization.points.n_strain)
+    at = ModuliAt(staged.on_mesh, point, staged.discretization.points.n_strain)
     law = staged.discretization.kinematics.stiffness_map(at.moduli("rock").value.matrix)
     pattern, values = free.lower, free.values(systems._blocks, dict.fromkeys(systems._blocks, law))
     with pytest.raises(NotPositiveDefinite) as caught:

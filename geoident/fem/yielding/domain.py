@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from geoident.fem.yielding.law import YieldPlanes
+from geoident.fem.yielding.planes import YieldPlanes
 from geoident.model.arrays import Floats
 
 _ROUNDING = 1e-10

@@ -15,8 +15,7 @@ from itertools import combinations
 
 import numpy as np
 
-from geoident.fem.yielding.law import ScaledPlanes
-from geoident.fem.yielding.projection import ActiveSets
+from geoident.fem.yielding.planes import ActiveSets, ScaledPlanes
 from geoident.fem.yielding.sorted_planes import Images
 from geoident.model.arrays import Floats, Ints
 
@@ -46,7 +45,7 @@ class ActiveSetSearch:
         self._rest = self._independent_sets()
 
     def _independent_sets(self) -> Iterator[int]:
-        """ActiveSets whose planes can be active together, small ones first."""
+        """Faces whose planes can be active together, small ones first."""
         for size in range(1, self._most + 1):
             for some in combinations(self._plain.tolist(), size):
                 matrix = self._system.coupling[np.ix_(some, some)]
@@ -61,7 +60,7 @@ class ActiveSetSearch:
             yield face
 
     def find(self, excess: Floats, tolerance: Floats, limits: Floats) -> Ints:
-        """ActiveSets (q,) of points with the scaled yield functions (q, i) of their trial stress.
+        """Faces (q,) of points with the scaled yield functions (q, i) of their trial stress.
 
         Args:
             excess: (q, i).
@@ -115,6 +114,6 @@ class ActiveSetSearch:
         return faces
 
     def _owned(self, owner: Ints) -> Ints:
-        """ActiveSets (q,) of the apices of planes (q,)."""
+        """Faces (q,) of the apices of planes (q,)."""
         mine = self._images.upright & (self._images.owner == owner[:, None])
         return np.array([self._faces.number(np.flatnonzero(row).tolist()) for row in mine])

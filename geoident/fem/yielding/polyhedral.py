@@ -1,193 +1,234 @@
-"""Yield surfaces of planes with associated flow: exact projection in the norm of E^-1.
+"""Yield planes with associated flow: projection of many points on one polyhedron, all at once.
 
-The return step has stress, multipliers, tangent and derivatives of points whose active planes are
-known.
+A dual active-set method, Goldfarb & Idnani (1983), Mathematical Programming 27, 1-33, exact in the
+norm of E^-1. Each point starts at its trial stress with no plane active and takes in the plane it
+violates most: along the ray on which the multiplier of that plane grows and the active planes stay
+active. Where an active multiplier would turn negative first, its plane is dropped on the way. The
+dual objective grows with every plane taken in, so no set of active planes comes twice, also where
+normals depend linearly on each other. Only where planes miss each other by little more than
+rounding may it grow by too little to be told from it; points that take long are therefore asked for
+less and less accuracy.
+
+The ray depends on the active planes and the new one alone, so each is computed once (`Rays`) and a
+step of all points is a few operations on arrays (w, y). Most points end where they did in the last
+projection, which needs no search (`LastActiveSets`).
 """
 
 from __future__ import annotations
 
-from functools import cached_property
+from dataclasses import dataclass
 
 import numpy as np
 
-from geoident.fem.yielding.law import ScaledPlanes, YieldPlanes
-from geoident.fem.yielding.projection import ActiveSets, Rays, active_sets_of
+from geoident.fem.yielding.domain import EmptyDomain, NoProjection
+from geoident.fem.yielding.planes import (
+    ActiveSets,
+    ReturnStep,
+    ScaledPlanes,
+    YieldPlanes,
+    rows_of_floats,
+    rows_of_numbers,
+    unique_pairs,
+)
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.dual import Dual
 
-_REACHED = 100.0
-"""Times the tolerance of a yield function: within it a plane is reached."""
+_DEPENDENT = 1e-11
+"""Squared sine of the angle to the active normals under which a normal depends on them."""
+_LOOSEST = 1e5
+"""Times the tolerance: less accuracy than that (1e-8 of the stress) is never asked for."""
+_NEGLIGIBLE = 1e4
+"""Times the tolerance: a contradiction of planes that is rounding of a slab without thickness."""
 
 
-class ReturnStep:
-    """The step from trial stresses to the faces on which they end: a `law.Projection`.
+class Rays:
+    """Directions in which a plane is taken in while those of a face stay active.
 
     Args:
-        system: the planes.
-        faces: of its coupling.
-        trial: s* (s, m) of all points.
-        yielded: (q,) those with an active plane, ascending.
-        hardened: multipliers of earlier steps (y, q); None for zero.
-        face: (q,) numbers of faces.
+        faces: the faces of the polyhedron, of symmetric coupling.
+        root: B (r, y), B^T B = A.
     """
 
-    def __init__(
-        self,
-        system: ScaledPlanes,
-        faces: ActiveSets,
-        trial: Floats,
-        yielded: Ints,
-        hardened: Floats | None,
-        face: Ints,
-    ) -> None:
-        self._system = system
-        self._faces = faces
-        self._all = trial
-        self.yielded = yielded
-        self.trial = trial[:, yielded]
-        self._hardened = hardened
-        self._used, self._place = np.unique(face, return_inverse=True)
-        self._face_planes, self._face_inverse = faces.compact(self._used.tolist())
-        self._planes = self._face_planes[self._place]
-        self._inverse = self._face_inverse[self._place]
-        self._scaled = self._solve()
+    def __init__(self, faces: ActiveSets, root: Floats) -> None:
+        self.faces = faces
+        self._root = root
+        count = len(faces.coupling)
+        self._row = rows_of_numbers(count)
+        self._loss = rows_of_floats(count)
+        self._drop = rows_of_floats(count)
+        self._curvature = rows_of_floats()
 
-    def _solve(self) -> Floats:
-        """Scaled multipliers (q, y), refined once: what the inverse lacks in digits."""
-        excess = self._system.excess(self.trial, self._hardened).T
-        multipliers = np.zeros_like(excess)
-        for _ in range(2):
-            rest = excess - multipliers @ self._system.coupling.T
-            active = np.take_along_axis(rest, self._planes, axis=1)
-            multipliers += self._spread(np.einsum("qij,qj->qi", self._inverse, active))
-        return multipliers
+    def find(self, faces: Ints, planes: Ints) -> tuple[Floats, Floats, Floats]:
+        """Rays of faces (w,) and new planes (w,), per unit of the multiplier of the new plane.
 
-    def _spread(self, compact: Floats) -> Floats:
-        """Values (q, w) of active planes at their places among all, (q, y)."""
-        full = np.zeros((len(compact), len(self._system.scale)))
-        np.put_along_axis(full, self._planes, compact, axis=1)
-        return full
-
-    @property
-    def signed_multipliers(self) -> Floats:
-        """(q, y), of the planes as given, with the sign that rounding left."""
-        return self._scaled / self._system.scale
-
-    @property
-    def multipliers(self) -> Floats:
-        """(q, y) >= 0, of the planes as given."""
-        return np.maximum(self.signed_multipliers, 0.0)
-
-    @cached_property
-    def returned(self) -> Floats:
-        """(s, q) admissible stress at the yielded points."""
-        return np.asarray(self.trial - self._system.moved @ self._scaled.T)
-
-    @cached_property
-    def stress(self) -> Floats:
-        """(s, m) admissible stress; the trial stress itself where nothing yields."""
-        stress = self._all.copy()
-        stress[:, self.yielded] = self.returned
-        return stress
-
-    @cached_property
-    def active(self) -> Bools:
-        """(q, y) planes on which the derivatives are taken."""
-        table = np.zeros((len(self._used), len(self._system.scale)), dtype=np.bool_)
-        for row, face in enumerate(self._used):
-            table[row, list(self._faces.members[face])] = True
-        return table[self._place]
-
-    @cached_property
-    def _near(self) -> Floats:
-        """(q, y): what is zero but for rounding, in yield functions and scaled multipliers."""
-        return _REACHED * self._system.tolerance(self.trial, self._hardened).T
-
-    @cached_property
-    def reached(self) -> Bools:
-        """(q, y) planes on which the stress lies."""
-        limits = self._system.limits(self._hardened) + self._system.hardening @ self._scaled.T
-        excess = self._system.normals @ self.returned - limits
-        return np.asarray(excess.T + self._near >= 0.0)
-
-    @property
-    def working(self) -> Bools:
-        """(q, y) planes with a multiplier."""
-        return np.asarray(np.abs(self._scaled) > self._near)
-
-    @property
-    def biactive(self) -> Bools:
-        """(q, y)."""
-        return self.reached & ~self.working
-
-    @cached_property
-    def reduction(self) -> Floats:
-        """(q, s, s)."""
-        planes = self._face_planes
-        moved, normals = self._system.moved.T[planes], self._system.normals[planes]
-        change = np.einsum("fis,fij,fjt->fst", moved, self._face_inverse, normals, optimize=True)
-        return np.asarray((np.eye(len(self.trial)) - change)[self._place])
-
-    @property
-    def reserve(self) -> Floats:
-        """(q,): 1/2 lam^T (M E M^T + H) lam."""
-        work = self._system.flow @ self._system.moved + self._system.hardening
-        return np.asarray(0.5 * np.einsum("qi,ij,qj->q", self._scaled, work, self._scaled))
-
-    def derivatives(
-        self, trial: Floats, hardened: Floats | None = None, *, of_law: bool
-    ) -> tuple[Floats, Floats]:
-        """Derivatives of stress (s, q, n) and multipliers (y, q, n), as in `Projection`.
-
-        Args:
-            trial: (s, q, n) of the trial stress.
-            hardened: (y, q, n) of the multipliers of earlier steps; None for zero.
-            of_law: the first columns are by the parameters of the law.
+        Returns:
+            (w, y) by how much multipliers fall (-1 for the new plane), (w, y) by how much yield
+            functions fall, and (w,) that of the new plane, zero where it depends on the face.
         """
-        system = self._system
-        stress = trial.copy()
-        grown = np.zeros((len(system.scale), *trial.shape[1:]))
-        for column in range(system.by_parameter[0].n if of_law else 0):
-            self._add_direct(column, stress[:, :, column], grown[:, :, column])
-        if hardened is not None and system.hardens:
-            grown += np.tensordot(system.hardening * system.scale, hardened, axes=1)
-        excess = np.tensordot(system.normals, stress, axes=1) - grown
-        multipliers = self._multiplier_slopes(excess)
-        stress -= np.tensordot(system.moved, multipliers, axes=1)
-        return stress, multipliers / system.scale[:, None, None]
+        self._row.grow(len(self.faces.members) - self._row.size)
+        rows = self._row.all[faces, planes]
+        if (missing := rows < 0).any():
+            count = len(self.faces.coupling)
+            self._add(*unique_pairs(faces[missing], planes[missing], count))
+            rows = self._row.all[faces, planes]
+        return self._loss.all[rows], self._drop.all[rows], self._curvature.all[rows]
 
-    def _multiplier_slopes(self, excess: Floats) -> Floats:
-        """Scaled dlam (y, q, n) of the slopes of yield functions at fixed multipliers."""
-        points = np.arange(excess.shape[1])[:, None]
-        compact = np.einsum("qij,qjn->qin", self._inverse, excess[self._planes, points])
-        full = np.zeros_like(excess)
-        full[self._planes, points] = compact
-        return full
+    def _add(self, faces: Ints, planes: Ints) -> None:
+        """Compute rays that are asked for the first time."""
+        start, count = self._loss.size, faces.size
+        for table in (self._loss, self._drop, self._curvature):
+            table.grow(count)
+        self._row.all[faces, planes] = np.arange(start, start + count)
+        for places, active, inverse in self.faces.by_size(faces.tolist()):
+            new = planes[places]
+            loss = np.zeros((places.size, len(self.faces.coupling)))
+            across = self.faces.coupling[active, new[:, None]]
+            np.put_along_axis(loss, active, np.einsum("gij,gj->gi", inverse, across), axis=1)
+            loss[np.arange(places.size), new] = -1.0
+            lasting = -loss @ self._root.T  # the part of the new normal across the active ones
+            drop = lasting @ self._root
+            np.put_along_axis(drop, active, 0.0, axis=1)
+            curvature = np.einsum("gr,gr->g", lasting, lasting)
+            self._loss.all[start + places] = loss
+            self._drop.all[start + places] = drop
+            self._curvature.all[start + places] = np.where(curvature > _DEPENDENT, curvature, 0.0)
 
-    def _add_direct(self, column: int, stress: Floats, grown: Floats) -> None:
-        """What a parameter changes at fixed multipliers: the stress (s, q), the limits (y, q)."""
-        system, lam = self._system, self._scaled
-        elasticity, planes = system.by_parameter
-        stiffer = elasticity.slope(column)
-        normals, distances = planes.normals.slope(column), planes.distances.slope(column)
-        flow = normals if planes.flow is None else planes.flow.slope(column)
-        hardening = None if planes.hardening is None else planes.hardening.slope(column)
-        if stiffer is not None:
-            stress -= stiffer @ (lam @ system.flow).T
-        if flow is not None:
-            stress -= system.elasticity @ (lam @ flow).T
-        if distances is not None:
-            grown += distances[:, None]
-        if normals is not None:
-            grown -= normals @ self.returned
-        if hardening is not None:
-            grown += hardening @ self._accumulated()
 
-    def _accumulated(self) -> Floats:
-        """Scaled multipliers of this step and those before, (y, q)."""
-        if self._hardened is None:
-            return self._scaled.T
-        return np.asarray(self._scaled.T + self._system.scale[:, None] * self._hardened)
+@dataclass(eq=False)
+class _Work:
+    """The points that are not done, as arrays with one row each."""
+
+    point: Ints
+    excess: Floats
+    tolerance: Floats
+    multipliers: Floats
+    face: Ints
+    plane: Ints
+
+    def keep(self, rows: Bools) -> None:
+        """Forget the other points."""
+        for name, value in vars(self).items():
+            setattr(self, name, value[rows])
+
+
+def active_sets_of(excess: Floats, tolerance: Floats, rays: Rays) -> Ints:
+    """Numbers (q,) of the faces on which the projections of points lie.
+
+    Args:
+        excess: (q, y) scaled yield functions of the trial stresses.
+        tolerance: (q, y) what counts as zero in them.
+        rays: of the polyhedron.
+
+    Raises:
+        EmptyDomain: the planes contradict each other.
+        NoProjection: points take planes in and out without end.
+    """
+    count, planes = excess.shape
+    found = np.zeros(count, dtype=np.int64)
+    work = _Work(
+        point=np.arange(count),
+        excess=excess.copy(),
+        tolerance=tolerance.copy(),
+        multipliers=np.zeros((count, planes)),
+        face=found.copy(),
+        plane=np.full(count, -1),
+    )
+    loosened = 1.0
+    for step in range(step_limit(planes)):
+        _choose(work)
+        if step and step % (20 + planes) == 0 and loosened < _LOOSEST:
+            work.tolerance *= 10.0
+            loosened *= 10.0
+        if (done := work.plane < 0).any():
+            found[work.point[done]] = work.face[done]
+            work.keep(~done)
+        if not work.point.size:
+            return found
+        _advance(work, rays)
+    raise NoProjection(work.point.size)
+
+
+def step_limit(planes: int) -> int:
+    """Steps that no projection needs: a handful a plane."""
+    return 100 + 20 * planes
+
+
+def _choose(work: _Work) -> None:
+    """Give points without a plane in hand the one they violate most, if there is one."""
+    free = np.flatnonzero(work.plane < 0)
+    if free.size == work.point.size:
+        outside = work.excess - work.tolerance
+    else:
+        outside = work.excess[free] - work.tolerance[free]
+    worst = outside.argmax(axis=1)
+    violated = outside[np.arange(free.size), worst] > 0.0
+    work.plane[free[violated]] = worst[violated]
+
+
+def _advance(work: _Work, rays: Rays) -> None:
+    """Take one step along the rays: to the new plane, or until a multiplier vanishes."""
+    rows = np.arange(work.point.size)
+    loss, drop, curvature = rays.find(work.face, work.plane)
+    first, bound = _first_to_vanish(work, loss)
+    to_plane = np.full(rows.size, np.inf)
+    np.divide(work.excess[rows, work.plane], curvature, out=to_plane, where=curvature > 0.0)
+    full = (to_plane <= bound) & np.isfinite(to_plane)
+    length = np.minimum(bound, to_plane)
+    if (stuck := np.isinf(length)).any():
+        _leave_or_refuse(work, loss, stuck)
+        length[stuck] = 0.0
+    loss *= length[:, None]
+    drop *= length[:, None]
+    work.multipliers -= loss
+    work.excess -= drop
+    _arrive(work, rays, full)
+    _drop(work, rays, ~full & ~stuck, first)
+
+
+def _first_to_vanish(work: _Work, loss: Floats) -> tuple[Ints, Floats]:
+    """The active plane (w,) whose multiplier vanishes first on the way, and the step (w,) to it."""
+    first, bound = np.zeros(work.point.size, dtype=np.int64), np.full(work.point.size, np.inf)
+    some = np.flatnonzero(work.face)
+    losing = loss[some]
+    steps = np.full(losing.shape, np.inf)
+    with np.errstate(over="ignore"):
+        np.divide(work.multipliers[some], losing, out=steps, where=losing > _DEPENDENT)
+    first[some] = steps.argmin(axis=1)
+    bound[some] = steps[np.arange(some.size), first[some]]
+    return first, bound
+
+
+def _arrive(work: _Work, rays: Rays, rows: Bools) -> None:
+    """Count the new plane among the active ones of rows that reached it."""
+    planes = work.plane[rows]
+    work.face[rows] = rays.faces.join(work.face[rows], planes)
+    # Members are on their planes: what rounding leaves there must not call them again.
+    work.excess[rows, planes] = -np.inf
+    work.plane[rows] = -1
+
+
+def _drop(work: _Work, rays: Rays, rows: Bools, first: Ints) -> None:
+    """Take the plane whose multiplier vanished out of the active ones."""
+    planes = first[rows]
+    work.face[rows] = rays.faces.leave(work.face[rows], planes)
+    work.multipliers[rows, planes] = 0.0
+    work.excess[rows, planes] = 0.0
+
+
+def _leave_or_refuse(work: _Work, loss: Floats, stuck: Bools) -> None:
+    """Drop a contradiction that is rounding; refuse one that is not.
+
+    The new normal is minus a nonnegative combination of active ones, and yet its plane is violated:
+    Farkas' certificate that nothing satisfies them all.
+    """
+    rows = np.flatnonzero(stuck)
+    planes = work.plane[rows]
+    real = work.excess[rows, planes] > _NEGLIGIBLE * work.tolerance[rows, planes]
+    if real.any():
+        row = rows[real][0]
+        raise EmptyDomain(tuple(int(i) for i in np.flatnonzero(loss[row] < -_DEPENDENT)))
+    work.excess[rows, planes] = -np.inf
+    work.plane[rows] = -1
 
 
 class LastActiveSets:
@@ -217,7 +258,7 @@ class LastActiveSets:
         self._last[points] = face
 
     def confirmed(self, count: int, points: Ints, excess: Floats, tolerance: Floats) -> Ints:
-        """ActiveSets (q,) of points that end where they did; 0 for those that have to be searched.
+        """Faces (q,) of points that end where they did; 0 for those that have to be searched.
 
         Args:
             count: number of points of the law.

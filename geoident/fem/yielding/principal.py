@@ -17,9 +17,9 @@ from typing import Protocol
 import numpy as np
 
 from geoident.fem.yielding.domain import EmptyDomain, empty_principal_domain
-from geoident.fem.yielding.law import ScaledPlanes, YieldPlanes
 from geoident.fem.yielding.nonassociated_return import ActiveSetSearch
-from geoident.fem.yielding.polyhedral import ReturnStep
+from geoident.fem.yielding.planes import ActiveSets, ReturnStep, ScaledPlanes, YieldPlanes
+from geoident.fem.yielding.polyhedral import Rays, active_sets_of
 from geoident.fem.yielding.principal_axes import (
     PAIRS,
     Spectrum,
@@ -27,7 +27,6 @@ from geoident.fem.yielding.principal_axes import (
     rough_principal_values,
     spectrum,
 )
-from geoident.fem.yielding.projection import ActiveSets, Rays, active_sets_of
 from geoident.fem.yielding.sorted_planes import Images, images_of
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.dual import Dual
@@ -111,7 +110,7 @@ class PrincipalLaw:
         return np.flatnonzero((excess > -lengths[:, None] * margin).any(axis=0))
 
     def _faces_of(self, values: Floats, hardened: Floats | None) -> Ints:
-        """ActiveSets (q,) on which sorted principal values (3, q) end; 0 for those inside."""
+        """Faces (q,) on which sorted principal values (3, q) end; 0 for those inside."""
         system = self._system
         shape = (len(system.scale), values.shape[1])
         rows = (

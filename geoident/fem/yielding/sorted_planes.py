@@ -12,7 +12,7 @@ from itertools import permutations
 
 import numpy as np
 
-from geoident.fem.yielding.law import YieldPlanes
+from geoident.fem.yielding.planes import YieldPlanes
 from geoident.model.arrays import Floats, Ints
 from geoident.model.dual import Dual
 

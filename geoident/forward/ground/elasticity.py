@@ -24,6 +24,8 @@ from geoident.fem.elasticity import (
     UniformModuli,
 )
 from geoident.fem.location import format_point
+from geoident.forward.stages import CaseOnMesh, Index
+from geoident.forward.stages import numbers as places_of
 from geoident.model.arrays import Floats, Ints
 from geoident.model.case import Material
 from geoident.model.dual import Dual, ParameterPoint
@@ -313,6 +315,63 @@ def varying(field: PointField, mean: Dual, values: Mapping[str, float]) -> Dual:
     factor = field.factor(values, m)[:, None, None]
     slope = (factor * (1.0 - field.pull[:, None, None]))[..., None] * mean.columns[..., 1:]
     return Dual(np.concatenate([(factor * m)[..., None], slope], axis=-1))
+
+
+class ModuliAt:
+    """Moduli of all materials of a case at one parameter vector, each made once.
+
+    Args:
+        on_mesh: the case on its mesh, with its fields.
+        point: the parameters; all derivatives are by its names.
+        n_strain: number s of strain components of the analysis.
+    """
+
+    def __init__(self, on_mesh: CaseOnMesh, point: ParameterPoint, n_strain: int) -> None:
+        self.on_mesh, self.point, self.n_strain = on_mesh, point, n_strain
+        self._moduli: dict[str, MaterialModuli] = {}
+        self._parts: dict[str, tuple[Index, MaterialModuli]] = {}
+        self._elasticities: dict[str, Dual] = {}
+
+    def moduli(self, material: str, points: Index | None = None) -> MaterialModuli:
+        """E at strain points of a material with its derivatives.
+
+        Args:
+            material: its name.
+            points: (q,) which of its points; needed only where a constant varies.
+        """
+        if material not in self._moduli:
+            fields = self.on_mesh.elastic_fields(material)
+            growths = self.on_mesh.elastic_growths(material)
+            if fields or growths:
+                elastic, s = self.on_mesh.elastic(material), self.n_strain
+                found = field_moduli(elastic, fields, self.point, s, growths)
+            else:
+                found = uniform_moduli(self.elasticity(material), self.point.names)
+            self._moduli[material] = found
+        found = self._moduli[material]
+        if points is None or isinstance(found.value, UniformModuli):
+            return found
+        mine = self.on_mesh.material_points(material)
+        wanted = places_of(points, self.on_mesh.discretization.points.n_points)
+        if len(wanted) == len(mine):
+            return found
+        # The points of a stage are asked for several times, always as the same object.
+        kept = self._parts.get(material)
+        if kept is None or kept[0] is not points:
+            kept = points, found.at(np.searchsorted(mine, wanted))
+            self._parts[material] = kept
+        return kept[1]
+
+    def elasticity(self, material: str) -> Dual:
+        """E (s, s) of a material, Pa; where a constant is a field, that of its mean.
+
+        Where one grows, that of its typical number.
+        """
+        if material not in self._elasticities:
+            elastic, s = self.on_mesh.elastic(material), self.n_strain
+            full = elasticity(elastic, self.point, section=s < 6)
+            self._elasticities[material] = Dual(np.ascontiguousarray(full.columns[:s, :s]))
+        return self._elasticities[material]
 
 
 def inadmissible(material: Material, values: Values) -> str | None:

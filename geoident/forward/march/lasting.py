@@ -28,6 +28,7 @@ import scipy.sparse as sp
 from geoident.fem.elasticity import UniformModuli
 from geoident.fem.kinematics import StrainPoints
 from geoident.fem.solvers.direct import DirectFactor, Factor
+from geoident.forward.ground.elasticity import ModuliAt
 from geoident.forward.march.stage import (
     Carried,
     GivenStress,
@@ -35,7 +36,7 @@ from geoident.forward.march.stage import (
     StageTask,
     StressAtEnd,
 )
-from geoident.forward.march.systems import GroundAt, StageSystem, StageSystems
+from geoident.forward.march.systems import StageSystem, StageSystems
 from geoident.forward.stages import numbers
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.dual import ParameterPoint
@@ -100,7 +101,7 @@ class LastingGround:
             points.position[near],
         )  # fmt: skip
 
-    def proportions(self, ground: GroundAt, point: ParameterPoint) -> Floats | None:
+    def proportions(self, ground: ModuliAt, point: ParameterPoint) -> Floats | None:
         """How the moduli of all lasting ground grow in proportion.
 
         Args:
@@ -273,7 +274,7 @@ class LastingGround:
             m for m, mine in system.points_of.items() if self._lasts[numbers(mine, n)].any()
         )
 
-    def add_stress(self, stress: Floats, ground: GroundAt, change: Floats) -> None:
+    def add_stress(self, stress: Floats, ground: ModuliAt, change: Floats) -> None:
         """Add to stresses of lasting ground what displacements make.
 
         Args:
@@ -363,7 +364,7 @@ class LastingStress:
     """
 
     lasting: LastingGround
-    ground: GroundAt
+    ground: ModuliAt
     proportions: Floats
 
     def update(self, stress: Floats, u: Floats, before: Floats) -> None:

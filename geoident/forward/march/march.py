@@ -46,6 +46,7 @@ from geoident.forward.actions.forces import Actions
 from geoident.forward.actions.motions import GivenMotions
 from geoident.forward.actions.release import Held, PartialRelease, ReleasedParts
 from geoident.forward.actions.thermal import NORMAL_COMPONENTS, ThermalStrains
+from geoident.forward.ground.elasticity import ModuliAt
 from geoident.forward.in_situ.stress import NEGLIGIBLE_IMBALANCE, InSituStress, StressPlaces
 from geoident.forward.march.lasting import LastingGround, LastingStress
 from geoident.forward.march.plastic_step import (
@@ -68,8 +69,9 @@ from geoident.forward.march.stage import (
     factorize,
     follow_motion,
 )
-from geoident.forward.march.systems import GroundAt, StageSystem, StageSystems
+from geoident.forward.march.systems import StageSystem, StageSystems
 from geoident.forward.stages import CaseOnMesh, ConstructionState
+from geoident.forward.yielding.surfaces import YieldLaws
 from geoident.model.arrays import Bools, Floats
 from geoident.model.dual import ParameterPoint
 from geoident.model.parameter import Values
@@ -231,12 +233,12 @@ class Run:
         self._slopes = np.zeros((0, 0))
         self.traces: list[ElasticTrace] = []
         n_strain = systems.discretization.points.n_strain
-        self._ground = GroundAt(march.on_mesh, point, n_strain)
+        self._ground = ModuliAt(march.on_mesh, point, n_strain)
         self._plastic = PlasticSteps(
             march.case,
             systems,
             march.warm,
-            PlasticFindings(self._ground.yield_limits(), march.case.stage_names[1:]),
+            YieldLaws(self._ground),
             explain=options.explain,
             even_only=options.even_only,
         )

@@ -42,6 +42,7 @@ from geoident.forward.march.stage_equations import (
 from geoident.forward.march.systems import StageSystems
 from geoident.forward.march.viscous_path import Effort
 from geoident.forward.stages import ConstructionState, numbers
+from geoident.forward.yielding.surfaces import YieldLaws
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case, format_path
 from geoident.model.parameter import Values
@@ -204,7 +205,7 @@ class PlasticFindings:
         )
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False)
 class PlasticSteps:
     """Solves the stages of one march in which materials yield.
 
@@ -212,17 +213,23 @@ class PlasticSteps:
         case: the case.
         systems: the equations of the stages.
         warm: where Newton's method may start.
-        findings: of the march.
+        laws: of the materials, at the parameters of the march.
         explain: find the part of the load that can be carried, where there is a collapse.
         even_only: without potential, no flow in bands of shear is looked for.
+
+    Attributes:
+        findings: of the march.
     """
 
     case: Case
     systems: StageSystems
     warm: WarmStart
-    findings: PlasticFindings
+    laws: YieldLaws
     explain: bool
     even_only: bool = False
+
+    def __post_init__(self) -> None:
+        self.findings = PlasticFindings(self.laws.limits, self.case.stage_names[1:])
 
     def yields(self, state: ConstructionState) -> bool:
         """Whether any material of a state yields."""
@@ -238,7 +245,7 @@ class PlasticSteps:
             CollapseError: the loads cannot be carried.
             ModelError: the stiffness is singular, or no stress satisfies all yield planes.
         """
-        laws = _yield_laws(task)
+        laws = self._laws_of(task)
         try:
             return self._solved(task, laws)
         except NoEquilibrium as error:  # of flow without potential
@@ -281,7 +288,7 @@ class PlasticSteps:
         """
         if not self.yields(task.state):
             return
-        for material, law in _yield_laws(task).items():
+        for material, law in self._laws_of(task).items():
             mine = task.system.points_of[material]
             stress = np.ascontiguousarray(task.carried.stress[:, mine, 0])
             excess = law.excess(stress)
@@ -292,6 +299,12 @@ class PlasticSteps:
                 distance = -law.excess(np.zeros_like(stress))[worst]  # k, at this point
                 place = int(worst[0]), int(point)
                 raise self._outside(law, material, place, excess[worst], float(distance))
+
+    def _laws_of(self, task: StageTask) -> dict[str, YieldLaw]:
+        """Laws of the materials that are there and yield."""
+        points_of = task.system.points_of.items()
+        found = ((name, self.laws.at(name, points)) for name, points in points_of)
+        return {name: law for name, law in found if law is not None}
 
     def _outside(
         self, law: YieldLaw, material: str, at: tuple[int, int], excess: float, distance: float
@@ -544,13 +557,6 @@ class PlasticSteps:
 def _last(equations: StageEquations, trial: Trial) -> LastEquilibrium:
     """A trial in equilibrium, to be kept."""
     return LastEquilibrium(trial.du.copy(), trial.stress.copy(), yielded_points(equations, trial))
-
-
-def _yield_laws(task: StageTask) -> dict[str, YieldLaw]:
-    """Laws of the materials that are there and yield."""
-    points_of = task.system.points_of.items()
-    found = ((name, task.ground.yield_law_at(name, points)) for name, points in points_of)
-    return {name: law for name, law in found if law is not None}
 
 
 def _far(one: Values, other: Values) -> float:

@@ -17,7 +17,8 @@ from geoident.errors import ModelError
 from geoident.fem.elasticity import Moduli
 from geoident.fem.solvers.direct import Factor, NotPositiveDefinite, SymbolicFactorization
 from geoident.forward.actions.thermal import NORMAL_COMPONENTS
-from geoident.forward.march.systems import GroundAt, StageSystem, StageSystems
+from geoident.forward.ground.elasticity import ModuliAt
+from geoident.forward.march.systems import StageSystem, StageSystems
 from geoident.forward.stages import ConstructionState, Index
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.dual import ParameterPoint
@@ -272,7 +273,7 @@ class StageTask:
         system: its equations.
         state: what is there.
         point: the parameters, and those to differentiate by.
-        ground: moduli and yield laws there.
+        ground: the moduli there.
         carried: before the stage, without what left; thermal strains are in it. Changed in place.
         forces: (n_dofs, 1 + n + k).
         moduli: (n_rows, 1 + n) of structures.
@@ -285,7 +286,7 @@ class StageTask:
     system: StageSystem
     state: ConstructionState
     point: ParameterPoint
-    ground: GroundAt
+    ground: ModuliAt
     carried: Carried
     forces: Floats
     moduli: Floats

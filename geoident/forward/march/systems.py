@@ -1,16 +1,16 @@
-"""What stages are solved with: their equations, prepared, and the ground at given parameters."""
+"""The equations of the stages, prepared: who is there, patterns, orders, analyses."""
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property, partial
 
 import numpy as np
 import scipy.sparse as sp
 
-from geoident.fem.elasticity import Moduli, ScaledModuli, UniformModuli
+from geoident.fem.elasticity import Moduli, UniformModuli
 from geoident.fem.location import format_point
 from geoident.fem.solvers.direct import (
     LowerPattern,
@@ -19,6 +19,7 @@ from geoident.fem.solvers.direct import (
     SymbolicFactorization,
     UnknownPlaces,
 )
+from geoident.fem.solvers.factor_cost import FactorCost
 from geoident.fem.solvers.fronts.tree import elimination_flops, flops_at_most
 from geoident.fem.solvers.ordering import lasting_first, nested_dissection
 from geoident.fem.stiffness import (
@@ -31,26 +32,11 @@ from geoident.fem.stiffness import (
     stiffness_pattern,
 )
 from geoident.fem.tangent import PointBlocks, PointwiseStiffness, TangentPattern
-from geoident.fem.yielding.curved_return import HoekBrownConstants
-from geoident.fem.yielding.hoek_brown import HoekBrownLaw
-from geoident.fem.yielding.law import YieldLaw, YieldPlanes
-from geoident.fem.yielding.polyhedral import PolyhedralLaw
-from geoident.fem.yielding.principal import PrincipalLaw
-from geoident.fem.yielding.scaled_law import ScaledLaw
 from geoident.forward.actions.supports import fixed_dofs
-from geoident.forward.ground.elasticity import (
-    MaterialModuli,
-    elasticity,
-    field_moduli,
-    uniform_moduli,
-)
 from geoident.forward.of_mesh import OfMesh
 from geoident.forward.stages import CaseOnMesh, ConstructionState, Index, as_index, numbers
 from geoident.forward.structures.members import Structures
-from geoident.forward.yielding.surfaces import is_smooth, yield_limits
 from geoident.model.arrays import Bools, Floats, Ints
-from geoident.model.dual import Dual, ParameterPoint
-from geoident.model.ground import PointField
 from geoident.model.mesh import Mesh, nodes_in
 from geoident.model.parameter import Values
 from geoident.model.results.yielded import Mechanism
@@ -103,9 +89,13 @@ class StageSystems:
     Args:
         on_mesh: the case on its mesh.
         solver: factorizes.
+
+    Attributes:
+        factor_costs: of the patterns whose cost was counted.
     """
 
     def __init__(self, on_mesh: CaseOnMesh, solver: Solver) -> None:
+        self.factor_costs: dict[SystemKey, FactorCost] = {}
         mesh, sequence, discretization = on_mesh.mesh, on_mesh.sequence, on_mesh.discretization
         geometries, structures = discretization.geometries, Structures(on_mesh)
         self.discretization, self.structures = discretization, structures
@@ -355,146 +345,11 @@ class StageSystems:
         return self._analysed[key]
 
 
-class GroundAt:
-    """Moduli and yield laws of all materials of a case, with their derivatives.
-
-    A law keeps the active sets that it meets, so one serves a whole march.
-
-    Args:
-        on_mesh: the case on its mesh, with its fields.
-        point: the parameters; all derivatives are by its names.
-        n_strain: number s of strain components of the analysis.
-    """
-
-    def __init__(self, on_mesh: CaseOnMesh, point: ParameterPoint, n_strain: int) -> None:
-        self.n_strain = n_strain
-        self._on_mesh, self._case = on_mesh, on_mesh.case
-        self._point = point
-        self._moduli: dict[str, MaterialModuli] = {}
-        self._parts: dict[str, tuple[Index, MaterialModuli]] = {}
-        self._elasticities: dict[str, Dual] = {}
-        self._planes: dict[str, YieldPlanes | HoekBrownConstants] = {}
-        self._laws: dict[str, YieldLaw | None] = {}
-
-    def moduli(self, material: str, points: Index | None = None) -> MaterialModuli:
-        """E at strain points of a material with its derivatives.
-
-        Args:
-            material: its name.
-            points: (q,) which of its points; needed only where a constant varies.
-        """
-        if material not in self._moduli:
-            fields = self._on_mesh.elastic_fields(material)
-            growths = self._on_mesh.elastic_growths(material)
-            if fields or growths:
-                elastic, s = self._on_mesh.elastic(material), self.n_strain
-                found = field_moduli(elastic, fields, self._point, s, growths)
-            else:
-                found = uniform_moduli(self.elasticity(material), self._point.names)
-            self._moduli[material] = found
-        found = self._moduli[material]
-        if points is None or isinstance(found.value, UniformModuli):
-            return found
-        mine = self._on_mesh.material_points(material)
-        wanted = numbers(points, self._on_mesh.discretization.points.n_points)
-        if len(wanted) == len(mine):
-            return found
-        # The points of a stage are asked for several times, always as the same object.
-        kept = self._parts.get(material)
-        if kept is None or kept[0] is not points:
-            kept = points, found.at(np.searchsorted(mine, wanted))
-            self._parts[material] = kept
-        return kept[1]
-
-    def elasticity(self, material: str) -> Dual:
-        """E (s, s) of a material, Pa; where a constant is a field, that of its mean.
-
-        Where one grows, that of its typical number.
-        """
-        if material not in self._elasticities:
-            elastic, s = self._on_mesh.elastic(material), self.n_strain
-            full = elasticity(elastic, self._point, section=s < 6)
-            self._elasticities[material] = Dual(np.ascontiguousarray(full.columns[:s, :s]))
-        return self._elasticities[material]
-
-    def yield_limits(self) -> dict[str, YieldPlanes | HoekBrownConstants]:
-        """Planes or constants of the surface of every material of the case that yields."""
-        if not self._planes:
-            self._planes = {
-                name: yield_limits(material, self._point, self.n_strain)
-                for name, material in self._case.materials.items()
-                if material.yields
-            }
-        return self._planes
-
-    def yield_law_at(self, material: str, points: Index) -> YieldLaw | None:
-        """The law of a material at some of its strain points, or None if it does not yield.
-
-        Where moduli or strengths are fields, that of their means with factors of the points.
-
-        Args:
-            material: its name.
-            points: (q,) which of its points.
-
-        Raises:
-            EmptyDomain: no stress satisfies the planes of a smooth surface.
-        """
-        law, fields = self.yield_law(material), self._on_mesh.strength_fields(material)
-        moduli = self.moduli(material, points).value
-        if law is None or not (fields or isinstance(moduli, ScaledModuli)):
-            return law
-        wanted = numbers(points, self._on_mesh.discretization.points.n_points)
-        places = np.searchsorted(self._on_mesh.material_points(material), wanted)
-        strength, slopes = np.ones(len(wanted)), np.zeros((len(wanted), len(self._point.names)))
-        for one in fields:
-            assert one.surface is not None
-            surface = self._case.materials[material].yields[one.surface]
-            mean = self._point.number(surface.strengths[one.constant])
-            strength = one.factor(self._point.values, float(mean.value))[places]
-            slopes = strength_slopes(one, mean, self._point.names)[places] * strength[:, None]
-        stiffness = moduli.factor if isinstance(moduli, ScaledModuli) else np.ones(len(wanted))
-        return ScaledLaw(law, strength, stiffness, slopes)
-
-    def yield_law(self, material: str) -> YieldLaw | None:
-        """The law of a material, or None if it does not yield; of the means of its fields.
-
-        Raises:
-            EmptyDomain: no stress satisfies the planes of a smooth surface.
-        """
-        if material not in self._laws:
-            planes, elasticity = self.yield_limits().get(material), self.elasticity(material)
-            if planes is None:
-                self._laws[material] = None
-            elif isinstance(planes, HoekBrownConstants):
-                self._laws[material] = HoekBrownLaw(elasticity, planes)
-            elif is_smooth(self._case.materials[material]):
-                self._laws[material] = PrincipalLaw(elasticity, planes)
-            else:
-                self._laws[material] = PolyhedralLaw(elasticity, planes)
-        return self._laws[material]
-
-
 def _shear(strain: Floats) -> Floats:
     """(m,) size of the part of strains (s, m) that changes shapes; shears are counted double."""
     normal, shear = strain[:3], strain[3:]
     apart = normal - normal.mean(axis=0)
     return np.asarray(np.sqrt((apart**2).sum(axis=0) + 0.5 * (shear**2).sum(axis=0)))
-
-
-def strength_slopes(field: PointField, mean: Dual, names: Sequence[str]) -> Floats:
-    """Derivatives (q, n) of the logarithm of the factor of a field by parameters.
-
-    Args:
-        field: the field.
-        mean: of its constant, with derivatives by the n parameters.
-        names: of the parameters.
-    """
-    slopes = np.outer(-field.pull, mean.columns[1:] / float(mean.value))
-    places = {name: k for k, name in enumerate(names)}
-    for k, name in enumerate(field.names):
-        if name in places:
-            slopes[:, places[name]] += field.modes[:, k]
-    return np.asarray(slopes)
 
 
 def _moved_to_end(order: Ints, nodes: Ints) -> Ints:

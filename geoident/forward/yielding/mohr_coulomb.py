@@ -40,7 +40,7 @@ from math import ceil
 
 import numpy as np
 
-from geoident.fem.yielding.law import YieldPlanes, common_inside
+from geoident.fem.yielding.planes import YieldPlanes, common_inside
 from geoident.forward.yielding.even_directions import spread_directions, spread_frames
 from geoident.forward.yielding.smooth_distance import polygon_shrinkage, principal_values, shrinkage
 from geoident.model.arrays import Floats

@@ -1,7 +1,8 @@
-"""Yield surfaces of a material as planes with derivatives: one function a surface, one table.
+"""How materials yield at given parameters: their laws, and their surfaces as yield planes.
 
 All surfaces of a material together are one polyhedron, the common inside; the smooth Mohr-Coulomb
-surface is planes in sorted principal stresses. A new surface is one more function in `_PLANES`.
+surface is planes in sorted principal stresses. Planes come with their derivatives, one function a
+surface, one table: a new surface is one more function in `_PLANES`.
 
 *Drucker-Prager's cone, and Coulomb's on the planes of strata and joints*, with facets.
 
@@ -21,15 +22,22 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from math import sqrt
 from typing import Literal
 
 import numpy as np
 
+from geoident.fem.elasticity import ScaledModuli
 from geoident.fem.yielding.curved_return import HoekBrownConstants
-from geoident.fem.yielding.law import YieldPlanes, common_inside
-from geoident.forward.ground.elasticity import material_axes
+from geoident.fem.yielding.hoek_brown import HoekBrownLaw
+from geoident.fem.yielding.law import YieldLaw
+from geoident.fem.yielding.planes import YieldPlanes, common_inside
+from geoident.fem.yielding.polyhedral import PolyhedralLaw
+from geoident.fem.yielding.principal import PrincipalLaw
+from geoident.fem.yielding.scaled_law import ScaledLaw
+from geoident.forward.ground.elasticity import ModuliAt, material_axes
+from geoident.forward.stages import Index, numbers
 from geoident.forward.yielding.even_directions import spread_deviators
 from geoident.forward.yielding.hoek_brown import hoek_brown
 from geoident.forward.yielding.mohr_coulomb import cut_off, mohr_coulomb, smooth_mohr_coulomb
@@ -37,6 +45,7 @@ from geoident.forward.yielding.smooth_distance import deviator_basis, polygon_sh
 from geoident.model.arrays import Floats
 from geoident.model.case import Material
 from geoident.model.dual import Dual, ParameterPoint, stacked
+from geoident.model.ground import PointField
 from geoident.model.yielding import (
     DruckerPrager,
     Fit,
@@ -46,6 +55,92 @@ from geoident.model.yielding import (
     WeakPlane,
     YieldSurface,
 )
+
+
+class YieldLaws:
+    """Yield laws of all materials of a case at one parameter vector, each made once.
+
+    A law keeps the active sets that it meets, so one serves a whole march.
+
+    Args:
+        ground: moduli of the materials at the parameters, with the case on its mesh.
+    """
+
+    def __init__(self, ground: ModuliAt) -> None:
+        self._ground, self._on_mesh, self._point = ground, ground.on_mesh, ground.point
+        self._materials = ground.on_mesh.case.materials
+        self._laws: dict[str, YieldLaw | None] = {}
+
+    @cached_property
+    def limits(self) -> dict[str, YieldPlanes | HoekBrownConstants]:
+        """Planes or constants of the surface of every material of the case that yields."""
+        return {
+            name: yield_limits(material, self._point, self._ground.n_strain)
+            for name, material in self._materials.items()
+            if material.yields
+        }
+
+    def at(self, material: str, points: Index) -> YieldLaw | None:
+        """The law of a material at some of its strain points, or None if it does not yield.
+
+        Where moduli or strengths are fields, that of their means with factors of the points.
+
+        Args:
+            material: its name.
+            points: (q,) which of its points.
+
+        Raises:
+            EmptyDomain: no stress satisfies the planes of a smooth surface.
+        """
+        law, fields = self.law(material), self._on_mesh.strength_fields(material)
+        moduli = self._ground.moduli(material, points).value
+        if law is None or not (fields or isinstance(moduli, ScaledModuli)):
+            return law
+        wanted = numbers(points, self._on_mesh.discretization.points.n_points)
+        places = np.searchsorted(self._on_mesh.material_points(material), wanted)
+        strength, slopes = np.ones(len(wanted)), np.zeros((len(wanted), len(self._point.names)))
+        for one in fields:
+            assert one.surface is not None
+            surface = self._materials[material].yields[one.surface]
+            mean = self._point.number(surface.strengths[one.constant])
+            strength = one.factor(self._point.values, float(mean.value))[places]
+            slopes = strength_slopes(one, mean, self._point.names)[places] * strength[:, None]
+        stiffness = moduli.factor if isinstance(moduli, ScaledModuli) else np.ones(len(wanted))
+        return ScaledLaw(law, strength, stiffness, slopes)
+
+    def law(self, material: str) -> YieldLaw | None:
+        """The law of a material, or None if it does not yield; of the means of its fields.
+
+        Raises:
+            EmptyDomain: no stress satisfies the planes of a smooth surface.
+        """
+        if material not in self._laws:
+            planes, elasticity = self.limits.get(material), self._ground.elasticity(material)
+            if planes is None:
+                self._laws[material] = None
+            elif isinstance(planes, HoekBrownConstants):
+                self._laws[material] = HoekBrownLaw(elasticity, planes)
+            elif is_smooth(self._materials[material]):
+                self._laws[material] = PrincipalLaw(elasticity, planes)
+            else:
+                self._laws[material] = PolyhedralLaw(elasticity, planes)
+        return self._laws[material]
+
+
+def strength_slopes(field: PointField, mean: Dual, names: Sequence[str]) -> Floats:
+    """Derivatives (q, n) of the logarithm of the factor of a field by parameters.
+
+    Args:
+        field: the field.
+        mean: of its constant, with derivatives by the n parameters.
+        names: of the parameters.
+    """
+    slopes = np.outer(-field.pull, mean.columns[1:] / float(mean.value))
+    places = {name: k for k, name in enumerate(names)}
+    for k, name in enumerate(field.names):
+        if name in places:
+            slopes[:, places[name]] += field.modes[:, k]
+    return np.asarray(slopes)
 
 
 def is_smooth(material: Material) -> bool:

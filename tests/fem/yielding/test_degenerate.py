@@ -18,8 +18,8 @@ from support.plastic import (
     random_planes,
 )
 
-from geoident.fem.yielding import law as system
-from geoident.fem.yielding import projection as dual
+from geoident.fem.yielding import planes as system
+from geoident.fem.yielding import polyhedral as dual
 from geoident.fem.yielding.domain import (
     EmptyDomain,
     NoProjection,

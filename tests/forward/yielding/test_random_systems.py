@@ -25,9 +25,10 @@ from support.yielding import NOTHING, constant, given, marched, rock
 
 from geoident.errors import CollapseError
 from geoident.fem.yielding.polyhedral import PolyhedralLaw
+from geoident.forward.ground.elasticity import ModuliAt
 from geoident.forward.march.stage import StageEnd
-from geoident.forward.march.systems import GroundAt
 from geoident.forward.model import StagedModel
+from geoident.forward.yielding.surfaces import YieldLaws
 from geoident.model.actions import Traction
 from geoident.model.case import Analysis, Stage, Support
 from geoident.model.parameter import Scalar
@@ -129,7 +130,7 @@ def problem(staged: StagedModel, state: int, before: np.ndarray, hardened: np.nd
 
 
 def law_of(staged: StagedModel) -> PolyhedralLaw:
-    law = ground_of(staged).yield_law("rock")
+    law = YieldLaws(ground_of(staged)).law("rock")
     assert isinstance(law, PolyhedralLaw)
     return law
 
@@ -138,8 +139,8 @@ def moduli_of(staged: StagedModel) -> np.ndarray:
     return ground_of(staged).elasticity("rock").value
 
 
-def ground_of(staged: StagedModel) -> GroundAt:
-    return GroundAt(staged.on_mesh, NOWHERE, staged.discretization.points.n_strain)
+def ground_of(staged: StagedModel) -> ModuliAt:
+    return ModuliAt(staged.on_mesh, NOWHERE, staged.discretization.points.n_strain)
 
 
 def blocks(problem: Problem) -> tuple[sp.csr_array, sp.csr_array]:

@@ -12,10 +12,10 @@ from support.derivatives import richardson
 from support.meshes import box
 from support.plastic import Planes
 
-from geoident.forward.march.systems import GroundAt
+from geoident.forward.ground.elasticity import ModuliAt
 from geoident.forward.stages import CaseOnMesh
 from geoident.forward.yielding.mohr_coulomb import cut_off
-from geoident.forward.yielding.surfaces import yield_planes
+from geoident.forward.yielding.surfaces import YieldLaws, yield_planes
 from geoident.model.case import Material
 from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.ground import Attitude, Axes, Isotropic
@@ -323,6 +323,6 @@ def test_what_does_not_yield_has_no_law():
     steel = Material("steel", ROCK)
     mesh = box("tri3", (1, 1))
     on_mesh = CaseOnMesh(make_case(mesh, materials={"steel": steel}), mesh)
-    ground = GroundAt(on_mesh, ParameterPoint(VALUES, ()), 4)
-    assert ground.yield_law("steel") is None
-    assert ground.yield_limits() == {}
+    laws = YieldLaws(ModuliAt(on_mesh, ParameterPoint(VALUES, ()), 4))
+    assert laws.law("steel") is None
+    assert laws.limits == {}
