@@ -29,12 +29,8 @@ from geoident.forward.actions.supports import (
     support_faults,
 )
 from geoident.forward.axisymmetric_checks import revolution_faults
-from geoident.forward.gauges.observation import (
-    Observation,
-    gauges_outside,
-    observe,
-    reading_faults,
-)
+from geoident.forward.gauges.kinds import gauges_outside, observe, reading_faults
+from geoident.forward.gauges.observation import Observation
 from geoident.forward.ground.checks import section_faults
 from geoident.forward.ground.elasticity import inadmissible
 from geoident.forward.ground.field import field_faults

@@ -16,8 +16,7 @@ from geoident.forward.checks import (
 )
 from geoident.forward.gauges.adjoints import AdjointTable, ReadingAdjoints
 from geoident.forward.gauges.instrument_errors import ReadingPlaces
-from geoident.forward.gauges.observable import MarchState
-from geoident.forward.gauges.observation import Observation
+from geoident.forward.gauges.observation import MarchState, Observation
 from geoident.forward.ground.field import field_notes, point_field, with_modes
 from geoident.forward.in_situ.growth import growth_notes, point_growths, start_faults
 from geoident.forward.march.fields import MeshRecorder
@@ -25,7 +24,6 @@ from geoident.forward.march.march import Run, RunOptions
 from geoident.forward.march.plastic_step import PlasticFindings
 from geoident.forward.march.stage import StageEnd
 from geoident.forward.march.virgin import contradictions, overburden_notes, surface_gaps
-from geoident.forward.marches import Marches
 from geoident.forward.openings.face import (
     FaceState,
     advance_of,
@@ -35,6 +33,7 @@ from geoident.forward.openings.face import (
 )
 from geoident.forward.protocols import Survey
 from geoident.forward.reducible import ReducibleResponse, SharedReduction
+from geoident.forward.response import Marches
 from geoident.forward.stages import CaseOnMesh
 from geoident.forward.structures.forces import MemberRecorder
 from geoident.forward.yielding.equivalent import equivalent_notes

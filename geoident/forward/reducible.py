@@ -8,16 +8,15 @@ from functools import cached_property
 
 import numpy as np
 
-from geoident.forward.gauges.observable import MarchState
+from geoident.forward.gauges.observation import MarchState
 from geoident.forward.march.march import RunOptions
-from geoident.forward.marches import Marches
 from geoident.forward.reduced.duals.basis import DualBasis
 from geoident.forward.reduced.duals.bounds import ReadingDuals
 from geoident.forward.reduced.model import ReducedModel
 from geoident.forward.reduced.reduction import Reduction
 from geoident.forward.reduced.response import ReadingsAsked, ReducedResponse
 from geoident.forward.reduced.stress_rows import beyond_reduction
-from geoident.forward.response import StagedResponse
+from geoident.forward.response import Marches, StagedResponse
 from geoident.model.arrays import Floats
 from geoident.model.response import CertifiedResponse
 

@@ -19,7 +19,8 @@ if TYPE_CHECKING:
         refusal,
         refusals,
     )
-    from geoident.identify.problem.problem import Observer, Outcome, Problem
+    from geoident.identify.problem.outcome import Observer, Outcome
+    from geoident.identify.problem.problem import Problem
 
 __all__ = [
     "METHODS",
@@ -39,7 +40,8 @@ __all__ = [
 _ROOMS = {
     "assessment.uncertainty": ("Assessment", "assess", "predict_band"),
     "problem.methods": ("METHODS", "Method", "descend", "identify", "refusal", "refusals"),
-    "problem.problem": ("Observer", "Outcome", "Problem"),
+    "problem.outcome": ("Observer", "Outcome"),
+    "problem.problem": ("Problem",),
 }
 
 

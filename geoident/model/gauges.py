@@ -110,7 +110,7 @@ class Channel:
     Args:
         name: name under which readings are given.
         gauge: name of the gauge it belongs to.
-        kind: of the gauge; says what is read (`forward.gauges.observation.OBSERVABLES`).
+        kind: of the gauge; says what is read (`forward.gauges.kinds.OBSERVABLES`).
         first: (dim,) coordinates of the reference point in m; None for fixed ground.
         second: (dim,) coordinates of the point whose motion is read, m.
         direction: (dim,) unit vector; along the line from first to second where the gauge reads
@@ -296,6 +296,11 @@ class ReadingTable:
     def pairs(self) -> tuple[tuple[str, str], ...]:
         """Channel and stage of each reading."""
         return tuple(zip(self.channel, self.stage, strict=True))
+
+    @property
+    def used_pairs(self) -> list[tuple[str, str]]:
+        """Channel and stage of those that are used."""
+        return [pair for pair, used in zip(self.pairs, self.used, strict=True) if used]
 
     @property
     def notes(self) -> tuple[str, ...]:

@@ -195,7 +195,7 @@ def _right_hand_sides(model: CaseModel, readings: ReadingTable) -> tuple[int, st
     """Those of an evaluation with derivatives, and the way; None where there are no fields."""
     if not isinstance(model, StagedModel) or not model.on_mesh.fields or not readings.used.any():
         return None
-    pairs = [pair for pair, taken in zip(readings.pairs, readings.used, strict=True) if taken]
+    pairs = readings.used_pairs
     return model.response(pairs).adjoints.columns(len(model.names))
 
 

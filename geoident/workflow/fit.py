@@ -9,7 +9,8 @@ import numpy as np
 
 from geoident.errors import ExitCode
 from geoident.fem.solvers.threads import one_thread
-from geoident.identify.problem.problem import Outcome, Problem
+from geoident.identify.problem.outcome import Outcome
+from geoident.identify.problem.problem import Problem
 from geoident.model.arrays import Bools
 from geoident.model.methods import method_name
 from geoident.model.parameter import Parameter

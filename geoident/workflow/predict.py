@@ -15,7 +15,7 @@ from geoident.forward.protocols import CaseModel, Survey
 from geoident.forward.reduced.case_model import ReducedCaseModel
 from geoident.identify import Assessment, Problem, assess
 from geoident.identify.assessment.diagnostics import effective_sd
-from geoident.identify.problem.problem import Outcome
+from geoident.identify.problem.outcome import Outcome
 from geoident.io.result.file import read_result
 from geoident.model.arrays import Bools, Ints
 from geoident.model.case import Case

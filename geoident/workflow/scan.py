@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from geoident.errors import ExitCode
 from geoident.fem.solvers.threads import one_thread
-from geoident.identify.problem.problem import Outcome, Problem
+from geoident.identify.problem.outcome import Outcome
+from geoident.identify.problem.problem import Problem
 from geoident.model.methods import method_name
 from geoident.model.results.costs import Counts
 from geoident.model.results.result import GaugeTable, Result

@@ -42,8 +42,7 @@ from support.trench import CASE, write_case  # noqa: E402
 
 from geoident.fem.yielding.planes import ReturnStep, ScaledPlanes, YieldPlanes  # noqa: E402
 from geoident.identify import identify  # noqa: E402
-from geoident.identify.objective.discrepancy import Discrepancy  # noqa: E402
-from geoident.identify.problem.problem import Problem  # noqa: E402
+from geoident.identify.problem.problem import Discrepancy, Problem  # noqa: E402
 from geoident.model.yielding import (  # noqa: E402
     Activity,
     Certificate,
@@ -53,7 +52,7 @@ from geoident.model.yielding import (  # noqa: E402
 from geoident.report.text.gauges import readings_csv  # noqa: E402
 from geoident.workflow.estimating.setup import prepare, used_response  # noqa: E402
 from geoident.workflow.running.jobs import Request, plan_fit  # noqa: E402
-from geoident.workflow.running.readings import error_structure, used_rows  # noqa: E402
+from geoident.workflow.running.readings import problem_of_readings  # noqa: E402
 from geoident.workflow.simulate import simulate  # noqa: E402
 
 _LARGE = 2_000_000
@@ -151,10 +150,7 @@ def jacobian() -> None:
 
 def problem(request: Request) -> Problem:
     setup = prepare(plan_fit(request))
-    used = setup.readings.used
-    sd, shared = error_structure(used_rows(setup.case, used)).stated
-    case, measured = setup.case, setup.readings.value[used]
-    return Problem(used_response(setup), measured, sd, case.parameters, case.fit.loss, shared)
+    return problem_of_readings(setup.case, setup.readings, used_response(setup))
 
 
 def residuals() -> None:

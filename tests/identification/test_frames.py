@@ -18,7 +18,8 @@ from support.array_model import ArrayModel
 from support.derivatives import assert_exact
 from support.frames import foundation, truss
 
-from geoident.identify.problem.problem import Outcome, Problem
+from geoident.identify.problem.outcome import Outcome
+from geoident.identify.problem.problem import Problem
 from geoident.identify.yield_limits.full_space import full_space
 from geoident.identify.yield_limits.implicit import implicit
 from geoident.model.methods import ComplementarityOptions, HuberOptions

@@ -17,7 +17,7 @@ from geoident.errors import InputError
 from geoident.io.case.file import read_case
 from geoident.io.case.gauges.accuracy import FORCES
 from geoident.io.case.gauges.kinds import ConvergenceSection
-from geoident.io.case.site_files.assignment import Calendar
+from geoident.io.case.site_files.calendar import Calendar
 from geoident.io.case.site_files.values import READ, dimensions_of, quantity_read
 from geoident.io.readings.file import parse_readings
 from geoident.io.readings.table import Layout, Origin

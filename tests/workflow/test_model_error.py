@@ -15,7 +15,7 @@ from geoident.identify.assessment.model_error import (
     SizeWeights,
     mean_size,
 )
-from geoident.identify.objective.discrepancy import Discrepancy
+from geoident.identify.problem.problem import Discrepancy
 from geoident.model.gauges import Channel
 from geoident.workflow.estimating import model_error_covariance
 from geoident.workflow.estimating.model_error import FittedModelError, model_error_findings

@@ -7,8 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from geoident.forward.gauges.observable import MarchState
-from geoident.forward.gauges.observation import Observation
+from geoident.forward.gauges.observation import MarchState, Observation
 from geoident.forward.march.adjoint import AdjointMarch, AdjointPlan, ReadingSeeds, reach
 from geoident.forward.march.march import March, Run
 from geoident.forward.march.stage import GivenStress, LinearRows, StageEnd

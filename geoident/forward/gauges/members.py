@@ -29,7 +29,8 @@ import scipy.sparse as sp
 from geoident.errors import Fault
 from geoident.fem.location import REACH, Site, format_point
 from geoident.fem.structures import section_forces
-from geoident.forward.gauges.observable import MarchState, Placed, from_zero
+from geoident.forward.gauges.observation import MarchState
+from geoident.forward.gauges.placement import Placed, from_zero
 from geoident.forward.gauges.stress import Spots, StressReadings, readers_of
 from geoident.forward.march.stage import LinearRows
 from geoident.forward.stages import CaseOnMesh
@@ -84,6 +85,10 @@ class MemberReadings:
         """Values (g, 1 + n + k) at a state, SI."""
         rows = [self._read(channel, state) for channel in self._channels]
         return np.array(rows).reshape(len(rows), state.end.members.shape[1])
+
+    def coinciding(self, state: MarchState) -> tuple[str, ...]:
+        """None: there are no principal values."""
+        return ()
 
     def _read(self, channel: Channel, state: MarchState) -> Floats:
         part, forces = state.structures.part(channel.structure), state.end.members
@@ -193,6 +198,10 @@ class BeamTilts:
         """Values (g, 1 + n + k) at a state, rad."""
         rows = [self._read(channel, state) for channel in self._channels]
         return np.array(rows).reshape(len(rows), state.end.u.shape[1])
+
+    def coinciding(self, state: MarchState) -> tuple[str, ...]:
+        """None: there are no principal values."""
+        return ()
 
     def _read(self, channel: Channel, state: MarchState) -> Floats:
         members = state.structures.part(channel.structure).members

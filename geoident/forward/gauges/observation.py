@@ -1,76 +1,92 @@
-"""All channels of a case together: what they read, from when to when, and against which zero."""
+"""What gauges read of the states of a march: one quantity each, and all channels together.
+
+An observable turns a state of the march into values with derivatives. What a channel reads is its
+value there less that at the zero of the channel, and what the instrument adds by itself
+(`instrument_errors`). A new quantity is one class more, which says what it makes of displacements,
+stresses and member forces, and one function, which places its channels, finds from when to when
+they can be read, and stands in the table `kinds.OBSERVABLES` under the kinds that read it.
+
+Condensation and the formulations that solve all stages at once act on the ground with unit forces
+along the readings (theory 4.1). An observable that is linear in the displacements alone, whatever
+the parameters, gives its rows G' for that; any other has none, and these methods refuse it.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 import scipy.sparse as sp
 
-from geoident.errors import Fault
-from geoident.forward.gauges.beyond_mesh import beside_fault
-from geoident.forward.gauges.members import (
-    member_readings,
-    pressures_on_beams,
-    tilts_of_beams,
-)
-from geoident.forward.gauges.observable import (
-    MarchState,
-    Observable,
-    Placed,
-    point_fault,
-    relative_displacements,
-)
-from geoident.forward.gauges.strain import strains
-from geoident.forward.gauges.stress import StressReadings, pore_pressures, stresses
-from geoident.forward.march.stage import LinearRows
-from geoident.forward.stages import CaseOnMesh
+from geoident.forward.march.stage import LinearRows, StageEnd
+from geoident.forward.structures.members import Structures
 from geoident.model.arrays import Bools, Floats, Ints
-from geoident.model.case import Case, format_path
-from geoident.model.gauges import Channel, Reads
-
-_WEIGHTS = {Reads.CHANGE: (1.0, -1.0), Reads.VALUE: (1.0, 0.0), Reads.VIRGIN: (0.0, 1.0)}
-"""Weights of the state of a stage and of that of the zero in a reading."""
-
-Placing = Callable[[Sequence[Channel], CaseOnMesh], Placed]
-
-OBSERVABLES: Mapping[str, Placing] = {
-    "extensometer": relative_displacements,
-    "convergence": relative_displacements,
-    "displacement": relative_displacements,
-    "settlement": relative_displacements,
-    "strain": strains,
-    "stress": stresses,
-    "pressure-cell": stresses,
-    "piezometer": pore_pressures,
-    "inclinometer": relative_displacements,
-    "target": relative_displacements,
-    "tilt": relative_displacements,
-    "levelling": relative_displacements,
-    "line-of-sight": relative_displacements,
-}
-"""What the gauges of a kind read in the ground."""
-
-ON_STRUCTURES: Mapping[str, Placing] = {
-    "load-cell": member_readings,
-    "strain": member_readings,
-    "pressure-cell": pressures_on_beams,
-    "tilt": tilts_of_beams,
-}
-"""What they read on a structure."""
+from geoident.model.dual import ParameterPoint
 
 
-def placing_of(channel: Channel) -> Placing:
-    """How a channel is placed: by its kind, where it sits, and whether points move in it."""
-    if channel.structure:
-        return ON_STRUCTURES[channel.kind]
-    return relative_displacements if channel.terms else OBSERVABLES[channel.kind]
+@dataclass(frozen=True)
+class MarchState:
+    """A state of the march, as observables see it.
+
+    Args:
+        end: displacements, stresses and member forces; columns are the value, n derivatives and k
+            responses to unit forces.
+        point: the parameters, and the n of them by which the march differentiates.
+        structures: linings and bolts.
+    """
+
+    end: StageEnd
+    point: ParameterPoint
+    structures: Structures
 
 
-def reads_displacements(channel: Channel) -> bool:
-    """Whether a channel reads displacements of points and nothing else."""
-    return placing_of(channel) is relative_displacements and not channel.turns
+class Observable(Protocol):
+    """What some channels (g) read."""
+
+    def linear(self, state: MarchState, wanted: Bools) -> LinearRows | None:
+        """The derivative of the values by the state.
+
+        Args:
+            state: only its parameters and the sizes of its arrays count.
+            wanted: (g,) the channels that are asked for; rows of others may be empty.
+
+        Returns:
+            None where a wanted channel is not linear in the state.
+        """
+
+    def values(self, state: MarchState) -> Floats:
+        """Values (g, 1 + n + k) at a state, SI, and their derivatives."""
+
+    def coinciding(self, state: MarchState) -> tuple[str, ...]:
+        """Names of channels that read one of several equal principal values at a state."""
+
+    @property
+    def rows(self) -> sp.csr_array | None:
+        """G' (g, n_dofs) with values G' u; None where they are not linear in u alone."""
+
+
+class RelativeDisplacements:
+    """Motions of points against each other or against fixed ground: sums of vector . u, SI.
+
+    Args:
+        rows: G', (g, n_dofs).
+    """
+
+    def __init__(self, rows: sp.csr_array) -> None:
+        self.rows = rows
+
+    def linear(self, state: MarchState, wanted: Bools) -> LinearRows:
+        """G' itself."""
+        return LinearRows(u=self.rows)
+
+    def values(self, state: MarchState) -> Floats:
+        """Values (g, 1 + n + k) at a state, SI."""
+        return np.asarray(self.rows @ state.end.u)
+
+    def coinciding(self, state: MarchState) -> tuple[str, ...]:
+        """None: there are no principal values."""
+        return ()
 
 
 @dataclass(frozen=True)
@@ -110,8 +126,8 @@ class Observation:
         """Channels that read, at a state, one of several equal principal stresses."""
         found = []
         for rows, observable in self.parts:
-            if isinstance(observable, StressReadings):
-                named = observable.coinciding(state)
+            named = observable.coinciding(state)
+            if named:
                 read = {self.channels[row] for row in rows if self._counts(row, state.end.state)}
                 found += [name for name in named if name in read]
         return tuple(found)
@@ -242,88 +258,3 @@ class Observation:
         if not self.readable[state, row]:
             return self.reasons[row]
         return None
-
-
-def observe(on_mesh: CaseOnMesh) -> tuple[Observation, list[Fault]]:
-    """The gauges of a case on its mesh, and what is wrong with them."""
-    channels, states = on_mesh.case.channels, len(on_mesh.sequence.states)
-    readable = np.zeros((len(channels), states), dtype=bool)
-    reasons = [""] * len(channels)
-    parts, snapped, as_built, faults = [], set[str](), set[str](), list[Fault]()
-    placing = [placing_of(channel) for channel in channels]
-    for place in dict.fromkeys(placing):
-        mine = np.flatnonzero([other is place for other in placing])
-        placed = place([channels[row] for row in mine], on_mesh)
-        faults += placed.faults
-        snapped |= set(placed.snapped)
-        as_built |= set(placed.as_built)
-        readable[mine] = placed.readable
-        if not placed.faults:
-            parts.append((mine, placed.observable))
-        for row in mine:
-            reasons[row] = placed.unreadable
-    names = tuple(channel.name for channel in channels)
-    zero = np.array([on_mesh.case.zero_of(channel) for channel in channels], np.int64)
-    beside = tuple(name for name in names if name in snapped)
-    weights = np.array([_WEIGHTS[channel.reads] for channel in channels]).reshape(-1, 2).T
-    built = tuple(name for name in names if name in as_built)
-    found = Observation(
-        names, tuple(parts), zero, weights, readable.T, beside, tuple(reasons), built
-    )
-    return found, faults
-
-
-def gauges_outside(on_mesh: CaseOnMesh) -> list[Fault]:
-    """Gauges in the ground with a point that lies outside the mesh, whatever ground is there when.
-
-    Each point of a gauge is said once: the end of a casing is that of all its channels.
-    """
-    faults: dict[tuple[str, tuple[float, ...]], Fault] = {}
-    for channel in on_mesh.case.channels:
-        if channel.structure:
-            continue
-        moving = placing_of(channel) is relative_displacements
-        points = [point for point, _ in channel.motions] if moving else [channel.second]
-        for point in points:
-            sites = on_mesh.locator.sites(on_mesh.kinematics.in_section(point)[0])
-            beside = beside_fault(on_mesh, channel, point, sites)
-            if beside is not None or not sites:
-                fault = beside or point_fault(on_mesh, channel, point, sites)
-                faults.setdefault((channel.gauge, point), fault)
-    return list(faults.values())
-
-
-def reading_faults(
-    case: Case, observation: Observation, of_gauges: Sequence[Fault] = ()
-) -> list[Fault]:
-    """Readings that were taken when the gauge could not be read.
-
-    Args:
-        case: the case.
-        observation: its gauges on the mesh.
-        of_gauges: what is wrong with these; readings of faulty ones are not judged.
-    """
-    names = case.stage_names
-    faulty = tuple(fault.path for fault in of_gauges)
-    sound = {c.name for c in case.channels if not _faulty(format_path(c.key), faulty)}
-    faults = []
-    for reading in case.readings:
-        if reading.channel not in sound:
-            continue
-        reason = observation.unreadable(reading.channel, names.index(reading.stage))
-        if reading.value is not None and reason and not reading.bad:
-            faults.append(
-                Fault(
-                    "unreadable-gauge",
-                    f"gauge '{reading.channel}' can't have been read at stage "
-                    f"'{reading.stage}': {reason}",
-                    "leave the value blank, or correct the stage, the gauge's 'zero' or its points",
-                    reading.location,
-                )
-            )
-    return faults
-
-
-def _faulty(key: str, faulty: Sequence[str]) -> bool:
-    """Whether one of some faulty keys is a gauge's, or part of it."""
-    return any(path == key or path.startswith((f"{key}.", f"{key}[")) for path in faulty)

@@ -1,14 +1,169 @@
-"""Where the gauges stand: in which element, and how far from what is excavated."""
+"""Where the gauges stand: in which element, from when to when, how far from what is excavated."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from geoident.errors import Fault
 from geoident.fem.faces import FacetPatch, distance_to_faces, patches
-from geoident.forward.gauges.observable import best_site
-from geoident.forward.stages import CaseOnMesh, element_number
+from geoident.fem.location import Site, format_point
+from geoident.fem.measure import suspected_unit
+from geoident.forward.gauges.observation import Observable
+from geoident.forward.stages import CaseOnMesh, ConstructionSequence, element_number
+from geoident.model.arrays import Bools
+from geoident.model.gauges import Channel, Reads
+
+
+@dataclass(frozen=True)
+class Placed:
+    """Some channels (g) on the mesh.
+
+    Args:
+        observable: what they read.
+        readable: (g, n_states) when they can be read.
+        snapped: names of those with a point just outside the mesh.
+        faults: what is wrong with them; then the observable is of no use.
+        unreadable: why they cannot be read where they are not, a clause.
+        as_built: names of those that count from the placing of their ground on (`best_site`).
+    """
+
+    observable: Observable
+    readable: Bools
+    snapped: tuple[str, ...] = ()
+    faults: tuple[Fault, ...] = ()
+    unreadable: str = "a point of it stands in ground that is no longer there"
+    as_built: tuple[str, ...] = ()
+
+
+def from_zero(on_mesh: CaseOnMesh, channel: Channel) -> Bools:
+    """(n_states,) states from the zero of a channel on; all of them where it has none."""
+    later = np.arange(len(on_mesh.sequence.states)) >= on_mesh.case.zero_of(channel)
+    return later if channel.is_zeroed else np.ones_like(later)
+
+
+def best_site(
+    sites: tuple[Site, ...], sequence: ConstructionSequence, zero: int, *, as_built: bool = True
+) -> tuple[Site | None, Bools]:
+    """The site that stays for most states from the zero on, the best-lying one among equals.
+
+    Where none is there at the zero, it is one that is placed right after it: what stands there
+    then has not moved before, so the change since the zero is all of its motion, what its own
+    placing does included ("as built").
+
+    Args:
+        sites: elements that hold the point.
+        sequence: the states of construction.
+        zero: index of the state at which the channel reads zero.
+        as_built: whether ground that is placed right after the zero will do.
+
+    Returns:
+        The site, None if none is there; (n_states,) the states at which it is there and has been
+        there on the way of construction from the zero, with the zero.
+    """
+    for before in (False, True) if as_built else (False,):
+        best, longest = None, np.zeros(len(sequence.states), dtype=bool)
+        known: dict[int, Bools] = {}  # all elements of a group stay as long
+        for site in sites:
+            group = int(sequence.group_of[site.element])
+            if group not in known:
+                known[group] = _stays(sequence, zero, group, before=before)
+            stays = known[group]
+            if stays.sum() > longest.sum():
+                best, longest = site, stays
+        if best is not None:
+            break
+    return best, longest
+
+
+def is_placed_after(sequence: ConstructionSequence, zero: int, site: Site) -> bool:
+    """Whether the ground of a site is placed only after its zero.
+
+    Args:
+        sequence: the states of construction.
+        zero: index of the state at which the channel reads zero.
+        site: of one of its points.
+    """
+    return int(sequence.group_of[site.element]) not in sequence.states[zero].materials
+
+
+def _stays(sequence: ConstructionSequence, zero: int, group: int, *, before: bool) -> Bools:
+    """(n_states,) states from the zero on to which no stage without the group leads.
+
+    Args:
+        sequence: the states of construction.
+        zero: index of the state at which the channel reads zero.
+        group: index of a group of elements.
+        before: the group is placed by a stage that builds on the zero.
+    """
+    gone = np.array([group not in state.materials for state in sequence.states])
+    built_on = sequence.built_on
+    way = built_on ^ built_on[:, [zero]]
+    way[zero] = not before
+    later = np.arange(len(sequence.states)) >= zero
+    stays = np.asarray(~(gone[:, None] & way).any(axis=0) & later)
+    return stays if not before or stays[zero + 1 :].any() else np.zeros_like(stays)
+
+
+def point_fault(
+    on_mesh: CaseOnMesh, channel: Channel, point: tuple[float, ...], sites: tuple[Site, ...]
+) -> Fault:
+    """Why a point of a gauge stands in no ground.
+
+    Args:
+        on_mesh: the case on its mesh.
+        channel: of the gauge.
+        point: (dim,) m.
+        sites: elements that hold the point.
+    """
+    place, sequence = format_point(point), on_mesh.sequence
+    if not sites and channel.structure:
+        return on_mesh.case.source.fault(
+            (*channel.key, "point"),
+            code="no-ground-behind",
+            message=f"gauge '{channel.name}' finds no ground at {place} that presses on the "
+            f"outside of '{channel.structure}' as long as that stands",
+            hint="'towards' is a point on its inside, where ground is excavated",
+        )
+    if not sites:
+        low, high = on_mesh.mesh.points.min(axis=0), on_mesh.mesh.points.max(axis=0)
+        return on_mesh.case.source.fault(
+            channel.key,
+            code="gauge-outside",
+            message=f"point {place} of gauge '{channel.name}' lies outside the mesh",
+            hint=f"the mesh reaches from {format_point(low)} to {format_point(high)}"
+            + (f"; {said}" if (said := suspected_unit(low, high)) else ""),
+        )
+    groups = sorted({sequence.groups[sequence.group_of[site.element]] for site in sites})
+    when, hint = "is never there", "correct the point"
+    if channel.reads is Reads.VIRGIN:
+        when = "is not there before the first stage, when it is read"
+    elif channel.is_zeroed:
+        when = f"is not there at stage '{channel.zero}', where the gauge is zeroed"
+        hint = "set 'zero' to a stage at which that ground is present, or correct the point"
+        placed = _first_placing(sequence, groups)
+        if placed is not None:
+            own, base = (sequence.states[n].name for n in placed)
+            hint = f"set 'zero' to '{own}', which places that ground, or to '{base}' before it: "
+            hint += "then what its own placing does counts, too"
+    return on_mesh.case.source.fault(
+        channel.key,
+        code="gauge-in-absent-ground",
+        message=f"point {place} of gauge '{channel.name}' stands in '{', '.join(groups)}', which "
+        + when,
+        hint=hint,
+    )
+
+
+def _first_placing(sequence: ConstructionSequence, groups: Sequence[str]) -> tuple[int, int] | None:
+    """The first state that places ground of one of some groups, and that on which it builds."""
+    wanted = {sequence.groups.index(name) for name in groups}
+    for n, state in enumerate(sequence.states[1:], start=1):
+        if wanted & (state.materials.keys() - sequence.states[state.base].materials.keys()):
+            return n, state.base
+    return None
 
 
 @dataclass(frozen=True)

@@ -13,11 +13,8 @@ from collections.abc import Sequence
 import scipy.sparse as sp
 
 from geoident.fem.recovery import recovery
-from geoident.forward.gauges.observable import (
-    Placed,
-    RelativeDisplacements,
-    is_placed_after,
-)
+from geoident.forward.gauges.observation import RelativeDisplacements
+from geoident.forward.gauges.placement import Placed, is_placed_after
 from geoident.forward.gauges.stress import NORMAL_COMPONENTS, Spots, component_weights
 from geoident.forward.stages import CaseOnMesh
 from geoident.model.gauges import Channel

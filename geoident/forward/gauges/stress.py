@@ -24,12 +24,8 @@ from geoident.fem.kinematics import Kinematics
 from geoident.fem.location import Site, format_point
 from geoident.fem.recovery import Recovery, recovery
 from geoident.forward.gauges.beyond_mesh import beside_fault, is_beside
-from geoident.forward.gauges.observable import (
-    MarchState,
-    Placed,
-    best_site,
-    point_fault,
-)
+from geoident.forward.gauges.observation import MarchState
+from geoident.forward.gauges.placement import Placed, best_site, point_fault
 from geoident.forward.in_situ.water import PorePressure
 from geoident.forward.march.stage import LinearRows
 from geoident.forward.stages import CaseOnMesh, ConstructionSequence
@@ -199,6 +195,10 @@ class PorePressures:
         found = self._water.at(state.end.state, state.point)
         more = state.end.u.shape[1] - found.shape[1]
         return np.pad(found, ((0, 0), (0, more)))
+
+    def coinciding(self, state: MarchState) -> tuple[str, ...]:
+        """None: there are no principal values."""
+        return ()
 
 
 def principal_values(tensor: Floats) -> tuple[Floats, Bools]:

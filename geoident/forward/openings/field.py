@@ -18,7 +18,7 @@ from collections.abc import Collection, Sequence
 import numpy as np
 
 from geoident.errors import ModelError
-from geoident.forward.gauges.observation import reads_displacements
+from geoident.forward.gauges.kinds import reads_displacements
 from geoident.forward.ground.elasticity import inadmissible
 from geoident.forward.in_situ.stress import InSituStress, StressPlaces
 from geoident.forward.openings.advance import AdvancingFace

@@ -13,8 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from geoident.forward.gauges.observable import MarchState, Observable
-from geoident.forward.gauges.observation import Observation
+from geoident.forward.gauges.observation import MarchState, Observable, Observation
 from geoident.forward.march.march import March
 from geoident.forward.march.stage import GivenStress, StageEnd
 from geoident.forward.reduced.points import MarchPoints

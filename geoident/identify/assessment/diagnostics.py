@@ -39,8 +39,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from geoident.identify.assessment.uncertainty import Assessment
-from geoident.identify.objective.discrepancy import own_residuals, robust_scale, weights
-from geoident.identify.problem.problem import Problem
+from geoident.identify.problem.problem import Problem, own_residuals, robust_scale, weights
 from geoident.model.arrays import Floats, Ints
 
 ALONE = 1.0 - 1e-9

@@ -33,9 +33,9 @@ from scipy.special import gammaln, log_ndtr, ndtr, ndtri
 
 from geoident.identify.assessment.diagnostics import effective_sd
 from geoident.identify.assessment.uncertainty import UNBOUNDED_RANGE
-from geoident.identify.objective.discrepancy import Linearization
 from geoident.identify.problem.errors import Covariance
-from geoident.identify.problem.problem import Problem, Scaling
+from geoident.identify.problem.problem import Linearization, Problem
+from geoident.identify.problem.scaling import Scaling
 from geoident.model.arrays import Floats
 from geoident.model.methods import HuberOptions, LossOptions, SquaredOptions, StudentOptions
 from geoident.model.parameter import Parameter

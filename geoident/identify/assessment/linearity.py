@@ -11,8 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from geoident.identify.assessment.uncertainty import Assessment
-from geoident.identify.objective.discrepancy import Discrepancy
-from geoident.identify.problem.problem import Problem
+from geoident.identify.problem.problem import Discrepancy, Problem
 from geoident.model.arrays import Floats
 from geoident.model.methods import SquaredOptions
 from geoident.model.results.bands import NORMAL_95

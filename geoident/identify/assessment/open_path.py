@@ -25,7 +25,8 @@ import numpy as np
 
 from geoident.identify.assessment.posterior import Posterior, cut_normal
 from geoident.identify.assessment.uncertainty import Assessment, with_posterior
-from geoident.identify.problem.problem import Problem, Scaling
+from geoident.identify.problem.problem import Problem
+from geoident.identify.problem.scaling import Scaling
 from geoident.model.arrays import Floats
 
 POINTS = 3

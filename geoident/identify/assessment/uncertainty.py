@@ -49,7 +49,8 @@ from geoident.identify.assessment.conflicts import (
 from geoident.identify.assessment.findings import Knowledge, describe_gaps, join
 from geoident.identify.assessment.posterior import NormalMixture, Posterior, cut_normal
 from geoident.identify.assessment.spectrum import SingularDirections
-from geoident.identify.problem.problem import Problem, Scaling
+from geoident.identify.problem.problem import Problem
+from geoident.identify.problem.scaling import Scaling
 from geoident.model.arrays import Bools, Floats
 from geoident.model.parameter import Parameter
 from geoident.model.results.bands import NORMAL_95

@@ -49,7 +49,8 @@ from geoident.identify.problem.errors import (
     SharedErrors,
     products,
 )
-from geoident.identify.problem.problem import Problem, Scaling
+from geoident.identify.problem.problem import Problem
+from geoident.identify.problem.scaling import Scaling
 from geoident.model.arrays import Bools, Floats
 from geoident.model.results.bands import NORMAL_95
 

@@ -25,9 +25,10 @@ from iterative_ensemble_smoother import ESMDA
 from scipy.special import ndtr, ndtri
 
 from geoident.errors import ModelError
-from geoident.identify.objective.discrepancy import Discrepancy
 from geoident.identify.problem.ahead import asked_in_turns
-from geoident.identify.problem.problem import History, Observer, Outcome, Problem, Scaling
+from geoident.identify.problem.outcome import History, Observer, Outcome
+from geoident.identify.problem.problem import Discrepancy, Problem
+from geoident.identify.problem.scaling import Scaling
 from geoident.model.arrays import Bools, Floats
 from geoident.model.methods import EnsembleSmootherOptions
 from geoident.model.parameter import Parameter

@@ -16,9 +16,9 @@ from dataclasses import replace
 import numpy as np
 
 from geoident.errors import Fault, InputError
-from geoident.identify.objective.discrepancy import Discrepancy
 from geoident.identify.problem.ahead import asked_in_turns
-from geoident.identify.problem.problem import History, Observer, Outcome, Problem
+from geoident.identify.problem.outcome import History, Observer, Outcome
+from geoident.identify.problem.problem import Discrepancy, Problem
 from geoident.model.arrays import Floats
 from geoident.model.methods import ScanAxis, ScanOptions
 from geoident.model.parameter import Parameter

@@ -38,8 +38,8 @@ from typing import Literal
 import numpy as np
 
 from geoident.errors import ModelError
-from geoident.identify.objective.discrepancy import Discrepancy
-from geoident.identify.problem.problem import History, Observer, Outcome, Problem
+from geoident.identify.problem.outcome import History, Observer, Outcome
+from geoident.identify.problem.problem import Discrepancy, Problem
 from geoident.model.arrays import Floats
 from geoident.model.methods import SimplexOptions
 

@@ -28,7 +28,8 @@ import scipy.sparse as sp
 
 from geoident.errors import ModelError
 from geoident.identify.problem.errors import SharedErrors
-from geoident.identify.problem.problem import Problem, Scaling
+from geoident.identify.problem.problem import Problem
+from geoident.identify.problem.scaling import Scaling
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.parameter import Parameter
 from geoident.model.project.project import ParameterLaw

@@ -16,7 +16,7 @@ import numpy as np
 
 from geoident.errors import ModelError
 from geoident.identify.hierarchical.knowledge import FurtherSection
-from geoident.identify.problem.problem import Scaling
+from geoident.identify.problem.scaling import Scaling
 from geoident.model.arrays import Floats
 
 _REACH = 2.0

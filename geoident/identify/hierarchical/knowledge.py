@@ -23,7 +23,7 @@ from geoident.identify.hierarchical.restricted import (
     scatter_posterior,
 )
 from geoident.identify.hierarchical.search import HierarchicalFit
-from geoident.identify.problem.problem import Scaling
+from geoident.identify.problem.scaling import Scaling
 from geoident.model.arrays import Bools, Floats
 
 _SEEN = 1e-6

@@ -35,7 +35,7 @@ from geoident.identify.hierarchical.arrangement import (
     SectionModels,
     SectionReadings,
 )
-from geoident.identify.problem.problem import Scaling
+from geoident.identify.problem.scaling import Scaling
 from geoident.model.arrays import Bools, Floats, Ints
 
 _RIDGE = 1e-9

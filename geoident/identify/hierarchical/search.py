@@ -14,8 +14,8 @@ from geoident.identify.hierarchical.arrangement import (
 )
 from geoident.identify.hierarchical.restricted import LinearSections, most_likely
 from geoident.identify.least_squares.gauss_newton import gauss_newton_descent
-from geoident.identify.objective.discrepancy import Discrepancy
-from geoident.identify.problem.problem import History, Observer, Outcome, Problem
+from geoident.identify.problem.outcome import History, Observer, Outcome
+from geoident.identify.problem.problem import Discrepancy, Problem
 from geoident.model.arrays import Bools, Floats
 from geoident.model.methods import GaussNewtonOptions
 from geoident.model.project.project import ParameterLaw

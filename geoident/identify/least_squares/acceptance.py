@@ -22,7 +22,7 @@ from typing import Generic, TypeVar
 import numpy as np
 
 from geoident.identify.least_squares.trust_region import smallest_solution
-from geoident.identify.objective.discrepancy import Linearization
+from geoident.identify.problem.problem import Linearization
 from geoident.model.arrays import Floats
 
 FIRST_RADIUS = 1.5

@@ -16,7 +16,9 @@ import numpy as np
 from geoident.errors import ModelError
 from geoident.identify.least_squares.gauss_newton import gauss_newton
 from geoident.identify.problem.methods import opening_obstacle
-from geoident.identify.problem.problem import HasOpening, Observer, OpeningForm, Outcome, Problem
+from geoident.identify.problem.outcome import Observer, Outcome
+from geoident.identify.problem.problem import Problem
+from geoident.identify.problem.responses import HasOpening, OpeningForm
 from geoident.model.methods import ClosedFormOptions, GaussNewtonOptions
 
 

@@ -70,8 +70,9 @@ from scipy.linalg import qr
 
 from geoident.errors import Fault, InputError, ModelError
 from geoident.identify.least_squares.trust_region import TrustBox, bounded_least_squares
-from geoident.identify.objective.discrepancy import CHECK_UNITS, Discrepancy
-from geoident.identify.problem.problem import AffineElastic, History, Observer, Outcome, Problem
+from geoident.identify.problem.outcome import History, Observer, Outcome
+from geoident.identify.problem.problem import CHECK_UNITS, Discrepancy, Problem
+from geoident.identify.problem.responses import AffineElastic
 from geoident.model.arrays import Floats, Ints
 from geoident.model.methods import CondensationOptions
 from geoident.model.parameter import Parameter

@@ -36,12 +36,9 @@ from geoident.identify.least_squares.acceptance import (
     Step,
 )
 from geoident.identify.least_squares.trust_region import TrustBox
-from geoident.identify.objective.discrepancy import Discrepancy
-from geoident.identify.problem.problem import (
-    HasDifferences,
-    HasEvaluated,
-    History,
-)
+from geoident.identify.problem.outcome import History
+from geoident.identify.problem.problem import Discrepancy
+from geoident.identify.problem.responses import HasDifferences, HasEvaluated
 from geoident.model.arrays import Floats
 
 NEGLIGIBLE = 1e-6

@@ -28,14 +28,9 @@ from geoident.identify.least_squares.descent import Descent, Stopping, plain_eva
 from geoident.identify.least_squares.leap import Leap
 from geoident.identify.least_squares.several_starts import SeveralStarts
 from geoident.identify.least_squares.trust_region import TrustBox, bounded_least_squares
-from geoident.identify.objective.discrepancy import Discrepancy
 from geoident.identify.problem.ahead import ProblemApart, apart
-from geoident.identify.problem.problem import (
-    History,
-    Observer,
-    Outcome,
-    Problem,
-)
+from geoident.identify.problem.outcome import History, Observer, Outcome
+from geoident.identify.problem.problem import Discrepancy, Problem
 from geoident.model.arrays import Bools, Floats
 from geoident.model.methods import GaussNewtonOptions
 from geoident.model.response import Response

@@ -18,7 +18,7 @@ import numpy as np
 from geoident.errors import ModelError
 from geoident.identify.least_squares.acceptance import Iterate, Step
 from geoident.identify.least_squares.trust_region import TrustBox, bounded_least_squares
-from geoident.identify.objective.discrepancy import Discrepancy, Linearization
+from geoident.identify.problem.problem import Discrepancy, Linearization
 from geoident.model.arrays import Floats
 from geoident.model.response import CertifiedResponse, HasReducedModel
 

@@ -27,7 +27,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from geoident.identify.problem.problem import Scaling
+from geoident.identify.problem.scaling import Scaling
 from geoident.model.arrays import Bools, Floats
 
 RANK = 1e-10

@@ -26,8 +26,7 @@ from typing import Protocol
 import numpy as np
 
 from geoident.errors import ModelError
-from geoident.identify.objective.discrepancy import Discrepancy
-from geoident.identify.problem.problem import Problem
+from geoident.identify.problem.problem import Discrepancy, Problem
 from geoident.model.arrays import Bools, Floats
 from geoident.model.parameter import Parameter
 

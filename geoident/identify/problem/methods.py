@@ -14,13 +14,12 @@ from importlib.util import find_spec
 from typing import cast
 
 from geoident.errors import Fault, InputError
-from geoident.identify.problem.problem import (
+from geoident.identify.problem.outcome import Observer, Outcome
+from geoident.identify.problem.problem import Problem
+from geoident.identify.problem.responses import (
     AffineElastic,
     ComplementaritySystem,
     HasOpening,
-    Observer,
-    Outcome,
-    Problem,
     YieldSystem,
 )
 from geoident.model.methods import (

@@ -1,261 +1,75 @@
-"""What every identifier is given, and what it gives back.
+"""What every identifier is given: readings to be met by a model, and how far it is from them.
 
-The model behind a problem can be anything that answers as the protocols here ask (`Response` in
-`model.response` is the least of them). Parameter vectors p are in natural units (SI), in the order
-of ``names``; readings v(p) are ordered as the measured values that the identifier was given.
+The model can be anything that answers as `Response` in `model.response` asks. Parameter vectors p
+are in natural units (SI), in the order of ``names``; readings v(p) are ordered as the measured
+values v*. The discrepancy between what was read and what the model answers, with the prior's part,
+is
 
-Identifiers work on scaled parameters x that are all of the order of one, so that one step length,
-one trust radius and one tolerance serve a Young's modulus in Pa and a stress ratio alike:
+    phi(p) = (v* - v(p))^T W (v* - v(p)) + |prior residuals|^2,   W = diag(1/s^2)          [20]
 
-    scale ``log``       x = ln p           a step of 0.1 is ten per cent of p
-    scale ``linear``    x = p / r,         r = min(width, max(|start|, width / 10))
+It is the squared length of one vector of weighted residuals
 
-with width = upper - lower. The reference r is the size of the parameter; a tenth of the width
-where the start is near zero (an angle, a tectonic stress), and the width itself where the bounds
-are tighter than the parameter is large. Without finite bounds r is |start|, or 1.
+    r(p) = [ (v(p) - v*) / s ;  prior residuals ]          (g + k,)
 
-The prior (theory 6) adds rows to the residuals, so that phi is the negative logarithm of the
-posterior density (times two, up to a constant):
+whose Jacobian in the scaled parameters is [ (dv/dp)(dp/dx) / s ; prior rows ]. Where the model has
+no solution, phi is infinite. A robust loss transforms the readings' part of r, so that phi is
+the squared length all the same. Computed once: the weights. Per trial: one call of the model.
 
-    normal      (p - mean) / sd
-    lognormal   (ln p - ln mean) / (sd / mean)
+With the weighted residual r of a reading (in its standard deviations) a loss rho replaces r^2:
 
-Computed once: references, bounds and start in x. Per trial: elementwise maps only.
+    squared      rho = r^2
+    huber        rho = r^2                       for |r| <= delta      (Huber 1964)
+                       2 delta |r| - delta^2     beyond
+    student-t    rho = (nu + 1) ln(1 + r^2/nu)   twice the negative log likelihood, less its
+                                                 constant (Lange, Little & Taylor 1989)
+
+Written as the square of a transformed residual f = sign(r) sqrt(rho), every discrepancy stays a
+sum of squares: phi = |f|^2, with the Jacobian f'(r) dr/dx, f' = rho' / (2 f). Its gradient is that
+of phi exactly. Gauss-Newton on f, with the trust region on phi itself, is a robust Gauss-Newton:
+its curvature f'^2 lies between the true one, rho''/2, and the weight of iteratively reweighted
+least squares,
+
+    w = rho' / (2 r)        1 or min(1, delta/|r|) or (nu + 1)/(nu + r^2),
+
+so it converges faster than reweighting, and unlike the true curvature it is never zero or negative.
+Priors keep their squares: they are no readings that could be wrong.
+
+**Errors that readings share** (theory 7), e = s own + B z. With the squared loss r is whitened,
+r = L^-1 (v - v*), and nothing else changes: that is least squares with the full covariance. A
+robust loss is not applied to these r: whitening mixes a wrong reading into all that share with
+it. What may be wrong is what a reading has by itself, so the loss is that of the own part, and the
+shared errors z, each of variance one, keep their squares and are found along,
+
+    phi(p) = min over z of  sum rho((v - v* - B z)_i / s_i) + |z|^2  (+ the prior's part),
+
+which for the squared loss is the same as whitening. A wrong reading is then explained by itself: it
+loses its weight w, and its neighbours are judged by each other. At the minimum all is as with the
+covariance diag(s^2/w) + B B^T. The rows of r are [f(u); z]; as z follows p, the Jacobian is
+the part of [f' du/dp; 0] that is orthogonal to what z can do (Kaufman 1975, variable projection),
+so the gradient is exact.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from geoident.identify.problem.errors import Covariance, SharedErrors
-from geoident.model.arrays import Bools, Floats
-from geoident.model.methods import LossOptions, SquaredOptions
-from geoident.model.parameter import Parameter, Prior
-from geoident.model.response import BilinearSystem, Condensed, Response
-from geoident.model.results.result import STOPPED, Grid, Iteration
-from geoident.model.yielding import Activity, Certificate
-
-
-class Scaling:
-    """The map between natural parameters p (SI) and scaled parameters x (dimensionless).
-
-    Args:
-        parameters: the n unknowns.
-
-    Attributes:
-        log: (n,) the parameter is scaled by its logarithm.
-        reference: (n,) reference r of linear parameters, SI; 1 for logarithmic ones.
-        lower: (n,) lower bounds in x.
-        upper: (n,) upper bounds in x.
-        start: (n,) start in x, inside the bounds.
-        priors: index and prior of the k parameters that have one.
-
-    >>> from geoident.model.parameter import Parameter
-    >>> scaling = Scaling([Parameter("K0", start=1.0, lower=0.5, upper=3.0)])
-    >>> scaling.to_natural(scaling.start)
-    array([1.])
-    """
-
-    def __init__(self, parameters: Sequence[Parameter]) -> None:
-        self.log: Bools = np.array([q.scale == "log" for q in parameters], dtype=np.bool_)
-        self.reference: Floats = np.array([_reference(q) for q in parameters], dtype=np.float64)
-        self._natural_lower: Floats = np.array([q.lower for q in parameters], dtype=np.float64)
-        self._natural_upper: Floats = np.array([q.upper for q in parameters], dtype=np.float64)
-        self.lower: Floats = self._scale(self._natural_lower)
-        self.upper: Floats = self._scale(self._natural_upper)
-        self.start: Floats = self.to_scaled(np.array([q.start for q in parameters], dtype=float))
-        self.priors: tuple[tuple[int, Prior], ...] = tuple(
-            (i, q.prior) for i, q in enumerate(parameters) if q.prior is not None
-        )
-
-    def __len__(self) -> int:
-        return int(self.reference.shape[0])
-
-    def clip(self, x: Floats) -> Floats:
-        """The nearest x (n,) inside the bounds."""
-        return np.clip(x, self.lower, self.upper)
-
-    def to_scaled(self, p: Floats) -> Floats:
-        """Scaled x (n,) of natural p (n,), SI; p outside the bounds is clipped."""
-        return self._scale(np.clip(p, self._natural_lower, self._natural_upper))
-
-    def to_natural(self, x: Floats) -> Floats:
-        """Natural p (n,), SI, of scaled x (n,); exact on the bounds, never outside."""
-        p = x * self.reference
-        p[self.log] = np.exp(x[self.log])
-        p[x <= self.lower] = self._natural_lower[x <= self.lower]
-        p[x >= self.upper] = self._natural_upper[x >= self.upper]
-        return np.clip(p, self._natural_lower, self._natural_upper)
-
-    def away(self, p: Floats, step: Floats) -> Floats:
-        """Natural p (n,) at steps (n,) in x from p (n,), never outside the bounds."""
-        with np.errstate(over="ignore"):
-            moved = np.where(self.log, p * np.exp(step), p + step * self.reference)
-        return np.clip(moved, self._natural_lower, self._natural_upper)
-
-    def slope(self, p: Floats) -> Floats:
-        """dp/dx (n,), the diagonal, SI: a Jacobian in p times it is the Jacobian in x."""
-        return np.where(self.log, p, self.reference)
-
-    def prior_residuals(self, p: Floats) -> Floats:
-        """Rows (k,) that the priors add to the weighted residuals, dimensionless.
-
-        Infinite where a lognormal prior excludes p.
-        """
-        return np.array([_prior_residual(prior, p[i]) for i, prior in self.priors], dtype=float)
-
-    def prior_jacobian(self, p: Floats) -> Floats:
-        """Derivative of `prior_residuals` in x, (k, n)."""
-        rows = np.zeros((len(self.priors), len(self)))
-        slope = self.slope(p)
-        for row, (i, prior) in zip(rows, self.priors, strict=True):
-            row[i] = _prior_slope(prior, p[i]) * slope[i]
-        return rows
-
-    def _scale(self, p: Floats) -> Floats:
-        x = p / self.reference
-        with np.errstate(divide="ignore"):
-            x[self.log] = np.log(p[self.log])
-        return x
-
-
-def _reference(parameter: Parameter) -> float:
-    """The size of a linear parameter, SI; 1 for a logarithmic one."""
-    if parameter.scale == "log":
-        return 1.0
-    size = abs(parameter.start)
-    width = parameter.upper - parameter.lower
-    if not np.isfinite(width) or width <= 0.0:
-        return size or 1.0
-    return min(width, max(size, 0.1 * width))
-
-
-def _prior_residual(prior: Prior, p: float) -> float:
-    if prior.kind == "normal":
-        return (p - prior.mean) / prior.sd
-    return float(np.log(p / prior.mean)) * prior.mean / prior.sd if p > 0.0 else -np.inf
-
-
-def _prior_slope(prior: Prior, p: float) -> float:
-    """Derivative of the prior's residual in p, 1/SI."""
-    return 1.0 / prior.sd if prior.kind == "normal" else prior.mean / (prior.sd * p)
-
-
-@runtime_checkable
-class AffineElastic(Response, Protocol):
-    """A model whose equations are affine in its parameters: condensation needs this."""
-
-    def obstacle(self) -> str | None:
-        """Why the equations are not affine in the parameters, a sentence, or None if they are."""
-
-    def condense(self, p: Floats, measured: Floats, sd: Floats) -> Condensed:
-        """Condensed equations at p (theory 4.1).
-
-        Args:
-            p: (n,) parameters.
-            measured: (g,) readings, SI.
-            sd: (g,) their standard deviations, SI; where readings share errors, the matrix (g, g)
-                that makes their errors independent and of size one.
-        """
-
-
-@runtime_checkable
-class HasIncrements(Response, Protocol):
-    """A model that says what each stage adds to its readings: a model error needs this."""
-
-    def increments(self, p: Floats) -> Floats:
-        """(n_states, n_channels) what the step of each state changes in what all channels see.
-
-        Args:
-            p: (n,) parameters.
-        """
-
-
-@runtime_checkable
-class HasEvaluated(Response, Protocol):
-    """A model that remembers what it was asked: to ask the same again costs nothing."""
-
-    def evaluated(self) -> Sequence[Floats]:
-        """Parameter vectors (n,) that this run has evaluated with derivatives, in their order."""
-
-
-@runtime_checkable
-class HasDifferences(Response, Protocol):
-    """A model whose derivatives are differences, good enough to search by until they decide."""
-
-    def sharpen(self, p: Floats) -> bool:
-        """Make the Jacobian at p (n,) as good as it can be; whether it was not before."""
-
-
-@runtime_checkable
-class HasNoise(Response, Protocol):
-    """A model whose readings are not quite smooth in the parameters: few digits, iterations."""
-
-    @property
-    def noise(self) -> Floats:
-        """(g,) standard deviation of what is not smooth, as far as it is known; 0 if it is not."""
-
-
-class OpeningForm(Response, Protocol):
-    """The closed form of an opening: readings by formulas."""
-
-    @property
-    def covered(self) -> Bools:
-        """(g,) which readings of the model it answers; ``readings`` are these, in their order."""
-
-    def remarks(self, p: Floats) -> tuple[str, ...]:
-        """What is to be known of it at p (n,), sentences without a full stop."""
-
-
-@runtime_checkable
-class HasOpening(Response, Protocol):
-    """A model that may be a circular opening in uniform ground: closed-form needs this."""
-
-    def opening(
-        self, centre: tuple[float, float] | None, radius: float | None
-    ) -> OpeningForm | str:
-        """Its closed form, or why it has none, a clause.
-
-        Args:
-            centre: of the opening, m; None to find it.
-            radius: of the opening, m; None to find it.
-        """
-
-
-@runtime_checkable
-class YieldSystem(Response, Protocol):
-    """A model with yield limits, stage by stage: complementarity needs this (theory 5).
-
-    ``readings`` and ``evaluate`` raise `geoident.errors.CollapseError` where the loads cannot be
-    carried. The Jacobian is that of the active pieces; at a kink, that of the planes that the
-    projection counts as active.
-    """
-
-    def yields(self) -> bool:
-        """Whether any material of the model has yield limits."""
-
-    def activity(self, p: Floats) -> Activity:
-        """The yield planes at p (n,). Costs nothing where p was the last to be evaluated."""
-
-
-@runtime_checkable
-class ComplementaritySystem(YieldSystem, Protocol):
-    """A yield system that shows its equations: full-space and global need this (theory 5)."""
-
-    def system_obstacle(self) -> str | None:
-        """Why the equations are not those of a `BilinearSystem`, a clause, or None if they are."""
-
-    def system(self) -> BilinearSystem:
-        """The equations, with readings in the order of the response."""
-
-
-Observer = Callable[[Iteration], str | None]
-"""Is told of every iteration; answers with a reason to stop now, or None to go on."""
+from geoident.errors import ModelError
+from geoident.identify.problem.errors import (
+    Columns,
+    Covariance,
+    SharedErrors,
+    products,
+    scaled_rows,
+)
+from geoident.identify.problem.responses import HasNoise
+from geoident.identify.problem.scaling import Scaling
+from geoident.model.arrays import Floats
+from geoident.model.methods import HuberOptions, LossOptions, SquaredOptions, StudentOptions
+from geoident.model.parameter import Parameter
+from geoident.model.response import Response
 
 
 @dataclass(frozen=True)
@@ -310,94 +124,289 @@ class Problem:
         return replace(self, parameters=tuple(parameters))
 
 
+_MAD = 1.482602218505602
+"""Standard deviation by median of absolute values, for a normal distribution."""
+
+
+def transformed(options: LossOptions, r: Floats) -> tuple[Floats, Floats]:
+    """Transformed residual f = sign(r) sqrt(rho(r)) and its derivative, each (g,), for r (g,)."""
+    match options:
+        case HuberOptions(delta):
+            return _huber(r, delta)
+        case StudentOptions(nu):
+            return _student(r, nu)
+        case _:
+            return r, np.ones_like(r)
+
+
+def weights(options: LossOptions, r: Floats) -> Floats:
+    """Weight w = rho'/(2 r), (g,), that a reading with residual r (g,) keeps, never above 1.
+
+    Student's weight in the middle is (nu+1)/nu; it is cut at 1 because no reading tells more than
+    its accuracy says.
+    """
+    match options:
+        case HuberOptions(delta):
+            return np.asarray(delta / np.maximum(np.abs(r), delta), dtype=np.float64)
+        case StudentOptions(nu):
+            return np.minimum(1.0, (nu + 1.0) / (nu + r**2))
+        case _:
+            return np.ones_like(r)
+
+
+def robust_scale(r: Floats) -> float:
+    """Scatter of the residuals r (g,), in standard deviations, by the median of their sizes.
+
+    Near 1 if the accuracies are right, whatever a minority of wrong readings says; NaN for none.
+
+    >>> round(robust_scale(np.array([-1.0, 0.2, 0.7, 0.5, 90.0])), 3)
+    1.038
+    """
+    return float(_MAD * np.median(np.abs(r))) if r.size else np.nan
+
+
+def _huber(r: Floats, delta: float) -> tuple[Floats, Floats]:
+    size = np.maximum(np.abs(r), delta)
+    tail = np.sqrt(2.0 * delta * size - delta**2)
+    inside = np.abs(r) <= delta
+    f = np.where(inside, r, np.sign(r) * tail)
+    return f, np.where(inside, 1.0, delta / tail)
+
+
+def _student(r: Floats, nu: float) -> tuple[Floats, Floats]:
+    u = r**2 / nu
+    safe = np.where(u > 0.0, u, 1.0)
+    part = np.sqrt((nu + 1.0) / nu * np.where(u > 0.0, np.log1p(safe) / safe, 1.0))
+    return r * part, (nu + 1.0) / nu / (1.0 + u) / part
+
+
+CHECK_UNITS = "Check the units of stresses, moduli and accuracies, and the start values."
+
+
 @dataclass(frozen=True)
-class LocalMinimum:
-    """A minimum of the discrepancy that a search came to beside its best point.
+class Linearization:
+    """The weighted residuals at one point and their derivative.
 
     Args:
-        values: (n,) parameters, SI.
-        objective: the discrepancy there, with the prior's part.
+        residual: (g + k,) weighted residuals r, those of the priors last, dimensionless.
+        jacobian: (g + k, n) dr/dx in the scaled parameters.
     """
 
-    values: Floats
-    objective: float
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """Where an identifier ended.
-
-    Args:
-        values: (n,) the best parameters found, SI.
-        objective: the discrepancy there, with the prior's part.
-        status: ``converged``, ``not-converged`` or ``out-of-budget``.
-        reason: why it stopped, a sentence; with its remedy where it did not converge.
-        iterations: the history.
-        grid: of a scan, else None.
-        remarks: what else is to be known of how it was found, sentences without a full stop.
-        certificate: what an identification of yield limits proved, else None.
-        minima: the others that the search came to, lowest first.
-    """
-
-    values: Floats
-    objective: float
-    status: str
-    reason: str
-    iterations: tuple[Iteration, ...]
-    grid: Grid | None = None
-    remarks: tuple[str, ...] = ()
-    certificate: Certificate | None = None
-    minima: tuple[LocalMinimum, ...] = ()
-
-
-class History:
-    """Collects the iterations of one method and listens for a reason to stop.
-
-    Args:
-        method: name of the method, as users write it.
-        response: the model, whose costs are noted.
-        observe: is told of every iteration.
-
-    Attributes:
-        stop: the reason that the observer gave for stopping now, or None.
-    """
-
-    def __init__(self, method: str, response: Response, observe: Observer) -> None:
-        self.stop: str | None = None
-        self._method = method
-        self._response = response
-        self._observe = observe
-        self._iterations: list[Iteration] = []
+    residual: Floats
+    jacobian: Floats
 
     @property
-    def iterations(self) -> tuple[Iteration, ...]:
-        """All iterations so far."""
-        return tuple(self._iterations)
+    def objective(self) -> float:
+        """The discrepancy phi with the prior's part."""
+        return float(self.residual @ self.residual)
 
-    def record(self, values: Floats, objective: float, *, step: float, note: str) -> None:
-        """Adds an iteration.
+
+class Discrepancy:
+    """phi(p) of a problem.
+
+    Args:
+        problem: readings, standard deviations, model and parameters.
+    """
+
+    def __init__(self, problem: Problem) -> None:
+        self.problem = problem
+        self.scaling = Scaling(problem.parameters)
+        # asked at every step, and to look for the members of a protocol takes longer than a step
+        self._noisy = problem.response if isinstance(problem.response, HasNoise) else None
+
+    def residuals(self, p: Floats, readings: Floats) -> Floats:
+        """Weighted residuals r (g + k,) at p (n,), SI, where the model answers readings (g,)."""
+        if self.latent:
+            own, z = own_residuals(self.problem, readings)
+            f, _ = transformed(self.problem.loss, own)
+            return np.concatenate([f, z, self.scaling.prior_residuals(p)])
+        f, _ = transformed(self.problem.loss, self.misfit(readings))
+        return np.concatenate([f, self.scaling.prior_residuals(p)])
+
+    @property
+    def latent(self) -> bool:
+        """Shared errors are found beside the parameters, as the loss is robust."""
+        return self.problem.shared is not None and not isinstance(self.problem.loss, SquaredOptions)
+
+    def misfit(self, readings: Floats) -> Floats:
+        """White v - v* (g,) where the model answers readings v (g,), whatever the loss."""
+        return self.problem.whiten(readings - self.problem.measured)
+
+    def noise(self) -> Floats:
+        """(g,) what is not smooth in the computed readings, in their standard deviations."""
+        if self._noisy is not None:
+            return np.asarray(self._noisy.noise / self.problem.sd)
+        return np.zeros(len(self.problem.measured))
+
+    def squares(self, p: Floats, readings: Floats) -> float:
+        """Plain weighted squares with the prior's part, theory [20], whatever the loss.
+
+        Of readings (g,) that the model answers at p (n,), SI.
+        """
+        prior = self.scaling.prior_residuals(p)
+        misfit = self.misfit(readings)
+        return float(misfit @ misfit + prior @ prior)
+
+    def objective_of(self, p: Floats, readings: Floats) -> float:
+        """Phi at p (n,), SI, where the answer (g,) of the model is known; infinite where NaN."""
+        r = self.residuals(p, readings)
+        with np.errstate(over="ignore"):  # infinite is right for what overflows
+            return float(r @ r) if np.all(np.isfinite(r)) else np.inf
+
+    def objective(self, p: Floats) -> float:
+        """The discrepancy phi at p (n,), SI; infinite where the model has no solution.
+
+        Never raises `geoident.errors.ModelError`.
+        """
+        response = self.problem.response
+        if response.admissible(p) is not None:
+            return np.inf
+        try:
+            return self.objective_of(p, response.readings(p))
+        except ModelError:
+            return np.inf
+
+    def linearize(self, p: Floats) -> Linearization:
+        """Residuals and their Jacobian in x at p (n,), SI, from one evaluation of the model.
+
+        Raises:
+            ModelError: p is outside the domain of the model, or there is no solution.
+        """
+        why = self.problem.response.admissible(p)
+        if why is not None:
+            raise ModelError(why)
+        found = self.linearized(p, *self.problem.response.evaluate(p))
+        _require_finite(found)
+        return found
+
+    def linearized(self, p: Floats, readings: Floats, jacobian: Floats) -> Linearization:
+        """The same where the answer of the model is known.
 
         Args:
-            values: (n,) parameters, SI.
-            objective: the discrepancy there.
-            step: size of the step in scaled parameters.
-            note: such as ``accepted``.
+            p: (n,) parameters, SI.
+            readings: (g,) what the model answers, SI.
+            jacobian: (g, n) its derivative.
         """
-        number = len(self._iterations)
-        counts = self._response.counts
-        entry = Iteration(self._method, number, objective, values.copy(), step, counts, note)
-        self._iterations.append(entry)
-        self.stop = self._observe(entry) or self.stop
+        rows = self._rows(readings, jacobian * self.scaling.slope(p))
+        return Linearization(
+            self.residuals(p, readings), np.concatenate([rows, self.scaling.prior_jacobian(p)])
+        )
 
-    def outcome(self, values: Floats, objective: float, status: str, reason: str) -> Outcome:
-        """The outcome of the method, whose status and reason give way to those of a stop.
+    def _rows(self, v: Floats, dv_dx: Floats) -> Floats:
+        """Derivatives of the readings' part of the residuals, from those of the readings (g, n)."""
+        problem = self.problem
+        if self.latent:
+            return _projected(problem, v, dv_dx)
+        if problem.shared is not None:
+            return problem.whiten(dv_dx)
+        _, slope = transformed(problem.loss, self.misfit(v))
+        return dv_dx * (slope / problem.sd)[:, None]
 
-        Args:
-            values: (n,) the best parameters found, SI.
-            objective: the discrepancy there.
-            status: of a method that was not stopped.
-            reason: why it ended, a sentence.
-        """
-        if self.stop is not None:
-            status, reason = STOPPED, self.stop
-        return Outcome(values, objective, status, reason, self.iterations)
+
+def _projected(problem: Problem, v: Floats, dv_dx: Floats) -> Floats:
+    """Rows (g + K, n) of [f(u); z] with z following the parameters (Kaufman 1975)."""
+    assert problem.shared is not None
+    own, _ = own_residuals(problem, v)
+    _, slope = transformed(problem.loss, own)
+    size = slope / problem.sd
+    rows = np.concatenate([size[:, None] * dv_dx, np.zeros((len(problem.shared), dv_dx.shape[1]))])
+    for readings, shared in problem.shared.blocks:
+        C = scaled_rows(size[readings], problem.shared.block(readings, shared))
+        A = products(C, np.ones(len(readings)))
+        A[np.diag_indices_from(A)] += 1.0
+        x = np.linalg.solve(A, C.T @ rows[readings])
+        rows[readings] -= C @ x
+        rows[len(own) + shared] = x
+    return rows
+
+
+def own_residuals(problem: Problem, readings: Floats) -> tuple[Floats, Floats]:
+    """What is left of the residuals for each reading by itself, and the shared errors.
+
+    Args:
+        problem: readings with shared errors, and the loss.
+        readings: (g,) v, SI.
+
+    Returns:
+        (v - v* - B z) / s, (g,), and z (K,), at the minimum over z.
+    """
+    gap = readings - problem.measured
+    own = gap / problem.sd
+    shared = problem.shared
+    if shared is None or not np.all(np.isfinite(gap)):
+        return own, np.zeros(0 if shared is None else len(shared))
+    z = np.zeros(len(shared))
+    for rows, columns in shared.blocks:
+        B = scaled_rows(1.0 / problem.sd[rows], shared.block(rows, columns))
+        z[columns] = _shared_part(problem.loss, own[rows], B)
+        own[rows] -= B @ z[columns]
+    return own, z
+
+
+def _shared_part(options: LossOptions, u: Floats, B: Columns) -> Floats:
+    """The z (k,) that minimises sum rho(u - B z) + |z|^2, from z = 0.
+
+    Each step is that of reweighted least squares, which never goes up, or Newton's where that goes
+    further down: it ends a Huber's search at once where the tails are known.
+
+    Args:
+        options: the loss.
+        u: (m,) residuals in own standard deviations.
+        B: (m, k) likewise.
+    """
+    z = np.zeros(int(B.shape[1]))
+    one = np.eye(len(z))
+
+    def value(z: Floats) -> float:
+        f, _ = transformed(options, u - B @ z)
+        return float(f @ f + z @ z)
+
+    best = value(z)
+    for _ in range(_MOST_STEPS):
+        r = u - B @ z
+        w = full_weights(options, r)
+        down = B.T @ (w * r) - z
+        steps = [
+            np.linalg.solve(products(B, c) + one, down)
+            for c in (w, np.maximum(_curvature(options, r), 0.0))
+        ]
+        trials = [(value(z + step), step) for step in steps]
+        lowest, step = min(trials, key=lambda trial: trial[0])
+        z = z + step
+        if best - lowest <= 1e-14 * (1.0 + best) and np.abs(step).max() <= 1e-7:
+            break
+        best = lowest
+    return z
+
+
+_MOST_STEPS = 500
+"""Of the search for shared errors; a handful is usual."""
+
+
+def full_weights(options: LossOptions, r: Floats) -> Floats:
+    """rho'/(2 r), (g,), not cut: the weight with which reweighted least squares goes down."""
+    if isinstance(options, StudentOptions):
+        return np.asarray((options.nu + 1.0) / (options.nu + r**2))
+    return weights(options, r)
+
+
+def _curvature(options: LossOptions, r: Floats) -> Floats:
+    """rho''/2, (g,)."""
+    match options:
+        case HuberOptions(delta):
+            return np.asarray(np.abs(r) <= delta, dtype=np.float64)
+        case StudentOptions(nu):
+            return np.asarray((nu + 1.0) * (nu - r**2) / (nu + r**2) ** 2)
+        case _:
+            return np.ones_like(r)
+
+
+def _require_finite(found: Linearization) -> None:
+    """Refuse numbers whose squares overflow: every step from there would look like the last."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        squares = found.objective + float(np.sum(found.jacobian**2))
+    if not np.isfinite(squares):
+        raise ModelError(
+            "The computed readings or their misfit exceed the range of floating-point numbers.",
+            CHECK_UNITS,
+        )

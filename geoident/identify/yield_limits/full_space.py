@@ -32,15 +32,10 @@ import numpy as np
 import scipy.sparse as sp
 
 from geoident.errors import Fault, InputError
-from geoident.identify.objective.discrepancy import Discrepancy
 from geoident.identify.problem.methods import formulation_obstacle
-from geoident.identify.problem.problem import (
-    ComplementaritySystem,
-    History,
-    Observer,
-    Outcome,
-    Problem,
-)
+from geoident.identify.problem.outcome import History, Observer, Outcome
+from geoident.identify.problem.problem import Discrepancy, Problem
+from geoident.identify.problem.responses import ComplementaritySystem
 from geoident.identify.yield_limits.condensed_system import determined_unknowns, sizes_of_kinds
 from geoident.identify.yield_limits.implicit import certificate_at
 from geoident.model.arrays import Floats

@@ -26,13 +26,9 @@ import numpy as np
 from geoident.errors import Fault, InputError, ModelError
 from geoident.identify.least_squares.gauss_newton import gauss_newton
 from geoident.identify.problem.methods import formulation_obstacle
-from geoident.identify.problem.problem import (
-    ComplementaritySystem,
-    History,
-    Observer,
-    Outcome,
-    Problem,
-)
+from geoident.identify.problem.outcome import History, Observer, Outcome
+from geoident.identify.problem.problem import Problem
+from geoident.identify.problem.responses import ComplementaritySystem
 from geoident.identify.yield_limits.condensed_system import (
     CondensedSystem,
     condensed,

@@ -37,9 +37,10 @@ from geoident.identify.least_squares.descent import Descent, Ending, Evaluator, 
 from geoident.identify.least_squares.gauss_newton import gauss_newton_descent, gauss_newton_step
 from geoident.identify.least_squares.several_starts import halton_starts
 from geoident.identify.least_squares.trust_region import TrustBox
-from geoident.identify.objective.discrepancy import Discrepancy
 from geoident.identify.problem.ahead import ProblemApart, apart, at_once, in_turns
-from geoident.identify.problem.problem import History, Observer, Outcome, Problem, YieldSystem
+from geoident.identify.problem.outcome import History, Observer, Outcome
+from geoident.identify.problem.problem import Discrepancy, Problem
+from geoident.identify.problem.responses import YieldSystem
 from geoident.identify.yield_limits.starts import Restarts, raised, strength_scan
 from geoident.identify.yield_limits.stationarity import (
     GLOBAL,

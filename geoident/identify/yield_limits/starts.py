@@ -36,7 +36,7 @@ import numpy as np
 
 from geoident.identify.least_squares.descent import Evaluator
 from geoident.identify.least_squares.gauss_newton import phi_after_step
-from geoident.identify.problem.problem import Scaling
+from geoident.identify.problem.scaling import Scaling
 from geoident.identify.yield_limits.stationarity import YieldIterate
 from geoident.model.arrays import Bools, Floats
 

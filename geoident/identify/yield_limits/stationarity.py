@@ -33,8 +33,9 @@ from geoident.identify.least_squares.acceptance import Iterate
 from geoident.identify.least_squares.descent import Evaluator, gradient_cosines
 from geoident.identify.least_squares.gauss_newton import phi_after_step
 from geoident.identify.least_squares.trust_region import bounded_least_squares
-from geoident.identify.objective.discrepancy import Discrepancy
-from geoident.identify.problem.problem import History, YieldSystem
+from geoident.identify.problem.outcome import History
+from geoident.identify.problem.problem import Discrepancy
+from geoident.identify.problem.responses import YieldSystem
 from geoident.model.arrays import Bools, Floats
 from geoident.model.results.bands import NORMAL_95
 from geoident.model.yielding import Activity, Certificate

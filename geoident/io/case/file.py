@@ -212,13 +212,9 @@ def _build(section: CaseSection, folder: Path, faults: Faults, *, with_mesh: boo
     if isinstance(elsewhere, RunTable):
         built = replace(built, parameters=within_runs(built.parameters, elsewhere))
     case = replace(
-        built,
+        read.given_to(built),
         channels=described_channels(built, section, read.zeros, faults),
         mesh_file=mesh_path,
-        readings=read.readings,
-        dates=read.dates,
-        notes=read.notes,
-        when_read=read.by_stage,
         elsewhere=elsewhere,
     )
     return _Built(case, mesh_path, read.paths)

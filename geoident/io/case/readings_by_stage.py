@@ -1,28 +1,34 @@
-"""The readings of a case: from wherever it says they are, to its stages, held against the case."""
+"""The readings of a case, from wherever it says they are to its stages.
+
+A reading with a date belongs to the stage that was complete then: the last whose date is not later.
+Within a stage the last good reading counts, or their mean, or all of them, as the case says. What
+is not used here is counted and said, never dropped in silence.
+"""
 
 from __future__ import annotations
 
+import math
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from geoident.errors import Fault, InputError, Location
+from geoident.errors import InputError
 from geoident.io.case.case import CaseSection
-from geoident.io.case.gauges.kinds import sections_of_channels
 from geoident.io.case.readings import ReadingSection
-from geoident.io.case.site_files.assignment import Calendar, assign
+from geoident.io.case.site_files.calendar import DAY, Calendar, calendar_of
+from geoident.io.case.site_files.checks import ReadingChecks
 from geoident.io.case.site_files.dates import gaps, when_read
 from geoident.io.case.site_files.file import ReadingsFileSection
 from geoident.io.case.site_files.surveyed import surveyed
 from geoident.io.readings.file import format_of
 from geoident.io.readings.table import FaultyReadings, Layout
-from geoident.io.text.dates import date_text, offset_text, read_date
+from geoident.io.text.dates import date_text, offset_text
 from geoident.io.text.faults import Faults
-from geoident.io.text.wording import listing
-from geoident.model.case import VIRGIN, KeyPath, format_path
-from geoident.model.gauges import Reading, StageReadings
-from geoident.units import UnitError, read_quantity, require_dimension, with_article
+from geoident.model.case import VIRGIN, Case, KeyPath
+from geoident.model.gauges import Reading, Reads, StageReadings, named_channels
+from geoident.units import UnitError, read_quantity, require_dimension
 
 Find = Callable[[str, KeyPath], str]
 """Path of a file that the case names at a key; notes a fault if it is not there."""
@@ -48,6 +54,35 @@ class ReadReadings:
     zeros: Mapping[str, Reading] = field(default_factory=dict)
     by_stage: tuple[StageReadings, ...] = ()
 
+    def given_to(self, case: Case) -> Case:
+        """The case with its readings, and when they and its stages were."""
+        return replace(
+            case,
+            readings=self.readings,
+            dates=self.dates,
+            notes=self.notes,
+            when_read=self.by_stage,
+        )
+
+
+@dataclass
+class _Found:
+    """What was read so far.
+
+    Args:
+        readings: each with its stage.
+        paths: of the files.
+        notes: sentences.
+        dated: the good ones that have a date, before several of a stage become one.
+        zeros: channel to what was read at its zero and subtracted.
+    """
+
+    readings: list[Reading] = field(default_factory=list)
+    paths: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    dated: list[Reading] = field(default_factory=list)
+    zeros: dict[str, Reading] = field(default_factory=dict)
+
 
 def read_all(section: CaseSection, find: Find, faults: Faults) -> ReadReadings:
     """Read what the case gives as readings; what is wrong in it is noted.
@@ -57,26 +92,22 @@ def read_all(section: CaseSection, find: Find, faults: Faults) -> ReadReadings:
         find: finds the files that it names.
         faults: is told what is wrong.
     """
-    calendar = _calendar(section, faults)
-    paths: list[str] = []
-    notes: list[str] = []
-    check = _Check(section, calendar, faults)
-    found: list[Reading] = []
+    calendar = calendar_of(section, faults)
+    found, checks = _Found(), ReadingChecks(section, calendar, faults)
     for path, entry in _entries(section.readings):
         if isinstance(entry, ReadingSection):
             batch, alone = _inline(entry, path, calendar, faults), True
         else:
-            batch, alone = _of_file(entry, path, (find, calendar, check), paths, notes)
-        check.all(batch, alone=alone)
-        found += batch
-    check.bad()
-    readings = tuple(replace(row, bad=row.bad or _bad_reason(section, row)) for row in found)
-    by_stage = when_read(check.dated, calendar)
+            batch, alone = _of_file(entry, path, (find, calendar, checks), found)
+        checks.all(batch, alone=alone)
+        found.readings += batch
+    checks.bad()
+    readings = tuple(replace(r, bad=r.bad or _bad_reason(section, r)) for r in found.readings)
+    by_stage = when_read(found.dated, calendar)
     if by_stage and not faults.found:
-        notes += gaps(check.dated, by_stage, calendar, readings)
-    return ReadReadings(
-        readings, tuple(paths), calendar.dates, tuple(notes), check.measured_zeros, by_stage
-    )
+        found.notes += gaps(found.dated, by_stage, calendar, readings)
+    paths, notes = tuple(found.paths), tuple(found.notes)
+    return ReadReadings(readings, paths, calendar.dates, notes, found.zeros, by_stage)
 
 
 def _entries(readings: Any) -> list[tuple[KeyPath, Any]]:
@@ -86,24 +117,6 @@ def _entries(readings: Any) -> list[tuple[KeyPath, Any]]:
     if isinstance(readings, list):
         return [(("readings", n), entry) for n, entry in enumerate(readings)]
     return [(("readings",), readings)]
-
-
-def _calendar(section: CaseSection, faults: Faults) -> Calendar:
-    """Stages and dates, of which every one is later than those before."""
-    stages = (VIRGIN, *(stage.name for stage in section.stages))
-    dates: dict[str, float] = {}
-    for name, text in section.dates.items():
-        if name in stages:
-            dates[name] = read_date(text)
-        else:
-            faults.add_unknown(("dates", name), "stage", name, stages, key=True)
-    before: str | None = None
-    for name in (stage for stage in stages if stage in dates):
-        if before is not None and dates[name] < dates[before]:
-            message = f"'{name}' ends before '{before}' ({date_text(dates[before])})"
-            faults.add(("dates", name), "dates-order", message, "Correct one of the dates.")
-        before = name
-    return Calendar(stages, dates, sections_of_channels(section.gauges))
 
 
 def _inline(
@@ -145,43 +158,43 @@ def _inline(
 def _of_file(
     entry: str | ReadingsFileSection,
     path: KeyPath,
-    tools: tuple[Find, Calendar, _Check],
-    paths: list[str],
-    notes: list[str],
+    tools: tuple[Find, Calendar, ReadingChecks],
+    found: _Found,
 ) -> tuple[list[Reading], bool]:
     """The readings of a file, each with its stage, and whether one a stage is expected."""
-    find, calendar, check = tools
+    find, calendar, checks = tools
+    faults = checks.faults
     described = ReadingsFileSection(file=entry) if isinstance(entry, str) else entry
-    before = len(check.faults.found)
+    before = len(faults.found)
     key = path if isinstance(entry, str) else (*path, "file")
-    found = [find(name, key) for name in described.paths]
-    paths += found
-    if len(check.faults.found) > before:
+    paths = [find(name, key) for name in described.paths]
+    found.paths += paths
+    if len(faults.found) > before:
         return [], True
-    survey = surveyed(described, check.section, check.faults, path)
-    check.mapped(described, path)
-    declared = len(check.faults.found)
-    rows = _rows(found, described.described(calendar.dimensions, survey), check.faults, notes)
+    survey = surveyed(described, checks.section, faults, path)
+    checks.mapped(described, path)
+    declared = len(faults.found)
+    rows = _rows(paths, described.described(calendar.dimensions, survey), faults, found.notes)
     if declared > before:
         return [], True
-    sound = len(check.faults.found) == before
+    sound = len(faults.found) == before
     dated = any(row.time is not None for row in rows)
     if dated and not calendar.dates:
         message = f"the readings of '{described.paths[0]}' have dates, but the stages have none"
         hint = "Write dates: {STAGE: 2024-03-01, ...}, the day at which each was complete."
-        check.faults.add(key, "missing-dates", message, hint)
+        faults.add(key, "missing-dates", message, hint)
         return [], True
     several = described.several or ("last" if dated else "")
-    check.dated += [
+    found.dated += [
         row if row.stage else replace(row, stage=calendar.stage_at(row.time))
         for row in rows
         if row.time is not None and row.value is not None and not row.bad
     ]
     zero = "first" if survey is not None else several if described.rezero else ""
-    assigned = assign(rows, calendar, several=several, zero=zero)
-    notes += assigned.notes
-    check.zeroed(assigned.unzeroed if sound else ())
-    check.measured_zeros |= assigned.zeros
+    assigned = _assign(rows, calendar, several=several, zero=zero)
+    found.notes += assigned.notes
+    checks.zeroed(assigned.unzeroed if sound else ())
+    found.zeros |= assigned.zeros
     return assigned.readings, not several
 
 
@@ -250,146 +263,168 @@ def _bad_reason(section: CaseSection, row: Reading) -> str:
     return ""
 
 
-class _Check:
-    """What readings are held against.
+@dataclass
+class _Assigned:
+    """Readings by stage, and what has to be said about the others.
 
-    ``zeros`` maps channels to the stage where they are zero, ``order`` stages to their order,
-    ``owners`` channels to their gauges, ``measured_zeros`` channels to what was read at their zero
-    and subtracted; ``hints`` what to write in place of a name that refers to nothing.
+    Args:
+        readings: with their stages.
+        notes: sentences.
+        unzeroed: channels that have no reading at their zero to be subtracted.
+        zeros: channel to what was subtracted.
     """
 
-    def __init__(self, section: CaseSection, calendar: Calendar, faults: Faults) -> None:
-        self.section = section
-        self.faults = faults
-        self.zeros = calendar.zeros
-        self.dimensions = calendar.dimensions
-        self.dates = calendar.dates
-        self.order = {name: n for n, name in enumerate(calendar.stages)}
-        self.owners = {
-            channel: name
-            for name, gauge in section.gauges.items()
-            for channel in gauge.channel_names(name)
-        }
-        self.seen: dict[tuple[str, str], Reading] = {}
-        self.undated: set[tuple[str, str]] = set()
-        self.hints: dict[tuple[str, str], str] = {}
-        self.measured_zeros: dict[str, Reading] = {}
-        self.dated: list[Reading] = []
+    readings: list[Reading]
+    notes: list[str] = field(default_factory=list)
+    unzeroed: list[Reading] = field(default_factory=list)
+    zeros: dict[str, Reading] = field(default_factory=dict)
 
-    def all(self, readings: Iterable[Reading], *, alone: bool) -> None:
-        """Note readings of unknown gauges or stages, before the zero of a gauge, or given twice."""
-        for reading in readings:
-            self._gauge(reading)
-            self._stage(reading)
-            self._drift(reading)
-            known = reading.channel in self.zeros and (reading.stage or VIRGIN) in self.order
-            if known and not reading.bad:
-                self._twice(reading, alone=alone)
 
-    def mapped(self, described: ReadingsFileSection, path: KeyPath) -> None:
-        """The channels that a file is said to hold exist, and read what calibrations give."""
-        if described.layout == "coordinates":
-            return  # it has points, see `surveyed`
-        for name, origin in described.channels.items():
-            calibration = None if isinstance(origin, str) else origin.calibration
-            wanted = self.dimensions.get(name)
-            if calibration is not None and wanted not in {None, calibration.dimension}:
-                message = f"the calibration gives {with_article(calibration.dimension)}, "
-                message += f"'{name}' reads {with_article(str(wanted))}"
-                place = (*path, "channels", name, "calibration")
-                self.faults.add(place, "unit", message, "Correct its units, or the channel.")
-            if name not in self.zeros:
-                hint = self.faults.did_you_mean(name, self.zeros, what="Gauges")
-                place = (*path, "channels", name)
-                message = f"there is no gauge '{name}' to read"
-                self.faults.add(place, "unknown-gauge", message, hint, key=True)
+def _assign(
+    readings: Sequence[Reading], calendar: Calendar, *, several: str, zero: str = ""
+) -> _Assigned:
+    """Give dated readings their stages, subtract what was read at zero, and reduce several to one.
 
-    def zeroed(self, readings: Iterable[Reading]) -> None:
-        """Every channel has a reading at its zero, if that is to be subtracted."""
-        for reading in readings:
-            zero = self.zeros.get(reading.channel, VIRGIN)
-            since = f" ({date_text(self.dates[zero])})" if zero in self.dates else ""
-            message = f"'{reading.channel}' was not read at its zero, '{zero}'{since}"
-            hint = "Correct the gauge's 'zero' or the dates, or leave out 'rezero'."
-            self._refuse(reading, "no-zero-reading", message, hint)
+    Args:
+        readings: of one file.
+        calendar: stages and dates.
+        several: ``last``, ``mean`` or ``all``.
+        zero: subtract from each channel what was read at its zero: the ``first`` or ``last`` of
+            the stage, or the mean for anything else; nothing if empty.
+    """
+    staged = [
+        reading
+        if reading.time is None or reading.stage
+        else replace(reading, stage=_stage_of(reading, calendar))
+        for reading in readings
+    ]
+    found = _Assigned(staged)
+    if zero:
+        zeros = _take_zeros(found, calendar, zero)
+    _leave_out_early(found, calendar)
+    found.readings = [r for group in _groups(found.readings) for r in _reduced(group, several)]
+    if zero:
+        _subtract_zeros(found, zeros)
+    return found
 
-    def bad(self) -> None:
-        """The gauges and stages that are said to be bad exist."""
-        gauges = {*self.zeros, *self.section.gauges}
-        for n, entry in enumerate(self.section.bad):
-            if entry.gauge not in gauges:
-                self.faults.add_unknown(("bad", n, "gauge"), "gauge", entry.gauge, gauges)
-            if entry.stage is not None and entry.stage not in self.order:
-                stages = list(self.order)[1:]
-                self.faults.add_unknown(("bad", n, "stage"), "stage", entry.stage, stages)
 
-    def _gauge(self, placed: Reading) -> None:
-        name = placed.channel
-        if name in self.zeros:
-            return
-        hint = self.hints.get(("gauge", name))
-        if hint is None:
-            hint = self.hints["gauge", name] = self._gauge_hint(name)
-        self._refuse(placed, "unknown-gauge", f"there is no gauge '{name}' to read", hint)
+def _stage_of(reading: Reading, calendar: Calendar) -> str:
+    """The stage of a dated reading.
 
-    def _gauge_hint(self, name: str) -> str:
-        """What to write in place of the name of a gauge that there is not."""
-        gauge = self.section.gauges.get(name)
-        if gauge is not None and gauge.kind == "extensometer":
-            anchors = listing(f"{name}.{anchor}" for anchor in gauge.anchors)
-            return f"An extensometer has one reading per anchor: {anchors}."
-        if gauge is not None:
-            channels = listing(gauge.channel_names(name))
-            return f"It has readings of its own for each of its channels: {channels}."
-        return self.faults.did_you_mean(name, self.zeros, what="Gauges")
+    What reads the stress of the virgin ground is read before the first stage, too, and counts with
+    it.
+    """
+    found = calendar.stage_at(reading.time) if reading.time is not None else reading.stage
+    gauge = calendar.channels.get(reading.channel)
+    of_virgin = gauge is not None and gauge.made_of is Reads.VIRGIN
+    first = calendar.stages[1] if len(calendar.stages) > 1 else found
+    return first if found == VIRGIN and of_virgin else found
 
-    def _stage(self, placed: Reading) -> None:
-        """The stage exists, and is not before the zero of the gauge."""
-        name = placed.stage or VIRGIN
-        zero = self.zeros.get(placed.channel, VIRGIN)
-        if name == VIRGIN:
-            message = f"nothing can be read in the state '{VIRGIN}', before the first stage"
-            code, hint = "unknown-stage", "Readings stand at the end of stages."
-        elif name not in self.order:
-            message, code = f"there is no stage '{name}'", "unknown-stage"
-            hint = self.hints.get(("stage", name), "")
-            if not hint:
-                hint = self.faults.did_you_mean(name, list(self.order)[1:], what="Stages")
-                self.hints["stage", name] = hint
-        elif self.order[name] < self.order.get(zero, 0):
-            message = f"'{placed.channel}' is read at '{name}', before its zero at '{zero}'"
-            code, hint = "before-zero", "Correct the stage of the reading or the gauge's 'zero'."
-        else:
-            return
-        self._refuse(placed, code, message, hint, key="stage")
 
-    def _drift(self, placed: Reading) -> None:
-        """The times of a gauge that drifts are known."""
-        gauge = self.owners.get(placed.channel, "")
-        if not gauge or self.section.gauges[gauge].drift is None:
-            return
-        needed = {self.zeros.get(placed.channel, VIRGIN)}
-        needed |= {placed.stage or VIRGIN} if placed.time is None else set()
-        for stage in sorted(needed - self.dates.keys()):
-            if (gauge, stage) not in self.undated:
-                self.undated.add((gauge, stage))
-                message = f"'{gauge}' drifts in time, but the stage '{stage}' has no date"
-                hint = f"Add it: dates: {{{stage}: 2024-03-01}}; or use drift_per_stage."
-                self.faults.add(("gauges", gauge, "drift"), "missing-dates", message, hint)
+def _groups(readings: Iterable[Reading]) -> list[list[Reading]]:
+    """Readings of the same channel and stage together, in the order of the file."""
+    together: dict[tuple[str, str], list[Reading]] = {}
+    for reading in readings:
+        together.setdefault((reading.channel, reading.stage), []).append(reading)
+    return list(together.values())
 
-    def _twice(self, placed: Reading, *, alone: bool) -> None:
-        """No channel is read twice at a stage, unless one file says what that means."""
-        first = self.seen.setdefault((placed.channel, placed.stage), placed)
-        same_file = first.location.file == placed.location.file
-        if first is placed or (same_file and not alone):
-            return
-        message = f"a second reading of '{placed.channel}' at '{placed.stage}', "
-        message += f"first at {first.location}"
-        self._refuse(placed, "duplicate-reading", message, "Keep one of them.")
 
-    def _refuse(
-        self, placed: Reading, code: str, message: str, hint: str, *, key: str = "gauge"
-    ) -> None:
-        location: Location = placed.when if key == "stage" else placed.location
-        path = format_path((*placed.key, key)) if placed.key else ""
-        self.faults.extend([Fault(code, message, hint, location, path)])
+def _reduced(group: list[Reading], several: str) -> list[Reading]:
+    """The bad readings of a group, and what is left of the good ones; a blank if there are none."""
+    bad = [reading for reading in group if reading.bad]
+    good = [reading for reading in group if not reading.bad and reading.value is not None]
+    if not good:
+        return bad or group[:1]
+    if several == "first":
+        good = [min(good, key=lambda reading: reading.time or 0.0)]
+    elif several == "last":
+        good = [max(good, key=lambda reading: (reading.time is not None, reading.time or 0.0))]
+        if good[0].time is None:
+            good = [[r for r in group if not r.bad and r.value is not None][-1]]
+    elif several == "mean":
+        good = [_mean(good)]
+    return [*good, *bad]
+
+
+def _mean(good: list[Reading]) -> Reading:
+    """One reading for several; its accuracy is that of the gauge unless each has its own.
+
+    What readings of a day share, such as a set-up, is averaged over the days only.
+    """
+    n = len(good)
+    times = [reading.time for reading in good if reading.time is not None]
+    own = [reading.accuracy for reading in good if reading.accuracy is not None]
+    accuracy = math.sqrt(sum(a**2 for a in own)) / n if len(own) == n else None
+    return replace(
+        good[-1],
+        value=sum(reading.value or 0.0 for reading in good) / n,
+        time=sum(times) / n if len(times) == n else None,
+        accuracy=accuracy,
+        count=n,
+        epochs=len({time // DAY for time in times}) if len(times) == n else 1,
+    )
+
+
+def _take_zeros(found: _Assigned, calendar: Calendar, several: str) -> dict[str, Reading]:
+    """Channel to what was read at its zero; these readings say nothing more."""
+    at = calendar.zeroed
+    at_zero = [r for r in found.readings if at.get(r.channel) == r.stage]
+    good = [r for r in at_zero if r.value is not None and not r.bad]
+    which = several if several in {"first", "last"} else "mean"
+    zeros = {group[0].channel: _reduced(group, which)[0] for group in _groups(good)}
+    found.readings = [r for r in found.readings if at.get(r.channel) != r.stage]
+    lacking = {
+        r.channel: r
+        for r in found.readings
+        if r.channel in at and r.channel not in zeros and r.value is not None
+    }
+    found.unzeroed = list(lacking.values())
+    return zeros
+
+
+def _subtract_zeros(found: _Assigned, zeros: Mapping[str, Reading]) -> None:
+    """Subtract what was read at zero from the readings that are left.
+
+    The error of a zero is that of all readings of its channel, `geoident.model.gauges.ErrorParts`:
+    the variance of one is the sum of both (ISO/IEC Guide 98-3, 5.1.2), and the readings of the
+    channel are correlated.
+    """
+    found.readings = [
+        replace(row, value=row.value - (zeros[row.channel].value or 0.0))
+        if row.value is not None and row.channel in zeros
+        else row
+        for row in found.readings
+    ]
+    channels = dict.fromkeys(row.channel for row in found.readings if row.channel in zeros)
+    found.zeros = {name: zeros[name] for name in channels}
+    if channels:
+        names = named_channels(list(channels))
+        found.notes.append(
+            f"The readings of {names} are differences from a measured zero (rezero): their "
+            "standard deviation is the root of the sum of the squares of both. All readings of a "
+            "channel share the error of its zero, and count as correlated."
+        )
+
+
+def _leave_out_early(found: _Assigned, calendar: Calendar) -> None:
+    """Leave out dated readings of the time before the zero of their channel."""
+    early = [
+        r
+        for r in found.readings
+        if r.time is not None
+        and (r.stage in ("", VIRGIN) or calendar.before_zero(r.channel, r.stage))
+    ]
+    left_out = {id(reading) for reading in early}
+    found.readings = [r for r in found.readings if id(r) not in left_out]
+    before: dict[str, list[tuple[str, int]]] = {}
+    for channel, number in Counter(reading.channel for reading in early).items():
+        zero = calendar.zeros.get(channel, VIRGIN)
+        since = calendar.dates.get(zero if zero != VIRGIN else "", None)
+        when = f" ({date_text(since)})" if since is not None else ""
+        what = f"its zero at the end of '{zero}'{when}" if zero != VIRGIN else "the first stage"
+        before.setdefault(what, []).append((channel, number))
+    for what, counted in before.items():
+        number = sum(count for _, count in counted)
+        names = named_channels([channel for channel, _ in counted])
+        readings = "reading" if number == 1 else "readings"
+        found.notes.append(f"{number} {readings} of {names} before {what} left out.")

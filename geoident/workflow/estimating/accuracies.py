@@ -18,7 +18,8 @@ from geoident.identify.assessment.variance_components import (
     likelihood_at,
 )
 from geoident.identify.problem.errors import ErrorStructure
-from geoident.identify.problem.problem import Outcome, Problem
+from geoident.identify.problem.outcome import Outcome
+from geoident.identify.problem.problem import Problem
 from geoident.model.arrays import Floats
 from geoident.model.case import Case
 from geoident.model.gauges import PARTS, Channel, ErrorParts, Reads

@@ -12,8 +12,7 @@ from geoident.identify.assessment.diagnostics import diagnose, effective_sd
 from geoident.identify.assessment.linearity import interval_ends
 from geoident.identify.assessment.misfit import misfit
 from geoident.identify.assessment.uncertainty import Assessment, assess
-from geoident.identify.objective.discrepancy import Discrepancy
-from geoident.identify.problem.problem import Problem
+from geoident.identify.problem.problem import Discrepancy, Problem
 from geoident.io.text.wording import listing
 from geoident.model.arrays import Floats, Ints
 from geoident.model.case import Case
@@ -92,7 +91,7 @@ def diagnostics_table(
     """
     used = readings.used
     computed, jacobian = at_used(readings)
-    pairs = [pair for pair, taken in zip(readings.pairs, used, strict=True) if taken]
+    pairs = readings.used_pairs
     number = {pair: n for n, pair in enumerate(dict.fromkeys(pairs))}
     sets = np.array([number[pair] for pair in pairs], dtype=np.int64)
     found = diagnose(problem, assessment, computed, jacobian, sets)

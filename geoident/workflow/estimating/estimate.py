@@ -11,7 +11,8 @@ from geoident.errors import TimeIsUp
 from geoident.forward.protocols import CaseModel, Survey
 from geoident.identify.assessment.diagnostics import effective_sd
 from geoident.identify.assessment.uncertainty import Assessment
-from geoident.identify.problem.problem import Outcome, Problem
+from geoident.identify.problem.outcome import Outcome
+from geoident.identify.problem.problem import Problem
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case
 from geoident.model.gauges import ReadingTable
@@ -238,7 +239,7 @@ def searched(
     prepared = prepare(job)
     _tell_readings(prepared, control)
     with (
-        evaluation_log(job, control) as log,
+        evaluation_log(job, control, prepared.model) as log,
         with_workers(job, prepared, control) as setup,
     ):
         found = estimated(setup, job.methods, log, control)

@@ -14,7 +14,9 @@ import numpy as np
 from geoident.errors import ModelError
 from geoident.forward.gauges.instrument_errors import ReadingPlaces
 from geoident.forward.model import StagedModel
-from geoident.identify.problem.problem import Outcome, Problem, Scaling
+from geoident.identify.problem.outcome import Outcome
+from geoident.identify.problem.problem import Problem
+from geoident.identify.problem.scaling import Scaling
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case
 from geoident.model.gauges import Channel, ErrorParts, ReadingTable
@@ -27,7 +29,6 @@ from geoident.workflow.estimating.mesh_error import (
     mesh_sentence,
     not_computed,
     refinement,
-    used_pairs,
 )
 
 SHIFT = 0.5
@@ -117,7 +118,7 @@ def fitted_mesh(
         if known is None:
             found = _of_used(model, problem, read, outcome)
         else:
-            found = _of_known(known, model, problem, used_pairs(read), outcome)
+            found = _of_known(known, model, problem, read.used_pairs, outcome)
     except ModelError:
         return None
     aside = (model.counts - before) - (problem.response.counts - of_response)
@@ -186,7 +187,7 @@ def _of_used(
     Raises:
         ModelError: the model has no solution there.
     """
-    p, pairs = outcome.values, used_pairs(read)
+    p, pairs = outcome.values, read.used_pairs
     finer = refinement(model, _plain(model), p, _patience(problem))
     if isinstance(finer, Refinement):
         v, _ = problem.response.evaluate(p)

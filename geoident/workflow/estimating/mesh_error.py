@@ -20,7 +20,7 @@ from geoident.fem.refinement.finer import halved, raised
 from geoident.fem.refinement.singularity import exponent, openings
 from geoident.fem.solvers import pick_solver
 from geoident.forward.gauges.instrument_errors import ReadingPlaces
-from geoident.forward.gauges.observation import reads_displacements
+from geoident.forward.gauges.kinds import reads_displacements
 from geoident.forward.model import StageByStage, StagedModel, staged_model
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case
@@ -181,7 +181,7 @@ class Refinement:
         Raises:
             ModelError: the refined model has no solution there.
         """
-        case, pairs = self.model.case, used_pairs(read)
+        case, pairs = self.model.case, read.used_pairs
         places = ReadingPlaces.of(case, pairs, ())
         added = self.model.instrument_errors.added
         at_times = ReadingPlaces.of(case, pairs, times_of(read, read.used))
@@ -214,11 +214,6 @@ class Refinement:
 def _left(how: str, q: Floats) -> Floats:
     """Part of the error that is left on the finer mesh, at orders q (k,) of convergence."""
     return np.asarray((2.0 if how == "refinement" else 4.0) ** -q)
-
-
-def used_pairs(read: ReadingTable) -> list[tuple[str, str]]:
-    """Channel and stage of the readings used (g)."""
-    return [pair for pair, used in zip(read.pairs, read.used, strict=True) if used]
 
 
 def by_recovery(model: StagedModel, p: Floats, why: str) -> MeshError:

@@ -53,7 +53,7 @@ def no_model_error(
     why = _not_asked(case, methods)
     if why is not None or case.fit.model_error.kind == "given":
         return why
-    places = {pair for pair, used in zip(readings.pairs, readings.used, strict=True) if used}
+    places = set(readings.used_pairs)
     unknown = sum(not parameter.field for parameter in case.parameters)
     if len(places) >= unknown + ENOUGH:
         return None

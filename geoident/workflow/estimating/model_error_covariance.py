@@ -22,7 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
-from geoident.forward.gauges.observation import reads_displacements
+from geoident.forward.gauges.kinds import reads_displacements
 from geoident.forward.protocols import CaseModel
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case

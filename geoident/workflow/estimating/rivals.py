@@ -23,8 +23,8 @@ from geoident.identify.assessment.laplace import (
 )
 from geoident.identify.least_squares.acceptance import Iterate
 from geoident.identify.least_squares.several_starts import RIVAL, Angles, distinct_minima
-from geoident.identify.objective.discrepancy import Discrepancy
-from geoident.identify.problem.problem import LocalMinimum, Outcome, Problem
+from geoident.identify.problem.outcome import LocalMinimum, Outcome
+from geoident.identify.problem.problem import Discrepancy, Problem
 from geoident.model.arrays import Bools, Floats
 from geoident.model.parameter import Parameter
 from geoident.model.results.bands import Prediction

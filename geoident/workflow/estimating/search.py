@@ -14,11 +14,12 @@ from geoident.forward.elsewhere.table import TableModel
 from geoident.forward.model import StagedModel
 from geoident.identify import descend, identify
 from geoident.identify.assessment.variance_components import VarianceComponents
-from geoident.identify.objective.discrepancy import Discrepancy
 from geoident.identify.problem.ahead import begins_near
 from geoident.identify.problem.errors import ErrorStructure
 from geoident.identify.problem.methods import continued
-from geoident.identify.problem.problem import LocalMinimum, Outcome, Problem, Scaling
+from geoident.identify.problem.outcome import LocalMinimum, Outcome
+from geoident.identify.problem.problem import Discrepancy, Problem
+from geoident.identify.problem.scaling import Scaling
 from geoident.model.arrays import Floats
 from geoident.model.case import Case
 from geoident.model.methods import (
@@ -43,7 +44,6 @@ from geoident.workflow.estimating.fitted_mesh import (
     judged_mesh,
     with_mesh_error,
 )
-from geoident.workflow.estimating.mesh_error import used_pairs
 from geoident.workflow.estimating.model_error import (
     FittedModelError,
     no_model_error,
@@ -288,7 +288,7 @@ class _Search:
         case, readings = setup.case, setup.readings
         length = correlation_length(case, case.fit.model_error)
         rows = used_rows(case, readings.used)
-        pairs = used_pairs(readings)
+        pairs = readings.used_pairs
         structure = error_structure(rows)
         search = ModelErrorSearch(
             case.fit.model_error,
@@ -341,7 +341,7 @@ def _mesh_beside_accuracies(found: Setup, problem: Problem, outcome: Outcome) ->
     accuracy = np.array([channel.accuracy for channel in case.channels], dtype=np.float64)
     estimated = replace(mesh.found, accuracy=accuracy)
     again = replace(problem, sd=sd, shared=shared)
-    judged = judged_mesh(estimated, again, used_pairs(found.readings), outcome)
+    judged = judged_mesh(estimated, again, found.readings.used_pairs, outcome)
     if not judged.counts:
         return None
     if mesh.whole or not isinstance(found.model, StagedModel):

@@ -35,6 +35,7 @@ from geoident.workflow.running.jobs import Job, build_model
 from geoident.workflow.running.kept_reduced import restored_for
 from geoident.workflow.running.readings import (
     error_structure,
+    problem_of_readings,
     reading_table,
     require_enough,
     select_readings,
@@ -166,8 +167,7 @@ def problem_of(setup: Setup, log: Log, control: Control) -> Problem:
         log: takes what is evaluated, and gives it again.
         control: is told of stages, and stops the run.
     """
-    case, readings, used = setup.case, setup.readings, setup.readings.used
-    names = case.stage_names
+    case, names = setup.case, setup.case.stage_names
 
     def on_state(n: int) -> None:
         control.monitor.stage(names[n], n, len(names) - 1)
@@ -185,8 +185,7 @@ def problem_of(setup: Setup, log: Log, control: Control) -> Problem:
         pairs, times = _asked(setup)
         where = None if setup.workers is None else ResponseBeside(setup.workers, pairs, times)
         response = Remembered(staged, log, before=control.stop.check, elsewhere=where)
-    sd, shared = error_structure(used_rows(case, used)).stated
-    return Problem(response, readings.value[used], sd, case.parameters, case.fit.loss, shared)
+    return problem_of_readings(case, setup.readings, response)
 
 
 def used_response(setup: Setup) -> Response:
@@ -196,9 +195,8 @@ def used_response(setup: Setup) -> Response:
 
 def _asked(setup: Setup) -> tuple[list[tuple[str, str]], Sequence[float | None]]:
     """Channel and stage of the readings that are used, and when each was read."""
-    readings, used = setup.readings, setup.readings.used
-    pairs = [pair for pair, taken in zip(readings.pairs, used, strict=True) if taken]
-    return pairs, times_of(readings, used)
+    readings = setup.readings
+    return readings.used_pairs, times_of(readings, readings.used)
 
 
 def kept_response(setup: Setup) -> ReducedResponse | None:

@@ -9,7 +9,8 @@ import numpy as np
 
 from geoident.forward.gauges.instrument_errors import ReadingPlaces
 from geoident.forward.protocols import CaseModel, Survey
-from geoident.identify.problem.problem import HasIncrements, Problem
+from geoident.identify.problem.problem import Problem
+from geoident.identify.problem.responses import HasIncrements
 from geoident.model.arrays import Floats, Ints
 from geoident.model.case import Case
 from geoident.model.gauges import ReadingTable

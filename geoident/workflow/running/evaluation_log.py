@@ -21,7 +21,7 @@ import numpy as np
 
 from geoident.errors import ModelError, TimeIsUp
 from geoident.identify.problem.ahead import Look, Turn
-from geoident.identify.problem.problem import (
+from geoident.identify.problem.responses import (
     AffineElastic,
     ComplementaritySystem,
     HasIncrements,

@@ -1,6 +1,6 @@
 """Readings as a long table: which take part and why not, and what their errors share (theory 7).
 
-From the case to the weighted residual a reading is a row of one `ReadingTable`: the search takes
+From the case to the weighted residual a reading is a row of one `ReadingTable`: the `Problem` has
 the values and errors of the rows that are used, the result holds the whole table.
 
 Shared errors are named by what shares them: the zero of a channel; the head of a gauge, the set-up
@@ -22,9 +22,11 @@ import scipy.sparse as sp
 from geoident.errors import InputError
 from geoident.forward.protocols import CaseModel
 from geoident.identify.problem.errors import ErrorStructure
+from geoident.identify.problem.problem import Problem
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case
 from geoident.model.gauges import Channel, ErrorParts, Reading, ReadingTable, named_channels
+from geoident.model.response import Response
 
 FLAGGED = "flagged as bad: "
 """Beginning of the reason why a reading that is known to be wrong is not used."""
@@ -216,6 +218,19 @@ def bad_notes(readings: ReadingTable) -> tuple[str, ...]:
         f"{named_channels(names)} at {stage} {'is' if len(names) == 1 else 'are'} not used, {why}."
         for (stage, why), names in together.items()
     )
+
+
+def problem_of_readings(case: Case, readings: ReadingTable, response: Response) -> Problem:
+    """The readings of a case that are used, to be met by a model.
+
+    Args:
+        case: with its parameters, its loss, and what its gauges share of their errors.
+        readings: all of them, and which are used.
+        response: the model in those that are used.
+    """
+    used = readings.used
+    sd, shared = error_structure(used_rows(case, used)).stated
+    return Problem(response, readings.value[used], sd, case.parameters, case.fit.loss, shared)
 
 
 def used_rows(case: Case, used: Bools) -> tuple[ChannelReading, ...]:

@@ -17,9 +17,8 @@ import numpy as np
 from geoident.forward.reduced.response import ReducedResponse
 from geoident.forward.reducible import ReducibleResponse
 from geoident.identify.direct.scan import grid_axes
-from geoident.identify.objective.discrepancy import Discrepancy
 from geoident.identify.problem.ahead import Look, ReadingsAt, Turn, at_once, in_turns
-from geoident.identify.problem.problem import Problem
+from geoident.identify.problem.problem import Discrepancy, Problem
 from geoident.model.arrays import Floats
 from geoident.model.methods import ScanOptions
 from geoident.model.response import Response

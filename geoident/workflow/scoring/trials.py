@@ -14,7 +14,8 @@ from geoident.errors import InputError, ModelError
 from geoident.forward.ground.field import named_parameters
 from geoident.identify.assessment.scores import Innovations, chance, scores
 from geoident.identify.problem.ahead import begins_near
-from geoident.identify.problem.problem import Problem, Scaling
+from geoident.identify.problem.problem import Problem
+from geoident.identify.problem.scaling import Scaling
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case
 from geoident.model.gauges import ReadingTable

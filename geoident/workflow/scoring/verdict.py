@@ -11,7 +11,7 @@ from scipy.special import fdtrc
 from geoident.forward.ground.field import named_parameters
 from geoident.identify.assessment.findings import join
 from geoident.identify.assessment.scores import changes
-from geoident.identify.problem.problem import Scaling
+from geoident.identify.problem.scaling import Scaling
 from geoident.model.arrays import Floats
 from geoident.model.case import Case
 from geoident.model.parameter import Parameter

@@ -14,7 +14,8 @@ from geoident.identify.assessment.conflicts import (
     prior_conflicts,
 )
 from geoident.identify.assessment.uncertainty import assess
-from geoident.identify.problem.problem import Problem, Scaling
+from geoident.identify.problem.problem import Problem
+from geoident.identify.problem.scaling import Scaling
 from geoident.io.result.file import read_result
 from geoident.model.parameter import Parameter, Prior
 

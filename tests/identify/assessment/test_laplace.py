@@ -15,9 +15,9 @@ from geoident.identify.assessment.laplace import (
     log_prior_volume,
     mixture_interval,
 )
-from geoident.identify.objective.discrepancy import Discrepancy, transformed
 from geoident.identify.problem.errors import SharedErrors
-from geoident.identify.problem.problem import Scaling
+from geoident.identify.problem.problem import Discrepancy, transformed
+from geoident.identify.problem.scaling import Scaling
 from geoident.model.methods import HuberOptions, SquaredOptions, StudentOptions
 from geoident.model.parameter import Parameter, Prior
 

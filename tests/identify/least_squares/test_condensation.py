@@ -14,7 +14,8 @@ from geoident.identify.least_squares.condensation import (
     independent_readings,
 )
 from geoident.identify.least_squares.gauss_newton import gauss_newton
-from geoident.identify.problem.problem import Outcome, Problem
+from geoident.identify.problem.outcome import Outcome
+from geoident.identify.problem.problem import Problem
 from geoident.model.arrays import Floats
 from geoident.model.methods import CondensationOptions, GaussNewtonOptions
 from geoident.model.parameter import Parameter, Prior

@@ -10,7 +10,8 @@ import pytest
 
 from geoident.errors import InputError, ModelError
 from geoident.identify.least_squares.condensation import condensation, condensation_faults
-from geoident.identify.problem.problem import Outcome, Problem
+from geoident.identify.problem.outcome import Outcome
+from geoident.identify.problem.problem import Problem
 from geoident.model.arrays import Floats
 from geoident.model.methods import CondensationOptions
 from geoident.model.parameter import Parameter, Prior

@@ -14,8 +14,8 @@ from geoident.identify.least_squares.gauss_newton import (
     phi_after_step,
 )
 from geoident.identify.least_squares.trust_region import TrustBox
-from geoident.identify.objective.discrepancy import Linearization
-from geoident.identify.problem.problem import Scaling
+from geoident.identify.problem.problem import Linearization
+from geoident.identify.problem.scaling import Scaling
 from geoident.model.methods import GaussNewtonOptions
 from geoident.model.parameter import Parameter
 

@@ -7,7 +7,7 @@ from geoident.identify.least_squares import trust_region
 from geoident.identify.least_squares.gauss_newton import gauss_newton
 from geoident.identify.least_squares.several_starts import halton_starts
 from geoident.identify.least_squares.trust_region import bounded_least_squares
-from geoident.identify.objective.discrepancy import Discrepancy
+from geoident.identify.problem.problem import Discrepancy
 from geoident.model.methods import GaussNewtonOptions
 from geoident.model.parameter import Parameter, Prior
 

@@ -14,8 +14,9 @@ from geoident.identify.least_squares.several_starts import (
     spread,
     start_ranges,
 )
-from geoident.identify.objective.discrepancy import Discrepancy
-from geoident.identify.problem.problem import History, Scaling
+from geoident.identify.problem.outcome import History
+from geoident.identify.problem.problem import Discrepancy
+from geoident.identify.problem.scaling import Scaling
 from geoident.model.methods import GaussNewtonOptions
 from geoident.model.parameter import Parameter, Prior
 
@@ -41,6 +42,34 @@ def test_a_start_is_spread_over_the_circle_from_where_the_user_began():
     np.testing.assert_array_equal(x[:, 0], scaling.start[0])  # the rest starts as given
     turn = (x[:, 1] - x[0, 1]) / (3.1 / scaling.reference[1])
     np.testing.assert_allclose(np.sort(turn % 1.0), [0.0, 0.25, 0.5, 0.75], atol=1e-12)
+
+
+def boxes(count):
+    return [Parameter(f"p{n}", 1.0, -1.0 - n, 2.0 + n) for n in range(count)]
+
+
+def spread_shares(parameters, count):
+    """Starts (count, n) as parts of the way from bound to bound."""
+    scaling = Scaling(parameters)
+    angles = Angles(parameters, scaling)
+    points = spread(scaling, angles, scaling.start, range(len(parameters)))
+    x = np.array([next(points) for _ in range(count)])
+    return (x - scaling.lower) / (scaling.upper - scaling.lower)
+
+
+@pytest.mark.parametrize("first", [0, 1, 17])
+def test_thirty_successive_starts_fill_every_cell_once(first):
+    """Halton's sequence in the bases 2, 3 and 5."""
+    shares = spread_shares(boxes(3), first + 30)[first:]
+    cells = {tuple(cell) for cell in np.floor(shares * (2, 3, 5) + 1e-9).astype(int).tolist()}
+    assert len(cells) == 30
+
+
+def test_of_many_parameters_twelve_are_spread_angles_first():
+    shares = spread_shares([*boxes(14), DIP], 20)
+    varied = np.flatnonzero(np.ptp(shares, axis=0) > 0.0)
+    assert varied.tolist() == [*range(11), 14]
+    assert len(np.unique(shares[:, 14])) == 20
 
 
 def test_a_prior_keeps_starts_near():

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from geoident.errors import ModelError
-from geoident.identify.objective.discrepancy import Discrepancy
-from geoident.identify.problem.problem import Scaling
+from geoident.identify.problem.problem import Discrepancy
+from geoident.identify.problem.scaling import Scaling
 from geoident.model.parameter import Parameter, Prior
 
 MODULUS = Parameter("E", 15e9, 2e9, 80e9, "log", prior=Prior(12e9, 3e9, "lognormal"))

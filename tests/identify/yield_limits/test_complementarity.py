@@ -12,8 +12,8 @@ from support.yield_sites import deep_opening, notched_plate, task
 from geoident.errors import CollapseError, InputError, ModelError
 from geoident.identify import identify
 from geoident.identify.least_squares.gauss_newton import gauss_newton
-from geoident.identify.objective.discrepancy import Discrepancy
-from geoident.identify.problem.problem import History, Problem
+from geoident.identify.problem.outcome import History
+from geoident.identify.problem.problem import Discrepancy, Problem
 from geoident.identify.yield_limits import global_bound
 from geoident.identify.yield_limits.global_bound import BranchAndBound
 from geoident.identify.yield_limits.stationarity import (

@@ -19,8 +19,8 @@ import scipy.sparse as sp
 from support.plastic_bars import Frame, PlasticBars
 
 from geoident.errors import ModelError
-from geoident.identify.objective.discrepancy import transformed
-from geoident.identify.problem.problem import Outcome, Problem
+from geoident.identify.problem.outcome import Outcome
+from geoident.identify.problem.problem import Problem, transformed
 from geoident.identify.yield_limits.condensed_system import (
     condensed,
     condensing_obstacle,

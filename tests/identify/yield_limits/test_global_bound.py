@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from support.plastic_bars import Frame, PlasticBars
 
-from geoident.identify.problem.problem import Outcome, Problem
+from geoident.identify.problem.outcome import Outcome
+from geoident.identify.problem.problem import Problem
 from geoident.identify.yield_limits import global_bound
 from geoident.identify.yield_limits.condensed_system import CondensedSystem
 from geoident.identify.yield_limits.global_bound import BranchAndBound

@@ -9,8 +9,8 @@ from support.plastic_bars import Frame, PlasticBars
 from geoident.errors import ModelError
 from geoident.identify.least_squares.acceptance import Iterate, Step
 from geoident.identify.least_squares.descent import Ending
-from geoident.identify.objective.discrepancy import Linearization
-from geoident.identify.problem.problem import History, Problem
+from geoident.identify.problem.outcome import History
+from geoident.identify.problem.problem import Linearization, Problem
 from geoident.identify.yield_limits import implicit
 from geoident.identify.yield_limits.implicit import ImplicitSearch, certificate_at, is_better
 from geoident.model.methods import ComplementarityOptions

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from geoident.identify.least_squares.trust_region import TrustBox
-from geoident.identify.objective.discrepancy import Linearization
-from geoident.identify.problem.problem import Scaling
+from geoident.identify.problem.problem import Linearization
+from geoident.identify.problem.scaling import Scaling
 from geoident.identify.yield_limits.starts import Restarts, raised, strength_scan
 from geoident.identify.yield_limits.stationarity import YieldIterate
 from geoident.model.parameter import Parameter

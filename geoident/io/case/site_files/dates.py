@@ -10,10 +10,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 from itertools import pairwise
 
-from geoident.io.case.site_files.assignment import DAY, Calendar
+from geoident.io.case.gauges.accuracy import error_parts
+from geoident.io.case.site_files.calendar import DAY, Calendar
+from geoident.io.schema.values import Given
 from geoident.io.text.dates import date_text
 from geoident.model.case import VIRGIN
 from geoident.model.gauges import Reading, StageReadings
@@ -145,7 +146,7 @@ def _changing(stage: str, rows: Sequence[Reading], calendar: Calendar) -> list[s
     several = 0
     for channel, series in together.items():
         series.sort(key=_time)
-        sd = calendar.accuracy(replace(series[0], count=1))
+        sd = _accuracy(series[0], calendar)
         if len(series) < 2 or not sd:
             continue
         several += 1
@@ -175,6 +176,17 @@ def _changing(stage: str, rows: Sequence[Reading], calendar: Calendar) -> list[s
         f"readings, most {worst}: {change} from {since} to {until}{step_text}. "
         "Nothing is built in between, as the case has it: check the dates of the stages."
     ]
+
+
+def _accuracy(reading: Reading, calendar: Calendar) -> float | None:
+    """Standard deviation of a reading, SI; None where its channel is unknown."""
+    gauge = calendar.channels.get(reading.channel)
+    if reading.accuracy is not None or gauge is None:
+        return reading.accuracy
+    parts = error_parts(gauge.accuracy, gauge.kind_name, "")
+    if parts is None:
+        return gauge.accuracy.factor if isinstance(gauge.accuracy, Given) else None
+    return parts.total()
 
 
 def _value(row: Reading) -> float:

@@ -1,0 +1,151 @@
+"""What the gauges of each kind read, and all gauges of a case on its mesh."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+
+from geoident.errors import Fault
+from geoident.forward.gauges.beyond_mesh import beside_fault
+from geoident.forward.gauges.members import (
+    member_readings,
+    pressures_on_beams,
+    tilts_of_beams,
+)
+from geoident.forward.gauges.motion import relative_displacements
+from geoident.forward.gauges.observation import Observation
+from geoident.forward.gauges.placement import Placed, point_fault
+from geoident.forward.gauges.strain import strains
+from geoident.forward.gauges.stress import pore_pressures, stresses
+from geoident.forward.stages import CaseOnMesh
+from geoident.model.case import Case, format_path
+from geoident.model.gauges import Channel, Reads
+
+Placing = Callable[[Sequence[Channel], CaseOnMesh], Placed]
+
+OBSERVABLES: Mapping[str, Placing] = {
+    "extensometer": relative_displacements,
+    "convergence": relative_displacements,
+    "displacement": relative_displacements,
+    "settlement": relative_displacements,
+    "strain": strains,
+    "stress": stresses,
+    "pressure-cell": stresses,
+    "piezometer": pore_pressures,
+    "inclinometer": relative_displacements,
+    "target": relative_displacements,
+    "tilt": relative_displacements,
+    "levelling": relative_displacements,
+    "line-of-sight": relative_displacements,
+}
+"""What the gauges of a kind read in the ground."""
+
+ON_STRUCTURES: Mapping[str, Placing] = {
+    "load-cell": member_readings,
+    "strain": member_readings,
+    "pressure-cell": pressures_on_beams,
+    "tilt": tilts_of_beams,
+}
+"""What they read on a structure."""
+
+
+def placing_of(channel: Channel) -> Placing:
+    """How a channel is placed: by its kind, where it sits, and whether points move in it."""
+    if channel.structure:
+        return ON_STRUCTURES[channel.kind]
+    return relative_displacements if channel.terms else OBSERVABLES[channel.kind]
+
+
+def reads_displacements(channel: Channel) -> bool:
+    """Whether a channel reads displacements of points and nothing else."""
+    return placing_of(channel) is relative_displacements and not channel.turns
+
+
+_WEIGHTS = {Reads.CHANGE: (1.0, -1.0), Reads.VALUE: (1.0, 0.0), Reads.VIRGIN: (0.0, 1.0)}
+"""Weights of the state of a stage and of that of the zero in a reading."""
+
+
+def observe(on_mesh: CaseOnMesh) -> tuple[Observation, list[Fault]]:
+    """The gauges of a case on its mesh, and what is wrong with them."""
+    channels, states = on_mesh.case.channels, len(on_mesh.sequence.states)
+    readable = np.zeros((len(channels), states), dtype=bool)
+    reasons = [""] * len(channels)
+    parts, snapped, as_built, faults = [], set[str](), set[str](), list[Fault]()
+    placing = [placing_of(channel) for channel in channels]
+    for place in dict.fromkeys(placing):
+        mine = np.flatnonzero([other is place for other in placing])
+        placed = place([channels[row] for row in mine], on_mesh)
+        faults += placed.faults
+        snapped |= set(placed.snapped)
+        as_built |= set(placed.as_built)
+        readable[mine] = placed.readable
+        if not placed.faults:
+            parts.append((mine, placed.observable))
+        for row in mine:
+            reasons[row] = placed.unreadable
+    names = tuple(channel.name for channel in channels)
+    zero = np.array([on_mesh.case.zero_of(channel) for channel in channels], np.int64)
+    beside = tuple(name for name in names if name in snapped)
+    weights = np.array([_WEIGHTS[channel.reads] for channel in channels]).reshape(-1, 2).T
+    built = tuple(name for name in names if name in as_built)
+    found = Observation(
+        names, tuple(parts), zero, weights, readable.T, beside, tuple(reasons), built
+    )
+    return found, faults
+
+
+def gauges_outside(on_mesh: CaseOnMesh) -> list[Fault]:
+    """Gauges in the ground with a point that lies outside the mesh, whatever ground is there when.
+
+    Each point of a gauge is said once: the end of a casing is that of all its channels.
+    """
+    faults: dict[tuple[str, tuple[float, ...]], Fault] = {}
+    for channel in on_mesh.case.channels:
+        if channel.structure:
+            continue
+        moving = placing_of(channel) is relative_displacements
+        points = [point for point, _ in channel.motions] if moving else [channel.second]
+        for point in points:
+            sites = on_mesh.locator.sites(on_mesh.kinematics.in_section(point)[0])
+            beside = beside_fault(on_mesh, channel, point, sites)
+            if beside is not None or not sites:
+                fault = beside or point_fault(on_mesh, channel, point, sites)
+                faults.setdefault((channel.gauge, point), fault)
+    return list(faults.values())
+
+
+def reading_faults(
+    case: Case, observation: Observation, of_gauges: Sequence[Fault] = ()
+) -> list[Fault]:
+    """Readings that were taken when the gauge could not be read.
+
+    Args:
+        case: the case.
+        observation: its gauges on the mesh.
+        of_gauges: what is wrong with these; readings of faulty ones are not judged.
+    """
+    names = case.stage_names
+    faulty = tuple(fault.path for fault in of_gauges)
+    sound = {c.name for c in case.channels if not _faulty(format_path(c.key), faulty)}
+    faults = []
+    for reading in case.readings:
+        if reading.channel not in sound:
+            continue
+        reason = observation.unreadable(reading.channel, names.index(reading.stage))
+        if reading.value is not None and reason and not reading.bad:
+            faults.append(
+                Fault(
+                    "unreadable-gauge",
+                    f"gauge '{reading.channel}' can't have been read at stage "
+                    f"'{reading.stage}': {reason}",
+                    "leave the value blank, or correct the stage, the gauge's 'zero' or its points",
+                    reading.location,
+                )
+            )
+    return faults
+
+
+def _faulty(key: str, faulty: Sequence[str]) -> bool:
+    """Whether one of some faulty keys is a gauge's, or part of it."""
+    return any(path == key or path.startswith((f"{key}.", f"{key}[")) for path in faulty)

@@ -1,1 +1,0 @@
-"""The discrepancy between readings and model, and the losses."""

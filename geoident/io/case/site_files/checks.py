@@ -1,0 +1,164 @@
+"""What the readings of a case are held against: its gauges, stages and zeros, and each other."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from geoident.errors import Fault, Location
+from geoident.io.case.case import CaseSection
+from geoident.io.case.site_files.calendar import Calendar
+from geoident.io.case.site_files.file import ReadingsFileSection
+from geoident.io.text.dates import date_text
+from geoident.io.text.faults import Faults
+from geoident.io.text.wording import listing
+from geoident.model.case import VIRGIN, KeyPath, format_path
+from geoident.model.gauges import Reading
+from geoident.units import with_article
+
+
+class ReadingChecks:
+    """Holds readings against their case; what is wrong with them is noted.
+
+    ``zeros`` maps channels to the stage where they are zero, ``order`` stages to their order,
+    ``owners`` channels to their gauges; ``hints`` what to write in place of a name that refers to
+    nothing.
+
+    Args:
+        section: the case.
+        calendar: its stages and dates.
+        faults: is told what is wrong.
+    """
+
+    def __init__(self, section: CaseSection, calendar: Calendar, faults: Faults) -> None:
+        self.section = section
+        self.faults = faults
+        self.zeros = calendar.zeros
+        self.dimensions = calendar.dimensions
+        self.dates = calendar.dates
+        self.order = {name: n for n, name in enumerate(calendar.stages)}
+        self.owners = {
+            channel: name
+            for name, gauge in section.gauges.items()
+            for channel in gauge.channel_names(name)
+        }
+        self.seen: dict[tuple[str, str], Reading] = {}
+        self.undated: set[tuple[str, str]] = set()
+        self.hints: dict[tuple[str, str], str] = {}
+
+    def all(self, readings: Iterable[Reading], *, alone: bool) -> None:
+        """Note readings of unknown gauges or stages, before the zero of a gauge, or given twice."""
+        for reading in readings:
+            self._gauge(reading)
+            self._stage(reading)
+            self._drift(reading)
+            known = reading.channel in self.zeros and (reading.stage or VIRGIN) in self.order
+            if known and not reading.bad:
+                self._twice(reading, alone=alone)
+
+    def mapped(self, described: ReadingsFileSection, path: KeyPath) -> None:
+        """The channels that a file is said to hold exist, and read what calibrations give."""
+        if described.layout == "coordinates":
+            return  # it has points, see `surveyed`
+        for name, origin in described.channels.items():
+            calibration = None if isinstance(origin, str) else origin.calibration
+            wanted = self.dimensions.get(name)
+            if calibration is not None and wanted not in {None, calibration.dimension}:
+                message = f"the calibration gives {with_article(calibration.dimension)}, "
+                message += f"'{name}' reads {with_article(str(wanted))}"
+                place = (*path, "channels", name, "calibration")
+                self.faults.add(place, "unit", message, "Correct its units, or the channel.")
+            if name not in self.zeros:
+                hint = self.faults.did_you_mean(name, self.zeros, what="Gauges")
+                place = (*path, "channels", name)
+                message = f"there is no gauge '{name}' to read"
+                self.faults.add(place, "unknown-gauge", message, hint, key=True)
+
+    def zeroed(self, readings: Iterable[Reading]) -> None:
+        """Every channel has a reading at its zero, if that is to be subtracted."""
+        for reading in readings:
+            zero = self.zeros.get(reading.channel, VIRGIN)
+            since = f" ({date_text(self.dates[zero])})" if zero in self.dates else ""
+            message = f"'{reading.channel}' was not read at its zero, '{zero}'{since}"
+            hint = "Correct the gauge's 'zero' or the dates, or leave out 'rezero'."
+            self._refuse(reading, "no-zero-reading", message, hint)
+
+    def bad(self) -> None:
+        """The gauges and stages that are said to be bad exist."""
+        gauges = {*self.zeros, *self.section.gauges}
+        for n, entry in enumerate(self.section.bad):
+            if entry.gauge not in gauges:
+                self.faults.add_unknown(("bad", n, "gauge"), "gauge", entry.gauge, gauges)
+            if entry.stage is not None and entry.stage not in self.order:
+                stages = list(self.order)[1:]
+                self.faults.add_unknown(("bad", n, "stage"), "stage", entry.stage, stages)
+
+    def _gauge(self, placed: Reading) -> None:
+        name = placed.channel
+        if name in self.zeros:
+            return
+        hint = self.hints.get(("gauge", name))
+        if hint is None:
+            hint = self.hints["gauge", name] = self._gauge_hint(name)
+        self._refuse(placed, "unknown-gauge", f"there is no gauge '{name}' to read", hint)
+
+    def _gauge_hint(self, name: str) -> str:
+        """What to write in place of the name of a gauge that there is not."""
+        gauge = self.section.gauges.get(name)
+        if gauge is not None and gauge.kind == "extensometer":
+            anchors = listing(f"{name}.{anchor}" for anchor in gauge.anchors)
+            return f"An extensometer has one reading per anchor: {anchors}."
+        if gauge is not None:
+            channels = listing(gauge.channel_names(name))
+            return f"It has readings of its own for each of its channels: {channels}."
+        return self.faults.did_you_mean(name, self.zeros, what="Gauges")
+
+    def _stage(self, placed: Reading) -> None:
+        """The stage exists, and is not before the zero of the gauge."""
+        name = placed.stage or VIRGIN
+        zero = self.zeros.get(placed.channel, VIRGIN)
+        if name == VIRGIN:
+            message = f"nothing can be read in the state '{VIRGIN}', before the first stage"
+            code, hint = "unknown-stage", "Readings stand at the end of stages."
+        elif name not in self.order:
+            message, code = f"there is no stage '{name}'", "unknown-stage"
+            hint = self.hints.get(("stage", name), "")
+            if not hint:
+                hint = self.faults.did_you_mean(name, list(self.order)[1:], what="Stages")
+                self.hints["stage", name] = hint
+        elif self.order[name] < self.order.get(zero, 0):
+            message = f"'{placed.channel}' is read at '{name}', before its zero at '{zero}'"
+            code, hint = "before-zero", "Correct the stage of the reading or the gauge's 'zero'."
+        else:
+            return
+        self._refuse(placed, code, message, hint, key="stage")
+
+    def _drift(self, placed: Reading) -> None:
+        """The times of a gauge that drifts are known."""
+        gauge = self.owners.get(placed.channel, "")
+        if not gauge or self.section.gauges[gauge].drift is None:
+            return
+        needed = {self.zeros.get(placed.channel, VIRGIN)}
+        needed |= {placed.stage or VIRGIN} if placed.time is None else set()
+        for stage in sorted(needed - self.dates.keys()):
+            if (gauge, stage) not in self.undated:
+                self.undated.add((gauge, stage))
+                message = f"'{gauge}' drifts in time, but the stage '{stage}' has no date"
+                hint = f"Add it: dates: {{{stage}: 2024-03-01}}; or use drift_per_stage."
+                self.faults.add(("gauges", gauge, "drift"), "missing-dates", message, hint)
+
+    def _twice(self, placed: Reading, *, alone: bool) -> None:
+        """No channel is read twice at a stage, unless one file says what that means."""
+        first = self.seen.setdefault((placed.channel, placed.stage), placed)
+        same_file = first.location.file == placed.location.file
+        if first is placed or (same_file and not alone):
+            return
+        message = f"a second reading of '{placed.channel}' at '{placed.stage}', "
+        message += f"first at {first.location}"
+        self._refuse(placed, "duplicate-reading", message, "Keep one of them.")
+
+    def _refuse(
+        self, placed: Reading, code: str, message: str, hint: str, *, key: str = "gauge"
+    ) -> None:
+        location: Location = placed.when if key == "stage" else placed.location
+        path = format_path((*placed.key, key)) if placed.key else ""
+        self.faults.extend([Fault(code, message, hint, location, path)])
