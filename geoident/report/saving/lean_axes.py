@@ -59,7 +59,8 @@ class _LeanAxis(Axis):
     def _copy_tick_props(self: Any, src: Any, dest: Any) -> None:
         """Give one tick the look of another; the first is asked to look like itself."""
         if src is not dest:
-            super()._copy_tick_props(src, dest)
+            plain: Any = super()
+            plain._copy_tick_props(src, dest)
 
     def _usual_side(self: Any) -> bool:
         """Whether marks and numbers stand on the usual side alone."""
