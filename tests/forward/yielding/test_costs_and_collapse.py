@@ -14,7 +14,7 @@ from support.meshes import box
 from support.yielding import NOTHING, Cavity, constant, given, marched, mohr, parameters, rock
 
 from geoident.errors import CollapseError, ModelError
-from geoident.fem.yielding import projection
+from geoident.fem.yielding import polyhedral
 from geoident.forward.march import plastic_step
 from geoident.forward.march.march import RunOptions
 from geoident.forward.march.plastic_step import PlasticSteps
@@ -258,7 +258,7 @@ def test_planes_that_nearly_coincide_are_told_with_a_remedy(monkeypatch):
     def round_and_round(work, rays):
         work.plane[:] = -1
 
-    monkeypatch.setattr(projection, "_advance", round_and_round)
+    monkeypatch.setattr(polyhedral, "_advance", round_and_round)
     with pytest.raises(ModelError) as caught:
         pulled(3e6, mohr(1e6, 0.0, planes=8)).survey(NOTHING, fields=False)
     assert not isinstance(caught.value, CollapseError)
