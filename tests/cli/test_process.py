@@ -16,7 +16,7 @@ from geoident.workflow.scan import scan
 
 GEOIDENT = [sys.executable, "-m", "geoident"]
 HEAVY = ("numpy", "scipy", "pydantic", "h5py", "rich", "yaml", "meshio", "importlib.metadata")
-GRID = ["--set", "fit.scan.points=25", "--set", "fit.reduced=false"]
+GRID = ["--set", "fit.scan.points=16", "--set", "fit.reduced=false"]
 posix_only = pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
 
 
@@ -112,7 +112,7 @@ def stop_amid(trench, number):
     """Start a scan and stop it when some evaluations are kept; its exit code and stderr."""
     log = trench / "case.scan.checkpoint"
     process = start("scan", "case.yaml", *GRID)
-    wait_for(lambda: log.exists() and log.stat().st_size > 20_000, process)
+    wait_for(lambda: log.exists() and log.stat().st_size > 8_000, process)
     process.send_signal(number)
     stdout, stderr = process.communicate(timeout=120)
     assert stdout == ""
@@ -120,19 +120,18 @@ def stop_amid(trench, number):
 
 
 @posix_only
-def test_an_interrupted_run_goes_on_to_the_result_of_an_uninterrupted_one(trench):
+def test_an_interrupted_run_goes_on_to_the_result_of_an_uninterrupted_one(trench, run):
     code, stderr = stop_amid(trench, signal.SIGINT)
     assert code == 130
     assert "The same command goes on from there" in stderr
     assert "Traceback" not in stderr
     assert not (trench / "case.scan.h5").exists()
-    rest = start("scan", "case.yaml", *GRID)
-    stdout, stderr = rest.communicate(timeout=120)
-    assert (rest.returncode, stdout) == (0, "case.scan.h5\n")
-    assert "Going on from case.scan.checkpoint" in stderr
+    rest = run("scan", "case.yaml", *GRID)
+    assert (rest.exit_code, rest.stdout) == (0, "case.scan.h5\n")
+    assert "Going on from case.scan.checkpoint" in rest.stderr
     assert not (trench / "case.scan.checkpoint").exists()
     request = Request(
-        "case.yaml", overrides=("fit.scan.points=25", "fit.reduced=false"), output="whole.h5"
+        "case.yaml", overrides=("fit.scan.points=16", "fit.reduced=false"), output="whole.h5"
     )
     whole = scan(plan_scan(request), Control()).result
     resumed = read_result("case.scan.h5")
@@ -149,8 +148,8 @@ def test_termination_leaves_a_checkpoint(trench):
 
 
 @posix_only
-def test_a_reader_that_goes_away_is_no_error(trench):
-    subprocess.run([*GEOIDENT, "fit", "-q", "case.yaml"], check=True, capture_output=True)
+def test_a_reader_that_goes_away_is_no_error(after):
+    after(("fit", "case.yaml"))
     with start("show", *["case.fit.h5"] * 100) as process:
         process.stdout.readline()
         process.stdout.close()
