@@ -14,7 +14,7 @@ is never near another one by a whole period, a descent that ends on the bound of
 from the other side, and two minima that differ by a period are one.
 
 A further descent is left as soon as its next step would end at a minimum that is known, or as it
-settles so far above the best one that it cannot become a rival.
+settles so far above the best one that it cannot become a rival; never where it is the best itself.
 """
 
 from __future__ import annotations
@@ -255,6 +255,8 @@ class SeveralStarts:
     def _not_worth_it(self, point: Iterate, full: Step) -> bool:
         """The next step of a further descent ends at a known minimum, or far above the best."""
         best = min(self._endings, key=lambda ending: ending.point.phi).point
+        if point.phi < best.phi:  # else the best of all would be one that was left
+            return False
         promised = point.phi - full.gain
         window = 2.0 * RIVAL * max(1.0, best.phi / self.freedom)
         if full.length <= 1.0 and promised - 2.0 * full.gain > best.phi + window:

@@ -261,3 +261,7 @@ def test_a_descent_that_ends_at_a_known_minimum_is_left():
     assert not given_up(**{**near, "phi": 11.85})
     assert not given_up(**near, away=0.6)
     assert not given_up(**near, status="stopped")
+    # 10.05 leads to 9.95, a minimum known at 10: it is left from above, and not where it is lower
+    assert given_up(10.05, 0.1, 0.3)
+    assert given_up(10.0, 0.1, 0.3)
+    assert not given_up(9.99, 0.01, 0.3)
