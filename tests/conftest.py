@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import os
 from collections.abc import Generator
-from functools import cache
-from importlib import import_module
 
 import pytest
 from _pytest.doctest import DoctestModule
 from hypothesis import settings
 from manual.records import Recorder
+from support.pictures import draw_names_only
 
 # What has passed passes again; long runs of tests/fuzz look for what is new.
 settings.register_profile("tests", derandomize=not os.environ.get("GEOIDENT_FUZZ_EXAMPLES"))
@@ -19,10 +18,13 @@ settings.load_profile("tests")
 LONGEST = (
     "tests/docs/test_pages.py",
     "tests/workflow/executing/test_cluster.py",
+    "tests/workflow/test_on_cluster.py",
     "tests/workflow/campaign/",
     "tests/identification/test_pressure_tunnel.py",
     "tests/cli/test_batch.py",
     "tests/docs/test_manual.py",
+    "tests/docs/test_python_page.py",
+    "tests/cli/test_tutorial.py",
     "tests/cases/test_certificate.py",
     "tests/workflow/executing/test_processes.py",
     "tests/cases/",
@@ -67,22 +69,5 @@ def verification(request: pytest.FixtureRequest) -> Recorder:
 
 @pytest.fixture
 def plain_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Every figure of a report is its name alone: for what is not asked of figures.
-
-    They are files of their format with their texts; to draw them in full takes seconds a page.
-    """
-    style = pytest.importorskip("geoident.report.drawing.style", reason="reports need matplotlib")
-    figure = pytest.importorskip("matplotlib.figure").Figure
-
-    @cache
-    def named(name: str, title: str, caption: str, suffix: str) -> bytes:
-        with style.drawing_style():
-            drawn = figure(figsize=(1.0, 1.0), layout="none")
-            drawn.text(0.1, 0.5, name)
-            return style.figure_file(drawn, suffix, title=title, description=caption)
-
-    def image(picture: style.Picture, suffix: str) -> bytes:
-        return named(picture.name, picture.title, picture.caption, suffix)
-
-    monkeypatch.setattr(style, "image", image)
-    monkeypatch.setattr(import_module("geoident.report.page.page"), "image", image)
+    """Every figure of a report is its name alone: for what is not asked of figures."""
+    draw_names_only(monkeypatch)

@@ -15,6 +15,7 @@ from itertools import islice
 import numpy as np
 
 from geoident.fem.solvers.direct import Solver
+from geoident.fem.solvers.kept_solutions import KeepsSolutions, SolutionStore
 from geoident.forward.affine import condensation_obstacle
 from geoident.forward.checks import inadmissible_numbers
 from geoident.forward.equations import ReadingRows, export, export_obstacle
@@ -152,6 +153,11 @@ class Marches:
         """Costs so far."""
         spent = self._spent()
         return replace(spent, evaluations=self._evaluations) - self._free
+
+    def keep_solutions(self, store: SolutionStore | None) -> None:
+        """Have solutions that take long kept, where the solver can; None for no longer."""
+        if isinstance(self._solver, KeepsSolutions):
+            self._solver.keep_solutions(store)
 
     def _spent(self) -> Counts:
         """What the solver has done so far."""
@@ -416,7 +422,7 @@ class StagedResponse(ModelResponse):
         table = self.adjoints.table(run, observed[-1][0], seen)
         values = run.given.values
         marches.last_adjoints = AdjointTable(values, self._row, self._state, table.copy())
-        self._activity = p.tobytes(), run.findings.plastic.activity()
+        self._activity = p.tobytes(), run.findings.plastic.planes.activity()
         table += marches.instrument_errors.added(marches.values(p), self.names, self._places)
         return table[:, 0], table[:, 1:]
 
@@ -561,7 +567,7 @@ class StagedResponse(ModelResponse):
             seen.append(marches.observation.values(MarchState(end, run.point, marches.structures)))
             if tell is not None:
                 tell(end, run)
-        self._activity = p.tobytes(), run.findings.plastic.activity()
+        self._activity = p.tobytes(), run.findings.plastic.planes.activity()
         return np.stack(seen)
 
     def _unit_forces(self) -> UnitForces:

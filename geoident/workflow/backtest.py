@@ -64,7 +64,7 @@ def backtest(job: Job, control: Control) -> Finished:
     control.require_cluster()
     prepared, stages = prepare_backtest(job)
     with (
-        evaluation_log(job, control) as log,
+        evaluation_log(job, control, prepared.model) as log,
         with_workers(job, prepared, control) as setup,
     ):
         trials, skipped = run_trials(setup, stages, job.methods, log, control)

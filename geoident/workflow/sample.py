@@ -188,7 +188,7 @@ def sample(task: SampleTask, control: Control) -> Finished:
     require_free(job.found, job.place, force=request.force, inputs=task.files_read)
     setup, asked = _asked(task.fit, job.inputs, request.solver)
     require_same_modes(task.fit, setup.model, setup.case, task.fit.parameters.values)
-    with evaluation_log(job, control) as log:
+    with evaluation_log(job, control, setup.model) as log:
         response = problem_of(setup, log, control).response
         problem = problem_of_result(task.fit, setup.case, response)
         with _answers(task, asked, log, control) as (answers, led):

@@ -157,6 +157,7 @@ def test_models_are_compared(case, tmp_path):
         compare(free)
 
 
+@pytest.mark.usefixtures("plain_pictures")
 def test_a_report_is_that_of_the_command(scanned, tmp_path):
     page = report(scanned, output=tmp_path / "here.html")
     CliRunner().invoke(program, ["report", scanned.path, "-o", str(tmp_path / "there.html")])

@@ -43,6 +43,7 @@ def test_a_project_runs_no_function_unasked(tmp_path, monkeypatch):
     assert set(fit_project(project, jobs=1, trust=True).common) == {"E", "K0"}
 
 
+@pytest.mark.usefixtures("plain_pictures")
 def test_its_page_is_written_under_its_head(fitted, tmp_path):
     page = report(fitted, head=HEAD)
     assert page == str(Path(fitted.path).with_suffix(".html"))
@@ -62,6 +63,7 @@ def test_its_tables_are_exported_as_those_of_a_case(fitted, tmp_path):
         export(fitted.path, ["csv", "vtu"])
 
 
+@pytest.mark.usefixtures("plain_pictures")
 def test_a_campaign_has_its_page_too(tmp_path, here):
     write_case(tmp_path)
     campaign = tmp_path / "campaign.yaml"

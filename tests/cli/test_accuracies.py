@@ -99,6 +99,7 @@ def test_accuracies_stated_too_good_are_told_from_a_model_error_as_far_as_can_be
         assert 1.0 < entry["factor"] < 5.0
 
 
+@pytest.mark.usefixtures("plain_pictures")
 def test_accuracies_stated_three_times_too_good_are_found(site, run, run_json):
     site(SHARED, fit=", model_error: none")
     (stated,) = run_json("fit", "case.yaml")

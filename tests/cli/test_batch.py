@@ -7,7 +7,6 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
 import uuid
 from pathlib import Path
 from types import SimpleNamespace
@@ -21,6 +20,7 @@ from geoident.model.results.many.campaign import RunRecord
 from geoident.workflow.campaign.one_run import compute, tasks
 from geoident.workflow.campaign.plan import plan_campaign
 from geoident.workflow.campaign.runs import read_runs
+from tests.support.real_cluster import marked, wait_until
 
 OPENING = Path(geoident.__file__).parent / "templates" / "opening"
 CAMPAIGN = """\
@@ -45,18 +45,6 @@ def here(tmp_path, monkeypatch):
     return tmp_path
 
 
-def family(mark):
-    """Processes that descend from a command."""
-    found = set()
-    for folder in Path("/proc").iterdir():
-        try:
-            if folder.name.isdigit() and mark.encode() in (folder / "environ").read_bytes():
-                found.add(int(folder.name))
-        except OSError:
-            continue
-    return found
-
-
 def begin(*words):
     mark = uuid.uuid4().hex
     root = str(Path(geoident.__file__).parents[1])
@@ -75,13 +63,6 @@ def ended():
         return 0
 
 
-def wait_until(condition, seconds=120.0):
-    over = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < over
-        time.sleep(0.02)
-
-
 def numbers(record):
     return [(reading.gauge, reading.stage, reading.value) for reading in record.readings]
 
@@ -91,12 +72,12 @@ def test_workers_and_command_are_killed_and_the_same_command_ends_it(here, run):
     process, mark = begin("-j", "2")
     chance = random.Random(5)
     wait_until(lambda: ended() >= 3)
-    workers = sorted(family(mark) - {process.pid})
+    workers = sorted(set(marked(mark)) - {process.pid})
     os.kill(chance.choice(workers), signal.SIGKILL)
     wait_until(lambda: ended() >= 10)
     process.kill()
     process.communicate()
-    wait_until(lambda: not family(mark), 20.0)  # nobody stays behind
+    wait_until(lambda: not marked(mark), 20.0)  # nobody stays behind
     known = ended()
     done = run("batch", "campaign.yaml", "-j", "1", "--json")
     assert done.exit_code == 0
@@ -120,7 +101,7 @@ def test_ctrl_c_ends_the_family_and_says_how_to_go_on(here, run):
     _, stderr = process.communicate(timeout=60)
     assert process.returncode == 130
     assert "have not ended; the same command goes on" in stderr
-    wait_until(lambda: not family(mark), 20.0)
+    wait_until(lambda: not marked(mark), 20.0)
     assert 3 <= len(read_runs("campaign.batch").runs) < 24
     shown = run("show", "campaign.batch", "--json")
     assert [json.loads(line)["status"] for line in shown.stdout.splitlines()][:3] == ["done"] * 3

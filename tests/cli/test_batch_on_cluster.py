@@ -7,7 +7,8 @@ from contextlib import suppress
 import pytest
 
 from geoident.workflow.campaign.runs import read_runs
-from tests.cli.test_batch import begin, ended, family, here, on_linux, wait_until
+from tests.cli.test_batch import begin, ended, here, on_linux
+from tests.support.real_cluster import marked, wait_until
 
 __all__ = ["here"]
 
@@ -16,13 +17,13 @@ __all__ = ["here"]
 def test_ctrl_c_ends_a_cluster_of_this_machine_with_what_is_kept(here):
     process, mark = begin("--cluster", "local", "-j", "1")
     wait_until(lambda: ended() >= 2)
-    for pid in family(mark):  # as a terminal does
+    for pid in marked(mark):  # as a terminal does
         with suppress(ProcessLookupError):
             os.kill(pid, signal.SIGINT)
     _, stderr = process.communicate(timeout=60)
     assert process.returncode == 130
     assert "have not ended; the same command goes on" in stderr
-    wait_until(lambda: not family(mark), 20.0)
+    wait_until(lambda: not marked(mark), 20.0)
     assert 2 <= len(read_runs("campaign.batch").runs) < 24
 
 

@@ -26,6 +26,7 @@ def old(trench):
     return trench
 
 
+@pytest.mark.usefixtures("plain_pictures")
 def test_it_is_shown_reported_and_exported(old, run, run_json):
     shown = run("show", "case.fit.h5")
     assert shown.exit_code == 0

@@ -49,6 +49,7 @@ OFFERED = {"init", "check", "simulate", "fit", "show", "predict", "report", "exp
            "scan", "sample", "backtest", "compare"}  # fmt: skip
 
 
+@pytest.mark.usefixtures("plain_pictures")
 @pytest.mark.parametrize(
     "name", [n if n == "cavern" else pytest.param(n, marks=pytest.mark.slow) for n in TEMPLATES]
 )

@@ -37,6 +37,7 @@ def fit_all(folder):
     return said
 
 
+@pytest.mark.usefixtures("plain_pictures")
 def test_of_a_newer_fit_what_stands_beside_it_is_named(site):
     folder, case = site, site / "case.yaml"
     assert "earlier fit" not in fit_all(folder)
@@ -75,6 +76,7 @@ def test_of_a_newer_fit_what_stands_beside_it_is_named(site):
     assert "earlier fit" not in run("show", predicted)
 
 
+@pytest.mark.usefixtures("plain_pictures")
 def test_a_fit_that_was_cut_short_is_another_one_of_the_same_input(site):
     fit_all(site)
     fit = read_result(str(site / "case.fit.h5"))

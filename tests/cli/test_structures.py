@@ -69,6 +69,7 @@ def test_xarray_reads_the_forces(lined, run):
         assert table["Q"].attrs["unit"] == "N/m"
 
 
+@pytest.mark.usefixtures("plain_pictures")
 def test_forces_are_in_tables_and_in_the_report(lined, run):
     run("fit", "case.yaml")
     members = read_result("case.fit.h5").members
@@ -99,6 +100,7 @@ def test_structure_outside_the_ground_is_refused_at_its_place(lined, run):
     assert "structures.nail.ends[0][0]" in refused.output
 
 
+@pytest.mark.usefixtures("plain_pictures")
 def test_jacked_strut_and_anchor_from_the_file_to_the_result(lined, run, run_json):
     case = lined / "case.yaml"
     text = case.read_text()

@@ -21,7 +21,18 @@ def test_a_page_does_what_it_says(tmp_path, path):
     shells = [c.line for c in page.commands if re.search(r'"[^"]*[$`!][^"]*"', c.line)]
     assert shells == [], "a shell would replace what stands in double quotes"
     remedy = f"run: sh tests/manual/renew {page_name(path)}"
-    assert faults(page, run_page(page, tmp_path)) == [], remedy
+    assert faults(page, run_page(page, tmp_path, long=False)) == [], remedy
+
+
+LONG = [path for path in RUN if any(command.long for command in read_page(path).commands)]
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("plain_pictures")
+@pytest.mark.parametrize("path", LONG, ids=page_name)
+def test_what_takes_long_is_as_a_page_says_too(tmp_path, path):
+    page = read_page(path)
+    assert faults(page, run_page(page, tmp_path)) == []
 
 
 def test_these_are_run():
@@ -120,6 +131,17 @@ def test_an_exit_code_and_a_picture_are_missed(tmp_path):
         "no command makes it.png",
     ]
     assert "exit code 3" in told[0]
+
+
+def test_what_takes_long_is_left_out_where_it_is_not_asked_for(tmp_path):
+    page = page_of(tmp_path, "what it once said")
+    page = Page(
+        page.path, page.text.replace("<!-- exit: 3 -->", "<!-- exit: 3 -->\n<!-- run: long -->")
+    )
+    run = run_page(page, tmp_path, long=False)
+    assert run.outputs == ()
+    assert faults(page, run) == []
+    assert len(faults(page, run_page(page, tmp_path))) == 1
 
 
 def test_only_these_programs_are_run(tmp_path):

@@ -27,7 +27,11 @@ def steps():
 
 @pytest.fixture(scope="module")
 def printed(tmp_path_factory):
-    return run(tmp_path_factory.mktemp("page"))
+    from support.pictures import draw_names_only  # noqa: PLC0415 - a program by itself lacks it
+
+    with pytest.MonkeyPatch.context() as patch:
+        draw_names_only(patch)
+        return run(tmp_path_factory.mktemp("page"))
 
 
 def run(folder):

@@ -53,8 +53,13 @@ def _expanded(brackets):
 
 @cache
 def prose(path):
-    """Docstrings and comments of a module without what examples print."""
+    """Docstrings and comments of a module without what examples print.
+
+    Of one that cites; of others there is nothing to be told.
+    """
     source = path.read_text(encoding="utf-8")
+    if not re.search(rf"theory|(?<!\w){EQUATIONS}", source, re.IGNORECASE):
+        return ""
     parts = [
         node.value.value
         for node in ast.walk(ast.parse(source))
@@ -78,15 +83,9 @@ def words_of_the_code():
 @cache
 def constants_of_the_code():
     """Name and value of every number that a module gives a name."""
-    found = set()
-    for path in SOURCES:
-        for node in ast.parse(path.read_text(encoding="utf-8")).body:
-            if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name):
-                try:
-                    found.add((node.targets[0].id, float(ast.literal_eval(node.value))))
-                except (ValueError, TypeError):
-                    continue
-    return found
+    number = re.compile(r"^(\w+)(?:: \w+)? = (-?[\d][\w.+-]*)(?: *#.*)?$", re.MULTILINE)
+    given = "\n".join(path.read_text(encoding="utf-8") for path in SOURCES)
+    return {(name, float(ast.literal_eval(value))) for name, value in number.findall(given)}
 
 
 def table(title):

@@ -96,9 +96,9 @@ def test_condensation_finds_the_same_optimum(bulk, weighting):
 
 
 def test_simplex_finds_the_same_optimum(bulk):
-    options = SimplexOptions(delta=1e-14, max_evaluations=3000, restarts=2)
+    options = SimplexOptions(delta=1e-8)
     outcome = identify(_problem(bulk, BULK_TRUTH, BULK), [options], _silent)
-    np.testing.assert_allclose(outcome.values, BULK_TRUTH, rtol=1e-6)
+    np.testing.assert_allclose(outcome.values, BULK_TRUTH, rtol=1e-4)
 
 
 def test_condensation_converges_from_far_above_and_below_as_in_figure_6(bulk):

@@ -33,10 +33,11 @@ from geoident.cli.app import geoident as program
 if sys.argv[1:] == ["report"]:
     import geoident.report.page.html
 for line in sys.stdin:
-    seconds, words = json.loads(line)
+    folder, seconds, words = json.loads(line)
     begun = time.monotonic()
     pid = os.fork()
     if pid == 0:
+        os.chdir(folder)
         nothing = os.open(os.devnull, os.O_RDWR)
         for stream in (0, 1, 2):
             os.dup2(nothing, stream)
@@ -57,20 +58,22 @@ class Nursery:
     """A process that forks runs and kills them.
 
     Args:
-        folder: in which they run.
         kind: ``report`` to have its parts imported.
     """
 
-    def __init__(self, folder, *kind):
+    def __init__(self, *kind):
         one_thread = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
         self._process = subprocess.Popen(
-            [sys.executable, "-c", NURSERY, *kind], cwd=folder, text=True, bufsize=1,
+            [sys.executable, "-c", NURSERY, *kind], text=True, bufsize=1,
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, env={**os.environ, **one_thread},
         )  # fmt: skip
 
     def run(self, words, *, seconds=None):
-        """Exit code (-9 if killed) and duration of a run that is killed after some seconds."""
-        self._process.stdin.write(json.dumps([seconds, words]) + "\n")
+        """Run something in the current folder.
+
+        Exit code (-9 if it was killed after some seconds) and duration.
+        """
+        self._process.stdin.write(json.dumps([str(Path.cwd()), seconds, words]) + "\n")
         return json.loads(self._process.stdout.readline())
 
     def __enter__(self):
@@ -80,6 +83,13 @@ class Nursery:
         self._process.stdin.close()
         self._process.stdout.close()
         self._process.wait()
+
+
+@pytest.fixture(scope="module")
+def nursery():
+    """One that many tests ask."""
+    with Nursery() as made:
+        yield made
 
 
 @pytest.fixture
@@ -107,47 +117,45 @@ def moments(count, duration):
 
 
 @pytest.mark.parametrize("count", MOMENTS)
-def test_fit(here, count):
+def test_fit(here, nursery, count):
     words = ["fit", "case.yaml", "--force"]
     other = [*words, "--set", "in_situ.vertical=1.1 MPa"]
-    with Nursery(here) as nursery:
-        duration = max(nursery.run([*words, "--fresh"])[1] for _ in range(2))
-        first = values("case.fit.h5")
-        assert nursery.run(other)[0] == 0
-        second = values("case.fit.h5")
-        assert first != second
-        killed = 0
-        for number, seconds in enumerate(moments(count, duration)):
-            fresh = ["--fresh"] if number % 3 else []
-            code, _ = nursery.run([*(words, other)[number % 2], *fresh], seconds=seconds)
-            killed += code == -9
-            assert code in (-9, 0)
-            whole, _ = names(here)
-            assert INPUTS | RESULTS <= whole <= INPUTS | RESULTS | {"case.fit.checkpoint"}
-            assert values("case.fit.h5") in (first, second)
-            assert sidecar_target("case.fit.vtkhdf") == "case.fit.h5"
-        assert killed >= count // 2
-        for last, expected in ((words, first), (other, second)):
-            assert nursery.run(last)[0] == 0
-            assert values("case.fit.h5") == expected
+    duration = max(nursery.run([*words, "--fresh"])[1] for _ in range(2))
+    first = values("case.fit.h5")
+    assert nursery.run(other)[0] == 0
+    second = values("case.fit.h5")
+    assert first != second
+    killed = 0
+    for number, seconds in enumerate(moments(count, duration)):
+        fresh = ["--fresh"] if number % 3 else []
+        code, _ = nursery.run([*(words, other)[number % 2], *fresh], seconds=seconds)
+        killed += code == -9
+        assert code in (-9, 0)
+        whole, _ = names(here)
+        assert INPUTS | RESULTS <= whole <= INPUTS | RESULTS | {"case.fit.checkpoint"}
+        assert values("case.fit.h5") in (first, second)
+        assert sidecar_target("case.fit.vtkhdf") == "case.fit.h5"
+    assert killed >= count // 2
+    for last, expected in ((words, first), (other, second)):
+        assert nursery.run(last)[0] == 0
+        assert values("case.fit.h5") == expected
     assert names(here) == (INPUTS | RESULTS, set())
 
 
 @pytest.mark.parametrize("count", MOMENTS)
-def test_first_fit(here, count):
+def test_first_fit(here, nursery, count):
     """Nothing stands there before: there is a whole result or none."""
     words = ["fit", "case.yaml"]
-    with Nursery(here) as nursery:
-        duration = nursery.run(words)[1]
-        expected = values("case.fit.h5")
-        for seconds in moments(count, duration):
-            for name in (*RESULTS, "case.fit.checkpoint"):
-                (here / name).unlink(missing_ok=True)
-            nursery.run(words, seconds=seconds)
-            if (here / "case.fit.h5").exists():
-                assert values("case.fit.h5") == expected
-            assert nursery.run(words)[0] == 0
+    duration = nursery.run(words)[1]
+    expected = values("case.fit.h5")
+    for seconds in moments(count, duration):
+        for name in (*RESULTS, "case.fit.checkpoint"):
+            (here / name).unlink(missing_ok=True)
+        nursery.run(words, seconds=seconds)
+        if (here / "case.fit.h5").exists():
             assert values("case.fit.h5") == expected
+        assert nursery.run(words)[0] == 0
+        assert values("case.fit.h5") == expected
     assert names(here) == (INPUTS | RESULTS, set())
 
 
@@ -157,7 +165,7 @@ def test_report(here):
     assert run_command("fit", "case.yaml", "-q").exit_code == 0
     words = ["report", "case.fit.h5", "--figures", "figures", "--force"]
     page = Path("case.fit.html")
-    with Nursery(here, "report") as nursery:
+    with Nursery("report") as nursery:
         code, duration = nursery.run(words)
         assert code == 0
         expected = page.read_bytes()

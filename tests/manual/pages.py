@@ -8,6 +8,8 @@ what a fenced block is:
                                   of what the commands below print, only the paragraphs with these
                                   first words, and of the second only 6 lines; "nothing" for none
     <!-- exit: 4 -->              the exit code of the commands below, 0 if not said
+    <!-- run: long -->            the commands below take long, and what later ones print does not
+                                  depend on them: only the slow tests run them
     <!-- like: ../tutorials/dam.md -->
                                   the page begins with the files of another page
 
@@ -26,7 +28,7 @@ DOCS = Path(__file__).resolve().parents[2] / "geoident" / "docs"
 GAP = "..."
 
 _BLOCK = re.compile(
-    r"(?P<notes>(?:^<!-- (?:file|show|exit): .*? -->\n)*)"
+    r"(?P<notes>(?:^<!-- (?:file|show|exit|run): .*? -->\n)*)"
     r"^```(?P<language>\w+)\n(?P<body>(?:.*\n)*?)^```$",
     re.MULTILINE,
 )
@@ -48,12 +50,14 @@ class Command:
         output: what the page says that it prints.
         show: which paragraphs of the output, None for all.
         code: its exit code.
+        long: only slow tests run it.
     """
 
     line: str
     output: str
     show: tuple[str, ...] | None
     code: int
+    long: bool = False
 
 
 @dataclass(frozen=True)
@@ -215,4 +219,5 @@ def _steps(found: re.Match[str]) -> list[File | Command]:
     code = int(notes.get("exit", 0))
     parts = re.split(r"^\$ (.*)\n?", found["body"], flags=re.MULTILINE)
     pairs = zip(parts[1::2], parts[2::2], strict=True)
-    return [Command(line, output.rstrip("\n"), show, code) for line, output in pairs]
+    long = notes.get("run") == "long"
+    return [Command(line, output.rstrip("\n"), show, code, long) for line, output in pairs]

@@ -36,17 +36,25 @@ class Run:
 
     Attributes:
         folder: where it ran.
-        outputs: of the commands, as on a screen.
+        outputs: of the commands that were run, as on a screen.
         codes: their exit codes.
+        long: those that take long were run, too.
     """
 
     folder: Path
     outputs: tuple[str, ...]
     codes: tuple[int, ...]
+    long: bool = True
 
 
-def run_page(page: Page, folder: Path) -> Run:
-    """Write the files of a page and run its commands in their order, in an empty folder."""
+def run_page(page: Page, folder: Path, *, long: bool = True) -> Run:
+    """Write the files of a page and run its commands in their order, in an empty folder.
+
+    Args:
+        page: the page.
+        folder: the folder.
+        long: also those that take long.
+    """
     before = () if page.like is None else read_page(page.like).folder.iterdir()
     for file in (*before, *given_files(page)):
         if file.suffix not in PICTURES:
@@ -55,11 +63,11 @@ def run_page(page: Page, folder: Path) -> Run:
     for step in page.steps:
         if isinstance(step, File):
             (folder / step.name).write_text(step.text, encoding="utf-8")
-        else:
+        elif long or not step.long:
             output, code = run_command(step.line, folder)
             outputs.append(output)
             codes.append(code)
-    return Run(folder, tuple(outputs), tuple(codes))
+    return Run(folder, tuple(outputs), tuple(codes), long)
 
 
 def given_files(page: Page) -> list[Path]:
@@ -87,7 +95,8 @@ def run_command(line: str, folder: Path) -> tuple[str, int]:
 def faults(page: Page, run: Run) -> list[str]:
     """What in a page is not as it was when run: outputs, exit codes, pictures that are missing."""
     found = []
-    for command, output, code in zip(page.commands, run.outputs, run.codes, strict=True):
+    commands = [command for command in page.commands if run.long or not command.long]
+    for command, output, code in zip(commands, run.outputs, run.codes, strict=True):
         if code != command.code:
             found.append(f"{command.line}: exit code {code}: {output[-2000:]}")
         elif told := difference(command.output, cut(output, command.show)):

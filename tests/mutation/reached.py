@@ -1,7 +1,8 @@
 """Plugin of pytest: which lines of geoident every test reaches, and how long the test takes.
 
 `python -m pytest -p reached` leaves `reached.coverage` (contexts are names of tests) and
-`reached.json` (seconds of the tests that passed) in the folder that `MUTATION_FOLDER` names.
+`reached.json` (seconds of the tests that passed) in the folder that `MUTATION_FOLDER` names. Lines
+are counted in the packages that `MUTATION_PACKAGES` lists.
 """
 
 from __future__ import annotations
@@ -22,12 +23,12 @@ SECONDS = "reached.json"
 class Reached:
     """Counts lines under the name of the test that runs."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, packages: list[str]) -> None:
         self.folder = folder
         self.seconds: dict[str, float] = {}
         self.coverage = coverage.Coverage(
             data_file=str(folder / DATA),
-            source=[str(Path("geoident").resolve())],
+            source=[str(Path("geoident", package).resolve()) for package in packages],
             messages=False,
             config_file=False,
         )
@@ -61,4 +62,5 @@ class Reached:
 
 def pytest_configure(config: pytest.Config) -> None:
     """Start counting."""
-    config.pluginmanager.register(Reached(Path(os.environ["MUTATION_FOLDER"])))
+    packages = os.environ["MUTATION_PACKAGES"].split(os.pathsep)
+    config.pluginmanager.register(Reached(Path(os.environ["MUTATION_FOLDER"]), packages))

@@ -3,12 +3,18 @@
     .venv/bin/python tests/mutation/run.py --seed 1
     .venv/bin/python tests/mutation/run.py --sample identify=60 --sample forward=60 --seed 7
     .venv/bin/python tests/mutation/run.py --again build/mutation/seed-7.jsonl
+    .venv/bin/python tests/mutation/run.py --sample forward=40 --tests tests/forward tests/fem
+    .venv/bin/python tests/mutation/run.py --again build/mutation/seed-7.jsonl --tests tests/cli
 
 Slow: the default tests run once to see which test reaches which line (about twice their time), then
 every change is tried on the tests that reach its line (seconds if one fails, minutes if none does).
 It works on a copy in `build/mutation`, so the tree can be edited meanwhile; a run that was stopped
 goes on where it was when the same command is given again. Lines that run only in a process that a
 test starts are not seen.
+
+With `--tests` (files and folders, as pytest takes them) only those are counted and tried: minutes
+where the near tests of one package do. What survives them may still be caught by others, so the
+survivors are tried again (`--again`) on the rest, or on a test that was just written for them.
 
 A change that survives is read: either a test is missing, or the code means the same with it. The
 latter are written down in `equivalent.toml`, with the reason, and counted apart.
@@ -17,6 +23,7 @@ latter are written down in `equivalent.toml`, with the reason, and counted apart
 from __future__ import annotations
 
 import argparse
+import compileall
 import contextlib
 import hashlib
 import json
@@ -78,11 +85,15 @@ class Bench:
     Args:
         folder: for the copy and for what is counted on it.
         most: seconds of tests that a change meets at most.
+        packages: where the changes will be; lines elsewhere are not counted.
+        tests: files and folders of the tests that are counted and tried; all default ones if empty.
     """
 
-    def __init__(self, folder: Path, most: float) -> None:
+    def __init__(self, folder: Path, most: float, packages: list[str], tests: list[str]) -> None:
         self.folder = folder
         self._most = most
+        self._packages = packages
+        self._tests = tests
         self.tree = folder / "tree"
         os.environ["PYTHONPATH"] = os.pathsep.join([str(self.tree), str(Path(__file__).parent)])
         os.environ["MUTATION_FOLDER"] = str(folder)
@@ -101,13 +112,15 @@ class Bench:
         ).stdout
         names = sorted({name for name in listed.split("\0") if name and (ROOT / name).is_file()})
         content = {name: (ROOT / name).read_bytes() for name in names}
-        state = hashlib.sha256(repr(content).encode()).hexdigest()[:8]
+        counted = (content, self._packages, self._tests)
+        state = hashlib.sha256(repr(counted).encode()).hexdigest()[:8]
         shutil.rmtree(self.tree, ignore_errors=True)
         for name, what in content.items():
             path = self.tree / name
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_bytes(what)
             path.chmod((ROOT / name).stat().st_mode)
+        compileall.compile_dir(self.tree / "geoident", quiet=1)
         kept = self.folder / "state"
         changed = not kept.exists() or kept.read_text() != state
         kept.unlink(missing_ok=True)
@@ -118,8 +131,9 @@ class Bench:
         """Run the default tests and keep which lines each reaches."""
         print("Running the tests once to see what each reaches ...", flush=True)
         log = self.folder / "reached.log"
+        os.environ["MUTATION_PACKAGES"] = os.pathsep.join(self._packages)
         with log.open("w") as stream:
-            command = [*PYTEST, "-p", "reached", "--continue-on-collection-errors"]
+            command = [*PYTEST, "-p", "reached", "--continue-on-collection-errors", *self._tests]
             code = subprocess.run(command, cwd=self.tree, stdout=stream, check=False).returncode
         if code > 1:
             raise SystemExit(f"the tests do not run: see {log}")
@@ -235,16 +249,23 @@ def _options() -> argparse.Namespace:
         "--seconds", type=float, default=300.0, help="of tests for a change that no test notices"
     )
     parser.add_argument("--again", type=Path, help="only what survived in this file of results")
+    parser.add_argument("--tests", nargs="+", default=[], metavar="PATH", help="only these tests")
     parser.add_argument("--folder", type=Path, default=ROOT / "build" / "mutation")
     return parser.parse_args()
 
 
-def _sample(tree: Path, options: argparse.Namespace) -> list[Mutant]:
+def _counts(options: argparse.Namespace) -> dict[str, int]:
+    """How many changes to try in each package."""
+    if not options.sample:
+        return PACKAGES
+    return {package: int(count) for package, count in (text.split("=") for text in options.sample)}
+
+
+def _sample(tree: Path, counts: dict[str, int], seed: int) -> list[Mutant]:
     """The changes to try, packages mixed so that a run that is stopped has some of each."""
-    counts = dict(text.split("=") for text in options.sample) if options.sample else PACKAGES
     found: list[tuple[float, Mutant]] = []
     for package, count in counts.items():
-        mutants, sites = draw(tree, _modules(tree, package), int(count), options.seed)
+        mutants, sites = draw(tree, _modules(tree, package), count, seed)
         print(f"{package}: {len(mutants)} of {sites} places")
         found += [((i + 0.5) / len(mutants), mutant) for i, mutant in enumerate(mutants)]
     return [mutant for _, mutant in sorted(found, key=lambda pair: pair[0])]
@@ -256,9 +277,11 @@ def main() -> None:
     folder = options.folder.resolve()
     again = _kept(options.again.resolve()) if options.again else []
     folder.mkdir(parents=True, exist_ok=True)
-    bench = Bench(folder, options.seconds)
     alive = {verdict.mutant: verdict for verdict in again if not verdict.caught}
-    mutants = list(alive) if options.again else _sample(bench.tree, options)
+    counts = _counts(options)
+    packages = sorted({verdict.package for verdict in alive.values()} or counts)
+    bench = Bench(folder, options.seconds, packages, options.tests)
+    mutants = list(alive) if options.again else _sample(bench.tree, counts, options.seed)
     stem = f"again-{options.again.stem}" if options.again else f"seed-{options.seed}"
     results = folder / f"{stem}-{bench.state}.jsonl"
     done = {verdict.mutant: verdict for verdict in _kept(results)}

@@ -109,6 +109,7 @@ def test_one_figure_of_somebody_stops_all_before_any_is_written(folder):
     assert not (place / "readings-1.png").exists()
 
 
+@pytest.mark.usefixtures("plain_pictures")
 def test_figures_come_as_files_in_every_format(folder):
     found = run("pit.fit.h5", "--no-page", "--figures", "figures/new", "--format", "png",
                 "--format", "pdf")  # fmt: skip

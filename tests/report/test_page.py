@@ -113,6 +113,7 @@ def test_every_figure_is_there_with_its_caption_and_not_empty(kind, request):
         assert 'role="graphics-document document"' in figure  # its words are read aloud
 
 
+@pytest.mark.usefixtures("plain_pictures")
 def test_the_same_result_gives_the_same_page():
     results = [("pit", small_result(fields=fields_of(grid_mesh(2, 5))))]
     assert report_page(results) == report_page(results)

@@ -15,8 +15,10 @@ pytest.importorskip("matplotlib", reason='reports need matplotlib: pip install "
 
 from dataclasses import replace
 
+from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from PIL import Image
 
 from geoident.report.drawing import lines
@@ -226,9 +228,47 @@ def test_an_axis_that_grows_has_more_numbers():
                 axes.set_position((0.1, 0.2, width, 0.7))
                 measures = SvgCanvas(axes.figure, 150).get_renderer()
                 ticks = axes.xaxis._update_ticks()
-                found.append(len(axes.xaxis._get_ticklabel_bboxes(ticks, measures)[0]))
+                rooms = axes.xaxis._get_ticklabel_bboxes(ticks, measures)[0]
+                assert not lean or len(rooms) == 1  # that of all together
+                found.append(len(axes.xaxis._ticks[0][1] if lean else rooms))
     assert found[:2] == found[2:]
     assert found[0] < found[1]
+
+
+def test_limits_are_asked_once_while_nothing_is_added(monkeypatch):
+    """matplotlib asks at each place, and sorts the panels that share an axis each time."""
+    asked, plain = [], Axes._unstale_viewLim
+
+    def counted(axes):
+        asked.append(axes)
+        plain(axes)
+
+    monkeypatch.setattr(Axes, "_unstale_viewLim", counted)
+    with drawing_style(), lean_axes():
+        figure = Figure(figsize=(6, 3))
+        panels = figure.subplots(1, 3, sharey=True)
+        for axes in panels:
+            axes.plot([0, 1], [0, 1])
+        canvas = SvgCanvas(figure, 150)
+        figure.dpi = 72
+        asked.clear()
+        lay_out(figure)
+        canvas.written("", "")
+        assert len(asked) < 20 * len(panels)
+        before = panels[0].get_xlim()
+        panels[0].plot([5.0, 9.0], [0, 1])
+        canvas.written("", "")
+        assert panels[0].get_xlim()[1] > 9.0 > before[1]
+
+
+def test_a_tick_is_not_asked_to_look_like_itself(monkeypatch):
+    copied = []
+    monkeypatch.setattr(Line2D, "update_from", lambda line, other: copied.append(other))
+    with drawing_style(), lean_axes():
+        figure = Figure()
+        figure.subplots().plot([0, 1])
+        SvgCanvas(figure, 150).written("", "")
+    assert not copied
 
 
 def test_figures_are_gone_before_they_are_many(monkeypatch):

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
+from geoident.fem import location
 from geoident.fem.faces import face_table
+from geoident.fem.near import points_in_boxes
 from geoident.model.case import Stage
 from geoident.model.mesh import ElementBlock, Mesh
 from geoident.model.results.result import FieldSeries
@@ -186,6 +188,19 @@ def test_gauge_points_move_with_the_ground_and_not_where_it_is_gone():
         mesh, result.fields.displacement, result.fields.stress, present, result.fields.yielded
     )
     assert np.isnan(Scene(result, fields).gauge_motion[1][1:]).all()
+
+
+def test_gauge_points_are_found_together(monkeypatch):
+    result = example_result(2)
+    asked = []
+
+    def counted(points, *boxes):
+        asked.append(len(points))
+        return points_in_boxes(points, *boxes)
+
+    monkeypatch.setattr(location, "points_in_boxes", counted)
+    points, _ = Scene(result, result.fields).gauge_motion
+    assert asked == [len(points)] * len(result.fields.mesh.blocks)
 
 
 def test_magnifications_are_round():

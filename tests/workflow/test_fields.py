@@ -170,7 +170,13 @@ def test_draws_have_the_spread_of_the_field_and_a_seed(tmp_path):
     plain = write_case(tmp_path, "plain.yaml")
     refused = run_command("simulate", plain, "--draw")
     assert refused.exit_code == 3
-    assert "nothing to draw" in refused.output
+    said = " ".join(refused.output.split())
+    assert "no constant of the case varies from place to place: there is nothing to draw" in said
+    remedy = "E: {field: {mean: ..., sd: 30 %, length: 20 m}}"
+    assert f"Write '{remedy}' in a material." in said
+    field = remedy.removeprefix("E: ").replace("...", "2 GPa")
+    assert run_command("simulate", plain, "--draw", "--set", f"materials.rock.E={field}",
+                       "--set", "parameters.E=null").exit_code == 0  # fmt: skip
 
 
 def test_measured_points_must_lie_in_their_material(tmp_path):

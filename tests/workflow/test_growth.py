@@ -78,6 +78,7 @@ def test_gradient_and_modulus_are_found_on_another_mesh(fitted):
     assert np.all((varied.sd > 0) & (varied.sd < 0.5))
 
 
+@pytest.mark.usefixtures("plain_pictures")
 def test_people_are_shown_how_stiff_the_ground_is(fitted):
     path, done = fitted
     out = path.with_name("case.fit.h5")

@@ -11,11 +11,13 @@ import pytest
 from geoident import read_result
 from geoident.api import scan, simulate
 from geoident.errors import InputError, UsageError
+from geoident.identify.posterior.density import PosteriorDensity
 from geoident.io.result.file import write_result
 from geoident.model.results.reduced import FORM
+from geoident.workflow.estimating.setup import problem_of_result
 from geoident.workflow.predict import PredictRequest, plan_prediction, predict
 from geoident.workflow.running.control import Control
-from geoident.workflow.running.jobs import load_inputs
+from geoident.workflow.running.jobs import build_model, inputs_of_result, load_inputs
 from geoident.workflow.running.kept_reduced import restored_for
 from geoident.workflow.sample import SampleRequest, plan_sample, sample
 from tests.support.commands import run_command
@@ -154,6 +156,23 @@ def test_draws_ask_it_and_evaluate_the_model_once(kept, fitted, tmp_path):
     np.testing.assert_allclose(one.values / sd, other.values / sd, atol=1e-3)
     scale = np.nanmax(np.abs(other.predicted))
     np.testing.assert_allclose(one.predicted, other.predicted, atol=1e-3 * scale)
+    assert_density_of_the_model(found, fitted.data, str(kept / "case.yaml"))
+
+
+def assert_density_of_the_model(found, fit, path):
+    """Draws that are so near each other are the same for a density that is a little wrong: this
+    one is that of readings from the mesh.
+    """
+    inputs = inputs_of_result(fit, path)
+    used = fit.gauges.readings.used_pairs
+    problem = problem_of_result(fit, inputs.case, build_model(inputs).response(used))
+    density = PosteriorDensity(problem)
+    values = found.posterior.values.reshape(-1, 2)
+    few = np.linspace(0, len(values) - 1, 5).astype(int)
+    logs = density.logarithms(np.array([density.coordinates(p) for p in values[few]]))
+    told = found.posterior.log_density.ravel()[few]
+    assert np.ptp(logs) > 0.5
+    np.testing.assert_allclose(told - told[0], logs - logs[0], atol=1e-4)
 
 
 def test_draws_where_it_is_not_close_are_of_the_full_model(kept, fitted, tmp_path):

@@ -251,9 +251,20 @@ def test_a_sentence_says_whether_it_matters():
     staged, _ = excavated("tri3", 4)
     found = mesh_error(staged, staged.case, NOTHING)
     everything = np.ones(found.error.shape, dtype=bool)
-    for accuracy, said in ((1e-6, "is too coarse"), (4e-4, "fine enough"), (1.0, "eats little")):
+    for accuracy, said in (
+        (1e-6, "The mesh is too coarse for these readings: {mean} ({most}). Halve the elements "
+         "where the ground moves most, or take elements of second order."),
+        (4e-4, "The mesh is fine enough: {mean} ({most})."),
+        (1.0, "The mesh eats little of the accuracy of the readings ({most})."),
+    ):  # fmt: skip
         one = replace(found, accuracy=np.full(len(found.channels), accuracy))
-        assert said in mesh_sentence(one, everything)
+        i, j = np.unravel_index(one.share.argmax(), one.share.shape)
+        size, part = 1e3 * abs(one.error[i, j]), one.share[i, j]
+        most = f"at most {size:.2g} mm at {one.channels[i]} in {one.stages[j]}, "
+        most += f"{part:.2g} accuracies"
+        mean = f"the error of the readings by the mesh is {one.scatter(everything):.2g} of their "
+        mean += "accuracy in the mean"
+        assert mesh_sentence(one, everything) == said.format(mean=mean, most=most)
 
 
 # What a fit says of a coarse mesh

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from math import nan
 
 import numpy as np
 import pytest
@@ -10,6 +11,8 @@ from support.commands import run_command
 from support.jacking import LADDER, LYING, TRUTHS, write_case, write_readings
 
 from geoident.io.result.file import read_result
+from geoident.model.results.rivals import ModelScore
+from geoident.workflow.scoring.comparison import _sentences
 
 ALONE = "mesh_error: false, backtest: false"
 FIT = f"{{ladder: {LADDER}, model_error: none, {ALONE}}}"
@@ -64,8 +67,15 @@ def test_with_few_readings_the_simpler_is_preferred_and_it_is_said_why(tmp_path)
     assert "is the simpler" in comparison["sentences"][0]
 
 
-def test_every_model_has_a_result_and_the_chosen_one_predicts(tmp_path):
-    _, told = _ladder(tmp_path, "transversely-isotropic", 1)
+@pytest.fixture(scope="module")
+def strata(tmp_path_factory):
+    """A ladder on readings of strata: its folder, and what was said."""
+    folder = tmp_path_factory.mktemp("strata")
+    return folder, _ladder(folder, "transversely-isotropic", 1)[1]
+
+
+def test_every_model_has_a_result_and_the_chosen_one_predicts(strata):
+    tmp_path, told = strata
     for name in TRUTHS:
         assert read_result(tmp_path / f"case.{name}.fit.h5").evidence is not None
     result = read_result(tmp_path / "case.fit.h5")
@@ -81,8 +91,8 @@ def test_every_model_has_a_result_and_the_chosen_one_predicts(tmp_path):
     assert json.loads(by_hand.stdout)["chosen"] == "case.transversely-isotropic"
 
 
-def test_a_richer_model_begins_where_the_simpler_one_ended(tmp_path):
-    _ladder(tmp_path, "transversely-isotropic", 1)
+def test_a_richer_model_begins_where_the_simpler_one_ended(strata):
+    tmp_path, _ = strata
     simple = read_result(tmp_path / "case.isotropic.fit.h5").parameters
     rich = read_result(tmp_path / "case.transversely-isotropic.fit.h5").parameters
     start = dict(zip(rich.names, rich.start, strict=True))
@@ -152,3 +162,73 @@ def test_fits_of_different_readings_are_not_compared(tmp_path):
     assert run_command("compare", str(tmp_path / "all.fit.h5")).exit_code == 2
     alone = run_command("compare", str(tmp_path / "all.yaml"), str(tmp_path / "all.fit.h5"))
     assert alone.exit_code == 3
+
+
+def score(name, evidence, *, status="converged", backtest=nan, backtested=0):
+    return ModelScore(name, f"{name}.h5", 1, status, 1.0, evidence, evidence, backtest, backtested)
+
+
+POOR = {"status": "poor-fit"}
+
+
+@pytest.mark.parametrize(
+    ("models", "chosen", "said"),
+    [
+        (
+            [score("A", 4.2), score("B", 0.0)], 0,
+            ["The readings support A: odds of 67 to 1 (log Bayes factor 4.2) against B."],
+        ),
+        (
+            [score("A", 1.0), score("B", 12.0), score("C", 5.5)], 1,
+            ["The readings support B: odds of 6.7e+02 to 1 (log Bayes factor 6.5) against C, the "
+             "next best."],
+        ),
+        (
+            [score("A", 12.0), score("B", 2.0, **POOR)], 0,
+            ["The readings support A: odds of over 10 000 to 1 (log Bayes factor 10.0) against B."],
+        ),
+        (
+            [score("A", 5.0), score("B", 7.9), score("C", 6.0), score("D", 1.0)], 0,
+            ["The readings cannot tell A, B and C apart (log Bayes factor +2.9 for B; it takes 3, "
+             "odds of 20 to 1): A is the simpler and is preferred.",
+             "They speak against D: odds of 55 to 1 (log Bayes factor 4.0) for A."],
+        ),
+        (
+            [score("A", 5.0, **POOR), score("B", 1.0)], 0,
+            ["The readings support A: odds of 55 to 1 (log Bayes factor 4.0) against B.",
+             "A does not meet the readings within their errors."],
+        ),
+        (
+            [score("A", 5.0, **POOR), score("B", 1.0, **POOR)], 0,
+            ["The readings support A: odds of 55 to 1 (log Bayes factor 4.0) against B.",
+             "None of them meets the readings within their errors: the best of them is still "
+             "wrong."],
+        ),
+    ],
+)  # fmt: skip
+def test_what_the_readings_support_is_said(models, chosen, said):
+    """Odds are exp of the differences: 66.7, 665, 54.6 by hand."""
+    assert _sentences(models, chosen) == said
+
+
+@pytest.mark.parametrize(
+    ("mine", "other", "said"),
+    [
+        ((0.5, 10), (0.4, 10), ["The backtest agrees: A predicts the last fitted stage best."]),
+        ((0.4, 10), (0.69, 10),
+         ["The backtest does not contradict: B predicts hardly better."]),
+        ((0.4, 12), (0.71, 10),
+         ["The backtest speaks for B: its predictions of the last fitted stage have a log score "
+          "higher by 0.31 a reading (10 readings)."]),
+        ((nan, 0), (0.7, 10), []),
+        ((0.7, 10), (nan, 0), []),
+    ],
+)  # fmt: skip
+def test_whether_the_backtest_agrees_is_said(mine, other, said):
+    """Of ten readings a log score of 0.3 each makes the odds of 20 to 1 that decide."""
+    (score_a, n_a), (score_b, n_b) = mine, other
+    models = [
+        score("A", 9.0, backtest=score_a, backtested=n_a),
+        score("B", 0.0, backtest=score_b, backtested=n_b),
+    ]
+    assert _sentences(models, 0)[1:] == said

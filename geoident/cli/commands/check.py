@@ -19,6 +19,7 @@ from geoident.cli.options import (
     overrides,
     takes,
 )
+from geoident.spare_imports import without_search
 
 EPILOG = """\b
 Examples:
@@ -127,9 +128,10 @@ def _refuse_picture(cases: tuple[str, ...], picture: str, identifiability: bool)
 
 
 def _identifiability(case: str, options: Options) -> int:
-    from geoident.report.text.json import dumps, plan_object
-    from geoident.report.text.result import plan_text
-    from geoident.workflow.identifiability import identifiability
+    with without_search():
+        from geoident.report.text.json import dumps, plan_object
+        from geoident.report.text.result import plan_text
+        from geoident.workflow.identifiability import identifiability
 
     with failures_as_json(case, options):
         plan = identifiability(case, overrides=options.overrides, solver=options.solver)
@@ -143,9 +145,10 @@ def _identifiability(case: str, options: Options) -> int:
 
 
 def _mesh_error(case: str, options: Options) -> int:
-    from geoident.report.text.errors.mesh_error import mesh_error_object, mesh_error_text
-    from geoident.report.text.json import dumps
-    from geoident.workflow.mesh_error import check_mesh_error
+    with without_search():
+        from geoident.report.text.errors.mesh_error import mesh_error_object, mesh_error_text
+        from geoident.report.text.json import dumps
+        from geoident.workflow.mesh_error import check_mesh_error
 
     with failures_as_json(case, options):
         done = check_mesh_error(case, overrides=options.overrides, solver=options.solver)
@@ -163,9 +166,10 @@ def _check(case: str, picture: str | None, options: Options) -> int:
         from geoident.cli.project import check_one_project
 
         return check_one_project(case, options)
-    from geoident.report.text.case import case_text
-    from geoident.report.text.json import dumps, summary_object
-    from geoident.workflow.check import check
+    with without_search():
+        from geoident.report.text.case import case_text
+        from geoident.report.text.json import dumps, summary_object
+        from geoident.workflow.check import check
 
     with failures_as_json(case, options):
         checked = check(case, overrides=options.overrides, solver=options.solver)

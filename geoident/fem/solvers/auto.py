@@ -13,6 +13,7 @@ from geoident.fem.solvers.direct import (
 )
 from geoident.fem.solvers.fronts.single import single_pays
 from geoident.fem.solvers.fronts.tree import entries_at_most, flops_at_most
+from geoident.fem.solvers.kept_solutions import KeepsSolutions, SolutionStore
 from geoident.fem.solvers.memory_limit import memory_limit
 
 LARGE_WORK = 4.0e10
@@ -106,6 +107,11 @@ class AutoSolver:
         self.counts = SolverCounts()
         self._small, self._large = small(self.counts), large(self.counts)
         self._beyond = beyond(self.counts)
+
+    def keep_solutions(self, store: SolutionStore | None) -> None:
+        """Look solutions up in a store first, and put there what takes long; None for no longer."""
+        if isinstance(self._beyond, KeepsSolutions):
+            self._beyond.keep_solutions(store)
 
     def analyse(self, pattern: LowerPattern) -> SymbolicFactorization:
         """Prepare for matrices of this pattern, by the solver that is the best for them."""

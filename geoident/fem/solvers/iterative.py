@@ -11,6 +11,9 @@ the matrix is factorized if its factor fits the memory, and refused if not.
 
 from __future__ import annotations
 
+from functools import cached_property
+from time import monotonic
+
 import numpy as np
 import scipy.sparse as sp
 
@@ -24,6 +27,7 @@ from geoident.fem.solvers.direct import (
     SolverCounts,
     SymbolicFactorization,
 )
+from geoident.fem.solvers.kept_solutions import KeptSolutions, SolutionStore
 from geoident.fem.solvers.multifrontal import MultifrontalSolver
 from geoident.fem.solvers.multilevel.cycle import CycleLevel, Hierarchy
 from geoident.fem.solvers.multilevel.energy import Stagnates, solve_in_energy, spectrum
@@ -52,12 +56,18 @@ class IterativeSolver:
     def __init__(self, counts: SolverCounts | None = None, *, few: int = FEW) -> None:
         self.counts = counts if counts is not None else SolverCounts()
         self._few, self._direct = few, MultifrontalSolver(self.counts)
+        self._kept = KeptSolutions()
+
+    def keep_solutions(self, store: SolutionStore | None) -> None:
+        """Look solutions up in a store first, and put there what takes long; None for no longer."""
+        self._kept.store = store
 
     def analyse(self, pattern: LowerPattern) -> SymbolicFactorization:
         """Prepare for matrices of this pattern."""
         if pattern.places is None or pattern.n <= self._few:
             return self._direct.analyse(pattern)
-        return IterativeAnalysis(pattern, self.counts, Hierarchy(pattern.places, self.counts))
+        hierarchy = Hierarchy(pattern.places, self.counts)
+        return IterativeAnalysis(pattern, self.counts, hierarchy, self._kept)
 
 
 class IterativeAnalysis(DirectAnalysis):
@@ -67,11 +77,18 @@ class IterativeAnalysis(DirectAnalysis):
         pattern: the pattern.
         counts: where to count.
         hierarchy: its levels.
+        kept: solutions of before.
     """
 
-    def __init__(self, pattern: LowerPattern, counts: SolverCounts, hierarchy: Hierarchy) -> None:
+    def __init__(
+        self,
+        pattern: LowerPattern,
+        counts: SolverCounts,
+        hierarchy: Hierarchy,
+        kept: KeptSolutions,
+    ) -> None:
         super().__init__(pattern, counts)
-        self._hierarchy = hierarchy
+        self._hierarchy, self._kept = hierarchy, kept
         self._direct: SymbolicFactorization | None = None
         self._spent = SolverCounts()
 
@@ -84,26 +101,23 @@ class IterativeAnalysis(DirectAnalysis):
             raise NotPositiveDefinite(int(np.searchsorted(self.pattern.indptr, bad, "right")) - 1)
         if self._direct is not None:  # iterations would not come to the end this time either
             return self._factorized(values)
-        matrix, counts = whole_matrix(self.pattern, values), self.counts
-        precondition = _Preconditioner(self._hierarchy.level(matrix))
+        matrix = whole_matrix(self.pattern, values)
+        name = self._kept.name(self.pattern, values)
+        iterations = _Iterations(matrix, name, self._kept, self.counts, self._hierarchy)
         try:
-            found = spectrum(matrix.__matmul__, precondition, diagonal)
+            iterations.prepare(diagonal)
         except Stagnates as vain:
-            counts.iterations += vain.columns
+            self.counts.iterations += vain.columns
             return self._factorized(values)
-        counts.iterations += found.steps
         instead: list[Solve] = []
 
         def some(rhs: Floats) -> Floats:
             if not instead:
                 try:
-                    done = solve_in_energy(matrix.__matmul__, precondition, rhs, found.least)
+                    return iterations.solve(rhs)
                 except Stagnates as vain:
-                    counts.iterations += vain.columns
+                    self.counts.iterations += vain.columns
                     instead.append(self._factorized(lower_values(matrix)))
-                else:
-                    counts.iterations += done.columns
-                    return done.x
             return instead[0](rhs)
 
         def solve(rhs: Floats) -> Floats:
@@ -136,6 +150,72 @@ def _too_hard(needed: float) -> ModelError:
     msg += f"elements are nearly flat; a factorization would take {needed / 1e9:.1f} GB of memory"
     hint = "look for moduli near a Poisson's ratio of 0.5 and for slivers in the mesh, or take a "
     return ModelError(msg, hint + "coarser mesh or more memory")
+
+
+class _Iterations:
+    """Conjugate gradients with one matrix; what took long is kept and found again.
+
+    Args:
+        matrix: (n, n).
+        name: under which what is found with it is kept; empty for not at all.
+        kept: solutions of before.
+        counts: where to count: what is found again, too, so that a run that goes on has the counts
+            of one that was never cut short.
+        hierarchy: the levels of its pattern.
+    """
+
+    def __init__(
+        self,
+        matrix: sp.csr_array,
+        name: str,
+        kept: KeptSolutions,
+        counts: SolverCounts,
+        hierarchy: Hierarchy,
+    ) -> None:
+        self._matrix, self._name, self._kept = matrix, name, kept
+        self._counts, self._hierarchy = counts, hierarchy
+        self._least = 0.0
+
+    @cached_property
+    def _precondition(self) -> _Preconditioner:
+        """Made when something must be solved."""
+        return _Preconditioner(self._hierarchy.level(self._matrix))
+
+    def prepare(self, diagonal: Floats) -> None:
+        """Find the least eigenvalue of M^-1 K.
+
+        Args:
+            diagonal: (n,) of K.
+
+        Raises:
+            NotPositiveDefinite: K is not.
+            Stagnates: conjugate gradients do not come to the end.
+        """
+        known = self._kept.find(self._name)
+        if known is None:
+            begun = monotonic()
+            found = spectrum(self._matrix.__matmul__, self._precondition, diagonal)
+            known = {"least": np.array(found.least), "steps": np.array(float(found.steps))}
+            self._kept.add(self._name, monotonic() - begun, known)
+        self._least = float(known["least"])
+        self._counts.iterations += int(known["steps"])
+
+    def solve(self, rhs: Floats) -> Floats:
+        """Solutions (n, k) for right-hand sides (n, k).
+
+        Raises:
+            Stagnates: conjugate gradients do not come to the end.
+        """
+        name = self._kept.of(self._name, rhs)
+        known = self._kept.find(name)
+        if known is None:
+            begun = monotonic()
+            product = self._matrix.__matmul__
+            found = solve_in_energy(product, self._precondition, rhs, self._least)
+            known = {"x": found.x, "steps": np.array(float(found.columns))}
+            self._kept.add(name, monotonic() - begun, known)
+        self._counts.iterations += int(known["steps"])
+        return known["x"]
 
 
 class _Preconditioner:

@@ -65,8 +65,12 @@ def best_site(
     """
     for before in (False, True) if as_built else (False,):
         best, longest = None, np.zeros(len(sequence.states), dtype=bool)
+        known: dict[int, Bools] = {}  # all elements of a group stay as long
         for site in sites:
-            stays = _stays(sequence, zero, site.element, before=before)
+            group = int(sequence.group_of[site.element])
+            if group not in known:
+                known[group] = _stays(sequence, zero, group, before=before)
+            stays = known[group]
             if stays.sum() > longest.sum():
                 best, longest = site, stays
         if best is not None:
@@ -85,16 +89,15 @@ def is_placed_after(sequence: ConstructionSequence, zero: int, site: Site) -> bo
     return int(sequence.group_of[site.element]) not in sequence.states[zero].materials
 
 
-def _stays(sequence: ConstructionSequence, zero: int, element: int, *, before: bool) -> Bools:
-    """(n_states,) states from the zero on to which no stage without the element leads.
+def _stays(sequence: ConstructionSequence, zero: int, group: int, *, before: bool) -> Bools:
+    """(n_states,) states from the zero on to which no stage without the group leads.
 
     Args:
         sequence: the states of construction.
         zero: index of the state at which the channel reads zero.
-        element: its number.
-        before: the element is placed by a stage that builds on the zero.
+        group: index of a group of elements.
+        before: the group is placed by a stage that builds on the zero.
     """
-    group = sequence.group_of[element]
     gone = np.array([group not in state.materials for state in sequence.states])
     built_on = sequence.built_on
     way = built_on ^ built_on[:, [zero]]

@@ -18,13 +18,12 @@ class Topography:
     """A surface above (or below) which every vertical line passes through a level.
 
     Where several faces lie above each other the highest counts. Beyond the footprint of the faces
-    the level is that of their horizontally nearest node.
+    the level is that of their horizontally nearest node, of several above each other the highest.
     """
 
     def __init__(self, mesh: Mesh, group: str) -> None:
         self._nodes = mesh.points[_pieces(mesh, group)]
-        corners = np.unique(self._nodes.reshape(-1, mesh.dim), axis=0)
-        self._corners = corners[np.argsort(corners[:, -1])[::-1]]  # of equal places the highest
+        self._rim, self._tops = _highest(self._nodes.reshape(-1, mesh.dim))
 
     def levels(self, positions: Floats) -> tuple[Floats, Bools]:
         """Levels at positions (m, dim), and which of them lie outside the footprint; m."""
@@ -43,8 +42,8 @@ class Topography:
         if outside.any():
             from scipy.spatial import cKDTree  # noqa: PLC0415 - 0.2 s, beyond the mesh alone
 
-            nearest = cKDTree(self._corners[:, :-1]).query(plan[outside])[1]
-            found[outside] = self._corners[nearest, -1]
+            nearest = cKDTree(self._rim).query(plan[outside])[1]
+            found[outside] = self._tops[nearest]
         return found, outside
 
 
@@ -78,6 +77,20 @@ def _pieces(mesh: Mesh, group: str) -> Ints:
     for block, rows in rows_in(mesh.facets, mesh.facet_groups[group]):
         found += [block.nodes[rows][:, piece] for piece in CELLS[block.kind].flat_pieces]
     return np.vstack(found)
+
+
+def _highest(nodes: Floats) -> tuple[Floats, Floats]:
+    """Places in plan (k, dim - 1), each once, and the level (k,) of the highest of the nodes there.
+
+    On a cliff many stand above each other.
+    """
+    same = _INSIDE * np.ptp(nodes, axis=0).max()
+    _, first, place = np.unique(
+        np.round(nodes[:, :-1] / same), axis=0, return_index=True, return_inverse=True
+    )
+    tops = np.full(len(first), -np.inf)
+    np.maximum.at(tops, place.ravel(), nodes[:, -1])
+    return nodes[first, :-1], tops
 
 
 def _meet(piece: Floats, plan: Floats) -> tuple[Bools, Floats]:

@@ -19,6 +19,7 @@ from geoident.fem.solvers.direct import (
     SymbolicFactorization,
     UnknownPlaces,
 )
+from geoident.fem.solvers.factor_cost import FactorCost
 from geoident.fem.solvers.fronts.tree import elimination_flops, flops_at_most
 from geoident.fem.solvers.ordering import lasting_first, nested_dissection
 from geoident.fem.stiffness import (
@@ -88,9 +89,13 @@ class StageSystems:
     Args:
         on_mesh: the case on its mesh.
         solver: factorizes.
+
+    Attributes:
+        factor_costs: of the patterns whose cost was counted.
     """
 
     def __init__(self, on_mesh: CaseOnMesh, solver: Solver) -> None:
+        self.factor_costs: dict[SystemKey, FactorCost] = {}
         mesh, sequence, discretization = on_mesh.mesh, on_mesh.sequence, on_mesh.discretization
         geometries, structures = discretization.geometries, Structures(on_mesh)
         self.discretization, self.structures = discretization, structures

@@ -30,6 +30,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import log_ndtr, ndtr, ndtri_exp
 
+from geoident.identify.primes import first_primes
 from geoident.model.arrays import Floats, Ints
 from geoident.model.results.bands import NORMAL_95
 
@@ -45,8 +46,6 @@ _FEW = 200
 
 _BEYOND = 1e-8
 """Probability of the tails that are left out."""
-
-_PRIMES = np.array([2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53, 59, 61, 67, 71, 73])
 
 _COVERED = 0.95
 _GRID = 65
@@ -314,8 +313,8 @@ def _lattice(L: Floats, lower: Floats, upper: Floats, points: int) -> tuple[Floa
     k = np.arange(points) + 0.5
     y = np.zeros((r, points))
     y[0], log_weight = _midpoints(lower[0] / L[0, 0], upper[0] / L[0, 0], k / points)
-    for j in range(1, r):
-        u = np.modf(k * np.sqrt(_prime(j - 1)))[0]
+    for j, prime in enumerate(first_primes(r - 1), start=1):
+        u = np.modf(k * np.sqrt(prime))[0]
         before, size = L[j, :j] @ y[:j], L[j, j]
         size = np.copysign(max(abs(size), 1e-12 * float(np.linalg.norm(L[j]))), size)
         ends = np.sort([(lower[j] - before) / size, (upper[j] - before) / size], axis=0)
@@ -335,10 +334,6 @@ def _midpoints(a: float, b: float, part: Floats) -> tuple[Floats, Floats]:
         last = high
     y = first + part * (last - first)
     return y, -0.5 * (y**2 - y[np.argmin(np.abs(y))] ** 2)
-
-
-def _prime(j: int) -> float:
-    return float(_PRIMES[j % len(_PRIMES)] + 80 * (j // len(_PRIMES)))
 
 
 def _between(a: Floats, b: Floats, u: Floats) -> tuple[Floats, Floats]:

@@ -14,7 +14,7 @@ is never near another one by a whole period, a descent that ends on the bound of
 from the other side, and two minima that differ by a period are one.
 
 A further descent is left as soon as its next step would end at a minimum that is known, or as it
-settles so far above the best one that it cannot become a rival.
+settles so far above the best one that it cannot become a rival; never where it is the best itself.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ import numpy as np
 from geoident.errors import ModelError
 from geoident.identify.least_squares.acceptance import Iterate, Step
 from geoident.identify.least_squares.descent import Descent, Ending
+from geoident.identify.primes import first_primes
 from geoident.identify.problem.ahead import Look, in_turns, knows_nothing_of_others
 from geoident.identify.problem.outcome import LocalMinimum
 from geoident.identify.problem.scaling import Scaling
@@ -254,6 +255,8 @@ class SeveralStarts:
     def _not_worth_it(self, point: Iterate, full: Step) -> bool:
         """The next step of a further descent ends at a known minimum, or far above the best."""
         best = min(self._endings, key=lambda ending: ending.point.phi).point
+        if point.phi < best.phi:  # else the best of all would be one that was left
+            return False
         promised = point.phi - full.gain
         window = 2.0 * RIVAL * max(1.0, best.phi / self.freedom)
         if full.length <= 1.0 and promised - 2.0 * full.gain > best.phi + window:
@@ -337,11 +340,12 @@ def spread(
     low, high = start_ranges(scaling)
     # the first primes are the most even ones: they belong to the angles
     order = sorted(which, key=lambda i: not np.isfinite(angles.period[i]))[:_MOST_SPREAD]
+    bases = first_primes(len(order))
     index = 0
     while True:
         index += 1
         x = given.copy()
-        for i, base in zip(order, _PRIMES, strict=False):
+        for i, base in zip(order, bases, strict=True):
             width = min(high[i] - low[i], angles.period[i])
             share = radical_inverse(index, base)
             if width >= _NEARLY_ALL * angles.period[i]:
@@ -357,7 +361,7 @@ def halton_starts(scaling: Scaling, count: int) -> Iterator[Floats]:
     """
     lower = np.where(np.isfinite(scaling.lower), scaling.lower, scaling.start - 2.0)
     upper = np.where(np.isfinite(scaling.upper), scaling.upper, scaling.start + 2.0)
-    bases = _primes(len(scaling))
+    bases = first_primes(len(scaling))
     for index in range(1, count + 1):
         share = np.array([radical_inverse(index, base) for base in bases])
         yield lower + share * (upper - lower)
@@ -375,16 +379,3 @@ def radical_inverse(index: int, base: int) -> float:
         value += digit * weight
         weight /= base
     return value
-
-
-def _primes(count: int) -> list[int]:
-    found: list[int] = []
-    candidate = 2
-    while len(found) < count:
-        if all(candidate % prime for prime in found):
-            found.append(candidate)
-        candidate += 1
-    return found
-
-
-_PRIMES = _primes(_MOST_SPREAD)

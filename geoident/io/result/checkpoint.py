@@ -6,8 +6,10 @@ log holds are answered without computing. The file is a header and records, appe
     magic | record(identity) | record(evaluation) | record(evaluation) | ...
     record = length (8 bytes), CRC-32 of the payload (4 bytes), payload
 
-The payload of an evaluation is an npz archive. A record counts when its length and checksum are
-right; on opening, the first that is not (a run died while writing it) and all after are cut off.
+The payload of an evaluation is an npz archive. So is that of a solution of equations that took
+long, which is kept because the evaluation that it belongs to may be cut short. A record counts when
+its length and checksum are right; on opening, the first that is not (a run died while writing it)
+and all after are cut off.
 
 What is appended outlives the process at once. The disk itself is asked for at most once a second: a
 machine that loses its power loses evaluations that took less than that, and a model that answers in
@@ -19,6 +21,7 @@ from __future__ import annotations
 import errno
 import io
 import os
+import shutil
 import struct
 import sys
 import time
@@ -43,6 +46,18 @@ _MAGIC = b"geoident-evaluations/1\n"
 _FRAME = struct.Struct("<QI")
 _SYNC_EVERY = 1.0
 """Seconds from one time that the disk is waited for to the next, at least."""
+
+ROOM = 2e9
+"""Bytes of the disk that solutions leave free."""
+
+MANY = 20
+"""Solutions for which there must be room, for one to be kept."""
+
+_SOLUTION = "solution "
+"""Begins the kind of a record that is one."""
+
+_NOWHERE = np.zeros(0)
+"""Solutions are found by what is solved, not by parameters."""
 
 _LOCKED = (errno.EAGAIN, errno.EACCES)
 _KIND, _POINT, _ARRAY = "kind", "p", "array."
@@ -85,7 +100,13 @@ class EvaluationLog:
         return log
 
     def __len__(self) -> int:
-        return len(self._places)
+        """Number of evaluations."""
+        return sum(not kind.startswith(_SOLUTION) for kind, _ in self._places)
+
+    @property
+    def solutions(self) -> int:
+        """Number of solutions of equations."""
+        return len(self._places) - len(self)
 
     def __enter__(self) -> EvaluationLog:
         return self
@@ -121,6 +142,22 @@ class EvaluationLog:
             self._turn_off(error)
             return
         self._places[_key(kind, p)] = (place, len(payload))
+
+    def find_solution(self, name: str) -> dict[str, Array] | None:
+        """What was kept of a solution of this name, bit by bit, or None."""
+        return self.find(_SOLUTION + name, _NOWHERE)
+
+    def add_solution(self, name: str, arrays: Mapping[str, Array]) -> None:
+        """Stores a solution where there is room for many more of its size.
+
+        Args:
+            name: what is solved.
+            arrays: name to array of numbers.
+        """
+        size = sum(array.nbytes for array in arrays.values())
+        with suppress(OSError):
+            if shutil.disk_usage(self._path.parent).free > ROOM + MANY * size:
+                self.add(_SOLUTION + name, _NOWHERE, arrays)
 
     def close(self) -> None:
         """Closes the file and leaves it for a later run."""

@@ -23,6 +23,7 @@ from matplotlib.patheffects import withStroke
 from matplotlib.text import Text
 from mpl_toolkits.mplot3d import proj3d
 
+from geoident.fem.near import points_in_boxes
 from geoident.model.arrays import Bools, Floats
 from geoident.report.drawing.style import SMALL
 
@@ -43,8 +44,10 @@ _NEAR, _FAR = (0, 5), (5, len(_RINGS))  # rings that are tried first, and those 
 _MOST_ANCHORS = 6  # of a label, around which places are tried
 _OFF_CENTRE = 6.0  # cost of not standing on the anchor, for a label that would best stand there
 _SWEEPS = 2
-_AT_A_TIME = 64
-"""Points asked together whether a surface hides them."""
+_ROUNDED = 1e-9
+"""Part of the size of a surface by which the boxes of its triangles are wider, for rounding."""
+_AHEAD = 1e-3
+"""Part of the size of a surface from which on it lies before a point, and not at it."""
 _ON_LINE, _ON_MARK, _LEADERS_CROSS, _LEADER_ON_LABEL = 8.0, 12.0, 25.0, 60.0
 
 
@@ -409,9 +412,9 @@ def _side(a: Floats, b: Floats, c: Floats) -> Floats:
 def hidden(points: Floats, triangles: Floats, towards: Floats) -> Bools:
     """(k,) which points in space are hidden behind a surface, seen from far away.
 
-    The ray from a point to the eye meets the plane of a triangle at two weights and at a distance
-    that are linear in the point: products of two matrices ask that of many points at once, and the
-    distance is found only where the ray goes through the triangle.
+    Only triangles are asked in whose box a point lies as the eye sees them. The ray from a point to
+    the eye meets the plane of a triangle at two weights and at a distance that are linear in the
+    point; the distance is found only where the ray goes through the triangle.
 
     Args:
         points: (k, 3) points.
@@ -430,11 +433,18 @@ def hidden(points: Floats, triangles: Floats, towards: Floats) -> Bools:
     origin = a.mean(axis=0)  # near all, for the sake of rounding
     a = a - origin
     start = [np.einsum("ij,ij->i", normal, a) for normal in (first, second)]
-    far = 1e-3 * float((triangles.max(axis=(0, 1)) - triangles.min(axis=(0, 1))).max())
-    for begin in range(0, len(points), _AT_A_TIME):
-        here = points[begin : begin + _AT_A_TIME] - origin
-        s, t = here @ first.T - start[0], here @ second.T - start[1]
-        point, triangle = np.nonzero((s >= 0) & (t >= 0) & (s + t <= 1))
-        ahead = np.einsum("ij,ij->i", depth[triangle], here[point] - a[triangle])
-        found[begin + point[ahead > far]] = True
+    size = float((triangles.max(axis=(0, 1)) - triangles.min(axis=(0, 1))).max())
+    seen = np.linalg.svd(towards[None])[2][1:].T  # two directions across
+    corners = (triangles[met] - origin) @ seen
+    low, high = corners.min(axis=1) - _ROUNDED * size, corners.max(axis=1) + _ROUNDED * size
+    point, triangle = points_in_boxes((points - origin) @ seen, low, high)
+    here = points[point] - origin
+    s, t = (
+        np.einsum("ij,ij->i", here, normal[triangle]) - at[triangle]
+        for normal, at in zip((first, second), start, strict=True)
+    )
+    through = np.flatnonzero((s >= 0) & (t >= 0) & (s + t <= 1))
+    point, triangle, here = point[through], triangle[through], here[through]
+    ahead = np.einsum("ij,ij->i", depth[triangle], here - a[triangle])
+    found[point[ahead > _AHEAD * size]] = True
     return found

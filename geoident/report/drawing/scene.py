@@ -276,14 +276,18 @@ class Scene:
     def gauge_motion(self) -> tuple[Floats, Floats]:
         """Gauge points (k, dim), m, and displacements (n_states, k, dim); NaN where absent."""
         points = np.unique(gauge_points(self.result.gauges).round(6), axis=0)
-        locator = Locator(self.fields.mesh)
+        locator, fields = Locator(self.fields.mesh), self.fields
+        places = [tuple(point) for point in points.tolist()]
+        locator.find(places)
         motion = np.full((self.n_states, *points.shape), np.nan)
-        for k, point in enumerate(points):
-            sites = locator.sites(tuple(float(x) for x in point))
+        for k, place in enumerate(places):
             for state in range(self.n_states):
-                here = [site for site in sites if self.fields.present[state, site.element]]
-                if here:
-                    motion[state, k] = here[0].shapes @ self.displacement(state)[here[0].nodes]
+                site = locator.best(place, fields.present[state])
+                if site is not None:
+                    moved = (
+                        fields.displacement[state, site.nodes] - fields.displacement[0, site.nodes]
+                    )
+                    motion[state, k] = site.shapes @ moved
         return points, motion
 
 

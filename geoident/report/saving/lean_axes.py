@@ -8,7 +8,7 @@ together, the room of a number is kept, and what was measured counts until the a
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from typing import Any, Literal
 
 import numpy as np
@@ -55,6 +55,12 @@ class _LeanAxis(Axis):
             numticks: not used.
         """
         return list(super().get_major_ticks(1))
+
+    def _copy_tick_props(self: Any, src: Any, dest: Any) -> None:
+        """Give one tick the look of another; the first is asked to look like itself."""
+        if src is not dest:
+            plain: Any = super()
+            plain._copy_tick_props(src, dest)
 
     def _usual_side(self: Any) -> bool:
         """Whether marks and numbers stand on the usual side alone."""
@@ -109,16 +115,16 @@ class _LeanAxis(Axis):
     def _get_ticklabel_bboxes(
         self: Any, ticks: Any, renderer: Any
     ) -> tuple[list[Bbox], list[Bbox]]:
-        """The room of the numbers on either side."""
+        """The room of the numbers on either side, of all together: its ends are all that counts."""
         self._measured()
         if self._boxes is None:
-            first: list[Bbox] = []
-            second: list[Bbox] = []
+            first: list[Floats] = []
+            second: list[Floats] = []
             for tick, places, words in self._ticks:
-                for label, boxes in ((tick.label1, first), (tick.label2, second)):
+                for label, rooms in ((tick.label1, first), (tick.label2, second)):
                     if label.get_visible() and label.get_in_layout():
-                        boxes.extend(_rooms(label, self.axis_name, places, words, renderer))
-            self._boxes = first, second
+                        rooms.extend(_rooms(label, self.axis_name, places, words, renderer))
+            self._boxes = _around(first), _around(second)
         return list(self._boxes[0]), list(self._boxes[1])
 
     def get_tightbbox(
@@ -191,8 +197,8 @@ class _LeanAxis(Axis):
 
 def _rooms(
     label: Any, name: str, places: Floats, words: Sequence[str], renderer: Any
-) -> list[Bbox]:
-    """The room of each of some words along an axis, from that of equal words elsewhere."""
+) -> list[Floats]:
+    """The room (2, 2) of each of some words along an axis, from that of equal words elsewhere."""
     side = label.get_position()[1 if name == "x" else 0]
     across = np.full(len(places), side)
     at = np.stack((places, across) if name == "x" else (across, places), axis=1)
@@ -211,8 +217,16 @@ def _rooms(
             _put(label, name, place, word)
             room = label.get_window_extent(renderer).get_points() - anchor
             _known[key] = np.round(room, _DIGITS)  # the same wherever it was first measured
-        found.append(Bbox(_known[key] + anchor))
+        found.append(_known[key] + anchor)
     return found
+
+
+def _around(rooms: Sequence[Floats]) -> list[Bbox]:
+    """The one room of all of some, lower and upper corner each; none of none."""
+    if not rooms:
+        return []
+    corners = np.stack(rooms)
+    return [Bbox([corners[:, 0].min(axis=0), corners[:, 1].max(axis=0)])]
 
 
 def _put(label: Any, name: str, place: float, word: str) -> None:
@@ -289,6 +303,25 @@ class _LeanAxes(Axes):
     _around: list[Artist] | None = None
     """What needs room beside them, once it was looked for."""
 
+    _final = False
+    """Whether the limits are those that were found last: nothing is added meanwhile."""
+
+    def _unstale_viewLim(self) -> None:  # noqa: N802 - a method of matplotlib
+        """Find the limits again if something was added, which matplotlib asks at each place."""
+        if not self._final:
+            plain: Any = super()
+            plain._unstale_viewLim()
+
+    @contextmanager
+    def limits_kept(self) -> Iterator[None]:
+        """While nothing is added that may change the limits."""
+        self._unstale_viewLim()
+        before, self._final = self._final, True
+        try:
+            yield
+        finally:
+            self._final = before
+
     def _init_axis(self) -> None:
         these: Any = self
         these.xaxis, these.yaxis = _LeanX(these, clear=False), _LeanY(these, clear=False)
@@ -303,7 +336,8 @@ class _LeanAxes(Axes):
             self.spines[
                 side
             ].get_spine_transform()  # finds the place, which else the first tick asks for
-        super().draw(renderer)
+        with self.limits_kept():
+            super().draw(renderer)
 
     def get_tightbbox(self, renderer: Any = None, **asked: Any) -> Bbox | None:
         """Their room with all that stands around them.
@@ -353,7 +387,10 @@ def only_places_change(figure: Any) -> Iterator[None]:
     for axes in lean:
         axes._extents = {}
     try:
-        yield
+        with ExitStack() as kept:
+            for axes in lean:
+                kept.enter_context(axes.limits_kept())
+            yield
     finally:
         for axes in lean:
             axes._extents = axes._around = None

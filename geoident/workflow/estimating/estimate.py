@@ -239,7 +239,7 @@ def searched(
     prepared = prepare(job)
     _tell_readings(prepared, control)
     with (
-        evaluation_log(job, control) as log,
+        evaluation_log(job, control, prepared.model) as log,
         with_workers(job, prepared, control) as setup,
     ):
         found = estimated(setup, job.methods, log, control)

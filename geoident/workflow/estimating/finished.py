@@ -8,6 +8,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from geoident.errors import ExitCode, InputError, Interrupted, ModelError, Term, TimeIsUp
+from geoident.fem.solvers.kept_solutions import KeepsSolutions
+from geoident.forward.protocols import CaseModel
 from geoident.io.result.checkpoint import EvaluationLog
 from geoident.io.result.file import read_identity, read_result, write_result
 from geoident.model.results.result import STOPPED, Result
@@ -18,8 +20,13 @@ from geoident.workflow.running.outputs import Existing, Target, restore, set_asi
 
 
 @contextmanager
-def evaluation_log(job: Job, control: Control) -> Iterator[EvaluationLog]:
+def evaluation_log(job: Job, control: Control, model: CaseModel) -> Iterator[EvaluationLog]:
     """The log of a job's evaluations; kept if the run is cut short, removed when it is done.
+
+    Args:
+        job: what is done.
+        control: is told what is known already.
+        model: evaluates; what it solves for long is logged, too.
 
     Raises:
         Interrupted: the run was; says how to go on.
@@ -29,9 +36,12 @@ def evaluation_log(job: Job, control: Control) -> Iterator[EvaluationLog]:
     log = EvaluationLog.open(str(job.place.checkpoint), job.identity)
     if log.trouble:
         control.monitor.warn(log.trouble)
-    elif len(log):
+    elif len(log) or log.solutions:
         kept = "blocks of evaluations" if job.command == "sample" else "evaluations"
-        control.monitor.inform(f"Going on from {job.place.checkpoint}: {len(log)} {kept}")
+        also = f", {log.solutions} solutions that took long" if log.solutions else ""
+        control.monitor.inform(f"Going on from {job.place.checkpoint}: {len(log)} {kept}{also}")
+    if isinstance(model, KeepsSolutions):
+        model.keep_solutions(log)
     try:
         yield log
     except Interrupted as stop:
@@ -54,7 +64,7 @@ def evaluation_log(job: Job, control: Control) -> Iterator[EvaluationLog]:
 
 def _too_short(job: Job, log: EvaluationLog) -> str:
     """That no result could be written in the time that was given."""
-    if not len(log):
+    if not len(log) and not log.solutions:
         return "The time that was given is used up before the model was evaluated once."
     return (
         "The time that was given is used up before a result could be written. "

@@ -19,7 +19,7 @@ from types import FrameType
 from typing import Any
 
 from geoident.errors import ExitCode
-from geoident.spare_imports import spare_imports
+from geoident.spare_imports import spare_imports, without_search
 from geoident.workflow.executing.family import end_descendants
 from geoident.workflow.executing.stop import StopRequest
 
@@ -60,7 +60,9 @@ def serve(connection: Connection, set_up: bytes) -> None:
 
 def _made(connection: Connection, set_up: bytes) -> Callable[[Any], Any] | None:
     try:
-        function: Callable[[Any], Any] = pickle.loads(set_up)()
+        with without_search():
+            set_up_function = pickle.loads(set_up)
+        function: Callable[[Any], Any] = set_up_function()
     except BaseException as error:
         connection.send((RAISED, error))
         return None

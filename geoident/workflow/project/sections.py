@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from geoident.errors import GeoidentError, Interrupted, ModelError
+from geoident.fem.solvers.kept_solutions import KeepsSolutions
 from geoident.forward.protocols import CaseModel
 from geoident.identify.problem.errors import SharedErrors
 from geoident.identify.problem.responses import HasDifferences
@@ -298,6 +299,8 @@ class _OneSection:
         readings, used = setup.readings, setup.readings.used
         control = Control(stop=stop, max_time=self._all.max_time)
         log = EvaluationLog.open(self._log(), self._source.identity)
+        if isinstance(setup.model, KeepsSolutions):
+            setup.model.keep_solutions(log)
         enough = int(np.count_nonzero(used)) >= n
         nothing = np.full((3, n), np.nan)
         if self._source.predicted or not enough:

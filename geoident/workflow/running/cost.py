@@ -241,8 +241,11 @@ def _like_the_largest(model: StagedModel) -> list[FactorCost]:
 
 
 def _stage_cost(model: StagedModel, state: int) -> FactorCost:
-    pattern = model.systems[state].pattern
-    return factor_cost(pattern.lower, pattern.dofs // model.mesh.dim)
+    systems, dim = model.systems, model.mesh.dim
+    system, known = systems[state], systems.factor_costs
+    if system.key not in known:  # asked by a fit for its processes and for its finer mesh
+        known[system.key] = factor_cost(system.pattern.lower, system.pattern.dofs // dim)
+    return known[system.key]
 
 
 def _stage_costs(model: StagedModel) -> list[FactorCost]:

@@ -11,7 +11,7 @@ from support.derivatives import assert_exact
 from support.meshes import box, opening, regroup
 
 from geoident.errors import InputError
-from geoident.model.actions import PointForce, Seismic
+from geoident.model.actions import PointForce, Pressure, Seismic
 from geoident.model.case import Stage, Support
 from geoident.model.parameter import Parameter, Scalar
 
@@ -201,3 +201,26 @@ def test_a_load_that_is_given_twice_is_at_fault_where_it_has_no_ground():
     (fault,) = error.value.faults
     assert fault.path == "loads.f.at"
     assert "at stage 'virgin'" in fault.message
+
+
+def test_a_load_on_faces_that_border_nothing_is_a_fault():
+    """An edge across an element, as where a line was drawn into a mesh and not meshed along."""
+    mesh = box("quad4", (2, 2))
+    (ends,) = (block.nodes[:1] for block in mesh.blocks)
+    lines = replace(mesh.facets[0], nodes=ends[:, [0, 2]], numbers=np.array([99]))
+    number = sum(len(block) for block in mesh.facets)
+    groups = {**mesh.facet_groups, "across": np.array([number])}
+    mesh = replace(mesh, facets=(*mesh.facets, lines), facet_groups=groups)
+    stage = Stage("one", loads={"p": Pressure("across", Scalar(1e5))})
+    with pytest.raises(InputError) as caught:
+        model(
+            mesh,
+            materials={"rock": ROCK},
+            groups={"all": "rock"},
+            supports=rollers(2),
+            stages=(stage,),
+        )
+    (fault,) = caught.value.faults
+    assert (fault.code, fault.path) == ("missing-group", "stages[0].loads.p.on")
+    assert fault.message == "some faces of 'across' border no element"
+    assert fault.hint == "its groups of faces: across, outer, x0, x1, y0, y1"

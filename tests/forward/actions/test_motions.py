@@ -255,12 +255,18 @@ def test_what_cannot_be_is_said_with_place_and_remedy():
     )
     with pytest.raises(InputError) as caught:
         check_on_mesh(case, mesh)
-    found = {fault.code: fault.message for fault in caught.value.faults}
+    found = {fault.code: fault for fault in caught.value.faults}
     assert set(found) == {"open-wall", "not-covered"}
-    assert found["open-wall"] == "'wall' is not one closed line, so no area is within it"
-    rim = len(nodes_in(mesh.facets, mesh.facet_groups["rim"]))  # the points are far within
-    said = f"the points do not cover 'rim': {rim} of its {rim} nodes lie beyond them"
-    assert said in found["not-covered"]
+    message = "'wall' is not one closed line, so no area is within it"
+    hint = "Name the whole wall, or give 'centre: [x, y]' where symmetry cuts it."
+    assert (found["open-wall"].message, found["open-wall"].hint) == (message, hint)
+    rim = nodes_in(mesh.facets, mesh.facet_groups["rim"])  # the points are far within
+    said = f"the points do not cover 'rim': {len(rim)} of its {len(rim)} nodes lie beyond them, "
+    assert found["not-covered"].message.startswith(said + "such as that at (")
+    place = found["not-covered"].message.partition("at (")[2].removesuffix(") m").split(", ")
+    assert np.abs(mesh.points[rim] - np.array(place, dtype=float)).max(axis=1).min() < 1e-3
+    hint = "Give points as far as the group reaches, or a group that ends with the points."
+    assert found["not-covered"].hint == hint
     twice = (*rollers(2), moved("rim", x=1e-3))
     with pytest.raises(InputError, match="both hold the node at") as caught:
         check_on_mesh(replace(case, supports=twice, stages=(Stage("one"),)), mesh)

@@ -33,7 +33,7 @@ def slopes(p):
     )
 
 
-def differences(function, parameters=PARAMETERS, digits=None):
+def differences(function, parameters=PARAMETERS, digits=None, quantum=None):
     runs = ArrayRuns(function, 2, 3)
 
     def run(points):
@@ -42,7 +42,8 @@ def differences(function, parameters=PARAMETERS, digits=None):
     def written(p):
         return p if digits is None else np.array([float(f"{x:.{digits}e}") for x in p])
 
-    quantum = runs.quantum if digits is None else lambda p: 10.0**-digits * np.abs(p)
+    if quantum is None:
+        quantum = runs.quantum if digits is None else lambda p: 10.0**-digits * np.abs(p)
     seen = np.ones(2, bool)
     return Differences(run, parameters, seen, np.full(3, 100.0), quantum, written), runs
 
@@ -114,6 +115,29 @@ def test_steps_stay_inside_the_bounds():
     np.testing.assert_allclose(found.exact(corner).dv_dp, slopes(corner), rtol=1e-7)
     assert len(seen) == 1 + 6 + 4
     assert all(1.0 <= p[0] <= 50.0 and 0.3 <= p[1] <= 3.0 for p in seen)
+
+
+@pytest.mark.parametrize("end", [0.0, 1.0, 0.5])
+def test_where_bounds_limit_the_steps_no_run_is_beyond_them(end):
+    """A straight line has the same slope over any two points, those of steps that just fit, too.
+
+    Twice half of the room is all of it but for a rounding, and then the second step is shorter.
+    """
+    rng = np.random.default_rng(11)
+    beyond = []
+
+    def line(p):
+        beyond.append(not (low <= p[1] <= high))
+        return 1e3 * np.array([p[1], 2.0 * p[1] - p[0], p[0]])
+
+    for _ in range(40):
+        low, high = sorted(rng.normal(size=2))
+        value = min(low + end * (high - low), high)
+        narrow = (PARAMETERS[0], Parameter("K", start=value, lower=low, upper=high))
+        found, _ = differences(line, narrow, quantum=np.ones_like)
+        slope = found.exact(np.array([5.0, value])).dv_dp[:, 1]
+        np.testing.assert_allclose(slope, [1e3, 2e3, 0.0], rtol=1e-9, atol=1e-6)
+    assert not any(beyond)
 
 
 def test_a_failed_side_is_gone_around_and_two_are_an_error():

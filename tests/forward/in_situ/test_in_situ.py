@@ -277,6 +277,23 @@ def test_faces_on_both_sides_of_a_ridge_do_not_reach_beyond_it(kind, axis):
     np.testing.assert_allclose(levels, level(places), rtol=1e-9)
 
 
+@pytest.mark.parametrize(("kind", "n"), [("hex8", (3, 7, 9)), ("quad4", (3, 30))])
+@pytest.mark.parametrize("height", [1.0, 1e-3])
+def test_beside_a_cliff_the_level_is_that_of_its_edge(kind, n, height):
+    """The nodes of the cliff stand above each other, so all are nearest: the top one counts."""
+    dim = len(n)
+    mesh = box(kind, n)
+    up = mesh.points[:, -1] * height * (2 - mesh.points[:, 0])
+    mesh = replace(mesh, points=np.column_stack([mesh.points[:, :-1], up]))
+    faces = [mesh.facet_groups[name] for name in (f"{'xyz'[dim - 1]}1", "x1")]
+    mesh = replace(mesh, facet_groups={"cliff": np.sort(np.concatenate(faces))})
+    places = np.random.default_rng(5).uniform(-0.5, 1.5, (300, dim))
+    places[:, 0] = 1.1 + abs(places[:, 0])
+    levels, outside = Topography(mesh, "cliff").levels(places)
+    assert outside.all()
+    np.testing.assert_allclose(levels, height, rtol=1e-12)
+
+
 # What is refused ---------------------------------------------------------------------------------
 
 

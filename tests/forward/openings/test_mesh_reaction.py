@@ -173,6 +173,13 @@ def test_branches_have_no_one_reaction():
         staged(oval(), rock(5e9, 0.25, mohr(MPa, 0.5)), **settings)
     (fault,) = caught.value.faults
     assert (fault.code, fault.path) == ("branches", "face.conversion")
+    assert fault.message == (
+        "stages with a distance to the face do not all build on each other, so that the mesh has "
+        "no one reaction to the face"
+    )
+    assert fault.hint == (
+        "Let each of them build on the one before, or write 'conversion: reaction-curve'."
+    )
 
 
 def test_a_tunnel_needs_ground_around_it():
@@ -187,9 +194,17 @@ def test_a_tunnel_needs_ground_around_it():
     ("mesh", "stress", "said"),
     [
         (quarter(3, 8, 20.0), constant(*(-9 * MPa,) * 3), ()),
-        (oval(), constant(*(-9 * MPa,) * 3), ("is not round",)),
-        (quarter(3, 8, 20.0), UNEVEN, ("uneven stress (7 and 11 MPa",)),
-        (oval(), UNEVEN, ("is not round and stands in uneven stress",)),
+        (oval(), constant(*(-9 * MPa,) * 3), ("This tunnel is not round, so that",)),
+        (
+            quarter(3, 8, 20.0),
+            UNEVEN,
+            (
+                "This tunnel stands in uneven stress (7 and 11 MPa at the start values), so that "
+                "the mean motion of its wall is another part of the final one (theory 2.9): "
+                "'conversion: mesh' takes that of the mesh",
+            ),
+        ),
+        (oval(), UNEVEN, ("is not round and stands in uneven stress (",)),
     ],
 )
 def test_what_a_circle_does_not_tell_is_said(mesh, stress, said):

@@ -214,6 +214,22 @@ def test_points_in_the_opening_are_read_before_it_is_there():
     assert np.isnan(table[0, 1:]).all()
 
 
+def test_a_gauge_zeroed_at_a_stage_reads_the_motion_since_then():
+    late = replace(GAUGES[0], name="late", zero="open")
+    opened = without_mesh(rock(5e9, 0.25, mohr(1 * MPa, 0.5)), channels=(GAUGES[0], late))
+    assert opened.unreadable("late", "face") == "it is zeroed only at a later stage"
+    assert opened.unreadable("late", "open") is None
+    assert opened.unreadable("across", "face") is None
+    whole, since = opened.survey(np.empty(0), fields=False).computed
+    np.testing.assert_allclose(since, [np.nan, 0.0, whole[2] - whole[1]], rtol=1e-12)
+    pairs = [("across", "face"), ("across", "grout"), ("late", "open"), ("late", "grout")]
+    steps = opened.steps(pairs)
+    np.testing.assert_array_equal(steps[1:].T, [[1, 0, 0], [1, 1, 1], [0, 0, 0], [0, 0, 1]])
+    readings = opened.response(pairs).readings(np.empty(0))
+    parts = steps * opened.increments(np.empty(0))[:, [0, 0, 1, 1]]
+    np.testing.assert_allclose(parts.sum(axis=0), readings, rtol=1e-12)
+
+
 def test_a_gauge_of_another_quantity_has_no_closed_form():
     cell = replace(GAUGES[0], name="cell", kind="load-cell", structure="nails")
     opened = without_mesh(material("rock", 5e9, 0.25), channels=(GAUGES[1], cell))

@@ -78,6 +78,17 @@ def test_stages_lie_on_the_curve(yielding):
     assert np.isnan(yielding.stage_plastic_radius[0])
 
 
+def test_the_last_stage_says_how_far_the_ground_yields(yielding):
+    """Not an earlier one, whose wall is held back, though it comes from the same ground."""
+    model = without_mesh(rock(E, NU, mohr(C, PHI, psi=0.0)), stages=STAGES)
+    said = [text for text in model.field.remarks({}) if "the ground yields up to" in text]
+    radius = yielding.stage_plastic_radius[-1]
+    assert said == [f"at stage 'far on' the ground yields up to {radius:.3g} m from the centre"]
+    assert radius > yielding.stage_plastic_radius[1] + 0.05
+    held = without_mesh(rock(E, NU, mohr(C, PHI, psi=0.0)), stages=STAGES[:1])
+    assert not any("yields up to" in text for text in held.field.remarks({}))
+
+
 def test_a_stage_that_cannot_stand_leaves_the_ones_before():
     weak = reaction(rock(E, NU, mohr(0.0, np.radians(10.0), psi=0.0)))
     assert weak.stages == ("face", "lined")

@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+import re
 import tracemalloc
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from support.cases import displacement, model, rollers
+from support.cases import displacement, material, model, rollers
 from support.meshes import box
 from support.yielding import NOTHING, Cavity, constant, given, marched, mohr, parameters, rock
 
 from geoident.errors import CollapseError, ModelError
+from geoident.fem.yielding import polyhedral
+from geoident.forward.march import plastic_step
+from geoident.forward.march.march import RunOptions
+from geoident.forward.march.plastic_step import PlasticSteps
+from geoident.forward.march.stage_equations import NoEquilibrium
 from geoident.model.actions import Traction
 from geoident.model.case import Stage, Support
 from geoident.model.in_situ import HeimStress
@@ -125,10 +132,13 @@ def test_collapse_names_stage_part_and_place(planes):
         pulled(4 * c, tresca).survey(NOTHING, fields=False)
     assert caught.value.stage == "second"
     assert caught.value.fraction == pytest.approx(1.6 / 3.6, rel=2e-3)
-    text = str(caught.value)
-    assert "stage 'second'" in text
-    assert "44.4 %" in text
-    assert " m" in text
+    said = "at stage 'second' the ground cannot carry the loads: plastic collapse; 44.4 % of the "
+    said += "change of load of this stage is carried; it shears most in group 'all' near ("
+    assert caught.value.message.startswith(said)
+    assert caught.value.hint == (
+        "Raise the strengths (their start values or bounds), or see whether the stage lacks "
+        "support or loads more than is meant."
+    )
     pulled(1.99 * c, tresca).survey(NOTHING, fields=False)
 
 
@@ -190,6 +200,8 @@ def test_virgin_stress_outside_the_surface_is_refused_with_place_and_factor(plan
     assert not isinstance(caught.value, CollapseError)
     factor = 2e4 * deepest * 0.7 / (2 * c)
     assert f"by a factor of {factor:.3g}" in str(caught.value)
+    remedy = "Raise the strength, or correct the in-situ stress: virgin ground must carry it."
+    assert caught.value.hint == remedy
     assert "soil near (" in str(caught.value)
     low = str(caught.value).split("near (")[1].split(")")[0].split(",")[1]
     assert float(low) == pytest.approx(10.0 - deepest, abs=0.01)
@@ -217,3 +229,88 @@ def test_virgin_ground_exactly_on_the_surface_is_allowed(planes):
         assert np.abs(standing.u).max() < 1e-6
     with pytest.raises(ModelError, match="outside the yield surface"):
         marched(virgin(surface, K0=0.98 * K_a))
+
+
+def test_planes_that_contradict_each_other_are_named_with_a_remedy():
+    """Fill that would have to be pressed and not be pressed at once, at a k that may be tried."""
+    facing = np.eye(6)[[0, 0]] * np.array([[1.0], [-1.0]])
+    sideways = given(facing, [Scalar(1.0, "k"), 0.9e5])
+    staged = CAVITY.staged(
+        CAVITY.mesh("quad8", n=2, layers=2, reach=3),
+        materials={"rock": material("rock", 2e9, 0.3), "fill": rock(1e9, 0.3, sideways)},
+        groups={"core": None, "rock": "rock"},
+        stages=(Stage("fill", install={"core": "fill"}),),
+        parameters=parameters(k=-5e4),  # bounds -500 and -5 kPa
+    )
+    with pytest.raises(ModelError) as caught:
+        staged.survey(np.array([-1e5]), fields=False)
+    assert not isinstance(caught.value, CollapseError)
+    assert caught.value.message == (
+        "the yield planes of a material contradict each other: no stress satisfies the yield "
+        "planes 1, 2 at once"
+    )
+    assert caught.value.hint == "Raise their distances k (start values or bounds)."
+
+
+def test_planes_that_nearly_coincide_are_told_with_a_remedy(monkeypatch):
+    """No case is known in which the projection does not end: it is kept from ending."""
+
+    def round_and_round(work, rays):
+        work.plane[:] = -1
+
+    monkeypatch.setattr(polyhedral, "_advance", round_and_round)
+    with pytest.raises(ModelError) as caught:
+        pulled(3e6, mohr(1e6, 0.0, planes=8)).survey(NOTHING, fields=False)
+    assert not isinstance(caught.value, CollapseError)
+    assert re.fullmatch(
+        r"at stage 'second' the projection of \d+ points on the yield planes did not end: planes "
+        "of a material that nearly coincide",
+        caught.value.message,
+    )
+    remedy = "Leave out planes that are the same but for little, or move them apart."
+    assert caught.value.hint == remedy
+
+
+@pytest.mark.parametrize(
+    ("proven", "message", "hint"),
+    [
+        (
+            True,
+            "at stage 's' the ground cannot carry the loads: plastic collapse; 12.3 % of the "
+            "change of load of this stage is carried",
+            "Raise the strengths (their start values or bounds), or see whether the stage lacks "
+            "support or loads more than is meant.",
+        ),
+        (
+            False,
+            "at stage 's' no equilibrium was found: flow with a dilation so far below the friction "
+            "shears in bands on this mesh, or the ground collapses; 12.3 % of the change of load "
+            "of this stage was brought to equilibrium",
+            "See whether a larger dilation, or associated flow, or larger elements where it shears "
+            "carry the stage: then the ground does not lack strength.",
+        ),
+    ],
+)
+def test_a_collapse_that_is_not_proven_has_another_remedy(proven, message, hint):
+    """A mechanism and a band say more, elsewhere (`test_little_dilation`)."""
+    task = SimpleNamespace(state=SimpleNamespace(name="s"))
+    told = PlasticSteps._collapse(SimpleNamespace(), task, 0.1234, None, proven=proven)
+    assert (told.message, told.hint, told.fraction) == (message, hint, 0.1234)
+    unknown = PlasticSteps._collapse(SimpleNamespace(), task, np.nan, None, proven=proven)
+    assert unknown.message == message.partition("; ")[0]
+
+
+def test_bands_that_are_not_asked_for_are_no_collapse(monkeypatch):
+    """The finer mesh of the mesh error looks for no flow in bands: it counts as no solution."""
+
+    def nothing(*args, **kwargs):
+        raise NoEquilibrium(None)
+
+    monkeypatch.setattr(plastic_step, "solve", nothing)
+    staged = pulled(1e6, mohr(1e6, 0.4, psi=0.1))
+    options = RunOptions(derivatives=False, even_only=True)
+    with pytest.raises(ModelError) as caught:
+        list(staged.at(NOTHING, options).states())
+    assert not isinstance(caught.value, CollapseError)
+    said = "at stage 'first' the ground shears in bands, with a dilation far below the friction"
+    assert (caught.value.message, caught.value.hint) == (said, "")

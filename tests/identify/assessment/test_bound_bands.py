@@ -102,6 +102,16 @@ def test_many_bounds_are_met_by_their_probability():
         np.testing.assert_allclose(each.centre, each.centre.mean(), rtol=0.04)
 
 
+def test_many_parameters_on_their_bounds_do_not_follow_each_other():
+    """Independent half normals, of which the mean and the variance are known."""
+    n = 40
+    found = cut_normal(np.zeros(n), np.eye(n), np.zeros(n), np.full(n, np.inf))
+    mean = found.shift @ found.weight
+    np.testing.assert_allclose(mean, np.sqrt(2.0 / np.pi), atol=0.02)
+    covariance = found.covariance - np.outer(mean, mean)
+    np.testing.assert_allclose(covariance / (1.0 - 2.0 / np.pi), np.eye(n), atol=0.3)
+
+
 def test_where_no_bound_is_near_nothing_is_cut():
     found = cut_normal(np.zeros(2), np.eye(2), np.full(2, -5.0), np.full(2, 5.0))
     assert found.weight.tolist() == [1.0]

@@ -44,6 +44,34 @@ def test_a_start_is_spread_over_the_circle_from_where_the_user_began():
     np.testing.assert_allclose(np.sort(turn % 1.0), [0.0, 0.25, 0.5, 0.75], atol=1e-12)
 
 
+def boxes(count):
+    return [Parameter(f"p{n}", 1.0, -1.0 - n, 2.0 + n) for n in range(count)]
+
+
+def spread_shares(parameters, count):
+    """Starts (count, n) as parts of the way from bound to bound."""
+    scaling = Scaling(parameters)
+    angles = Angles(parameters, scaling)
+    points = spread(scaling, angles, scaling.start, range(len(parameters)))
+    x = np.array([next(points) for _ in range(count)])
+    return (x - scaling.lower) / (scaling.upper - scaling.lower)
+
+
+@pytest.mark.parametrize("first", [0, 1, 17])
+def test_thirty_successive_starts_fill_every_cell_once(first):
+    """Halton's sequence in the bases 2, 3 and 5."""
+    shares = spread_shares(boxes(3), first + 30)[first:]
+    cells = {tuple(cell) for cell in np.floor(shares * (2, 3, 5) + 1e-9).astype(int).tolist()}
+    assert len(cells) == 30
+
+
+def test_of_many_parameters_twelve_are_spread_angles_first():
+    shares = spread_shares([*boxes(14), DIP], 20)
+    varied = np.flatnonzero(np.ptp(shares, axis=0) > 0.0)
+    assert varied.tolist() == [*range(11), 14]
+    assert len(np.unique(shares[:, 14])) == 20
+
+
 def test_a_prior_keeps_starts_near():
     known = Parameter("dip", 0.3, -1.55, 1.55, prior=Prior(0.4, 0.1), period=np.pi)
     low, high = start_ranges(Scaling([known]))
@@ -233,3 +261,7 @@ def test_a_descent_that_ends_at_a_known_minimum_is_left():
     assert not given_up(**{**near, "phi": 11.85})
     assert not given_up(**near, away=0.6)
     assert not given_up(**near, status="stopped")
+    # 10.05 leads to 9.95, a minimum known at 10: it is left from above, and not where it is lower
+    assert given_up(10.05, 0.1, 0.3)
+    assert given_up(10.0, 0.1, 0.3)
+    assert not given_up(9.99, 0.01, 0.3)

@@ -65,6 +65,16 @@ def test_the_length_is_the_radius_whose_box_a_step_just_fits(scaling):
     assert box.length(x, d) == pytest.approx(0.3)
 
 
+def test_every_parameter_of_one_sign_has_its_own_factor():
+    """Whatever their sizes and signs are, and how many there are."""
+    sizes = np.array([3.0, -0.5, 7.0, 1.1])
+    scaling = Scaling([Parameter(f"p{n}", x, *sorted((x / 9, 9 * x))) for n, x in enumerate(sizes)])
+    low, high = TrustBox(scaling).sides(scaling.start, 0.3)
+    ends = scaling.start[:, None] * np.expm1([-0.3, 0.3])
+    np.testing.assert_allclose(low, ends.min(axis=1), rtol=1e-12)
+    np.testing.assert_allclose(high, ends.max(axis=1), rtol=1e-12)
+
+
 def test_a_unit_is_the_step_of_length_one_to_first_order(scaling):
     box, x = TrustBox(scaling), scaling.start
     for i, unit in enumerate(box.unit(x)):

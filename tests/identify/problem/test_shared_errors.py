@@ -285,6 +285,22 @@ def test_what_used_readings_leave_of_errors_that_later_ones_share(measured, make
     assert left[0, 1] != 0.0
 
 
+@pytest.mark.parametrize("shared", [None, SHARED], ids=["used alone", "used share"])
+def test_later_readings_that_share_nothing_keep_their_own_errors(measured, make_problem, shared):
+    problem = replace(make_problem(line, parameters(), measured, SD), shared=shared)
+    sd = np.array([0.2, 0.1])
+    own = ErrorStructure(sd, np.array([-1, -1]), sp.csr_array((2, 0)), np.zeros(0, int), ())
+    np.testing.assert_array_equal(later_covariance(problem, own), np.diag(sd**2))
+
+
+def test_later_readings_share_among_themselves_where_the_used_ones_do_not(measured, make_problem):
+    problem = make_problem(line, parameters(), measured, SD)
+    sd, shares = np.array([0.2, 0.1]), np.array([[0.1, -0.4], [0.3, 0.2]])
+    own = ErrorStructure(sd, np.array([-1, -1]), sp.csr_array(shares), np.full(2, -1), ())
+    expected = np.diag(sd**2) + shares @ shares.T
+    np.testing.assert_allclose(later_covariance(problem, own), expected, rtol=1e-12)
+
+
 def test_rows_of_a_robust_loss_leave_out_what_shared_errors_can_do(problem):
     """Where the loss is that of squares everywhere, curvature is that of whitened rows."""
     wide = Discrepancy(replace(problem, loss=HuberOptions(1e6)))

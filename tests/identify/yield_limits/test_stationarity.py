@@ -302,6 +302,24 @@ def test_what_moves_planes_outwards_only_is_a_strength():
     assert strengths(activity(slopes=against), np.ones(2)).tolist() == [True, True]
 
 
+@pytest.mark.parametrize("unit", [1e-15, 1e15])
+def test_the_unit_of_a_strength_does_not_matter(unit):
+    """A derivative is small beside the others, not beside one."""
+    slopes = unit * np.array([[1.0, 2.0], [0.5, -1e-6]])
+    assert strengths(activity(slopes=slopes), np.ones(2)).tolist() == [True, False]
+    found = activity(points=(0, 0), slopes=slopes)
+    assert unreached(found, np.zeros((3, 2))).tolist() == [True, True]
+    room = headroom(found)
+    assert room == pytest.approx([0.5 / unit, 0.25 / unit])
+
+
+def test_without_planes_there_are_no_strengths():
+    none = activity(points=(), reached=(), distances=(), slopes=np.zeros((0, 2)))
+    assert strengths(none, np.ones(2)).tolist() == [False, False]
+    assert unreached(none, np.zeros((3, 2))).tolist() == [False, False]
+    assert headroom(none).tolist() == [np.inf, np.inf]
+
+
 def test_unreached_is_what_moves_only_planes_that_nothing_reaches():
     idle = activity(points=(0, 1), slopes=[[1.0, 0.0], [0.0, 1.0]])
     silent = np.zeros((3, 2))

@@ -366,15 +366,16 @@ def test_pieces_of_another_shape_or_type_are_named(tmp_path: Path, result_maker:
     assert "/readings/sd holds object" in refused(tmp_path / "a.h5")
 
 
+@pytest.mark.parametrize("count", [50, pytest.param(1000, marks=pytest.mark.slow)])
 def test_flipped_bytes_are_refused_or_read_but_never_crash(
-    tmp_path: Path, result_maker: Make
+    tmp_path: Path, result_maker: Make, count: int
 ) -> None:
     path = tmp_path / "a.h5"
     write_result(result_maker(), path, overwrite=False)
     whole = path.read_bytes()
     rng = np.random.default_rng(1)
     refusals = []
-    for place in rng.integers(0, len(whole), 150):
+    for place in rng.integers(0, len(whole), count):
         broken = bytearray(whole)
         broken[place] ^= 0xFF
         path.write_bytes(broken)

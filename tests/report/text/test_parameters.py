@@ -1,6 +1,7 @@
 """Parameters as people read them, against their SI values and the units of the case."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from geoident.report.text.parameters import (
     parameters_text,
     prior_interval,
 )
+from geoident.report.text.posterior import cost_sentence
 from tests.support.results import example_result, parameters, small_result
 
 TABLE = parameters()
@@ -117,3 +119,25 @@ def test_a_scan_over_two_says_its_extent():
     assert lines[3] == "Misfit from 2 to 9 over 6 points; the values are in the result file."
     nowhere = replace(small_result().grid, objective=np.full((2, 3), np.inf))
     assert "no solution at any point" in grid_text(small_result(grid=nowhere))
+
+
+def drawn(chains, length, **changes):
+    """What is said of draws, of which only their numbers count."""
+    given = {"sampler": "importance", "pareto_k": np.nan, "largest_r_hat": np.nan,
+             "acceptance": 0.3149, "evaluations": 4321, "least_effective": 812.6}  # fmt: skip
+    log_density = np.zeros((chains, length))
+    return SimpleNamespace(
+        log_density=log_density, n_draws=log_density.size, **{**given, **changes}
+    )
+
+
+def test_how_draws_were_made_and_what_they_have_cost():
+    assert cost_sentence(drawn(1, 1000, pareto_k=0.347)) == (
+        "1000 draws by importance sampling, worth 813 independent ones; Pareto k 0.35 (to be "
+        "believed up to 0.7); 4321 evaluations of the model, 31 % of the evaluations count."
+    )
+    assert cost_sentence(drawn(4, 250, sampler="ensemble", largest_r_hat=1.00649)) == (
+        "1000 draws in 4 chains of 250 by ensemble sampling, worth 813 independent ones; largest "
+        "R-hat 1.006 (to be believed up to 1.01); 4321 evaluations of the model, 31 % of the steps "
+        "were accepted."
+    )

@@ -25,6 +25,7 @@ from geoident.workflow.executing.executor import Answered
 OPENING = Path(geoident.__file__).parent / "templates" / "opening"
 VARY = "variations: {product: {parameters.E_rock.start: [1 GPa, 2 GPa, 3 GPa]}}"
 PLAIN = "fit.backtest: false, fit.model_error: none, fit.mesh_error: false"
+PLAIN += ", fit.closed-form.starts: 1"
 """A fit and nothing more: what is computed there is not what is asked here."""
 OF_EACH_RUN = {"created", "seconds"}
 

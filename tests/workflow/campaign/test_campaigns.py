@@ -33,7 +33,7 @@ from geoident.workflow.simulate import simulate
 from tests.support.commands import run_command
 
 OPENING = Path(geoident.__file__).parent / "templates" / "opening"
-QUICK = "set: {fit.backtest: false}"
+QUICK = "set: {fit.backtest: false, fit.closed-form.starts: 1}"
 
 
 class Here:
@@ -112,7 +112,7 @@ def test_fits_have_the_numbers_of_single_fits(here):
         write(f"{QUICK}\nvariations: {{rows: [{{run: soft, parameters.E_rock.start: 1 GPa}}]}}")
     )
     run_command(
-        "fit", "case.yaml", "--set", "fit.backtest=false",
+        "fit", "case.yaml", "--set", "fit.backtest=false", "--set", "fit.closed-form.starts=1",
         "--set", "parameters.E_rock.start=1 GPa",
     )  # fmt: skip
     single, (run,) = read_result("case.fit.h5"), table.runs

@@ -170,6 +170,7 @@ def test_trust_that_comes_with_the_case_counts_for_nothing(tmp_path, monkeypatch
     assert run_command("simulate", case).exit_code == ExitCode.INVALID_INPUT
 
 
+@pytest.mark.usefixtures("plain_pictures")
 def test_predict_scan_show_and_report_work_on_it(tmp_path):
     case = write_case(tmp_path)
     grid = "fit.scan={grid: {E: {from: 4 GPa, to: 8 GPa, points: 3}}}"
@@ -193,7 +194,7 @@ def test_predict_scan_show_and_report_work_on_it(tmp_path):
 
 def test_a_simplex_search_needs_runs_only(tmp_path):
     case = write_case(tmp_path)
-    found = fitted(case, overrides=("fit.method=simplex",))
+    found = fitted(case, overrides=("fit.method=simplex", "fit.simplex.delta=1e-5"))
     assert found.status == "converged"
     assert found.parameters.values[0] == pytest.approx(8.331e9, rel=1e-2)
 
