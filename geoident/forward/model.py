@@ -245,7 +245,7 @@ class StagedModel(Marches):
             None if recorder is None else recorder.fields.series(),
             members.table() if last is None else None,
             tuple(error.message for error in found.collapses),
-            found.plastic.activity(),
+            found.plastic.planes.activity(),
             (
                 *face_note(self.face, self.on_mesh, values),
                 *_equal_notes(equal, self.case.stage_names),

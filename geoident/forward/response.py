@@ -422,7 +422,7 @@ class StagedResponse(ModelResponse):
         table = self.adjoints.table(run, observed[-1][0], seen)
         values = run.given.values
         marches.last_adjoints = AdjointTable(values, self._row, self._state, table.copy())
-        self._activity = p.tobytes(), run.findings.plastic.activity()
+        self._activity = p.tobytes(), run.findings.plastic.planes.activity()
         table += marches.instrument_errors.added(marches.values(p), self.names, self._places)
         return table[:, 0], table[:, 1:]
 
@@ -567,7 +567,7 @@ class StagedResponse(ModelResponse):
             seen.append(marches.observation.values(MarchState(end, run.point, marches.structures)))
             if tell is not None:
                 tell(end, run)
-        self._activity = p.tobytes(), run.findings.plastic.activity()
+        self._activity = p.tobytes(), run.findings.plastic.planes.activity()
         return np.stack(seen)
 
     def _unit_forces(self) -> UnitForces:

@@ -9,7 +9,11 @@ Run: python tests/benchmarks/paths.py [E_rock] [reading] [plane]
 A datum is computed with twice, each time in a process of its own, in two cases that differ in it
 alone. A file counts if an argument or a result of one of its functions differs: texts, numbers,
 arrays, dual numbers, and records of them, one level deep. So files that only hash, check or show it
-count, too; which of them are on the way, and what they do there, is in ARCHITECTURE.md.
+count, too, and all that is computed with it; which of them are on the way, and what they do there,
+is in ARCHITECTURE.md.
+
+Of a plane it also prints which files make, read or change one of its forms (`FORMS`), whatever the
+numbers: those that know planes. Files that only hold what holds a form are not among them.
 """
 
 from __future__ import annotations
@@ -23,7 +27,7 @@ import subprocess
 import sys
 import tempfile
 from collections import Counter, defaultdict
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import FrameType
 from typing import Any
@@ -36,8 +40,15 @@ sys.path.insert(0, str(ROOT / "tests"))
 
 from support.trench import CASE, write_case  # noqa: E402
 
+from geoident.fem.yielding.planes import ReturnStep, ScaledPlanes, YieldPlanes  # noqa: E402
 from geoident.identify import identify  # noqa: E402
 from geoident.identify.problem.problem import Discrepancy, Problem  # noqa: E402
+from geoident.model.yielding import (  # noqa: E402
+    Activity,
+    Certificate,
+    GivenPlanes,
+    YieldPlane,
+)
 from geoident.report.text.gauges import readings_csv  # noqa: E402
 from geoident.workflow.estimating.setup import prepare, used_response  # noqa: E402
 from geoident.workflow.running.jobs import Request, plan_fit  # noqa: E402
@@ -95,6 +106,39 @@ def watched(job: Callable[[], object]) -> Seen:
         job()
     finally:
         sys.setprofile(None)
+    return dict(seen)
+
+
+def known(forms: Sequence[type], job: Callable[[], object]) -> Seen:
+    """Which functions of the package make, read or change records while a job is done."""
+    seen: Seen = defaultdict(Counter)
+
+    def note(form: type) -> None:
+        frame: FrameType | None = sys._getframe(2)
+        while frame is not None and not frame.f_code.co_filename.startswith(PACKAGE):
+            frame = frame.f_back
+        if frame is not None:
+            code = frame.f_code
+            place = code.co_filename.removeprefix(PACKAGE), code.co_qualname
+            seen[place][form.__name__] += 1
+
+    def watch(form: Any) -> None:
+        made, read = form.__init__, form.__getattribute__
+
+        def make(self: Any, *args: Any, **kwargs: Any) -> None:
+            note(form)
+            made(self, *args, **kwargs)
+
+        def get(self: Any, name: str) -> Any:
+            if not name.startswith("__"):
+                note(form)
+            return read(self, name)
+
+        form.__init__, form.__getattribute__ = make, get
+
+    for form in forms:
+        watch(form)
+    job()
     return dict(seen)
 
 
@@ -168,6 +212,11 @@ PATHS: dict[str, tuple[Callable[[], None], Write, Write]] = {
 }
 """Datum to what is made of it, and the two cases."""
 
+FORMS: dict[str, tuple[type, ...]] = {
+    "plane": (GivenPlanes, YieldPlane, YieldPlanes, ScaledPlanes, ReturnStep, Activity, Certificate)
+}
+"""Datum to the records in which it goes."""
+
 
 def passed(name: str, folder: Path) -> dict[str, list[str]]:
     """File to its functions through which a datum passed."""
@@ -186,9 +235,25 @@ def passed(name: str, folder: Path) -> dict[str, list[str]]:
     return files
 
 
+def knowing(name: str, folder: Path) -> dict[str, list[str]]:
+    """File to the forms of a datum that it knows."""
+    place = folder / name / "forms"
+    place.mkdir(parents=True)
+    PATHS[name][1](place)
+    subprocess.run([sys.executable, __file__, "--forms", name], cwd=place, check=True)
+    forms: dict[str, list[str]] = defaultdict(list)
+    for (file, _), seen in sorted(pickle.loads((place / "seen").read_bytes()).items()):
+        forms[file] += [form for form in seen if form not in forms[file]]
+    return forms
+
+
 def main(arguments: list[str]) -> None:
     if arguments[:1] == ["--watch"]:
         Path("seen").write_bytes(pickle.dumps(watched(PATHS[arguments[1]][0])))
+        return
+    if arguments[:1] == ["--forms"]:
+        name = arguments[1]
+        Path("seen").write_bytes(pickle.dumps(known(FORMS[name], PATHS[name][0])))
         return
     os.environ["PYTHONPATH"] = str(ROOT)
     with tempfile.TemporaryDirectory() as folder:
@@ -197,6 +262,11 @@ def main(arguments: list[str]) -> None:
             print(f"{name}: {len(files)} files")
             for file, functions in files.items():
                 print(f"  {file}: {' '.join(functions)}")
+            if name in FORMS:
+                forms = knowing(name, Path(folder))
+                print(f"{name}: {len(forms)} files know its forms")
+                for file, seen in forms.items():
+                    print(f"  {file}: {' '.join(seen)}")
 
 
 if __name__ == "__main__":

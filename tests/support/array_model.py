@@ -17,8 +17,9 @@ from geoident.errors import CollapseError
 from geoident.fem.elasticity import UniformModuli
 from geoident.fem.yielding.planes import YieldPlanes
 from geoident.fem.yielding.polyhedral import PolyhedralLaw
+from geoident.forward.march.constitutive import Ground
 from geoident.forward.march.equilibrium import Balance, solve
-from geoident.forward.march.stage_equations import Ground, NoEquilibrium, StageEquations
+from geoident.forward.march.stage_equations import NoEquilibrium, StageEquations
 from geoident.forward.staged_system import Affine, LoadStage, PointLaw, StagedSystem, bilinear
 from geoident.model.arrays import Floats, Ints
 from geoident.model.dual import Dual
@@ -236,13 +237,13 @@ class ArrayModel:
         slopes = borne.stress[..., 1:].copy()
         dlam = {s: np.zeros_like(borne.lam[s]) for s in stage.laws}
         flowing = []
-        for (s, law), ground, projection in zip(
-            stage.laws.items(), equations.grounds, trial.projections, strict=True
+        for (s, law), ground, flow in zip(
+            stage.laws.items(), equations.grounds, trial.flows, strict=True
         ):
             given, mine = self.staged.laws[law], np.arange(self.operators.n_points)[ground.points]
             slopes[:, mine] += np.einsum("abh,bm->amh", given.elasticity.slopes, strain[:, mine])
-            if projection is not None and len(projection.yielded):
-                where = mine[projection.yielded]
+            if flow is not None and flow.points.size:
+                projection, where = flow.projection, flow.points
                 before = borne.lam[s][:, projection.yielded, 1:]
                 slopes[:, where], more = projection.derivatives(
                     slopes[:, where], before, of_law=True

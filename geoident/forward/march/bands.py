@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse.linalg as spla
 
-from geoident.forward.march.stage_equations import StageEquations, Trial, flowing
+from geoident.forward.march.stage_equations import StageEquations, Trial
 from geoident.model.arrays import Floats
 
 _MODES = 4
@@ -55,7 +55,7 @@ def band_at(equations: StageEquations, trial: Trial) -> ShearBand | None:
         equations: of the stage, with the viscosity at which the state is in equilibrium.
         trial: the state.
     """
-    n, yielding = len(equations.dofs), sum(len(mine) for *_, mine in flowing(equations, trial))
+    n, yielding = len(equations.dofs), sum(flow.points.size for flow in equations.flowing(trial))
     if n <= _MODES + 1 or not yielding:
         return None
     factor, _ = equations.factor(trial)

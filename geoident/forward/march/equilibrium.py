@@ -142,7 +142,7 @@ class Balance:
     """Equilibrium at the end of a stage.
 
     Args:
-        trial: displacements, stresses, projections.
+        trial: displacements, stresses, flow.
         steps: Newton steps taken.
         factor: of the tangent before the last step, or None if none was made.
         made_at: where it was made.

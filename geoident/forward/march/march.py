@@ -71,7 +71,6 @@ from geoident.forward.march.stage import (
 )
 from geoident.forward.march.systems import StageSystem, StageSystems
 from geoident.forward.stages import CaseOnMesh, ConstructionState
-from geoident.forward.yielding.surfaces import YieldLaws
 from geoident.model.arrays import Bools, Floats
 from geoident.model.dual import ParameterPoint
 from geoident.model.parameter import Values
@@ -238,7 +237,7 @@ class Run:
             march.case,
             systems,
             march.warm,
-            YieldLaws(self._ground),
+            self._ground,
             explain=options.explain,
             even_only=options.even_only,
         )

@@ -17,13 +17,14 @@ from __future__ import annotations
 import numpy as np
 
 from geoident.forward.actions.thermal import NORMAL_COMPONENTS
+from geoident.forward.march.constitutive import Flow
 from geoident.forward.march.equilibrium import Balance
 from geoident.forward.march.inexact_newton import Directions
 from geoident.forward.march.stage import StageTask, add_moduli_slopes
-from geoident.forward.march.stage_equations import Ground, StageEquations, Trial, flowing
+from geoident.forward.march.stage_equations import StageEquations, Trial
 from geoident.forward.march.systems import StageSystems
 from geoident.forward.march.viscous_path import BALANCED
-from geoident.model.arrays import Floats, Ints
+from geoident.model.arrays import Floats
 
 _SAME_TANGENT = 1e-7
 """Relative difference of tangents up to which a factor serves the derivatives."""
@@ -75,14 +76,14 @@ def _at_rest(
     if task.thermal is not None:
         strain[:NORMAL_COMPONENTS] -= task.thermal[:, 0]
     add_moduli_slopes(task, strain, slopes)
-    for ground, projection, mine in flowing(equations, trial):
-        before = None
-        if ground.hardens:
-            before = task.carried.multipliers(ground.name, mine, _DERIVATIVES)
-        at_trial = slopes[:, mine]
-        projected, more = projection.derivatives(at_trial, before, of_law=True)
-        slopes[:, mine] = _kept(equations, at_trial, projected)
-        _add_multipliers(task, ground, mine, more)
+    for flow in equations.flowing(trial):
+        before, mine = None, flow.points
+        if flow.ground.hardens:
+            before = task.carried.multipliers(flow.ground.name, mine, _DERIVATIVES)
+        slopes[:, mine], more = flow.derivatives(
+            slopes[:, mine], before, of_law=True, viscosity=equations.viscosity
+        )
+        _add_multipliers(task, flow, more)
     return slopes
 
 
@@ -92,24 +93,18 @@ def _following(task: StageTask, strain: Floats, equations: StageEquations, trial
     for ground in equations.grounds:
         mine = ground.points
         stress[:, mine] = ground.elasticity.stress(stress[:, mine])
-    for ground, projection, points in flowing(equations, trial):
-        at_trial = stress[:, points]
-        projected, more = projection.derivatives(at_trial, of_law=False)
-        stress[:, points] = _kept(equations, at_trial, projected)
-        _add_multipliers(task, ground, points, more)
+    for flow in equations.flowing(trial):
+        stress[:, flow.points], more = flow.derivatives(
+            stress[:, flow.points], of_law=False, viscosity=equations.viscosity
+        )
+        _add_multipliers(task, flow, more)
     return stress
 
 
-def _kept(equations: StageEquations, at_trial: Floats, projected: Floats) -> Floats:
-    """What follows of derivatives (s, q, ...) of trial and of projected stresses."""
-    mu = equations.viscosity
-    return projected if mu == 0.0 else projected + mu * (at_trial - projected)
-
-
-def _add_multipliers(task: StageTask, ground: Ground, points: Ints, more: Floats) -> None:
-    """Count further derivatives (y, q, n + k) of multipliers at points (q,)."""
-    if ground.hardens:
-        task.carried.add_multipliers(ground.name, points, _DERIVATIVES, more)
+def _add_multipliers(task: StageTask, flow: Flow, more: Floats) -> None:
+    """Count further derivatives (y, q, n + k) of the multipliers of a flow."""
+    if flow.ground.hardens:
+        task.carried.add_multipliers(flow.ground.name, flow.points, _DERIVATIVES, more)
 
 
 def _solved(equations: StageEquations, balance: Balance, rest: Floats) -> Floats:

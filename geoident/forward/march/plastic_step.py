@@ -10,8 +10,8 @@ derivatives: a small change of the parameters costs one or two factorizations a 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -19,9 +19,10 @@ from geoident.errors import CollapseError, ModelError
 from geoident.fem.location import format_point
 from geoident.fem.solvers.direct import Factor, NotPositiveDefinite
 from geoident.fem.yielding.domain import EmptyDomain, NoProjection
-from geoident.fem.yielding.law import Projection, YieldLaw, YieldLimits
+from geoident.forward.ground.elasticity import ModuliAt
 from geoident.forward.march.bands import ShearBand, band_at
 from geoident.forward.march.collapse import limit_of
+from geoident.forward.march.constitutive import Ground, ReachedPlanes, grounds_of
 from geoident.forward.march.equilibrium import Balance, solve
 from geoident.forward.march.held_factors import ElasticByHeld, HeldFactors, StageTangents
 from geoident.forward.march.plastic_derivatives import plastic_derivatives
@@ -33,11 +34,9 @@ from geoident.forward.march.stage import (
 )
 from geoident.forward.march.stage_equations import (
     EvenFlow,
-    Ground,
     NoEquilibrium,
     StageEquations,
     Trial,
-    flowing,
 )
 from geoident.forward.march.systems import StageSystems
 from geoident.forward.march.viscous_path import Effort
@@ -46,7 +45,6 @@ from geoident.forward.yielding.surfaces import YieldLaws
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case, format_path
 from geoident.model.parameter import Values
-from geoident.model.yielding import Activity
 
 _OUTSIDE = 1e-6
 """Excess over the yield surface, relative to the largest stress, that is not rounding."""
@@ -142,67 +140,21 @@ class Localisation:
     band: str = ""
 
 
+@dataclass(frozen=True, eq=False)
 class PlasticFindings:
     """What a march finds where materials yield.
 
     Args:
-        planes: of every material that yields, at the parameters of the march.
-        stages: names of the stages.
-
-    Attributes:
+        planes: which planes are reached.
         unbalanced: stage to the part of its change of load that is not balanced.
         overstressed: stage to the part of the overstress that is kept.
         localising: of these stages where shear goes into bands.
     """
 
-    def __init__(self, planes: Mapping[str, YieldLimits], stages: tuple[str, ...]) -> None:
-        self.unbalanced: dict[str, float] = {}
-        self.overstressed: dict[str, float] = {}
-        self.localising: dict[str, Localisation] = {}
-        self._planes = planes
-        self._stages = stages
-        ends = np.cumsum([0, *map(len, planes.values())])
-        self._rows = {
-            name: slice(int(first), int(last))
-            for name, first, last in zip(planes, ends[:-1], ends[1:], strict=True)
-        }
-        shape = (int(ends[-1]), len(stages))
-        self._points = np.zeros(shape, dtype=np.int64)
-        self._biactive = np.zeros(shape, dtype=np.int64)
-        self._margin = np.full(shape[0], -np.inf)
-
-    def flow(self, state: int, material: str, projection: Projection) -> None:
-        """What yields in a state.
-
-        Args:
-            state: index of the state.
-            material: whose points are projected.
-            projection: of its trial stresses.
-        """
-        place = self._rows[material], state - 1
-        flowing = (projection.multipliers > 0.0).sum(axis=0)
-        self._points[place] = np.maximum(self._points[place], flowing)
-        self._biactive[place] = projection.biactive.sum(axis=0)
-
-    def reach(self, material: str, excess: Floats) -> None:
-        """The yield functions psi (y, m) at the stresses of a state."""
-        rows = self._rows[material]
-        self._margin[rows] = np.maximum(self._margin[rows], excess.max(axis=1, initial=-np.inf))
-
-    def activity(self) -> Activity | None:
-        """Which planes were reached, with slopes by all parameters; None where none is."""
-        if not self._planes:
-            return None
-        distances = np.concatenate([p.distances.columns for p in self._planes.values()])
-        return Activity(
-            planes=tuple(f"{m}: {name}" for m, p in self._planes.items() for name in p.names),
-            stages=self._stages,
-            points=self._points,
-            biactive=self._biactive,
-            distances=distances[:, 0].copy(),
-            reached=distances[:, 0] + self._margin,
-            slopes=distances[:, 1:].copy(),
-        )
+    planes: ReachedPlanes
+    unbalanced: dict[str, float] = field(default_factory=dict)
+    overstressed: dict[str, float] = field(default_factory=dict)
+    localising: dict[str, Localisation] = field(default_factory=dict)
 
 
 @dataclass(eq=False)
@@ -213,7 +165,7 @@ class PlasticSteps:
         case: the case.
         systems: the equations of the stages.
         warm: where Newton's method may start.
-        laws: of the materials, at the parameters of the march.
+        ground: the moduli at the parameters of the march; yield laws are made with them.
         explain: find the part of the load that can be carried, where there is a collapse.
         even_only: without potential, no flow in bands of shear is looked for.
 
@@ -224,12 +176,13 @@ class PlasticSteps:
     case: Case
     systems: StageSystems
     warm: WarmStart
-    laws: YieldLaws
+    ground: ModuliAt
     explain: bool
     even_only: bool = False
 
     def __post_init__(self) -> None:
-        self.findings = PlasticFindings(self.laws.limits, self.case.stage_names[1:])
+        self._laws = YieldLaws(self.ground)
+        self.findings = PlasticFindings(ReachedPlanes(self._laws, self.case.stage_names[1:]))
 
     def yields(self, state: ConstructionState) -> bool:
         """Whether any material of a state yields."""
@@ -245,9 +198,9 @@ class PlasticSteps:
             CollapseError: the loads cannot be carried.
             ModelError: the stiffness is singular, or no stress satisfies all yield planes.
         """
-        laws = self._laws_of(task)
+        grounds = grounds_of(task, self._laws)
         try:
-            return self._solved(task, laws)
+            return self._solved(task, grounds)
         except NoEquilibrium as error:  # of flow without potential
             if self.even_only and not error.limit:
                 msg = f"at stage '{task.state.name}' the ground shears in bands, with a dilation "
@@ -255,10 +208,10 @@ class PlasticSteps:
             part, even, band, reached = np.nan, error.even, None, None
             if self.explain:
                 if even is not None:
-                    viscous = self._equations(task, laws).viscous(even.viscosity)
+                    viscous = self._equations(task, grounds).viscous(even.viscosity)
                     band = band_at(viscous, even.trial)
                 if task.motion is None:
-                    part, reached, error = self._carried_part(task, laws, error)
+                    part, reached, error = self._carried_part(task, grounds, error)
             raise self._collapse(
                 task, part, error.mechanism,
                 proven=error.limit, ended=even, band=band, reached=reached,
@@ -288,42 +241,34 @@ class PlasticSteps:
         """
         if not self.yields(task.state):
             return
-        for material, law in self._laws_of(task).items():
-            mine = task.system.points_of[material]
-            stress = np.ascontiguousarray(task.carried.stress[:, mine, 0])
-            excess = law.excess(stress)
-            self.findings.reach(material, excess)
-            worst = np.unravel_index(np.argmax(excess), excess.shape)
-            if excess[worst] > _OUTSIDE * np.abs(stress).max():
-                point = numbers(mine, self.systems.discretization.points.n_points)[worst[1]]
-                distance = -law.excess(np.zeros_like(stress))[worst]  # k, at this point
-                place = int(worst[0]), int(point)
-                raise self._outside(law, material, place, excess[worst], float(distance))
-
-    def _laws_of(self, task: StageTask) -> dict[str, YieldLaw]:
-        """Laws of the materials that are there and yield."""
-        points_of = task.system.points_of.items()
-        found = ((name, self.laws.at(name, points)) for name, points in points_of)
-        return {name: law for name, law in found if law is not None}
+        for ground in grounds_of(task, self._laws):
+            if not ground.yields:
+                continue
+            stress = np.ascontiguousarray(task.carried.stress[:, ground.points, 0])
+            excess = self.findings.planes.reach(ground, stress)
+            plane, point = np.unravel_index(np.argmax(excess), excess.shape)
+            if excess[plane, point] > _OUTSIDE * np.abs(stress).max():
+                name, distance = ground.limit(int(plane), int(point), stress)
+                raise self._outside(ground, int(point), name, excess[plane, point], distance)
 
     def _outside(
-        self, law: YieldLaw, material: str, at: tuple[int, int], excess: float, distance: float
+        self, ground: Ground, point: int, plane: str, excess: float, distance: float
     ) -> ModelError:
-        plane, point = at
-        place = format_point(self.systems.discretization.points.position[point])
-        msg = f"the in-situ stress is outside the yield surface of {material} near "
-        msg += f"{place}, at its {law.planes.names[plane]}"
+        points = self.systems.discretization.points
+        at = numbers(ground.points, points.n_points)[point]
+        msg = f"the in-situ stress is outside the yield surface of {ground.name} near "
+        msg += f"{format_point(points.position[at])}, at its {plane}"
         if distance > 0.0:
             msg += f": by a factor of {1.0 + excess / distance:.3g}"
         else:
             msg += f": by {excess:.3g} Pa"
         hint = "Raise the strength, or correct the in-situ stress: virgin ground must carry it."
         source = self.case.source
-        path = ("materials", material, "yield")
+        path = ("materials", ground.name, "yield")
         return ModelError(msg, hint, location=source.locate(path), path=format_path(path))
 
     def _carried_part(
-        self, task: StageTask, laws: Mapping[str, YieldLaw], error: NoEquilibrium
+        self, task: StageTask, grounds: Sequence[Ground], error: NoEquilibrium
     ) -> tuple[float, LastEquilibrium | None, NoEquilibrium]:
         """The part of the change of load that is carried, found by halving, and how it fails.
 
@@ -333,7 +278,7 @@ class PlasticSteps:
         no longer than it is worth: each part beyond the last would be lost where the whole is.
         """
         even_only = not error.limit
-        equations = self._equations(task, laws)
+        equations = self._equations(task, grounds)
         before, least, most = equations.before(), 0.0, 1.0
         du, reached, effort = np.zeros_like(before), None, Effort(_PARTS)
         while most - least > _RESOLUTION and not (effort.spent and not error.limit):
@@ -356,9 +301,9 @@ class PlasticSteps:
                     error = failed
         return least, reached, error
 
-    def _solved(self, task: StageTask, laws: Mapping[str, YieldLaw]) -> tuple[Floats, Bools]:
+    def _solved(self, task: StageTask, grounds: Sequence[Ground]) -> tuple[Floats, Bools]:
         impose_motion(task, self.systems)
-        equations = self._equations(task, laws)
+        equations = self._equations(task, grounds)
         balance = self._balance(task, equations, self.warm.guesses(task))
         du = np.zeros_like(task.forces)
         du[:, 0] = balance.trial.du
@@ -391,15 +336,7 @@ class PlasticSteps:
         said += self.systems.describe_mechanism(task.system, band.mode)
         return Localisation(part, balance.short, said)
 
-    def _equations(self, task: StageTask, laws: Mapping[str, YieldLaw]) -> StageEquations:
-        moduli = task.elasticity()
-        grounds = []
-        for m, mine in task.system.points_of.items():
-            law = laws.get(m)
-            hardened = None
-            if law is not None and law.hardens:
-                hardened = task.carried.multipliers(m, mine, 0)
-            grounds.append(Ground(m, mine, moduli[m], law, hardened))
+    def _equations(self, task: StageTask, grounds: Sequence[Ground]) -> StageEquations:
         members: Callable[[Floats], Floats] | None = None
         if self.systems.structures.n_rows:
 
@@ -408,6 +345,7 @@ class PlasticSteps:
                 total = (task.carried.members[:, 0] + more)[:, None]
                 return self.systems.structures.nodal_forces(total)[:, 0]
 
+        moduli = {ground.name: ground.elasticity for ground in grounds}
         tangents = StageTangents(self.systems, task, moduli, self.warm.factors)
         return StageEquations(
             self.systems.discretization.points,
@@ -454,9 +392,9 @@ class PlasticSteps:
 
     def _means_nothing(self, equations: StageEquations, found: Balance) -> bool:
         """Whether yielding points are strained beyond what small strains can describe."""
-        flows = [mine for _, _, mine in flowing(equations, found.trial)]
+        flows = equations.flowing(found.trial)
         strain = self.systems.discretization.points.strain(found.trial.du)
-        return any(np.abs(strain[:, mine]).max() > _WITHOUT_MEANING for mine in flows)
+        return any(np.abs(strain[:, flow.points]).max() > _WITHOUT_MEANING for flow in flows)
 
     def _after_limit(
         self, task: StageTask, equations: StageEquations, error: NoEquilibrium
@@ -543,15 +481,14 @@ class PlasticSteps:
             task.carried.members[:, 0] += task.moduli[:, 0] * self.systems.structures.strain(
                 trial.du
             )
-        for ground, projection, mine in flowing(equations, trial):
-            if ground.hardens:
-                more = projection.multipliers.T[..., None]
-                task.carried.add_multipliers(ground.name, mine, slice(0, 1), more)
-            self.findings.flow(task.number, ground.name, projection)
+        for flow in equations.flowing(trial):
+            if flow.ground.hardens:
+                more = flow.multipliers.T[..., None]
+                task.carried.add_multipliers(flow.ground.name, flow.points, slice(0, 1), more)
+            self.findings.planes.flow(task.number, flow)
         for ground in equations.grounds:
-            if ground.law is not None:
-                excess = ground.law.excess(trial.stress[:, ground.points], ground.hardened)
-                self.findings.reach(ground.name, excess)
+            if ground.yields:
+                self.findings.planes.reach(ground, trial.stress[:, ground.points])
 
 
 def _last(equations: StageEquations, trial: Trial) -> LastEquilibrium:
@@ -569,6 +506,6 @@ def _far(one: Values, other: Values) -> float:
 def yielded_points(equations: StageEquations, trial: Trial) -> Bools:
     """(n_points,) strain points with a positive multiplier."""
     result = np.zeros(equations.operators.n_points, dtype=bool)
-    for _, projection, mine in flowing(equations, trial):
-        result[mine] = (projection.multipliers > 0.0).any(axis=1)
+    for flow in equations.flowing(trial):
+        result[flow.points] = flow.flowing
     return result

@@ -1,6 +1,7 @@
 """The nonlinear equations of one stage with yielding points, on arrays (theory 5).
 
-They need strain points, weights, laws and a way to factorize; a mesh or a frame gives them.
+They need strain points, weights, grounds (`constitutive`) and a way to factorize; a mesh or a frame
+gives them.
 """
 
 from __future__ import annotations
@@ -12,14 +13,11 @@ from typing import Protocol
 
 import numpy as np
 
-from geoident.fem.elasticity import Moduli
 from geoident.fem.patches import Patch
 from geoident.fem.solvers.conjugate_gradients import Product
 from geoident.fem.solvers.direct import Factor, NotPositiveDefinite
 from geoident.fem.yielding.domain import NoProjection
-from geoident.fem.yielding.law import Projection, YieldLaw
-from geoident.fem.yielding.localisation import may_localise
-from geoident.forward.stages import Index, numbers
+from geoident.forward.march.constitutive import Flow, Ground
 from geoident.model.arrays import Floats, Ints
 
 ELASTIC_PARTS = (1e-10, 1e-7, 1e-5, 1e-4, 1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3, 1.0)
@@ -84,50 +82,11 @@ class FactorsAtHand(Protocol):
 
 
 @dataclass(frozen=True)
-class Ground:
-    """The strain points of one material.
-
-    Args:
-        name: of the material.
-        points: which they are.
-        elasticity: E at these points.
-        law: its yield law, or None.
-        hardened: (y, m) multipliers of earlier stages at these points, or None.
-    """
-
-    name: str
-    points: Index
-    elasticity: Moduli
-    law: YieldLaw | None = None
-    hardened: Floats | None = None
-
-    @property
-    def hardens(self) -> bool:
-        """Whether multipliers of earlier stages count."""
-        return self.law is not None and self.law.hardens
-
-    def among(self, points: Ints, n_points: int) -> Ground | None:
-        """Its part among some points (q,), ascending, numbered by them; None where there is none.
-
-        Args:
-            points: (q,) strain points of the mesh.
-            n_points: number of them all.
-        """
-        own = numbers(self.points, n_points)
-        _, mine, here = np.intersect1d(own, points, assume_unique=True, return_indices=True)
-        if not mine.size:
-            return None
-        law = None if self.law is None else self.law.at(mine)
-        hardened = None if self.hardened is None else self.hardened[:, mine]
-        return Ground(self.name, here, self.elasticity.at(mine), law, hardened)
-
-
-@dataclass(frozen=True)
 class EvenFlow:
     """The last state on the path of viscous grounds.
 
     Args:
-        trial: displacements, stresses, projections.
+        trial: displacements, stresses, flow.
         viscosity: part of the overstress that is kept there.
     """
 
@@ -160,14 +119,14 @@ class Trial:
     Args:
         du: (n_dofs,) displacement step.
         stress: (s, m) projected stress.
-        projections: of every ground, None where it does not yield.
+        flows: of every ground, None where it does not yield.
         residual: (n,) r at the unknowns.
         scale: largest force at work, N.
     """
 
     du: Floats
     stress: Floats
-    projections: tuple[Projection | None, ...]
+    flows: tuple[Flow | None, ...]
     residual: Floats
     scale: float
 
@@ -218,7 +177,7 @@ class StageEquations:
     @cached_property
     def associated(self) -> bool:
         """Whether the flow of all materials that yield is associated."""
-        return all(ground.law is None or ground.law.associated for ground in self.grounds)
+        return all(ground.associated for ground in self.grounds)
 
     def under(self, forces: Floats) -> StageEquations:
         """The same ground under other forces (n_dofs,)."""
@@ -278,31 +237,22 @@ class StageEquations:
         """Stresses and residual at a displacement step (n_dofs,)."""
         stress = self.stress.copy()
         strain = self.operators.strain(du)
-        projections = [self._respond(ground, stress, strain) for ground in self.grounds]
+        flows = [self._flow(ground, stress, strain) for ground in self.grounds]
         internal = self.operators.forces(stress, self.volume)
         if self.members is not None:
             internal = internal + self.members(du)
         scale = max(np.abs(internal).max(initial=0.0), self._at_work)
         rest = (self.forces - internal)[self.dofs]
-        return Trial(du, stress, tuple(projections), rest, float(scale))
+        return Trial(du, stress, tuple(flows), rest, float(scale))
 
-    def _respond(self, ground: Ground, stress: Floats, strain: Floats) -> Projection | None:
-        """Stress of one material, in place."""
-        mine = ground.points
-        trial = stress[:, mine] + ground.elasticity.stress(strain[:, mine])
-        if ground.law is None:
-            stress[:, mine] = trial
-            return None
+    def _flow(self, ground: Ground, stress: Floats, strain: Floats) -> Flow | None:
+        """How one material flows; its stress in place."""
         try:
-            projection = ground.law.project(trial, ground.hardened)
+            return ground.bear(stress, strain, self.viscosity)
         except NoProjection:
             raise
         except ArithmeticError as error:  # flow that is not associated may lead nowhere
             raise NoEquilibrium(None) from error
-        stress[:, mine] = projection.stress
-        if self.viscosity > 0.0:
-            stress[:, mine] += self.viscosity * (trial - projection.stress)
-        return projection
 
     def elastic_forces(self, free: Floats) -> Floats:
         """K x (n,) of displacements x (n,) of the unknowns where nothing yields, N."""
@@ -328,13 +278,12 @@ class StageEquations:
         if self.members is not None:
             ends = self.members(0.0 * trial.du) + self.members(trial.du)
             energy += 0.5 * float(ends @ trial.du)
-        for ground, projection in zip(self.grounds, trial.projections, strict=True):
+        for ground, flow in zip(self.grounds, trial.flows, strict=True):
             mine = ground.points
             stress = self.stress[:, mine] + 0.5 * ground.elasticity.stress(strain[:, mine])
             energy += float(self.volume[mine] @ (stress * strain[:, mine]).sum(axis=0))
-            if projection is not None:
-                flowing = numbers(mine, self.operators.n_points)[projection.yielded]
-                energy -= float(self.volume[flowing] @ projection.reserve)
+            if flow is not None:
+                energy -= float(self.volume[flow.points] @ flow.reserve)
         return energy
 
     def factor(self, trial: Trial, *, least: int = 0) -> tuple[Factor, int]:
@@ -354,45 +303,31 @@ class StageEquations:
                     raise
         raise AssertionError
 
+    def flowing(self, trial: Trial) -> list[Flow]:
+        """What yields somewhere."""
+        return [flow for flow in trial.flows if flow is not None and flow.points.size]
+
     def changes(self, trial: Trial) -> tuple[Ints, Floats]:
         """Points (q,) that yield, ascending, and (T E - E) V (q, s, s) there."""
         points, changes = [np.empty(0, dtype=np.int64)], []
-        s = self.stress.shape[0]
-        for ground, projection in zip(self.grounds, trial.projections, strict=True):
-            if projection is None or not len(projection.yielded):
-                continue
-            mine = numbers(ground.points, self.operators.n_points)[projection.yielded]
-            points.append(mine)
-            moduli = ground.elasticity.matrices(projection.yielded)
-            tangent = (1.0 - self.viscosity) * (projection.reduction - np.eye(s)) @ moduli
-            changes.append(tangent * self.volume[mine][:, None, None])
+        for flow in self.flowing(trial):
+            points.append(flow.points)
+            weights = self.volume[flow.points][:, None, None]
+            changes.append(flow.softening(self.viscosity) * weights)
         joined = np.concatenate(points)
         if not changes:
+            s = self.stress.shape[0]
             return joined, np.empty((0, s, s))
         order = np.argsort(joined, kind="stable")
         return joined[order], np.concatenate(changes)[order]
 
     def localising(self, trial: Trial) -> float:
         """The part of the strain points that yield at which shear may go into a band."""
-        found = [np.zeros(0, dtype=np.bool_)]
-        for ground, projection in zip(self.grounds, trial.projections, strict=True):
-            if projection is not None and len(projection.yielded):
-                moduli = ground.elasticity.matrices(projection.yielded)
-                found.append(may_localise(projection.reduction @ moduli))
-        return float(np.concatenate(found).mean()) if len(found) > 1 else 0.0
+        found = [flow.may_localise() for flow in self.flowing(trial)]
+        return float(np.concatenate(found).mean()) if found else 0.0
 
     def spread(self, free: Floats) -> Floats:
         """(n_dofs,) displacements of values (n,) at the unknowns."""
         full = np.zeros(self.forces.shape[0])
         full[self.dofs] = free
         return full
-
-
-def flowing(equations: StageEquations, trial: Trial) -> list[tuple[Ground, Projection, Ints]]:
-    """Materials that yield somewhere, with the numbers (q,) of the strain points that do."""
-    n = equations.operators.n_points
-    return [
-        (ground, projection, numbers(ground.points, n)[projection.yielded])
-        for ground, projection in zip(equations.grounds, trial.projections, strict=True)
-        if projection is not None and len(projection.yielded)
-    ]

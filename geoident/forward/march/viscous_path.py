@@ -91,7 +91,7 @@ class NewtonEnd:
     """Where Newton's method ended.
 
     Args:
-        trial: displacements, stresses, projections.
+        trial: displacements, stresses, flow.
         steps: taken.
         factor: of the tangent before the last step, or None if none was made.
         made_at: where it was made, None where a part of the elastic stiffness was left in it.

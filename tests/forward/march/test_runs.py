@@ -58,14 +58,14 @@ def test_two_runs_at_once_equal_two_one_after_the_other(name):
             for one, other in zip(found, wanted, strict=True):
                 scale = np.abs(other).max(initial=0.0)
                 np.testing.assert_allclose(one, other, rtol=0, atol=1e-9 * scale)
-    findings = [run.findings.plastic.activity() for run in runs]
+    findings = [run.findings.plastic.planes.activity() for run in runs]
     assert not np.array_equal(findings[0].distances, findings[1].distances)
     for p, found in zip((HERE, THERE), findings, strict=True):
         lone = staged(SURFACES[name]).at(p)
         list(lone.states())
-        np.testing.assert_array_equal(found.points, lone.findings.plastic.activity().points)
+        np.testing.assert_array_equal(found.points, lone.findings.plastic.planes.activity().points)
         np.testing.assert_allclose(
-            found.reached, lone.findings.plastic.activity().reached, rtol=1e-9
+            found.reached, lone.findings.plastic.planes.activity().reached, rtol=1e-9
         )
 
 
