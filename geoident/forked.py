@@ -18,7 +18,7 @@ from contextlib import suppress
 from types import TracebackType
 from typing import Generic, Self, TypeVar
 
-Found = TypeVar("Found")
+FoundBeside = TypeVar("FoundBeside")
 
 
 def processors() -> int:
@@ -33,7 +33,7 @@ def may_fork() -> bool:
     return sys.platform == "linux" and threading.active_count() == 1
 
 
-class Beside(Generic[Found]):
+class Beside(Generic[FoundBeside]):
     """Work that a forked process does meanwhile, where there is a processor for it.
 
     Used as a context: at its end the process is gone.
@@ -42,7 +42,7 @@ class Beside(Generic[Found]):
         work: what is done there; its answer must not be None.
     """
 
-    def __init__(self, work: Callable[[], Found | None]) -> None:
+    def __init__(self, work: Callable[[], FoundBeside | None]) -> None:
         self._process, self._answer = 0, -1
         if processors() < 2 or not may_fork():
             return
@@ -70,7 +70,7 @@ class Beside(Generic[Found]):
                 os.kill(self._process, signal.SIGKILL)
             self._end()
 
-    def found(self) -> Found | None:
+    def found(self) -> FoundBeside | None:
         """What was found there, asked once; None where it was not, or nobody looked for it."""
         if not self._process:
             return None
@@ -78,7 +78,7 @@ class Beside(Generic[Found]):
             pickled = answer.read()
         if self._end() != 0:
             return None
-        answer_of: Found = pickle.loads(pickled)
+        answer_of: FoundBeside = pickle.loads(pickled)
         return answer_of
 
     def _end(self) -> int:
@@ -88,7 +88,7 @@ class Beside(Generic[Found]):
         return os.waitpid(process, 0)[1]
 
 
-def _work(work: Callable[[], Found | None], reads: int, writes: int) -> None:
+def _work(work: Callable[[], FoundBeside | None], reads: int, writes: int) -> None:
     """What the forked process does; it ends here, without the ends of its parent."""
     status = 1
     try:
