@@ -33,7 +33,7 @@ def may_fork() -> bool:
     return sys.platform == "linux" and threading.active_count() == 1
 
 
-class Beside(Generic[FoundBeside]):
+class WorkBeside(Generic[FoundBeside]):
     """Work that a forked process does meanwhile, where there is a processor for it.
 
     Used as a context: at its end the process is gone.

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext
 from typing import TYPE_CHECKING
 
-from geoident.forked import Beside
+from geoident.forked import WorkBeside
 
 if TYPE_CHECKING:
     from geoident.io.loaded import LoadedCase
@@ -19,7 +19,7 @@ _STDIN = "-"
 
 def case_read_beside(
     path: str, overrides: Sequence[str]
-) -> AbstractContextManager[Beside[LoadedCase] | None]:
+) -> AbstractContextManager[WorkBeside[LoadedCase] | None]:
     """Begin to read a case; its faults, and models elsewhere, are left to who asks for it.
 
     Args:
@@ -33,4 +33,4 @@ def case_read_beside(
         found = read_case(path, overrides=tuple(overrides))
         return None if found.case.elsewhere is not None else found
 
-    return nullcontext() if path == _STDIN else Beside(read)
+    return nullcontext() if path == _STDIN else WorkBeside(read)

@@ -10,7 +10,7 @@ import pytest
 
 from geoident import forked
 from geoident.errors import InputError
-from geoident.forked import Beside, may_fork
+from geoident.forked import WorkBeside, may_fork
 from geoident.io.case.file import read_case
 from geoident.io.read_beside import case_read_beside
 from geoident.workflow.running.jobs import Request, load_inputs, plan_fit
@@ -79,12 +79,12 @@ def test_nothing_is_forked_where_it_would_not_help(monkeypatch):
     for name, value in (("processors", 1), ("may_fork", False)):
         with monkeypatch.context() as patch:
             patch.setattr(forked, name, lambda value=value: value)
-            with Beside(lambda: 3) as beside:
+            with WorkBeside(lambda: 3) as beside:
                 assert beside.found() is None
 
 
 def test_a_process_that_nobody_asks_is_ended():
-    with Beside(lambda: time.sleep(60)) as beside:
+    with WorkBeside(lambda: time.sleep(60)) as beside:
         process = beside._process
         assert not gone(process)
     assert gone(process)
@@ -101,14 +101,14 @@ def test_a_process_that_nobody_asks_is_ended():
     ],
 )
 def test_what_fails_there_is_nothing_here(work, capfd):
-    with Beside(work) as beside:
+    with WorkBeside(work) as beside:
         assert beside.found() is None
         assert beside.found() is None
     assert capfd.readouterr() == ("", "")
 
 
 def test_large_answers_come_back_whole_and_once():
-    with Beside(lambda: b"x" * 5_000_000) as beside:
+    with WorkBeside(lambda: b"x" * 5_000_000) as beside:
         process = beside._process
         assert beside.found() == b"x" * 5_000_000
         assert gone(process)

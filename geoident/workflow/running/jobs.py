@@ -16,7 +16,7 @@ import numpy as np
 from geoident import __version__
 from geoident.errors import Fault, InputError, Location, ModelError, Term
 from geoident.fem.solvers import pick_solver
-from geoident.forked import Beside
+from geoident.forked import WorkBeside
 from geoident.forward.checks import faults_on_mesh
 from geoident.forward.elsewhere.model import ElsewhereModel
 from geoident.forward.ground.field import mode_parameters
@@ -113,7 +113,7 @@ def load_inputs(
     *,
     overrides: Sequence[str] = (),
     text: str | None = None,
-    beside: Beside[LoadedCase] | None = None,
+    beside: WorkBeside[LoadedCase] | None = None,
 ) -> Inputs:
     """Read a case (``-`` is stdin) with overrides such as ``parameters.E.start=9 GPa``.
 
@@ -424,7 +424,7 @@ class Job:
         return self.found is Existing.UP_TO_DATE and not self.request.fresh
 
 
-def plan_fit(request: Request, *, beside: Beside[LoadedCase] | None = None) -> Job:
+def plan_fit(request: Request, *, beside: WorkBeside[LoadedCase] | None = None) -> Job:
     """Read a case that is to be fitted, and look at what stands where its result goes.
 
     Args:
@@ -439,13 +439,13 @@ def plan_fit(request: Request, *, beside: Beside[LoadedCase] | None = None) -> J
     return _plan(request, inputs, "fit", inputs.case.fit.methods)
 
 
-def _inputs(request: Request, beside: Beside[LoadedCase] | None) -> Inputs:
+def _inputs(request: Request, beside: WorkBeside[LoadedCase] | None) -> Inputs:
     """The case of a request as it is written."""
     said, text = request.overrides, request.text
     return load_inputs(request.case, overrides=said, text=text, beside=beside)
 
 
-def plan_backtest(request: Request, *, beside: Beside[LoadedCase] | None = None) -> Job:
+def plan_backtest(request: Request, *, beside: WorkBeside[LoadedCase] | None = None) -> Job:
     """The same for a case that is to be fitted to ever more of its stages."""
     inputs = _inputs(request, beside)
     return _plan(request, inputs, "backtest", inputs.case.fit.methods)
