@@ -13,6 +13,7 @@ from support.shield import ring
 from support.yielding import mohr, parameters, rock
 
 from geoident.errors import InputError
+from geoident.forward.actions.motions import interpolated
 from geoident.forward.affine import affine_obstacle
 from geoident.forward.checks import check_on_mesh
 from geoident.forward.reduced.coverage import reduction_obstacle
@@ -292,3 +293,47 @@ def test_who_does_not_cover_motions_says_so():
     del response
     assert "the support 'x1' is moved" in (affine_obstacle(staged.march) or "")
     assert reduction_obstacle(staged.march) == "the support 'x1' is moved"
+
+
+GRID = tuple((float(x), float(y)) for x in range(3) for y in range(3))
+
+
+def plane(places):
+    """Motions along two axes that are linear in the place."""
+    x, y = np.asarray(places)[:, :2].T
+    return np.stack([1.0 + x + 2.0 * y, 3.0 * x - y], axis=1)
+
+
+def field_at(points):
+    return MotionField(points, (0, 1), tuple(map(tuple, plane(points).tolist())))
+
+
+def test_measured_motions_are_linear_between_their_points():
+    places = np.random.default_rng(2).uniform(0.0, 2.0, (40, 2))
+    found, far = interpolated(field_at(GRID), places)
+    np.testing.assert_allclose(found, plane(places), rtol=1e-12)
+    assert not far.any()
+
+
+def test_places_a_little_beyond_take_the_nearest_between_the_points():
+    """Towards the middle at (1, 1), up to half of the distance of 1 m between the points."""
+    places = np.array([[2.49, 1.0], [2.51, 1.0], [1.0, -0.4], [2.3, 2.3], [2.4, 2.4]])
+    rim = np.array([[2.0, 1.0], [2.0, 1.0], [1.0, 0.0], [2.0, 2.0], [2.0, 2.0]])
+    found, far = interpolated(field_at(GRID), places)
+    np.testing.assert_allclose(found, plane(rim), rtol=1e-9)
+    assert far.tolist() == [False, True, False, False, True]  # 0.3 and 0.4 times the root of two
+
+
+def test_points_on_a_line_are_looked_at_along_it():
+    """Wherever places are across it; beyond its ends as in a plane, from one point on anywhere."""
+    along = np.array([0.6, 0.8])
+    points = tuple(tuple((k * along).tolist()) for k in (0.0, 1.0, 2.0, 4.0))
+    t, off = np.array([0.5, 3.0, 4.4, 4.6, -0.6]), np.array([0.0, 0.7, 0.1, 0.0, 0.0])
+    places = t[:, None] * along + off[:, None] * np.array([-0.8, 0.6])
+    found, far = interpolated(field_at(points), places)
+    foot = np.clip(t, 0.0, 4.0)[:, None] * along
+    np.testing.assert_allclose(found, plane(foot), rtol=1e-9, atol=1e-9)
+    assert far.tolist() == [False, False, False, True, True]
+    one, apart = interpolated(field_at(points[1:2]), np.array([along, along + 0.1]))
+    np.testing.assert_array_equal(one, plane([along, along]))
+    assert apart.tolist() == [False, True]

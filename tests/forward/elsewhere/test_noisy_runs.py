@@ -101,3 +101,22 @@ def test_derivatives_are_not_brought_up_to_date_by_noise(case):
     first = model.differences.linear(start)
     near = model.differences.linear(start * np.array([1.0 + 1e-5, 1.0]))
     np.testing.assert_array_equal(near.dv_dp, first.dv_dp)
+
+
+def test_derivatives_are_sharpened_once_at_a_point(case):
+    """By central differences; a search that was told again that they are new would not end.
+
+    All motions are inversely proportional to E.
+    """
+    model, problem = problem_of(case, 0.0, 0)
+    response, start = problem.response, problem.start
+    rough, runs = response.evaluate(start)[1], model.runs.n_runs
+    assert response.sharpen(start)
+    assert model.runs.n_runs == runs + 2 * 2
+    assert not response.sharpen(start)
+    sharp = response.evaluate(start)[1]
+    by_E = -problem.response.readings(start) / start[0]
+    np.testing.assert_allclose(sharp[:, 0], by_E, rtol=1e-8)
+    assert np.abs(rough[:, 0] - by_E).max() > 10.0 * np.abs(sharp[:, 0] - by_E).max()
+    assert model.runs.n_runs == runs + 2 * 2
+    assert response.sharpen(start * np.array([1.1, 1.0]))

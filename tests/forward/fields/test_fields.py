@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from support.derivatives import assert_adjoint, assert_exact
 from support.meshes import box, regroup
 
 from geoident.forward.gauges.adjoints import ReadingAdjoints
+from geoident.forward.ground.field import field_notes
 from geoident.model.case import Analysis, Material, Stage
 from geoident.model.ground import Attitude, Isotropic, Orthotropic, TransverselyIsotropic
 from geoident.model.in_situ import ConstantStress
@@ -254,3 +256,23 @@ def test_a_survey_takes_back_only_readings_whose_derivatives_are_not_known(monke
         np.testing.assert_allclose(
             found.sensitivity / scale, fresh.sensitivity / scale, rtol=1e-10, atol=1e-12
         )
+
+
+@pytest.mark.parametrize(
+    ("part", "modes", "measured", "advice"),
+    [
+        (0.912, None, 0, ""),
+        (0.9, 4, 2, ""),
+        (0.899, 4, 0, "give more `modes`"),
+        (0.25, None, 3, "give longer lengths or more `modes`"),
+    ],
+)
+def test_what_modes_leave_out_is_said_below_nine_tenths(part, modes, measured, advice):
+    field = SimpleNamespace(name="rock.E", measured=(None,) * measured, modes=modes)
+    made = SimpleNamespace(names=modes_of(7), explained=part)
+    (note,) = field_notes(SimpleNamespace(fields=[field]), [made])
+    begin = f"the field rock.E has 7 modes with {100 * part:g} % of its variance"
+    begin += f" (what {measured} measured values leave of it)" if measured else ""
+    assert note.startswith(begin)
+    rest = note.removeprefix(begin)
+    assert rest == "" if not advice else rest.endswith(f"than in the ground: {advice}")

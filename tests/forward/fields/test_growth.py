@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -205,6 +206,46 @@ def test_stiffness_that_does_not_grow_is_a_number():
     pulled = ConstantStress((*[Scalar(5e4)] * 3, *[Scalar(0.0)] * 3))
     found = computed(column(soil(with_stress(2e7, 0.5, 1e5, 1e3)), (10.0,), in_situ=pulled))
     np.testing.assert_allclose(found, 10.0 * plain, rtol=1e-12)
+
+
+def growth_note(staged):
+    """What is said of a growth: values (2,), MPa, places (2, 2), m, and what follows."""
+    (note,) = [one for one in staged.notes if one.startswith("E of soil grows with")]
+    found = re.search(
+        r"start values (\S+) MPa near \((.*?)\)(?: m)? to (\S+) MPa near \((.*?)\)", note
+    )
+    places = [[float(x) for x in found[k].split(",")] for k in (2, 4)]
+    return np.array([float(found[1]), float(found[3])]), np.array(places), note[found.end() :]
+
+
+def test_from_what_to_what_a_modulus_grows_is_said():
+    staged = column(soil(with_depth(5e6, 2e6, H)), (10.0,))
+    values, places, rest = growth_note(staged)
+    heights = staged.discretization.points.position[:, 1]
+    assert places[:, 1] == pytest.approx([heights.max(), heights.min()], rel=1e-3)
+    assert values == pytest.approx(5.0 + 2.0 * (H - places[:, 1]), rel=1e-3)
+    assert "p'" not in rest
+    alike = column(soil(with_depth(2e7, 0.0, 3.0)), (10.0,))
+    assert any("at the start values 20 MPa everywhere" in one for one in alike.notes)
+
+
+@pytest.mark.parametrize("least", [1e3, 50e3, 1e6])
+def test_how_much_of_the_ground_is_below_the_least_stress_is_said(least):
+    """p' = g z (1 + 2 K0) / 3 of the skeleton; what is less than the least stress counts as it."""
+    stress = HeimStress(Scalar(0.5), unit_weight=Scalar(20e3), surface=Scalar(H))
+    staged = column(soil(with_stress(30e6, 0.5, 100e3, least)), (10.0,), in_situ=stress)
+    pressure = 20e3 * (H - staged.discretization.points.position[:, 1]) * 2.0 / 3.0
+    part = np.mean(pressure <= least)
+    said = f"at {'100' if part == 1.0 else f'{100 * part:.2g}'} % of its points p' is not above"
+    said += f" {least / 1e3:g} kPa, which counts there"
+    if part < 1.0:
+        values, _, rest = growth_note(staged)
+        ends = 30.0 * np.sqrt(np.maximum([pressure.min(), pressure.max()], least) / 100e3)
+        assert values == pytest.approx(ends, rel=1e-3)
+        assert (said in rest) == (part > 0.0)
+        assert ("p'" in rest) == (part > 0.0)
+    else:
+        assert any("MPa everywhere" in one and said in one for one in staged.notes)
 
 
 def test_what_cannot_be_is_said_with_its_place():

@@ -16,7 +16,7 @@ from support.cases import (
     rollers,
     virgin,
 )
-from support.derivatives import assert_exact
+from support.derivatives import assert_adjoint, assert_exact
 from support.meshes import box, regroup
 
 from geoident.errors import InputError
@@ -99,7 +99,9 @@ def test_every_number_is_differentiated_exactly(kind, where):
         ),
     )
     response = staged.response([(f"c{n}", "open") for n in range(3)])
-    assert_exact(response, np.array([VALUES[n] for n in names]), names)
+    values = np.array([VALUES[n] for n in names])
+    assert_exact(response, values, names)
+    assert_adjoint(response, values)
 
 
 def test_turning_the_azimuth_turns_the_tensor():

@@ -100,6 +100,25 @@ def test_a_gauge_zeroed_in_one_load_case_reads_the_motion_to_another():
     np.testing.assert_allclose(found["half"], since["half"] - since["full"], rtol=1e-9)
 
 
+@pytest.mark.parametrize("zero", ["build", "full"])
+@pytest.mark.parametrize("way", ["evaluate", "by_adjoints", "readings"])
+def test_a_reading_is_the_sum_of_the_steps_that_lie_between_it_and_its_zero(zero, way):
+    """Also where the zero lies on another branch: back along that one, then out along its own."""
+    staged = dam(BUILD, *CASES, names=("E",), zero=zero)
+    pairs = [("c0", "half"), ("c2", "low"), ("c1", "full"), ("c1", "build")][: 4 - (zero == "full")]
+    p, response = np.array([VALUES["E"]]), staged.response(pairs)
+    found = getattr(response, way)(p)
+    v = found if way == "readings" else found[0]
+    steps, rows = staged.steps(pairs), [0, 2, 1, 1][: len(pairs)]
+    out, back = {"build": (1, 0), "full": (1, -1)}[zero]
+    # states: virgin, build, full, half, low
+    np.testing.assert_array_equal(steps[1:, :2], [[0, 0], [back, back], [out, 0], [0, out]])
+    np.testing.assert_array_equal(steps[1:, 2], [0, 1 if zero == "build" else 0, 0, 0])
+    parts = steps * response.increments(p)[:, rows]
+    np.testing.assert_allclose(parts.sum(axis=0), v, rtol=1e-9, atol=1e-12 * abs(v).max())
+    assert abs(v[:2]).min() > 1e-6
+
+
 def test_ground_that_leaves_on_one_branch_can_be_read_on_the_others():
     leave = Stage("leave", excavate=("dam",), independent=True)
     staged = dam(BUILD, leave, CASES[0], zero="build")

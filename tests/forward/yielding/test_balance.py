@@ -129,6 +129,12 @@ def test_where_the_even_flow_folds_back_the_rest_of_the_overstress_is_said(monke
     (note,) = (n for n in staged.survey(NOTHING, fields=False).notes if "keeps" in n)
     assert note.startswith("at stage 'open' the ground keeps 0.1 % of the stress beyond the yield")
     assert "the acoustic tensor has no positive determinant at 1" in note
+    bands = run.findings.plastic.localising["open"]
+    assert f"(motions are short by {100 * bands.short:.1g} % of the largest" in note
+    where = f"{100 * bands.part:.0f} % of the strain points that yield"
+    band = f", and {bands.band}" if bands.band else ""
+    assert note.endswith(f"at {where}{band}. A larger dilation (or associated flow) has an exact "
+                         "solution")  # fmt: skip
 
 
 def test_derivatives_with_a_rest_of_overstress_are_exact(monkeypatch):

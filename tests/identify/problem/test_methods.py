@@ -3,7 +3,7 @@ import pytest
 from support.plastic_bars import Frame, PlasticBars
 
 from geoident.errors import InputError
-from geoident.identify import METHODS, identify, refusal
+from geoident.identify import METHODS, descend, identify, refusal
 from geoident.identify.direct.scan import grid_axes, scan
 from geoident.model.methods import (
     METHOD_OPTIONS,
@@ -57,6 +57,22 @@ def test_a_chain_goes_on_where_the_method_before_ended(problem):
     first = methods.index("gauss-newton")
     best = min(outcome.iterations[:first], key=lambda it: it.objective)
     np.testing.assert_allclose(outcome.iterations[first].values, best.values, rtol=1e-12)
+
+
+@pytest.mark.parametrize("options", [ScanOptions(points=5), SimplexOptions(), GaussNewtonOptions()])
+def test_one_descent_is_by_gauss_newton_whatever_found_its_start(problem, options):
+    outcome = descend(problem, options, go_on)
+    assert outcome.status == "converged"
+    np.testing.assert_allclose(outcome.values, TRUE, rtol=1e-8)
+    assert {it.method for it in outcome.iterations} == {"gauss-newton"}
+
+
+def test_one_descent_has_the_options_of_its_method_and_one_start(problem):
+    few = descend(problem, GaussNewtonOptions(max_iterations=2, starts=9), go_on)
+    assert few.status == "not-converged"
+    assert len(few.iterations) <= 3
+    loose = descend(problem, GaussNewtonOptions(tolerance=0.5, starts=9), go_on)
+    assert len(loose.iterations) < len(descend(problem, GaussNewtonOptions(), go_on).iterations)
 
 
 def test_a_method_that_the_model_cannot_serve_is_refused_before_computing(problem):

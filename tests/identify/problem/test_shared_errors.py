@@ -130,6 +130,22 @@ def test_condensation_weighs_with_the_covariance():
     assert np.abs(found / fitted(problem) - 1).max() < 0.05 * np.abs(found / other - 1).max()
 
 
+def test_condensation_takes_the_mean_of_readings_of_one_motion_with_the_covariance():
+    """Two readings of the first motion, one with a large error that it shares: the other counts."""
+    K = np.stack([np.zeros((3, 3)), np.diag([1.0, 2.0, 1.0]), np.full((3, 3), 0.3) + np.eye(3)])
+    twice = np.vstack([np.eye(3), [1.0, 0.0, 0.0]])
+    toy = AffineToy(K, np.stack([[1.0, 2.0, 4.0], *np.zeros((2, 3))]), twice)
+    sd, columns = np.full(4, 1e-4), np.array([[1e-2], [1e-2], [0.0], [0.0]])
+    measured = toy.readings(np.array([2.0, 1.0])) * np.array([1.01, 1.0, 1.0, 1.0])
+    unknown = (Parameter("p1", 1.5, 0.1, 9.0), Parameter("p2", 1.5, 0.1, 9.0))
+    problem = Problem(toy, measured, sd, unknown, shared=SharedErrors(sp.csr_array(columns)))
+    options = CondensationOptions(weighting="output")
+    found = condensation(problem, options, lambda i: None).values
+    np.testing.assert_allclose(found, fitted(problem), rtol=1e-4)
+    other = fitted(replace(problem, shared=None))
+    assert np.abs(found / fitted(problem) - 1).max() < 0.05 * np.abs(found / other - 1).max()
+
+
 def test_without_shared_errors_not_a_bit_changes(make_problem, measured):
     plain = make_problem(line, parameters(), measured, SD)
     assert plain.covariance is None
