@@ -27,7 +27,9 @@ def fit(case, output, *words):
 @pytest.fixture(scope="module")
 def found(tmp_path_factory):
     return fit(
-        TABLE / "case.yaml", tmp_path_factory.mktemp("table") / "o.h5", "--set=fit.backtest=false"
+        TABLE / "case.yaml",
+        tmp_path_factory.mktemp("table") / "o.h5",
+        *("--set=fit.backtest=false", "--set=fit.model_error=none"),
     )
 
 

@@ -8,6 +8,7 @@ import h5py
 import numpy as np
 import pytest
 
+from geoident.workflow.estimating import accuracies
 from tests.support.trench import CASE
 
 GAUGES = """\
@@ -129,6 +130,14 @@ def test_accuracies_stated_three_times_too_good_are_found(site, run, run_json):
     text = run("export", "case.fit.h5", "--table", "accuracies").stdout
     assert text.startswith("errors,sd,factor,lower95,upper95,unit,determined")
     assert run("report", "case.fit.h5").exit_code == 0
+
+
+def test_accuracies_that_do_not_come_to_rest_are_said(site, run_json, monkeypatch):
+    monkeypatch.setattr(accuracies, "ROUNDS", 1)
+    site(SHARED, fit=", model_error: none, accuracies: estimate")
+    (found,) = run_json("fit", "case.yaml", "--set", "fit.backtest=false")
+    said = "arameters and estimated accuracies did not come to rest in 1 rounds"
+    assert any(said in note for note in found["notes"])
 
 
 def test_one_accuracy_for_a_kind_from_scratch(site, run, run_json):

@@ -122,6 +122,7 @@ def test_the_site_is_made_without_a_warning_and_needs_no_network(tmp_path):
         ROOT / "geoident", ROOT / "tests" / "manual", tmp_path / "site", tmp_path / "trees", "html",
         status=None, warningiserror=True, exception_on_warning=True,
     )  # fmt: skip
+    app.builder.search = False  # its index has neither links nor warnings
     app.build()
     assert app.statuscode == 0
     pages = sorted((tmp_path / "site").rglob("*.html"))

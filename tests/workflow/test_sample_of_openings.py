@@ -33,7 +33,7 @@ accuracy: 0.1 mm}
 readings: READINGS
 fit:
   method: closed-form
-  closed-form: {centre: [0 m, 0 m], radius: 2.5 m}
+  closed-form: {centre: [0 m, 0 m], radius: 2.5 m, starts: 2}
 """
 STRENGTH = """\
 format: geoident-case/1
@@ -59,7 +59,7 @@ gauges:
 readings: READINGS
 fit:
   method: closed-form
-  closed-form: {centre: [0 m, 0 m], radius: 2.5 m}
+  closed-form: {centre: [0 m, 0 m], radius: 2.5 m, starts: 2}
 """
 LEVELS = (0.025, 0.25, 0.5, 0.75, 0.975)
 

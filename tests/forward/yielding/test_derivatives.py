@@ -244,7 +244,7 @@ def test_derivatives_are_those_of_differences(name):
         scale = np.abs(jacobian[:, column]).max()
         assert scale > 0, f"{parameter} acts on nothing in this test"
         errors = []
-        for step in (3e-4, 3e-5, 3e-6, 3e-7):
+        for step in (3e-5, 3e-6, 3e-4, 3e-7):  # mostly the first will do
             size = step * abs(given_.p[column])
             ahead, behind = given_.p.copy(), given_.p.copy()
             ahead[column] += size

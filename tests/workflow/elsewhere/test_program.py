@@ -10,7 +10,7 @@ import pytest
 from support.commands import run_command
 from support.elsewhere import EXTERNAL, OWN, PROGRAM, READINGS, trusted, write_case
 
-from geoident.errors import ExitCode, Interrupted, ModelError
+from geoident.errors import ExitCode, InputError, Interrupted, ModelError
 from geoident.io.result.file import read_result
 from geoident.workflow.fit import fit
 from geoident.workflow.programs.run_folders import new_folder
@@ -117,6 +117,39 @@ def test_whatever_goes_wrong_in_a_run_is_said(tmp_path, script, extra, said):
         model.computed(np.array([6e9, 1.0]))
     assert runs_of(case)[0]["failed"]
     assert (tmp_path / "case.runs" / "00001" / "opening.in").is_file()
+
+
+@pytest.mark.parametrize(
+    ("command", "message", "hint"),
+    [
+        (
+            "no-such-program",
+            "there is no program 'no-such-program' on the search path (PATH)",
+            "Install it, or write its path; one with / is seen from the folder of the case.",
+        ),
+        (
+            "opening.py",
+            "there is no program 'opening.py' on the search path (PATH)",
+            "Write './opening.py' for the one beside the case.",
+        ),
+        ("./opening.py", "'HERE/opening.py' may not be executed", "chmod +x HERE/opening.py"),
+        (
+            "./openin.py",
+            "there is no program 'HERE/openin.py'",
+            "Did you mean 'opening.py'?",
+        ),
+    ],
+)
+def test_a_program_that_cannot_be_run_is_said_with_what_to_do(tmp_path, command, message, hint):
+    begun = EXTERNAL.partition("[")[2].partition("]")[0]
+    case = write_case(tmp_path, EXTERNAL.replace(begun, command, 1))
+    with trusted(), pytest.raises(InputError) as caught:
+        build_model(load_inputs(str(case))).computed(np.array([6e9, 1.0]))
+    (fault,) = caught.value.faults
+    assert (fault.code, fault.path) == ("no-program", "model.command[0]")
+    here = str(tmp_path)
+    assert fault.message == message.replace("HERE", here)
+    assert fault.hint == hint.replace("HERE", here)
 
 
 def test_failed_runs_are_made_again_only_if_asked(tmp_path):
