@@ -9,7 +9,8 @@ import pytest
 from hypothesis.configuration import set_hypothesis_home_dir
 
 from geoident.errors import Fault, InputError
-from geoident.io.case.file import LoadedCase, read_case
+from geoident.io.case.file import read_case
+from geoident.io.loaded import LoadedCase
 
 set_hypothesis_home_dir(str(Path(tempfile.gettempdir()) / "geoident-hypothesis"))
 

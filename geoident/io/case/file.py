@@ -34,6 +34,7 @@ from geoident.io.case.readings_by_stage import read_all
 from geoident.io.case.references import check_references
 from geoident.io.case.site_files.measured_values import with_measured
 from geoident.io.case.site_files.point_tables import with_tables
+from geoident.io.loaded import LoadedCase
 from geoident.io.schema.faults import add_schema_faults, paths_of
 from geoident.io.schema.partial import Rest
 from geoident.io.schema.values import kind_of
@@ -65,29 +66,6 @@ _HINTS = {
     "stages": "The steps of construction, such as [{name: heading, excavate: [GROUP]}].",
     "gauges": "What is measured; the comment there has examples, `geoident schema` all kinds.",
 }
-
-
-@dataclass(frozen=True)
-class LoadedCase:
-    """A case and the texts that it comes from.
-
-    Args:
-        case: the case.
-        text: the file verbatim.
-        resolved: the same as YAML with overrides and defaults filled in, without comments.
-        mesh_path: path of the mesh, relative paths against the folder of the case; None for none.
-        readings_paths: paths of the files of readings, in their order.
-        files: paths of all files that the case names, with overrides or without, and that exist.
-        computed: what is resolved, without what no computation sees; the same as resolved if empty.
-    """
-
-    case: Case
-    text: str
-    resolved: str
-    mesh_path: str | None
-    readings_paths: tuple[str, ...]
-    files: tuple[str, ...] = ()
-    computed: str = ""
 
 
 def read_case(path: str, *, overrides: Sequence[str] = ()) -> LoadedCase:

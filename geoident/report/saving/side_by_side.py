@@ -7,9 +7,6 @@ fork would cut off, figures are drawn one after the other. The bytes are the sam
 
 from __future__ import annotations
 
-import os
-import sys
-import threading
 import warnings
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -17,6 +14,7 @@ from functools import partial
 from multiprocessing import get_context
 from typing import TypeVar
 
+from geoident.forked import may_fork, processors
 from geoident.report.saving.collector import older_left_alone
 
 _Item = TypeVar("_Item")
@@ -49,15 +47,3 @@ def side_by_side(draw: Callable[[_Item], bytes], items: Sequence[_Item]) -> list
 
 def _draw(k: int) -> bytes:
     return _drawn[k]()
-
-
-def processors() -> int:
-    """How many processors this process may use."""
-    if sys.platform == "linux":
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
-
-
-def may_fork() -> bool:
-    """Whether a forked process goes on safely: on Linux, from a program of one thread."""
-    return sys.platform == "linux" and threading.active_count() == 1
