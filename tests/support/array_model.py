@@ -271,3 +271,13 @@ class ArrayModel:
 def _dual(array: Affine, p: Floats) -> Dual:
     """An affine array at parameters (n,), with its derivatives."""
     return Dual(np.concatenate([array.at(p)[..., None], array.slopes], axis=-1))
+
+
+def solved_at_once(system: BilinearSystem, p: Floats) -> Floats:
+    """Readings (g,) at p (n,), SI, of one linear system of all stages in which nothing yields."""
+    vector, matrix = system.equations.at(p)
+    found = np.zeros(matrix.shape[1])
+    moving = np.setdiff1d(np.arange(len(found)), system.multipliers)
+    found[moving] = spla.spsolve(matrix.tocsc()[:, moving], -vector)
+    vector, matrix = system.readings.at(p)
+    return np.asarray(vector + matrix @ found)

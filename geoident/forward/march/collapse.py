@@ -1,4 +1,4 @@
-"""How much of a stage's change of load the ground carries before it collapses.
+"""Collapse: how much of a stage's change of load is carried, how the ground moves, what is said.
 
 The arc of equilibria is followed under displacement control: the forces f_0 + t (f - f_0), with f_0
 those of the stage before, act, and the load factor t follows from a prescribed work-like measure
@@ -21,9 +21,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from geoident.errors import CollapseError
+from geoident.fem.location import format_point
+from geoident.forward.march.bands import ShearBand
 from geoident.forward.march.equilibrium import follow_slope
-from geoident.forward.march.stage_equations import StageEquations, Trial
+from geoident.forward.march.stage import LastEquilibrium, StageTask
+from geoident.forward.march.stage_equations import EvenFlow, StageEquations, Trial
+from geoident.forward.march.systems import StageSystem
+from geoident.forward.stages import CaseOnMesh
 from geoident.model.arrays import Floats
+from geoident.model.results.yielded import Mechanism
 
 _BALANCED = 1e-7
 _STANDS_STILL = 2e-4
@@ -34,6 +41,9 @@ _SOFTER = 1e4
 
 _LONG = 1.0
 """Strain up to which ground may be as soft as it likes (it may harden)."""
+
+_HALF = 0.5
+"""Part of the largest rate of shear from which on a mechanism shears strongly."""
 
 _MOST_DOUBLINGS = 24
 _LEAST_GROWTH = 1.05
@@ -117,3 +127,117 @@ def _controlled(before: StageEquations, load: Floats, alpha: float, start: Limit
 
 def _scale(trial: Trial, t: float, load: Floats) -> float:
     return max(trial.scale, abs(t) * float(np.abs(load).max()))
+
+
+def collapse_error(
+    on_mesh: CaseOnMesh,
+    task: StageTask,
+    fraction: float,
+    mechanism: Floats | None,
+    *,
+    proven: bool = True,
+    ended: EvenFlow | None = None,
+    band: ShearBand | None = None,
+    reached: LastEquilibrium | None = None,
+) -> CollapseError:
+    """What is said of a stage without equilibrium.
+
+    Args:
+        on_mesh: the case on its mesh.
+        task: the stage.
+        fraction: part of the change of load that is carried, or NaN.
+        mechanism: (n_dofs,) how the ground moves, or None.
+        proven: whether the load is beyond what can be carried; else none was found.
+        ended: where the even flow ended, or None.
+        band: the mode that has lost its stability there, or None.
+        reached: equilibrium under the part that is carried, or None.
+    """
+    msg = f"at stage '{task.state.name}' the ground cannot carry the loads: plastic collapse"
+    hint = "Raise the strengths (their start values or bounds), or see whether the stage "
+    hint += "lacks support or loads more than is meant."
+    if not proven:
+        msg = f"at stage '{task.state.name}' no equilibrium was found: flow with a dilation so "
+        msg += "far below the friction shears in bands on this mesh, or the ground collapses"
+        hint = "See whether a larger dilation, or associated flow, or larger elements "
+        hint += "where it shears carry the stage: then the ground does not lack strength."
+    if band is not None and ended is not None and not proven:
+        mechanism = band.mode
+        msg = f"at stage '{task.state.name}' no equilibrium was found: even flow ends where the "
+        msg += f"ground still keeps {100 * ended.viscosity:.2g} % of its overstress, and a band "
+        msg += f"has lost its stability, with half of its strain in {band.points} of the "
+        msg += f"{band.yielding} strain points that yield"
+        hint = "With a dilation so far below the friction, shear goes into bands as wide as the "
+        hint += "elements. See whether support that acts in this stage, a larger dilation, or "
+        hint += "larger elements where it shears carry it: then it does not lack strength."
+    if np.isfinite(fraction):
+        said = "is carried" if proven else "was brought to equilibrium"
+        msg += f"; {100 * fraction:.3g} % of the change of load of this stage {said}"
+    motion = None
+    if mechanism is not None:
+        msg += describe_mechanism(on_mesh, task.system, mechanism)
+        mechanism = mechanism / (np.abs(mechanism).max() or 1.0)
+        motion = mechanism_on_mesh(on_mesh, task, mechanism, fraction)
+    return CollapseError(
+        msg,
+        hint,
+        stage=task.state.name,
+        fraction=fraction,
+        mechanism=mechanism,
+        motion=motion,
+        reached=reached,
+    )
+
+
+def describe_mechanism(on_mesh: CaseOnMesh, system: StageSystem, u: Floats) -> str:
+    """Where a mechanism shears most, and how far it reaches, for a message.
+
+    Args:
+        on_mesh: the case on its mesh.
+        system: the equations of the stage.
+        u: (n_dofs,) velocities.
+    """
+    points, mesh, sequence = on_mesh.discretization.points, on_mesh.mesh, on_mesh.sequence
+    rate = np.where(system.volume > 0.0, _shear(points.strain(u)), 0.0)
+    most = int(np.argmax(rate))
+    if not rate[most] > 0.0:
+        node = int(np.argmax(np.linalg.norm(u.reshape(-1, mesh.dim), axis=1)))
+        return f" near {format_point(mesh.points[node])}"
+    group = sequence.groups[sequence.group_of[points.element[most]]]
+    position = points.position.round(3)
+    where = position[rate > _HALF * rate[most]]
+    text = f"; it shears most in group '{group}' near {format_point(position[most])}"
+    ends = (format_point(where.min(axis=0)), format_point(where.max(axis=0)))
+    return f"{text}, and strongly between {ends[0]} and {ends[1]}"
+
+
+def mechanism_on_mesh(
+    on_mesh: CaseOnMesh, task: StageTask, u: Floats, fraction: float
+) -> Mechanism:
+    """A mechanism as it is drawn.
+
+    Args:
+        on_mesh: the case on its mesh.
+        task: the stage.
+        u: (n_dofs,) velocities.
+        fraction: part of the change of load that is carried.
+    """
+    points, mesh = on_mesh.discretization.points, on_mesh.mesh
+    rate = np.where(task.system.volume > 0.0, _shear(points.strain(u)), 0.0)
+    shear = np.zeros(mesh.n_elements)
+    np.maximum.at(shear, points.element, rate)
+    return Mechanism(
+        task.state.name,
+        task.number,
+        fraction,
+        mesh,
+        on_mesh.sequence.present(task.number),
+        u.reshape(mesh.n_nodes, mesh.dim).copy(),
+        shear / (shear.max(initial=0.0) or 1.0),
+    )
+
+
+def _shear(strain: Floats) -> Floats:
+    """(m,) size of the part of strains (s, m) that changes shapes; shears are counted double."""
+    normal, shear = strain[:3], strain[3:]
+    apart = normal - normal.mean(axis=0)
+    return np.asarray(np.sqrt((apart**2).sum(axis=0) + 0.5 * (shear**2).sum(axis=0)))

@@ -1,7 +1,8 @@
 """A step of the march where materials yield (theory 2 and 5).
 
-The state follows from `equilibrium`, its derivatives by the parameters from `plastic_slopes`: with
-the same factorization of the tangent where the last Newton step did not leave its pieces.
+What the ground bears is said by `constitutive`. The state follows from `equilibrium`, its
+derivatives by the parameters from `plastic_derivatives`: with the same factorization of the tangent
+where the last Newton step did not leave its pieces.
 
 Newton's method starts from what the nearest known parameter vector needed, continued by its
 derivatives: a small change of the parameters costs one or two factorizations a stage.
@@ -15,13 +16,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from geoident.errors import CollapseError, ModelError
+from geoident.errors import ModelError
 from geoident.fem.location import format_point
 from geoident.fem.solvers.direct import Factor, NotPositiveDefinite
 from geoident.fem.yielding.domain import EmptyDomain, NoProjection
 from geoident.forward.ground.elasticity import ModuliAt
-from geoident.forward.march.bands import ShearBand, band_at
-from geoident.forward.march.collapse import limit_of
+from geoident.forward.march.bands import band_at
+from geoident.forward.march.collapse import collapse_error, describe_mechanism, limit_of
 from geoident.forward.march.constitutive import Ground, ReachedPlanes, grounds_of
 from geoident.forward.march.equilibrium import Balance, solve
 from geoident.forward.march.held_factors import ElasticByHeld, HeldFactors, StageTangents
@@ -33,7 +34,6 @@ from geoident.forward.march.stage import (
     not_positive_definite,
 )
 from geoident.forward.march.stage_equations import (
-    EvenFlow,
     NoEquilibrium,
     StageEquations,
     Trial,
@@ -212,8 +212,8 @@ class PlasticSteps:
                     band = band_at(viscous, even.trial)
                 if task.motion is None:
                     part, reached, error = self._carried_part(task, grounds, error)
-            raise self._collapse(
-                task, part, error.mechanism,
+            raise collapse_error(
+                self.systems.on_mesh, task, part, error.mechanism,
                 proven=error.limit, ended=even, band=band, reached=reached,
             ) from error  # fmt: skip
 
@@ -333,7 +333,7 @@ class PlasticSteps:
             return Localisation(part, balance.short)
         said = f"a band has lost its stability, with half of its strain in {band.points} of the "
         said += f"{band.yielding} strain points that yield"
-        said += self.systems.describe_mechanism(task.system, band.mode)
+        said += describe_mechanism(self.systems.on_mesh, task.system, band.mode)
         return Localisation(part, balance.short, said)
 
     def _equations(self, task: StageTask, grounds: Sequence[Ground]) -> StageEquations:
@@ -387,7 +387,7 @@ class PlasticSteps:
                 raise
             # Whoever searches needs only to know that there is none.
             if not self.explain:
-                raise self._collapse(task, np.nan, error.mechanism) from error
+                raise collapse_error(self.systems.on_mesh, task, np.nan, error.mechanism) from error
             return self._after_limit(task, equations, error)
 
     def _means_nothing(self, equations: StageEquations, found: Balance) -> bool:
@@ -403,76 +403,15 @@ class PlasticSteps:
         limit = limit_of(equations)
         if limit.fraction < 1.0:
             if task.motion is not None:  # what is carried of it is not known
-                raise self._collapse(task, np.nan, error.mechanism) from error
+                raise collapse_error(self.systems.on_mesh, task, np.nan, error.mechanism) from error
             reached = _last(equations, equations.at(limit.du))
-            raise self._collapse(task, limit.fraction, error.mechanism, reached=reached) from error
+            raise collapse_error(
+                self.systems.on_mesh, task, limit.fraction, error.mechanism, reached=reached
+            ) from error
         try:
             return solve(equations, [limit.du])
         except NoEquilibrium as again:
-            raise self._collapse(task, np.nan, again.mechanism) from again
-
-    def _collapse(
-        self,
-        task: StageTask,
-        fraction: float,
-        mechanism: Floats | None,
-        *,
-        proven: bool = True,
-        ended: EvenFlow | None = None,
-        band: ShearBand | None = None,
-        reached: LastEquilibrium | None = None,
-    ) -> CollapseError:
-        """What is said of a stage without equilibrium.
-
-        Args:
-            task: the stage.
-            fraction: part of the change of load that is carried, or NaN.
-            mechanism: (n_dofs,) how the ground moves, or None.
-            proven: whether the load is beyond what can be carried; else none was found.
-            ended: where the even flow ended, or None.
-            band: the mode that has lost its stability there, or None.
-            reached: equilibrium under the part that is carried, or None.
-        """
-        msg = f"at stage '{task.state.name}' the ground cannot carry the loads: plastic collapse"
-        hint = "Raise the strengths (their start values or bounds), or see whether the stage "
-        hint += "lacks support or loads more than is meant."
-        if not proven:
-            msg = f"at stage '{task.state.name}' no equilibrium was found: flow with a dilation so "
-            msg += "far below the friction shears in bands on this mesh, or the ground collapses"
-            hint = "See whether a larger dilation, or associated flow, or larger elements "
-            hint += "where it shears carry the stage: then the ground does not lack strength."
-        if band is not None and ended is not None and not proven:
-            mechanism = band.mode
-            msg = (
-                f"at stage '{task.state.name}' no equilibrium was found: even flow ends where the "
-            )
-            msg += (
-                f"ground still keeps {100 * ended.viscosity:.2g} % of its overstress, and a band "
-            )
-            msg += f"has lost its stability, with half of its strain in {band.points} of the "
-            msg += f"{band.yielding} strain points that yield"
-            hint = (
-                "With a dilation so far below the friction, shear goes into bands as wide as the "
-            )
-            hint += "elements. See whether support that acts in this stage, a larger dilation, or "
-            hint += "larger elements where it shears carry it: then it does not lack strength."
-        if np.isfinite(fraction):
-            said = "is carried" if proven else "was brought to equilibrium"
-            msg += f"; {100 * fraction:.3g} % of the change of load of this stage {said}"
-        motion = None
-        if mechanism is not None:
-            msg += self.systems.describe_mechanism(task.system, mechanism)
-            mechanism = mechanism / (np.abs(mechanism).max() or 1.0)
-            motion = self.systems.mechanism(task.system, task.number, mechanism, fraction)
-        return CollapseError(
-            msg,
-            hint,
-            stage=task.state.name,
-            fraction=fraction,
-            mechanism=mechanism,
-            motion=motion,
-            reached=reached,
-        )
+            raise collapse_error(self.systems.on_mesh, task, np.nan, again.mechanism) from again
 
     def _accept(self, task: StageTask, equations: StageEquations, trial: Trial) -> None:
         """The state of what is carried after the step."""

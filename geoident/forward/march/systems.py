@@ -39,7 +39,6 @@ from geoident.forward.structures.members import Structures
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.mesh import Mesh, nodes_in
 from geoident.model.parameter import Values
-from geoident.model.results.yielded import Mechanism
 
 SystemKey = tuple[frozenset[int], int]
 """Groups and structures that are there, and a number of what is held."""
@@ -75,9 +74,6 @@ class StageSystem:
         return self.make_pattern()
 
 
-_HALF = 0.5
-"""Part of the largest rate of shear from which on a mechanism shears strongly."""
-
 _order_of = OfMesh[tuple[Ints, int]]()
 
 
@@ -99,7 +95,7 @@ class StageSystems:
         mesh, sequence, discretization = on_mesh.mesh, on_mesh.sequence, on_mesh.discretization
         geometries, structures = discretization.geometries, Structures(on_mesh)
         self.discretization, self.structures = discretization, structures
-        self._on_mesh, self._mesh, self._sequence = on_mesh, mesh, sequence
+        self.on_mesh, self._mesh, self._sequence = on_mesh, mesh, sequence
         self._solver = solver
         self._fixed: list[Bools] = []
         self._numbers_of_held: dict[bytes, int] = {}
@@ -194,48 +190,6 @@ class StageSystems:
         node = system.dofs[unknown] // self._mesh.dim
         return f" near {format_point(self._mesh.points[node])}"
 
-    def describe_motion(self, u: Floats) -> str:
-        """Where displacements (n_dofs,) are largest, for a message."""
-        node = int(np.argmax(np.linalg.norm(u.reshape(-1, self._mesh.dim), axis=1)))
-        return f" near {format_point(self._mesh.points[node])}"
-
-    def describe_mechanism(self, system: StageSystem, u: Floats) -> str:
-        """Where a mechanism (n_dofs,) shears most, and how far it reaches, for a message."""
-        points = self.discretization.points
-        rate = np.where(system.volume > 0.0, _shear(points.strain(u)), 0.0)
-        most = int(np.argmax(rate))
-        if not rate[most] > 0.0:
-            return self.describe_motion(u)
-        group = self._sequence.groups[self._sequence.group_of[points.element[most]]]
-        position = points.position.round(3)
-        where = position[rate > _HALF * rate[most]]
-        text = f"; it shears most in group '{group}' near {format_point(position[most])}"
-        ends = (format_point(where.min(axis=0)), format_point(where.max(axis=0)))
-        return f"{text}, and strongly between {ends[0]} and {ends[1]}"
-
-    def mechanism(self, system: StageSystem, state: int, u: Floats, fraction: float) -> Mechanism:
-        """A mechanism on its mesh.
-
-        Args:
-            system: the equations of the state.
-            state: its number.
-            u: (n_dofs,) velocities.
-            fraction: part of the change of load that is carried.
-        """
-        points, mesh = self.discretization.points, self._mesh
-        rate = np.where(system.volume > 0.0, _shear(points.strain(u)), 0.0)
-        shear = np.zeros(mesh.n_elements)
-        np.maximum.at(shear, points.element, rate)
-        return Mechanism(
-            self._sequence.states[state].name,
-            state,
-            fraction,
-            mesh,
-            self._sequence.present(state),
-            u.reshape(mesh.n_nodes, mesh.dim).copy(),
-            shear / (shear.max(initial=0.0) or 1.0),
-        )
-
     def _elimination_order(self, changes: Bools, stages: int) -> tuple[Ints, int]:
         """The nodes in the order of elimination, and how many, the first, last through all stages.
 
@@ -279,7 +233,7 @@ class StageSystems:
 
     def _held(self, state: int) -> int:
         """The number of what is held in a state, among all that is held in any."""
-        fixed = fixed_dofs(self._on_mesh, state)
+        fixed = fixed_dofs(self.on_mesh, state)
         number = self._numbers_of_held.setdefault(fixed.tobytes(), len(self._fixed))
         if number == len(self._fixed):
             self._fixed.append(fixed)
@@ -288,7 +242,7 @@ class StageSystems:
     @cached_property
     def changing(self) -> Bools:
         """(n_groups,) groups of ground that changes from stage to stage, or yields."""
-        sequence, materials = self._sequence, self._on_mesh.case.materials
+        sequence, materials = self._sequence, self.on_mesh.case.materials
         changes = np.zeros(len(sequence.groups), dtype=bool)
         for g in range(len(sequence.groups)):
             met = {state.materials.get(g) for state in sequence.states}
@@ -343,13 +297,6 @@ class StageSystems:
         if key not in self._analysed:
             self._analysed[key] = self._solver.analyse(lower)
         return self._analysed[key]
-
-
-def _shear(strain: Floats) -> Floats:
-    """(m,) size of the part of strains (s, m) that changes shapes; shears are counted double."""
-    normal, shear = strain[:3], strain[3:]
-    apart = normal - normal.mean(axis=0)
-    return np.asarray(np.sqrt((apart**2).sum(axis=0) + 0.5 * (shear**2).sum(axis=0)))
 
 
 def _moved_to_end(order: Ints, nodes: Ints) -> Ints:

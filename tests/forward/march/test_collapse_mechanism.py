@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from support.cases import model, rollers
 from support.meshes import box, regroup
 from support.yielding import constant, rock
 
-from geoident.forward.march.systems import _shear
+from geoident.forward.march.collapse import _shear, mechanism_on_mesh
 from geoident.model.case import Stage
 
 
@@ -40,8 +42,9 @@ def test_shear_of_an_element_is_the_largest_at_its_points():
         stages=(Stage("wait"), Stage("dig", excavate=("gone",))),
     )
     u = np.column_stack([mesh.points[:, 1] ** 2, np.zeros(mesh.n_nodes)])
-    systems = staged.march.systems
-    found = systems.mechanism(systems[2], 2, u.ravel(), 0.25)
+    state = SimpleNamespace(name="dig")
+    task = SimpleNamespace(number=2, state=state, system=staged.march.systems[2])
+    found = mechanism_on_mesh(staged.on_mesh, task, u.ravel(), 0.25)
     assert (found.stage, found.state, found.fraction) == ("dig", 2, 0.25)
     np.testing.assert_array_equal(found.velocity, u)
     points = staged.discretization.points
@@ -51,4 +54,5 @@ def test_shear_of_an_element_is_the_largest_at_its_points():
     expected = np.where(np.arange(4) == gone, 0.0, top) / max(top)
     np.testing.assert_allclose(found.shear, expected, rtol=1e-12)
     assert expected.min() == 0.0
-    assert systems.mechanism(systems[2], 2, 0.0 * u.ravel(), 0.0).shear.tolist() == [0.0] * 4
+    still = mechanism_on_mesh(staged.on_mesh, task, 0.0 * u.ravel(), 0.0)
+    assert still.shear.tolist() == [0.0] * 4

@@ -119,6 +119,14 @@ def test_a_reading_is_the_sum_of_the_steps_that_lie_between_it_and_its_zero(zero
     assert abs(v[:2]).min() > 1e-6
 
 
+def test_a_reading_at_its_own_zero_is_nothing():
+    """Though the march that it needs goes no further than that stage."""
+    staged = dam(BUILD, *CASES, names=("E",), zero="full")
+    v, slopes = staged.response([("c0", "full"), ("c2", "full")]).evaluate(np.array([VALUES["E"]]))
+    assert v.tolist() == [0.0, 0.0]
+    assert slopes.tolist() == [[0.0], [0.0]]
+
+
 def test_ground_that_leaves_on_one_branch_can_be_read_on_the_others():
     leave = Stage("leave", excavate=("dam",), independent=True)
     staged = dam(BUILD, leave, CASES[0], zero="build")

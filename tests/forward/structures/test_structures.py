@@ -14,6 +14,7 @@ from geoident.model.case import Stage
 from geoident.model.in_situ import ConstantStress
 from geoident.model.parameter import Parameter, Scalar
 from geoident.model.structures import Beam, Bolts
+from tests.support.array_model import solved_at_once
 from tests.support.cases import displacement, material, model, rollers
 from tests.support.force_gauges import gauge
 from tests.support.meshes import box, regroup
@@ -387,7 +388,8 @@ def _with_only(name):
     )
 
 
-def test_condensation_finds_the_stiffness_of_a_lining():
+def _tunnel_of_free_lining():
+    """Its readings, and the numbers EA, EI and E with which they are made."""
     lining = Beam("wall", EA=Scalar(1.0, "EA"), EI=Scalar(1.0, "EI"), clamped_on=("x0", "y0"))
     names = (("EA", 4e9), ("EI", 3e8), ("E", E))
     staged = _lined(
@@ -403,8 +405,21 @@ def test_condensation_finds_the_stiffness_of_a_lining():
         ),
     )
     response = staged.response([(f"c{k}", "open") for k in range(4)])
+    return response, np.array([v for _, v in names])
+
+
+def test_the_exported_equations_of_a_lining_give_the_same_readings():
+    """It stretches and bends, each with its own number; at others than those of the export."""
+    response, start = _tunnel_of_free_lining()
+    p = start * [1.4, 0.6, 1.1]
+    v, jacobian = response.evaluate(p)
+    assert (np.abs(jacobian * p).max(axis=0) > 1e-3 * np.abs(v).max()).all()  # all three matter
+    np.testing.assert_allclose(solved_at_once(response.system(), p), v, rtol=1e-8)
+
+
+def test_condensation_finds_the_stiffness_of_a_lining():
+    response, true = _tunnel_of_free_lining()
     assert response.obstacle() is None
-    true = np.array([v for _, v in names])
     measured = response.readings(true)
     p = true * [1.3, 0.8, 1.1]
     for _ in range(20):

@@ -16,8 +16,8 @@ from support.yielding import NOTHING, Cavity, constant, given, marched, mohr, pa
 from geoident.errors import CollapseError, ModelError
 from geoident.fem.yielding import polyhedral
 from geoident.forward.march import plastic_step
+from geoident.forward.march.collapse import collapse_error
 from geoident.forward.march.march import RunOptions
-from geoident.forward.march.plastic_step import PlasticSteps
 from geoident.forward.march.stage_equations import NoEquilibrium
 from geoident.model.actions import Traction
 from geoident.model.case import Stage, Support
@@ -294,9 +294,9 @@ def test_planes_that_nearly_coincide_are_told_with_a_remedy(monkeypatch):
 def test_a_collapse_that_is_not_proven_has_another_remedy(proven, message, hint):
     """A mechanism and a band say more, elsewhere (`test_little_dilation`)."""
     task = SimpleNamespace(state=SimpleNamespace(name="s"))
-    told = PlasticSteps._collapse(SimpleNamespace(), task, 0.1234, None, proven=proven)
+    told = collapse_error(SimpleNamespace(), task, 0.1234, None, proven=proven)
     assert (told.message, told.hint, told.fraction) == (message, hint, 0.1234)
-    unknown = PlasticSteps._collapse(SimpleNamespace(), task, np.nan, None, proven=proven)
+    unknown = collapse_error(SimpleNamespace(), task, np.nan, None, proven=proven)
     assert unknown.message == message.partition("; ")[0]
 
 
