@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields
 from pathlib import Path
 
-from geoident.io.case.file import read_report_head
+from geoident.io.case.report import read_report_head
 from geoident.io.result.file import read_result
 from geoident.io.text.atomic import make_folder, refuse_inputs
 from geoident.io.text.text_file import decode, read_bytes

@@ -9,6 +9,7 @@ import re
 from pathlib import Path
 
 import pytest
+from support.pictures import draw_names_only
 
 import geoident
 
@@ -25,10 +26,14 @@ def maker():
 
 @pytest.fixture(scope="module")
 def run():
-    """What every cell printed, and what it showed at its end, as Jupyter does."""
+    """What every cell printed, and what it showed at its end, as Jupyter does.
+
+    The figures of the report at the end are their names alone; those of the cells are drawn.
+    """
     names, shown = {"__name__": "notebook"}, []
     out = io.StringIO()
-    with contextlib.redirect_stdout(out):
+    with contextlib.redirect_stdout(out), pytest.MonkeyPatch.context() as patch:
+        draw_names_only(patch)
         for kind, text in maker().cells(SCRIPT):
             if kind == "code":
                 shown.append(value_of(text, names))

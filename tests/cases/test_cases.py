@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import json
-import runpy
-import sys
 from collections.abc import Sequence
-from importlib import import_module
 from math import sqrt
 from pathlib import Path
 from typing import Any
@@ -16,6 +13,7 @@ import pytest
 import yaml
 from click.testing import CliRunner
 from manual.pages import cut, difference
+from support.mesh_scripts import make_mesh
 
 from geoident.cli.app import geoident
 from geoident.io.case.file import read_case
@@ -97,18 +95,9 @@ def test_some_stages_are_left_to_predict(folder):
 
 
 @pytest.mark.parametrize("order", [1, 2])
-def test_the_script_makes_the_groups_of_the_mesh_at_any_size_and_order(
-    folder, order, tmp_path, monkeypatch
-):
-    try:
-        import_module("gmsh")
-    except (ImportError, OSError):  # a library of the system that it needs
-        pytest.skip("gmsh is not installed")
+def test_the_script_makes_the_groups_of_the_mesh_at_any_size_and_order(folder, order, tmp_path):
     output = tmp_path / "other.msh"
-    words = [folder / "make_mesh.py", "--size", 2.5, "--order", order, "--output", output]
-    monkeypatch.setattr(sys, "argv", [str(word) for word in words])
-    monkeypatch.setattr(sys, "path", [*sys.path])
-    runpy.run_path(str(words[0]), run_name="__main__")
+    make_mesh(folder, output, size=2.5, order=order)
     shipped = mesh_of(folder)
     made = read_mesh(str(output), dim=shipped.points.shape[1])
     assert set(made.groups) == set(shipped.groups)

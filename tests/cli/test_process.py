@@ -88,8 +88,11 @@ def test_a_report_imports_nothing_that_computes():
     """What solves equations takes as long to import as some figures to draw."""
     code = (
         "import sys, geoident.cli.app as app\n"
-        "try: app.geoident.main(['report', 'missing.h5'])\n"
-        "except BaseException: pass\n"
+        "from geoident import forked\n"
+        "forked.WorkBeside.found = lambda beside: {'': None}\n"
+        "from geoident.cli.commands.report import _import_drawing\n"
+        "import geoident.workflow.report, geoident.workflow.page_of_many\n"
+        "_import_drawing(())\n"
         "print('|', *sys.modules)\n"
     )
     told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
@@ -97,6 +100,7 @@ def test_a_report_imports_nothing_that_computes():
     assert "matplotlib.figure" in modules
     assert "geoident.report.page.page" in modules
     assert not modules & {"scipy", "meshio", "geoident.fem.solvers", "geoident.forward.model"}
+    assert "geoident.io.case.case" not in modules  # what reads cases is another process's
 
 
 def wait_for(condition, process):

@@ -15,7 +15,8 @@ from PIL import Image
 
 from geoident.cli.app import geoident
 from geoident.errors import InputError
-from geoident.io.case.file import parse_case, read_report_head
+from geoident.io.case.file import parse_case
+from geoident.io.case.report import read_report_head
 from geoident.io.result.file import write_result
 from geoident.model.results.head import ReportHead
 from geoident.report.page.html import page

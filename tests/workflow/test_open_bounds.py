@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from support.commands import run_command
+from support.mesh_scripts import make_mesh
 
 import geoident
 
@@ -50,10 +51,13 @@ def test_predict_says_what_the_fit_says(opening):
     assert json.loads(again.stdout)["predictions"] == json.loads(run.stdout)["predictions"]
 
 
-def test_a_fault_that_was_not_yet_seen_leaves_its_gauges_undetermined(tmp_path):
+@pytest.mark.parametrize("coarse", [True, pytest.param(False, marks=pytest.mark.slow)])
+def test_a_fault_that_was_not_yet_seen_leaves_its_gauges_undetermined(tmp_path, coarse):
     """cases/cavern fitted on the heading: the modulus of the fault ends on its bound."""
     for name in ("cavern.msh", "readings.csv", "case.yaml"):
         shutil.copy(CAVERN / name, tmp_path)
+    if coarse:
+        make_mesh(CAVERN, tmp_path / "cavern.msh", size=2.0, order=1)
     alone = ("fit.stages=[heading]", "fit.mesh_error=false", "fit.backtest=false")
     flags = [word for one in alone for word in ("--set", one)]
     fit = run_command("fit", str(tmp_path / "case.yaml"), "--json", "-q", *flags)

@@ -6,15 +6,19 @@ from __future__ import annotations
 
 import shlex
 from functools import partial
+from importlib import import_module
+from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
 import click
 
 from geoident.cli.options import Arguments, OneOf, Options, Steps, takes
 from geoident.errors import UsageError
+from geoident.forked import WorkBeside
 
 if TYPE_CHECKING:
     from geoident.model.results.head import ReportHead
+    from geoident.model.results.result import Labelled
 
 EPILOG = """\b
 Examples:
@@ -93,7 +97,8 @@ def command(
     if no_page and any(head.values()):
         raise UsageError("The head is that of the page, which --no-page leaves out.")
     with collector_paused():
-        _require_matplotlib()
+        if find_spec("matplotlib") is None:
+            _require_matplotlib()
         said = ReportHead(**head)
         written = _written(results, folder, suffixes, no_page=no_page, options=options, head=said)
     for path in written:
@@ -111,9 +116,6 @@ def _written(
     head: ReportHead,
 ) -> tuple[str, ...]:
     """Write the page and the figures; their paths."""
-    from geoident.report.drawing.album import figure_files
-    from geoident.report.drawing.style import images
-    from geoident.report.page.page import report_page
     from geoident.workflow.report import (
         cases_of,
         files_read,
@@ -127,6 +129,11 @@ def _written(
 
     place = "" if no_page else page_path(results, output=options.output)
     read = read_results(results)
+    _import_drawing(read)
+    from geoident.report.drawing.album import figure_files
+    from geoident.report.drawing.style import images
+    from geoident.report.page.page import report_page
+
     inputs, cases = files_read(results, read), cases_of(results, read)
     written: tuple[str, ...] = ()
     if place:
@@ -148,6 +155,16 @@ def _written(
             draw=lambda labelled: figure_files(labelled, suffixes or ("svg",)),
         )
     return written
+
+
+def _import_drawing(results: Labelled) -> None:
+    """Import what draws, and meanwhile have the cases of results read: that takes as long."""
+    from geoident.report.drawing.model.case import cases_of_texts, remember, texts_of_cases
+
+    with WorkBeside(partial(cases_of_texts, texts_of_cases(results))) as beside:
+        _require_matplotlib()
+        import_module("geoident.report.page.page")
+        remember(beside.found() or {})
 
 
 def _require_sense(

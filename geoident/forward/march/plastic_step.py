@@ -1,7 +1,8 @@
 """A step of the march where materials yield (theory 2 and 5).
 
-The state follows from `equilibrium`, its derivatives by the parameters from `plastic_slopes`: with
-the same factorization of the tangent where the last Newton step did not leave its pieces.
+What the ground bears is said by `constitutive`. The state follows from `equilibrium`, its
+derivatives by the parameters from `plastic_derivatives`: with the same factorization of the tangent
+where the last Newton step did not leave its pieces.
 
 Newton's method starts from what the nearest known parameter vector needed, continued by its
 derivatives: a small change of the parameters costs one or two factorizations a stage.

@@ -36,6 +36,7 @@ from geoident.io.case.in_situ import InSituSection, build_in_situ
 from geoident.io.case.ladder import build_ladder
 from geoident.io.case.parameters import ParameterSection
 from geoident.io.case.readings import BadSection, Date, Readings
+from geoident.io.case.report import ReportSection
 from geoident.io.case.stages import ABSENT, StageSection
 from geoident.io.case.structures import StructureSection
 from geoident.io.case.supports.section import SupportValue, build_supports
@@ -62,24 +63,6 @@ class MeshSection(Section):
 
     file: Text = Field(
         description="Path of the mesh, relative to the case. Groups go by their physical names."
-    )
-
-
-class ReportSection(Section):
-    """What the report says of itself; nothing is computed from it, so a change asks for no new fit.
-
-    Flags of `report`, such as `--client`, override it.
-    """
-
-    project: Text = Field("", description="The project.", examples=["Power station Upper Valley"])
-    author: Text = Field("", description="Who made the report.", examples=["J. Doe, Ground AG"])
-    client: Text = Field("", description="For whom it was made.")
-    revision: Text = Field("", description="Its revision.", examples=["B"])
-    date: Text = Field("", description="Its date, as it is to be written.", examples=["3 May 2026"])
-    logo: Text = Field(
-        "",
-        description="Path of a picture, .png or .svg, relative to the case.",
-        examples=["logo.svg"],
     )
 
 

@@ -16,12 +16,11 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from pydantic import BaseModel, ValidationError
+from pydantic import ValidationError
 
 from geoident.errors import Fault, InputError
 from geoident.io.case.case import (
     CaseSection,
-    ReportSection,
     build_case,
     tied_parameters,
 )
@@ -49,7 +48,6 @@ from geoident.io.text.yaml_writer import yaml_text
 from geoident.model.case import Case, KeyPath
 from geoident.model.elsewhere import Elsewhere, RunTable
 from geoident.model.methods import LOSS_OPTIONS, METHOD_OPTIONS, method_name
-from geoident.model.results.head import ReportHead
 
 STDIN_NAME = "<stdin>"
 
@@ -286,45 +284,6 @@ def _left(rest: Rest, faults: Faults, built: _Built, folder: Path) -> PartOfCase
             return None
         built = _build(section, folder, faults)
     return None
-
-
-class _OnlyReport(BaseModel):
-    """The one section of a case of which a report speaks."""
-
-    report: ReportSection | None = None
-
-
-def read_report_head(text: str, path: str) -> ReportHead:
-    """What a case says of its report, whatever else is right or wrong in it.
-
-    Args:
-        text: the case.
-        path: where it stands or stood; its logo is looked for beside it.
-
-    Raises:
-        InputError: the text is no YAML, or its section ``report`` is wrong.
-    """
-    places = apply_overrides(parse_yaml(text, _shown(path)), ())
-    if not isinstance(places.data, dict):
-        return ReportHead()
-    faults, known = Faults(places), dict[int, tuple[str, ...]]()
-    try:
-        found = _OnlyReport.model_validate(places.data, context=known).report
-    except ValidationError as error:
-        add_schema_faults(faults, error.errors(include_url=False), places.data, known)
-        faults.raise_any()
-        raise
-    if found is None:
-        return ReportHead()
-    logo = str(Path(path).parent / found.logo) if found.logo else ""
-    return ReportHead(
-        project=found.project,
-        author=found.author,
-        client=found.client,
-        revision=found.revision,
-        date=found.date,
-        logo=logo,
-    )
 
 
 def _shown(path: str) -> str:

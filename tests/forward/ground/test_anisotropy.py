@@ -23,6 +23,7 @@ from support.anisotropy import (
     turn_tensor,
 )
 from support.cases import displacement, make_case, model, moduli_at, rollers
+from support.derivatives import richardson
 from support.meshes import box, regroup
 
 from geoident.forward.affine import first_obstacle, stiffness_part
@@ -201,15 +202,7 @@ def test_jacobian_agrees_with_richardson_differences(name, dim):
     _, jacobian = response.evaluate(p)
     scale_of_all = np.abs(jacobian * p).max()
     for h, parameter in enumerate(staged.names):
-        step = 2e-3 * abs(p[h]) * np.eye(len(p))[h]
-
-        def slope(k, step=step, h=h):
-            return (response.readings(p + step / k) - response.readings(p - step / k)) / (
-                2 * step[h] / k
-            )
-
-        once = [(4 * slope(2 * k) - slope(k)) / 3 for k in (1, 2)]
-        numeric = (16 * once[1] - once[0]) / 15
+        numeric = richardson(response.readings, p, h, 2e-3 * abs(p[h]))
         scale = np.abs(jacobian[:, h]).max()
         if parameter in NO_EFFECT.get((name, dim), ()):
             assert scale * abs(p[h]) < 1e-10 * scale_of_all, parameter
