@@ -46,11 +46,19 @@ class WorkBeside(Generic[FoundBeside]):
         self._process, self._answer = 0, -1
         if processors() < 2 or not may_fork():
             return
-        reads, writes = os.pipe()
-        with warnings.catch_warnings():
-            # Threads of libraries of linear algebra, which know how to survive a fork.
-            warnings.simplefilter("ignore", DeprecationWarning)
-            process = os.fork()
+        try:
+            reads, writes = os.pipe()
+        except OSError:  # no more files, no more processes, no memory: the work is done here
+            return
+        try:
+            with warnings.catch_warnings():
+                # Threads of libraries of linear algebra, which know how to survive a fork.
+                warnings.simplefilter("ignore", DeprecationWarning)
+                process = os.fork()
+        except OSError:
+            os.close(reads)
+            os.close(writes)
+            return
         if not process:
             _work(work, reads, writes)
         os.close(writes)

@@ -113,3 +113,44 @@ def test_large_answers_come_back_whole_and_once():
         assert beside.found() == b"x" * 5_000_000
         assert gone(process)
         assert beside.found() is None
+
+
+@pytest.fixture
+def pipes(monkeypatch):
+    """File descriptors of all pipes that are made."""
+    made, plain = [], os.pipe
+
+    def recorded():
+        made.extend(ends := plain())
+        return ends
+
+    monkeypatch.setattr(os, "pipe", recorded)
+    return made
+
+
+def is_open(descriptor):
+    try:
+        os.fstat(descriptor)
+    except OSError:
+        return False
+    return True
+
+
+@pytest.mark.parametrize("call", ["pipe", "fork"])
+def test_where_no_process_can_be_had_nothing_is_lost(monkeypatch, pipes, call):
+    def refuse():
+        raise OSError(11, "Resource temporarily unavailable")
+
+    monkeypatch.setattr(os, call, refuse)
+    with WorkBeside(lambda: 3) as beside:
+        assert beside.found() is None
+    assert len(pipes) == (2 if call == "fork" else 0)
+    assert not any(map(is_open, pipes))
+
+
+@pytest.mark.parametrize("asked", [True, False])
+def test_no_file_is_left_open(pipes, asked):
+    with WorkBeside(lambda: 3) as beside:
+        assert not asked or beside.found() == 3
+    assert len(pipes) == 2
+    assert not any(map(is_open, pipes))
