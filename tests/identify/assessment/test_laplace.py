@@ -107,6 +107,16 @@ def test_the_volume_of_a_prior_is_its_integral_between_the_bounds(scale, kind):
     assert log_prior_volume((parameter,)) == pytest.approx(np.log(expected), abs=1e-8)
 
 
+@pytest.mark.parametrize("upper", [1.05, 2.0, 50.0])
+def test_the_volume_without_priors_is_that_of_the_box(upper):
+    """Narrow or wide; what cannot move takes nothing away."""
+    logarithmic = Parameter("E", 1.02, 1.0, upper, "log")
+    held, K0 = Parameter("nu", 0.3, 0.3, 0.3), Parameter("K0", 1.0, 0.9, 1.1)
+    wide = float(np.diff([Scaling([K0]).lower[0], Scaling([K0]).upper[0]])[0])
+    expected = np.log(np.log(upper)) + np.log(wide)
+    assert log_prior_volume((logarithmic, held, K0)) == pytest.approx(expected, abs=1e-12)
+
+
 def test_a_parameter_without_bounds_and_prior_has_no_volume():
     assert log_prior_volume((Parameter("a", 1.0, -np.inf, np.inf),)) == np.inf
 

@@ -66,6 +66,25 @@ def test_covariance_of_a_linear_model_is_that_of_bayesian_regression(prior):
     np.testing.assert_allclose(band, np.sqrt(variance), rtol=1e-10)
 
 
+def test_a_prior_is_in_conflict_beside_the_minimum_as_it_is_there():
+    """What a scan or a search that was stopped ends with; of a linear model nothing else is known.
+
+    The readings say 3 +- 0.1 where the prior says 0.5 +- 0.4.
+    """
+    A, s, q = linear(np.random.default_rng(1), prior=Prior(0.5, 0.4))
+    y = A @ np.array([3.0, 0.6, 0.4])
+    problem = Problem(None, y, s, q)
+    precision = A.T @ (A / s[:, None] ** 2) + np.eye(3) / 0.16
+    least = np.linalg.solve(precision, A.T @ (y / s**2) + 0.5 / 0.16)
+    there, *beside = (
+        [one for one in assess(problem, p, A, A @ p).findings if "prior" in one]
+        for p in (least, least + np.array([0.4, 0.0, 0.0]), least - np.array([0.3, 0.2, 0.1]))
+    )
+    assert len(there) == 1
+    assert "x0" in there[0]
+    assert beside == [there, there]
+
+
 def test_the_scale_of_a_parameter_changes_its_interval_but_not_its_standard_deviation():
     s, jacobian, value = np.array([0.1]), np.array([[1.0]]), np.array([1.0])
     log, lin = (

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from geoident.identify.hierarchical.restricted import scatter_posterior
+from geoident.identify.hierarchical.restricted import most_likely, scatter_posterior
 
 SIZES = np.array([0.5, 2.0, 7.0, 1.0])
 
@@ -27,3 +27,36 @@ def test_means_are_those_of_half_normal_densities(free):
     np.testing.assert_allclose(means, SIZES[chosen] * np.sqrt(2.0 / np.pi), rtol=0.01)
     squares = found.weights @ found.nodes[:, chosen] ** 2
     np.testing.assert_allclose(squares, SIZES[chosen] ** 2, rtol=0.02)
+
+
+def likelihood(centre, precision, none=np.inf):
+    """-2 log L, a quadratic form of the logarithms of two scatters; `none` more where one is 0."""
+
+    def minus_two_log(tau):
+        if not tau.all():
+            return none
+        away = np.log(tau) - centre
+        return float(away @ precision @ away)
+
+    return SimpleNamespace(largest=np.array([10.0, 40.0]), minus_two_log=minus_two_log)
+
+
+@pytest.mark.parametrize("first", np.linspace(-7.0, 2.0, 8))
+def test_the_most_likely_scatters_are_at_the_minimum(first):
+    """Wherever between the places that are tried it lies, and though one pulls the other along."""
+    centre = np.array([first, 1.3])
+    linear = likelihood(centre, np.array([[40.0, 25.0], [25.0, 30.0]]))
+    found = most_likely(linear, np.ones(2), np.array([True, True]))
+    np.testing.assert_allclose(np.log(found), centre, atol=1e-5)
+    alone = most_likely(linear, np.array([1.0, 5.0]), np.array([True, False]))
+    assert alone[1] == 5.0
+    pulled = first - 25.0 / 40.0 * (np.log(5.0) - 1.3)
+    np.testing.assert_allclose(np.log(alone[0]), pulled, atol=1e-5)
+
+
+@pytest.mark.parametrize(("none", "zero"), [(0.2, False), (-0.2, True), (0.0, True)])
+def test_a_scatter_is_zero_where_that_is_as_likely(none, zero):
+    linear = likelihood(np.array([0.0, 1.3]), np.eye(2), none)
+    found = most_likely(linear, np.exp([0.5, 1.3]), np.array([True, False]))
+    assert (found[0] == 0.0) == zero
+    assert found[0] == pytest.approx(0.0 if zero else 1.0, abs=1e-5)

@@ -65,6 +65,18 @@ def test_the_length_is_the_radius_whose_box_a_step_just_fits(scaling):
     assert box.length(x, d) == pytest.approx(0.3)
 
 
+@pytest.mark.parametrize("lower", [0.0, -0.01, -0.9, -1.1])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_parameter_that_may_be_zero_moves_by_lengths_and_not_by_factors(lower, sign):
+    bounds = sorted((sign * lower, sign * 1.5))
+    scaling = Scaling([Parameter("v", 0.3 * sign, *bounds)])
+    box, width = TrustBox(scaling), float(scaling.upper[0] - scaling.lower[0])
+    for place in (0.3, 1e-3, 0.7):
+        x = np.array([place * sign]) / scaling.reference
+        low, high = box.sides(x, 0.1)
+        assert max(high[0], -low[0]) == pytest.approx(0.1 * max(0.25 * width, 1.0))
+
+
 def test_every_parameter_of_one_sign_has_its_own_factor():
     """Whatever their sizes and signs are, and how many there are."""
     sizes = np.array([3.0, -0.5, 7.0, 1.1])
