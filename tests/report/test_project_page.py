@@ -30,6 +30,7 @@ def result(folder):
     return read_project_result(folder / "project.fit.h5")
 
 
+@pytest.mark.usefixtures("plain_pictures")
 def test_the_page_shows_the_law_the_sections_and_what_is_predicted(folder):
     run = CliRunner()
     done = run.invoke(geoident, ["report", str(folder / "project.fit.h5")])

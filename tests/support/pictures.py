@@ -15,6 +15,7 @@ def draw_names_only(monkeypatch: pytest.MonkeyPatch) -> None:
     """
     style = pytest.importorskip("geoident.report.drawing.style", reason="reports need matplotlib")
     figure = pytest.importorskip("matplotlib.figure").Figure
+    page = import_module("geoident.report.page.page")  # before: it takes names of `style` over
 
     @cache
     def named(name: str, title: str, caption: str, suffix: str) -> bytes:
@@ -27,4 +28,4 @@ def draw_names_only(monkeypatch: pytest.MonkeyPatch) -> None:
         return named(picture.name, picture.title, picture.caption, suffix)
 
     monkeypatch.setattr(style, "image", image)
-    monkeypatch.setattr(import_module("geoident.report.page.page"), "image", image)
+    monkeypatch.setattr(page, "image", image)
