@@ -90,6 +90,8 @@ def test_the_bilinear_system_holds_at_what_the_march_finds() -> None:
     """Equations, complementary slacks and readings, at other parameters than it was made at."""
     for response, p in responses():
         staged, system = response.staged_system(), response.system()
+        kinds = system.kind_of_unknown
+        np.testing.assert_array_equal(np.flatnonzero(kinds < 0), np.sort(system.multipliers))
         arrays = ArrayModel(staged)
         x: list[np.ndarray] = []
         for stage, (du, borne, steps) in zip(staged.stages, arrays.march(p), strict=True):

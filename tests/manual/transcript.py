@@ -26,7 +26,7 @@ from geoident.report.drawing.style import Picture, image
 from manual.pages import Command, File, Page, cut, difference, read_page
 
 PICTURES = {".png", ".svg"}
-COLOURS = 96  # of pictures in a page
+COLOURS = 64  # of pictures in a page
 WIDTH = 1200  # px
 
 

@@ -92,6 +92,13 @@ def test_the_survey_takes_the_dates_of_the_readings():
     assert dated.sensitivity[0, 1, 2] == pytest.approx(2.0 * 40 * DAY)
 
 
+@pytest.mark.parametrize("changes", [{"value": None}, {"bad": True}])
+def test_a_reading_that_does_not_count_has_no_date(changes):
+    reading = replace(Reading("loose", "s1", 1e-3, time=140 * DAY), **changes)
+    plain, dated = (cut(readings=r).survey(TRUTH, fields=False) for r in ((), (reading,)))
+    np.testing.assert_array_equal(dated.computed, plain.computed)
+
+
 def test_without_a_date_a_drifting_gauge_has_no_reading():
     staged = cut()
     staged.instrument_errors.times[3] = np.nan

@@ -278,8 +278,9 @@ def site(folder, surface, runs, accuracy, seed):
 def searched(case, *overrides):
     """The end of a search, and what is known there."""
     job, control = plan_fit(Request(str(case), overrides, str(case.parent / "o.h5"))), Control()
-    with evaluation_log(job, control) as log:
-        found = estimated(prepare(job), job.methods, log, control)
+    setup = prepare(job)
+    with evaluation_log(job, control, setup.model) as log:
+        found = estimated(setup, job.methods, log, control)
     return found, look(*found, fields=False).assessment
 
 
