@@ -109,8 +109,10 @@ def _other_strengths(case: Case, material: Material, field: Field) -> Iterator[F
             ]
         if others:
             message = f"{field.constant} of '{material.name}' varies from place to place, but "
-            message += f"{', '.join(others)} of its surface {number + 1} not: a yield surface can "
-            message += "grow and shrink from place to place, but not change its shape"
+            message += f"{', '.join(others)} of its surface {number + 1} "
+            message += "does not" if len(others) == 1 else "do not"
+            message += ": a yield surface can grow and shrink from place to place, but not change "
+            message += "its shape"
             hint = f"Leave out {others[0]}, or give {field.constant} without a field."
             yield case.source.fault(field.path, code="field", message=message, hint=hint)
 
