@@ -22,7 +22,7 @@ def make_mesh(folder: Path, output: Path, *, size: float, order: int) -> None:
     try:
         import_module("gmsh")
     except (ImportError, OSError):  # a library of the system that it needs
-        pytest.skip("gmsh is not installed")
+        pytest.skip("gmsh or an X library that it needs is missing: see README, Start")
     words = [folder / "make_mesh.py", "--size", size, "--order", order, "--output", output]
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(sys, "argv", [str(word) for word in words])
