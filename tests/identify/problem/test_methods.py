@@ -175,15 +175,57 @@ def test_a_stopped_scan_keeps_what_it_has(problem):
     assert int(np.isnan(stop.grid.objective).sum()) == 10
 
 
+MODE = Parameter("rock.mode-1", 0.0, -4.0, 4.0, field="rock")
+
+
 @pytest.mark.parametrize(
-    ("grid", "code"),
+    ("grid", "code", "said"),
     [
-        ({"G": ScanAxis(1.0, 2.0)}, "unknown-parameter"),
-        ({"E": ScanAxis(0.0, 2.0)}, "scan-axis"),
-        ({"K0": ScanAxis(0.0, np.inf)}, "scan-axis"),
+        ({"G": ScanAxis(1.0, 2.0)}, "unknown-parameter", "over G: the parameters are E, K0."),
+        ({"E": ScanAxis(0.0, 2.0)}, "scan-axis", "over E: no grid from 0 to 2 with 21 points."),
+        ({"E": ScanAxis(2.0, 0.0, 3)}, "scan-axis", "from 2 to 0 with 3 points."),
+        ({"K0": ScanAxis(0.0, np.inf)}, "scan-axis", "over K0: no grid from 0 to inf"),
+        ({"K0": ScanAxis(np.nan, 1.0)}, "scan-axis", "from nan to 1"),
+        ({"K0": ScanAxis(0.5, 1.0, 0)}, "scan-axis", "from 0.5 to 1 with 0 points."),
+        (
+            {"E": ScanAxis(1.0, 9.0, 101), "K0": ScanAxis(0.0, 1.0, 9901)},
+            "scan-size",
+            "the scan has 1,000,001 points; 1,000,000 are the most",
+        ),
     ],
 )
-def test_an_axis_that_cannot_be_is_refused(grid, code):
-    with pytest.raises(InputError) as caught:
-        grid_axes(QUESTION, ScanOptions(grid))
+def test_an_axis_that_cannot_be_is_refused(grid, code, said):
+    with pytest.raises(InputError, match="scan") as caught:
+        grid_axes((MODE, *QUESTION), ScanOptions(grid))
     assert [fault.code for fault in caught.value.faults] == [code]
+    assert said in caught.value.faults[0].message
+
+
+def test_an_axis_may_have_one_point_and_run_down_and_a_linear_one_below_zero():
+    grid = {"E": ScanAxis(9.0, 1.0, 3), "K0": ScanAxis(-1.0, -1.0, 1)}
+    axes = grid_axes(QUESTION, ScanOptions(grid))
+    assert axes["E"] == pytest.approx([9.0, 3.0, 1.0])
+    assert axes["K0"].tolist() == [-1.0]
+    most = {"E": ScanAxis(1.0, 9.0, 1000), "K0": ScanAxis(0.0, 1.0, 1000)}
+    assert [len(axis) for axis in grid_axes(QUESTION, ScanOptions(most)).values()] == [1000, 1000]
+
+
+def test_a_scan_without_a_grid_takes_the_first_two_parameters_that_the_case_names():
+    third = Parameter("nu", 0.2, 0.0, 0.4)
+    axes = grid_axes((MODE, *QUESTION, third), ScanOptions(points=2))
+    assert {name: axis.tolist() for name, axis in axes.items()} == {
+        "E": pytest.approx([1.0, 100.0]),
+        "K0": [0.0, 2.0],
+    }
+    with pytest.raises(InputError, match="nothing to scan") as caught:
+        grid_axes((MODE,), ScanOptions())
+    assert [(f.code, f.path) for f in caught.value.faults] == [("no-parameters", "fit.scan")]
+
+
+def test_a_scan_says_how_many_points_it_has_computed(problem):
+    grid = {"E": ScanAxis(1.0, 16.0, 5), "K0": ScanAxis(0.0, 1.0, 3)}
+    outcome = scan(problem, ScanOptions(grid), go_on)
+    assert (outcome.status, outcome.reason) == (
+        "converged",
+        "All 15 points of the grid are computed.",
+    )
