@@ -1,3 +1,6 @@
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from support.plastic_bars import Frame, PlasticBars
@@ -5,11 +8,16 @@ from support.plastic_bars import Frame, PlasticBars
 from geoident.errors import InputError
 from geoident.identify import METHODS, descend, identify, refusal
 from geoident.identify.direct.scan import grid_axes, scan
+from geoident.identify.problem import methods
+from geoident.identify.problem.outcome import Outcome
+from geoident.identify.problem.problem import Problem
 from geoident.model.methods import (
     METHOD_OPTIONS,
+    ClosedFormOptions,
     ComplementarityOptions,
     CondensationOptions,
     GaussNewtonOptions,
+    HuberOptions,
     ScanAxis,
     ScanOptions,
     SimplexOptions,
@@ -38,7 +46,8 @@ def test_the_table_has_the_names_and_options_that_users_can_write():
     assert {name: method.options for name, method in METHODS.items()} == dict(METHOD_OPTIONS)
     for name, method in METHODS.items():
         assert method.name == name
-        assert callable(method.function(method.options()))
+        found = method.function(method.options())
+        assert found.__module__.startswith(f"geoident.identify.{method.room}.")
         assert method.help
 
 
@@ -73,6 +82,137 @@ def test_one_descent_has_the_options_of_its_method_and_one_start(problem):
     assert len(few.iterations) <= 3
     loose = descend(problem, GaussNewtonOptions(tolerance=0.5, starts=9), go_on)
     assert len(loose.iterations) < len(descend(problem, GaussNewtonOptions(), go_on).iterations)
+
+
+def test_one_descent_of_a_closed_form_is_by_its_formulas_from_one_start(monkeypatch, problem):
+    seen = []
+    monkeypatch.setattr(
+        methods, "identify", lambda problem, chain, observe: seen.append((problem, chain, observe))
+    )
+    descend(problem, ClosedFormOptions(radius=2.0, starts=7), go_on)
+    descend(problem, GaussNewtonOptions(tolerance=1e-3, starts=7), go_on)
+    descend(problem, SimplexOptions(), go_on)
+    assert seen == [
+        (problem, [ClosedFormOptions(radius=2.0, starts=1)], go_on),
+        (problem, [GaussNewtonOptions(tolerance=1e-3, starts=1)], go_on),
+        (problem, [GaussNewtonOptions(starts=1)], go_on),
+    ]
+
+
+def test_one_descent_for_yield_limits_scans_nothing():
+    bars = PlasticBars([Frame([1.0, 1.0], [0, None], [1.0, 2.0])], 1)
+    question = (Parameter("k1", 0.9, 0.1, 5.0, "log"),)
+    given = Problem(bars, bars.readings(np.array([0.8])), np.full(2, 1e-3), question)
+    outcome = descend(given, ComplementarityOptions(), go_on)
+    assert outcome.values == pytest.approx([0.8])
+    assert outcome.status == "converged"
+    notes = [entry.note for entry in outcome.iterations]
+    assert notes[0] == "start"
+    assert not any(note.startswith(("strength", "restart")) for note in notes)
+
+
+def test_changed_weights_go_on_from_one_start_of_the_last_method():
+    last = GaussNewtonOptions(tolerance=1e-3, starts=7)
+    assert methods.continued((SimplexOptions(), ScanOptions(), last)) == (replace(last, starts=1),)
+    assert methods.continued((last, SimplexOptions(size=0.3))) == (SimplexOptions(size=0.3),)
+    assert methods.continued((last,)) == (replace(last, starts=1),)
+
+
+class Opening:
+    """A model that is a circular opening where it is asked for one of a radius of 2."""
+
+    names = ("E", "K0")
+
+    def __init__(self, covered):
+        self.found = SimpleNamespace(covered=np.array(covered, dtype=bool))
+
+    def opening(self, centre, radius):
+        return self.found if radius == 2.0 else f"there is none of {radius} about {centre}"
+
+    def __getattr__(self, name):
+        return lambda *given: None
+
+
+def test_a_closed_form_is_refused_with_its_own_reason(problem):
+    options = ClosedFormOptions(centre=(1.0, 3.0), radius=2.0)
+
+    def why(response, options=options):
+        return refusal(response, "closed-form", options=options)
+
+    assert "the model is not a circular opening" in why(problem.response)
+    assert why(Opening([False, True])) is None
+    assert why(Opening([])) is None
+    assert "no reading is of a stage and a point" in why(Opening([False, False]))
+    assert "none of 3.0 about (1.0, 3.0)" in why(Opening([True]), replace(options, radius=3.0))
+    assert "there is none of None about None" in why(Opening([True]), None)
+    assert "there is none of None" in methods.refusals(Opening([True]), [ClosedFormOptions()])[0]
+    chain = [ClosedFormOptions(), GaussNewtonOptions()]
+    assert methods.refusals(Opening([True]), chain) == []
+
+
+def test_a_loss_that_is_not_squared_is_named_where_it_cannot_be(problem):
+    problem.response.obstacle = lambda: None
+    problem.response.condense = lambda p, measured, sd: None
+    assert refusal(problem.response, "condensation") is None
+    assert "need the squared loss, and the loss is huber" in (
+        refusal(problem.response, "condensation", HuberOptions())
+    )
+    reasons = methods.refusals(
+        problem.response, [GaussNewtonOptions(), CondensationOptions()], HuberOptions()
+    )
+    assert len(reasons) == 1
+
+
+def test_what_a_formulation_needs_is_said(monkeypatch):
+    class Shown(PlasticBars):
+        why = None
+
+        def system_obstacle(self):
+            return self.why
+
+        def system(self):
+            raise AssertionError
+
+    frames = [Frame([1.0, 1.0], [0, None], [1.0])]
+    hidden, shown = PlasticBars(frames, 1), Shown(frames, 1)
+    obstacle = methods.formulation_obstacle
+    assert obstacle(hidden, "implicit") is None
+    assert obstacle(shown, "global") is obstacle(shown, "full-space") is None
+    assert obstacle(hidden, "global") == (
+        "the formulation global needs equations that the model does not show"
+    )
+    shown.why = "the ground hardens"
+    assert obstacle(shown, "full-space") == "for the formulation full-space, the ground hardens"
+    asked = []
+    monkeypatch.setattr(methods, "find_spec", asked.append)
+    assert obstacle(shown, "global") == (
+        'the formulation global needs pyscipopt (pip install "geoident[global]")'
+    )
+    assert "needs casadi" in obstacle(shown, "full-space")
+    assert asked == ["pyscipopt", "casadi"]
+    elastic = PlasticBars([Frame([1.0], [None], [1.0])], 1)
+    assert "no material of the model has yield limits" in refusal(elastic, "complementarity")
+
+
+def ended(values, objective, *, status="converged", **more):
+    return Outcome(np.array([values]), objective, status, "", **({"iterations": ()} | more))
+
+
+def test_a_chain_has_the_values_of_its_last_method_unless_it_was_stopped():
+    grids = [SimpleNamespace(number=n) for n in range(2)]
+    done = [
+        ended(1.0, 5.0, iterations=("a", "b"), remarks=("one",), grid=grids[0]),
+        ended(2.0, 3.0, iterations=("c",), remarks=(), grid=grids[1]),
+        ended(3.0, 4.0, iterations=("d",), remarks=("two", "three")),
+    ]
+    found = methods._joined(done)
+    assert (found.values.tolist(), found.objective, found.grid) == ([3.0], 4.0, grids[1])
+    assert found.iterations == ("a", "b", "c", "d")
+    assert found.remarks == ("one", "two", "three")
+    stopped = methods._joined([*done[:2], ended(3.0, 4.0, status="out-of-budget")])
+    assert (stopped.values.tolist(), stopped.objective) == ([2.0], 3.0)
+    assert stopped.status == "out-of-budget"
+    assert methods._joined(done[2:]).grid is None
 
 
 def test_a_method_that_the_model_cannot_serve_is_refused_before_computing(problem):
