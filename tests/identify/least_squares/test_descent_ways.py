@@ -495,6 +495,15 @@ def test_ways_between_points_are_tried_both_ways(make_problem):
         assert not evaluator.begins_uphill(0.99 * rise / fall, 1.01 * fall)
 
 
+def test_a_way_that_rises_and_falls_just_as_much_is_no_sign(make_problem):
+    """A fall of 2 and a rise of 2 promised, in numbers without rounding."""
+    evaluator, _ = evaluating(make_problem, two, PAIR)
+    evaluator._visited = [(np.array([0.0]), 4.0, np.ones(1)), (np.ones(1), 2.0, np.zeros(1))]
+    assert evaluator.begins_uphill(0.5, 1.0)
+    assert not evaluator.begins_uphill(1.0, 1.0)
+    assert not evaluator.begins_uphill(0.5, 2.0)
+
+
 def test_a_step_of_any_radius_stays_in_its_box():
     box = TrustBox(Scaling(FREE))
     point = iterate(4.0, [3.0, 1.0], [[2.0], [1.0]])
