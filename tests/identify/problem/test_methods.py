@@ -176,14 +176,29 @@ def test_a_stopped_scan_keeps_what_it_has(problem):
 
 
 @pytest.mark.parametrize(
-    ("grid", "code"),
+    ("grid", "code", "message", "hint"),
     [
-        ({"G": ScanAxis(1.0, 2.0)}, "unknown-parameter"),
-        ({"E": ScanAxis(0.0, 2.0)}, "scan-axis"),
-        ({"K0": ScanAxis(0.0, np.inf)}, "scan-axis"),
+        (
+            {"G": ScanAxis(1.0, 2.0)}, "unknown-parameter",
+            "scan over G: the parameters are E, K0.", "",
+        ),
+        (
+            {"E": ScanAxis(0.0, 2.0, 7)}, "scan-axis",
+            "scan over E: no grid from 0 to 2 with 7 points.", "Give finite ends.",
+        ),
+        (
+            {"K0": ScanAxis(0.0, np.inf, 7)}, "scan-axis",
+            "scan over K0: no grid from 0 to inf with 7 points.", "Give finite ends.",
+        ),
+        (
+            {"E": ScanAxis(1.0, 2.0, 1001), "K0": ScanAxis(1.0, 2.0, 1000)}, "scan-size",
+            "the scan has 1,001,000 points; 1,000,000 are the most",
+            "Lower 'points' in fit.scan.",
+        ),
     ],
-)
-def test_an_axis_that_cannot_be_is_refused(grid, code):
+)  # fmt: skip
+def test_an_axis_that_cannot_be_is_refused(grid, code, message, hint):
     with pytest.raises(InputError) as caught:
         grid_axes(QUESTION, ScanOptions(grid))
-    assert [fault.code for fault in caught.value.faults] == [code]
+    (fault,) = caught.value.faults
+    assert (fault.code, fault.message, fault.hint) == (code, message, hint)
