@@ -249,6 +249,14 @@ def test_a_growth_within_the_interval_does_not_exclude_the_upper_bound(growth, a
     assert [entry.note for entry in history.iterations] == ["from above"]
 
 
+def test_ground_that_has_no_solution_there_excludes_the_upper_bound():
+    q = (Parameter("a", 1.0, 0.0, 9.0), Parameter("b", 1.0, -np.inf, np.inf))
+    evaluator, history, point = searched(lambda p: [1.0, 0.0], parameters=q)
+    evaluator.discrepancy.problem.response.admissible = lambda p: "no" if p[0] == 9.0 else None
+    assert not open_above(evaluator, point, np.array([True, False]), spent=never).any()
+    assert [entry.note for entry in history.iterations] == ["from above: no solution"]
+
+
 def test_the_other_parameters_follow():
     q = (Parameter("a", 1.0, 0.0, 9.0), Parameter("b", 1.0, -np.inf, np.inf))
     evaluator, _, point = searched(
