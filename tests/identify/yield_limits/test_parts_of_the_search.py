@@ -273,6 +273,24 @@ def test_no_more_restarts_are_told_ahead_than_may_be_made(restarts, patience, as
     assert seen == asked
 
 
+def test_enough_is_what_is_spent_or_met_or_fruitless():
+    search, _, _ = searching(off=0.05)
+    best = Ending(points(search, 1.0)[0], "", "")
+    search.patience = lambda best: 4
+    assert [search.enough(best, fruitless) for fruitless in (0, 3, 4, 5)] == [
+        False,
+        False,
+        True,
+        True,
+    ]
+    search.exact = best.point.phi
+    assert search.enough(best, 0)
+    search.exact = 0.999 * best.point.phi
+    assert not search.enough(best, 0)
+    search.spent = lambda: True
+    assert search.enough(best, 0)
+
+
 def test_a_lower_point_is_gone_on_from_at_once_and_a_better_one_counts_anew():
     search, _, _ = searching(off=0.05, restarts=20)
     start = points(search, 1.0)[0]
