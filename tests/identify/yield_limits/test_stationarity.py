@@ -151,6 +151,8 @@ def test_no_more_is_evaluated_than_may_be():
     evaluator, history, point = searched(lambda p: [3.0, 4.0], found=activity(biactive=1))
     checked = check(evaluator, point, exact=False, spent=lambda: len(history.iterations) >= 2)
     assert checked.probes == len(history.iterations) == 2
+    answers = iter([False, True, False, False, False, False])
+    assert check(evaluator, point, exact=False, spent=lambda: next(answers)).probes == 1
 
 
 def differentiated(evaluator):
