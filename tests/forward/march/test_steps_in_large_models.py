@@ -340,8 +340,8 @@ def test_the_worst_places_are_looked_for_from_many_to_few(few, tried):
 
 
 def test_places_are_solved_by_themselves_to_a_thousandth():
-    """From 2 to below 0.002, by its own steps of 1; the other places stay."""
-    own = Own(lambda u: {1.0: 2.0, 2.0: 0.5, 3.0: 0.0021, 4.0: 0.0019}[u])
+    """From 2 to 0.002, by its own steps of 1; the other places stay."""
+    own = Own(lambda u: {1.0: 2.0, 2.0: 0.5, 3.0: 0.0021, 4.0: 0.002}[u])
     whole = Whole(Patches(9), own)
     found = _settled(whole, uneven())
     patch, tangents, du = whole.given
@@ -500,6 +500,8 @@ def test_the_first_way_that_leads_to_the_ground_is_taken(paths):
     assert (found.steps, found.factor, found.made_at) == (4, "factor", "made")
     assert (found.trial.du[0], found.viscosity, found.unbalanced) == (2.0, 0.0, 0.0)
     assert [way for way, _ in paths.ways] == list(WAYS[:2])
+    table = [(way.first, way.ratio, way.bold) for way in WAYS]
+    assert table == [(0.1, 0.15, False), (0.05, 0.3, False), (0.1, 0.5, True)]
     assert all(effort is paths.newton[0][1] for _, effort in paths.ways)
 
 
