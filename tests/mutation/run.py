@@ -34,7 +34,6 @@ import shutil
 import signal
 import subprocess
 import sys
-import tomllib
 from collections import Counter
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -42,6 +41,7 @@ from pathlib import Path
 from cosmic_ray.mutating import use_mutation
 from cosmic_ray.testing import run_tests
 from cosmic_ray.work_item import TestOutcome
+from equivalent import Place, Same, listed, place
 from selection import Selection
 from sites import Mutant, draw
 
@@ -65,6 +65,7 @@ class Verdict:
         tests: number of tests that ran in all.
         was: the lines before, without indentation.
         became: the lines after.
+        beside: the lines before and after those.
         package: where the change is.
     """
 
@@ -73,6 +74,7 @@ class Verdict:
     tests: int
     was: str
     became: str
+    beside: tuple[str, ...] = ()
 
     @property
     def package(self) -> str:
@@ -150,14 +152,15 @@ class Bench:
             elif total <= self._most:
                 rest.append(test)
         with use_mutation(Path(mutant.module), mutant.make(), mutant.occurrence) as (old, new):
-            was, became = _difference(old, new)
+            place, became = _difference(old, new)
             caught = self._run(first) or self._run(rest)
         while caught not in {"", "timeout"} and not self._passes_alone(caught):
             print(f"  left out, fails by itself: {caught}", flush=True)
             first, rest = ([one for one in part if one != caught] for part in (first, rest))
             with use_mutation(Path(mutant.module), mutant.make(), mutant.occurrence):
                 caught = self._run(first) or self._run(rest)
-        return Verdict(mutant, caught, len(first) + len(rest), was, became)
+        tried = len(first) + len(rest)
+        return Verdict(mutant, caught, tried, place.lines, became, place.beside)
 
     def _run(self, tests: list[str]) -> str:
         """The first test that fails, "timeout", or nothing."""
@@ -182,14 +185,19 @@ class Bench:
         return self._alone[test]
 
 
-def _difference(old: str, new: str) -> tuple[str, str]:
-    """The lines that differ, without what is common at both ends."""
+def _difference(old: str, new: str) -> tuple[Place, str]:
+    """The lines that differ, without what is common at both ends: before, and after."""
     before, after = old.splitlines(), new.splitlines()
-    while before and after and before[0] == after[0]:
-        before, after = before[1:], after[1:]
-    while before and after and before[-1] == after[-1]:
-        before, after = before[:-1], after[:-1]
-    return tuple(" ".join(line.strip() for line in lines) for lines in (before, after))
+    first = _common(before, after)
+    end = _common(before[first:][::-1], after[first:][::-1])
+    changed = place(after, first, len(after) - end)
+    return place(before, first, len(before) - end), changed.lines
+
+
+def _common(one: list[str], other: list[str]) -> int:
+    """How many lines are the same before the first that differs."""
+    pairs = zip(one, other, strict=False)
+    return next((i for i, (a, b) in enumerate(pairs) if a != b), min(len(one), len(other)))
 
 
 def _modules(tree: Path, package: str) -> list[str]:
@@ -197,17 +205,11 @@ def _modules(tree: Path, package: str) -> list[str]:
     return sorted(one for one in found if not PICTURES.search(one))
 
 
-def _equivalent() -> dict[tuple[str, str, str], str]:
-    """Reasons of changes that mean the same, by file, line before and line after."""
-    listed = tomllib.loads(Path(__file__).with_name("equivalent.toml").read_text())
-    return {(one["file"], one["was"], one["became"]): one["reason"] for one in listed["change"]}
-
-
-def _reason(verdict: Verdict, reasons: dict[tuple[str, str, str], str]) -> str:
-    """Why a change means the same; of a line with which any change does, `became` is a star."""
+def _reason(verdict: Verdict, known: list[Same]) -> str:
+    """Why a change means the same, if that is written down."""
     file = verdict.mutant.module.removeprefix("geoident/")
-    found = reasons.get((file, verdict.was, verdict.became))
-    return found or reasons.get((file, verdict.was, "*"), "")
+    place = Place(verdict.was, tuple(verdict.beside))
+    return next((one.reason for one in known if one.is_of(file, place, verdict.became)), "")
 
 
 def _kept(path: Path) -> list[Verdict]:
@@ -219,13 +221,12 @@ def _kept(path: Path) -> list[Verdict]:
 
 def _summary(verdicts: list[Verdict]) -> str:
     """Shares by package, and the survivors."""
-    reasons = _equivalent()
-
+    known = listed()
     lines = ["", "package    tried  equivalent  caught  survived   caught of those not equivalent"]
     for package in [*dict.fromkeys(v.package for v in verdicts), "all"]:
         some = [v for v in verdicts if package in (v.package, "all")]
         count = Counter(
-            "caught" if v.caught else "known" if _reason(v, reasons) else "alive" for v in some
+            "caught" if v.caught else "known" if _reason(v, known) else "alive" for v in some
         )
         share = 100 * count["caught"] / max(count["caught"] + count["alive"], 1)
         lines.append(
@@ -236,7 +237,7 @@ def _summary(verdicts: list[Verdict]) -> str:
         where = f"{verdict.mutant.module}:{verdict.mutant.line}"
         lines += ["", f"{where}  {verdict.mutant.definition}  ({verdict.tests} tests)"]
         lines += [f"  - {verdict.was}", f"  + {verdict.became}"]
-        if reason := _reason(verdict, reasons):
+        if reason := _reason(verdict, known):
             lines.append(f"  the same: {reason}")
     return "\n".join(lines)
 

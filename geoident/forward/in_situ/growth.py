@@ -51,7 +51,9 @@ def _point_growth(on_mesh: CaseOnMesh, growth: Growth) -> PointGrowth | None:
         in_situ = InSituStress(on_mesh, StressPlaces(positions, groups))
         names = frozenset(p.name for p in on_mesh.case.parameters if not p.field)
         value, outside = partial(_by_stress, growth.base, law, in_situ), in_situ.n_outside
-    typical = float(np.abs(value(ParameterPoint(on_mesh.case.start, ())).value).mean()) or 1.0
+    with np.errstate(all="ignore"):  # start values that `start_faults` refuses
+        size = float(np.abs(value(ParameterPoint(on_mesh.case.start, ())).value).mean())
+    typical = size or 1.0
     return PointGrowth(growth, points, positions, names, value, typical, outside)
 
 

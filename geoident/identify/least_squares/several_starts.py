@@ -148,14 +148,14 @@ class SeveralStarts:
         parameters: the n unknowns.
         starts: how many, the given one among them; None: as many as are needed.
         freedom: readings less parameters, at least one: what phi is about where the model is right.
-        look: a descent from a start (n,) as a part of the search (`ahead`); None for none.
+        look: a descent from a start (n,) as a part of the search (`ahead`).
     """
 
     descent: Descent[Iterate]
     parameters: Sequence[Parameter]
     starts: int | None
-    freedom: int = 1
-    look: Callable[[Floats], Look] | None = None
+    freedom: int
+    look: Callable[[Floats], Look]
     _endings: list[Ending[Iterate]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -175,8 +175,8 @@ class SeveralStarts:
         response = self.evaluator.discrepancy.problem.response
         given = self.evaluator.scaling.start
         places = list(islice(self._places(given), begun - 1, wanted - 1))
-        apart = self.look is not None and knows_nothing_of_others(response)
-        looks = [self.look(x) for x in places] if self.look is not None and apart else []
+        apart = knows_nothing_of_others(response)
+        looks = [self.look(x) for x in places] if apart else []
         with in_turns(response, looks) as turn:
             for number, x in enumerate(places):
                 if self.evaluator.history.stop is not None:
@@ -318,7 +318,7 @@ def start_ranges(scaling: Scaling) -> tuple[Floats, Floats]:
             ends = np.array([prior.mean / factor, prior.mean * factor])
         else:
             ends = prior.mean + np.array([-_PRIOR_REACH, _PRIOR_REACH]) * prior.sd
-        x = [scaling.to_scaled(np.where(np.arange(len(scaling)) == i, end, 1.0))[i] for end in ends]
+        x = [scaling.to_scaled(np.full(len(scaling), end))[i] for end in ends]
         low[i], high[i] = max(low[i], x[0]), min(high[i], x[1])
     return low, np.maximum(low, high)
 

@@ -75,8 +75,6 @@ class TrustBox:
 
 def smallest_solution(A: Floats, b: Floats) -> Floats:
     """The d (n,) of smallest norm that minimises |A d + b|, A (rows, n), b (rows,)."""
-    if A.shape[1] == 0:
-        return np.zeros(0)
     return np.asarray(np.linalg.lstsq(A, -b, rcond=RANK)[0], dtype=np.float64)
 
 

@@ -9,7 +9,7 @@ from support.meshes import box, regroup
 from support.yielding import NOTHING, Cavity, constant, mohr, rock
 
 from geoident.forward.openings.closed_forms import Opening, PlasticState, Rock, mohr_coulomb
-from geoident.forward.yielding.extent import circle_centre
+from geoident.forward.yielding.extent import YieldRecorder, circle_centre
 from geoident.model.case import Stage
 from geoident.model.dual import Dual
 from geoident.model.parameter import Scalar
@@ -152,3 +152,102 @@ def test_circles_are_told_from_other_outlines():
     angle = np.linspace(0.0, 0.1, 12)
     bent = 10.0 * np.column_stack([np.cos(angle), np.sin(angle)])
     assert circle_centre(bent) is None
+
+
+def recorded(staged, masks, lost=()):
+    """The table of strain points that are said to yield, state by state."""
+    recorder = YieldRecorder(staged.on_mesh)
+    for number, mask in enumerate(masks):
+        recorder.add(number, mask, known=number not in lost)
+    return recorder.table()
+
+
+def test_numbers_of_points_that_yield_in_a_solid():
+    """A box of 3 m with a corner of 1 m dug; which points yield is said, so all is by hand."""
+    mesh = regroup(
+        box("hex8", (3, 3, 3), size=(3.0, 3.0, 3.0)),
+        dug=lambda c: c.max(axis=1) < 1.0,
+        steel=lambda c: c[:, 2] > 2.0,
+    )
+    staged = model(
+        mesh,
+        materials={"rock": rock(1e9, 0.3, mohr(1e6, 0.3)), "steel": rock(1e9, 0.3)},
+        groups={"dug": "rock", "rock": "rock", "steel": "steel"},
+        supports=rollers(3),
+        stages=(
+            Stage("dig", excavate=("dug",)),
+            Stage("more"),
+            Stage("renew", install={"rock": "rock"}),
+            Stage("aside", base="dig"),
+        ),
+    )
+    points = staged.discretization.points
+    position, element = points.position, points.element
+    some = (position[:, 0] > 1.0) & (position.max(axis=1) < 2.0) & (position[:, 1] < 1.0)
+    other = (position[:, 0] > 2.0) & (position[:, 1] > 1.0) & (position[:, 2] < 1.0)
+    nothing = np.zeros(len(position), dtype=bool)
+    gone = np.isin(element, mesh.groups["dug"])
+    steel = np.isin(element, mesh.groups["steel"])
+    found = recorded(staged, [nothing, some | gone | steel, other, nothing, other], lost=(3,))
+    assert found.states == ("virgin", "dig", "more", "renew", "aside")
+    assert found.unit == "m3"
+    both = some | other
+    expected = {1: some, 2: both, 4: both}
+    for state, mask in expected.items():
+        volume = points.volume[mask].sum()
+        assert found.volume[state] == pytest.approx(volume, rel=1e-12)
+        assert found.share[state] == pytest.approx(volume / 17.0, rel=1e-12)
+        np.testing.assert_array_equal(found.lower[state], position[mask].min(axis=0))
+        np.testing.assert_array_equal(found.upper[state], position[mask].max(axis=0))
+        away = np.linalg.norm(np.maximum(position[mask] - 1.0, 0.0), axis=1)
+        assert found.reach[state] == pytest.approx(away.max(), rel=1e-12)
+    assert np.isnan(found.radius).all()
+    assert (found.volume[0], found.share[0]) == (0.0, 0.0)
+    assert np.isnan([found.reach[0], *found.lower[0], *found.upper[0]]).all()
+    assert found.lower.shape == found.upper.shape == (5, 3)
+    row = [found.volume[3], found.share[3], found.reach[3], *found.lower[3], *found.upper[3]]
+    assert np.isnan(row).all()
+
+
+def test_what_was_placed_anew_or_never_dug_by_hand():
+    """Before anything is dug there is no wall; what is placed anew begins again."""
+    staged = pit(stages=(Stage("wait"), Stage("renew", install={"soil": "soil"})))
+    points = staged.discretization.points
+    soil = np.isin(points.element, staged.mesh.groups["soil"])
+    mask = points.position[:, 0] < 1.0
+    found = recorded(staged, [~mask & mask, mask, ~mask & mask])
+    assert found.unit == "m2"
+    assert np.isnan(found.reach).all()
+    assert np.isnan(found.radius).all()
+    assert found.volume[1] == pytest.approx(4.0)
+    assert found.share[1] == pytest.approx(4.0 / 16.0)
+    assert found.volume[2] == pytest.approx(points.volume[mask & ~soil].sum())
+
+
+def test_the_radius_is_that_of_the_farthest_point_from_the_centre():
+    staged = CAVITY.staged(CAVITY.mesh("quad8", n=4, layers=4, reach=4), mohr(C, PHI))
+    points = staged.discretization.points
+    away = np.linalg.norm(points.position, axis=1)
+    mask = (away > 1.0) & (away < 2.2)
+    found = recorded(staged, [np.zeros_like(mask), mask])
+    assert found.radius[1] == pytest.approx(away[mask].max(), rel=1e-3)
+    assert found.reach[1] == pytest.approx(away[mask].max() - 1.0, rel=1e-2)
+
+
+def test_eight_points_are_enough_for_a_circle():
+    """And a radius of twice their extent; a hundredth of it off is too far."""
+
+    def arc(count, angle, radius=2.0):
+        turns = np.linspace(0.0, angle, count)
+        return np.array([5.0, 7.0]) + radius * np.column_stack([np.cos(turns), np.sin(turns)])
+
+    assert circle_centre(arc(7, 3.0)) is None
+    np.testing.assert_allclose(circle_centre(arc(8, 3.0)), [5.0, 7.0], atol=1e-12)
+    # a chord c of an angle has the extent c, and the radius c / (2 sin(angle / 2))
+    for angle, is_round in ((2 * np.arcsin(0.26), True), (2 * np.arcsin(0.24), False)):
+        assert (circle_centre(arc(30, angle)) is not None) == is_round
+    rough = np.where(np.arange(40) % 2, 1.0, -1.0)[:, None]
+    turns = np.linspace(0.0, 2 * np.pi, 40, endpoint=False)
+    unit = np.column_stack([np.cos(turns), np.sin(turns)])
+    for part, is_round in ((0.0095, True), (0.0105, False)):
+        assert (circle_centre(3.0 * (1.0 + part * rough) * unit) is not None) == is_round

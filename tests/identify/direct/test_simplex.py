@@ -11,8 +11,11 @@ from scipy.optimize import minimize
 
 from geoident.errors import ModelError
 from geoident.identify.direct.simplex import (
+    Minimum,
+    SimplexEnding,
     SimplexMove,
     _clearly_better,
+    _ending,
     _Simplex,
     _steps,
     first_simplex,
@@ -247,6 +250,25 @@ def test_a_restart_is_clearly_better_by_the_root_of_the_tolerance(
     assert _clearly_better(value, before, 1e-6) == better
 
 
+def test_new_simplexes_are_as_large_as_the_first_and_turned_the_other_way_each_time() -> None:
+    asked: list[Floats] = []
+    begun: list[tuple[int, Floats]] = []
+
+    def objective(x: Floats) -> float:
+        asked.append(x.copy())
+        return float((x[0] - 0.3) ** 2 + 2.0 * (x[1] + 0.1) ** 2)
+
+    def watch(at: SimplexMove) -> bool:
+        if at.note in ("start", "restart"):
+            begun.append((len(asked), at.x))
+        return False
+
+    options = SimplexOptions(size=0.07, restarts=3)
+    minimise(objective, np.zeros(2), options=options, watch=watch)
+    edges = [[asked[k][0] - x[0], asked[k + 1][1] - x[1]] for k, x in begun]
+    np.testing.assert_allclose(edges, 0.07 * np.outer([1, -1, 1, -1], [1, 1]))
+
+
 def test_nan_is_inadmissible() -> None:
     found = minimise(
         lambda x: float((x[0] - 0.3) ** 2) if x[0] < 0.35 else np.nan,
@@ -320,8 +342,11 @@ def problem(model: Curve, *parameters: Parameter, sd: float = 1e-3) -> Problem:
 
 def test_recovers_parameters_of_different_size() -> None:
     model = Curve()
-    outcome = simplex(problem(model), SimplexOptions(), go_on)
+    outcome = simplex(problem(model), SimplexOptions(delta=1e-9), go_on)
     assert outcome.status == "converged"
+    assert outcome.reason == (
+        "The simplex is small and the misfit is the same at its vertices (tolerance 1e-09)."
+    )
     assert outcome.values == pytest.approx(TRUTH, rel=1e-6)
     assert outcome.iterations[0].note == "start"
     assert outcome.iterations[0].values == pytest.approx([1e9, 1.0])
@@ -373,6 +398,71 @@ def test_start_without_solution_says_why() -> None:
         simplex(problem(Curve(outside=lambda _: "not in the domain")), SimplexOptions(), go_on)
 
 
+def test_a_misfit_that_is_no_number_at_the_start_is_said() -> None:
+    """The model answers; what it says only overflows, so it has no sentence of its own."""
+    with pytest.raises(ModelError, match="no solution at the start of the simplex search"):
+        simplex(problem(Curve(), sd=1e-200), SimplexOptions(), go_on)
+
+
+def test_an_observer_that_stops_at_the_start_pays_for_one_evaluation() -> None:
+    model = Curve()
+    outcome = simplex(problem(model), SimplexOptions(), lambda _: "No time.")
+    assert (outcome.status, outcome.reason) == ("out-of-budget", "No time.")
+    assert (len(model.asked), len(outcome.iterations)) == (1, 1)
+    assert outcome.values == pytest.approx([1e9, 1.0])
+
+
+@pytest.mark.parametrize(
+    ("ending", "status", "said"),
+    [
+        ("converged", "converged", "the same at its vertices (tolerance 1e-06)."),
+        ("moved", "not-converged", "The last restart still found a clearly better point"),
+        ("evaluations", "not-converged", "did not converge in 77 evaluations"),
+    ],
+)
+def test_every_ending_has_its_words(ending: SimplexEnding, status: str, said: str) -> None:
+    minimum = Minimum(np.zeros(1), 0.0, 5, ending)
+    found = _ending(minimum, SimplexOptions(delta=1e-6, max_evaluations=77))
+    assert found[0] == status
+    assert said in found[1]
+
+
+@pytest.mark.parametrize(
+    ("answers", "note", "asked"),
+    [
+        # from the centre (1.5, -1) and the worst (2, 5)
+        ([0.5, 0.4], "expanded", [[0.9, -8.2], [-0.3, -22.6]]),
+        ([0.5, 0.5], "reflected", [[0.9, -8.2], [-0.3, -22.6]]),
+        ([1.0], "reflected", [[0.9, -8.2]]),
+        ([1.9], "reflected", [[0.9, -8.2]]),
+        ([2.0, 1.9], "contracted", [[0.9, -8.2], [1.35, -2.8]]),
+        ([2.9, 2.8], "contracted", [[0.9, -8.2], [1.35, -2.8]]),
+        ([3.0, 2.9], "contracted", [[0.9, -8.2], [1.625, 0.5]]),
+        ([9.0, 2.9], "contracted", [[0.9, -8.2], [1.625, 0.5]]),
+        ([2.5, 2.5, 7.0, 8.0], "shrunk", [[0.9, -8.2], [1.35, -2.8], [1.5, -1.0], [1.5, 2.5]]),
+        ([3.5, 3.0, 7.0, 8.0], "shrunk", [[0.9, -8.2], [1.625, 0.5], [1.5, -1.0], [1.5, 2.5]]),
+    ],
+)
+def test_every_move_goes_where_its_coefficients_say(
+    answers: list[float], note: str, asked: list[list[float]]
+) -> None:
+    """Reflected by 1.2, from there three times as far, or contracted to a quarter."""
+    options = SimplexOptions(alpha=1.2, beta=0.25, gamma=3.0)
+    left, seen = iter(answers), []
+
+    def objective(x: Floats) -> float:
+        seen.append(x.tolist())
+        return next(left)
+
+    search = _Simplex(objective, options, None)
+    search.x = np.array([[1.0, 0.0], [2.0, -2.0], [2.0, 5.0]])
+    search.values = np.array([1.0, 2.0, 3.0])
+    assert search.move() == note
+    np.testing.assert_allclose(seen, asked)
+    assert search.values[0] == min([1.0, *answers])
+    assert np.all(np.diff(search.values) >= 0.0)
+
+
 def test_observer_stops_the_search_with_the_best_so_far() -> None:
     seen: list[Iteration] = []
 
@@ -390,4 +480,27 @@ def test_observer_stops_the_search_with_the_best_so_far() -> None:
 def test_too_few_evaluations_are_said_with_the_remedy() -> None:
     outcome = simplex(problem(Curve()), SimplexOptions(max_evaluations=30), go_on)
     assert outcome.status == "not-converged"
-    assert "30 evaluations: raise max_evaluations" in outcome.reason
+    assert outcome.reason == (
+        "The search did not converge in 30 evaluations: raise max_evaluations, or go on from here "
+        "with the method gauss-newton."
+    )
+
+
+class Step(Curve):
+    """The readings of the truth below a modulus, none above it."""
+
+    def readings(self, p: Floats) -> Floats:
+        return Curve().readings(TRUTH) if p[0] < 0.99e9 else np.zeros(3)
+
+
+@pytest.mark.parametrize("restarts", [0, 1, 2])
+def test_a_last_restart_that_finds_a_better_point_is_said(restarts: int) -> None:
+    """The first simplex sees the modulus at the start and above it, the next one below."""
+    outcome = simplex(problem(Step()), SimplexOptions(restarts=restarts), go_on)
+    assert (outcome.objective == 0.0) == (restarts > 0)
+    assert outcome.status == ("not-converged" if restarts == 1 else "converged")
+    better = (
+        "The last restart still found a clearly better point: raise restarts, or go on from here "
+        "with the method gauss-newton."
+    )
+    assert (outcome.reason == better) == (restarts == 1)

@@ -1,8 +1,12 @@
 """Between the ends of an axis readings follow a cubic, beyond them a straight line."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy.stats import norm
 
+from geoident.errors import ModelError
 from geoident.identify.hierarchical import bands
 from geoident.identify.hierarchical.knowledge import FurtherSection, Interval95
 from geoident.identify.problem.scaling import Scaling
@@ -72,3 +76,138 @@ def test_bands_follow_readings_that_are_not_linear(known_from, lowest):
     ends = found.lower95[1], found.upper95[1]
     assert ends == pytest.approx((4.0 - 0.98, 4.0 + 0.98), abs=0.03)
     assert found.sd[1] == pytest.approx(0.5, rel=0.02)
+
+
+TWO = Scaling([Parameter("a", 4.0, 0.5, 60.0, "log"), Parameter("b", -3.0, -20.0, 20.0)])
+REFERENCE = 4.0  # of b: a tenth of its range
+MEANS = np.array([[0.02, -0.03], [-0.05, 0.04]])
+COVARIANCES = np.array([[[0.01, 0.004], [0.004, 0.02]], [[0.03, -0.01], [-0.01, 0.05]]])
+WEIGHTS = np.array([0.3, 0.7])
+
+
+def two(means=MEANS, covariances=COVARIANCES, weights=WEIGHTS, values=(4.0, -3.0)):
+    none = Interval95(*[np.zeros(2)] * 4)
+    return FurtherSection(np.array(values), none, means, covariances, weights, TWO)
+
+
+def moments():
+    """Mean and covariance of the mixture: within and between its parts."""
+    mean = 0.3 * MEANS[0] + 0.7 * MEANS[1]
+    within = 0.3 * COVARIANCES[0] + 0.7 * COVARIANCES[1]
+    apart = MEANS[0] - MEANS[1]
+    return mean, within + 0.3 * 0.7 * np.outer(apart, apart)
+
+
+def test_axes_are_those_of_the_covariance_of_the_mixture():
+    axes, sizes = bands._principal(two())
+    np.testing.assert_allclose((axes * sizes**2) @ axes.T, moments()[1], rtol=1e-12)
+    np.testing.assert_allclose(axes.T @ axes, np.eye(2), atol=1e-12)
+    thin = np.diag([0.04, 0.9e-12 * 0.04])[None]
+    assert len(bands._principal(two(np.zeros((1, 2)), thin, np.ones(1)))[1]) == 1
+    thick = np.diag([0.04, 1.1e-12 * 0.04])[None]
+    assert len(bands._principal(two(np.zeros((1, 2)), thick, np.ones(1)))[1]) == 2
+    nothing = two(np.zeros((1, 2)), np.zeros((1, 2, 2)), np.ones(1))
+    assert bands._principal(nothing)[0].shape == (2, 0)
+
+
+def test_draws_have_the_moments_of_the_mixture_and_keep_to_the_bounds():
+    x = bands._draws(two(), np.random.default_rng(0))
+    mean, covariance = moments()
+    assert x.shape == (20000, 2)
+    sd = np.sqrt(np.diag(covariance))
+    assert np.all(np.abs(x.mean(axis=0) - mean) < 4.0 * sd / np.sqrt(20000))
+    np.testing.assert_allclose(np.cov(x.T), covariance, rtol=0.04)
+    near = bands._draws(two(values=(59.0, -19.9)), np.random.default_rng(0))
+    high, low = np.log(60.0 / 59.0), -0.1 / REFERENCE
+    assert near[:, 0].max() == pytest.approx(high)
+    assert near[:, 1].min() == pytest.approx(low)
+    inside = (x[:, 0] < high) & (x[:, 1] > low)
+    np.testing.assert_allclose(near[inside], x[inside], atol=1e-12)
+
+
+def test_ways_along_an_axis_end_at_the_first_bound():
+    axes, sizes = np.array([[0.6, -0.8], [0.8, 0.6]]), np.array([0.5, 2.0])
+    p = np.array([4.0, -3.0])
+    ways = bands._Axes(two(), axes, sizes)
+    for k, t in ((0, 1.0), (0, -2.0), (1, 0.5)):  # within
+        assert ways.reach(k, t) == pytest.approx(t)
+        step = axes[:, k] * sizes[k] * t
+        np.testing.assert_allclose(ways.point(k, t), [4.0 * np.exp(step[0]), -3.0 + 4.0 * step[1]])
+    # ln(60 / 4) / (0.8 * 2) along -a, ln(4 / 0.5) / 1.6 along a; b has 23 / 4 and 17 / 4
+    assert ways.reach(1, -2.0) == pytest.approx(-np.log(15.0) / 1.6)
+    assert ways.reach(1, 2.0) == pytest.approx(np.log(8.0) / 1.6)
+    assert ways.reach(0, 30.0) == pytest.approx(np.log(15.0) / 0.3)
+    assert ways.reach(0, -30.0) == pytest.approx(-np.log(8.0) / 0.3)
+    assert bands._Axes(two(), np.eye(2), sizes).reach(1, 9.0) == pytest.approx(23.0 / 8.0)
+    assert bands._Axes(two(), np.eye(2), sizes).reach(1, -9.0) == pytest.approx(-17.0 / 8.0)
+    J = np.array([[2.0, 3.0], [-1.0, 5.0], [0.5, 0.1]])
+    expected = J @ [4.0 * 0.6 * 0.5, 4.0 * 0.8 * 0.5]
+    np.testing.assert_allclose(ways.slope(J, 0, p), expected)
+    on_bound = bands._Axes(two(values=(60.0, -3.0)), axes, sizes)
+    assert on_bound.reach(0, 1.0) == 0.0
+    assert on_bound.reach(0, -1.0) == -1.0
+
+
+def test_bands_of_readings_that_are_linear_are_those_of_the_mixture():
+    """Along both axes together; by its moments, and its quantiles by the normals themselves."""
+    M = np.array([[1.0, 0.4], [-0.7, 2.0], [0.3, 0.2]])
+    sd = np.array([0.05, 0.3, 0.01])
+
+    def evaluate(points):
+        x = [np.array([np.log(p[0] / 4.0), (p[1] + 3.0) / REFERENCE]) for p in points]
+        return [
+            (7.0 + M @ one, M / np.array([p[0], REFERENCE]))
+            for one, p in zip(x, points, strict=True)
+        ]
+
+    found = bands.reading_bands(two(), evaluate, sd)
+    mean, C = moments()
+    np.testing.assert_array_equal(found.computed, np.full(3, 7.0))
+    rms = np.sqrt(np.diag(M @ (C + np.outer(mean, mean)) @ M.T) + sd**2)
+    np.testing.assert_allclose(found.sd, rms, rtol=0.015)
+    for g, row in enumerate(M):
+        centres = MEANS @ row
+        widths = np.sqrt([row @ one @ row + sd[g] ** 2 for one in COVARIANCES])
+        for got, part in (
+            (found.lower95[g], 0.025),
+            (found.median[g], 0.5),
+            (found.upper95[g], 0.975),
+        ):
+            below = WEIGHTS @ norm.cdf(got - 7.0, centres, widths)
+            assert below == pytest.approx(part, abs=4.0 * np.sqrt(part * (1 - part) / 20000))
+
+
+def test_a_band_holds_what_is_computed():
+    """Where the distribution lies to one side of it."""
+    far = two(np.array([[3.0, 0.0]]), np.diag([1e-4, 1e-4])[None], np.ones(1), (1.0, 0.0))
+
+    def evaluate(points):
+        return [(np.log(p[:1]), np.array([[1.0 / p[0], 0.0]])) for p in points]
+
+    found = bands.reading_bands(far, evaluate, np.array([0.01]))
+    assert found.lower95[0] == found.computed[0] == 0.0
+    assert found.median[0] == pytest.approx(3.0, rel=0.01)
+    below = replace(far, means=-far.means, values=np.array([20.0, 0.0]))
+    found = bands.reading_bands(below, evaluate, np.array([0.01]))
+    assert found.upper95[0] == found.computed[0] == pytest.approx(np.log(20.0))
+    assert found.median[0] == pytest.approx(np.log(20.0) - 3.0, rel=0.1)
+
+
+def test_readings_are_needed_where_the_parameters_are_expected():
+    with pytest.raises(ModelError, match="no solution at the parameters that are expected"):
+        bands.reading_bands(two(), lambda points: [None] * len(points), np.ones(1))
+
+
+def test_a_section_of_which_all_is_known_has_the_errors_of_its_readings():
+    known = two(np.zeros((1, 2)), np.zeros((1, 2, 2)), np.ones(1))
+    asked = []
+
+    def evaluate(points):
+        asked.extend(points)
+        return [(p.copy(), np.eye(2)) for p in points]
+
+    found = bands.reading_bands(known, evaluate, np.array([0.5, 2.0]))
+    assert len(asked) == 1
+    np.testing.assert_allclose(found.sd, [0.5, 2.0], rtol=0.02)
+    half = norm.ppf(0.975) * np.array([0.5, 2.0])
+    np.testing.assert_allclose(found.upper95, np.array([4.0, -3.0]) + half, atol=0.05)

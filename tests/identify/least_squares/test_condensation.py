@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 from scipy.optimize import lsq_linear
 from support.affine import AffineToy, chain, truss, two_stages
 
@@ -14,6 +15,7 @@ from geoident.identify.least_squares.condensation import (
     independent_readings,
 )
 from geoident.identify.least_squares.gauss_newton import gauss_newton
+from geoident.identify.problem.errors import SharedErrors
 from geoident.identify.problem.outcome import Outcome
 from geoident.identify.problem.problem import Problem
 from geoident.model.arrays import Floats
@@ -319,6 +321,22 @@ def test_three_distances_of_a_line_are_two_readings(options: CondensationOptions
     two = replace(toy, G=toy.G[:2])
     expected = condensation(problem(two, closed[:2], start=10.0 * truth), options, go_on)
     assert found.values == pytest.approx(expected.values, rel=1e-8)
+
+
+def test_errors_that_readings_share_are_the_metric() -> None:
+    """One step from where two stages lead, with the whole covariance, by hand."""
+    start, measured = np.array([2.0, 1.5, 1.8]), THREE.readings(TRUTH) * [1.02, 0.97, 1.01, 0.99]
+    sd = np.array([0.02, 0.05, 0.03, 0.04])
+    columns = np.array([[0.1, 0.0], [0.05, 0.0], [0.0, 0.07], [0.02, 0.03]])
+    bare = problem(THREE, measured, start=start, scale="linear", lower=-1e3)
+    case = replace(bare, sd=sd, shared=SharedErrors(sp.csr_array(columns)))
+    M = np.linalg.inv(np.linalg.cholesky(np.diag(sd**2) + columns @ columns.T))
+    model = THREE.condense(start, measured, M)
+    expected = np.linalg.lstsq(M @ model.matrix, M @ model.vector)[0]
+    outcome = condensation(case, replace(OUTPUT, max_iterations=1), go_on)
+    assert iterates(outcome)[1] == pytest.approx(expected, rel=1e-9)
+    r = M @ (THREE.readings(start) - measured)
+    assert outcome.iterations[0].objective == pytest.approx(r @ r)
 
 
 def test_independent_readings_are_a_largest_independent_set() -> None:

@@ -9,7 +9,11 @@ import numpy as np
 import pytest
 
 from geoident.errors import InputError, ModelError
-from geoident.identify.least_squares.condensation import condensation, condensation_faults
+from geoident.identify.least_squares.condensation import (
+    condensation,
+    condensation_faults,
+    independent_readings,
+)
 from geoident.identify.problem.outcome import Outcome
 from geoident.identify.problem.problem import Problem
 from geoident.model.arrays import Floats
@@ -21,6 +25,7 @@ from geoident.model.results.result import Iteration
 
 EQUATION = CondensationOptions(weighting="equation")
 OUTPUT = CondensationOptions(weighting="output")
+FOLLOW = "go on from here with the method gauss-newton."
 
 
 def go_on(_: Iteration) -> None:
@@ -73,8 +78,7 @@ def iterate(model: Map, *, start: float = 2.0, options: CondensationOptions = OU
 def test_cycle_is_said() -> None:
     outcome = iterate(Map(lambda p: 4.5 / p))
     assert outcome.status == "not-converged"
-    assert "cycle" in outcome.reason
-    assert "gauss-newton" in outcome.reason
+    assert outcome.reason == f"The iteration goes round in a cycle: {FOLLOW}"
     assert len(outcome.iterations) == 3  # 2, 2.25 and 2 again
     length = pytest.approx(np.log(2.25 / 2.0))
     assert [at.step for at in outcome.iterations] == [0.0, length, length]
@@ -103,15 +107,20 @@ def test_cycles_of_up_to_six_steps_are_seen_when_they_close(length: int, steps: 
 def test_divergence_is_said_and_the_best_iterate_returned() -> None:
     outcome = iterate(Map(lambda p: p**1.5), start=1.1)
     assert outcome.status == "not-converged"
-    assert "diverges" in outcome.reason
+    assert outcome.reason == (
+        f"The iteration diverges, each step is longer than the one before: {FOLLOW}"
+    )
     assert outcome.values == pytest.approx([1.1])
 
 
 def test_slow_iteration_is_said() -> None:
     outcome = iterate(Map(lambda p: 0.9 * p + 0.1), options=replace(OUTPUT, max_iterations=7))
     assert outcome.status == "not-converged"
-    assert "in 7 steps" in outcome.reason
-    assert "max_iterations" in outcome.reason
+    last = np.log((1.0 + 0.9**6) / (1.0 + 0.9**7))
+    assert outcome.reason == (
+        f"The iteration did not converge in 7 steps, the last changed a parameter by {last:.1e}, "
+        f"relative: raise max_iterations, or {FOLLOW}"
+    )
     assert len(outcome.iterations) == 8
     assert outcome.values == pytest.approx([1.0 + 0.9**7])
 
@@ -142,10 +151,83 @@ def test_step_to_parameters_without_solution_is_shortened() -> None:
     outcome = iterate(Map(lambda p: 3.0 + 0.5 * (3.0 - p), limit=3.2))
     assert outcome.status == "converged"
     assert outcome.values == pytest.approx([3.0], rel=1e-7)
-    assert "shortened" in outcome.iterations[1].note
+    assert outcome.iterations[1].note == "shortened: no solution"
     nowhere = iterate(Map(lambda p: p + 1e6, limit=2.0))
     assert nowhere.status == "not-converged"
-    assert "no solution" in nowhere.reason
+    assert nowhere.reason == (
+        "The condensed equations lead to parameters at which the model has no solution: give "
+        f"tighter bounds, or {FOLLOW}"
+    )
+
+
+@pytest.mark.parametrize(("halvings", "found"), [(0, True), (1, True), (9, True), (10, False)])
+def test_a_step_is_halved_nine_times(halvings: int, found: bool) -> None:
+    """From 2 towards 18; the limit lies above what so many halvings lead to."""
+    limit = 2.0 + 1.01 * 16.0 / 2.0**halvings
+    model = Map(lambda p: np.array([18.0]), limit=limit)
+    outcome = iterate(model, options=replace(OUTPUT, max_iterations=1))
+    assert ("at which the model has no solution" in outcome.reason) != found
+    assert len(outcome.iterations) == (2 if found else 1)
+    if found:
+        reached = 2.0 + 16.0 / 2.0**halvings
+        last = outcome.iterations[1]
+        assert last.values == pytest.approx([reached])
+        assert last.step == pytest.approx(np.log(reached / 2.0))
+        assert last.note == ("shortened: no solution" if halvings else "accepted")
+        words = f"changed a parameter by {last.step:.1e}, relative"
+        assert (words in outcome.reason) == (halvings > 0)
+
+
+@pytest.mark.parametrize(("growing", "said"), [(6, "in 40 steps"), (7, "diverges")])
+def test_six_changes_in_a_row_that_grow_are_divergence(growing: int, said: str) -> None:
+    """Up in steps of a factor that grows so often, then smaller ones in turn."""
+    factors = [1.1 + 0.1 * k for k in range(growing)] + [1.05, 1.04] * 30
+    ends = 2.0 * np.cumprod([1.0, *factors])
+
+    def following(p: Floats) -> Floats:
+        return ends[[int(np.argmin(np.abs(ends / p - 1.0))) + 1]]
+
+    outcome = iterate(Map(following), options=replace(OUTPUT, max_iterations=40))
+    assert said in outcome.reason
+    assert len(outcome.iterations) == (41 if growing == 6 else 8)
+
+
+def test_numbers_that_are_none_are_said() -> None:
+    model = Map(lambda p: p)
+    model.condense = lambda p, measured, sd: Condensed(  # type: ignore[method-assign]
+        p, np.eye(1), np.full((1, 1), np.nan), p
+    )
+    with pytest.raises(ModelError, match="misfit is not a finite number") as caught:
+        iterate(model)
+    assert "Check the units" in caught.value.hint
+    endless = Map(lambda p: p)
+    endless.readings = lambda p: np.full(1, np.inf)  # type: ignore[method-assign]
+    endless.condense = lambda p, measured, sd: Condensed(  # type: ignore[method-assign]
+        np.full(1, np.inf), np.eye(1), np.ones((1, 1)), p
+    )
+    with pytest.raises(ModelError, match="misfit is not a finite number"):
+        iterate(endless)
+
+
+@pytest.mark.parametrize(("part", "rows"), [(0.9e-9, [0]), (1.1e-9, [0, 2])])
+def test_rows_that_are_new_by_a_billionth_are_independent(part: float, rows: list[int]) -> None:
+    """The second row is zero; the third leaves the direction of the first by a part."""
+    S = np.array([[3.0, 0.0, 0.0], [0.0, 0.0, 0.0], [5.0, 0.0, 5.0 * part]])
+    assert len(independent_readings(S)) == len(rows)
+    assert independent_readings(np.diag([3.0, 0.0, 1e-100])).tolist() == [0, 2]
+
+
+def test_a_cycle_is_closed_to_a_thousandth_of_its_step() -> None:
+    """2, 4, and back to 2 but for a part of ln 2."""
+    for part, closed in ((0.9e-3, True), (1.1e-3, False)):
+        back = 2.0 * 2.0**-part  # so far from 2, and the step there as much longer
+        ends = {2.0: 4.0, 4.0: back}
+
+        def following(p: Floats, ends: dict[float, float] = ends, back: float = back) -> Floats:
+            return np.array([ends.get(float(p[0].round(9)), back * 1.5)])
+
+        outcome = iterate(Map(following), options=replace(OUTPUT, max_iterations=2))
+        assert ("cycle" in outcome.reason) == closed
 
 
 def test_start_without_solution_is_an_error() -> None:

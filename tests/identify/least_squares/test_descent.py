@@ -189,9 +189,9 @@ def test_the_gain_may_have_a_tolerance_of_its_own(box, gain, ends):
 
 
 def test_a_descent_by_modes_of_a_field_ends_at_ten_times_the_gain():
-    """A gain of 5e-8 of phi is promised: too much for a parameter, not for a mode."""
+    """A gain of 0.9e-7 of phi is promised: too much for a parameter, not for a mode."""
 
-    def ended(parameters):
+    def ended(parameters, part=0.9e-7):
         problem = SimpleNamespace(
             problem=SimpleNamespace(parameters=parameters),
             scaling=Scaling(parameters),
@@ -199,11 +199,15 @@ def test_a_descent_by_modes_of_a_field_ends_at_ten_times_the_gain():
         )
         history = SimpleNamespace(stop=None)
         descent = gauss_newton_descent(problem, GaussNewtonOptions(), history)
-        return descent.stopping.reason(iterate(0.0, [2.0, 0.0]), step(0.0, gain=2e-7))
+        return descent.stopping.reason(iterate(0.0, [2.0, 0.0]), step(0.0, gain=4.0 * part))
 
     one = Parameter("E", 1.0, 0.1, 10.0)
+    mode = replace(one, name="rock.mode-1", field="rock")
     assert ended((one,)) is None
-    assert ended((one, replace(one, name="rock.mode-1", field="rock")))
+    assert ended((one, mode))
+    assert ended((one, mode), 1.1e-7) is None
+    assert ended((one,), 0.9e-8)
+    assert ended((one,), 1.1e-8) is None
 
 
 @pytest.mark.parametrize(

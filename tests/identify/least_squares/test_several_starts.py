@@ -1,21 +1,29 @@
 """Several descents: when they begin, where, and which minima are one."""
 
+from contextlib import contextmanager
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.stats.qmc import Halton
 
 from geoident.errors import ModelError
-from geoident.identify.least_squares.descent import plain_evaluator
-from geoident.identify.least_squares.gauss_newton import gauss_newton
+from geoident.identify.least_squares.acceptance import Iterate
+from geoident.identify.least_squares.descent import Ending, plain_evaluator
+from geoident.identify.least_squares.gauss_newton import StartLook, gauss_newton
 from geoident.identify.least_squares.several_starts import (
     Angles,
     SeveralStarts,
+    at_minimum,
+    distinct_minima,
+    halton_starts,
     spread,
     start_ranges,
 )
+from geoident.identify.problem.ahead import apart
 from geoident.identify.problem.outcome import History
-from geoident.identify.problem.problem import Discrepancy
+from geoident.identify.problem.problem import Discrepancy, Linearization
 from geoident.identify.problem.scaling import Scaling
 from geoident.model.methods import GaussNewtonOptions
 from geoident.model.parameter import Parameter, Prior
@@ -265,3 +273,365 @@ def test_a_descent_that_ends_at_a_known_minimum_is_left():
     assert given_up(10.05, 0.1, 0.3)
     assert given_up(10.0, 0.1, 0.3)
     assert not given_up(9.99, 0.01, 0.3)
+
+
+# Angles
+
+
+def two_angles():
+    """A size, a strike of period 2 pi with nearly all of it, a dip of period pi with less."""
+    strike = Parameter("strike", 1.0, 0.2, 6.2, period=2.0 * np.pi)
+    dip = Parameter("dip", 0.4, -1.3, 1.5, period=np.pi, mirror=("strike", np.pi))
+    parameters = [E, dip, strike]
+    scaling = Scaling(parameters)
+    return scaling, Angles(parameters, scaling)
+
+
+def test_the_other_side_of_a_bound_is_a_period_away_or_the_other_bound():
+    """Widths of 6 of 6.28 (0.955) and 2.8 of 3.14 (0.891): only the first is the whole."""
+    scaling, angles = two_angles()
+    assert [angles.whole(i) for i in range(3)] == [False, False, True]
+
+    def other(E, dip, strike):
+        y = angles.other_side(scaling.to_scaled(np.array([E, dip, strike])))
+        return None if y is None else scaling.to_natural(y)
+
+    assert other(0.1, -1.3, 3.0) is None
+    assert other(50.0, 1.5, 3.0) is None
+    assert other(3.0, 0.0, 0.2) == pytest.approx([3.0, 0.0, 6.2])  # 6.48 would be past it
+    assert other(3.0, 0.0, 6.2) == pytest.approx([3.0, 0.0, 0.2])
+    wide = Parameter("strike", 1.0, 0.2, 9.0, period=2.0 * np.pi)
+    turned = Parameter("dip", 0.4, -1.6, 2.5, period=np.pi)
+    scaling = Scaling([E, turned, wide])
+    angles = Angles([E, turned, wide], scaling)
+    assert other(3.0, 0.0, 0.2) == pytest.approx([3.0, 0.0, 0.2 + 2.0 * np.pi])
+    assert other(3.0, 0.0, 9.0) == pytest.approx([3.0, 0.0, 9.0 - 2.0 * np.pi])
+    assert other(3.0, -1.6, 9.0) == pytest.approx([3.0, np.pi - 1.6, 9.0 - 2.0 * np.pi])
+
+
+@pytest.mark.parametrize(("part", "whole"), [(0.901, True), (0.899, False)])
+def test_nine_tenths_of_a_period_are_all_of_it(part, whole):
+    q = [Parameter("a", 0.1, -1.0, -1.0 + part * 4.0, period=4.0)]
+    assert Angles(q, Scaling(q)).whole(0) is whole
+
+
+@pytest.mark.parametrize(("part", "sought"), [(0.251, (1,)), (0.249, ())])
+def test_an_angle_is_sought_where_more_than_a_quarter_of_its_period_is_open(part, sought):
+    q = [E, Parameter("a", 3.0, 2.0, 2.0 + part * 8.0, period=8.0)]
+    assert Angles(q, Scaling(q)).sought == sought
+
+
+def test_differences_are_the_shortest_of_all_that_mean_the_same():
+    """Against all turns and the mirrored dip, tried one by one."""
+    scaling, angles = two_angles()
+    rng = np.random.default_rng(3)
+    unit = scaling.reference
+    for _ in range(20):
+        x, y = rng.uniform(-9.0, 9.0, (2, 3))
+        images = [y, np.array([y[0], -y[1], y[2] + np.pi / unit[2]])]
+        expected = []
+        for image in images:
+            d = image - x
+            for i, period in ((1, np.pi), (2, 2.0 * np.pi)):
+                d[i] = min((d[i] + k * period / unit[i] for k in range(-20, 21)), key=abs)
+            expected.append(d)
+        np.testing.assert_allclose(list(angles.differences(x, y)), expected, atol=1e-12)
+
+
+def test_a_mirror_whose_partner_is_no_parameter_mirrors_nothing():
+    dip = Parameter("dip", 0.4, -1.3, 1.5, period=np.pi, mirror=("strike", np.pi))
+    angles = Angles([dip], Scaling([dip]))
+    assert len(list(angles.differences(np.zeros(1), np.ones(1)))) == 1
+
+
+# Where starts lie
+
+
+def test_starts_range_over_the_bounds_as_far_as_priors_let_them():
+    parameters = [
+        Parameter("a", 3.0, 1.0, 9.0),
+        Parameter("b", 4.0, -np.inf, np.inf),
+        Parameter("c", 4.0, 2.0, np.inf, "log"),
+        Parameter("d", 20.0, 1.0, 900.0, "log", Prior(30.0, 6.0, "lognormal")),
+        Parameter("e", 20.0, 25.0, 900.0, "log", Prior(30.0, 5.0)),
+        Parameter("f", 5.0, 0.0, 90.0, prior=Prior(40.0, 10.0)),
+    ]
+    scaling = Scaling(parameters)
+    low, high = start_ranges(scaling)
+    expected = [
+        (1.0, 9.0),
+        (4.0 - 2.0 * 4.0, 4.0 + 2.0 * 4.0),
+        (2.0, 4.0 * np.exp(2.0)),
+        (30.0 * np.exp(-0.6), 30.0 * np.exp(0.6)),
+        (25.0, 45.0),
+        (10.0, 70.0),
+    ]
+    np.testing.assert_allclose(
+        np.transpose([scaling.to_natural(low), scaling.to_natural(high)]), expected
+    )
+    beyond = Scaling([Parameter("a", 3.0, 2.0, 9.0, prior=Prior(-5.0, 1.0))])
+    low, high = start_ranges(beyond)
+    assert low == high == beyond.lower
+
+
+def test_spread_starts_are_halton_points():
+    """As scipy makes them: from the second on, in its order of bases; what does not vary stays."""
+    q = [Parameter(n, s, a, b) for n, s, a, b in
+         (("a", 1.0, -1.0, 3.0), ("b", 5.0, 2.0, 6.0), ("c", 0.1, 0.0, 0.5))]  # fmt: skip
+    scaling = Scaling(q)
+    given = np.array([0.3, 0.9, 0.2])
+    points = spread(scaling, Angles(q, scaling), given, [2, 0])
+    x = np.array([next(points) for _ in range(9)])
+    share = Halton(2, scramble=False).random(10)[1:]
+    low, width = scaling.lower, scaling.upper - scaling.lower
+    np.testing.assert_allclose(x[:, 2], low[2] + share[:, 0] * width[2])
+    np.testing.assert_allclose(x[:, 0], low[0] + share[:, 1] * width[0])
+    assert np.all(x[:, 1] == 0.9)
+
+
+@pytest.mark.parametrize("part", [0.91, 0.89, 2.0])
+def test_angles_are_spread_from_the_given_start_where_all_of_a_period_is_open(part):
+    """One period at most; shifted by where the given start lies in it."""
+    q = [Parameter("a", 1.0, -1.0, 3.0), Parameter("t", 0.5, -0.4, part * 3.0 - 0.4, period=3.0)]
+    scaling = Scaling(q)
+    given = scaling.start
+    points = spread(scaling, Angles(q, scaling), given, [0, 1])
+    x = np.array([next(points) for _ in range(8)])
+    share = Halton(2, scramble=False).random(9)[1:]
+    unit, width = scaling.reference[1], min(part, 1.0) * 3.0
+    turned = (share[:, 0] + 0.9 / width) % 1.0 if part > 0.9 else share[:, 0]
+    np.testing.assert_allclose(x[:, 1] * unit, -0.4 + turned * width)
+    np.testing.assert_allclose(x[:, 0], scaling.lower[0] + share[:, 1] * 4.0 / scaling.reference[0])
+
+
+def test_further_starts_are_halton_points_between_bounds_or_near_the_start():
+    q = [Parameter("a", 1.0, -1.0, 3.0), Parameter("b", 4.0, -np.inf, np.inf), E]
+    scaling = Scaling(q)
+    found = np.array(list(halton_starts(scaling, 7)))
+    share = Halton(3, scramble=False).random(8)[1:]
+    low = np.array([scaling.lower[0], scaling.start[1] - 2.0, np.log(0.1)])
+    high = np.array([scaling.upper[0], scaling.start[1] + 2.0, np.log(50.0)])
+    np.testing.assert_allclose(found, low + share * (high - low))
+
+
+# The order of descents
+
+
+def told(problem, stop=None, **options):
+    """What is noted of every evaluation, and the outcome."""
+    notes = []
+
+    def observe(entry):
+        notes.append(entry.note)
+        return "Enough." if entry.note == stop else None
+
+    return notes, gauss_newton(problem, GaussNewtonOptions(**options), observe)
+
+
+def test_the_starts_before_the_first_that_has_a_solution_are_not_made_again(make_problem):
+    """Halton's points are 1.4, 0.4, 5.3, 0.2, 2.7: only two of them stand."""
+    strength = Parameter("strength", 0.5, 0.1, 20.0, "log")
+
+    def weak(p):
+        if p[0].real < 2.0:
+            raise ModelError("the ground collapses.")
+        return collapsing(p)
+
+    problem = make_problem(weak, [strength], collapsing(np.array([3.0])), 0.01)
+    notes, outcome = told(problem, starts=6)
+    starts = [note for note in notes if note.startswith("start")]
+    assert starts == [
+        "start 2: no solution",
+        "start 3: no solution",
+        "start 4",
+        "start 5: no solution",
+        "start 6",
+    ]
+    places = [0.1 * 200.0**share for share in (0.5, 0.25, 0.75, 0.125, 0.625)]
+    assert [entry.values[0] for entry in outcome.iterations if entry.note in starts] == (
+        pytest.approx(places)
+    )
+    assert outcome.remarks == (
+        "the search began elsewhere than at the given start: the ground collapses",
+    )
+    with pytest.raises(ModelError, match="collapses"):
+        told(problem, starts=3)
+
+
+def test_an_observer_stops_before_the_next_start(make_problem):
+    problem = make_problem(axis, [DIP, E], axis(np.array([0.5, 2.0])), 0.01)
+    notes, outcome = told(problem, "start 2", starts=4)
+    assert notes[-1] == "start 2"
+    assert (outcome.status, outcome.reason) == ("out-of-budget", "Enough.")
+
+
+def test_what_makes_a_search_begin_elsewhere_is_named(make_problem):
+    """Only the angles vary then."""
+    other = Parameter("strike", 1.0, 0.0, 6.2, period=2.0 * np.pi)
+
+    def function(p):
+        return np.array([p[1] * np.cos(2 * p[0]), p[1] * np.sin(2 * p[0]), p[1] * np.cos(p[2])])
+
+    measured = function(np.array([0.5, 2.0, 1.2]))
+    notes, one = told(make_problem(lambda p: function([*p, 1.0]), [DIP, E], measured, 0.01))
+    assert one.remarks == ("the search had 5 starts, as dip is an angle",)
+    assert [n for n in notes if n.startswith("start")] == [
+        "start",
+        *(f"start {k}" for k in range(2, 6)),
+    ]
+    _, two = told(make_problem(function, [DIP, E, other], measured, 0.01))
+    assert two.remarks == ("the search had 5 starts, as dip and strike are angles",)
+    begun = [entry.values for entry in two.iterations if entry.note.startswith("start")]
+    assert {p[1] for p in begun} == {begun[0][1]}
+    assert len({p[0] for p in begun}) == len({p[2] for p in begun}) == 5
+
+
+def minimum(phi, x, J):
+    J = np.array(J, dtype=float)
+    return Iterate(np.array(x), np.array(x), Linearization(np.array([np.sqrt(phi), 0.0]), J))
+
+
+NO_ANGLES = SimpleNamespace(differences=lambda x, y: [y - x])
+WEAK, STIFF = [[1.0, 0.0], [0.0, 1.0]], [[2.0, 0.0], [0.0, 1.0]]
+
+
+def test_two_points_are_one_minimum_where_the_readings_of_both_are_alike():
+    """Half a standard deviation apart, as both see it, and a tenth of phi."""
+    first = minimum(4.0, [0.0, 0.0], WEAK)
+    assert at_minimum(first, np.array([0.3, 0.4]), NO_ANGLES)
+    assert not at_minimum(first, np.array([0.3, 0.41]), NO_ANGLES)
+    images = SimpleNamespace(differences=lambda x, y: [y - x + 9.0, y - x])
+    assert at_minimum(first, np.array([0.3, 0.4]), images)
+    near = {"phi": 4.09, "x": [0.3, 0.0], "J": WEAK}
+    for other, kept in (
+        (near, 1),
+        (near | {"phi": 4.11}, 2),
+        (near | {"x": [0.51, 0.0]}, 2),
+        (near | {"J": STIFF}, 2),  # seen from there they are 0.6 apart
+        (near | {"J": STIFF, "x": [0.24, 0.0]}, 1),
+    ):
+        assert len(distinct_minima([first, minimum(**other)], NO_ANGLES)) == kept
+
+
+def test_of_other_minima_the_lowest_is_kept_and_comes_first():
+    best, high, low = (minimum(phi, [x, 0.0], WEAK) for phi, x in ((1.0, 0), (3.05, 5), (3.0, 5.2)))
+    third = minimum(2.0, [-4.0, 0.0], WEAK)
+    assert distinct_minima([best, high, third, low], NO_ANGLES) == [best, third, low]
+    assert distinct_minima([high, best], NO_ANGLES) == [high, best]
+    assert distinct_minima([], NO_ANGLES) == []
+
+
+def test_minima_are_those_where_descents_converged():
+    points = [minimum(phi, [x, 0.0], WEAK) for phi, x in ((1.0, 0), (3.0, 5), (2.0, 9), (1.5, -5))]
+    status = ["converged", "converged", "not-converged", "converged"]
+    endings = [Ending(one, word, "") for one, word in zip(points, status, strict=True)]
+    search = SimpleNamespace(_endings=endings, angles=NO_ANGLES)
+    found = SeveralStarts._minima(search, endings[0])
+    assert [(m.values.tolist(), m.objective) for m in found] == [
+        ([-5.0, 0.0], pytest.approx(1.5)),
+        ([5.0, 0.0], pytest.approx(3.0)),
+    ]
+
+
+class Descents:
+    """Stands for a descent whose endings are given, and for the points that begin them."""
+
+    def __init__(self, endings, *, solved=True, stop=None):
+        self.endings, self.begun = list(endings), []
+        self.evaluator = SimpleNamespace(
+            history=SimpleNamespace(stop=stop),
+            start=lambda x, note: self.begun.append((x, note)) or (x if solved else None),
+        )
+
+    def run(self, start, leave=None):
+        return self.endings.pop(0)
+
+
+def gone_down(phis, *, abandoned=False, **given):
+    endings = [
+        Ending(minimum(phi, [n, 0.0], WEAK), "", "", abandoned) for n, phi in enumerate(phis)
+    ]
+    descents = Descents(endings, **given)
+    search = SimpleNamespace(
+        descent=descents,
+        evaluator=descents.evaluator,
+        angles=SimpleNamespace(other_side=lambda x: x[0] + 10.0 if x[0] < 5.0 else None),
+        _not_worth_it=None,
+    )
+    found = SeveralStarts.down(search, minimum(9.0, [0.0, 0.0], WEAK), further=False)
+    return found.point.phi, descents.begun
+
+
+def test_a_descent_goes_on_past_bounds_twice_at_most_while_that_is_lower():
+    note = "past the bound of an angle"
+    assert gone_down([3.0, 2.0, 1.0, 0.5]) == (pytest.approx(1.0), [(10.0, note), (11.0, note)])
+    assert gone_down([3.0, 3.0, 1.0]) == (pytest.approx(3.0), [(10.0, note)])
+    assert gone_down([3.0, 2.0, 2.5]) == (pytest.approx(2.0), [(10.0, note), (11.0, note)])
+    assert gone_down([3.0, 2.0], solved=False) == (pytest.approx(3.0), [(10.0, note)])
+    assert gone_down([3.0, 2.0], stop="Enough.") == (pytest.approx(3.0), [])
+    assert gone_down([3.0, 2.0], abandoned=True) == (pytest.approx(3.0), [])
+
+
+# Starts as parts of the search
+
+
+class Ahead:
+    """A model that looks ahead, at once."""
+
+    at_once = 1
+
+    def __init__(self, response, *, may_be_led=False):
+        self.response, self.may_be_led = response, may_be_led
+        self.asked, self.turned, self.looks = [], [], []
+        self.names = response.names
+
+    def __getattr__(self, name):
+        return getattr(self.response, name)
+
+    @property
+    def counts(self):
+        return self.response.counts
+
+    def admissible(self, p):
+        return self.response.admissible(p)
+
+    def readings(self, p):
+        return self.response.readings(p)
+
+    def evaluate(self, p):
+        self.asked.append(p.tolist())
+        return self.response.evaluate(p)
+
+    @contextmanager
+    def turns(self, looks):
+        self.looks = looks
+        yield self.turned.append
+
+
+def test_every_further_start_is_a_part_that_asks_what_its_descent_asks(make_problem):
+    plain = make_problem(valleys, [Parameter("x", 0.3, -4.0, 4.0)], [0, 0], 1)
+    problem = replace(plain, response=Ahead(plain.response))
+    response = problem.response
+    told(problem, starts=3)
+    assert response.turned == [0, 1]
+    asked = response.asked.copy()
+    first, second = (asked.index(e.values.tolist()) for e in told(plain, starts=3)[1].iterations
+                     if e.note in ("start 2", "start 3"))  # fmt: skip
+    for look, begin, end in zip(response.looks, (first, second), (second, len(asked)), strict=True):
+        response.asked.clear()
+        look(response)
+        whole = response.asked
+        assert len(whole) > 1
+        assert whole[: end - begin] == asked[begin:end]  # all, and what follows if it is not left
+    led = Ahead(plain.response, may_be_led=True)
+    told(replace(plain, response=led), starts=3)
+    assert led.looks == led.turned == []
+
+
+def test_a_start_without_a_solution_asks_once(make_problem):
+    strength = Parameter("strength", 3.0, 0.1, 20.0, "log")
+    plain = make_problem(collapsing, [strength], collapsing(np.array([3.0])), 0.01)
+    response = Ahead(plain.response)
+    look = StartLook(apart(plain), GaussNewtonOptions(), np.log([0.5]))
+    look(response)
+    assert response.asked == [pytest.approx([0.5])]

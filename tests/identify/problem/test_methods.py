@@ -1,15 +1,24 @@
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from support.plastic_bars import Frame, PlasticBars
 
+import geoident.identify as package
 from geoident.errors import InputError
 from geoident.identify import METHODS, descend, identify, refusal
 from geoident.identify.direct.scan import grid_axes, scan
+from geoident.identify.problem import methods
+from geoident.identify.problem.outcome import Outcome
+from geoident.identify.problem.problem import Problem
 from geoident.model.methods import (
     METHOD_OPTIONS,
+    ClosedFormOptions,
     ComplementarityOptions,
     CondensationOptions,
     GaussNewtonOptions,
+    HuberOptions,
     ScanAxis,
     ScanOptions,
     SimplexOptions,
@@ -38,8 +47,16 @@ def test_the_table_has_the_names_and_options_that_users_can_write():
     assert {name: method.options for name, method in METHODS.items()} == dict(METHOD_OPTIONS)
     for name, method in METHODS.items():
         assert method.name == name
-        assert callable(method.function(method.options()))
-        assert method.help
+        found = method.function(method.options())
+        assert found.__module__.startswith(f"geoident.identify.{method.room}.")
+
+
+def test_the_names_of_the_package_are_those_of_its_rooms():
+    for name in set(package.__all__) - {"METHODS", "Observer"}:
+        assert getattr(package, name).__name__ == name
+    assert package.METHODS is methods.METHODS
+    with pytest.raises(AttributeError, match=r"'geoident.identify' has no attribute 'nothing'"):
+        _ = package.nothing
 
 
 def test_the_toy_is_a_response(problem):
@@ -73,6 +90,137 @@ def test_one_descent_has_the_options_of_its_method_and_one_start(problem):
     assert len(few.iterations) <= 3
     loose = descend(problem, GaussNewtonOptions(tolerance=0.5, starts=9), go_on)
     assert len(loose.iterations) < len(descend(problem, GaussNewtonOptions(), go_on).iterations)
+
+
+def test_one_descent_of_a_closed_form_is_by_its_formulas_from_one_start(monkeypatch, problem):
+    seen = []
+    monkeypatch.setattr(
+        methods, "identify", lambda problem, chain, observe: seen.append((problem, chain, observe))
+    )
+    descend(problem, ClosedFormOptions(radius=2.0, starts=7), go_on)
+    descend(problem, GaussNewtonOptions(tolerance=1e-3, starts=7), go_on)
+    descend(problem, SimplexOptions(), go_on)
+    assert seen == [
+        (problem, [ClosedFormOptions(radius=2.0, starts=1)], go_on),
+        (problem, [GaussNewtonOptions(tolerance=1e-3, starts=1)], go_on),
+        (problem, [GaussNewtonOptions(starts=1)], go_on),
+    ]
+
+
+def test_one_descent_for_yield_limits_scans_nothing():
+    bars = PlasticBars([Frame([1.0, 1.0], [0, None], [1.0, 2.0])], 1)
+    question = (Parameter("k1", 0.9, 0.1, 5.0, "log"),)
+    given = Problem(bars, bars.readings(np.array([0.8])), np.full(2, 1e-3), question)
+    outcome = descend(given, ComplementarityOptions(), go_on)
+    assert outcome.values == pytest.approx([0.8])
+    assert outcome.status == "converged"
+    notes = [entry.note for entry in outcome.iterations]
+    assert notes[0] == "start"
+    assert not any(note.startswith(("strength", "restart")) for note in notes)
+
+
+def test_changed_weights_go_on_from_one_start_of_the_last_method():
+    last = GaussNewtonOptions(tolerance=1e-3, starts=7)
+    assert methods.continued((SimplexOptions(), ScanOptions(), last)) == (replace(last, starts=1),)
+    assert methods.continued((last, SimplexOptions(size=0.3))) == (SimplexOptions(size=0.3),)
+    assert methods.continued((last,)) == (replace(last, starts=1),)
+
+
+class Opening:
+    """A model that is a circular opening where it is asked for one of a radius of 2."""
+
+    names = ("E", "K0")
+
+    def __init__(self, covered):
+        self.found = SimpleNamespace(covered=np.array(covered, dtype=bool))
+
+    def opening(self, centre, radius):
+        return self.found if radius == 2.0 else f"there is none of {radius} about {centre}"
+
+    def __getattr__(self, name):
+        return lambda *given: None
+
+
+def test_a_closed_form_is_refused_with_its_own_reason(problem):
+    options = ClosedFormOptions(centre=(1.0, 3.0), radius=2.0)
+
+    def why(response, options=options):
+        return refusal(response, "closed-form", options=options)
+
+    assert "the model is not a circular opening" in why(problem.response)
+    assert why(Opening([False, True])) is None
+    assert why(Opening([])) is None
+    assert "no reading is of a stage and a point" in why(Opening([False, False]))
+    assert "none of 3.0 about (1.0, 3.0)" in why(Opening([True]), replace(options, radius=3.0))
+    assert "there is none of None about None" in why(Opening([True]), None)
+    assert "there is none of None" in methods.refusals(Opening([True]), [ClosedFormOptions()])[0]
+    chain = [ClosedFormOptions(), GaussNewtonOptions()]
+    assert methods.refusals(Opening([True]), chain) == []
+
+
+def test_a_loss_that_is_not_squared_is_named_where_it_cannot_be(problem):
+    problem.response.obstacle = lambda: None
+    problem.response.condense = lambda p, measured, sd: None
+    assert refusal(problem.response, "condensation") is None
+    assert "need the squared loss, and the loss is huber" in (
+        refusal(problem.response, "condensation", HuberOptions())
+    )
+    reasons = methods.refusals(
+        problem.response, [GaussNewtonOptions(), CondensationOptions()], HuberOptions()
+    )
+    assert len(reasons) == 1
+
+
+def test_what_a_formulation_needs_is_said(monkeypatch):
+    class Shown(PlasticBars):
+        why = None
+
+        def system_obstacle(self):
+            return self.why
+
+        def system(self):
+            raise AssertionError
+
+    frames = [Frame([1.0, 1.0], [0, None], [1.0])]
+    hidden, shown = PlasticBars(frames, 1), Shown(frames, 1)
+    obstacle = methods.formulation_obstacle
+    assert obstacle(hidden, "implicit") is None
+    assert obstacle(shown, "global") is obstacle(shown, "full-space") is None
+    assert obstacle(hidden, "global") == (
+        "the formulation global needs equations that the model does not show"
+    )
+    shown.why = "the ground hardens"
+    assert obstacle(shown, "full-space") == "for the formulation full-space, the ground hardens"
+    asked = []
+    monkeypatch.setattr(methods, "find_spec", asked.append)
+    assert obstacle(shown, "global") == (
+        'the formulation global needs pyscipopt (pip install "geoident[global]")'
+    )
+    assert "needs casadi" in obstacle(shown, "full-space")
+    assert asked == ["pyscipopt", "casadi"]
+    elastic = PlasticBars([Frame([1.0], [None], [1.0])], 1)
+    assert "no material of the model has yield limits" in refusal(elastic, "complementarity")
+
+
+def ended(values, objective, *, status="converged", **more):
+    return Outcome(np.array([values]), objective, status, "", **({"iterations": ()} | more))
+
+
+def test_a_chain_has_the_values_of_its_last_method_unless_it_was_stopped():
+    grids = [SimpleNamespace(number=n) for n in range(2)]
+    done = [
+        ended(1.0, 5.0, iterations=("a", "b"), remarks=("one",), grid=grids[0]),
+        ended(2.0, 3.0, iterations=("c",), remarks=(), grid=grids[1]),
+        ended(3.0, 4.0, iterations=("d",), remarks=("two", "three")),
+    ]
+    found = methods._joined(done)
+    assert (found.values.tolist(), found.objective, found.grid) == ([3.0], 4.0, grids[1])
+    assert found.iterations == ("a", "b", "c", "d")
+    assert found.remarks == ("one", "two", "three")
+    stopped = methods._joined([*done[:2], ended(3.0, 4.0, status="out-of-budget")])
+    assert (stopped.values.tolist(), stopped.objective) == ([2.0], 3.0)
+    assert stopped.status == "out-of-budget"
+    assert methods._joined(done[2:]).grid is None
 
 
 def test_a_method_that_the_model_cannot_serve_is_refused_before_computing(problem):
@@ -175,15 +323,60 @@ def test_a_stopped_scan_keeps_what_it_has(problem):
     assert int(np.isnan(stop.grid.objective).sum()) == 10
 
 
+MODE = Parameter("rock.mode-1", 0.0, -4.0, 4.0, field="rock")
+
+
 @pytest.mark.parametrize(
-    ("grid", "code"),
+    ("grid", "code", "said"),
     [
-        ({"G": ScanAxis(1.0, 2.0)}, "unknown-parameter"),
-        ({"E": ScanAxis(0.0, 2.0)}, "scan-axis"),
-        ({"K0": ScanAxis(0.0, np.inf)}, "scan-axis"),
+        ({"G": ScanAxis(1.0, 2.0)}, "unknown-parameter", "over G: the parameters are E, K0."),
+        ({"E": ScanAxis(0.0, 2.0)}, "scan-axis", "over E: no grid from 0 to 2 with 21 points."),
+        ({"E": ScanAxis(2.0, 0.0, 3)}, "scan-axis", "from 2 to 0 with 3 points."),
+        ({"K0": ScanAxis(0.0, np.inf)}, "scan-axis", "over K0: no grid from 0 to inf"),
+        ({"K0": ScanAxis(np.nan, 1.0)}, "scan-axis", "from nan to 1"),
+        ({"K0": ScanAxis(0.5, 1.0, 0)}, "scan-axis", "from 0.5 to 1 with 0 points."),
+        (
+            {"E": ScanAxis(1.0, 9.0, 101), "K0": ScanAxis(0.0, 1.0, 9901)},
+            "scan-size",
+            "the scan has 1,000,001 points; 1,000,000 are the most",
+        ),
     ],
 )
-def test_an_axis_that_cannot_be_is_refused(grid, code):
-    with pytest.raises(InputError) as caught:
-        grid_axes(QUESTION, ScanOptions(grid))
+def test_an_axis_that_cannot_be_is_refused(grid, code, said):
+    with pytest.raises(InputError, match="scan") as caught:
+        grid_axes((MODE, *QUESTION), ScanOptions(grid))
     assert [fault.code for fault in caught.value.faults] == [code]
+    (fault,) = caught.value.faults
+    assert said in fault.message
+    hints = {"scan-axis": "Give finite ends.", "scan-size": "Lower 'points' in fit.scan."}
+    assert fault.hint == hints.get(code, "")
+
+
+def test_an_axis_may_have_one_point_and_run_down_and_a_linear_one_below_zero():
+    grid = {"E": ScanAxis(9.0, 1.0, 3), "K0": ScanAxis(-1.0, -1.0, 1)}
+    axes = grid_axes(QUESTION, ScanOptions(grid))
+    assert axes["E"] == pytest.approx([9.0, 3.0, 1.0])
+    assert axes["K0"].tolist() == [-1.0]
+    most = {"E": ScanAxis(1.0, 9.0, 1000), "K0": ScanAxis(0.0, 1.0, 1000)}
+    assert [len(axis) for axis in grid_axes(QUESTION, ScanOptions(most)).values()] == [1000, 1000]
+
+
+def test_a_scan_without_a_grid_takes_the_first_two_parameters_that_the_case_names():
+    third = Parameter("nu", 0.2, 0.0, 0.4)
+    axes = grid_axes((MODE, *QUESTION, third), ScanOptions(points=2))
+    assert {name: axis.tolist() for name, axis in axes.items()} == {
+        "E": pytest.approx([1.0, 100.0]),
+        "K0": [0.0, 2.0],
+    }
+    with pytest.raises(InputError, match="nothing to scan") as caught:
+        grid_axes((MODE,), ScanOptions())
+    assert [(f.code, f.path) for f in caught.value.faults] == [("no-parameters", "fit.scan")]
+
+
+def test_a_scan_says_how_many_points_it_has_computed(problem):
+    grid = {"E": ScanAxis(1.0, 16.0, 5), "K0": ScanAxis(0.0, 1.0, 3)}
+    outcome = scan(problem, ScanOptions(grid), go_on)
+    assert (outcome.status, outcome.reason) == (
+        "converged",
+        "All 15 points of the grid are computed.",
+    )

@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from support.plastic_bars import Frame, PlasticBars
 
-from geoident.identify.problem.outcome import Outcome
+from geoident.errors import InputError, ModelError
+from geoident.identify.problem.outcome import History, Outcome
 from geoident.identify.problem.problem import Problem
 from geoident.identify.yield_limits import global_bound
 from geoident.identify.yield_limits.condensed_system import CondensedSystem
 from geoident.identify.yield_limits.global_bound import BranchAndBound
 from geoident.identify.yield_limits.mixed_program import Solved
 from geoident.identify.yield_limits.parameter_boxes import ParameterBox
-from geoident.model.methods import ComplementarityOptions
-from geoident.model.parameter import Parameter
+from geoident.model.methods import ComplementarityOptions, HuberOptions
+from geoident.model.parameter import Parameter, Prior
 from geoident.model.yielding import Certificate
 
 MANY, FEW = np.arange(41), np.arange(40)
@@ -213,6 +215,94 @@ def test_a_better_point_is_taken_over_after_a_descent_on_the_model():
     kept = counted(1e-9)
     kept.improve(np.array([0.7]))
     assert kept.best.objective == 1e-9
+
+
+def test_a_point_without_a_solution_is_not_taken_over():
+    search = counted()
+    first = search.best
+    search.problem.response.evaluate = lambda p: (_ for _ in ()).throw(ModelError("collapse"))
+    search.improve(np.array([0.7]))
+    assert search.best is first
+
+
+@pytest.mark.parametrize(("best", "taken"), [(0.0099, False), (0.0101, True)])
+def test_what_is_better_by_no_more_than_the_gap_is_not_taken_over(best, taken):
+    """The descent comes to zero: below what is allowed, 0.01 of 1, or not."""
+    search = counted(best)
+    search.improve(np.array([0.7]))
+    assert (search.best.objective < best) == taken
+
+
+def test_a_search_that_was_stopped_before_its_boxes_proves_nothing(monkeypatch):
+    search = counted()
+    stopped = replace(search.best, status="out-of-budget", reason="Enough.")
+    monkeypatch.setattr(global_bound, "formulation_obstacle", lambda response, name: None)
+    monkeypatch.setattr(global_bound, "_system_obstacle", lambda system: None)
+    monkeypatch.setattr(global_bound, "implicit", lambda problem, options, observe: stopped)
+    bars = search.problem.response
+    bars.system_obstacle = bars.system = lambda: None
+    found = global_bound.global_bound(search.problem, search.options, lambda entry: None)
+    assert found is stopped
+
+
+def test_what_a_proof_needs_is_said():
+    search = counted()
+    obstacle = global_bound._problem_obstacle
+    (k,) = search.problem.parameters
+
+    def with_parameter(**given):
+        return obstacle(replace(search.problem, parameters=(replace(k, **given),)))
+
+    assert obstacle(search.problem) is None
+    assert "the loss is huber" in obstacle(replace(search.problem, loss=HuberOptions()))
+    assert with_parameter(lower=-np.inf) == "k has no bounds, and a proof needs them"
+    assert with_parameter(upper=np.inf) == "k has no bounds, and a proof needs them"
+    assert "the prior of k is lognormal" in with_parameter(prior=Prior(1.0, 0.1, "lognormal"))
+    assert with_parameter(prior=Prior(1.0, 0.1)) is None
+    with pytest.raises(InputError, match="global is not possible here: k has no bounds") as caught:
+        global_bound._refuse("k has no bounds")
+    assert caught.value.faults[0].code == "method-not-possible"
+    global_bound._refuse(None)
+
+
+@pytest.mark.parametrize(("pairs", "fine"), [(2000, True), (2001, False)])
+def test_more_than_two_thousand_pairs_are_too_many(monkeypatch, pairs, fine):
+    monkeypatch.setattr(global_bound, "condensing_obstacle", lambda system: None)
+    why = global_bound._system_obstacle(SimpleNamespace(n_pairs=pairs))
+    assert (why is None) == fine
+    assert fine or why.startswith("2001 pairs of planes and multipliers are more than 2000")
+    monkeypatch.setattr(global_bound, "condensing_obstacle", lambda system: "it hardens")
+    assert global_bound._system_obstacle(SimpleNamespace(n_pairs=pairs)) == "it hardens"
+
+
+def test_boxes_are_told_with_their_bounds_and_sizes(scripted):
+    notes = []
+    search = counted(max_regions=2)
+    search.history = History("complementarity", search.problem.response, notes.append)
+    scripted(lambda box: replace(box, bound=1.25, kept=MANY))
+    found = search.run(whole_system())
+    assert [(e.note, e.step, e.objective) for e in notes] == [
+        ("box 1: bound 1.25, 41 pairs", 1.0, 2.0),
+        ("box 2: bound 1.25, 41 pairs", 0.5, 2.0),
+    ]
+    assert [entry.values.tolist() for entry in notes] == [[0.8]] * 2
+    assert len(found.iterations) == 2
+
+
+def test_the_search_ends_where_the_lowest_bound_is_near_enough(scripted):
+    """Halves of 1.99 are within the gap of 2: no more boxes."""
+    bounds = iter([1.97, 1.99, 1.99])
+    seen = []
+
+    def look(box):
+        seen.append(box.lower[0])
+        return replace(box, bound=next(bounds), kept=FEW)
+
+    scripted(look, Solved(1.985, None, False))
+    search = counted()
+    found = search.run(whole_system())
+    assert seen == [0.0]
+    assert (found.status, found.certificate.bound) == ("converged", 1.985)
 
 
 def test_the_size_of_a_small_box_is_its_own():

@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.optimize import linprog, minimize
 
 from geoident.identify.yield_limits.condensed_system import CondensedSystem
 from geoident.identify.yield_limits.mixed_program import _energy, solve_box
@@ -285,6 +286,53 @@ def test_a_reserve_allows_for_a_billionth_of_rounding():
         assert energy.lowest() == pytest.approx([expected], rel=1e-13)
 
 
+def test_nothing_follows_where_some_parameters_let_the_ground_collapse():
+    """W q = (-2, -3) with energy in the first direction alone: no y lifts the second."""
+    two = replace(
+        bar(),
+        slack=np.array([-2.0, -3.0]),
+        slack_by_p=np.zeros((2, 1)),
+        slack_by_lam=np.diag([1.5, 0.0]),
+        work=np.ones(2),
+    )
+    energy = EnergyInequality(two, None, np.zeros(1), np.ones(1))
+    assert energy.convex
+    assert np.isneginf(energy.lowest()).all()
+    assert energy.reachable().tolist() == [True, True]
+
+
+def test_where_the_solver_gives_up_there_is_no_vector(monkeypatch):
+    asked = []
+
+    def tired(table, goal, maxiter):
+        asked.append((table.shape, goal.tolist(), maxiter))
+        raise RuntimeError("too many iterations")
+
+    monkeypatch.setattr("scipy.optimize.nnls", tired)
+    assert shortest(np.ones((3, 2)), np.array([1.0, 2.0, 4.0])) is None
+    assert asked == [((3, 3), [0.0, 0.0, 1.0], 60)]
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_shortest_vector_is_that_of_a_general_minimiser(seed):
+    """Three bounds in two directions, of any unit."""
+    rng = np.random.default_rng(seed)
+    G, h = rng.normal(size=(3, 2)), rng.normal(size=3) * 10.0 ** rng.integers(-3, 4)
+    found = shortest(G, h)
+    y = linprog(np.zeros(2), -G, -h, bounds=(None, None))
+    assert (found is None) == (y.status == 2)
+    if found is not None:
+        assert np.all(G @ found >= h - 1e-9 * np.abs(h).max())
+        size = np.abs(h).max()
+        best = minimize(
+            lambda y: y @ y, y.x / size, method="SLSQP", tol=1e-14,
+            constraints={"type": "ineq", "fun": lambda y: G @ y - h / size},
+        )  # fmt: skip
+        assert np.linalg.norm(found) == pytest.approx(
+            size * np.linalg.norm(best.x), rel=1e-5, abs=1e-6 * size
+        )
+
+
 def test_the_shortest_vector_above_bounds():
     assert shortest(np.array([[3.0, 4.0]]), np.array([50.0])) == pytest.approx([6.0, 8.0])
     assert shortest(np.eye(2), np.array([-1.0, -2.0])) == pytest.approx([0.0, 0.0])
@@ -352,3 +400,183 @@ def test_energy_bounds_multipliers_in_branch_and_bound(scale):
     model.setObjective(lam, "maximize")
     model.optimize()
     assert model.getObjVal() == pytest.approx(1.0 / 1.2, rel=1e-5)
+
+
+# Two pairs, two parameters and three misfits, every number of its own
+
+TWO = CondensedSystem(
+    slack=np.array([-1.0, -0.6]),
+    slack_by_p=np.array([[1.5, 0.0], [0.3, 1.1]]),
+    slack_by_lam=np.array([[1.2, 0.25], [0.4, 0.9]]),
+    misfit=np.array([-1.3, 0.4, -0.7]),
+    misfit_by_p=np.array([[0.5, -0.2], [0.1, 0.8], [0.0, 0.6]]),
+    misfit_by_lam=np.array([[1.0, 0.3], [-0.4, 0.7], [0.2, 1.4]]),
+    products={},
+    lower=np.array([0.1, 0.05]),
+    upper=np.array([1.0, 0.9]),
+    reference=np.ones(2),
+    work=np.array([2.0, 3.2]),
+    multiplier_size=np.ones(2),
+)
+GROWN = replace(TWO, products={1: np.array([[0.3, 0.0], [0.1, 0.5]])})
+
+
+def multipliers(system, p):
+    """The multipliers of the pairs at p, by trying which are active."""
+    grown = system.slack_by_lam + sum(p[h] * A for h, A in system.products.items())
+    free = system.slack + system.slack_by_p @ p
+    for active in ([], [0], [1], [0, 1]):
+        lam = np.zeros(2)
+        lam[active] = np.linalg.solve(grown[np.ix_(active, active)], -free[active])
+        if np.all(lam >= -1e-12) and np.all(free + grown @ lam >= -1e-12):
+            return lam
+    raise AssertionError
+
+
+def phi(system, p):
+    r = system.misfit + system.misfit_by_p @ p + system.misfit_by_lam @ multipliers(system, p)
+    return float(r @ r)
+
+
+def on_a_grid(system, box, count=9):
+    axes = [np.linspace(a, b, count) for a, b in zip(box.lower, box.upper, strict=True)]
+    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
+    return points, np.array([phi(system, p) for p in points])
+
+
+def tried(lower, upper):
+    return ParameterBox(np.array(lower), np.array(upper), 0.0, np.arange(2))
+
+
+@pytest.mark.parametrize(
+    ("system", "lower", "upper"),
+    [
+        (TWO, [0.1, 0.05], [1.0, 0.9]),
+        (TWO, [0.6, 0.05], [0.9, 0.3]),
+        (GROWN, [0.1, 0.5], [0.3, 0.9]),
+    ],
+)
+def test_nothing_in_a_box_is_below_its_bound_or_outside_its_smaller_box(system, lower, upper):
+    """Against all points of a grid; branch and bound comes to the lowest of them."""
+    box = tried(lower, upper)
+    points, values = on_a_grid(system, box)
+    energy = None if system.products else form_of(system.work[:, None] * system.slack_by_lam)
+    best = 1.2 * values.min()
+    found = examined(system, energy, box, best)
+    assert found.bound <= values.min() * (1.0 + 1e-6)
+    inside = points[values <= best]
+    assert np.all((inside >= found.lower - 1e-6) & (inside <= found.upper + 1e-6))
+    active = np.array([multipliers(system, p) > 1e-9 for p in points]).any(axis=0)
+    assert set(np.flatnonzero(active)) <= set(found.kept.tolist())
+    solved = solve_box(system, box, energy, best=2.0 * values.min(), gap=1e-6)
+    assert solved.complete
+    assert phi(system, solved.p) == pytest.approx(solved.bound, rel=1e-3)
+    assert solved.bound <= values.min() * (1.0 + 1e-6)
+    assert solved.bound >= 0.99 * values.min()
+
+
+def lines(relaxation):
+    """The rows of its linear program, as they were added."""
+    rows = []
+    relaxation._add = lambda row, lower, upper: rows.append((row.tolist(), lower, upper))
+    relaxation._rows()
+    return rows
+
+
+def test_the_linear_program_of_a_box_in_numbers():
+    """Slacks with the largest hardening of the box, misfits as equations, energy over its size."""
+    box = tried([0.1, 0.2], [0.8, 0.7])
+    energy = EnergyInequality(GROWN, None, box.lower, box.upper)
+    relaxed = _Relaxation(GROWN, energy, box, np.array([True, False]), 6.25)
+    endless = relaxed.lp.infinity()
+    bounds = relaxed.lp.getBounds()
+    assert [list(b)[:4] for b in bounds] == [[0.1, 0.2, 0.0, 0.0], [0.8, 0.7, endless, 0.0]]
+    assert [list(b)[4:] for b in bounds] == [[-2.5] * 3 + [0.0], [2.5] * 3 + [6.25]]
+    rows = lines(relaxed)
+    slack = [[1.5, 0.0, 1.2 + 0.7 * 0.3, 0.25], [0.3, 1.1, 0.4 + 0.7 * 0.1, 0.9 + 0.7 * 0.5]]
+    assert rows[:2] == [
+        (pytest.approx(slack[0]), 1.0, endless),
+        (pytest.approx(slack[1]), 0.6, endless),
+    ]
+    for a in range(3):
+        unit = [0.0] * 3
+        unit[a] = -1.0
+        row = [*GROWN.misfit_by_p[a], *GROWN.misfit_by_lam[a], *unit]
+        assert rows[2 + a] == (pytest.approx(row), -GROWN.misfit[a], -GROWN.misfit[a])
+    weakest = GROWN.slack + GROWN.slack_by_p @ box.lower
+    linear = GROWN.work * weakest
+    np.testing.assert_allclose(energy.linear, linear)
+    size = np.abs(linear).max()
+    assert rows[5] == (pytest.approx([0.0, 0.0, *(linear / size)]), -endless, 0.0)
+
+
+def test_the_energy_of_a_box_is_that_of_its_weakest_hardening():
+    box = tried([0.1, 0.2], [0.8, 0.7])
+    energy = EnergyInequality(GROWN, None, box.lower, box.upper)
+    W = GROWN.work[:, None] * (GROWN.slack_by_lam + 0.2 * GROWN.products[1])
+    np.testing.assert_allclose(energy.root.T @ energy.root, 0.5 * (W + W.T))
+    form = form_of(W)
+    np.testing.assert_allclose(form.carried @ form.root, W)
+    only = form.only(np.array([1]))
+    np.testing.assert_allclose(only.root.T @ only.root, [[W[1, 1]]])
+    np.testing.assert_allclose(only.carried @ form.root, W[[1]])
+    assert (only.exact.tolist(), only.convex) == ([True], True)
+
+
+def test_what_a_box_keeps_of_a_system():
+    """Of the second pair alone: its own row and column, and all misfits."""
+    only = GROWN.only(np.array([1]))
+    assert only.n_pairs == 1
+    assert (only.slack.tolist(), only.work.tolist()) == ([-0.6], [3.2])
+    assert only.slack_by_p.tolist() == [[0.3, 1.1]]
+    assert only.slack_by_lam.tolist() == [[0.9]]
+    assert only.products[1].tolist() == [[0.5]]
+    assert only.misfit_by_lam.tolist() == [[0.3], [0.7], [1.4]]
+    assert only.misfit is GROWN.misfit
+    assert only.misfit_by_p is GROWN.misfit_by_p
+    assert only.multiplier_size.shape == (1,)
+
+
+def test_edges_keep_a_millionth_of_the_box_and_never_leave_it():
+    box = tried([0.1, 0.2], [0.8, 0.7])
+    relaxed = _Relaxation(TWO, EnergyInequality(TWO, None, box.lower, box.upper), box,
+                          np.ones(2, bool), 20.0)  # fmt: skip
+    ends = {(0, 1.0): [0.3, 9.0], (0, -1.0): [0.6, 9.0], (1, 1.0): [9.0, 0.2], (1, -1.0): None}
+    relaxed._minimise = lambda h, sign: ends[h, sign]
+    lower, upper = relaxed.edges()
+    assert lower == pytest.approx([0.3 - 0.7e-6, 0.2], abs=1e-12)
+    assert upper == pytest.approx([0.6 + 0.7e-6, 0.7], abs=1e-12)
+    ends[1, -1.0] = [9.0, 0.7]
+    lower, upper = relaxed.edges()
+    assert (lower[1], upper[1]) == (0.2, 0.7)  # no further than the box
+
+
+def test_a_program_that_is_neither_solved_nor_empty_proves_no_more_than_before():
+    box = replace(tried([0.1, 0.2], [0.8, 0.7]), bound=0.03)
+    relaxed = _Relaxation(TWO, EnergyInequality(TWO, None, box.lower, box.upper), box,
+                          np.ones(2, bool), 20.0)  # fmt: skip
+    asked = []
+    relaxed._minimise = lambda *given, **named: asked.append((given, named))
+    relaxed.lp = type("", (), {"getDualRay": lambda self: None})()
+    assert relaxed.bound() == 0.03
+    relaxed.lp = type("", (), {"getDualRay": lambda self: [1.0]})()
+    assert relaxed.bound() is None
+    assert asked == [((7, 1.0), {"rounds": 200})] * 2
+
+
+@pytest.mark.parametrize("rounds", [1, 3])
+def test_tangents_are_added_as_often_as_is_asked(rounds):
+    box = tried([0.1, 0.2], [0.8, 0.7])
+    relaxed = _Relaxation(TWO, EnergyInequality(TWO, None, box.lower, box.upper), box,
+                          np.ones(2, bool), 20.0)  # fmt: skip
+    seen = []
+    relaxed._cut = lambda x: seen.append(x) or True
+    x = relaxed._minimise(1, -1.0, rounds=rounds)
+    assert len(seen) == rounds
+    assert x[1] == pytest.approx(0.7)
+    assert relaxed.objective.tolist() == [0.0, -1.0, *[0.0] * 6]
+    assert relaxed._minimise(0, 1.0, rounds=rounds)[0] == pytest.approx(0.1)
+    assert relaxed.objective.tolist() == [1.0, 0.0, *[0.0] * 6]
+    seen.clear()
+    relaxed._minimise(0, 1.0)
+    assert len(seen) == 25

@@ -137,7 +137,8 @@ def fitted_polynomial(u: Floats, y: Floats, order: int) -> Polynomial:
     Q, R = qr(design(u, powers, order), mode="economic")
     left = y - Q @ (Q.T @ y)
     free = len(y) - len(powers)
-    tiny = _ROUNDING * float(np.max(np.abs(y), initial=0.0))
+    # a reading that is zero in all runs, as of a gauge at its zero, leaves no size to round by
+    tiny = _ROUNDING * (float(np.abs(y).max()) or 1.0)
     variance = max(float(left @ left) / free, tiny**2)
     rest = np.maximum(1.0 - np.sum(Q**2, axis=1), _ROUNDING)
     return Polynomial(

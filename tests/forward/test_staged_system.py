@@ -1,0 +1,220 @@
+"""The bilinear system of a staged system against the equations themselves, set by set."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+from geoident.forward.staged_system import (
+    Affine,
+    LoadStage,
+    PointLaw,
+    PointSet,
+    StagedSystem,
+    bilinear,
+    fixed,
+)
+
+N_DOFS, N = 7, 3
+"""Degrees of freedom and parameters."""
+
+
+def affine(rng, *shape, only=None):
+    """A random affine array, moved by all parameters or by some."""
+    slopes = rng.normal(size=(*shape, N))
+    if only is not None:
+        slopes[..., [h for h in range(N) if h not in only]] = 0.0
+    return Affine(rng.normal(size=shape), slopes)
+
+
+def point_set(rng, name, points, strain):
+    compatibility = sp.csr_array(rng.normal(size=(strain * points, N_DOFS)))
+    return PointSet(name, compatibility, rng.uniform(0.5, 2.0, points), affine(rng, strain, points))
+
+
+def point_law(rng, planes, strain, *, moves=(0, 1, 2), hardens=(1,)):
+    return PointLaw(
+        affine(rng, strain, strain, only=moves),
+        rng.normal(size=(planes, strain)),
+        affine(rng, planes),
+        affine(rng, planes, planes, only=hardens),
+    )
+
+
+def staged_system():
+    """Two sets; laws that change, with as many planes or more; a set that is absent for a time."""
+    rng = np.random.default_rng(2)
+    sets = (point_set(rng, "wide", 2, 3), point_set(rng, "thin", 3, 1))
+    laws = (
+        point_law(rng, 2, 3, moves=(2,)),
+        point_law(rng, 3, 3),
+        point_law(rng, 2, 1, hardens=(0, 2)),
+        point_law(rng, 2, 3, moves=()),
+        point_law(rng, 0, 1, moves=(0,)),
+    )
+
+    def stage(name, base, of_sets, fresh, dofs):
+        force = affine(rng, N_DOFS)
+        return LoadStage(name, base, of_sets, frozenset(fresh), np.array(dofs), force)
+
+    stages = (
+        stage("first", -1, {0: 0, 1: 2}, (), [5, 0, 3, 1]),
+        stage("other law", 0, {0: 3, 1: 2}, (), [1, 2, 0, 5, 6]),
+        stage("anew", 1, {1: 2, 0: 3}, (1,), [4, 1]),
+        stage("more planes", 1, {0: 1}, (), [0, 6, 2]),
+        stage("back", 3, {0: 1, 1: 4}, (), [3, 2, 1, 0, 5]),
+        stage("once more", 2, {0: 3, 1: 2}, (), [6, 5, 4]),
+    )
+    rows = sp.csr_array(rng.normal(size=(4, N_DOFS)))
+    active = rng.normal(size=(len(stages), 4))
+    names = ("a", "b", "c")
+    return StagedSystem(names, sets, laws, stages, rows, active, affine(rng, 4))
+
+
+def unknowns(staged, x):
+    """(stage, None) to du (n_dofs,), (stage, set) to sigma (s, m) and dlam (y, m), and the rest."""
+    parts, at = {}, 0
+
+    def take(count):
+        nonlocal at
+        at += count
+        return x[at - count : at]
+
+    for j, stage in enumerate(staged.stages):
+        parts[j, None] = np.zeros(staged.n_dofs)
+        parts[j, None][stage.dofs] = take(len(stage.dofs))
+        for s, law in stage.laws.items():
+            points = staged.sets[s]
+            sigma = take(points.n_strain * points.n_points).reshape(points.n_strain, -1)
+            planes = staged.laws[law].n_planes
+            parts[j, s] = sigma, take(planes * points.n_points).reshape(planes, points.n_points)
+    return parts, x[at:]
+
+
+def history(staged, parts, j, s):
+    """dlam (y, m) so far: as long as the set stays, with as many planes."""
+    planes = staged.laws[staged.stages[j].laws[s]].n_planes
+    total = parts[j, s][1].copy()
+    while s not in staged.stages[j].fresh and staged.stages[j].base >= 0:
+        j = staged.stages[j].base
+        law = staged.stages[j].laws.get(s)
+        if law is None or staged.laws[law].n_planes != planes:
+            break
+        total += parts[j, s][1]
+    return total
+
+
+def values(staged, x, p):
+    """Equations, slacks and readings as the module states them."""
+    parts, rest = unknowns(staged, x)
+    assert not rest.size
+    equations, slacks, readings = [], [], staged.offset.at(p)
+    for j, stage in enumerate(staged.stages):
+        du, total = parts[j, None], stage.forces.at(p)
+        for s in stage.laws:
+            points = staged.sets[s]
+            pulled = (parts[j, s][0] * points.volume).ravel()
+            total = total - points.compatibility.toarray().T @ pulled
+        equations.append(total[stage.dofs])
+        readings = readings + staged.active[j] * (staged.rows.toarray() @ du)
+        for s, number in stage.laws.items():
+            points, law = staged.sets[s], staged.laws[number]
+            sigma, multipliers = parts[j, s]
+            strain = (points.compatibility.toarray() @ du).reshape(sigma.shape)
+            before = np.zeros_like(sigma)
+            if s not in stage.fresh:
+                if stage.base < 0:
+                    before = points.initial.at(p)
+                elif (stage.base, s) in parts:
+                    before = parts[stage.base, s][0]
+            elastic = strain - law.normals.T @ multipliers
+            equations.append((sigma - before - law.elasticity.at(p) @ elastic).ravel())
+            limits = law.distances.at(p)[:, None]
+            limits = limits + law.hardening.at(p) @ history(staged, parts, j, s)
+            slacks.append((limits - law.normals @ sigma).ravel())
+    return np.concatenate(equations), np.concatenate(slacks), readings
+
+
+def test_it_has_the_equations_the_slacks_and_the_readings_of_the_stages():
+    staged, rng = staged_system(), np.random.default_rng(5)
+    system = bilinear(staged, np.array([0.4, -0.3, 0.7]))
+    n = system.equations.by_x.shape[1]
+    for _ in range(3):
+        x, p = rng.normal(size=n), rng.normal(size=N)
+        for found, wanted in zip(
+            (system.equations, system.slacks, system.readings), values(staged, x, p), strict=True
+        ):
+            c, A = found.at(p)
+            np.testing.assert_allclose(c + A @ x, wanted, rtol=1e-12, atol=1e-12)
+    assert sorted(system.equations.products) == [0, 1, 2]
+    assert sorted(system.slacks.products) == [0, 1, 2]
+    assert system.readings.products == {}
+    assert system.names == staged.names
+
+
+def test_pairs_and_kinds_say_what_each_number_is():
+    """Slacks are paired with the multiplier of their own plane and point, and of one kind each."""
+    staged, p = staged_system(), np.array([0.4, -0.3, 0.7])
+    system = bilinear(staged, p)
+    n = system.equations.by_x.shape[1]
+    marks, rest = unknowns(staged, np.arange(float(n)))
+    assert not rest.size
+    kind_of_unknown, kind_of_equation = np.full(n, -1), []
+    pairs, kinds, stiffness, work = [], [], [], []
+    for j, stage in enumerate(staged.stages):
+        kind_of_unknown[marks[j, None][stage.dofs].astype(int)] = 0
+        kind_of_equation += [-1] * len(stage.dofs)
+        for s, number in stage.laws.items():
+            sigma, multipliers = (part.astype(int) for part in marks[j, s])
+            law, points = staged.laws[number], staged.sets[s]
+            kind_of_unknown[sigma.ravel()] = 1 + s
+            kind_of_equation += [1 + s] * sigma.size
+            pairs += multipliers.ravel().tolist()
+            kinds += [1 + s] * multipliers.size
+            own = np.diag(law.normals @ law.elasticity.at(p) @ law.normals.T)
+            stiffness += np.outer(own, np.ones(points.n_points)).ravel().tolist()
+            work += np.outer(np.ones(law.n_planes), points.volume).ravel().tolist()
+    np.testing.assert_array_equal(system.kind_of_unknown, kind_of_unknown)
+    np.testing.assert_array_equal(system.kind_of_equation, kind_of_equation)
+    np.testing.assert_array_equal(system.kind_of_slack, kinds)
+    np.testing.assert_array_equal(system.multipliers, pairs)
+    np.testing.assert_allclose(system.stiffness, stiffness, rtol=1e-12)
+    np.testing.assert_array_equal(system.work, work)
+
+
+def test_stages_without_ground_have_no_pairs():
+    staged = staged_system()
+    alone = replace(staged, stages=(replace(staged.stages[0], laws={}),))
+    system = bilinear(replace(alone, active=staged.active[:1]), np.zeros(N))
+    assert system.slacks.by_x.shape == (0, 4)
+    assert system.multipliers.shape == (0,)
+    c, A = system.equations.at(np.ones(N))
+    force = staged.stages[0].forces
+    np.testing.assert_allclose(c, (force.constant + force.slopes.sum(axis=1))[[5, 0, 3, 1]])
+    assert A.shape == (4, 4)
+    assert A.nnz == 0
+
+
+@pytest.mark.parametrize("shape", [(2,), (2, 3), ()])
+def test_an_affine_array_says_what_moves_it(shape):
+    array = affine(np.random.default_rng(7), *shape, only=(0, 2))
+    assert array.depends_on.tolist() == [True, False, True]
+    p = np.array([2.0, 5.0, -3.0])
+    by_hand = array.constant + 2.0 * array.slopes[..., 0] - 3.0 * array.slopes[..., 2]
+    np.testing.assert_allclose(array.at(p), by_hand, rtol=1e-14)
+    terms = list(array.terms())
+    assert [h for h, _ in terms] == [None, 0, 2]
+    for (_, found), wanted in zip(
+        terms, (array.constant, array.slopes[..., 0], array.slopes[..., 2]), strict=True
+    ):
+        np.testing.assert_array_equal(found, wanted)
+
+
+def test_a_fixed_array_is_moved_by_nothing():
+    array = fixed(np.arange(6.0).reshape(2, 3), 4)
+    assert array.slopes.shape == (2, 3, 4)
+    assert not array.depends_on.any()
+    np.testing.assert_array_equal(array.at(np.ones(4)), array.constant)

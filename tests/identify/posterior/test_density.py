@@ -1,0 +1,230 @@
+"""The density that is sampled, term by term, and the coordinates it is sampled in."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from geoident.errors import CollapseError, ModelError
+from geoident.identify.posterior.density import PosteriorDensity, answer
+from geoident.identify.posterior.diagnosis import limit_of_k, smoothed
+from geoident.identify.problem.problem import Problem
+from geoident.model.parameter import Parameter, Prior
+
+MATRIX = np.array([[0.3, -0.2, 0.5, 0.1, 0.7, 0.4], [0.2, 0.6, -0.1, 0.9, 0.3, -0.5]])
+MEASURED, SD = np.array([3.0, 5.0]), np.array([0.7, 1.3])
+PARAMETERS = (
+    Parameter("log", 3.0, 1.0, 9.0, "log"),
+    Parameter("held", 2.0, 2.0, 2.0),
+    Parameter("wide", 4.0, 1.5, 6.0, "linear"),
+    Parameter("narrow", 4.0, 3.0, 6.0, "linear", Prior(4.5, 0.8, "lognormal")),
+    Parameter("normal", 5.0, 2.0, 8.0, "log", Prior(4.0, 1.5)),
+    Parameter("lognormal", 3.0, 1.0, 7.0, "linear", Prior(2.5, 0.6, "lognormal")),
+)
+"""In u: ln p, -, ln p (flat in p), p / r (one in ln p), ln p (one in p), ln p (one in ln p)."""
+
+R = 3.0
+"""Reference of ``narrow``: its width."""
+
+P = np.array([2.0, 2.0, 3.0, 4.2, 6.0, 1.7])
+
+
+class Model:
+    names = tuple(q.name for q in PARAMETERS)
+
+    def __init__(self):
+        self.asked = []
+
+    def admissible(self, p):
+        return "forbidden" if p[0] > 8.0 else None
+
+    def readings(self, p):
+        self.asked.append(p)
+        if p[0] > 7.0:
+            raise CollapseError("the ground collapses", stage="s", fraction=0.5)
+        return MATRIX @ p**1.2
+
+    def evaluate(self, p):
+        return self.readings(p), MATRIX * 1.2 * p**0.2
+
+
+@pytest.fixture
+def problem():
+    return Problem(Model(), MEASURED, SD, PARAMETERS)
+
+
+def coordinates(p):
+    return np.array([np.log(p[0]), np.log(p[2]), p[3] / R, np.log(p[4]), np.log(p[5])])
+
+
+def logarithm(p):
+    """Of the density in the coordinates: of the readings, of each prior in its own variable."""
+    off = (MATRIX @ p**1.2 - MEASURED) / SD
+    value = -0.5 * off @ off
+    value += np.log(p[2])  # flat in p
+    value += -0.5 * (np.log(p[3] / 4.5) / (0.8 / 4.5)) ** 2 - np.log(p[3])
+    value += -0.5 * ((p[4] - 4.0) / 1.5) ** 2 + np.log(p[4])
+    return value - 0.5 * (np.log(p[5] / 2.5) / (0.6 / 2.5)) ** 2
+
+
+def test_coordinates_are_logarithms_where_the_bounds_are_a_factor_of_two_apart(problem):
+    density = PosteriorDensity(problem)
+    assert len(density) == 5
+    assert density.free.tolist() == [True, False, True, True, True, True]
+    np.testing.assert_allclose(density.coordinates(P), coordinates(P))
+    np.testing.assert_allclose(density.natural(coordinates(P)[None])[0], P)
+    lower, upper = (np.array([getattr(q, end) for q in PARAMETERS]) for end in ("lower", "upper"))
+    np.testing.assert_allclose(density.lower, coordinates(lower))
+    np.testing.assert_allclose(density.upper, coordinates(upper))
+    far = density.natural(np.stack([density.lower - 9.0, density.upper + 1e4]))
+    np.testing.assert_array_equal(far, [lower, upper])
+
+
+def test_the_density_is_that_of_readings_and_priors_in_their_variables(problem):
+    density = PosteriorDensity(problem)
+    rng = np.random.default_rng(0)
+    u = rng.uniform(density.lower, density.upper, (7, 5))
+    u[:, 0] = np.minimum(u[:, 0], np.log(6.9))
+    expected = np.array([logarithm(p) for p in density.natural(u)])
+    found = density.logarithms(u)
+    np.testing.assert_allclose(found - found[0], expected - expected[0], rtol=1e-10)
+    assert density.evaluations == 7
+    at = density.logarithm(P, MATRIX @ P**1.2)
+    assert at - found[0] == pytest.approx(logarithm(P) - expected[0])
+
+
+def test_nothing_is_asked_outside_the_bounds_and_no_solution_has_no_density(problem):
+    density = PosteriorDensity(problem)
+    u = np.tile(coordinates(P), (5, 1))
+    u[1, 2] = density.upper[2] + 1e-9
+    u[2, 0], u[3, 0] = np.log(7.5), np.log(8.5)  # no solution; not admissible
+    u[4, 4] = density.lower[4] - 1e-9
+    found = density.logarithms(u)
+    assert np.isfinite(found).tolist() == [True, False, False, False, False]
+    assert np.all(found[1:] == -np.inf)
+    assert density.evaluations == 3
+    assert len(problem.response.asked) == 2
+    assert np.all(density.logarithms(u[[1, 4]]) == -np.inf)
+    assert (density.evaluations, len(problem.response.asked)) == (3, 2)
+    np.testing.assert_allclose(answer(problem, P), MATRIX @ P**1.2)
+    for p0 in (7.5, 8.5):
+        assert answer(problem, np.array([p0, *P[1:]])) is None
+
+
+def test_another_way_of_asking_is_used_for_all_at_once(problem):
+    asked = []
+
+    def answering(points):
+        asked.append(points)
+        return [None, *(MATRIX @ p**1.2 for p in points[1:])]
+
+    density = PosteriorDensity(problem, answering)
+    found = density.logarithms(np.tile(coordinates(P), (3, 1)))
+    assert [len(points) for points in asked] == [3]
+    assert found[0] == -np.inf
+    assert found[1] == found[2] == PosteriorDensity(problem).logarithms(coordinates(P)[None])[0]
+    assert problem.response.asked
+
+
+def test_rows_are_derivatives_by_the_coordinates(problem):
+    """Of the residuals of readings and priors, by differences."""
+    density = PosteriorDensity(problem)
+    rows, phi = density.rows(P)
+    assert density.evaluations == 1
+
+    def residuals(u):
+        p = density.natural(u[None])[0]
+        return np.array([
+            *(MATRIX @ p**1.2 - MEASURED) / SD,
+            np.log(p[3] / 4.5) / (0.8 / 4.5),
+            (p[4] - 4.0) / 1.5,
+            np.log(p[5] / 2.5) / (0.6 / 2.5),
+        ])  # fmt: skip
+
+    u = coordinates(P)
+    assert phi == pytest.approx(residuals(u) @ residuals(u))
+    for j in range(5):
+        step = 1e-6 * np.eye(5)[j]
+        slope = (residuals(u + step) - residuals(u - step)) / 2e-6
+        np.testing.assert_allclose(rows[:, j], slope, rtol=1e-6, atol=1e-8)
+    with pytest.raises(ModelError, match="forbidden"):
+        density.rows(np.array([8.5, *P[1:]]))
+
+
+def test_what_is_known_before_is_in_the_coordinates(problem):
+    """Priors; else halves of the bounds; of what is not free, nothing."""
+    centre, sd = PosteriorDensity(problem).reference()
+    expected = [
+        (np.log(9.0) / 2.0, np.log(9.0) / 2.0),
+        (0.5 * np.log(1.5 * 6.0), 0.5 * np.log(4.0)),
+        (4.5 / R, 0.8 / R),
+        (np.log(4.0), 1.5 / 4.0),
+        (np.log(2.5), 0.6 / 2.5),
+    ]
+    np.testing.assert_allclose(np.stack([centre, sd], axis=1), expected)
+
+
+@pytest.mark.parametrize(
+    ("scale", "lower", "upper", "prior", "by_log", "factor"),
+    [
+        ("linear", 2.0, 4.0, None, False, 0.0),
+        ("linear", 2.0, 4.1, None, True, 1.0),
+        ("linear", 0.0, 4.1, None, False, 0.0),
+        ("log", 2.0, 2.1, None, True, 0.0),
+        ("log", 2.0, 2.1, Prior(2.05, 0.1), True, 1.0),
+        ("log", 2.0, 9.0, Prior(2.05, 0.1, "lognormal"), True, 0.0),
+        ("linear", 2.0, 4.0, Prior(2.05, 0.1, "lognormal"), False, -1.0),
+        ("linear", 2.0, 4.0, Prior(2.05, 0.1), False, 0.0),
+        ("linear", 2.0, 9.0, Prior(2.05, 0.1), True, 1.0),
+    ],
+)
+def test_the_change_of_variables_adds_what_its_table_says(
+    scale, lower, upper, prior, by_log, factor
+):
+    """Between two points of one parameter whose readings and priors are taken off."""
+    q = Parameter("q", 2.05, lower, upper, scale, prior)
+    density = PosteriorDensity(Problem(Model(), np.zeros(1), np.ones(1), (q,)))
+    p = np.array([2.02, 2.08])
+    found = np.array([density.logarithm(one, one[:1]) for one in p[:, None]])
+    phi = p**2
+    if prior is not None:
+        off = (p - prior.mean) if prior.kind == "normal" else np.log(p / prior.mean) * prior.mean
+        phi += (off / prior.sd) ** 2
+    rest = found + 0.5 * np.asarray(phi)
+    assert rest[1] - rest[0] == pytest.approx(factor * np.log(p[1] / p[0]), abs=1e-12)
+    u = density.coordinates(p[:1])
+    assert u[0] == pytest.approx(np.log(2.02) if by_log else 2.02 / min(2.05, upper - lower))
+
+
+def test_a_normal_prior_about_zero_is_taken_as_wide_as_its_size():
+    q = Parameter("q", 2.0, 0.5, 9.0, "log", Prior(0.4, 0.1))
+    held = Problem(Model(), np.zeros(1), np.ones(1), (q,))
+    assert PosteriorDensity(held).reference()[1] == pytest.approx(0.25)
+
+
+def test_few_weights_have_no_tail_and_equal_ones_none_to_fear():
+    logs = np.linspace(0.0, 2.0, 25)
+    few = np.append(logs[:24], -np.inf)
+    weights, k = smoothed(few)
+    expected = np.append(np.exp(logs[:24]), 0.0)
+    np.testing.assert_allclose(weights, expected / expected.sum())
+    assert k == np.inf
+    weights, k = smoothed(np.append(logs, -np.inf))
+    assert np.isfinite(k)
+    assert weights[-1] == 0.0
+    assert weights.sum() == pytest.approx(1.0)
+    for ptp, equal in ((0.9e-9, True), (1.1e-9, False)):
+        nearly = np.append(np.linspace(0.0, ptp, 40), [-np.inf, -np.inf])
+        weights, k = smoothed(nearly)
+        assert (k == 0.0 and np.ptp(weights[:40]) == 0.0) == equal
+        np.testing.assert_allclose(weights[:40], 1 / 40, rtol=1e-8)
+    assert smoothed(np.full(3, -np.inf))[0].tolist() == [0.0, 0.0, 0.0]
+    assert smoothed(np.zeros(0))[1] == np.inf
+
+
+@pytest.mark.parametrize(
+    ("count", "limit"), [(0, 1 - 1 / np.log10(11)), (11, 1 - 1 / np.log10(11)),
+                         (1000, 2 / 3), (2154, 0.7), (10**6, 0.7)]
+)  # fmt: skip
+def test_the_limit_of_k_grows_to_seven_tenths(count, limit):
+    assert limit_of_k(count) == pytest.approx(limit, abs=1e-5)
