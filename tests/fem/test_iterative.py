@@ -88,7 +88,7 @@ def test_solutions_are_those_of_a_factor(kind, n):
     assert 0 < counts.flops < coarse
 
 
-@pytest.mark.parametrize(("kind", "sizes"), [("tet10", (3, 5, 8)), ("tet4", (7, 11, 16))])
+@pytest.mark.parametrize(("kind", "sizes"), [("tet10", (3, 5, 7)), ("tet4", (6, 9, 13))])
 def test_steps_do_not_grow_with_the_mesh(kind, sizes):
     steps = []
     for n in sizes:
@@ -217,8 +217,16 @@ def test_what_does_not_come_to_the_end_is_factorized_or_refused(monkeypatch, at)
     assert solver.counts.iterations == spent  # it is not tried again
     monkeypatch.setattr(auto, "memory_limit", lambda: 1e3)
     monkeypatch.setattr(auto, "LARGE_WORK", 0.0)
-    with pytest.raises(ModelError, match=r"would take .* GB"):
+    with pytest.raises(ModelError) as caught:
         IterativeSolver(few=0).analyse(pattern).factorize(values).solve(rhs)
+    assert caught.value.message.startswith(
+        "conjugate gradients do not come to the solution: ground is all but incompressible, or "
+        "elements are nearly flat; a factorization would take 0.0 GB"
+    )
+    assert caught.value.hint == (
+        "look for moduli near a Poisson's ratio of 0.5 and for slivers in the mesh, or take a "
+        "coarser mesh or more memory"
+    )
 
 
 @pytest.mark.parametrize("what", ["indefinite", "no number"])

@@ -60,7 +60,14 @@ def test_folded_elements_are_refused_by_number(kind, swap):
         oriented(folded, SOLID)
     (fault,) = caught.value.faults
     assert fault.code == "folded-element"
-    assert f"{kind} elements {block.numbers[7]} are folded" in fault.message
+    x, y, z = mesh.points[nodes[7]].mean(axis=0)
+    assert fault.message == (
+        f"{kind} elements {block.numbers[7]} are folded or flat (the first near "
+        f"({x:.6g}, {y:.6g}, {z:.6g}) m)"
+    )
+    assert fault.hint == (
+        "check the mesh there: nodes numbered across, mid-nodes too far off, or zero thickness"
+    )
 
 
 def test_a_flat_pyramid_is_refused():

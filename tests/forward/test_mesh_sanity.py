@@ -69,6 +69,23 @@ def test_two_elements_on_one_another_tangle_the_mesh():
         on(replace(mesh, node_groups=held))
 
 
+def test_more_pairs_of_elements_are_tangled_than_are_named():
+    """Seven triangles with another on each; the first have (0, 0) to (1, 0) in common."""
+    triangles = np.array([[0, 1, 2], [0, 1, 3]])
+    points = np.array([[0, 0], [1, 0], [0, 1], [0.2, 0.9]])
+    mesh = build(
+        "tri3", np.concatenate([points + np.array([2 * n, 0]) for n in range(7)]),
+        np.concatenate([triangles + 4 * n for n in range(7)]),
+    )  # fmt: skip
+    with pytest.raises(InputError) as caught:
+        on(mesh)
+    (fault,) = (fault for fault in caught.value.faults if fault.code == "tangled-mesh")
+    assert fault.message == (
+        "the mesh is tangled: elements 1 and 2, 3 and 4, 5 and 6, 7 and 8, 9 and 10 and 2 more "
+        "pairs lie on the same side of the face that they share (the first near (0.5, 0) m)"
+    )
+
+
 def turned(mesh, rows):
     block = mesh.blocks[0]
     nodes = block.nodes.copy()

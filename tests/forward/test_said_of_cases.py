@@ -325,3 +325,69 @@ def test_what_a_hoek_brown_rock_amounts_to(tmp_path):
         f"{there[0]:.3g} MPa and phi {there[1]:.3g} deg up to sigma3 = 5 MPa that there is in situ "
         "(Hoek et al. 2002); what is computed is the curve itself"
     ) in text
+
+
+ONE = "{E: {start: 2 GPa, bounds: [0.1 GPa, 50 GPa]}}"
+LAYERED = (
+    "elastic: transversely-isotropic, E_p: $E, nu_p: 0.2, E_n: 1 GPa, nu_np: 0.2, G_np: 0.5 GPa, "
+    "dip: 0 deg"
+)
+
+
+@pytest.mark.parametrize(
+    ("keys", "why"),
+    [
+        (
+            {"materials": rock(LAYERED)},
+            "E_p of rock enters the stiffness nonlinearly unless E_p, E_n are all tied to one "
+            "parameter (Love's A, C, F, L and N enter linearly). Possible are gauss-newton, "
+            "simplex, scan, ensemble-smoother.",
+        ),
+        (
+            {
+                "materials": rock("E: 2 GPa, nu: $nu"),
+                "parameters": "{nu: {start: 0.2, bounds: [0.1, 0.4]}}",
+            },
+            "nu of rock enters the stiffness nonlinearly (K and G enter linearly). Possible are "
+            "gauss-newton, simplex, scan, ensemble-smoother.",
+        ),
+        (
+            {"supports": "{left: {x: 1 mm}, right: x, bottom: y}"},
+            "the support 'left' is moved: its motion times a modulus is a load. Possible are "
+            "gauss-newton, simplex, scan, ensemble-smoother.",
+        ),
+        (
+            {"fit": "{method: condensation, loss: huber}"},
+            "its linear least squares need the squared loss, and the loss is huber. Possible are "
+            "gauss-newton, simplex, scan.",
+        ),
+        (
+            {
+                "materials": rock("E: $E, nu: 0.2", COULOMB.replace("1 MPa", "9 MPa")),
+                "fit": "{method: complementarity, complementarity: {formulation: full-space}}",
+            },
+            "for the formulation full-space, rock yields by a smooth surface, which has no planes "
+            "(give 'planes'). Possible are gauss-newton, simplex, scan, ensemble-smoother, "
+            "complementarity in its default formulation.",
+        ),
+        (
+            {"fit": "{method: closed-form}", "stages": "[{name: dig, change: {top: rock}}]"},
+            "no stage excavates anything. Possible are gauss-newton, condensation, simplex, scan, "
+            "ensemble-smoother.",
+        ),
+    ],
+    ids=["strata", "Poisson", "moved", "loss", "formulation", "opening"],
+)
+def test_why_a_method_is_not_possible(tmp_path, keys, why):
+    if "complementarity" in why:
+        pytest.importorskip("casadi")
+    given = {
+        "parameters": ONE,
+        "in_situ": "{model: heim, vertical: 1 MPa, K0: 0.5}",
+        "readings": "[{gauge: S, stage: dig, value: 1 mm}]",
+        "fit": "{method: condensation}",
+        **keys,
+    }
+    name = given["fit"].split(": ")[1].split(",")[0].rstrip("}")
+    text, _ = said(tmp_path, **given)
+    assert f"The method {name} is not possible here: {why}" in text

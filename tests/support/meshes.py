@@ -259,16 +259,20 @@ def mixed_box(order: int, *, distortion: float = 0.0) -> Mesh:
     return with_outer_faces(mesh)
 
 
-def gaping_box() -> Mesh:
-    """Two cubes side by side along x, a hexahedron and six tetrahedra without pyramids between."""
-    grid = box("hex8", (2, 1, 1))
-    first, second = grid.blocks[0].nodes
-    tets = _split(second[None], "tet4")
+def gaping_box(rows: int = 1) -> Mesh:
+    """Pairs of bricks along x, a hexahedron and six tetrahedra each without pyramids between.
+
+    The unit cube has so many of these pairs side by side along y.
+    """
+    grid = box("hex8", (2, rows, 1))
+    bricks = grid.blocks[0].nodes
+    left = grid.points[bricks].mean(axis=1)[:, 0] < 0.5
+    tets = _split(bricks[~left], "tet4")
     blocks = (
-        ElementBlock("hex8", first[None], np.array([1])),
-        ElementBlock("tet4", tets, np.arange(2, 8)),
+        ElementBlock("hex8", bricks[left], np.arange(1, 1 + rows)),
+        ElementBlock("tet4", tets, np.arange(1 + rows, 1 + 7 * rows)),
     )
-    return with_outer_faces(Mesh(grid.points, blocks, groups={"all": np.arange(7)}))
+    return with_outer_faces(Mesh(grid.points, blocks, groups={"all": np.arange(7 * rows)}))
 
 
 def _elevate_all(

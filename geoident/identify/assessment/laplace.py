@@ -33,6 +33,7 @@ from scipy.special import gammaln, log_ndtr, ndtr, ndtri
 
 from geoident.identify.assessment.diagnostics import effective_sd
 from geoident.identify.assessment.uncertainty import UNBOUNDED_RANGE
+from geoident.identify.primes import first_primes
 from geoident.identify.problem.errors import Covariance
 from geoident.identify.problem.problem import Linearization, Problem
 from geoident.identify.problem.scaling import Scaling
@@ -138,7 +139,10 @@ def _log_between(low: Floats, high: Floats) -> Floats:
 
 
 def _within(low: Floats, high: Floats, u: Floats) -> Floats:
-    """The quantiles u (m,) of standard normal numbers between low and high, both (m,)."""
+    """The quantiles u (m,) of standard normal numbers between low and high, both (m,).
+
+    From the upper end where both are above zero, so that all is computed in the lower tail.
+    """
     flip = low > 0.0
     a, b = np.where(flip, -high, low), np.where(flip, -low, high)
     found = ndtri(ndtr(a) + u * (ndtr(b) - ndtr(a)))
@@ -148,8 +152,7 @@ def _within(low: Floats, high: Floats, u: Floats) -> Floats:
 
 def _lattice(n: int) -> Floats:
     """Points (n, _POINTS) in the unit cube: Richtmyer's lattice, folded so that it is periodic."""
-    primes = [k for k in range(2, 40 + n * 12) if all(k % j for j in range(2, int(k**0.5) + 1))]
-    steps = np.sqrt(np.array(primes[:n], dtype=np.float64))
+    steps = np.sqrt(np.array(first_primes(n), dtype=np.float64))
     share = np.outer(steps, np.arange(1, _POINTS + 1)) % 1.0
     return np.asarray(np.clip(1.0 - np.abs(2.0 * share - 1.0), 1e-12, 1.0 - 1e-12))
 

@@ -249,9 +249,8 @@ class RestrictedLikelihood:
         """What follows of the sums at t (c,)."""
         structure, k = self.structure, self.structure.columns.shape[1]
         root = np.exp(0.5 * np.append(t, 0.0))  # the last one for -1: given
-        scale = np.concatenate(
-            [root[structure.column_component], np.ones(len(self._sums.each[0]) - k)]
-        )
+        beside = np.ones(self.jacobian.shape[1] + 1)  # of the Jacobian and the readings
+        scale = np.concatenate([root[structure.column_component], beside])
         of_own = [
             (each * scale[:, None] * scale) / r**2
             for each, r in zip(self._sums.each, root, strict=True)

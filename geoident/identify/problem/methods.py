@@ -66,14 +66,12 @@ class Method:
             imported when it runs.
         options: type of its options.
         needs: the protocol that the model must offer, `Response` or `AffineElastic`.
-        help: one line for lists of methods.
     """
 
     name: str
     room: str
     options: type[MethodOptions]
     needs: type[object]
-    help: str
 
     def function(self, options: MethodOptions) -> Identifier:
         """The function that runs it with some options: (problem, options, observe) -> Outcome."""
@@ -84,36 +82,21 @@ class Method:
         return cast(Identifier, getattr(module, word))
 
 
-def _method(room: str, name: str, needs: type[object], text: str) -> tuple[str, Method]:
-    return name, Method(name, room, METHOD_OPTIONS[name], needs, text)
+def _method(room: str, name: str, needs: type[object]) -> tuple[str, Method]:
+    return name, Method(name, room, METHOD_OPTIONS[name], needs)
 
 
 METHODS: Mapping[str, Method] = dict(
     [
-        _method(
-            "least_squares", "gauss-newton", Response,
-            "weighted least squares by a trust region (default)",
-        ),
-        _method(
-            "least_squares", "condensation", AffineElastic,
-            "iterated linear least squares on the equations",
-        ),
-        _method("direct", "simplex", Response, "search without derivatives, for any model"),
-        _method("direct", "scan", Response, "the misfit on a grid"),
-        _method(
-            "least_squares", "closed-form", HasOpening,
-            "formulas of a circular opening, also without a mesh",
-        ),
-        _method(
-            "yield_limits", "complementarity", YieldSystem,
-            "yield limits from several starts (their default)",
-        ),
-        _method(
-            "direct", "ensemble-smoother", Response,
-            "an ensemble of the priors, without derivatives, for fields and ground that yields",
-        ),
+        _method("least_squares", "gauss-newton", Response),
+        _method("least_squares", "condensation", AffineElastic),
+        _method("direct", "simplex", Response),
+        _method("direct", "scan", Response),
+        _method("least_squares", "closed-form", HasOpening),
+        _method("yield_limits", "complementarity", YieldSystem),
+        _method("direct", "ensemble-smoother", Response),
     ]
-)  # fmt: skip
+)
 
 
 def refusals(

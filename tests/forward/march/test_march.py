@@ -424,6 +424,8 @@ def test_a_stiffness_that_is_not_positive_definite_is_told_with_its_place(block)
     )
     with pytest.raises(ModelError, match="not positive definite near") as caught:
         staged.survey(np.array([-8e9]), fields=False)
+    remedy = "look there for elements without stiffness, or held by next to nothing"
+    assert caught.value.hint == remedy
     x, y = map(float, str(caught.value).split("near (")[1].split(") m")[0].split(","))
     assert abs(x - 4) < 1.3
     assert 1.2 + block < y < 2.8 + block

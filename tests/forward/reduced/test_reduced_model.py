@@ -251,7 +251,8 @@ def test_loads_that_are_no_polynomials_are_refused_and_the_full_model_answers():
     response.keep_marches(economical=False)
     response.evaluate(np.array([q.start for q in staged.case.parameters]))
     assert response.reduced() is None
-    assert "polynomials" in response.reduction_obstacle()
+    why = "its loads are no polynomials of low degree in the parameters"
+    assert response.reduction_obstacle() == why
 
 
 def test_a_group_without_elements_is_no_part_of_it():
@@ -275,7 +276,8 @@ def test_a_mesh_too_small_for_it_has_none():
     response.keep_marches()
     response.evaluate(np.array([q.start for q in staged.case.parameters]))
     assert response.reduced() is None
-    assert "costs more" in response.reduction_obstacle()
+    why = "for a mesh of this size it costs more than the marches that it saves"
+    assert response.reduction_obstacle() == why
 
 
 def test_moduli_of_one_material_span_few_directions_and_bound_each_other():
@@ -294,7 +296,8 @@ def test_what_does_not_fit_into_the_memory_is_said(monkeypatch):
     response.keep_marches(economical=False)
     response.evaluate(np.array([q.start for q in plane().case.parameters]))
     assert response.reduced() is None
-    assert "memory" in response.reduction_obstacle()
+    why = "what a march leaves for it does not fit into the memory"
+    assert response.reduction_obstacle() == why
 
 
 @pytest.mark.parametrize("marches", [1.5, 2.5, 4.5])

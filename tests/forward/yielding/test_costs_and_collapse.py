@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import tracemalloc
+from ast import literal_eval
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -135,6 +136,10 @@ def test_collapse_names_stage_part_and_place(planes):
     said = "at stage 'second' the ground cannot carry the loads: plastic collapse; 44.4 % of the "
     said += "change of load of this stage is carried; it shears most in group 'all' near ("
     assert caught.value.message.startswith(said)
+    most, band = caught.value.message.split("' near ")[1].split(", and strongly between ")
+    low, high = (literal_eval(end.removesuffix(" m")) for end in band.split(" and "))
+    place = literal_eval(most.removesuffix(" m"))
+    assert all(0 < a <= x <= b < 1 for a, x, b in zip(low, place, high, strict=True))
     assert caught.value.hint == (
         "Raise the strengths (their start values or bounds), or see whether the stage lacks "
         "support or loads more than is meant."

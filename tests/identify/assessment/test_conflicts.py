@@ -126,7 +126,10 @@ def test_parameters_that_can_make_up_for_each_other_are_named_though_both_have_i
     assert found.correlation[0, 1] < -0.95
     (said,) = found.findings
     assert said.startswith("The readings tie E and K0 to each other (correlation -0.9")
-    assert "one larger and the other smaller" in said
+    assert "): one larger and the other smaller, they would be met nearly as well. " in said
+    (said,) = tied([[1.0, -1.0], [1.0, -1.3], [1.0, -0.9]]).findings
+    assert said.startswith("The readings tie E and K0 to each other (correlation 0.9")
+    assert "): both larger or both smaller, they would be met nearly as well. " in said
 
 
 def test_nothing_is_said_of_less_tied_ones_or_twice_of_what_cannot_be_separated():

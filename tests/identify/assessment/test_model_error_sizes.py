@@ -5,8 +5,17 @@ import pytest
 import scipy.sparse as sp
 
 from geoident.identify.assessment import model_error
-from geoident.identify.assessment.model_error import FACTORS, SIZES, ZEROS, weigh_all
-from geoident.identify.assessment.variance_components import RestrictedLikelihood
+from geoident.identify.assessment.model_error import (
+    FACTORS,
+    SIZES,
+    ZEROS,
+    weigh_all,
+    weigh_sizes,
+)
+from geoident.identify.assessment.variance_components import (
+    LikelihoodTerms,
+    RestrictedLikelihood,
+)
 from geoident.identify.problem.errors import ErrorStructure
 
 G, CHANNELS = 24, 8
@@ -122,3 +131,144 @@ def test_the_evidence_integrates_over_all_that_is_weighed():
     known = model_error.VarianceComponents(*[np.zeros(0)] * 4, 0.0)
     gain = model_error.SizeWeights(found.joint, flat, found.prior, known).log_gain
     assert gain == pytest.approx(0.0, abs=0.02)
+
+
+def table(m=29, f=15, z=8, seed=4):
+    """Weights that are known, of no symmetry."""
+    rng = np.random.default_rng(seed)
+    joint = rng.uniform(size=(m, f, z)) ** 3
+    return joint / joint.sum()
+
+
+NOTHING = model_error.VarianceComponents(*[np.zeros(0)] * 4, 3.7)
+
+
+def test_means_and_quantiles_are_those_of_the_table():
+    joint = table()
+    found = model_error.SizeWeights(joint, np.zeros_like(joint), np.ones((15, 8)), NOTHING)
+    weights = [[joint[m].sum() for m in range(29)], [joint[:, k].sum() for k in range(15)],
+               [joint[:, :, k].sum() for k in range(8)]]  # fmt: skip
+    of_size, of_factor, of_zero = map(np.array, weights)
+    np.testing.assert_allclose(found.weights, of_size)
+    assert found.size == pytest.approx(np.sqrt(of_size @ SIZES**2))
+    assert model_error.mean_size(of_size) == pytest.approx(found.size)
+    assert found.factor == pytest.approx(np.sqrt(of_factor @ FACTORS**2))
+    both = sum(joint[:, k, j].sum() * FACTORS[k] ** 2 * ZEROS[j] ** 2
+               for k in range(15) for j in range(8))  # fmt: skip
+    assert found.zero == pytest.approx(np.sqrt(both) / found.factor)
+    for part in (0.1, 0.5, 0.97):
+        expected = np.exp(np.interp(part, np.cumsum(of_factor), np.log(FACTORS)))
+        assert found.factor_quantile(part) == pytest.approx(expected)
+        expected = np.interp(part, np.cumsum(of_zero), ZEROS)
+        assert found.zero_quantile(part) == pytest.approx(expected)
+        middles = [0.0, *(0.5 * (SIZES[1:] + SIZES[:-1])), 1.0]
+        expected = np.interp(part, np.append(0.0, np.cumsum(of_size)), middles)
+        assert found.quantile(part) == pytest.approx(expected)
+    alone = joint[:, :1, :1] / joint[:, :1, :1].sum()
+    one = model_error.SizeWeights(alone, np.zeros_like(alone), np.ones((1, 1)), NOTHING)
+    assert (one.factor, one.zero) == (pytest.approx(1.0), 0.0)
+
+
+def half_normal_of_sizes():
+    """Weight of each piece of eta in the half-normal prior of 0.3, by its density and width."""
+    width = np.gradient(SIZES)
+    return np.sqrt(2.0 / np.pi) / 0.3 * np.exp(-0.5 * (SIZES / 0.3) ** 2) * width
+
+
+def test_the_evidence_is_the_sum_of_likelihood_times_priors_by_that_at_what_is_used():
+    rng = np.random.default_rng(2)
+    values, prior = rng.uniform(0.0, 9.0, (29, 15, 8)), rng.uniform(size=(15, 8))
+    prior[3] = 0.0
+    prior /= prior.sum()
+    found = model_error.SizeWeights(table(), values, prior, NOTHING).log_gain
+    whole = half_normal_of_sizes()[:, None, None] * prior * np.exp(-0.5 * (values - 3.7))
+    assert found == pytest.approx(np.log(whole.sum()), rel=1e-9)
+
+
+def test_what_is_known_of_scatter_and_zeros_before_any_reading():
+    """Half at one, half lognormal about it with ln 3; zeros half normal with one."""
+    found = model_error._factor_prior()
+    even = np.exp(-0.5 * (np.log(FACTORS) / np.log(3.0)) ** 2)
+    even[[0, 14]] /= 2.0
+    expected = 0.5 * even / even.sum()
+    expected[0] += 0.5
+    np.testing.assert_allclose(found, expected)
+    assert FACTORS[0] == 1.0
+    np.testing.assert_allclose(np.diff(np.log(FACTORS)), np.log(12.0) / 14.0)
+    found = model_error._zero_prior()
+    raw = np.exp(-0.5 * ZEROS**2) * np.gradient(ZEROS)
+    np.testing.assert_allclose(found, raw / raw.sum())
+
+
+def test_weights_are_likelihood_times_priors():
+    rng = np.random.default_rng(3)
+    values, prior = rng.uniform(0.0, 9.0, (29, 15, 8)), rng.uniform(size=(15, 8))
+    prior[3] = 0.0
+    expected = half_normal_of_sizes()[:, None, None] * prior * np.exp(-0.5 * values)
+    values[:, 3] -= 1000.0  # what cannot be does not set the size of the numbers
+    found = model_error._weights(values, prior)
+    np.testing.assert_allclose(found, expected / expected.sum(), rtol=1e-9)
+
+
+class Slopes:
+    """-2 l of one accuracy and the model error, a parabola whose minimum follows the last."""
+
+    def __init__(self):
+        self.asked = []
+
+    def value(self, t):
+        self.asked.append(t.tolist())
+        away = t[0] - 0.4 + 0.2 * (t[-1] + 3.0)
+        return float(8.0 * away**2 + 0.5 * (t[-1] + 3.0) ** 2)
+
+    def terms(self, t):
+        away = t[0] - 0.4 + 0.2 * (t[-1] + 3.0)
+        last = 3.2 * away + (t[-1] + 3.0)
+        curvature = np.array([[8.0, 1.6], [1.6, 0.9]])
+        return LikelihoodTerms(self.value(t), np.array([16.0 * away, last]), curvature)
+
+
+def test_sizes_are_weighed_with_the_accuracies_that_are_likeliest_at_each():
+    """A parabola with its weak prior (t / 2 ln 3)^2 has its least value in closed form."""
+    found = weigh_sizes(Slopes(), np.array([1.3]))
+    weak = 0.25 / np.log(3.0) ** 2
+    centre = 0.4 - 0.2 * (2.0 * np.log(SIZES) + 3.0)
+    least = 8.0 * weak / (8.0 + weak) * centre**2
+    expected = least + 0.5 * (2.0 * np.log(SIZES) + 3.0) ** 2
+    assert found.minus_two_l.shape == (29, 1, 1)
+    np.testing.assert_allclose(found.minus_two_l[:, 0, 0], expected, rtol=1e-6)
+    raw = half_normal_of_sizes() * np.exp(-0.5 * expected)
+    np.testing.assert_allclose(found.weights, raw / raw.sum(), rtol=1e-5)
+    np.testing.assert_array_equal(found.prior, [[1.0]])
+    size = np.sqrt(raw @ SIZES**2 / raw.sum())
+    assert found.size == pytest.approx(size, rel=1e-6)
+    at = 0.4 - 0.2 * (2.0 * np.log(size) + 3.0)
+    t = 8.0 * at / (8.0 + weak)
+    np.testing.assert_allclose(found.components.log_factor, [t], rtol=1e-5)
+    np.testing.assert_allclose(found.components.covariance, [[1.0 / (8.0 + weak)]], rtol=1e-6)
+    whole = 8.0 * (t - at) ** 2 + 0.5 * (2.0 * np.log(size) + 3.0) ** 2 + weak * t**2
+    assert found.components.minus_two_l == pytest.approx(whole, rel=1e-6)
+
+
+def test_a_size_with_no_accuracies_has_its_likelihood_alone():
+    class Alone:
+        def value(self, t):
+            return 7.0 + float(t[0])
+
+    found = model_error.at_size(Alone(), 0.3, np.zeros(0))
+    assert found.minus_two_l == pytest.approx(7.0 + 2.0 * np.log(0.3))
+    assert (found.log_factor.shape, found.covariance.shape) == ((0,), (0, 0))
+
+
+def test_zeros_that_are_next_to_nothing_keep_a_finite_logarithm():
+    """Where no zero error is likely, its logarithm is that of a ten-thousandth."""
+    given = likelihood(noise())
+    joint = weigh_all(given, zeros(), free=True)
+    assert joint.components.log_factor[1] == pytest.approx(
+        2.0 * np.log(joint.factor * max(joint.zero, 1e-4))
+    )
+    assert joint.components.lower.tolist() == joint.components.log_factor.tolist()
+    assert joint.components.covariance.tolist() == [[0.0, 0.0], [0.0, 0.0]]
+    held = weigh_all(given, zeros(), free=False)
+    np.testing.assert_array_equal(np.argwhere(held.prior), [[0, 0]])
+    assert held.joint[:, 1:].sum() == held.joint[:, :, 1:].sum() == 0.0

@@ -6,6 +6,7 @@ import scipy.sparse as sp
 
 from geoident.identify.assessment import variance_components
 from geoident.identify.assessment.variance_components import (
+    HeldLast,
     LikelihoodTerms,
     RestrictedLikelihood,
     _descended,
@@ -361,3 +362,88 @@ def test_parameters_on_a_bound_are_left_out(make_problem, values, directions):
 OWN = ErrorStructure(
     np.ones(3), np.zeros(3, dtype=int), sp.csr_array((3, 0)), np.zeros(0, int), ("own",)
 )
+
+
+@pytest.mark.parametrize("dense", [True, False])
+def test_information_and_gradient_are_those_of_dense_matrices(y, monkeypatch, dense):
+    """tr(P V_c P V_d) / 2 and tr P V_c - q^T V_c q, with P and q from Sigma itself."""
+    monkeypatch.setattr(variance_components, "_SMALL", 4_000_000 if dense else 0)
+    given = likelihood_with_all(y)
+    structure, J, R, prior = given.structure, given.jacobian, given.prior_rows, given.prior
+    t = np.array([0.3, -0.4, 0.2])
+    B = structure.columns.toarray()
+    V = []
+    for c in (-1, 0, 1, 2):
+        columns = B[:, structure.column_component == c]
+        V.append(np.diag(np.where(structure.component == c, structure.sd**2, 0)))
+        V[-1] = V[-1] + columns @ columns.T
+    own = [np.exp(size) * one for size, one in zip(t, V[1:], strict=True)]
+    sigma = V[0] + sum(own)
+    inverse = np.linalg.inv(sigma)
+    M = J.T @ inverse @ J + R.T @ R
+    P = inverse - inverse @ J @ np.linalg.inv(M) @ J.T @ inverse
+    x = np.linalg.solve(M, J.T @ inverse @ y - R.T @ prior)
+    q = inverse @ (y - J @ x)
+    found = given.terms(t)
+    expected = [np.trace(P @ one) - q @ one @ q for one in own]
+    np.testing.assert_allclose(found.gradient, expected, rtol=1e-8)
+    both = [[0.5 * np.trace(P @ a @ P @ b) for b in own] for a in own]
+    np.testing.assert_allclose(found.information, both, rtol=1e-8)
+    left = prior + R @ x
+    value = np.linalg.slogdet(sigma)[1] + np.linalg.slogdet(M)[1]
+    value += (y - J @ x) @ q + left @ left
+    assert found.value == pytest.approx(value, rel=1e-9)
+    assert given.value(t) == pytest.approx(value, rel=1e-9)
+
+
+def test_the_last_of_the_components_may_be_held_with_a_weak_prior_of_the_others(y):
+    whole = likelihood_with_all(y)
+    held = HeldLast(whole, 0.2, 1.7)
+    t = np.array([0.3, -0.4])
+    at = np.array([0.3, -0.4, 0.2])
+    prior = (0.15 / 1.7) ** 2 + (0.2 / 1.7) ** 2
+    assert held.value(t) == pytest.approx(whole.value(at) + prior, rel=1e-12)
+    found, terms = held.terms(t), whole.terms(at)
+    assert found.value == pytest.approx(terms.value + prior, rel=1e-12)
+    np.testing.assert_allclose(found.gradient, terms.gradient[:2] + 0.5 * t / 1.7**2)
+    expected = terms.information[:2, :2] + 0.25 * np.eye(2) / 1.7**2
+    np.testing.assert_allclose(found.information, expected)
+
+
+def test_an_interval_that_reaches_the_lowest_factor_begins_at_zero_and_only_that():
+    """Of four components: one seen, one hardly, two that are not told apart."""
+    information = np.diag([25.0, 0.04, 9.0, 9.0])
+    information[2, 3] = information[3, 2] = 9.0
+    likelihood = Given([25.0, 0.04, 9.0, 9.0], [1.5, 2.0, 0.0, 0.0], information=information)
+    found = estimate_components(likelihood, np.zeros(4))
+    half = 1.959963984540054
+    assert found.lower[0] == pytest.approx(1.5 - half / 5.0)
+    assert found.lower[1:].tolist() == [-np.inf] * 3
+    assert found.upper[0] == pytest.approx(1.5 + half / 5.0)
+    assert 0.0 <= found.upper[1] - (2.0 + half / 0.2) <= 2e-3
+    assert found.upper[2:].tolist() == [np.inf, np.inf]
+    np.testing.assert_allclose(found.covariance[2:, 2:], np.full((2, 2), 1 / 36.0))
+
+
+def test_derivatives_by_parameters_are_in_their_scales(make_problem):
+    """J dp/dx and the rows of the priors, of the directions that are seen; gaps as measured."""
+    parameters = [
+        Parameter("a", 2.0, 0.5, 9.0, "log", Prior(3.0, 0.8)),
+        Parameter("b", 4.0, -9.0, 9.0, prior=Prior(1.0, 2.0)),
+        Parameter("c", 1.0, 1.0, 3.0),
+    ]
+    A = np.array([[1.0, 0.4, 2.0], [-0.3, 0.7, 1.0], [0.5, 0.1, -1.0]])
+    problem = make_problem(lambda p: A @ p, parameters, np.array([5.0, 1.0, 2.0]),
+                           np.array([0.5, 0.2, 0.9]))  # fmt: skip
+    values = np.array([2.5, 3.0, 1.0])
+    readings, J = problem.response.evaluate(values)
+    found = likelihood_at(problem, OWN, values, readings, J)
+    size = np.array([2.5, 4.0])
+    expected = A[:, :2] * size
+    np.testing.assert_allclose(found.jacobian @ found.jacobian.T, expected @ expected.T)
+    rows = np.diag(size / [0.8, 2.0])
+    square = found.prior_rows @ found.prior_rows.T
+    np.testing.assert_allclose(square, rows @ rows.T, atol=1e-12)
+    np.testing.assert_allclose(found.jacobian @ found.prior_rows.T, expected @ rows.T)
+    np.testing.assert_allclose(found.prior, [(2.5 - 3.0) / 0.8, (3.0 - 1.0) / 2.0])
+    np.testing.assert_allclose(found.gap, np.array([5.0, 1.0, 2.0]) - A @ values)

@@ -342,8 +342,11 @@ def problem(model: Curve, *parameters: Parameter, sd: float = 1e-3) -> Problem:
 
 def test_recovers_parameters_of_different_size() -> None:
     model = Curve()
-    outcome = simplex(problem(model), SimplexOptions(), go_on)
+    outcome = simplex(problem(model), SimplexOptions(delta=1e-9), go_on)
     assert outcome.status == "converged"
+    assert outcome.reason == (
+        "The simplex is small and the misfit is the same at its vertices (tolerance 1e-09)."
+    )
     assert outcome.values == pytest.approx(TRUTH, rel=1e-6)
     assert outcome.iterations[0].note == "start"
     assert outcome.iterations[0].values == pytest.approx([1e9, 1.0])
@@ -477,4 +480,27 @@ def test_observer_stops_the_search_with_the_best_so_far() -> None:
 def test_too_few_evaluations_are_said_with_the_remedy() -> None:
     outcome = simplex(problem(Curve()), SimplexOptions(max_evaluations=30), go_on)
     assert outcome.status == "not-converged"
-    assert "30 evaluations: raise max_evaluations" in outcome.reason
+    assert outcome.reason == (
+        "The search did not converge in 30 evaluations: raise max_evaluations, or go on from here "
+        "with the method gauss-newton."
+    )
+
+
+class Step(Curve):
+    """The readings of the truth below a modulus, none above it."""
+
+    def readings(self, p: Floats) -> Floats:
+        return Curve().readings(TRUTH) if p[0] < 0.99e9 else np.zeros(3)
+
+
+@pytest.mark.parametrize("restarts", [0, 1, 2])
+def test_a_last_restart_that_finds_a_better_point_is_said(restarts: int) -> None:
+    """The first simplex sees the modulus at the start and above it, the next one below."""
+    outcome = simplex(problem(Step()), SimplexOptions(restarts=restarts), go_on)
+    assert (outcome.objective == 0.0) == (restarts > 0)
+    assert outcome.status == ("not-converged" if restarts == 1 else "converged")
+    better = (
+        "The last restart still found a clearly better point: raise restarts, or go on from here "
+        "with the method gauss-newton."
+    )
+    assert (outcome.reason == better) == (restarts == 1)

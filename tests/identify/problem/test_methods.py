@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from support.plastic_bars import Frame, PlasticBars
 
+import geoident.identify as package
 from geoident.errors import InputError
 from geoident.identify import METHODS, descend, identify, refusal
 from geoident.identify.direct.scan import grid_axes, scan
@@ -48,7 +49,14 @@ def test_the_table_has_the_names_and_options_that_users_can_write():
         assert method.name == name
         found = method.function(method.options())
         assert found.__module__.startswith(f"geoident.identify.{method.room}.")
-        assert method.help
+
+
+def test_the_names_of_the_package_are_those_of_its_rooms():
+    for name in set(package.__all__) - {"METHODS", "Observer"}:
+        assert getattr(package, name).__name__ == name
+    assert package.METHODS is methods.METHODS
+    with pytest.raises(AttributeError, match=r"'geoident.identify' has no attribute 'nothing'"):
+        _ = package.nothing
 
 
 def test_the_toy_is_a_response(problem):
@@ -338,7 +346,10 @@ def test_an_axis_that_cannot_be_is_refused(grid, code, said):
     with pytest.raises(InputError, match="scan") as caught:
         grid_axes((MODE, *QUESTION), ScanOptions(grid))
     assert [fault.code for fault in caught.value.faults] == [code]
-    assert said in caught.value.faults[0].message
+    (fault,) = caught.value.faults
+    assert said in fault.message
+    hints = {"scan-axis": "Give finite ends.", "scan-size": "Lower 'points' in fit.scan."}
+    assert fault.hint == hints.get(code, "")
 
 
 def test_an_axis_may_have_one_point_and_run_down_and_a_linear_one_below_zero():

@@ -92,3 +92,13 @@ def test_discrepancy_is_infinite_outside_the_domain_and_where_there_is_no_soluti
     assert Discrepancy(make_problem(collapse, parameters, [1.0], 1.0)).objective(p) == np.inf
     with pytest.raises(ModelError, match="too low"):
         Discrepancy(outside).linearize(p)
+
+
+def test_readings_whose_squares_are_no_numbers_are_refused(make_problem):
+    huge = make_problem(lambda p: 1e150 * p, [MODULUS], [1.0], 1.0)
+    with pytest.raises(ModelError) as caught:
+        Discrepancy(huge).linearize(np.array([15e9]))
+    assert caught.value.message == (
+        "The computed readings or their misfit exceed the range of floating-point numbers."
+    )
+    assert "unit" in caught.value.hint
