@@ -61,6 +61,18 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     items.sort(key=place)
 
 
+@pytest.fixture(scope="session", autouse=True)
+def disk_that_is_not_waited_for() -> Generator[None]:
+    """No test pulls the plug: what is to reach the disk at once is handed to the system only.
+
+    Waiting took a tenth of a small command. Processes that tests start wait as users do; that the
+    program asks for it, and what it does where it fails, `tests/io/text/test_atomic.py` sees.
+    """
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(os, "fsync", os.fstat)  # an error still where there is no such file
+        yield
+
+
 @pytest.fixture
 def verification(request: pytest.FixtureRequest) -> Recorder:
     """Takes the numbers of a comparison for the verification manual."""

@@ -54,6 +54,12 @@ def after(tmp_path, monkeypatch, folders):
 
 
 @pytest.fixture
+def fitted_trench(after) -> Path:
+    """The trench with its fit in the current folder, which several tests begin with."""
+    return after(("fit", "case.yaml"))
+
+
+@pytest.fixture
 def run():
     return run_command
 

@@ -228,16 +228,14 @@ class TestPredict:
 
 
 class TestShow:
-    def test_it_speaks_the_units_of_the_case_and_fits_a_terminal(self, trench, run):
-        run("fit", "case.yaml")
+    def test_it_speaks_the_units_of_the_case_and_fits_a_terminal(self, fitted_trench, run):
         run("fit", "case.yaml", "--set", "fit.model_error=15 %", "-o", "error.fit.h5")
         assert "computed motion" in " ".join(run("show", "error.fit.h5").stdout.split())
         told = run("show", "case.fit.h5").stdout + run("show", "error.fit.h5").stdout
         assert "GPa" in told
         assert max(len(line) for line in told.splitlines()) <= 80
 
-    def test_several_results_and_one_that_is_none(self, trench, run, run_json):
-        run("fit", "case.yaml")
+    def test_several_results_and_one_that_is_none(self, fitted_trench, run, run_json):
         assert run("show", "case.fit.h5", "case.yaml").exit_code == 7
         assert run("show", "case.yaml").exit_code == 3
         first, second = run_json("show", "case.fit.h5", "case.fit.h5")

@@ -58,26 +58,23 @@ def test_stages_that_were_not_fitted_are_predicted_and_scored(trench, run_json):
     assert any("3 of 3 readings inside" in note for note in found["notes"])
 
 
-def test_a_result_of_the_same_input_is_kept(trench, run, monkeypatch):
-    run("fit", "case.yaml")
-    before = (trench / "case.fit.h5").read_bytes()
+def test_a_result_of_the_same_input_is_kept(fitted_trench, run, monkeypatch):
+    before = (fitted_trench / "case.fit.h5").read_bytes()
     monkeypatch.setattr(fit_workflow, "prepare", None)
     again = run("fit", "case.yaml")
     assert again.exit_code == 0
     assert again.stdout == "case.fit.h5\n"
     assert "up to date" in again.stderr
-    assert (trench / "case.fit.h5").read_bytes() == before
+    assert (fitted_trench / "case.fit.h5").read_bytes() == before
 
 
-def test_a_comment_in_the_case_does_not_make_its_result_old(trench, run):
-    run("fit", "case.yaml")
-    case = trench / "case.yaml"
+def test_a_comment_in_the_case_does_not_make_its_result_old(fitted_trench, run):
+    case = fitted_trench / "case.yaml"
     case.write_text(case.read_text() + "# a comment\n")
     assert "up to date" in run("fit", "case.yaml").stderr
 
 
-def test_fresh_computes_again(trench, run):
-    run("fit", "case.yaml")
+def test_fresh_computes_again(fitted_trench, run):
     again = run("fit", "case.yaml", "--fresh")
     assert again.exit_code == 0
     assert "up to date" not in again.stderr
@@ -99,76 +96,72 @@ def change_readings(trench):
 
 
 @pytest.mark.parametrize("change", [change_case, change_mesh, change_readings])
-def test_an_edited_case_is_fitted_and_the_old_result_is_kept_beside(trench, run, change):
-    run("fit", "case.yaml")
-    before = (trench / "case.fit.h5").read_bytes()
-    change(trench)
+def test_an_edited_case_is_fitted_and_the_old_result_is_kept_beside(fitted_trench, run, change):
+    before = (fitted_trench / "case.fit.h5").read_bytes()
+    change(fitted_trench)
     done = run("fit", "case.yaml")
     assert done.exit_code == 0
     assert done.stdout == "case.fit.h5\n"
     said = " ".join(done.stderr.split())
     assert "case.fit.h5 was made from other input: it is kept as case.fit.1.h5" in said
-    assert (trench / "case.fit.1.h5").read_bytes() == before
-    assert (trench / "case.fit.h5").read_bytes() != before
+    assert (fitted_trench / "case.fit.1.h5").read_bytes() == before
+    assert (fitted_trench / "case.fit.h5").read_bytes() != before
     assert "up to date" in run("fit", "case.yaml").stderr
     assert run("diff", "case.fit.1.h5", "case.fit.h5").exit_code in (0, 1)
 
 
-def test_with_force_nothing_is_kept(trench, run):
-    run("fit", "case.yaml")
-    change_readings(trench)
+def test_with_force_nothing_is_kept(fitted_trench, run):
+    change_readings(fitted_trench)
     assert run("fit", "case.yaml", "--force").exit_code == 0
-    assert [path.name for path in trench.glob("*.fit*.h5")] == ["case.fit.h5"]
+    assert [path.name for path in fitted_trench.glob("*.fit*.h5")] == ["case.fit.h5"]
 
 
-def test_a_case_that_is_as_before_has_its_result_back_without_computing(trench, run, monkeypatch):
-    text = (trench / "case.yaml").read_text()
+def test_a_case_that_is_as_before_has_its_result_back_without_computing(
+    fitted_trench, run, monkeypatch
+):
+    text = (fitted_trench / "case.yaml").read_text()
+    first = (fitted_trench / "case.fit.h5").read_bytes()
+    change_readings(fitted_trench)
     run("fit", "case.yaml")
-    first = (trench / "case.fit.h5").read_bytes()
-    change_readings(trench)
-    run("fit", "case.yaml")
-    second = (trench / "case.fit.h5").read_bytes()
-    (trench / "readings.csv").write_text(READINGS)
-    assert (trench / "case.yaml").read_text() == text
+    second = (fitted_trench / "case.fit.h5").read_bytes()
+    (fitted_trench / "readings.csv").write_text(READINGS)
+    assert (fitted_trench / "case.yaml").read_text() == text
     monkeypatch.setattr(fit_workflow, "prepare", None)
     again = run("fit", "case.yaml")
     assert again.exit_code == 0
     said = " ".join(again.stderr.split())
     assert "case.fit.1.h5 was made from this input: it is case.fit.h5 again" in said
     assert "what stood there is kept as case.fit.2.h5" in said
-    assert (trench / "case.fit.h5").read_bytes() == first
-    assert (trench / "case.fit.2.h5").read_bytes() == second
-    assert not (trench / "case.fit.1.h5").exists()
+    assert (fitted_trench / "case.fit.h5").read_bytes() == first
+    assert (fitted_trench / "case.fit.2.h5").read_bytes() == second
+    assert not (fitted_trench / "case.fit.1.h5").exists()
 
 
-def test_an_override_is_other_input(trench, run):
-    run("fit", "case.yaml")
+def test_an_override_is_other_input(fitted_trench, run):
     assert run("fit", "case.yaml", "--set", "parameters.E.start=3 GPa").exit_code == 0
-    assert (trench / "case.fit.1.h5").exists()
+    assert (fitted_trench / "case.fit.1.h5").exists()
 
 
-def test_a_dry_run_says_that_the_old_result_will_be_kept(trench, run):
-    run("fit", "case.yaml")
-    change_readings(trench)
+def test_a_dry_run_says_that_the_old_result_will_be_kept(fitted_trench, run):
+    change_readings(fitted_trench)
     said = run("fit", "case.yaml", "--dry-run").stdout
     assert "Would write case.fit.h5\nand keep what stands there beside it" in said
-    assert not (trench / "case.fit.1.h5").exists()
+    assert not (fitted_trench / "case.fit.1.h5").exists()
 
 
-def test_a_result_of_another_case_or_command_is_not_touched(trench, run):
-    run("fit", "case.yaml")
-    (trench / "other.yaml").write_text((trench / "case.yaml").read_text())
-    change_readings(trench)
-    before = (trench / "case.fit.h5").read_bytes()
+def test_a_result_of_another_case_or_command_is_not_touched(fitted_trench, run):
+    (fitted_trench / "other.yaml").write_text((fitted_trench / "case.yaml").read_text())
+    change_readings(fitted_trench)
+    before = (fitted_trench / "case.fit.h5").read_bytes()
     for command in (("fit", "other.yaml"), ("scan", "case.yaml"), ("backtest", "case.yaml")):
         refused = run(*command, "-o", "case.fit.h5")
         assert refused.exit_code == 6
         said = " ".join(refused.stderr.split())
         assert "a result of another case or command; it is not overwritten" in said
         assert "--force" in said
-    assert (trench / "case.fit.h5").read_bytes() == before
+    assert (fitted_trench / "case.fit.h5").read_bytes() == before
     assert run("fit", "case.yaml", "-o", "case.fit.h5").exit_code == 0  # its own, named
-    assert (trench / "case.fit.1.h5").read_bytes() == before
+    assert (fitted_trench / "case.fit.1.h5").read_bytes() == before
 
 
 def test_old_results_are_kept_within_bounds_but_never_one_that_took_long(trench, run, monkeypatch):
@@ -186,25 +179,25 @@ def test_old_results_are_kept_within_bounds_but_never_one_that_took_long(trench,
     assert said.count("case.fit.2.h5, an older one, is removed") == 1
 
 
-def test_the_old_result_stays_where_it_is_until_the_new_one_is_there(trench, run, monkeypatch):
-    run("fit", "case.yaml")
-    before = (trench / "case.fit.h5").read_bytes()
-    change_readings(trench)
+def test_the_old_result_stays_where_it_is_until_the_new_one_is_there(
+    fitted_trench, run, monkeypatch
+):
+    before = (fitted_trench / "case.fit.h5").read_bytes()
+    change_readings(fitted_trench)
 
     def die(*_, **__):
-        assert (trench / "case.fit.h5").read_bytes() == before
+        assert (fitted_trench / "case.fit.h5").read_bytes() == before
         raise KeyboardInterrupt
 
     monkeypatch.setattr("geoident.workflow.estimating.finished.write_result", die)
     run("fit", "case.yaml")
-    assert (trench / "case.fit.h5").read_bytes() == before
-    assert (trench / "case.fit.1.h5").read_bytes() == before
+    assert (fitted_trench / "case.fit.h5").read_bytes() == before
+    assert (fitted_trench / "case.fit.1.h5").read_bytes() == before
 
 
-def test_where_there_are_no_hard_links_the_old_result_is_copied(trench, run, monkeypatch):
-    run("fit", "case.yaml")
-    before = (trench / "case.fit.h5").read_bytes()
-    change_readings(trench)
+def test_where_there_are_no_hard_links_the_old_result_is_copied(fitted_trench, run, monkeypatch):
+    before = (fitted_trench / "case.fit.h5").read_bytes()
+    change_readings(fitted_trench)
     link = Path.hardlink_to
 
     def none(self, target):
@@ -214,7 +207,7 @@ def test_where_there_are_no_hard_links_the_old_result_is_copied(trench, run, mon
 
     monkeypatch.setattr(Path, "hardlink_to", none)
     assert run("fit", "case.yaml").exit_code == 0
-    assert (trench / "case.fit.1.h5").read_bytes() == before
+    assert (fitted_trench / "case.fit.1.h5").read_bytes() == before
 
 
 def test_a_file_that_is_no_result_is_not_overwritten(trench, run):
@@ -345,9 +338,8 @@ class TestSeveralCases:
         assert found == ["case.yaml", "good.yaml"]
 
     def test_what_is_up_to_date_is_told_apart_and_asks_for_no_process(
-        self, cases, run, monkeypatch
+        self, fitted_trench, cases, run, monkeypatch
     ):
-        assert run("fit", "case.yaml").exit_code == 0
         mixed = run("fit", "case.yaml", "good.yaml", "-j", "2")
         assert mixed.stdout == "case.fit.h5\ngood.fit.h5\n"
         assert "case.yaml: up to date\n" in mixed.stderr

@@ -17,6 +17,7 @@ from tests.support.trench import CASE, READINGS, write_mesh
 
 MESHLESS = ("opening",)
 WITH_TUTORIAL = ("twin-tunnels",)
+OF_NEWCOMERS = ("cavern",)
 
 
 @pytest.fixture
@@ -41,15 +42,21 @@ class TestTemplate:
         assert sum(line.lstrip().startswith("#") for line in lines) >= 20
 
 
-@pytest.mark.parametrize("name", [name for name in TEMPLATES if name not in WITH_TUTORIAL])
+@pytest.mark.parametrize(
+    "name", [name for name in TEMPLATES if name not in (*WITH_TUTORIAL, *OF_NEWCOMERS)]
+)
 def test_its_fit_converges_and_predicts_the_stage_that_was_left_out(here, run, name):
-    """Those with a tutorial: `test_tutorial`."""
+    """One with a tutorial is in `test_tutorial`, that of newcomers in `test_newcomer`.
+
+    With the error of the mesh and the backtest, as it comes: the slow tests of `test_newcomer`.
+    """
     made = run("init", "new", "--template", name)
     assert made.exit_code == 0
     assert made.stdout.splitlines()[0] == "new/case.yaml"
     assert all(Path(file).exists() for file in made.stdout.splitlines())
     assert "geoident fit new/case.yaml" in made.stderr
-    done = run("fit", "new/case.yaml")
+    lean = ("--set", "fit.mesh_error=false", "--set", "fit.backtest=false")
+    done = run("fit", "new/case.yaml", *lean)
     assert done.exit_code == 0, done.stderr
     assert "readings inside" in " ".join(run("show", "new/case.fit.h5").stdout.split())
 

@@ -9,8 +9,7 @@ AGAIN = "`geoident export case.fit.h5` makes them again"
 
 
 @pytest.mark.usefixtures("plain_pictures")
-def test_a_new_fit_says_which_files_are_of_the_earlier_one(trench, run):
-    run("fit", "case.yaml")
+def test_a_new_fit_says_which_files_are_of_the_earlier_one(fitted_trench, run):
     assert "earlier result" not in run("fit", "case.yaml").stderr
     run("export", "case.fit.h5")
     run("export", "case.fit.h5", "--format", "vtu")
@@ -31,8 +30,7 @@ def test_a_new_fit_says_which_files_are_of_the_earlier_one(trench, run):
     assert len([line for line in listing() if line.startswith("# Of the result")]) == 1
 
 
-def test_what_the_user_wrote_there_is_not_named(trench, run):
-    run("fit", "case.yaml")
+def test_what_the_user_wrote_there_is_not_named(fitted_trench, run):
     run("export", "case.fit.h5")
     Path("case.fit.export/notes.txt").write_text("mine")
     Path("case.fit.html").write_text("<p>mine</p>")

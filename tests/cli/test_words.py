@@ -88,8 +88,7 @@ class TestNext:
         assert next_steps(planned) == ["geoident fit case.yaml"]
 
     @pytest.mark.usefixtures("plain_pictures")
-    def test_after_figures_alone_no_page_is_opened(self, trench, run):
-        run("fit", "case.yaml")
+    def test_after_figures_alone_no_page_is_opened(self, fitted_trench, run):
         (step,) = next_steps(run("report", "case.fit.h5", "--no-page", "--figures", "pictures"))
         assert step == "look at the figures in pictures"
         (step,) = next_steps(run("report", "case.fit.h5"))

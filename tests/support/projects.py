@@ -27,6 +27,14 @@ laws:
 """
 
 
+def without(*names):
+    """The text of the shipped project without some of its sections."""
+    lines = (EXAMPLE / "project.yaml").read_text(encoding="utf-8").splitlines(keepends=True)
+    left = [line for line in lines if not any(f"{{name: {name}," in line for name in names)]
+    assert len(lines) - len(left) == len(names)
+    return "".join(left)
+
+
 def example(folder, text=None):
     """A copy of the shipped project; the path of its file.
 

@@ -105,7 +105,7 @@ def test_models_by_changes_to_the_case(tmp_path):
     """The general form: any key, and a parameter that only the richer model has."""
     ladder = (
         "{ladder: [{name: one modulus}, {name: nu too, set: {materials.rock.nu: $nu, "
-        "parameters.nu: {start: 0.2, bounds: [0.05, 0.45]}}}]}"
+        f"parameters.nu: {{start: 0.2, bounds: [0.05, 0.45]}}}}}}], {ALONE}}}"
     )
     truth = write_case(tmp_path, name="truth.yaml")
     write_readings(truth, TRUTHS["isotropic"], seed=1)
@@ -151,8 +151,8 @@ def test_faults_of_a_ladder_are_said_where_they_stand(tmp_path, entry, words):
 
 def test_fits_of_different_readings_are_not_compared(tmp_path):
     write_readings(write_case(tmp_path, name="truth.yaml"), TRUTHS["isotropic"], seed=1)
-    write_case(tmp_path, name="all.yaml")
-    write_case(tmp_path, name="some.yaml", fit="{stages: [push-z, push-x]}")
+    write_case(tmp_path, name="all.yaml", fit=f"{{{ALONE}}}")
+    write_case(tmp_path, name="some.yaml", fit=f"{{stages: [push-z, push-x], {ALONE}}}")
     for name in ("all", "some"):
         run_command("fit", str(tmp_path / f"{name}.yaml"))
     ended = run_command("compare", *(str(tmp_path / f"{n}.fit.h5") for n in ("all", "some")))

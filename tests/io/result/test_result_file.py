@@ -451,7 +451,8 @@ def test_disk_that_is_full_at_any_moment(tmp_path: Path, result_maker: Make, kin
     before = path.read_bytes()
     write_result(result_maker(full=kind == "full"), tmp_path / "b.h5", overwrite=False)
     size = (tmp_path / "b.h5").stat().st_size
-    arguments = [str(Path(__file__).parent), str(path), str(size), str(size // 40), kind]
+    step = size // (20 if kind == "full" else 40)
+    arguments = [str(Path(__file__).parent), str(path), str(size), str(step), kind]
     run = subprocess.run(
         [sys.executable, "-c", FULL_DISK, *arguments],
         capture_output=True,
