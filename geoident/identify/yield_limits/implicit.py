@@ -330,7 +330,7 @@ class ImplicitSearch:
             return None
         for x in raised(self.scaling, strength):
             if self.spent():
-                break
+                return None
             point = self.evaluator.start(x, "stronger")
             if point is not None:
                 return point

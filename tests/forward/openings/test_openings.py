@@ -352,6 +352,17 @@ def test_divided_differences_against_their_definition() -> None:
         assert float(dual.value) == pytest.approx(exact, rel=1e-14)
     near, far = (log_divided(Dual(np.array([x, 1.0]))).columns[1] for x in (0.5 - 1e-12, 0.5))
     assert near == pytest.approx(far, rel=1e-10)
+    for x in (-0.9999, -0.97, -0.499, -0.003, 0.003, 0.499, 0.6, 8.0, 900.0):
+        slope = log_divided(Dual(np.array([x, 1.0]))).columns[1]
+        assert slope == pytest.approx(_log_slope(x), rel=3e-15 if abs(x) < 0.5 else 3e-14)
+
+
+def _log_slope(x: float) -> float:
+    """The derivative of ln(1 + x) / x by 60 decimal digits."""
+    with localcontext() as context:
+        context.prec = 60
+        at = Decimal(x)
+        return float((1 / (1 + at) - (1 + at).ln() / at) / at)
 
 
 @pytest.mark.parametrize("size", [1e-8, 0.1, 1.0, 10.0, 60.0, 300.0])

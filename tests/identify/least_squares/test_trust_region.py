@@ -2,7 +2,9 @@
 
 import numpy as np
 import pytest
+from scipy.optimize import lsq_linear
 
+from geoident.identify.least_squares import trust_region
 from geoident.identify.least_squares.several_starts import halton_starts
 from geoident.identify.least_squares.trust_region import (
     TrustBox,
@@ -129,6 +131,33 @@ def test_the_minimum_in_a_box_fulfils_the_conditions_of_kuhn_and_tucker(seed):
     assert np.all(np.abs(g[inside]) < 1e-11)
     assert np.all(g[(d == lower) & (d < upper)] > -1e-11)
     assert np.all(g[(d == upper) & (d > lower)] < 1e-11)
+
+
+@pytest.mark.parametrize("sides", [([-1.0, -9.0], [9.0, 9.0]), ([-9.0, -9.0], [9.0, 0.5])])
+def test_a_minimum_on_the_box_is_found_at_once(monkeypatch, sides):
+    solved = []
+
+    def counted(A, b):
+        solved.append(smallest_solution(A, b))
+        return solved[-1]
+
+    monkeypatch.setattr(trust_region, "smallest_solution", counted)
+    d = bounded_least_squares(np.eye(2), np.array([1.0, -0.5]), *np.array(sides))
+    assert d.tolist() == [-1.0, 0.5]
+    assert len(solved) == 1
+
+
+def test_columns_of_very_different_size_are_released_by_their_own_size():
+    """Both run into a side first; which gives way is judged per unit of its column."""
+    A = np.array([[1e3, 0.0], [0.0, 1e-3], [1.0, 1e-3]])
+    unit = np.array([1e-3, 1e3])
+    lower, upper = np.array([-0.5, -1.0]), np.array([0.2, 4.0])
+    for b in ([300.0, 2e-3, -0.5], [-300.0, -2e-3, 0.7], [2e3, -3e-3, 0.1], [9.0, 5e-3, 0.0]):
+        d = bounded_least_squares(A, np.array(b), lower, upper)
+        best = lsq_linear(
+            A * unit, -np.array(b), (lower / unit, upper / unit), method="bvls", tol=1e-15
+        ).x
+        np.testing.assert_allclose(d, best * unit, rtol=1e-6, atol=1e-9)
 
 
 def test_a_variable_that_cannot_move_stays():

@@ -121,7 +121,7 @@ def test_turns_are_those_of_the_model_or_none():
 def told(response, count, row=0):
     """Parts, as first and number of points, and at which points a turn was taken."""
     points = np.arange(2.0 * count).reshape(count, 2)
-    with asked_in_turns(problem(response), points, row) as turn:
+    with asked_in_turns(problem(response), points, *([row] if row else [])) as turn:
         at = []
         for k in range(count):
             before = len(response.turned)

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from support.plastic_bars import Frame, PlasticBars
 
+import geoident.identify as package
 from geoident.errors import InputError
 from geoident.identify import METHODS, descend, identify, refusal
 from geoident.identify.direct.scan import grid_axes, scan
@@ -48,6 +49,14 @@ def test_the_table_has_the_names_and_options_that_users_can_write():
         assert method.name == name
         found = method.function(method.options())
         assert found.__module__.startswith(f"geoident.identify.{method.room}.")
+
+
+def test_the_names_of_the_package_are_those_of_its_rooms():
+    for name in set(package.__all__) - {"METHODS", "Observer"}:
+        assert getattr(package, name).__name__ == name
+    assert package.METHODS is methods.METHODS
+    with pytest.raises(AttributeError, match=r"'geoident.identify' has no attribute 'nothing'"):
+        _ = package.nothing
 
 
 def test_the_toy_is_a_response(problem):

@@ -52,7 +52,8 @@ def test_restarts_go_on_longer_where_readings_are_more_exact_than_stated():
     assert search.patience(ending(11.8)) == 3 * 3
     assert search.patience(ending(12.0)) == 2
     assert searching(n=1, readings=1).patience(ending(1.0)) == 2
-    assert searching(n=1, readings=1).patience(ending(9.0)) == 3 * 2
+    assert searching(n=1, readings=1).patience(ending(5.2)) == 2
+    assert searching(n=1, readings=1).patience(ending(5.3)) == 3 * 2
 
 
 @pytest.mark.parametrize(("phi", "better"), [(0.9991, False), (0.9989, True)])
@@ -166,6 +167,22 @@ def test_where_residuals_are_not_explained_beside_is_farther():
         def run(self, start, give_up, leave):
             asked.extend(
                 leave(of_phi(phi), Step(np.zeros(1), 0.1, phi - 90.0)) for phi in (99.9, 100.1)
+            )
+
+    search.descents = [Recorder(), Recorder()]
+    search.restart(start.x, of_phi(90.0), 0)
+    assert asked == [True, False]
+
+
+def test_one_reading_to_spare_is_the_least_that_counts():
+    """As many readings as strengths: 90 is unexplained, and what is within twice of it beside."""
+    search, asked = searching(n=1, readings=1), []
+    start = search.evaluator.evaluate(search.scaling.start)
+
+    class Recorder:
+        def run(self, start, give_up, leave):
+            asked.extend(
+                leave(of_phi(phi), Step(np.zeros(1), 0.1, phi - 90.0)) for phi in (179.0, 181.0)
             )
 
     search.descents = [Recorder(), Recorder()]

@@ -273,6 +273,39 @@ def test_no_more_restarts_are_told_ahead_than_may_be_made(restarts, patience, as
     assert seen == asked
 
 
+def test_what_moves_no_plane_is_not_weakened():
+    """Of three parameters the second moves nothing; the third has no lower bound to go to."""
+    frames = [Frame([1.0, 1.5], [0, None], [2.0]), Frame([2.0, 0.5], [2, None], [1.7])]
+    bars = Watched(frames, 3)
+    parameters = tuple(
+        Parameter(f"k{i + 1}", x, low, 20.0)
+        for i, (x, low) in enumerate(((0.9, 0.3), (1.1, 0.1), (1.3, -np.inf)))
+    )
+    problem = Problem(bars, np.array([1.0, 0.9]), np.full(2, 1e-3), parameters)
+    search = ImplicitSearch(problem, ComplementarityOptions(), lambda entry: None)
+    point = search.evaluator.evaluate(search.scaling.to_scaled(np.array([0.5, 0.7, 0.8])))
+    weak = search.scaling.to_natural(search.weakened(point))
+    assert weak == pytest.approx([0.6, 0.7, 1.3])
+
+
+def test_enough_is_what_is_spent_or_met_or_fruitless():
+    search, _, _ = searching(off=0.05)
+    best = Ending(points(search, 1.0)[0], "", "")
+    search.patience = lambda best: 4
+    assert [search.enough(best, fruitless) for fruitless in (0, 3, 4, 5)] == [
+        False,
+        False,
+        True,
+        True,
+    ]
+    search.exact = best.point.phi
+    assert search.enough(best, 0)
+    search.exact = 0.999 * best.point.phi
+    assert not search.enough(best, 0)
+    search.spent = lambda: True
+    assert search.enough(best, 0)
+
+
 def test_a_lower_point_is_gone_on_from_at_once_and_a_better_one_counts_anew():
     search, _, _ = searching(off=0.05, restarts=20)
     start = points(search, 1.0)[0]
