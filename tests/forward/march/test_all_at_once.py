@@ -17,6 +17,8 @@ from support.meshes import box, regroup
 
 from geoident.forward.gauges.adjoints import ReadingAdjoints
 from geoident.forward.march import adjoint
+from geoident.forward.march.march import RunOptions
+from geoident.forward.march.stage import UnitForces
 from geoident.model.actions import Pressure
 from geoident.model.case import Material, Stage, Support
 from geoident.model.ground import Isotropic
@@ -266,3 +268,31 @@ def test_states_are_those_of_a_dense_march():
     for end, (u, stress, _, _) in zip(staged.at(HERE).states(), wanted, strict=True):
         np.testing.assert_allclose(end.u[:, 0], u, rtol=0.0, atol=1e-10 * size)
         np.testing.assert_allclose(end.stress[..., 0], stress, rtol=0.0, atol=1e-10 * most)
+
+
+@pytest.mark.parametrize("derivatives", [True, False])
+def test_columns_of_unit_forces_are_what_a_push_adds(staged, derivatives):
+    """All is linear in forces: displacements, stresses and forces in structures of all states."""
+    n = 2 * staged.mesh.n_nodes
+    rng = np.random.default_rng(5)
+    forces = np.zeros((n, 2))
+    forces[[64, 77], 0] = 1.0, -2.0  # on nodes that are always there
+    forces[[81, 91], 1] = 1.0, 0.5
+    active = rng.choice([-1.0, 0.0, 1.0], (1 + len(STATES), 2))
+    sizes = np.array([3e5, -2e5])
+
+    def ends(**options):
+        run = staged.at(HERE, RunOptions(derivatives=derivatives, **options))
+        return [(end.u.copy(), end.stress.copy(), end.members.copy()) for end in run.states()]
+
+    plain, columns = ends(), ends(unit_forces=UnitForces(forces, active))
+    pushed = ends(unit_forces=UnitForces(forces, active, sizes))
+    moved = False
+    for before, beside, after in zip(plain, columns, pushed, strict=True):
+        for one, more, other in zip(before, beside, after, strict=True):
+            size = np.abs(one[..., 0]).max(initial=0.0)
+            np.testing.assert_allclose(more[..., :-2], one, rtol=1e-9, atol=1e-10 * size)
+            added = other[..., 0] - one[..., 0]
+            moved |= np.abs(added).max(initial=0.0) > 1e-3 * size > 0.0
+            np.testing.assert_allclose(more[..., -2:] @ sizes, added, rtol=0.0, atol=1e-8 * size)
+    assert moved
