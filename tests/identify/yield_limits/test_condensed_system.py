@@ -207,6 +207,8 @@ def test_what_cannot_be_condensed_is_said():
     assert "no convex energy" in why
     fixed = replace(given.slacks, by_x=sp.csr_array([[0.0, -1.0, -0.1]]))
     assert "no convex energy" in (condensing_obstacle(replace(given, slacks=fixed)) or "")
+    stored = sp.csr_array(([-1.0, 0.0], ([0, 0], [1, 2])), shape=(1, 3))  # a zero that is kept
+    assert condensing_obstacle(replace(given, slacks=replace(given.slacks, by_x=stored))) is None
 
 
 # The nonlinear program in the full space
