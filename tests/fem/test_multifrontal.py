@@ -7,10 +7,11 @@ import time
 
 import numpy as np
 import pytest
+import scipy.linalg
 import scipy.sparse as sp
 
 from geoident.fem.solvers.direct import LowerPattern, NotPositiveDefinite, SolverCounts
-from geoident.fem.solvers.fronts import elimination, layout, tree
+from geoident.fem.solvers.fronts import blas, elimination, layout, tree
 from geoident.fem.solvers.fronts.graph import elimination_tree, node_graph
 from geoident.fem.solvers.fronts.tasks import run_tasks
 from geoident.fem.solvers.multifrontal import MultifrontalSolver
@@ -411,6 +412,31 @@ def test_little_work_is_not_divided():
     order = nested_dissection(points, *graph)
     pattern, _ = lower(stiffness(*graph, 2, 0), spread(order, 2))
     assert layout.layout(pattern.indptr, pattern.indices, pattern.n).branches == ()
+
+
+@pytest.mark.parametrize("columns", [1, 2, blas.FEW, blas.FEW + 1, 20])
+@pytest.mark.parametrize("below", [0, 1, 90])
+@pytest.mark.parametrize(("dtype", "close"), [("f8", 1e-13), ("f4", 1e-5)])
+def test_panel_solves_with_its_triangle_and_passes_on_what_is_below(dtype, close, below, columns):
+    rng = np.random.default_rng(7)
+    width = 700  # several tiles, the last one narrower
+    strip = np.asfortranarray(rng.normal(size=(width + below, width)) * 0.02, dtype=dtype)
+    strip[np.arange(width), np.arange(width)] += 1.0
+    lower, rest = np.tril(strip[:width]).astype("f8"), strip[width:].astype("f8")
+    panel, kernels = blas.Panel(strip), blas.Kernels(dtype)
+    given = rng.normal(size=(width, columns)).astype(dtype)
+    under = rng.normal(size=(below, columns)).astype(dtype)
+
+    x = given.copy()
+    passed = kernels.forward(panel, x)
+    wanted = scipy.linalg.solve_triangular(lower, given, lower=True)
+    np.testing.assert_allclose(x, wanted, rtol=0, atol=close * np.abs(wanted).max())
+    np.testing.assert_allclose(passed, -rest @ wanted, rtol=0, atol=close * np.abs(wanted).max())
+
+    y = given.copy()
+    kernels.backward(panel, y, under)
+    wanted = scipy.linalg.solve_triangular(lower.T, given - rest.T @ under)
+    np.testing.assert_allclose(y, wanted, rtol=0, atol=close * np.abs(wanted).max())
 
 
 def test_nothing_runs_any_more_when_a_task_has_failed(monkeypatch):

@@ -160,7 +160,7 @@ class Overburden:
     """Finds what stands above places in the initial state of a case.
 
     Args:
-        on_mesh: the case on its mesh.
+        on_mesh: the case on its mesh; one without mesh has none that weighs.
     """
 
     def __init__(self, on_mesh: CaseOnMesh) -> None:
@@ -199,8 +199,6 @@ class Overburden:
         """(m, dim - 1) by which lines are moved, so that they pass through the inside."""
         if elements is not None:
             return (_INWARDS * (self._centres[elements] - positions))[:, :-1]
-        if not len(self._mesh.points):
-            return np.zeros_like(positions[:, :-1])
         size = np.ptp(self._mesh.points, axis=0).max()
         return np.broadcast_to(size * _ASIDE[: positions.shape[1] - 1], positions[:, :-1].shape)
 
@@ -218,8 +216,6 @@ class Overburden:
     @cached_property
     def _loaded(self) -> tuple[tuple[FaceLoad, _Pieces], ...]:
         """Loads on faces that act from the beginning, with the faces."""
-        if not self._mesh.blocks:
-            return ()
         mesh, table = self._mesh, self._on_mesh.table
         present = self._on_mesh.sequence.present(0)
         found = []

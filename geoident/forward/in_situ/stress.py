@@ -200,9 +200,8 @@ class _Heim:
         model = self._model
         if model.vertical is not None:
             return point.constant(np.ones(self._n)) * point.number(model.vertical)
-        if model.unit_weight is None or self._depths is None:
-            msg = "Heim's stress needs a vertical stress, or a unit weight and the surface"
-            raise ValueError(msg)
+        assert model.unit_weight is not None
+        assert self._depths is not None
         return self._depths.at(point).positive_part() * point.number(model.unit_weight)
 
 

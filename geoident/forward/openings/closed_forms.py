@@ -269,10 +269,11 @@ class Opening:
     @property
     def critical(self) -> tuple[Dual, Dual] | None:
         """Pressures below and above which the wall yields, Pa; None where it never does."""
-        if self.strength is None:
-            return None
+        return None if self.strength is None else self._yields_at(self.strength)
+
+    def _yields_at(self, strength: WallLimit) -> tuple[Dual, Dual]:
         p0 = self.rock.pressure
-        return self.strength.critical(p0), self.strength.reversed.critical(p0)
+        return strength.critical(p0), strength.reversed.critical(p0)
 
     def under(self, pressure: Dual) -> GroundState:
         """The ground when the pressure inside went from p0 to this, Pa, in one direction.
@@ -280,9 +281,9 @@ class Opening:
         Raises:
             BeyondClosedForm: the limit cannot carry it, or the ground yields out of the plane.
         """
-        if self.strength is None or self.critical is None:
+        if self.strength is None:
             return GroundState(self, pressure)
-        below, above = self.critical
+        below, above = self._yields_at(self.strength)
         if pressure.value < below.value:
             return PlasticState(self, pressure, self.strength)
         if pressure.value > above.value:

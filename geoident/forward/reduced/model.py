@@ -118,7 +118,7 @@ class ReducedModel:
                 K += np.tensordot(c, matrices, axes=1)
             else:
                 right -= _product(matrices, c, before[state][..., 0])
-        q[..., 0] = np.linalg.solve(K, right[..., None])[..., 0]
+        q[..., :1] = np.linalg.solve(K, right[..., None])
         if not derivatives:
             return q
         rest = np.einsum("ir,brn->bin", stage.load, at.load_slopes)
@@ -204,7 +204,7 @@ class ReducedModel:
                 weight[z.material][:, None] * (y @ z.rest)
                 for z, y in zip(stage.residuals, apart, strict=True)
             )
-            h = -np.linalg.solve(normal, np.asarray(pull)[..., None])[..., 0]
+            h = -np.linalg.solve(normal, np.asarray(pull)[..., None]).squeeze(2)
         total = np.zeros(len(at.loads))
         for zone, y in zip(stage.residuals, apart, strict=True):
             left = y + h @ zone.rest.T

@@ -246,6 +246,8 @@ def test_ground_without_a_reaction_curve_is_refused(law, conversion, said):
     assert fault.code == "no-closed-form"
     assert said in fault.message
     assert fault.path == "face"
+    direct = conversion == "direct"
+    assert fault.hint.startswith("Give 'plastic_radius'" if direct else "Write 'conversion: mesh'")
     two_rocks(material("rock", 5e9, 0.25), **settings)  # elastic ground needs none
 
 

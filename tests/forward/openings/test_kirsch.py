@@ -144,6 +144,8 @@ def test_a_stage_that_stands_after_one_that_does_not_is_on_the_curve():
     found = ground_reaction(opened.field, {})
     assert found.stages == ("half",)
     assert found.stage_pressure == pytest.approx([5 * MPa])
+    held = ground_reaction(without_mesh(material("rock", E, NU), stages=stages[1:]).field, {})
+    assert (held.pressure[-1], len(held.pressure)) == (0.0, 81)
     known = opened.survey(np.empty(0), fields=False, partial=True)
     np.testing.assert_array_equal(np.isfinite(known.computed[0]), [False, True])
     assert len(known.collapses) == 1

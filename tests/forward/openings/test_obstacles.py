@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from support.cases import displacement, make_case, material, rollers
+from support.meshes import opening
 from support.tunnels import with_lines
 from support.yielding import constant, given, hoek, mohr, rock
 
@@ -216,11 +217,16 @@ def test_the_site_of_a_case_without_mesh_is_all_that_is_excavated():
 def on(mesh, *stages, groups=None, **changes):
     settings = {
         "materials": {"rock": PLAIN, "hard": HARD},
-        "groups": groups or dict.fromkeys(mesh.groups.keys() - {"all"}, "rock"),
+        "groups": groups or {name: "rock" for name in mesh.groups if name != "all"},
         "supports": rollers(2),
         "stages": stages or (Stage("open", excavate=("core",)),),
     }
     return CaseOnMesh(make_case(mesh, **{**settings, **changes}), mesh)
+
+
+def all_round():
+    """All round, of few elements."""
+    return opening("quad8", 2, n=1, layers=6, radius=RADIUS, reach=12 * RADIUS, whole=True)
 
 
 def moved(mesh, by, factor=1.0):
@@ -344,6 +350,28 @@ def test_a_half_of_a_circle_needs_the_plane_of_symmetry_to_be_held():
     flipped = replace(whole, points=-whole.points)
     blocks = tuple(replace(b, nodes=b.nodes) for b in flipped.blocks)
     assert isinstance(site_in_mesh(on(replace(flipped, blocks=blocks)), Circle()), OpeningSite)
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_stress_that_grows_across_counts_at_both_sides_of_the_opening(side):
+    """A surface that falls to one side by 1.497: there the stress is the furthest from its mean.
+
+    Beyond its upper end the level is that of the end, 12 radii above the centre.
+    """
+    mesh = all_round()
+    away = np.linalg.norm(mesh.points, axis=1)
+    edge = np.flatnonzero(away > 11.9 * RADIUS)
+    angle = np.arctan2(mesh.points[edge, 1], side * mesh.points[edge, 0])
+    ends = [edge[np.argmin(np.abs(angle - at))] for at in (np.pi / 2, -np.pi / 8)]
+    mesh = with_lines(mesh, "slope", np.array([ends]))
+    stress = HeimStress(K0=Scalar(1.0), unit_weight=Scalar(1e4), surface="slope")
+    found = opening_in_mesh(on(mesh, in_situ=stress), Circle((0.0, 0.0), RADIUS))
+    (x0, y0), (x1, y1) = mesh.points[ends]
+    assert x0 == pytest.approx(0.0, abs=1e-9)
+    fall = (y0 - y1) / abs(x1)
+    assert fall > 1.4
+    (said,) = [note for note in found.notes if "in-situ stress around" in note]
+    assert f"is up to {100 * fall * RADIUS / y0:.0f} % off its mean" in said
 
 
 def test_a_pressure_elsewhere_is_no_pressure_on_the_wall():

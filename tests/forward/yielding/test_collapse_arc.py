@@ -13,11 +13,14 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
+from scipy.optimize import linprog
 from support.array_model import DenseFactor, Operators
 from support.plastic import Planes, polyhedral
 
 from geoident.fem.elasticity import UniformModuli
-from geoident.forward.march.collapse import limit_of
+from geoident.fem.solvers.direct import NotPositiveDefinite
+from geoident.forward.march import collapse
+from geoident.forward.march.collapse import Limit, limit_of
 from geoident.forward.march.constitutive import Flow, Ground
 from geoident.forward.march.equilibrium import Balance
 from geoident.forward.march.plastic_derivatives import (
@@ -109,3 +112,153 @@ def test_slopes_of_a_stress_that_keeps_a_part_of_its_overstress(viscosity, slope
     (ground,) = bar(0.9, 0.3, 0.0).grounds
     found, _ = Flow(ground, projection, 1).derivatives(of_trial, of_law=True, viscosity=viscosity)
     assert found.tolist() == slopes
+
+
+# --- several bars, and the rules one by one ---
+
+
+def truss(seed: int, *, soft: float = 1.0):
+    """Bars on five degrees of freedom, one of them held, stressed before; none hardens."""
+    rng = np.random.default_rng(seed)
+    bars, dofs = 9, np.array([4, 0, 3, 1])
+    C, volume = rng.normal(size=(bars, 5)), rng.uniform(0.5, 2.0, bars)
+    stiffness = soft * rng.uniform(1.0, 3.0, bars)
+    strength = rng.uniform(0.3, 1.0, bars)
+    stress = 0.5 * strength * rng.uniform(-1.0, 1.0, bars)
+    before = C.T @ (volume * stress)
+    change = rng.normal(size=5)
+    grounds = [
+        Ground(
+            f"bar {k}", slice(k, k + 1), UniformModuli(np.array([[E]])),
+            polyhedral(np.array([[E]]), Planes(np.array([[1.0], [-1.0]]), np.full(2, limit))),
+        )
+        for k, (E, limit) in enumerate(zip(stiffness, strength, strict=True))
+    ]  # fmt: skip
+
+    def tangents(points, softening, *, symmetric):
+        moduli = volume * stiffness
+        moduli[points] += softening[:, 0, 0]
+        K = (C.T * moduli) @ C
+        K = K[np.ix_(dofs, dofs)]
+        if np.linalg.eigvalsh(K)[0] < 1e-12:
+            raise NotPositiveDefinite(0)
+        return DenseFactor(spla.splu(sp.csc_array(K)))
+
+    equations = StageEquations(
+        Operators(sp.csr_array(C), bars), volume=volume, dofs=dofs, grounds=grounds,
+        stress=stress[None], forces=before + change, tangents=tangents,
+    )  # fmt: skip
+    pull = (C.T * volume)[dofs]
+    most = linprog(
+        np.array([*np.zeros(bars), -1.0]), A_eq=np.column_stack([pull, -change[dofs]]),
+        b_eq=before[dofs], bounds=[*((-k, k) for k in strength), (0.0, None)],
+    )  # fmt: skip
+    return equations, change, float(most.x[-1])
+
+
+@pytest.mark.parametrize("seed", [0, 3])
+@pytest.mark.parametrize("beyond", [0.98, 2.5])
+def test_the_part_that_is_carried_is_that_of_the_lower_bound_theorem(seed, beyond):
+    """Largest part of the change of load that stresses within the strengths can balance."""
+    equations, change, most = truss(seed)
+    load = beyond * most * change
+    found = limit_of(equations.under(equations.forces - change + load))
+    if beyond < 1.0:
+        assert found.fraction == 1.0
+        return
+    assert found.fraction == pytest.approx(1.0 / beyond, rel=2e-3)
+    trial = equations.at(found.du)
+    rest = (
+        equations.before()
+        + found.fraction * load
+        - equations.operators.forces(trial.stress, equations.volume)
+    )
+    assert np.abs(rest[equations.dofs]).max() < 1e-6 * np.abs(load).max()
+
+
+@pytest.fixture
+def arc(monkeypatch):
+    """The arc of a bar of E = 1 under 2, so of compliance 4, whose parts are told by alpha / 4."""
+    asked, told = [], SimpleNamespace(fraction=lambda x: 0.0, strain=0.0)
+
+    def controlled(before, load, alpha, start):
+        asked.append((alpha / 4.0, start.fraction))
+        fraction = told.fraction(alpha / 4.0)
+        return None if fraction is None else Limit(fraction, np.array([alpha]))
+
+    monkeypatch.setattr(collapse, "_controlled", controlled)
+    monkeypatch.setattr(collapse, "_strain", lambda before, found: told.strain)
+    return SimpleNamespace(
+        asked=asked, told=told, find=lambda: limit_of(bar(2.0, 0.5, 0.0)),
+        alphas=lambda: [alpha for alpha, _ in asked],
+    )  # fmt: skip
+
+
+def test_the_measure_of_displacements_is_doubled_until_all_is_carried(arc):
+    arc.told.fraction = lambda x: {0.25: 0.2, 0.5: 0.4, 1.0: 0.7, 2.0: 1.01}[x]
+    found = arc.find()
+    assert found.fraction == 1.0
+    assert found.du.tolist() == [8.0]
+    assert arc.asked == [(0.25, 0.0), (0.5, 0.2), (1.0, 0.4), (2.0, 0.7)]
+
+
+@pytest.mark.parametrize(("growth", "steps"), [(1.9e-4, 5), (2.1e-4, 6)])
+def test_growth_of_a_part_in_five_thousand_over_a_doubling_is_none(arc, growth, steps):
+    """Beyond the elastic work only: before it the load may rest."""
+    parts = [0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0]
+    arc.told.fraction = lambda x: {0.25: 0.4, 0.5: 0.4, 1.0: 0.4, 2.0: 0.5}.get(
+        x, 0.5 / (1.0 - growth)
+    )
+    found = arc.find()
+    assert arc.alphas() == parts[:steps]
+    assert found.fraction == pytest.approx(0.5 / (1.0 - growth))
+
+
+def test_what_is_carried_never_falls(arc):
+    arc.told.fraction = lambda x: {0.25: 0.2, 0.5: 0.4, 1.0: 0.3, 2.0: 0.35}.get(x, 0.1)
+    found = arc.find()
+    assert found.fraction == 0.4
+    assert found.du.tolist() == [2.0]
+    assert arc.asked[2:] == [(1.0, 0.4), (2.0, 0.4)]
+
+
+def test_where_it_is_lost_it_grows_by_less_and_then_by_more_again(arc):
+    """From 0.5 to 1 it is lost: by the root of 2, its root, ...; then by its square."""
+    arc.told.fraction = lambda x: None if 0.65 < x < 1.2 else 0.3 + 0.1 * x
+    arc.find()
+    root = 2.0**0.5
+    first = [0.25, 0.5, 1.0, 0.5 * root, 0.5 * root**0.5]
+    assert arc.alphas()[:5] == pytest.approx(first)
+    assert arc.alphas()[5:8] == pytest.approx([
+        first[4] * root, first[4] * root**0.5, first[4] * root**0.25
+    ])  # fmt: skip
+
+
+def test_below_a_twentieth_of_growth_it_ends(arc):
+    """2^(1/8) is 1.09, 2^(1/16) is 1.044."""
+    arc.told.fraction = lambda x: 0.1 * x if x <= 0.5 else None
+    found = arc.find()
+    assert found.fraction == pytest.approx(0.05)
+    assert arc.alphas()[2:] == pytest.approx([0.5 * 2.0 ** (0.5**k) for k in range(5)])
+    arc.asked.clear()
+    arc.told.fraction = lambda x: None
+    assert arc.find().fraction == 0.0
+    assert arc.alphas() == [0.25]
+
+
+@pytest.mark.parametrize(("softer", "strain", "ends"), [(1.01, 1.01, True), (0.99, 1.01, False),
+                                                        (1.01, 0.99, False)])  # fmt: skip
+def test_ten_thousand_times_softer_and_long_is_flow(arc, softer, strain, ends):
+    """alpha is ten thousand times the elastic one of the part that is carried."""
+    arc.told.strain = strain
+    arc.told.fraction = lambda x: 0.5 if x == 0.25 else 1e-4 * x / softer if x == 0.5 else 1.0
+    found = arc.find()
+    assert arc.alphas() == ([0.25, 0.5] if ends else [0.25, 0.5, 1.0])
+    assert found.fraction == (0.5 if ends else 1.0)
+
+
+def test_twenty_four_doublings_of_the_elastic_work_are_the_most(arc):
+    arc.told.fraction = lambda x: 0.9 - 0.5 / (1.0 + np.log2(4.0 * x))
+    found = arc.find()
+    assert arc.alphas()[-1] == 2.0**24
+    assert found.fraction == arc.told.fraction(2.0**24)

@@ -11,10 +11,11 @@ into tasks, always the same, so that the numbers do not depend on how many threa
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable
-from functools import lru_cache
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
 from importlib import import_module
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -22,8 +23,18 @@ import numpy.typing as npt
 Dense = npt.NDArray[np.floating]
 """Numbers in double or single precision."""
 
-_TINY = 1 << 15
-"""Multiplications below which a product is left to numpy, whose calls are shorter."""
+FEW = 5
+"""Right-hand sides that are solved one by one.
+
+Products of matrices copy both first, which takes longer than the products where one has so few
+columns.
+"""
+
+CACHED = 1 << 18
+"""Bytes of a factor that are read for one right-hand side and are still at hand for the next."""
+
+NARROW = 8
+"""Columns of a factor, at least, that are taken at once: what stands below is passed each time."""
 
 _Routine = Callable[..., None]
 
@@ -94,59 +105,141 @@ class Kernels:
                 _at(b), _leading(b), self._one, _at(c), _leading(c),
             )  # fmt: skip
 
-    def forward(self, lower: Dense, x: Dense) -> None:
-        """X <- L^-1 X for rows x (s, k) in C order."""
-        self._solve(lower, x, b"N", b"T")
-
-    def backward(self, lower: Dense, x: Dense) -> None:
-        """X <- L^-T X for rows x (s, k) in C order."""
-        self._solve(lower, x, b"T", b"N")
-
-    def product(self, a: Dense, x: Dense) -> Dense:
-        """A X (r, k) for A (r, s) and rows x (s, k) in C order."""
-        (r, s), k = a.shape, x.shape[1]
-        found = np.empty((r, k), dtype=self.dtype)
-        if k == 1:
-            self._gemv(
-                b"N", _int(r), _int(s), self._one, _at(a), _leading(a), _at(x), _int(1),
-                self._zero, _at(found), _int(1),
-            )  # fmt: skip
-        elif r:
-            self._gemm(
-                b"N", b"T", _int(k), _int(r), _int(s), self._one, _at(x), _int(k),
-                _at(a), _leading(a), self._zero, _at(found), _int(k),
-            )  # fmt: skip
-        return found
-
-    def subtract_transposed(self, x: Dense, a: Dense, y: Dense) -> None:
-        """X <- X - A^T Y.
+    def forward(self, panel: Panel, x: Dense) -> Dense:
+        """X <- L^-1 X, L the square on top of a panel.
 
         Args:
-            x: (s, k) in C order, changed in place.
-            a: (r, s).
-            y: (r, k) in C order.
-        """
-        (r, s), k = a.shape, x.shape[1]
-        if k == 1:
-            self._gemv(
-                b"T", _int(r), _int(s), self._minus, _at(a), _leading(a), _at(y), _int(1),
-                self._one, _at(x), _int(1),
-            )  # fmt: skip
-        else:
-            self._gemm(
-                b"N", b"N", _int(k), _int(s), _int(r), self._minus, _at(y), _int(k),
-                _at(a), _leading(a), self._one, _at(x), _int(k),
-            )  # fmt: skip
+            panel: (w + r, w), the rows A below L with it.
+            x: (w, k) in C order, changed in place.
 
-    def _solve(self, lower: Dense, x: Dense, vector: bytes, matrix: bytes) -> None:
-        s, k = x.shape
-        if k == 1:
-            self._trsv(b"L", vector, b"N", _int(s), _at(lower), _leading(lower), _at(x), _int(1))
+        Returns:
+            (r, k) what is to be added to the rows below: - A X.
+        """
+        (m, w), k = panel.strip.shape, x.shape[1]
+        if k <= FEW:
+            columns = np.zeros((k, m), dtype=self.dtype)
+            columns[:, :w] = x.T
+            self._forward_one_by_one(panel, columns)
+            x[:] = columns[:, :w].T
+            return columns[:, w:].T
+        whole = panel.whole
+        self._solve(whole, x, b"T")
+        below = np.empty((m - w, k), dtype=self.dtype)
+        if m > w:
+            self._gemm(
+                b"N", b"T", _int(k), whole.height, whole.width, self._minus, _at(x), _int(k),
+                whole.rest, whole.leading, self._zero, _at(below), _int(k),
+            )  # fmt: skip
+        return below
+
+    def backward(self, panel: Panel, x: Dense, below: Dense) -> None:
+        """X <- L^-T (X - A^T Y), L the square on top of a panel.
+
+        Args:
+            panel: (w + r, w), the rows A below L with it.
+            x: (w, k) in C order, changed in place.
+            below: (r, k) Y in C order.
+        """
+        (m, w), k = panel.strip.shape, x.shape[1]
+        if k <= FEW:
+            columns = np.empty((k, m), dtype=self.dtype)
+            columns[:, :w], columns[:, w:] = x.T, below.T
+            self._backward_one_by_one(panel, columns)
+            x[:] = columns[:, :w].T
             return
+        whole = panel.whole
+        if m > w:
+            self._gemm(
+                b"N", b"N", _int(k), whole.width, whole.height, self._minus, _at(below), _int(k),
+                whole.rest, whole.leading, self._one, _at(x), _int(k),
+            )  # fmt: skip
+        self._solve(whole, x, b"N")
+
+    def _solve(self, tile: Tile, x: Dense, way: bytes) -> None:
+        k = _int(x.shape[1])
         self._trsm(
-            b"R", b"L", matrix, b"N", _int(k), _int(s), self._one,
-            _at(lower), _leading(lower), _at(x), _int(k),
+            b"R", b"L", way, b"N", k, tile.width, self._one,
+            tile.lower, tile.leading, _at(x), k,
         )  # fmt: skip
+
+    def _forward_one_by_one(self, panel: Panel, columns: Dense) -> None:
+        """Forward for columns (k, w + r), what is below with them."""
+        starts = range(_at(columns), _at(columns) + columns.nbytes, columns.strides[0])
+        next_to = _int(1)
+        for lower, rest, leading, s, r, a, b in panel.tiles(len(columns)):
+            for at in starts:
+                self._trsv(b"L", b"N", b"N", s, lower, leading, at + a, next_to)
+                self._gemv(
+                    b"N", r, s, self._minus, rest, leading, at + a, next_to,
+                    self._one, at + b, next_to,
+                )  # fmt: skip
+
+    def _backward_one_by_one(self, panel: Panel, columns: Dense) -> None:
+        """Backward for columns (k, w + r), what is below with them."""
+        starts = range(_at(columns), _at(columns) + columns.nbytes, columns.strides[0])
+        next_to = _int(1)
+        for lower, rest, leading, s, r, a, b in reversed(panel.tiles(len(columns))):
+            for at in starts:
+                self._gemv(
+                    b"T", r, s, self._minus, rest, leading, at + b, next_to,
+                    self._one, at + a, next_to,
+                )  # fmt: skip
+                self._trsv(b"L", b"T", b"N", s, lower, leading, at + a, next_to)
+
+
+class Tile(NamedTuple):
+    """Some columns of a panel, as BLAS is told of them.
+
+    Args:
+        lower: where their triangle is.
+        rest: where the rows below it are.
+        leading: from one column to the next.
+        width: number of columns.
+        height: number of rows below the triangle.
+        begin: bytes from the first row of the panel to that of the triangle.
+        end: bytes to the first row below it.
+    """
+
+    lower: int
+    rest: int
+    leading: Any
+    width: Any
+    height: Any
+    begin: int
+    end: int
+
+
+@dataclass(frozen=True)
+class Panel:
+    """Columns of a factor, to solve with: a triangle and the rows below it.
+
+    Args:
+        strip: (w + r, w) in Fortran order.
+    """
+
+    strip: Dense
+
+    @cached_property
+    def whole(self) -> Tile:
+        """All columns."""
+        return self._tile(0, self.strip.shape[1])
+
+    @cached_property
+    def _tiles(self) -> Sequence[Tile]:
+        (m, w), size = self.strip.shape, self.strip.itemsize
+        step = max(NARROW, CACHED // (m * size))
+        return [self._tile(a, min(a + step, w)) for a in range(0, w, step)]
+
+    def tiles(self, k: int) -> Sequence[Tile]:
+        """The columns as they are read for k right-hand sides: of one, all at once."""
+        return [self.whole] if k == 1 else self._tiles
+
+    def _tile(self, a: int, b: int) -> Tile:
+        strip, size = self.strip, self.strip.itemsize
+        corner = _at(strip) + a * strip.strides[1]
+        begin, end, leading = a * size, b * size, _leading(strip)
+        height = _int(strip.shape[0] - b)
+        return Tile(corner + begin, corner + end, leading, _int(b - a), height, begin, end)
 
 
 @lru_cache(maxsize=2)
@@ -166,7 +259,9 @@ def _routine(module: str, name: str, n_arguments: int) -> _Routine:
     return found
 
 
+@lru_cache(maxsize=4096)
 def _int(value: int) -> Any:
+    """A number where BLAS reads it; made once, since it changes none."""
     return ctypes.byref(ctypes.c_int(value))
 
 
@@ -175,4 +270,4 @@ def _at(a: Dense) -> int:
 
 
 def _leading(a: Dense) -> Any:
-    return ctypes.byref(ctypes.c_int(max(1, a.strides[1] // a.itemsize, a.shape[0])))
+    return _int(max(1, a.strides[1] // a.itemsize, a.shape[0]))

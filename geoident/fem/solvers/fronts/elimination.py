@@ -11,7 +11,7 @@ from itertools import pairwise
 import numpy as np
 
 from geoident.fem.solvers.direct import NotPositiveDefinite
-from geoident.fem.solvers.fronts.blas import Dense, Kernels
+from geoident.fem.solvers.fronts.blas import Dense, Kernels, Panel
 from geoident.fem.solvers.fronts.layout import EliminationPlan, FrontLayout, Runs
 from geoident.fem.solvers.fronts.memory import Memory
 from geoident.fem.solvers.fronts.tasks import Runner, Work, run_alone, run_tasks
@@ -35,23 +35,23 @@ class Eliminated:
     Args:
         layout: where everything is.
         kernels: of its precision.
-        panels: strips of the pivots of every front.
+        panels: those of the pivots of every front.
         kept: what is passed on by the roots, by number of the front.
     """
 
     layout: EliminationPlan
     kernels: Kernels
-    panels: tuple[Strips, ...]
+    panels: tuple[Sequence[Panel], ...]
     kept: dict[int, Strips]
 
     def pivots(self) -> Floats:
         """(n_eliminated,) diagonal of D in L D L^T, in the layout's order."""
         found = np.empty(self.layout.n_eliminated)
         at = 0
-        for strips in self.panels:
-            for strip in strips:
-                w = strip.shape[1]
-                found[at : at + w] = strip.diagonal().astype(np.float64) ** 2
+        for panels in self.panels:
+            for panel in panels:
+                w = panel.strip.shape[1]
+                found[at : at + w] = panel.strip.diagonal().astype(np.float64) ** 2
                 at += w
         return found
 
@@ -85,14 +85,11 @@ class Eliminated:
     def _forward(self, number: int, x: Dense, first: int, rows: Ints) -> None:
         """One front, whose pivots begin at a row of x."""
         kernels, front = self.kernels, self.layout.fronts[number]
-        for strip, a in zip(self.panels[number], front.starts, strict=False):
-            w, at, inside = strip.shape[1], first + a, front.width - a
-            mine = x[at : at + w]
-            kernels.forward(strip[:w], mine)
-            if len(strip) > w:
-                below = kernels.product(strip[w:], mine)
-                x[at + w : at + inside] -= below[: inside - w]
-                x[rows] -= below[inside - w :]
+        for panel, a in zip(self.panels[number], front.starts, strict=False):
+            w, at, inside = panel.strip.shape[1], first + a, front.width - a
+            below = kernels.forward(panel, x[at : at + w])
+            x[at + w : at + inside] += below[: inside - w]
+            x[rows] += below[inside - w :]
 
     def backward(self, x: Dense, run: Runner = run_alone) -> None:
         """X <- L^-T X; rows that are not eliminated are given.
@@ -116,17 +113,14 @@ class Eliminated:
         x[first : first + w] = z[:w]
 
     def _backward(self, number: int, x: Dense, first: int, rows: Ints) -> None:
-        kernels, front, strips = self.kernels, self.layout.fronts[number], self.panels[number]
+        kernels, front, panels = self.kernels, self.layout.fronts[number], self.panels[number]
         below = x[rows]
-        starts = front.starts[: len(strips)]
-        for strip, a in zip(reversed(strips), reversed(starts), strict=True):
-            w, at = strip.shape[1], first + a
-            mine = x[at : at + w]
-            if len(strip) > w:
-                inside = x[at + w : first + front.width]
-                given = np.concatenate([inside, below]) if len(inside) else below
-                kernels.subtract_transposed(mine, strip[w:], given)
-            kernels.backward(strip[:w], mine)
+        starts = front.starts[: len(panels)]
+        for panel, a in zip(reversed(panels), reversed(starts), strict=True):
+            w, at = panel.strip.shape[1], first + a
+            inside = x[at + w : first + front.width]
+            given = np.concatenate([inside, below]) if len(inside) else below
+            kernels.backward(panel, x[at : at + w], given)
 
 
 def eliminate(
@@ -158,7 +152,8 @@ def eliminate(
         memory.give(store, stacked)
         raise
     memory.give(stacked)
-    found = Eliminated(plan, kernels, tuple(work.panels), work.updates)
+    panels = tuple([Panel(strip) for strip in strips] for strips in work.panels)
+    found = Eliminated(plan, kernels, panels, work.updates)
     weakref.finalize(found, memory.give, store).atexit = False
     return found
 

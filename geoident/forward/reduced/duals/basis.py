@@ -155,7 +155,7 @@ class DualBasis:
         free = np.delete(np.arange(2 * K), once)
         rest = scaled[:, free[:, None], free] + _FLAT * np.eye(2 * K - 1)
         found = np.ones((b, 2 * K))
-        found[:, free] = np.linalg.solve(rest, -scaled[:, free, once, None])[..., 0]
+        found[:, free] = np.linalg.solve(rest, -scaled[:, free, once, None]).squeeze(2)
         found[:, free] *= size[:, once, None] / size[:, free]
         return Combination(found[:, :K], found[:, K:])
 

@@ -1,0 +1,204 @@
+"""What stands above places: loads on slopes, edges of bodies, and many places at once."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from support.cases import NOWHERE, make_case, material
+from support.meshes import box, regroup
+
+from geoident.forward.in_situ import overburden
+from geoident.forward.in_situ.overburden import Overburden
+from geoident.forward.stages import CaseOnMesh
+from geoident.model.actions import HeadLine, Pressure, Seismic, Traction, WaterPressure
+from geoident.model.case import Analysis
+from geoident.model.dual import ParameterPoint
+from geoident.model.parameter import Scalar
+
+ROCK, CLAY = material("rock", 1e9, 0.2, 2500.0), material("clay", 1e8, 0.3, 1900.0)
+ZERO = Scalar(0.0)
+SLOPE = np.array([0.3, -0.2])
+"""Rise of the upper face along x and y."""
+
+
+def sloping(kind: str, n: int = 2):
+    """A box from 0 to 1 and 0 to 2 in plan, from level 0 to 3 at its corner, sloping on top."""
+    dim = 2 if kind in ("tri3", "quad8", "tri6") else 3
+    mesh = box(kind, (n, n + 1, n + 2)[:dim], size=(1.0, 2.0, 3.0) if dim == 3 else (1.0, 3.0))
+    lift = 1 + mesh.points[:, :-1] @ SLOPE[: dim - 1] / 3.0
+    points = np.column_stack([mesh.points[:, :-1], mesh.points[:, -1] * lift])
+    return replace(mesh, points=points)
+
+
+def top_at(plan):
+    return 3.0 + plan @ SLOPE[: plan.shape[-1]]
+
+
+def above(mesh, places, *, elements=None, **changes):
+    dim = mesh.dim
+    settings = {
+        "materials": {"rock": ROCK, "clay": CLAY},
+        "groups": {"all": "rock"},
+        "gravity": (*(0.0,) * (dim - 1), -10.0),
+        "analysis": Analysis.SOLID if dim == 3 else Analysis.PLANE_STRAIN,
+    }
+    case = make_case(mesh, **{**settings, **changes})
+    return Overburden(CaseOnMesh(case, mesh)).above(np.asarray(places), elements), case
+
+
+def places_in(mesh, count=12):
+    part = np.random.default_rng(3).uniform(0.03, 0.97, (count, mesh.dim))
+    plan = part[:, :-1] * np.array([1.0, 2.0])[: mesh.dim - 1]
+    return np.column_stack([plan, part[:, -1] * top_at(plan)])
+
+
+KINDS = ("tri3", "quad8", "hex8", "tet10", "wedge6")
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_loads_on_a_slope_are_counted_per_area_in_plan(kind):
+    """A pressure p presses p per area in plan; a traction t on the slope t / cos of it."""
+    mesh = sloping(kind)
+    dim, places = mesh.dim, places_in(mesh)
+    face = f"{'xyz'[dim - 1]}1"
+    mesh = replace(mesh, facet_groups={**mesh.facet_groups, face: _top(mesh)})
+    plan, steep = places[:, :-1], np.sqrt(1.0 + (SLOPE[: dim - 1] ** 2).sum())
+    ground = 25e3 * (top_at(plan) - places[:, -1])
+    point = ParameterPoint({"q": 2.0, "w": 1.5}, ("q", "w"))
+    for load, pressure, slope in (
+        (Pressure(face, Scalar(3e3, "q")), 6e3 + 0.0 * ground, (3e3, 0.0)),
+        (Traction(face, (*(Scalar(9e3),) * (dim - 1), Scalar(-4e3, "q"))),
+         8e3 * steep + 0.0 * ground, (4e3 * steep, 0.0)),
+        (WaterPressure(face, Scalar(3.1, "q"), Scalar(1e4, "w")),
+         1.5e4 * np.maximum(6.2 - top_at(plan), 0.0), (3.1 * 1.5e4, 1e4 * (6.2 - top_at(plan)))),
+    ):  # fmt: skip
+        found, case = above(mesh, places, loads={"fill": load})
+        weight = found.weight(case, point)
+        np.testing.assert_allclose(weight.value, ground + pressure, rtol=1e-9)
+        for column, exact in zip((1, 2), slope, strict=True):
+            np.testing.assert_allclose(
+                weight.columns[:, column], exact + 0.0 * ground, rtol=1e-9, atol=1e-6
+            )
+    np.testing.assert_allclose(found.top, top_at(plan), rtol=1e-9)
+    assert not found.uncovered.any()
+
+
+def _top(mesh):
+    """Rows of the facets all of whose nodes are on the slope."""
+    rows, first = [], 0
+    for block in mesh.facets:
+        x = mesh.points[block.nodes]
+        on = np.abs(x[..., -1] - top_at(x[..., :-1])) < 1e-9
+        rows.append(first + np.flatnonzero(on.all(axis=1)))
+        first += len(block)
+    return np.concatenate(rows)
+
+
+def test_water_that_falls_along_a_slope_presses_by_its_level_there():
+    mesh = sloping("hex8")
+    mesh = replace(mesh, facet_groups={**mesh.facet_groups, "z1": _top(mesh)})
+    places = places_in(mesh)
+    falls = HeadLine((0.0, 0.0, 0.0), (0.0, 2.0, 0.0), Scalar(3.4))
+    load = WaterPressure("z1", Scalar(5.0), Scalar(1e4), falls)
+    found, case = above(mesh, places, loads={"lake": load}, gravity=None)
+    level = 5.0 - 0.8 * places[:, 1]
+    exact = 1e4 * np.maximum(level - top_at(places[:, :-1]), 0.0)
+    np.testing.assert_allclose(found.weight(case, NOWHERE).value, exact, rtol=1e-9)
+    assert (exact > 0.0).all()
+
+
+def test_loads_below_a_place_do_not_press_on_it():
+    """On the underside a pressure lifts what is above; of a place above it nothing counts."""
+    mesh = box("quad4", (2, 4), size=(1.0, 4.0))
+    mesh = regroup(mesh, low=lambda c: c[:, 1] < 1.0, gap=lambda c: c[:, 1] < 2.0)
+    groups = {"low": "rock", "gap": None, "rock": "clay"}
+    places = [[0.3, 3.0], [0.3, 0.5]]
+    faces = np.flatnonzero(np.ones(sum(len(b) for b in mesh.facets)))
+    assert len(faces)
+    found, case = above(mesh, places, groups=groups, loads={"p": Pressure("y1", Scalar(7e3))})
+    np.testing.assert_allclose(
+        found.weight(case, NOWHERE).value,
+        [7e3 + 19e3, 7e3 + 19e3 * 2.0 + 25e3 * 0.5], rtol=1e-9,
+    )  # fmt: skip
+    np.testing.assert_allclose(found.lengths.toarray()[:, found.materials.index("rock")], [0, 0.5])
+    np.testing.assert_allclose(found.top, 4.0)
+    on_top, case = above(mesh, [[0.3, 4.0], [0.3, 5.0]], groups=groups,
+                         loads={"p": Pressure("y1", Scalar(7e3))})  # fmt: skip
+    assert on_top.uncovered.tolist() == [True, True]
+    np.testing.assert_array_equal(on_top.weight(case, NOWHERE).value, [0.0, 0.0])
+    np.testing.assert_array_equal(on_top.top, [4.0, 5.0])
+    assert on_top.lengths.nnz == 0
+
+
+def test_shaking_and_gravity_of_any_direction_weigh_by_their_vertical_part():
+    mesh = sloping("tri3")
+    places = places_in(mesh)
+    height = top_at(places[:, :-1]) - places[:, -1]
+    shaking = {"one": Seismic((Scalar(0.3), Scalar(-0.2, "s"))), "p": Seismic((ZERO, Scalar(0.05)))}
+    found, case = above(mesh, places, loads=shaking, gravity=(6.0, -8.0))
+    weight = found.weight(case, ParameterPoint({"s": 1.5}, ("s",)))
+    np.testing.assert_allclose(
+        weight.value, 2500.0 * (8.0 + 10.0 * (0.3 - 0.05)) * height, rtol=1e-9
+    )
+    np.testing.assert_allclose(weight.columns[:, 1], 2500.0 * 10.0 * 0.2 * height, rtol=1e-9)
+    none, case = above(mesh, places, gravity=None)
+    np.testing.assert_array_equal(none.weight(case, NOWHERE).value, 0.0 * height)
+
+
+def test_places_on_the_border_of_an_element_see_what_is_above_that_element():
+    """The line between two columns: of the left element that of the left ground, else the right."""
+    mesh = box("quad4", (2, 3), size=(2.0, 3.0))
+    mesh = regroup(mesh, left=lambda c: c[:, 0] < 1.0)
+    groups = {"left": "clay", "rock": "rock"}
+    centres = mesh.points[mesh.blocks[0].nodes].mean(axis=1)
+    low = np.flatnonzero(centres[:, 1] < 1.0)
+    low = low[np.argsort(centres[low, 0])]
+    found, _ = above(mesh, [[1.0, 0.5]] * 2, elements=low, groups=groups)
+    lengths = found.lengths.toarray()
+    np.testing.assert_allclose(lengths[:, found.materials.index("clay")], [2.5, 0.0], rtol=1e-9)
+    np.testing.assert_allclose(lengths[:, found.materials.index("rock")], [0.0, 2.5], rtol=1e-9)
+    corner, _ = above(mesh, [[0.0, 0.5], [2.0, 0.5]], elements=low, groups=groups)
+    np.testing.assert_allclose(corner.lengths.sum(axis=1), 2.5, rtol=1e-9)
+
+
+@pytest.mark.parametrize("chunk", [4_000_000, 3, 17])
+@pytest.mark.parametrize("kind", ["tri3", "hex8"])
+def test_many_places_are_looked_at_together_or_in_parts(monkeypatch, chunk, kind):
+    """Strips of a plan of 300 places, and pairs in chunks, find what each place finds alone."""
+    monkeypatch.setattr(overburden, "_CHUNK", chunk)
+    mesh = sloping(kind, 3)
+    rng = np.random.default_rng(8)
+    plan = rng.uniform(0.01, 0.99, (300, mesh.dim - 1)) * np.array([1.0, 2.0])[: mesh.dim - 1]
+    places = np.column_stack([plan, rng.uniform(0.05, 2.4, 300)])
+    found, _ = above(mesh, places)
+    np.testing.assert_allclose(
+        found.lengths.toarray()[:, 0], top_at(plan) - places[:, -1], rtol=1e-9
+    )
+    np.testing.assert_allclose(found.top, top_at(plan), rtol=1e-9)
+
+
+def test_places_beside_the_ground_and_none_at_all():
+    mesh = sloping("hex8")
+    found, case = above(mesh, [[-0.5, 1.0, 1.0], [0.5, 1.0, 1.0], [0.5, 2.5, 1.0]])
+    height = top_at(np.array([[0.5, 1.0]]))[0] - 1.0
+    np.testing.assert_allclose(found.lengths.toarray()[:, 0], [0.0, height, 0.0], rtol=1e-9)
+    np.testing.assert_allclose(found.top, [1.0, 1.0 + height, 1.0], rtol=1e-9)
+    assert found.uncovered.tolist() == [True, False, True]
+    none, case = above(mesh, np.empty((0, 3)))
+    assert none.weight(case, NOWHERE).value.shape == (0,)
+    one, _ = above(mesh, [[0.25, 0.5, 1.0]])
+    np.testing.assert_allclose(one.lengths.toarray(), [[top_at(np.array([[0.25, 0.5]]))[0] - 1.0]])
+
+
+def test_levels_that_differ_by_less_than_a_billionth_of_the_mesh_are_one():
+    mesh = box("quad4", (2, 2), size=(3.0, 8.0))
+    found, _ = above(mesh, [[0.4, 8.0 - 7e-9], [0.4, 8.0 - 9e-9]])
+    assert found.tolerance == pytest.approx(8e-9)
+    lengths = found.lengths.toarray()[:, 0]
+    assert lengths[0] == 0.0
+    assert lengths[1] == pytest.approx(9e-9, rel=1e-6)
+    assert found.uncovered.tolist() == [True, False]
+    small = box("quad4", (2, 2), size=(0.3, 0.5))
+    assert above(small, [[0.1, 0.1]])[0].tolerance == pytest.approx(1e-9)
