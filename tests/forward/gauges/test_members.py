@@ -288,10 +288,12 @@ def test_faults_of_places_on_a_wall(channel, code, message):
 def test_a_structure_that_is_never_built_carries_no_gauge():
     with pytest.raises(InputError) as error:
         _cantilever(_cell("N", (1.0, 1.0)), stages=(Stage("wait"),))
-    assert any(
-        fault.message == "gauge 'N' sits on the structure 'wall', which no stage builds"
+    (hint,) = (
+        fault.hint
         for fault in error.value.faults
+        if fault.message == "gauge 'N' sits on the structure 'wall', which no stage builds"
     )
+    assert hint == "add 'build: [wall]'"
 
 
 def _tilt(name, y, zero="build", towards=1.0):
@@ -335,6 +337,40 @@ def test_tilt_before_the_wall_stands_and_of_a_bar_are_refused():
     assert error.value.faults[0].message == (
         "gauge 'b' reads a rotation of the structure 'nails', whose bars have none of their own"
     )
+
+
+@pytest.mark.parametrize(
+    ("kind", "more", "code", "message", "hint"),
+    [
+        (
+            "pressure-cell", {}, "wrong-structure",
+            "gauge 'b' reads a pressure on the structure 'nails', whose bars the ground does not "
+            "press on", "name a beam, or give a point and a normal",
+        ),
+        (
+            "load-cell", {"quantity": "M", "dimension": "force"}, "wrong-structure",
+            "gauge 'b' reads 'M' of the structure 'nails'; its bars bear only N",
+            "remove the key, or name a beam",
+        ),
+        (
+            "strain", {"quantity": "inside"}, "wrong-structure",
+            "gauge 'b' reads 'inside' of the structure 'nails'; its bars bear only N",
+            "remove the key, or name a beam",
+        ),
+        (
+            "load-cell", {"quantity": "N", "dimension": "force", "member": 2}, "no-such-bar",
+            "gauge 'b' sits on bar 3 of the structure 'nails', which has 2",
+            "correct 'bar'; they count from 1",
+        ),
+    ],
+)  # fmt: skip
+def test_bars_are_read_by_their_axial_force_alone(kind, more, code, message, hint):
+    """A case in a file is refused before; these are channels put together in code."""
+    channel = gauge(kind, "b", ENDS[0][0], structure="nails", zero="bolt", **more)
+    with pytest.raises(InputError) as error:
+        nailed(channel)
+    (fault,) = error.value.faults
+    assert (fault.code, fault.message, fault.hint) == (code, message, hint)
 
 
 # Where the pieces of a beam come nearest to a point: an L of pieces 2, 2 and 4 long
