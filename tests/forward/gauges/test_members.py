@@ -288,10 +288,12 @@ def test_faults_of_places_on_a_wall(channel, code, message):
 def test_a_structure_that_is_never_built_carries_no_gauge():
     with pytest.raises(InputError) as error:
         _cantilever(_cell("N", (1.0, 1.0)), stages=(Stage("wait"),))
-    assert any(
-        fault.message == "gauge 'N' sits on the structure 'wall', which no stage builds"
+    (hint,) = (
+        fault.hint
         for fault in error.value.faults
+        if fault.message == "gauge 'N' sits on the structure 'wall', which no stage builds"
     )
+    assert hint == "add 'build: [wall]'"
 
 
 def _tilt(name, y, zero="build", towards=1.0):
