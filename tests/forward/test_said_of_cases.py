@@ -196,6 +196,40 @@ def test_gauges_that_structures_cannot_be_read_by(tmp_path):
     )
 
 
+def test_a_bolt_between_grounds_that_are_never_there_together(tmp_path):
+    """The message named a stage 'all at which it stands'."""
+    _, lines = said(
+        tmp_path, groups="{ground: rock, top: absent}", gauges="{}",
+        supports="{left: x, right: x, bottom: y, crest: y}",
+        structures="{b: {kind: bolt, ends: [[[1 m, 3 m], [3 m, 3 m]]], spacing: 1 m, EA: 1 MN}}",
+        stages="[{name: one, build: [b]}, {name: two, excavate: [ground], install: {top: rock}}]",
+    )  # fmt: skip
+    assert fault(lines, "10:38: structures.b.ends[0][0]") == (
+        "the end (1, 3) m lies in no ground that is present at all stages at which the structure "
+        "'b' stands: one, two",
+        "correct the place, or 'dismantle' the structure before its ground is gone",
+    )
+
+
+def test_a_gauge_in_ground_that_is_never_there_and_a_force_on_no_nodes(tmp_path):
+    keys = {
+        "groups": "{ground: rock, top: absent}",
+        "stages": "[{name: dig, change: {ground: rock}}]",
+    }
+    gauge = "{S: {kind: stress, components: [yy], point: [2 m, 3.5 m], accuracy: 1 kPa}}"
+    _, lines = said(tmp_path, gauges=gauge, in_situ=IN_SITU, **keys)
+    assert fault(lines, "9:10: gauges.S") == (
+        "point (2, 3.5) m of gauge 'S.yy' stands in 'top', which is never there",
+        "correct the point",
+    )
+    nails = "{nails: {on: heads, line_force: [0 N/m, 1 N/m]}}"
+    _, lines = said(tmp_path, loads=nails)
+    assert fault(lines, "10:17: loads.nails.on") == (
+        "the mesh squares.msh has no group 'heads'",
+        "its groups of nodes: none",
+    )
+
+
 GROWS = "E: {reference: $E, exponent: 0.5, pressure: $l}, nu: 0.25"
 WITH_L = (
     "{E: {start: 2 GPa, bounds: [0.1 GPa, 50 GPa]}, l: {start: %s kPa, bounds: [-9 kPa, 9 kPa]}}"
@@ -274,6 +308,43 @@ def test_fields_that_cannot_be(tmp_path, elasticity, more, place, message, hint)
     assert fault(lines, place) == (message, hint)
 
 
+@pytest.mark.parametrize(
+    ("elasticity", "place", "message", "hint"),
+    [
+        (
+            "elastic: anisotropic, c11: $E, c22: 20 GPa, c33: 20 GPa, c44: 8 GPa, c55: 8 GPa, "
+            "c66: 8 GPa, c12: 1 GPa, c15: 1 GPa",
+            "5:125: materials.rock.c15",
+            "c15 of 'rock' couples strains of the section with shear out of it",
+            "leave it out",
+        ),
+        (
+            "elastic: transversely-isotropic, E_p: $E, nu_p: 0.2, E_n: 1 GPa, nu_np: 0.2, "
+            "G_np: 0.5 GPa, normal: [1, 1, 1]",
+            "5:112: materials.rock.normal",
+            "the strata or axes of 'rock' are oblique to the section, or may turn so in the fit",
+            "give a strike normal or parallel to it",
+        ),
+    ],
+    ids=["coupled", "oblique"],
+)
+def test_ground_that_moves_out_of_the_section(tmp_path, elasticity, place, message, hint):
+    _, lines = said(tmp_path, materials=rock(elasticity))
+    assert fault(lines, place) == (
+        f"{message}, so the ground would also move out of the plane",
+        f"Use analysis: solid, or {hint}.",
+    )
+
+
+def test_a_held_point_that_is_no_node(tmp_path):
+    supports = "{left: x, right: x, bottom: [x, y], nail: {at: [2.2 m, 4 m], x: fixed}}"
+    _, lines = said(tmp_path, supports=supports)
+    assert fault(lines, "7:54: supports.nail.at") == (
+        "no node of squares.msh is at (2.2, 4) m",
+        "The nearest node is at (2, 4) m; write its coordinates.",
+    )
+
+
 @pytest.mark.parametrize("dip", ["0 deg", "20 deg"])
 def test_what_dips_about_an_axis(tmp_path, dip):
     elasticity = (
@@ -328,6 +399,7 @@ def test_what_a_hoek_brown_rock_amounts_to(tmp_path):
 
 
 ONE = "{E: {start: 2 GPa, bounds: [0.1 GPa, 50 GPa]}}"
+TWO_FREE = "{E: {start: 2 GPa, bounds: [0.1 GPa, 50 GPa]}, a: {start: %s}}"
 LAYERED = (
     "elastic: transversely-isotropic, E_p: $E, nu_p: 0.2, E_n: 1 GPa, nu_np: 0.2, G_np: 0.5 GPa, "
     "dip: 0 deg"
@@ -375,8 +447,44 @@ LAYERED = (
             "no stage excavates anything. Possible are gauss-newton, condensation, simplex, scan, "
             "ensemble-smoother.",
         ),
+        (
+            {
+                "materials": rock("E: $E, nu: 0.2, expansion: $a"),
+                "parameters": TWO_FREE % "1e-5 1/K, bounds: [1e-6 1/K, 1e-4 1/K]",
+                "stages": "[{name: dig, excavate: [top], temperature: {ground: 10 K}}]",
+            },
+            "the thermal stress of rock contains the product of E and a, and both are free. "
+            "Possible are gauss-newton, simplex, scan, ensemble-smoother.",
+        ),
+        (
+            {
+                "materials": rock("E: 2 GPa, nu: 0.2, density: $r"),
+                "parameters": "{r: {start: 2000 kg/m3, bounds: [1000 kg/m3, 3000 kg/m3]}, "
+                "a: {start: 0.1, bounds: [0, 1]}}",
+                "gravity": "10 m/s2",
+                "in_situ": "{model: geostatic, K0: 0.5}",
+                "stages": "[{name: dig, excavate: [top], loads: {quake: {seismic: [$a, 0]}}}]",
+            },
+            "the seismic force 'quake' at stage 'dig' contains the product of r and a, and both "
+            "are free. Possible are gauss-newton, simplex, scan, ensemble-smoother.",
+        ),
+        (
+            {"materials": rock("E: {at: $E, gradient: 1 MPa/m, surface: 4 m}, nu: 0.2")},
+            "E of rock grows with depth: its equations are not made as sums. Possible are "
+            "gauss-newton, simplex, scan, ensemble-smoother.",
+        ),
     ],
-    ids=["strata", "Poisson", "moved", "loss", "formulation", "opening"],
+    ids=[
+        "strata",
+        "Poisson",
+        "moved",
+        "loss",
+        "formulation",
+        "opening",
+        "heat",
+        "quake",
+        "growth",
+    ],
 )
 def test_why_a_method_is_not_possible(tmp_path, keys, why):
     if "complementarity" in why:
@@ -384,10 +492,13 @@ def test_why_a_method_is_not_possible(tmp_path, keys, why):
     given = {
         "parameters": ONE,
         "in_situ": "{model: heim, vertical: 1 MPa, K0: 0.5}",
-        "readings": "[{gauge: S, stage: dig, value: 1 mm}]",
+        "gauges": "{S: {kind: settlement, point: [2 m, 3 m], accuracy: 0.1 mm}, "
+        "T: {kind: settlement, point: [1 m, 3 m], accuracy: 0.1 mm}}",
+        "readings": "[{gauge: S, stage: dig, value: 1 mm}, {gauge: T, stage: dig, value: 1 mm}]",
         "fit": "{method: condensation}",
         **keys,
     }
     name = given["fit"].split(": ")[1].split(",")[0].rstrip("}")
     text, _ = said(tmp_path, **given)
-    assert f"The method {name} is not possible here: {why}" in text
+    assert text.startswith("case.yaml:")
+    assert f": fit.method: The method {name} is not possible here: {why}" in text

@@ -191,16 +191,18 @@ def points(tree):
 
 @pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.parent.name)
 def test_points_of_another_dimension(path):
-    """One coordinate less, one more, and none, of each point alone."""
+    """One coordinate less, one more, one, and none, of each point alone."""
     sound = loaded(path.read_text(encoding="utf-8"))
     for place in points(sound):
-        for change in (slice(0, 1), slice(1, None), slice(0, 0), None):
+        point = sound
+        for key in place:
+            point = point[key]
+        for count in sorted({0, 1, len(point) - 1, len(point) + 1}):
             tree = copy.deepcopy(sound)
             holder = tree
             for key in place[:-1]:
                 holder = holder[key]
-            point = holder[place[-1]]
-            holder[place[-1]] = [*point, "1 m"] if change is None else point[change]
+            holder[place[-1]] = [*point, "1 m"][:count]
             with contextlib.suppress(InputError):
                 parse_case(dumped(tree), str(path))
 

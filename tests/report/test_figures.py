@@ -3,6 +3,7 @@
 import io
 import itertools
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -57,7 +58,9 @@ def visible_texts(figure):
     ]
 
 
+@cache
 def boxes(figure):
+    """Texts and where they stand; of the figures of a page, which several tests look at, once."""
     figure.set_layout_engine("none")
     figure.draw_without_rendering()
     return [(text, text.get_window_extent()) for text in visible_texts(figure)]

@@ -144,14 +144,20 @@ def structure_place_faults(on_mesh: CaseOnMesh) -> list[Fault]:
                 continue
             found = _missing(on_mesh, structure, sequence.present(n))
             if found is not None:
-                faults.append(_no_ground(case, name, *found, state.name))
+                path, where = found
+                said = f"at stage '{state.name}' the structure '{name}' stands, but {where} in no "
+                faults.append(_no_ground(case, name, path, f"{said}ground that is present"))
                 break
         else:
             present = present_throughout(sequence, name)
             if present is not None and isinstance(structure, Bars):
                 found = _missing(on_mesh, structure, present)
                 if found is not None:
-                    faults.append(_no_ground(case, name, *found, "all at which it stands"))
+                    path, where = found
+                    stands = [s.name for s in sequence.states if name in s.structures]
+                    said = f"{where} in no ground that is present at all stages at which the "
+                    said += f"structure '{name}' stands: {', '.join(stands)}"
+                    faults.append(_no_ground(case, name, path, said))
     return faults
 
 
@@ -233,11 +239,10 @@ def _off_symmetry(
         )
 
 
-def _no_ground(case: Case, name: str, path: KeyPath, where: str, stage: str) -> Fault:
+def _no_ground(case: Case, name: str, path: KeyPath, message: str) -> Fault:
     return case.source.fault(
         ("structures", name, *path),
         code="no-ground-there",
-        message=f"at stage '{stage}' the structure '{name}' stands, but {where} in no ground "
-        "that is present",
+        message=message,
         hint="correct the place, or 'dismantle' the structure before its ground is gone",
     )

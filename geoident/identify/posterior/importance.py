@@ -146,7 +146,6 @@ class ImportanceSampler:
     def adapt(self) -> Mixture:
         """A mixture fitted to the posterior in some rounds, from all draws so far."""
         first = self.rounds[0].mixture
-        count = max(FIRST, 25 * len(self._density))
         begun = len(self.rounds)
         for number in range(begun + 1, begun + 1 + _MOST_ROUNDS):
             components = min(_MOST_COMPONENTS, number)
@@ -154,7 +153,7 @@ class ImportanceSampler:
             if self.stopped or not len(x):
                 break
             mixture = adapted(first, x, weights, components=components, rng=self._rng)
-            self.rounds.append(self._more(none_yet(mixture), count, ADAPTING))
+            self.rounds.append(self._more(none_yet(mixture), FIRST, ADAPTING))
             if self.rounds[-1].believable(_GOOD):
                 break
         return max(self.rounds[begun:] or self.rounds[:1], key=lambda r: r.efficiency).mixture

@@ -170,7 +170,9 @@ def determined_unknowns(system: BilinearSystem, matrix: sp.csr_array, right: Flo
         factor = spla.splu(sp.csc_array(A @ sp.diags_array(columns)))
         x[free] = -columns[:, None] * factor.solve(rows[:, None] * right)
     except RuntimeError as error:
-        raise ModelError("the stiffness matrix of a stage is singular") from error
+        msg = "the stiffness matrix of a stage is singular"
+        hint = "See whether the supports hold all of the ground at every stage."
+        raise ModelError(msg, hint) from error
     return x
 
 

@@ -228,3 +228,15 @@ def test_no_reaction_in_closed_form(tmp_path, profile, what, hint):
         f"case.yaml:11:1: face: {what} cannot be computed by a closed form: the ground at the wall "
         f"is of several materials, 'marl', 'rock' {hint}"
     )
+
+
+def test_a_tunnel_without_a_wall(tmp_path):
+    stages = "[{name: near, distance: 1 m, excavate: [core], install: {ground: rock, roof: rock}}]"
+    found = said_of_face(
+        tmp_path, face="{profile: chern, radius: 1 m, conversion: mesh}", stages=stages,
+        groups="{core: rock, ground: absent, roof: absent}", gauges="{}",
+    )  # fmt: skip
+    assert (
+        "face.conversion: no ground is beside 'core', so there is no wall whose motion could be "
+        "asked for Name the element groups of the tunnel by 'groups' of 'face'."
+    ) in found

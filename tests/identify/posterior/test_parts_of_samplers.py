@@ -81,8 +81,12 @@ def test_draws_of_a_mixture_are_as_its_density_says(degrees):
 
 def test_a_mixture_outside_its_bounds_cannot_be_drawn():
     far = replace(mixture(), lower=np.array([100.0, 100.0]), upper=np.array([101.0, 101.0]))
-    with pytest.raises(ModelError, match="outside the bounds"):
+    with pytest.raises(ModelError) as caught:
         far.draw(np.random.default_rng(0), 3)
+    assert caught.value.message == (
+        "The posterior cannot be sampled: its approximation lies outside the bounds."
+    )
+    assert caught.value.hint == "Look at the fit: is it converged, and are its bounds meant?"
 
 
 def linear(rows, measured, lower, upper):

@@ -239,6 +239,7 @@ def test_crank_nicolson_does_not_depend_on_the_number_of_modes(n, effective):
     )
     assert found.largest_r_hat <= 1.01
     assert found.acceptance > 0.15
+    assert found.sampler == "preconditioned Crank-Nicolson"
     p = density.natural(found.x.reshape(-1, n))
     # the prior of w = G p is N(0, G G^T): the posterior of w by brute force
     draws = np.random.default_rng(4).normal(size=(100_000, 8)) @ np.linalg.cholesky(G @ G.T).T

@@ -283,6 +283,105 @@ def test_weights_are_asked_to_leave_as_many_draws_or_a_third_of_them():
     np.testing.assert_allclose(importance._together([flat], 60.0)[1], 1 / 60)
 
 
+class Counted:
+    """A density that counts what it is asked."""
+
+    def __init__(self):
+        self.evaluations = 0
+
+    def __len__(self):
+        return 2
+
+    def logarithms(self, u):
+        self.evaluations += len(u)
+        return -0.5 * np.sum((u - 1.0) ** 2, axis=1) / 0.7
+
+
+def adapting(monkeypatch, *, rounds=1, good=None, density=None):
+    """What each fit of a mixture was given, and the sampler afterwards."""
+    fits = []
+
+    def fitted(first, x, weights, *, components, rng):
+        fits.append((first, len(x), components, 1.0 / np.sum(weights**2)))
+        return replace(TWO, centres=TWO.centres + 0.1 * len(fits))
+
+    monkeypatch.setattr(importance, "adapted", fitted)
+    believed = []
+
+    def believable(self, least):
+        believed.append(least)
+        return len(believed) == good
+
+    monkeypatch.setattr(Weighted, "believable", believable)
+    sampler = importance.ImportanceSampler(
+        density or Counted(), np.random.default_rng(3), Wish(10, 500.0, 10**6), lambda told: None
+    )
+    for k in range(rounds):
+        first = replace(TWO, centres=TWO.centres - k)
+        sampler.rounds.append(none_yet(first).more(sampler._density, sampler._rng, 300))
+    mixture = sampler.adapt()
+    return mixture, sampler, fits, believed
+
+
+def test_mixtures_of_more_and_more_components_are_fitted_to_all_draws(monkeypatch):
+    """As many as rounds so far and one, at most eight; ten effective draws for each parameter."""
+    mixture, sampler, fits, believed = adapting(monkeypatch)
+    assert [components for _, _, components, _ in fits] == [2, 3, 4, 5, 6, 7, 8, 8]
+    assert [count for _, count, _, _ in fits] == [300 * k for k in range(1, 9)]
+    assert all(first is sampler.rounds[0].mixture for first, *_ in fits)
+    for k, (_, count, components, effective) in enumerate(fits):
+        assert effective >= min(20.0 * components, count / 3.0) * (1.0 - 1e-6), k
+    assert set(believed) == {0.35}
+    best = max(sampler.rounds[1:], key=lambda r: r.efficiency)
+    assert mixture is best.mixture
+    assert sampler._density.evaluations == 9 * 300
+
+
+def test_a_second_adaptation_goes_on_from_the_first(monkeypatch):
+    mixture, sampler, fits, _ = adapting(monkeypatch, rounds=3, good=2)
+    assert [components for _, _, components, _ in fits] == [4, 5]
+    assert [count for _, count, _, _ in fits] == [900, 1200]
+    assert any(mixture is r.mixture for r in sampler.rounds[3:])
+
+
+def test_weights_that_are_uneven_are_raised_for_a_fit(monkeypatch):
+    class Narrow(Counted):
+        def logarithms(self, u):
+            return 40.0 * super().logarithms(u)
+
+    _, _, fits, _ = adapting(monkeypatch, density=Narrow())
+    sizes = [effective for *_, effective in fits]
+    wanted = [min(20.0 * c, n / 3.0) for _, n, c, _ in fits]
+    np.testing.assert_allclose(sizes[:3], wanted[:3], rtol=1e-5)
+
+
+def test_thirty_steps_are_made_from_centres_that_share_the_whole():
+    """Of two that overlap, so that they are not at their end: the same steps one by one."""
+    rng = np.random.default_rng(4)
+    x = np.concatenate(
+        [rng.normal(size=(150, 2)), rng.normal(size=(50, 2)) + np.array([[1.5, 1.0]])]
+    )
+    weights = rng.uniform(0.5, 1.5, 200)
+    weights /= weights.sum()
+    first = Mixture(np.array([0.9]), np.zeros((1, 2)), 3.0 * np.eye(2)[None], 5.0, *BOX, 0.1)
+    found = adapted(first, x, weights, components=2, rng=np.random.default_rng(5))
+    gap = x - weights @ x
+    whole = (gap * weights[:, None]).T @ gap
+    even = 0.5 * np.trace(whole) * np.eye(2)
+    whole += 1e-12 * even
+    floor = 1e-6 * whole + 1e-14 * even
+    centres = approximation._centres(x, weights, 2, whole, np.random.default_rng(5))
+    root = np.linalg.cholesky(whole / 4.0 + floor)
+    now = Mixture(np.full(2, 0.45), centres, np.stack([root, root]), 5.0, *BOX, 0.1)
+    steps = [now]
+    for _ in range(31):
+        steps.append(approximation._maximised(steps[-1], x, weights, floor))
+    np.testing.assert_allclose(found.centres[:2], steps[30].centres, rtol=1e-9)
+    np.testing.assert_allclose(found.shares[:2], 0.7 * steps[30].shares, rtol=1e-9)
+    for other in (29, 31):
+        assert np.abs(found.centres[:2] - steps[other].centres).max() > 1e-6
+
+
 # Chains
 
 
@@ -440,3 +539,41 @@ def test_later_readings_are_moved_by_what_the_used_ones_tell_of_shared_errors():
     gap = problem.measured - ANSWERS - errors
     expected += z @ ROWS.T + gap @ np.linalg.inv(sigma) @ B @ ROWS.T
     np.testing.assert_allclose(found, expected)
+
+
+@pytest.mark.parametrize(("m", "walkers"), [(2, 8), (4, 10)])
+def test_an_ensemble_is_four_of_walkers_that_know_nothing_of_each_other(m, walkers):
+    """Twice as many as one more than the parameters, at least 8; 30 steps, of which half count."""
+
+    class Normals:
+        evaluations = 0
+
+        def __len__(self):
+            return m
+
+        def logarithms(self, u):
+            self.evaluations += len(u)
+            return -0.5 * np.sum(u**2, axis=1) - u[:, 0]
+
+    density = Normals()
+    one = Mixture(
+        np.ones(1), np.zeros((1, m)), np.eye(m)[None], np.inf, np.full(m, -40.0), np.full(m, 40.0)
+    )
+    begin = none_yet(one).more(density, np.random.default_rng(0), 400)
+    density.evaluations = 0
+    told = []
+    step = 4 * walkers
+    # the walkers are asked where they begin, then once each step
+    wish = Wish(100, 50.0, 31 * step)
+    found = chains.ensemble(density, begin, np.random.default_rng(1), wish, told.append)
+    assert density.evaluations == 31 * step
+    assert [one.evaluations for one in told] == [(1 + 10 * k) * step for k in (1, 2, 3)]
+    assert found.x.shape == (4 * walkers, 15, m)
+    np.testing.assert_allclose(
+        found.logarithms, -0.5 * np.sum(found.x**2, axis=2) - found.x[..., 0]
+    )
+    moved = np.any(np.diff(found.x, axis=1) != 0.0, axis=2)
+    assert found.acceptance == pytest.approx(moved.mean(), abs=0.15)
+    assert found.sampler == told[0].sampler == "ensemble"
+    again = chains.ensemble(density, begin, np.random.default_rng(2), wish, lambda progress: None)
+    assert again is None  # nothing is left of the budget

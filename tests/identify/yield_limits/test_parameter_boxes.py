@@ -387,7 +387,7 @@ def test_energy_that_is_not_convex_says_nothing_in_branch_and_bound():
     assert 0.0 <= found.bound <= 1e-5
 
 
-@pytest.mark.parametrize("scale", [1.0, 1e7])
+@pytest.mark.parametrize("scale", [1.0, 1e7, 1e-9])
 def test_energy_bounds_multipliers_in_branch_and_bound(scale):
     """With k >= 3 alone 2.4 lam^2 - 2 lam <= 0: lam is 1 / 1.2 at most, whatever the unit of W."""
     system = replace(bar(), work=np.array([2.0 * scale]))

@@ -137,6 +137,14 @@ def test_the_resolved_case_says_the_same(project, changed):
         (f"{STRATA}, G_np: 3 GPa, normal: «[0, 0]", ["length zero"]),
         (f"{THREE}, axis_1: [1, 0], axis_2: «[1, 1]", ["right angle"]),
         (f"{THREE.replace('nu_23: 0.1', 'nu_23: «1.2')}, dip: 0 deg", ["E_2/E_3"]),
+        (
+            THREE.replace("$E_rock", "15 GPa")
+            .replace("nu_12: 0.2, nu_13: 0.2, nu_23: ", "nu_12: 1.0, nu_13: 0.9, nu_23: «")
+            .replace("G_12: 4 GPa", "G_12: $E_rock")
+            + ", dip: 0 deg",
+            # where det [1/15, -1/15, -0.9/15; -1/15, 1/9, -nu/9; -0.9/15, -nu/9, 1/7] is zero
+            ["with nu_12 = 1 and nu_13 = 0.9", "between -1.106 and 0.02558"],
+        ),
         (ENTRIES.replace("c44: 8 GPa", "c44: «-8 GPa"), ["positive"]),
         (ENTRIES.replace("c22: 20 GPa", "c22: «1 GPa"), ["must exceed 1.66667e+09 Pa"]),
     ],

@@ -78,6 +78,8 @@ def test_wrong_derivatives_are_found_out(tmp_path):
     with trusted(), pytest.raises(ModelError, match="differ from differences") as caught:
         model.linear(P)
     assert caught.value.fault.path == "model.jacobian"
+    remedy = "Correct them, or remove 'jacobian' to have differences taken."
+    assert caught.value.hint == remedy
 
 
 @pytest.mark.parametrize(
