@@ -84,7 +84,7 @@ class SymmetricMatrix:
         """A x for x (n, k), the triangle and its transpose side by side."""
         parts = [np.empty(0), np.empty(0)]
 
-        def multiply(number: int, triangle: sp.sparray) -> None:
+        def multiply(number: int, triangle: sp.csc_array | sp.csr_array) -> None:
             parts[number] = triangle @ x
 
         run_tasks([partial(multiply, 0, self._lower), partial(multiply, 1, self._lower.T)])
