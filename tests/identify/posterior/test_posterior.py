@@ -148,7 +148,7 @@ def test_the_ensemble_and_importance_sampling_agree(monkeypatch):
     monkeypatch.setattr(sampling, "ADAPTATIONS", 0)
     monkeypatch.setattr(Weighted, "believable", lambda self, least=0.0: False)
     problem = problem_of_ridge(Prior(8.0, 2.0))
-    found, p, density = drawn(problem, [10.0, 8.0], draws=5000, effective=500)
+    found, p, density = drawn(problem, [10.0, 8.0], draws=3000, effective=300)
     assert found.sampler == "ensemble"
     assert trustworthy(found, density.evaluations)
     assert found.largest_r_hat <= 1.01

@@ -82,7 +82,7 @@ class SymmetricMatrix:
 
     def times(self, x: Floats) -> Floats:
         """A x for x (n, k), the triangle and its transpose side by side."""
-        parts = [np.empty(0), np.empty(0)]
+        parts: list[Floats] = [np.empty(0), np.empty(0)]
 
         def multiply(number: int, triangle: sp.csc_array | sp.csr_array) -> None:
             parts[number] = triangle @ x
