@@ -269,14 +269,14 @@ def _refuse_mechanisms(on_mesh: CaseOnMesh) -> None:
     checked = set()
     for n, state in enumerate(sequence.states):
         present, fixed = sequence.present(n), fixed_dofs(on_mesh, n)
-        what = present.tobytes() + fixed.tobytes()
-        if what in checked:
-            continue
-        checked.add(what)
         if not present.any():
             if sequence.states[state.base].materials or not sequence.materials:
                 raise InputError([_no_ground(on_mesh, n)])
             continue  # fill on a rigid base is still to come
+        what = present.tobytes() + fixed.tobytes()
+        if what in checked:
+            continue
+        checked.add(what)
         loose = _loose_body_of(
             mesh,
             (on_mesh.kinematics.rigid, present.tobytes(), fixed.tobytes()),

@@ -226,8 +226,8 @@ def loss_name(options: LossOptions) -> str:
 def loss_text(options: LossOptions) -> str:
     """A loss with its option, as results hold it.
 
-    >>> loss_text(HuberOptions()), loss_text(SquaredOptions())
-    ('huber (delta 1.345)', 'squared')
+    >>> loss_text(HuberOptions()), loss_text(StudentOptions(3.0)), loss_text(SquaredOptions())
+    ('huber (delta 1.345)', 'student-t (nu 3)', 'squared')
     """
     match options:
         case HuberOptions(delta):

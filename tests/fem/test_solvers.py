@@ -287,16 +287,23 @@ def test_a_missing_solver_is_skipped_or_named_with_its_remedy(monkeypatch):
     )
     assert picked() == LARGE
     assert pick_solver().analyse(lower(laplacian(3))[0])
-    with pytest.raises(UsageError, match=r'pip install "geoident\[cholmod\]"'):
+    with pytest.raises(UsageError) as caught:
         pick_solver("cholmod")
+    assert str(caught.value) == (
+        "the solver 'cholmod' is not installed (No module named 'cholmod'); install it with: "
+        'pip install "geoident[cholmod]"'
+    )
     report = {info.name: info for info in solver_report()}
     assert not report["pardiso"].available
     assert "pardiso" in report["pardiso"].remedy
 
 
 def test_an_unknown_solver_is_named_with_the_choices():
-    with pytest.raises(UsageError, match="auto, cholmod, iterative, multifrontal, pardiso, splu"):
+    with pytest.raises(UsageError) as caught:
         pick_solver("mumps")
+    assert str(caught.value) == (
+        "unknown solver 'mumps': choose from auto, cholmod, iterative, multifrontal, pardiso, splu"
+    )
 
 
 @pytest.mark.skipif(not INSTALLED["pardiso"], reason='needs pip install "geoident[pardiso]"')

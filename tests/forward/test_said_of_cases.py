@@ -308,6 +308,43 @@ def test_fields_that_cannot_be(tmp_path, elasticity, more, place, message, hint)
     assert fault(lines, place) == (message, hint)
 
 
+@pytest.mark.parametrize(
+    ("elasticity", "place", "message", "hint"),
+    [
+        (
+            "elastic: anisotropic, c11: $E, c22: 20 GPa, c33: 20 GPa, c44: 8 GPa, c55: 8 GPa, "
+            "c66: 8 GPa, c12: 1 GPa, c15: 1 GPa",
+            "5:125: materials.rock.c15",
+            "c15 of 'rock' couples strains of the section with shear out of it",
+            "leave it out",
+        ),
+        (
+            "elastic: transversely-isotropic, E_p: $E, nu_p: 0.2, E_n: 1 GPa, nu_np: 0.2, "
+            "G_np: 0.5 GPa, normal: [1, 1, 1]",
+            "5:112: materials.rock.normal",
+            "the strata or axes of 'rock' are oblique to the section, or may turn so in the fit",
+            "give a strike normal or parallel to it",
+        ),
+    ],
+    ids=["coupled", "oblique"],
+)
+def test_ground_that_moves_out_of_the_section(tmp_path, elasticity, place, message, hint):
+    _, lines = said(tmp_path, materials=rock(elasticity))
+    assert fault(lines, place) == (
+        f"{message}, so the ground would also move out of the plane",
+        f"Use analysis: solid, or {hint}.",
+    )
+
+
+def test_a_held_point_that_is_no_node(tmp_path):
+    supports = "{left: x, right: x, bottom: [x, y], nail: {at: [2.2 m, 4 m], x: fixed}}"
+    _, lines = said(tmp_path, supports=supports)
+    assert fault(lines, "7:54: supports.nail.at") == (
+        "no node of squares.msh is at (2.2, 4) m",
+        "The nearest node is at (2, 4) m; write its coordinates.",
+    )
+
+
 @pytest.mark.parametrize("dip", ["0 deg", "20 deg"])
 def test_what_dips_about_an_axis(tmp_path, dip):
     elasticity = (

@@ -238,6 +238,7 @@ def test_elements_in_no_group_and_in_several_are_counted_and_listed():
         "in: spare); first: 13, 14, 15, 16, 17"
     )
     assert none.hint == f"list their group under 'groups'{absent}"
+    assert CaseOnMesh(case, mesh).sequence.group_of[2:].tolist() == [-1] * 6
     assert several.message == (
         f"2 elements of {mesh.file} are in several groups of the case (in the mesh they are in: "
         "a, b); first: 11, 12"

@@ -3,6 +3,9 @@
 from click.testing import CliRunner, Result
 
 from geoident.cli.app import geoident
+from geoident.io.case import file  # imported once: else by each process that reads a case beside
+
+__all__ = ["file", "run_command"]
 
 
 def run_command(*arguments, stdin=None) -> Result:

@@ -57,7 +57,7 @@ def test_a_fault_that_was_not_yet_seen_leaves_its_gauges_undetermined(tmp_path, 
     for name in ("cavern.msh", "readings.csv", "case.yaml"):
         shutil.copy(CAVERN / name, tmp_path)
     if coarse:
-        make_mesh(CAVERN, tmp_path / "cavern.msh", size=2.0, order=1)
+        make_mesh(CAVERN, tmp_path / "cavern.msh", size=3.0, order=1)
     alone = ("fit.stages=[heading]", "fit.mesh_error=false", "fit.backtest=false")
     flags = [word for one in alone for word in ("--set", one)]
     fit = run_command("fit", str(tmp_path / "case.yaml"), "--json", "-q", *flags)

@@ -195,6 +195,11 @@ def test_what_is_not_seen_changes_no_derivative():
     other = found.linear(P + np.array([0, 0, 0, 0, 0, 0.5]))
     np.testing.assert_array_equal(other.dv_dp, first.dv_dp)
     assert (len(asked), other.updates) == (4, 0)
+    found, asked = made(lambda p: function(p) + 1e3 * p[5])  # though it makes a difference
+    first = found.linear(P)
+    other = found.linear(P + np.array([0, 0, 0, 0, 0, 0.5]))
+    np.testing.assert_array_equal(other.dv_dp, first.dv_dp)
+    assert len(asked) == 4
 
 
 def test_an_update_explains_the_change_by_the_smallest_change_of_derivatives():

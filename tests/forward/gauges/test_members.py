@@ -14,9 +14,13 @@ from support.meshes import box, regroup
 from support.tunnels import walled, with_lines
 
 from geoident.errors import InputError
+from geoident.fem.structures import section_forces
 from geoident.forward.gauges.members import nearest
+from geoident.forward.gauges.observation import MarchState
+from geoident.forward.march.stage import GivenStress, StageEnd
 from geoident.model.actions import Traction
 from geoident.model.case import Stage, Support
+from geoident.model.dual import ParameterPoint
 from geoident.model.in_situ import ConstantStress
 from geoident.model.parameter import Parameter, Scalar
 from geoident.model.structures import Beam
@@ -284,10 +288,12 @@ def test_faults_of_places_on_a_wall(channel, code, message):
 def test_a_structure_that_is_never_built_carries_no_gauge():
     with pytest.raises(InputError) as error:
         _cantilever(_cell("N", (1.0, 1.0)), stages=(Stage("wait"),))
-    assert any(
-        fault.message == "gauge 'N' sits on the structure 'wall', which no stage builds"
+    (hint,) = (
+        fault.hint
         for fault in error.value.faults
+        if fault.message == "gauge 'N' sits on the structure 'wall', which no stage builds"
     )
+    assert hint == "add 'build: [wall]'"
 
 
 def _tilt(name, y, zero="build", towards=1.0):
@@ -333,6 +339,40 @@ def test_tilt_before_the_wall_stands_and_of_a_bar_are_refused():
     )
 
 
+@pytest.mark.parametrize(
+    ("kind", "more", "code", "message", "hint"),
+    [
+        (
+            "pressure-cell", {}, "wrong-structure",
+            "gauge 'b' reads a pressure on the structure 'nails', whose bars the ground does not "
+            "press on", "name a beam, or give a point and a normal",
+        ),
+        (
+            "load-cell", {"quantity": "M", "dimension": "force"}, "wrong-structure",
+            "gauge 'b' reads 'M' of the structure 'nails'; its bars bear only N",
+            "remove the key, or name a beam",
+        ),
+        (
+            "strain", {"quantity": "inside"}, "wrong-structure",
+            "gauge 'b' reads 'inside' of the structure 'nails'; its bars bear only N",
+            "remove the key, or name a beam",
+        ),
+        (
+            "load-cell", {"quantity": "N", "dimension": "force", "member": 2}, "no-such-bar",
+            "gauge 'b' sits on bar 3 of the structure 'nails', which has 2",
+            "correct 'bar'; they count from 1",
+        ),
+    ],
+)  # fmt: skip
+def test_bars_are_read_by_their_axial_force_alone(kind, more, code, message, hint):
+    """A case in a file is refused before; these are channels put together in code."""
+    channel = gauge(kind, "b", ENDS[0][0], structure="nails", zero="bolt", **more)
+    with pytest.raises(InputError) as error:
+        nailed(channel)
+    (fault,) = error.value.faults
+    assert (fault.code, fault.message, fault.hint) == (code, message, hint)
+
+
 # Where the pieces of a beam come nearest to a point: an L of pieces 2, 2 and 4 long
 
 BENT = np.array([[[0.0, 0.0], [2.0, 0.0]], [[2.0, 0.0], [4.0, 0.0]], [[4.0, 0.0], [4.0, 4.0]]])
@@ -376,3 +416,140 @@ def test_the_inside_is_where_a_point_is():
         ((4.0, 0.0), [1.0, 1.0]),
     ):
         assert corner.seen_from(towards).turned.tolist() == turned
+
+
+def _state_of(staged, columns=4):
+    """Random member forces and motions with two derivatives and one unit force; where they are."""
+    structures = staged.march.systems.structures
+    random = np.random.default_rng(21)
+    end = StageEnd(
+        1,
+        random.standard_normal((staged.discretization.n_dofs, columns)),
+        GivenStress(np.zeros((4, 1, columns))),
+        random.standard_normal((structures.n_rows, columns)),
+        np.zeros(1, dtype=bool),
+    )
+    point = ParameterPoint({"E": E_WALL, "t": THICKNESS}, ("E", "t"))
+    return MarchState(end, point, structures), structures.part("wall")
+
+
+def _observed(staged, state):
+    names = staged.observation.channels
+    return dict(zip(names, staged.observation.values(state), strict=True))
+
+
+def test_what_is_read_between_and_at_nodes_are_sums_of_forces_of_pieces():
+    """Pieces of 0.25 run upwards, the ground on their left: of any forces, to the last digit."""
+    left = {"towards": (0.0, 1.0)}
+    channels = [
+        *(_cell(f"{q} {y}", (1.0, y), q) for q in ("N", "M", "Q") for y in (0.7, 1.5)),
+        _cell("left", (1.0, 0.7), "M", **left),
+        _cell("pushed", (1.0, 0.7), "N", compression=True),
+        *(_fibre(f, f) for f in ("axis", "inside", "outside")),
+        _fibre("bar", "outside", fibre=0.15),
+    ]
+    staged = _cantilever(*channels)
+    state, part = _state_of(staged)
+    found, forces = _observed(staged, state), part.section_forces(state.end.members)
+    low = part.members.ends[:, :, 1].min(axis=1)
+    order = np.argsort(low)
+    assert np.all(part.members.ends[:, 1, 1] > part.members.ends[:, 0, 1])
+    held, below, above = order[2], order[5], order[6]  # 0.5 to 0.75; around 1.5
+    for name, quantity in (("N", forces.axial), ("Q", forces.shear)):
+        np.testing.assert_allclose(found[f"{name} 0.7"], quantity[held])
+        np.testing.assert_allclose(found[f"{name} 1.5"], (quantity[below] + quantity[above]) / 2)
+    M = 0.2 * forces.first[held] + 0.8 * forces.second[held]
+    np.testing.assert_allclose(found["M 0.7"], M, rtol=1e-9)
+    np.testing.assert_allclose(found["M 1.5"], (forces.second[below] + forces.first[above]) / 2)
+    np.testing.assert_allclose(found["left"], -M, rtol=1e-9)
+    np.testing.assert_allclose(found["pushed"], -forces.axial[held])
+    t = THICKNESS
+    S = forces.stretch[held]
+    bent = 0.2 * forces.bent_first[held] + 0.8 * forces.bent_second[held]
+    axis = S / (E_WALL * t)  # by E and by t, their own parts
+    axis[1:3] -= S[0] / (E_WALL * t) * np.array([1 / E_WALL, 1 / t])
+    half = 6.0 * bent / (E_WALL * t**2)
+    half[1:3] -= half[0] * np.array([1 / E_WALL, 2 / t])
+    bar = 12.0 * bent * 0.15 / (E_WALL * t**3)
+    bar[1:3] -= bar[0] * np.array([1 / E_WALL, 3 / t])
+    for name, exact in (("axis", axis), ("inside", axis + half), ("outside", axis - half),
+                        ("bar", axis - bar)):  # fmt: skip
+        np.testing.assert_allclose(found[name], exact, rtol=1e-9, err_msg=name)
+
+
+def test_forces_are_linear_in_those_of_members_and_tilts_in_motions():
+    channels = [_cell("M", (1.0, 0.7), "M"), _fibre("in", "inside"), _tilt("t", 1.6),
+                _tilt("back", 2.25, towards=-3.0)]  # fmt: skip
+    staged = _cantilever(*channels)
+    state, part = _state_of(staged)
+    exact = staged.observation.values(state)[:, 3]  # of a unit force: no parameter is in it
+    rows = staged.observation.linear(state, np.arange(4))
+    found = rows.members @ state.end.members[:, 3] + rows.u @ state.end.u[:, 3]
+    np.testing.assert_allclose(found, exact, rtol=1e-9)
+    again = staged.observation.linear(state, np.array([2]))
+    np.testing.assert_allclose(again.u @ state.end.u[:, 3], exact[2:3], rtol=1e-9)
+    # theta = psi - L (2 k_1 + k_2) / 6 + L (k_1 xi + (k_2 - k_1) xi^2 / 2), clockwise to the right
+    bent = section_forces(part.members, part.members.operator @ state.end.u)
+    u = state.end.u.reshape(-1, 2, 4)
+    order = np.argsort(part.members.ends[:, 0, 1])
+
+    def theta(piece, xi):
+        first, second = part.members.nodes[piece]
+        psi = -(u[second, 0] - u[first, 0]) / 0.25
+        k1, k2 = bent.bent_first[piece], bent.bent_second[piece]
+        return psi + 0.25 * (k1 * xi + (k2 - k1) * xi**2 / 2 - (2 * k1 + k2) / 6)
+
+    values = _observed(staged, state)
+    np.testing.assert_allclose(values["t"], -theta(order[6], 0.4), rtol=1e-9)
+    mean = (theta(order[8], 1.0) + theta(order[9], 0.0)) / 2
+    np.testing.assert_allclose(values["back"], mean, rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("channel", "code", "message"),
+    [
+        (
+            gauge("pressure-cell", "p", ENDS[0][0], structure="nails"),
+            "wrong-structure",
+            "gauge 'p' reads a pressure on the structure 'nails', whose bars the ground does not "
+            "press on",
+        ),
+        (
+            gauge("load-cell", "m", ENDS[0][0], "N", structure="nails", dimension="pressure"),
+            "unit",
+            "gauge 'm' reads the axial force of one bar: a force; its accuracy is a pressure",
+        ),
+        (
+            gauge("strain", "s", ENDS[0][0], "inside", structure="nails", reads=READS),
+            "wrong-structure",
+            "gauge 's' reads 'inside' of the structure 'nails'; its bars bear only N",
+        ),
+    ],
+)
+def test_faults_of_gauges_on_bars(channel, code, message):
+    with pytest.raises(InputError) as error:
+        nailed(channel)
+    (fault,) = error.value.faults
+    assert (fault.code, fault.message) == (code, message)
+
+
+def test_a_fibre_needs_a_thickness_or_its_distance():
+    beam = {"wall": Beam("line", EA=Scalar(1e10), EI=Scalar(1e8), clamped_on=("y0",))}
+    with pytest.raises(InputError) as error:
+        _cantilever(_fibre("in", "inside"), _fibre("axis", "axis"), structures=beam)
+    (fault,) = error.value.faults
+    assert fault.code == "no-thickness"
+    assert fault.message == (
+        "gauge 'in' reads a fibre of the structure 'wall', whose thickness is not given"
+    )
+    staged = _cantilever(_fibre("in", "inside", fibre=0.2), structures=beam)
+    assert staged.unreadable("in", "pull") is None
+
+
+def test_a_cell_on_a_wall_that_is_never_built_is_a_fault_and_nothing_else():
+    cell = gauge("pressure-cell", "p", (1.0, 1.0), structure="wall", compression=True)
+    with pytest.raises(InputError) as error:
+        _cantilever(cell, stages=(Stage("wait"),))
+    assert [fault.code for fault in error.value.faults if fault.path.startswith("gauges")] == [
+        "structure-never-built"
+    ]

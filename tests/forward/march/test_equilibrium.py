@@ -67,6 +67,21 @@ def test_a_step_that_rises_little_is_taken_whole(end):
     assert shares(lambda u: 1.0 + (end - 1.0) * u) == ([1.0], 1.0)
 
 
+@pytest.mark.parametrize("size", [5.0, 0.2])
+def test_slopes_are_judged_in_parts_of_the_first(size):
+    """At the end -0.29 and -0.31 of it; on the way 0.29 and 0.31; however long the step."""
+    for length in (1.0, 2.0):
+        for end, whole in ((-0.29, True), (-0.31, False)):
+            values = {0.0: size, length: end * size}
+            given = Given(lambda u, values=values: values.get(u, 0.0))
+            _, share = follow_slope(given, given.at(ZERO), np.array([length]))
+            assert (share == 1.0) == whole
+    for found, steps in ((0.29, 2), (-0.29, 2), (0.31, 3), (-0.31, 3)):
+        values = {0.0: size, 1.0: -4.0 * size, 0.2: found * size}
+        asked, _ = shares(lambda u, values=values: values.get(round(u, 12), 0.0))
+        assert len(asked) == steps, found
+
+
 def test_the_zero_of_a_straight_slope_is_found_at_once():
     asked, share = shares(lambda u: 2.0 - 6.0 * u)
     assert asked == pytest.approx([1.0, 1.0 / 3.0])

@@ -393,6 +393,16 @@ def test_places_are_settled_after_a_step_that_left_much(
     assert given.asked == [0.0, 2.0]
 
 
+@pytest.mark.parametrize(("end", "taken"), [(-1.17, True), (-1.23, False)])
+def test_what_is_settled_may_have_risen_by_three_tenths(monkeypatch, end, taken):
+    """The slope there, in parts of that where the way begins: 4 on a way of 3."""
+    settled = Given({3.0: end}).begun(3.0)
+    monkeypatch.setattr(equilibrium, "_settled", lambda equations, trial: settled)
+    given = Given({0.0: 4.0, 2.0: 2.0}, patches=Patches())
+    found, _ = _stepped(given, given.begun(), np.array([2.0]))
+    assert found.du[0] == (3.0 if taken else 2.0)
+
+
 def test_what_is_settled_uphill_or_not_at_all_leaves_the_step(monkeypatch):
     """The way there must begin downhill."""
     for settled in (None, Given({-3.0: 0.0}).begun(-3.0)):

@@ -14,6 +14,7 @@ from geoident.forward.openings.closed_forms import (
     GroundState,
     Opening,
     Rock,
+    Strength,
     mohr_coulomb,
 )
 from geoident.forward.openings.divided_differences import exp_divided, log_divided
@@ -276,6 +277,100 @@ def test_what_the_closed_form_does_not_cover(
 ) -> None:
     with pytest.raises(BeyondClosedForm, match=words):
         list(site.opening().history([number(p * MPa) for p in pressures]))
+
+
+def reached(site: Site, *pressures: float) -> bool:
+    """Whether the closed form covers these pressures, MPa."""
+    try:
+        states = list(site.opening().history([number(p * MPa) for p in pressures]))
+    except BeyondClosedForm:
+        return False
+    return len(states) == len(pressures)
+
+
+def test_how_far_a_wall_that_has_yielded_may_be_pressed_back() -> None:
+    """By Q = sigma_t - sigma_r there: of an empty one Y, of one under 2 MPa 2 x 2 MPa more."""
+    strength = 2 * Site().c / MPa * np.sqrt(3.0)
+    for inside in (0.0, 2.0):
+        most = inside + strength + 2.0 * inside
+        assert reached(Site(), inside, 0.9999 * most)
+        assert not reached(Site(), inside, 1.0001 * most)
+    strong = SITES["expansion of Tresca"]  # sigma_r - sigma_t = 2 c wherever it flows
+    assert reached(strong, 90.0, 90.0 - 23.999)
+    assert not reached(strong, 90.0, 90.0 - 24.001)
+
+
+@pytest.mark.parametrize(
+    ("z0", "covered"), [(98.9, True), (99.0, False), (6.4, True), (6.3, False)]
+)
+def test_stress_out_of_the_plane_at_an_elastic_wall(z0: float, covered: bool) -> None:
+    """Stresses 29 and 31 MPa in it: the third is at most 3 x 29 + 11.95, at least (31 - 11.95) / 3.
+
+    With c = 3.45 MPa and 30 degrees the strength is 11.95 MPa.
+    """
+    assert reached(Site(z0=z0 * MPa), 29.0) == covered
+
+
+@pytest.mark.parametrize(("part", "covered"), [(0.5, True), (2.0, False)])
+def test_rounding_of_the_stress_out_of_the_plane_is_a_billionth(part: float, covered: bool) -> None:
+    """Below sigma_r at the edge of the plastic zone by that part of sigma_t - sigma_r."""
+    site = Site(nu=0.1)
+    edge = float(site.opening().critical[0].value)
+    low = edge - part * 1e-9 * 2 * (site.p0 - edge)
+    assert reached(replace(site, z0=low), 0.9999 * edge / MPa) == covered
+
+
+def test_where_the_two_stresses_run_alike_they_do_not_meet() -> None:
+    """N = nu (1 + N): sigma_z - sigma_t is the same everywhere in the face zone."""
+    given = (number(x) for x in (1e9, 0.25, 30.0, 30.0))
+    rock, limit = Rock(*given), Strength(number(1.0 / 3.0), number(-4.0), number(1.0))
+    assert limit.meets_axial(rock, number(90.0), number(50.0)) is None
+
+
+def test_where_the_two_stresses_meet() -> None:
+    """Between wall and edge alone: sigma_E = (z0 - 2 nu p0 - (1 - nu) Y) / (N - nu (1 + N))."""
+    nu, p0, z0, N, Y = 0.2, 30.0, 28.0, 3.0, 5.0
+    rock = Rock(*(number(x) for x in (1e9, nu, p0, z0)))
+    limit = Strength(number(N), number(Y), number(2.0))
+    at = (z0 - 2 * nu * p0 - (1 - nu) * Y) / (N - nu * (1 + N))
+    for low, high, meets in (
+        (at - 0.1, at + 0.1, True), (at + 0.1, at - 0.1, True), (at + 0.1, at + 1.0, False),
+        (at - 1.0, at - 0.1, False),
+    ):  # fmt: skip
+        found = limit.meets_axial(rock, number(low), number(high))
+        assert (found is not None) == meets
+        assert found is None or float(found.value) == pytest.approx(at, rel=1e-12)
+    axial = z0 + nu * (at + N * at + Y - 2 * p0)
+    assert axial == pytest.approx(N * at + Y, rel=1e-12)
+
+
+def test_stresses_far_from_a_wall_that_has_yielded_are_lames() -> None:
+    """p0 -+ (p0 - sigma_R) (R / r)^2; along the tunnel nothing changes there."""
+    site = SITES["own stress out of the plane"]
+    state = site.state(2.5)
+    R, edge = float(state.plastic_radius.value), float(state.opening.critical[0].value)
+    r = np.array([R * 1.001, 2.0 * R, 9.0 * R])
+    fall = (site.p0 - edge) * (R / r) ** 2
+    radial, hoop, axial = (stress.value for stress in state.stresses(r))
+    np.testing.assert_allclose(radial, site.p0 - fall, rtol=1e-12)
+    np.testing.assert_allclose(hoop, site.p0 + fall, rtol=1e-12)
+    np.testing.assert_allclose(axial, site.z0, rtol=1e-12)
+    G = site.E / (2 * (1 + site.nu))
+    np.testing.assert_allclose(state.displacement(r).value, -fall * r / (2 * G), rtol=1e-12)
+
+
+def test_an_unloaded_wall_keeps_its_radii_and_its_stress_along_the_tunnel() -> None:
+    site = Site()
+    first, back = site.opening(1.7).history([number(2.0 * MPa), number(7.0 * MPa)])
+    assert back.plastic_radius is first.plastic_radius
+    assert back.edge_radius is first.edge_radius
+    assert back.edge_radius is not None
+    r = np.array([1.7, 2.1, 8.0])
+    change = 5.0 * MPa * (1.7 / r) ** 2
+    one, other = ([s.value for s in state.stresses(r)] for state in (first, back))
+    np.testing.assert_allclose(other[0], one[0] + change, rtol=1e-12)
+    np.testing.assert_allclose(other[1], one[1] - change, rtol=1e-12)
+    np.testing.assert_array_equal(other[2], one[2])
 
 
 class _Displacements:

@@ -32,6 +32,7 @@ from geoident.forward.reduced.moduli import relative_eigenvalues, span_of
 from geoident.model.case import Stage
 from geoident.model.in_situ import HeimStress
 from geoident.model.parameter import Parameter, Scalar
+from geoident.model.structures import Bolts
 
 CASES = {
     "plane": (plane, PAIRS_PLANE),
@@ -214,7 +215,13 @@ def test_one_march_is_right_to_second_order_in_the_moduli():
                      Stage("bench", excavate=("bench",), release={"bench": Scalar(0.4)}))},
          "'bench' releases in part the stress of ground that other stages"),
         ({"stages": (Stage("heading", excavate=("heading",), temperature={"rock": Scalar(9.0)}),
-                     Stage("lined"), Stage("test"), Stage("bench"))}, "changes temperatures"),
+                     Stage("lined"), Stage("test"), Stage("bench"))},
+         "the stage 'heading' changes temperatures"),
+        ({"structures": {"nails": Bolts((((6.0, 2.0), (9.0, 2.0)),), Scalar(1.0), EA=Scalar(1e8))},
+          "stages": (Stage("heading", build=("nails",), prestress={"nails": Scalar(1e5)}),
+                     Stage("lined", prestress={"nails": Scalar(2e5)}), Stage("test"),
+                     Stage("bench"))},
+         "the bars of 'nails' are stressed more than once"),
         ({"parameters": ()}, "nothing is sought"),
     ],
 )  # fmt: skip

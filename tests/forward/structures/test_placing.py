@@ -28,7 +28,7 @@ from geoident.forward.structures.placing import (
 )
 from geoident.model.case import Stage
 from geoident.model.dual import ParameterPoint
-from geoident.model.parameter import Scalar
+from geoident.model.parameter import Parameter, Scalar
 from geoident.model.structures import Anchors, Beam, Bolts, Struts
 
 VALUES = {"a": 3.0, "b": 0.5, "c": 7.0, "nu": 0.2}
@@ -229,3 +229,41 @@ def test_ground_that_is_there_as_long_as_a_structure_stands():
     there = present_throughout(sequence, "bolt")
     np.testing.assert_array_equal(there, sequence.present(2))
     assert present_throughout(sequence, "other") is None
+
+
+@pytest.mark.parametrize(
+    ("beam", "weight", "slope"),
+    [
+        (Beam("roof", EA=A, EI=C, weight=Scalar(200.0, "b")), 100.0, by(b=200.0)),
+        (Beam("roof", E=A, thickness=B, density=Scalar(800.0, "c")), 5600.0 * 0.25 * 10.0,
+         by(b=5600.0 * 0.5 * 10.0, c=800.0 * 0.25 * 10.0)),
+        (Beam("roof", E=A, thickness=B, weight=Scalar(200.0, "b")), 100.0, by(b=200.0)),
+        (Beam("roof", EA=A, EI=C, density=Scalar(800.0, "c")), 0.0, by()),
+    ],
+)  # fmt: skip
+def test_what_a_beam_weighs_by_its_length(beam, weight, slope):
+    """On a roof of 3 m, gravity leaning by 3 to 4; with derivatives."""
+    mesh = box("quad4", (3, 2), size=(3.0, 2.0))
+    top = np.flatnonzero(mesh.points[:, 1] > 1.9)
+    top = top[np.argsort(mesh.points[top, 0])]
+    mesh = with_lines(mesh, "roof", np.stack([top[:-1], top[1:]], axis=1))
+    staged = model(
+        mesh,
+        parameters=tuple(Parameter(n, v, v / 2, v * 2) for n, v in VALUES.items()),
+        materials={"rock": material("rock", 1e9, 0.2)},
+        groups={"all": "rock"},
+        supports=rollers(2),
+        gravity=(6.0, -8.0),
+        structures={"wall": beam},
+        stages=(Stage("one"), Stage("two", build=("wall",))),
+    )
+    structures, states = staged.march.systems.structures, staged.on_mesh.sequence.states
+    assert list(structures.weights(states[1])) == []
+    ((name, forces),) = structures.weights(states[2])
+    assert name == "the weight of the structure 'wall'"
+    found = forces(POINT).reshape(-1, 2, 5)
+    whole = 3.0 * np.outer([0.6, -0.8], [weight, *slope])
+    np.testing.assert_allclose(found.sum(axis=0), whole, atol=1e-9)
+    np.testing.assert_allclose(found[top].sum(axis=0), whole, atol=1e-9)
+    np.testing.assert_allclose(found[top[1]], whole / 3.0, atol=1e-9)
+    np.testing.assert_allclose(found[top[0]], whole / 6.0, atol=1e-9)

@@ -318,6 +318,16 @@ def test_a_leap_is_what_the_reduced_model_says():
     assert leaping(without).propose(point, 1.0) is None
 
 
+def test_a_leap_moves_all_parameters():
+    parameters = (Parameter("x", 3.0, -np.inf, np.inf), Parameter("y", 2.0, -np.inf, np.inf))
+    response = Reducible(np.array([1.5, 0.25, 4.0]))
+    problem = Problem(response, np.zeros(2), np.ones(2), parameters)
+    discrepancy = Discrepancy(problem)
+    point = iterate([2.0, 1.0], [3.0, 1.0], np.eye(2))
+    found = Leap(discrepancy, TrustBox(discrepancy.scaling)).propose(point, 1.0)
+    assert (found.d.tolist(), found.length, found.gain) == ([-0.5, -0.75], 0.75, 6.0)
+
+
 def test_the_same_question_has_the_same_key():
     response = Reducible(np.array([1.5, 4.0]))
     leap = leaping(response)
@@ -337,16 +347,17 @@ class Scout(Leap):
         if phi is None:
             return None
         size = np.sqrt(phi)
-        return Linearization(np.array([size]), np.array([[size / 100.0]]))
+        return Linearization(np.array([self.discrepancy.way * size]), np.array([[size / 100.0]]))
 
 
-def scouted(script, *, radius=np.inf):
-    """Where looks went, and the end, from x = 0 with r = 100 and a slope of 1: 100 away."""
+def scouted(script, *, radius=np.inf, start=0.0, way=1.0):
+    """Where looks went, and the end, from a start with r = 100 and a slope of 1: 100 away."""
     parameters = (Parameter("x", 0.0, -np.inf, np.inf),)
     problem = Problem(Reducible(), np.zeros(1), np.ones(1), parameters)
-    asked = SimpleNamespace(problem=problem, seen=[], script=script)
+    asked = SimpleNamespace(problem=problem, seen=[], script=script, way=way)
     scout = Scout(asked, TrustBox(Scaling(parameters)))
-    end = scout._lowest(iterate(0.0, [100.0], [[1.0]]), radius, problem.response)
+    point = iterate(start, [way * 100.0], [[1.0]])
+    end = scout._lowest(point, radius, problem.response)
     return asked.seen, end
 
 
@@ -368,6 +379,14 @@ def test_the_way_ends_after_sixty_steps_or_at_the_trust_region():
     seen, end = scouted(lambda n: 9e3 - n, radius=24.0)
     assert seen == pytest.approx([-10.0, -20.0, -24.0])
     assert end == pytest.approx([-24.0, 8997.0])
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+@pytest.mark.parametrize("start", [7.0, -3.0])
+def test_the_trust_region_lies_about_the_start_on_both_sides(start, way):
+    seen, end = scouted(lambda n: 9e3 - n, radius=24.0, start=start, way=way)
+    assert seen == pytest.approx(start - way * np.array([10.0, 20.0, 24.0]))
+    assert end[0] == pytest.approx(start - way * 24.0)
 
 
 @pytest.mark.parametrize(("error", "followed"), [(0.1, True), (0.101, False)])

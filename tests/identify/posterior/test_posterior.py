@@ -148,7 +148,7 @@ def test_the_ensemble_and_importance_sampling_agree(monkeypatch):
     monkeypatch.setattr(sampling, "ADAPTATIONS", 0)
     monkeypatch.setattr(Weighted, "believable", lambda self, least=0.0: False)
     problem = problem_of_ridge(Prior(8.0, 2.0))
-    found, p, density = drawn(problem, [10.0, 8.0], draws=5000, effective=500)
+    found, p, density = drawn(problem, [10.0, 8.0], draws=3000, effective=300)
     assert found.sampler == "ensemble"
     assert trustworthy(found, density.evaluations)
     assert found.largest_r_hat <= 1.01
@@ -239,6 +239,7 @@ def test_crank_nicolson_does_not_depend_on_the_number_of_modes(n, effective):
     )
     assert found.largest_r_hat <= 1.01
     assert found.acceptance > 0.15
+    assert found.sampler == "preconditioned Crank-Nicolson"
     p = density.natural(found.x.reshape(-1, n))
     # the prior of w = G p is N(0, G G^T): the posterior of w by brute force
     draws = np.random.default_rng(4).normal(size=(100_000, 8)) @ np.linalg.cholesky(G @ G.T).T

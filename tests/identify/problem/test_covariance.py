@@ -77,6 +77,17 @@ def test_what_others_leave_of_some_readings(rows):
         np.testing.assert_allclose(found, np.linalg.solve(block, values), atol=1e-14)
 
 
+@pytest.mark.parametrize(("limit", "inverted"), [(2, True), (1, False)])
+def test_a_few_rows_are_taken_from_the_inverse_itself(monkeypatch, limit, inverted):
+    found = covariance()
+    asked = []
+    solve = found.solve
+    found.solve = lambda values: asked.append(values.shape) or solve(values)
+    monkeypatch.setattr(errors, "FEW", limit)
+    found.without_others(np.array([3, 6]), TABLE[:2])
+    assert asked == [(7, 2)] * inverted
+
+
 def test_blocks_are_what_hangs_together():
     shared = SharedErrors(sp.csr_array(B))
     blocks = {tuple(rows.tolist()): tuple(k.tolist()) for rows, k in shared.blocks}

@@ -185,7 +185,12 @@ def test_rows_of_a_robust_problem_leave_out_what_shared_errors_do(problem):
 
 
 def test_numbers_that_overflow_are_no_solution(make_problem):
-    for size, slope, fine in ((1e153, 1.0, True), (1e155, 1.0, False), (1.0, 1e155, False)):
+    for size, slope, fine in (
+        (1e153, 1.0, True),
+        (1e100, 1e100, True),
+        (1e155, 1.0, False),
+        (1.0, 1e155, False),
+    ):
         given = make_problem(lambda p: p, P[:1], [0.0], 1.0)
         given.response.evaluate = lambda p, size=size, slope=slope: (
             np.array([size]),

@@ -98,6 +98,62 @@ def test_a_kind_of_nothing_but_zeros_takes_the_size_of_the_slacks():
     assert sizes_of_kinds(bars(), np.zeros(3)).tolist() == [1.0, 1.0]
 
 
+def test_without_slacks_or_sizes_numbers_are_measured_by_one():
+    system = replace(bars(), kind_of_slack=np.zeros(0, dtype=int))
+    assert sizes_of_kinds(system, np.array([0.0, -8.0, 99.0])).tolist() == [1.0, 8.0]
+    held = (replace(PARAMETERS[0], start=0.0, lower=0.0, upper=0.0, prior=None), PARAMETERS[1])
+    found = condensed(Problem(None, np.array([1.5]), np.array([0.1]), held), bars())
+    assert (found.lower[0], found.upper[0]) == (0.0, 0.0)
+    assert 0.0 < found.reference[0] < 1e-200
+
+
+def two_bars():
+    """Bars of 2 and 1.5 that yield beside one of 3 under 10; the second hardens by 0.3 lam."""
+    return BilinearSystem(
+        names=("k1", "k2"),
+        equations=bilinear(
+            [-10.0, 0.0, 0.0],
+            np.zeros((3, 2)),
+            [[3, 1, 1, 0, 0], [-2, 1, 0, 2, 0], [-1.5, 0, 1, 0, 1.5]],
+        ),
+        slacks=bilinear([0.0, 0.0], np.eye(2), [[0, -1, 0, 0, 0], [0, 0, -1, 0, 0.3]]),
+        readings=bilinear([0.5, 0.0], [[0.0, 0.0], [0.2, 0.0]], [[1, 0, 0, 0, 0], [0, 0, 1, 0, 0]]),
+        multipliers=np.array([3, 4]),
+        stiffness=np.array([2.0, 1.5]),
+        work=np.array([7.0, 9.0]),
+        kind_of_unknown=np.array([0, 1, 1, -1, -1]),
+        kind_of_equation=np.array([-1, 1, 1]),
+        kind_of_slack=np.array([1, 1]),
+    )
+
+
+@pytest.mark.parametrize("lam", [[0.0, 0.0], [0.4, 0.0], [0.0, 0.7], [0.3, 0.9]])
+def test_two_multipliers_act_on_each_other(lam):
+    """u = (10 + 2 lam1 + 1.5 lam2) / 6.5, and the forces from it."""
+    parameters = (Parameter("k1", 2.0, 1.0, 5.0), Parameter("k2", 1.0, 0.5, 3.0))
+    measured, sd = np.array([1.5, 2.0]), np.array([0.1, 0.25])
+    found = condensed(Problem(None, measured, sd, parameters), two_bars())
+    lam, p = np.array(lam), np.array([1.7, 2.3])
+    u = (10.0 + 2.0 * lam[0] + 1.5 * lam[1]) / 6.5
+    force = np.array([2.0, 1.5]) * (u - lam)
+    S = 2.0 * 10.0 / 6.5  # the largest force without multipliers
+    x, y = p / found.reference, lam / found.multiplier_size
+    assert found.multiplier_size == pytest.approx(S / np.array([2.0, 1.5]))
+    assert found.reference.tolist() == [5.0, 3.0]
+    s = found.slack + found.slack_by_p @ x + found.slack_by_lam @ y
+    assert s * S == pytest.approx(p - force + [0.0, 0.3 * lam[1]])
+    r = found.misfit + found.misfit_by_p @ x + found.misfit_by_lam @ y
+    assert r == pytest.approx((np.array([u + 0.5, force[1] + 0.2 * p[0]]) - measured) / sd)
+    assert found.work == pytest.approx(np.array([7.0, 9.0]) * S * S / [2.0, 1.5])
+    program = nonlinear_program(Problem(None, measured, sd, parameters), two_bars())
+    z = np.concatenate([p / [2.0, 1.0], [u / (10.0 / 6.5)], force / S, y])
+    objective, g = evaluated(program, z, 0.0)
+    assert objective == pytest.approx(r @ r)
+    assert g[:3] == pytest.approx([0.0, 0.0, 0.0], abs=1e-14)
+    a = (p - force + [0.0, 0.3 * lam[1]]) / S
+    assert g[3:] == pytest.approx(a + y - np.hypot(a, y))
+
+
 def test_equations_that_determine_nothing_are_an_error():
     system = bars(beside=-2.0)
     with pytest.raises(ModelError) as caught:
@@ -156,6 +212,8 @@ def test_what_cannot_be_condensed_is_said():
     assert why == "hardening that one plane takes from another has no convex energy here"
     fixed = replace(given.slacks, by_x=sp.csr_array([[0.0, -1.0, -0.1]]))
     assert "no convex energy" in (condensing_obstacle(replace(given, slacks=fixed)) or "")
+    stored = sp.csr_array(([-1.0, 0.0], ([0, 0], [1, 2])), shape=(1, 3))  # a zero that is kept
+    assert condensing_obstacle(replace(given, slacks=replace(given.slacks, by_x=stored))) is None
 
 
 # The nonlinear program in the full space

@@ -100,6 +100,14 @@ def test_an_unreached_plane_is_brought_to_a_millionth_of_where_it_is_reached():
     assert np.all(point.p > 1.0)
 
 
+def test_an_unreached_plane_that_is_as_near_stays():
+    search = searching()
+    p = np.array([1.0 + 4e-7, 1.0 + 8e-7, 1.5])
+    point = search.evaluator.evaluate(search.scaling.to_scaled(p))
+    assert point.unreached.all()
+    assert point.p == pytest.approx([*p[:2], 1.0 + 1.5e-6], rel=0.0, abs=1e-10)
+
+
 def test_unreached_planes_rise_with_each_step_or_wait():
     search = searching()
     point = search.evaluator.evaluate(search.scaling.start)

@@ -362,6 +362,27 @@ def test_complementarity_holds_in_the_best_point():
     assert found.bound == pytest.approx(16.0, rel=1e-4)
 
 
+@pytest.mark.parametrize(
+    ("read", "lower", "upper", "best_p", "phi"),
+    [
+        (0.0, 3.4, 3.9, 3.9, (4.0 * 0.1 / 1.2) ** 2),  # elastic: no slack is below zero
+        (2.0, 4.1, 5.0, None, 4.0),  # less than that: no multiplier is below zero
+        (2.0, 4.0, 5.0, None, 4.0),  # with a plane that is just reached in a corner
+        (-4.0, 3.4, 3.9, 3.4, 4.0),
+    ],
+)
+def test_neither_slacks_nor_multipliers_are_below_zero(read, lower, upper, best_p, phi):
+    """The misfit read + 4 lam: what is read asks for lam = -read / 4."""
+    system = replace(bar(), misfit=np.array([read]))
+    for known in (form(system), None):
+        found = solve_box(system, box(lower, upper), known, best=17.0, gap=1e-7)
+        assert found.complete
+        assert found.bound == pytest.approx(phi, rel=1e-3)
+        assert best_p is None or found.p == pytest.approx([best_p], abs=1e-3)
+    relaxed = examined(system, form(system), box(lower, upper), best=17.0)
+    assert relaxed.bound <= phi * (1.0 + 1e-6)
+
+
 def test_a_box_without_anything_better_is_done_with():
     system = bar()
     found = solve_box(system, box(3.4, 3.9), form(system), best=3.9, gap=1e-6)
@@ -387,7 +408,7 @@ def test_energy_that_is_not_convex_says_nothing_in_branch_and_bound():
     assert 0.0 <= found.bound <= 1e-5
 
 
-@pytest.mark.parametrize("scale", [1.0, 1e7])
+@pytest.mark.parametrize("scale", [1.0, 1e7, 1e-9])
 def test_energy_bounds_multipliers_in_branch_and_bound(scale):
     """With k >= 3 alone 2.4 lam^2 - 2 lam <= 0: lam is 1 / 1.2 at most, whatever the unit of W."""
     system = replace(bar(), work=np.array([2.0 * scale]))

@@ -134,7 +134,7 @@ def test_the_observer_ends_the_scan():
 # Restarts
 
 
-N = 4000
+N = 1000
 LOOSE = Scaling([Parameter(n, 1.0, 1e-9, 1e9, "log") for n in "abc"])
 
 
@@ -154,7 +154,7 @@ def test_new_starts_change_the_readings_by_about_as_much_as_they_are_off():
     assert x[:, 1].std() == pytest.approx(2.0 / 100.0, rel=0.05)
     assert np.abs(x[:, 2]).max() == pytest.approx(0.4)  # no further than this
     inside = np.abs(x[:, 2]) < 0.4
-    assert inside.mean() == pytest.approx(0.818, abs=0.02)  # of a normal one of 0.3
+    assert inside.mean() == pytest.approx(0.818, abs=0.04)  # of a normal one of 0.3
     assert np.abs(x.mean(axis=0)).max() < 0.02
 
 

@@ -216,7 +216,7 @@ def checked_point(*, probes=0, lower=None, jacobian=((1.0, 0.0), (0.0, 1.0))):
 
 
 def test_kinds_of_points():
-    kink = activity(biactive=2)
+    kink = activity(biactive=1)
     assert certified(checked_point(), exact=True, found=kink).kind == "global"
     assert certified(checked_point()).kind == "strongly stationary"
     assert certified(checked_point(probes=3)).kind == "stationary on the active pieces"

@@ -102,7 +102,7 @@ class DualBasis:
     @property
     def count(self) -> int:
         """Number g of readings."""
-        return int(self.stages[0].loads.shape[1])
+        return len(self.readings)
 
     @cached_property
     def stresses(self) -> dict[str, Floats]:
@@ -171,7 +171,8 @@ class DualBasis:
         for number, stage in enumerate(self.stages):
             for name, moments in stage.moments.items():
                 basis = moment_basis(self._form.spans[name])
-                s, shape = basis.shape[1], (len(self.stages), *(self.size, basis.shape[1]) * 2)
+                s = basis.shape[1]
+                shape = (len(self.stages), self.size, s, self.size, s)
                 parts = np.tensordot(moments @ share, basis, axes=1)  # (pairs, s, s)
                 whole = np.zeros((self.size, s, self.size, s))
                 whole[self.first, :, self.second] = parts

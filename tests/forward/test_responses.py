@@ -1,0 +1,380 @@
+"""What a model and its responses keep of a march: counted once, gone on with, forgotten."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from support.cases import displacement, material, model, rollers
+from support.meshes import box, regroup
+from support.yielding import mohr, rock
+
+from geoident.errors import CollapseError
+from geoident.forward import response as responses
+from geoident.forward.march.march import RunOptions
+from geoident.forward.model import (
+    StageByStage,
+    _equal_notes,
+    _first_mechanism,
+    _unbalanced_notes,
+)
+from geoident.forward.response import KeptMarch
+from geoident.forward.stages import VIRGIN
+from geoident.model.actions import Pressure
+from geoident.model.case import Stage
+from geoident.model.ground import Growth, WithDepth
+from geoident.model.in_situ import HeimStress
+from geoident.model.parameter import Parameter, Scalar
+from geoident.model.results.yielded import Mechanism
+
+PARAMETERS = (
+    Parameter("E", 6e9, 1e9, 2e10),
+    Parameter("K0", 0.8, 0.3, 2.0),
+    Parameter("b", 2e-3, -1.0, 1.0),
+)
+P, THERE = np.array([6e9, 0.8, 2e-3]), np.array([7e9, 0.9, 3e-3])
+STAGES = (
+    Stage("s1", excavate=("b0",)),
+    Stage("s2", excavate=("b1",)),
+    Stage("aside", loads={"q": Pressure("y1", Scalar(3e5))}, independent=True),
+    Stage("s4", loads={"q": Pressure("y1", Scalar(2e5))}),
+)
+CHANNELS = (
+    displacement("a", (2.0, 3.1), (0.6, 0.8)),
+    displacement("late", (3.3, 2.2), (0.0, 1.0), zero="s1"),
+    replace(displacement("own", (1.1, 3.7), (1.0, 0.0)), offset=Scalar(1.0, "b")),
+)
+NAMES = [stage.name for stage in STAGES]
+ALL = [(c.name, s) for c in CHANNELS for s in NAMES if (c.name, s) != ("late", "s1")]
+
+
+def mesh():
+    made = box("quad4", (4, 5), size=(4.0, 5.0), distortion=0.1)
+    return regroup(
+        made, b0=lambda c: (c[:, 0] < 1) & (c[:, 1] < 1), b1=lambda c: (c[:, 0] < 1) & (c[:, 1] < 2)
+    )
+
+
+def staged(**changes):
+    settings = {
+        "materials": {"rock": material("rock", Scalar(1.0, "E"), 0.27)},
+        "groups": dict.fromkeys(("b0", "b1", "rock"), "rock"),
+        "supports": rollers(2),
+        "in_situ": HeimStress(K0=Scalar(1.0, "K0"), vertical=Scalar(5e6)),
+        "parameters": PARAMETERS,
+        "stages": STAGES,
+        "channels": CHANNELS,
+    }
+    return model(mesh(), **{**settings, **changes})
+
+
+def table_of(found):
+    return {(c.name, s): found.computed[k, j] for k, c in enumerate(CHANNELS)
+            for j, s in enumerate(NAMES)}  # fmt: skip
+
+
+def test_a_survey_is_what_a_response_reads_and_its_derivatives():
+    found, table = staged().survey(P, fields=False), staged()
+    values, jacobian = table.response(ALL).evaluate(P)
+    listed = table_of(found)
+    np.testing.assert_allclose([listed[pair] for pair in ALL], values, rtol=1e-10)
+    places = [([c.name for c in CHANNELS].index(c), NAMES.index(s)) for c, s in ALL]
+    size = np.abs(jacobian).max(axis=0)
+    for (k, j), row in zip(places, jacobian, strict=True):
+        np.testing.assert_allclose(found.sensitivity[k, j] / size, row / size, atol=1e-9)
+    assert found.computed[1, 0] == pytest.approx(0.0, abs=1e-18)  # at its zero
+    assert np.isfinite(found.computed).all()
+    assert found.fields is None
+    assert table.unreadable("late", VIRGIN) is not None
+    assert table.unreadable("late", "s2") is None
+
+
+def test_a_survey_to_a_state_leaves_the_later_ones_open():
+    whole = staged().survey(P, fields=True)
+    for last in (1, 2):
+        part = staged()
+        found = part.survey(P, fields=True, last=last)
+        np.testing.assert_allclose(found.computed[:, :last], whole.computed[:, :last], rtol=1e-9)
+        assert np.isnan(found.computed[:, last:]).all()
+        assert np.isnan(found.sensitivity[:, last:]).all()
+        assert len(found.fields.displacement) == last + 1
+        assert part.counts.factorizations == last
+
+
+def test_what_a_fit_marched_is_not_marched_again():
+    """A survey at the same place goes on with it; elsewhere, or forgotten, it is a new one."""
+    one = staged()
+    early = [(c, s) for c, s in ALL if s in ("s1", "s2")]
+    first = one.response(early).by_tangents(P)
+    before = one.counts
+    assert (before.evaluations, before.factorizations) == (1, 2)
+    assert one.is_paid(P)
+    assert not one.is_paid(THERE)
+    found = one.survey(P, fields=True)
+    assert one.counts.evaluations == 1
+    assert one.counts.factorizations == 4 - 1  # the same ground at the last two
+    fresh = staged().survey(P, fields=True)
+    np.testing.assert_allclose(found.computed, fresh.computed, rtol=1e-10)
+    size = np.abs(fresh.sensitivity).max(axis=(0, 1))
+    np.testing.assert_allclose(found.sensitivity / size, fresh.sensitivity / size, atol=1e-9)
+    np.testing.assert_allclose(found.increments, fresh.increments, rtol=1e-9, atol=1e-15)
+    np.testing.assert_allclose(
+        found.fields.displacement, fresh.fields.displacement, rtol=1e-9, atol=1e-15
+    )
+    again = one.response(early).by_tangents(P)
+    np.testing.assert_array_equal(again[1], first[1])
+    assert one.counts.evaluations == 1
+    np.testing.assert_allclose(one.computed(P), fresh.computed, rtol=1e-10)
+    assert one.counts.evaluations == 1
+    told = []
+    one.computed(P, lambda end: told.append(end.state))
+    assert told == [0, 1, 2, 3, 4]
+    one.forget()
+    assert not one.is_paid(P)
+    one.response(early).by_tangents(P)
+    assert one.counts.evaluations == 2
+
+
+def test_states_that_were_paid_for_are_computed_again_for_nothing():
+    """As after a run that this one goes on: what is marched anew up to there is not counted."""
+    one = staged()
+    response = one.response([("a", "s2")])
+    one.paid(P, 2)
+    response.by_tangents(P)
+    assert (one.counts.evaluations, one.counts.factorizations, one.counts.solves) == (0, 0, 0)
+    assert one.counts.analyses > 0
+    one.survey(P, fields=False)
+    assert one.counts.factorizations == 1
+    assert one.counts.evaluations == 0
+    one.paid(P, 1)  # less than is known already
+    assert one._paid[1] == 4
+    one.paid(THERE, 1)
+    assert one._paid == (THERE.tobytes(), 1)
+
+
+def test_a_response_that_remembers_has_paid():
+    one = staged()
+    response = one.response([("a", "s4"), ("late", "s4")])
+    if response.backwards:
+        response.remembers(P)
+        assert not one.is_paid(P)
+    several = one.response(ALL)
+    assert not several.backwards
+    several.remembers(P)
+    assert one.is_paid(P)
+    several.readings(P)
+    assert one.counts.evaluations == 0
+    several.readings(THERE)
+    assert one.counts.evaluations == 1
+
+
+def test_a_kept_march_goes_on_from_where_it_was():
+    one = staged()
+    kept = KeptMarch(one.at(P), one._see)
+    assert kept.last == -1
+    told = []
+    kept.go_on(1, lambda end, run: told.append(end.state))
+    assert (kept.last, told) == (1, [0, 1])
+    kept.go_on(1)
+    kept.go_on(0)
+    assert (kept.last, len(kept.observed), len(kept.equal)) == (1, 2, 2)
+    kept.go_on(4)
+    assert kept.last == 4
+    assert kept.p == tuple(P)
+    assert all(end.u.shape[1] == 1 for end in kept.ends)
+    assert kept.observed[0].shape == (3, 4)
+
+
+def test_so_much_of_a_march_is_kept(monkeypatch):
+    one = staged()
+    points = one.discretization.points
+    size = (one.discretization.n_dofs + points.n_strain * points.n_points) * 5
+    for most, keeps in ((size, True), (size - 1, False)):
+        monkeypatch.setattr(responses, "MOST_KEPT", most)
+        assert one.keeps_march == keeps
+    several = one.response(ALL)
+    several.by_tangents(P)
+    several.by_tangents(P)
+    assert one.counts.evaluations == 2
+    assert not one.is_paid(P)
+
+
+def test_increments_are_those_of_the_place_that_is_asked_for():
+    one = staged()
+    response = one.response(ALL)
+    first = response.increments(P)
+    evaluations = one.counts.evaluations
+    np.testing.assert_array_equal(response.increments(P), first)
+    assert one.counts.evaluations == evaluations
+    other = response.increments(THERE)
+    assert one.counts.evaluations == evaluations + 1
+    assert np.abs(other - first).max() > 1e-6
+    assert first.shape == (5, 3)
+    parts = one.steps(ALL) * first[:, [[c.name for c in CHANNELS].index(c) for c, _ in ALL]]
+    offsets = [P[2] * (c == "own") for c, _ in ALL]
+    np.testing.assert_allclose(parts.sum(axis=0) + offsets, response.readings(P), rtol=1e-9)
+    back = one.response([("a", "s2")])
+    back.by_adjoints(P)
+    np.testing.assert_allclose(back.increments(P)[:3], first[:3], rtol=1e-9, atol=1e-15)
+
+
+def test_ground_that_does_not_yield_has_no_activity():
+    one = staged().response(ALL)
+    assert not one.yields()
+    with pytest.raises(ValueError, match="no material of the case yields"):
+        one.activity(P)
+    one.readings(P)
+    with pytest.raises(ValueError, match="no material of the case yields"):
+        one.activity(P)
+    one.by_tangents(P)
+    with pytest.raises(ValueError, match="no material of the case yields"):
+        one.activity(P)
+
+
+def test_what_is_known_of_a_model():
+    one = staged()
+    assert one.values(P) == {"E": 6e9, "K0": 0.8, "b": 2e-3}
+    assert one.admissible(P) is None
+    assert one.admissible(P * [np.inf, 1, 1]) == "a parameter is not finite"
+    assert "E of rock is -6" in one.admissible(-P)
+    assert len(one.n_dofs) == 5
+    free = len(np.unique(mesh().blocks[0].nodes)) * 2 - 5 - 6
+    assert one.n_dofs[0] == free
+    assert one.n_dofs[1:] == (free, *(free - 1,) * 3)  # a node on x = 0 leaves with b1
+    told = []
+    one.on_state = told.append
+    one.computed(P)
+    assert told == [0, 1, 2, 3, 4]
+
+
+def test_states_one_by_one_as_far_as_they_are_wanted():
+    whole = staged().survey(P, fields=False).computed
+    one, told = staged(), []
+    march = StageByStage(one, P, lambda end: told.append(end.state))
+    first = march.computed(1)
+    assert told == [0, 1]
+    np.testing.assert_allclose(first[:, 0], whole[:, 0], rtol=1e-10, atol=1e-18)
+    assert np.isnan(first[:, 1:]).all()
+    march.computed(0)
+    assert told == [0, 1]
+    np.testing.assert_allclose(march.computed(), whole, rtol=1e-10, atol=1e-18)
+    assert told == [0, 1, 2, 3, 4]
+    assert one.counts.evaluations == 1
+    np.testing.assert_allclose(staged().computed(P), whole, rtol=1e-10, atol=1e-18)
+
+
+def test_condensed_equations_with_errors_that_are_shared():
+    """A matrix of weights that is diagonal is a list of deviations; any other weighs residuals."""
+    one = staged(stages=STAGES[:2])
+    pairs = [("a", "s1"), ("a", "s2"), ("own", "s2")]
+    response = one.response(pairs)
+    v, jacobian = response.evaluate(P)
+    measured = v * [1.1, 0.8, 1.3]
+    sd = np.array([1e-4, 2e-4, 5e-5])
+    by_list = response.condense(P, measured, sd)
+    by_matrix = response.condense(P, measured, np.diag(1.0 / sd))
+    rows = [np.asarray(x) for x in vars(by_list).values()]
+    same = [np.asarray(x) for x in vars(by_matrix).values()]
+    for x, y in zip(rows, same, strict=True):
+        np.testing.assert_allclose(x, y, rtol=1e-7, atol=1e-9 * np.abs(x).max())
+    # at readings that are computed nothing is to be corrected: the Jacobian is that of the march
+    still = [np.asarray(x) for x in vars(response.condense(P, v, sd)).values()]
+    np.testing.assert_allclose(still[0], v, rtol=1e-9)
+    size = np.abs(jacobian).max(axis=0)
+    np.testing.assert_allclose(-still[2] / size, jacobian / size, atol=1e-8)
+    np.testing.assert_allclose(still[3], still[2] @ P, rtol=1e-7)
+
+
+def test_what_comes_before_a_collapse_has_fields():
+    """A column that is loaded from above, lightly and then beyond its strength."""
+    loads = [{"q": Pressure("y1", Scalar(q))} for q in (1e5, 6e7)]
+    one = model(
+        box("quad4", (1, 1)), materials={"rock": rock(6e9, 0.27, mohr(Scalar(1.0, "c"), 0.0))},
+        groups={"all": "rock"}, supports=rollers(2), parameters=(Parameter("c", 9e7, 1e4, 1e8),),
+        stages=(Stage("light", loads=loads[0]), Stage("heavy", loads=loads[1])),
+        channels=(displacement("a", (0.4, 0.9), (0.0, 1.0)),),
+    )  # fmt: skip
+    strong, weak = np.array([9e7]), np.array([2e6])
+    whole = one.survey(strong, fields=True)
+    known = one.fields_up_to_collapse(strong)
+    np.testing.assert_allclose(known.displacement, whole.fields.displacement, rtol=1e-9)
+    with pytest.raises(CollapseError):
+        one.response([("a", "heavy")]).readings(weak)
+    part = one.survey(weak, fields=True, partial=True)
+    assert len(part.collapses) == 1
+    assert np.isfinite(part.computed).tolist() == [[True, False]]
+    found = one.fields_up_to_collapse(weak)
+    np.testing.assert_allclose(found.displacement, part.fields.displacement, rtol=1e-9)
+    np.testing.assert_allclose(found.displacement[1], whole.fields.displacement[1], rtol=1e-9)
+    assert not one.keeps_march
+    assert len(list(one.at(strong, RunOptions(derivatives=False)).states())) == 3
+
+
+def findings(**changes):
+    bands = {"s1": (0.25, "", 0.0), "s2": (0.0625, "the band lies at 30 deg", 0.0123)}
+    localising = {
+        stage: SimpleNamespace(part=part, band=band, short=short)
+        for stage, (part, band, short) in bands.items()
+    }
+    empty = {"unbalanced": {}, "overstressed": {}, "localising": localising}
+    return SimpleNamespace(**{**empty, **changes})
+
+
+def test_what_a_march_leaves_is_told_in_per_cent():
+    tail = "A larger dilation (or associated flow) has an exact solution"
+    assert list(_unbalanced_notes(findings())) == []
+    one, two = _unbalanced_notes(findings(unbalanced={"s1": 0.0312}, overstressed={"s2": 0.0048}))
+    assert one.startswith("at stage 's1' 3.1 % of the change of load is not balanced: with a")
+    assert one.endswith(f"at 25 % of the strain points that yield. {tail}")
+    assert two.startswith(
+        "at stage 's2' the ground keeps 0.5 % of the stress beyond the yield surface, where the "
+        "even flow ends (motions are short by 1 % of the largest, as its path promises): with a"
+    )
+    assert two.endswith(
+        f"at 6 % of the strain points that yield, and the band lies at 30 deg. {tail}"
+    )
+
+
+def test_channels_of_equal_principal_stresses_are_told_with_a_stage():
+    (first, second) = _equal_notes({"a": 2, "b": 1}, ("virgin", "one", "two"))
+    assert first.startswith("gauge 'a' reads one of several equal principal stresses at 'two':")
+    assert second.startswith("gauge 'b' reads one of several equal principal stresses at 'one':")
+
+
+def test_the_mechanism_is_that_of_the_first_stage_of_which_it_is_known():
+    motions = [object.__new__(Mechanism) for _ in range(2)]
+    errors = [SimpleNamespace(motion=motion) for motion in (None, "falls", *motions)]
+    assert _first_mechanism(errors) is motions[0]
+    assert _first_mechanism(errors[:2]) is None
+
+
+def test_most_points_beside_surfaces_are_told_of_ground_loads_and_growth():
+    """The largest number of the three, not their sum."""
+    made = mesh()
+    top = made.facet_groups["y1"]
+    centres = np.concatenate([made.points[f.nodes].mean(axis=1) for f in made.facets])
+    groups = {
+        **made.facet_groups,
+        "half": top[centres[top, 0] < 2],
+        "most": top[centres[top, 0] < 3],
+    }
+    made = replace(made, facet_groups=groups)
+
+    def told(stress, growth):
+        own = Growth("rock", "E", Scalar(1.0, "E"), WithDepth(Scalar(1e6), growth))
+        ground = replace(material("rock", Scalar(1.0, "E"), 0.27), growths=(own,))
+        in_situ = HeimStress(Scalar(1.0, "K0"), unit_weight=Scalar(1e4), surface=stress)
+        notes = model(
+            made, materials={"rock": ground}, groups=dict.fromkeys(("b0", "b1", "rock"), "rock"),
+            supports=rollers(2), in_situ=in_situ, parameters=PARAMETERS, stages=STAGES[:1],
+        ).notes  # fmt: skip
+        found = [note for note in notes if "lie beside the faces" in note]
+        return [int(note.split()[0]) for note in found]
+
+    assert told(Scalar(5.0), Scalar(5.0)) == []
+    (half,), (most,) = told("half", Scalar(5.0)), told("most", Scalar(5.0))
+    assert half > most > 0
+    assert told("most", "half") == told("half", "most") == [half]
+    assert told(Scalar(5.0), "most") == [most]
