@@ -8,6 +8,7 @@ import pytest
 
 from geoident.io.result.file import read_result
 from geoident.report.text.structures import force_table
+from tests.support.trench import write_case
 
 STRUCTURES = """\
 structures:
@@ -17,18 +18,27 @@ stages:
 """
 
 
-@pytest.fixture
-def lined(trench):
-    deck = trench / "trench.inp"
+def write_lined(folder):
+    case = write_case(folder)
+    deck = folder / "trench.inp"
     lines = "*ELEMENT, TYPE=B21, ELSET=wall\n1001, 17, 24\n1002, 24, 31\n"
     deck.write_text(deck.read_text() + lines)
-    case = trench / "case.yaml"
     text = case.read_text().replace("stages:\n", STRUCTURES, 1)
     text = text.replace("excavate: [upper]}", "excavate: [upper], build: [nail]}")
     text = text.replace("excavate: [lower]}", "excavate: [lower], build: [wall]}")
     text = text.replace(", stages: [first]", "")
     case.write_text(text)
-    return trench
+
+
+@pytest.fixture
+def lined(after):
+    return after(write=write_lined)
+
+
+@pytest.fixture
+def fitted(after):
+    """The same with its fit."""
+    return after(("fit", "case.yaml"), write=write_lined)
 
 
 def test_forces_are_written_shown_and_told_as_json(lined, run, run_json):
@@ -58,10 +68,10 @@ def test_forces_are_written_shown_and_told_as_json(lined, run, run_json):
     assert json.dumps(told)
 
 
-def test_xarray_reads_the_forces(lined, run):
+@pytest.mark.usefixtures("fitted")
+def test_xarray_reads_the_forces():
     xarray = pytest.importorskip("xarray")
     pytest.importorskip("h5netcdf")
-    run("fit", "case.yaml")
     members = read_result("case.fit.h5").members
     with xarray.open_dataset("case.fit.h5", group="structures", engine="h5netcdf") as table:
         assert table["M"].dims == ("member", "end", "stage")
@@ -69,9 +79,8 @@ def test_xarray_reads_the_forces(lined, run):
         assert table["Q"].attrs["unit"] == "N/m"
 
 
-@pytest.mark.usefixtures("plain_pictures")
-def test_forces_are_in_tables_and_in_the_report(lined, run):
-    run("fit", "case.yaml")
+@pytest.mark.usefixtures("fitted", "plain_pictures")
+def test_forces_are_in_tables_and_in_the_report(run):
     members = read_result("case.fit.h5").members
     found = run("export", "case.fit.h5", "--table", "structures").stdout.splitlines()
     forces = "N (kN),M_first (kNm),M_second (kNm),Q (kN),N_hoop (kN),stressed_to (kN)"

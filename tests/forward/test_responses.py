@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,13 +14,20 @@ from support.yielding import mohr, rock
 from geoident.errors import CollapseError
 from geoident.forward import response as responses
 from geoident.forward.march.march import RunOptions
-from geoident.forward.model import StageByStage
+from geoident.forward.model import (
+    StageByStage,
+    _equal_notes,
+    _first_mechanism,
+    _unbalanced_notes,
+)
 from geoident.forward.response import KeptMarch
 from geoident.forward.stages import VIRGIN
 from geoident.model.actions import Pressure
 from geoident.model.case import Stage
+from geoident.model.ground import Growth, WithDepth
 from geoident.model.in_situ import HeimStress
 from geoident.model.parameter import Parameter, Scalar
+from geoident.model.results.yielded import Mechanism
 
 PARAMETERS = (
     Parameter("E", 6e9, 1e9, 2e10),
@@ -302,3 +310,71 @@ def test_what_comes_before_a_collapse_has_fields():
     np.testing.assert_allclose(found.displacement[1], whole.fields.displacement[1], rtol=1e-9)
     assert not one.keeps_march
     assert len(list(one.at(strong, RunOptions(derivatives=False)).states())) == 3
+
+
+def findings(**changes):
+    bands = {"s1": (0.25, "", 0.0), "s2": (0.0625, "the band lies at 30 deg", 0.0123)}
+    localising = {
+        stage: SimpleNamespace(part=part, band=band, short=short)
+        for stage, (part, band, short) in bands.items()
+    }
+    empty = {"unbalanced": {}, "overstressed": {}, "localising": localising}
+    return SimpleNamespace(**{**empty, **changes})
+
+
+def test_what_a_march_leaves_is_told_in_per_cent():
+    tail = "A larger dilation (or associated flow) has an exact solution"
+    assert list(_unbalanced_notes(findings())) == []
+    one, two = _unbalanced_notes(findings(unbalanced={"s1": 0.0312}, overstressed={"s2": 0.0048}))
+    assert one.startswith("at stage 's1' 3.1 % of the change of load is not balanced: with a")
+    assert one.endswith(f"at 25 % of the strain points that yield. {tail}")
+    assert two.startswith(
+        "at stage 's2' the ground keeps 0.5 % of the stress beyond the yield surface, where the "
+        "even flow ends (motions are short by 1 % of the largest, as its path promises): with a"
+    )
+    assert two.endswith(
+        f"at 6 % of the strain points that yield, and the band lies at 30 deg. {tail}"
+    )
+
+
+def test_channels_of_equal_principal_stresses_are_told_with_a_stage():
+    (first, second) = _equal_notes({"a": 2, "b": 1}, ("virgin", "one", "two"))
+    assert first.startswith("gauge 'a' reads one of several equal principal stresses at 'two':")
+    assert second.startswith("gauge 'b' reads one of several equal principal stresses at 'one':")
+
+
+def test_the_mechanism_is_that_of_the_first_stage_of_which_it_is_known():
+    motions = [object.__new__(Mechanism) for _ in range(2)]
+    errors = [SimpleNamespace(motion=motion) for motion in (None, "falls", *motions)]
+    assert _first_mechanism(errors) is motions[0]
+    assert _first_mechanism(errors[:2]) is None
+
+
+def test_most_points_beside_surfaces_are_told_of_ground_loads_and_growth():
+    """The largest number of the three, not their sum."""
+    made = mesh()
+    top = made.facet_groups["y1"]
+    centres = np.concatenate([made.points[f.nodes].mean(axis=1) for f in made.facets])
+    groups = {
+        **made.facet_groups,
+        "half": top[centres[top, 0] < 2],
+        "most": top[centres[top, 0] < 3],
+    }
+    made = replace(made, facet_groups=groups)
+
+    def told(stress, growth):
+        own = Growth("rock", "E", Scalar(1.0, "E"), WithDepth(Scalar(1e6), growth))
+        ground = replace(material("rock", Scalar(1.0, "E"), 0.27), growths=(own,))
+        in_situ = HeimStress(Scalar(1.0, "K0"), unit_weight=Scalar(1e4), surface=stress)
+        notes = model(
+            made, materials={"rock": ground}, groups=dict.fromkeys(("b0", "b1", "rock"), "rock"),
+            supports=rollers(2), in_situ=in_situ, parameters=PARAMETERS, stages=STAGES[:1],
+        ).notes  # fmt: skip
+        found = [note for note in notes if "lie beside the faces" in note]
+        return [int(note.split()[0]) for note in found]
+
+    assert told(Scalar(5.0), Scalar(5.0)) == []
+    (half,), (most,) = told("half", Scalar(5.0)), told("most", Scalar(5.0))
+    assert half > most > 0
+    assert told("most", "half") == told("half", "most") == [half]
+    assert told(Scalar(5.0), "most") == [most]

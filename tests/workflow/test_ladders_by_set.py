@@ -172,7 +172,7 @@ def test_the_ensemble_smoother_finds_a_strength_and_agrees_with_gauss_newton(tmp
     flags = [f"--set={key}={json.dumps(value)}" for key, value in changes.items()]
     found = {}
     for method in ("ensemble-smoother", "gauss-newton"):
-        options = {"ensemble": 20, "assimilations": 3} if method == "ensemble-smoother" else {}
+        options = {"ensemble": 30, "assimilations": 3} if method == "ensemble-smoother" else {}
         fit = {
             "method": method,
             method: options,

@@ -36,7 +36,7 @@ _FEW = 4  # parameters up to which there is one
 _MOST_TRIALS = 1000  # for each draw that is to lie inside the bounds
 _ROUNDS = 30  # of expectation and maximisation
 _LEAST_SHARE = 1e-6  # of the whole variance, in every direction of a component
-_ROUNDING = 1e-14  # of the mean variance: what rounding takes from draws that are all on a line
+_ROUNDING = 1e-12  # of the mean variance: what rounding takes from draws that are all on a line
 _LEAST_DRAWS = 3.0  # effective ones for each parameter of a component, or it is given up
 _INFLATION, _WIDTH = 1.15, 2.5  # of components, of their wide copies
 _WIDE, _FIRST = 0.2, 0.1  # share of the wide copies, and of the first mixture
@@ -203,7 +203,7 @@ def adapted(
     """
     whole = _covariance(x, weights, weights @ x)
     even = np.trace(whole) / len(whole) * np.eye(len(whole))
-    whole += 1e-12 * even
+    whole += _ROUNDING * even
     floor = _LEAST_SHARE * whole + _ROUNDING * even
     chosen = _centres(x, weights, components, whole, rng)
     share = (1.0 - mixture.uniform) / len(chosen)

@@ -361,3 +361,28 @@ def test_strata_that_dip_are_refused_around_an_axis():
     inclined = TransverselyIsotropic(**scalars(STRATA), frame=attitude(0.3))
     assert faults_of(flat, Analysis.AXISYMMETRIC) == []
     assert "all around the axis" in faults_of(inclined, Analysis.AXISYMMETRIC)[0]
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_coupling_below_a_billionth_of_the_largest_modulus_is_none(sign):
+    """Given entries, a strike a little off the section, strata that dip a little about an axis."""
+    largest = max(PLANE_ENTRIES.values())
+    for part, count in ((0.9e-9, 0), (1.1e-9, 1)):
+        entry = {**PLANE_ENTRIES, "c26": sign * part * largest}
+        assert len(faults_of(Anisotropic(scalars(entry)))) == count
+    for turn, count in ((1e-10, 0), (1e-7, 1)):
+        frame = attitude(0.5, np.pi / 2 + sign * turn)
+        strata = TransverselyIsotropic(**scalars(STRATA), frame=frame)
+        assert len(faults_of(strata)) == count
+        dips = TransverselyIsotropic(**scalars(STRATA), frame=attitude(sign * turn))
+        assert len(faults_of(dips, Analysis.AXISYMMETRIC)) == count
+
+
+def test_materials_of_which_parameters_are_missing_are_passed_over():
+    """In a case that is faulty otherwise, too; in space nothing has to stay in a plane."""
+    oblique = TransverselyIsotropic(**ties(STRATA), frame=attitude(0.5, np.radians(40)))
+    some = tuple(Parameter(n, v, 0.0, 1e12) for n, v in list(STRATA.items())[:-1])
+    whole = tuple(Parameter(n, v, 0.0, 1e12) for n, v in STRATA.items())
+    assert faults_of(oblique, parameters=some) == []
+    assert len(faults_of(oblique, parameters=whole)) == 1
+    assert faults_of(oblique, Analysis.SOLID, parameters=whole) == []

@@ -33,6 +33,13 @@ from geoident.model.case import Support
 from geoident.model.parameter import Scalar
 
 RNG = np.random.default_rng(9)
+BEGIN = RNG.bit_generator.state
+
+
+@pytest.fixture(autouse=True)
+def same_draws():
+    """Each test draws the same numbers, whatever ran before it."""
+    RNG.bit_generator.state = BEGIN
 
 
 def carried():

@@ -22,6 +22,13 @@ from geoident.model.parameter import Parameter, Scalar
 from geoident.model.structures import Bolts
 
 RNG = np.random.default_rng(21)
+BEGIN = RNG.bit_generator.state
+
+
+@pytest.fixture(autouse=True)
+def same_draws():
+    """Each test draws the same numbers, whatever ran before it."""
+    RNG.bit_generator.state = BEGIN
 
 
 def staged(*surfaces, **changes):

@@ -19,6 +19,13 @@ K = HALF @ HALF.T + N * np.eye(N)
 NEARBY = K + 0.05 * np.diag(np.arange(1.0, N + 1.0))
 ELASTIC = 3.0 * K
 RESIDUAL = RNG.normal(size=N)
+BEGIN = RNG.bit_generator.state
+
+
+@pytest.fixture(autouse=True)
+def same_draws():
+    """Each test draws the same numbers, whatever ran before it."""
+    RNG.bit_generator.state = BEGIN
 
 
 def factor_of(matrix):

@@ -13,7 +13,7 @@ from geoident.forward.march import plastic_step
 from geoident.forward.march.bands import ShearBand
 from geoident.forward.march.collapse import Limit
 from geoident.forward.march.equilibrium import Balance
-from geoident.forward.march.plastic_step import PlasticSteps, yielded_points
+from geoident.forward.march.plastic_step import PlasticFindings, PlasticSteps, yielded_points
 from geoident.forward.march.stage_equations import EvenFlow, NoEquilibrium, Trial
 
 FORCES, CARRIED = np.array([10.0, -3.0]), np.array([2.0, 1.0])
@@ -328,3 +328,44 @@ def test_where_shear_goes_into_bands_is_said_in_words(steps, monkeypatch, explai
             if explain and band is not None
             else ""
         )
+
+
+@pytest.mark.parametrize("motion", [None, np.array([[0.5, 0.25], [0.0, 2.0]])])
+@pytest.mark.parametrize(
+    ("unbalanced", "viscosity"), [(0.0, 0.0), (0.004, 0.0), (0.0, 2e-3), (0.003, 1e-4)]
+)
+@pytest.mark.parametrize("columns", [1, 2])
+def test_what_a_stage_finds_is_noted(steps, monkeypatch, motion, unbalanced, viscosity, columns):
+    """Steps with what supports impose, derivatives where they are wanted, and what is left over."""
+    order, kept = [], []
+    findings = PlasticFindings(planes=None)
+    steps.findings = findings
+    steps.warm = SimpleNamespace(
+        guesses=lambda task: "guesses", keep=lambda task, du: kept.append(du.copy())
+    )
+    steps.equations = Stage(flows=[flow([2], [[1.0]])])
+    found = Balance(trial([3.0, 4.0]), 1, None, None, unbalanced, viscosity)
+    steps._balance = lambda task, equations, guesses: order.append(guesses) or found
+    steps._accept = lambda task, equations, trial: order.append(trial)
+    steps._localisation = lambda task, equations, balance: "bands"
+    monkeypatch.setattr(plastic_step, "impose_motion", lambda task, systems: order.append("moved"))
+    slopes = np.array([[7.0], [8.0]])
+    monkeypatch.setattr(
+        plastic_step, "plastic_derivatives", lambda *_: order.append("dp") or slopes
+    )
+    task = SimpleNamespace(
+        state=SimpleNamespace(name="dig"), forces=np.zeros((2, columns)),
+        motion=None if motion is None else motion[:, :columns],
+    )  # fmt: skip
+    du, yielded = steps._solved(task, "grounds")
+    expected = np.array([[3.0, 7.0], [4.0, 8.0]])[:, :columns]
+    np.testing.assert_array_equal(kept[0], expected)
+    np.testing.assert_array_equal(
+        du, expected if motion is None else expected + motion[:, :columns]
+    )
+    assert order == ["moved", "guesses", *(["dp"] if columns > 1 else []), found.trial]
+    assert yielded.tolist() == [False, False, True, False]
+    assert steps.equations.log == [("viscous", viscosity)]
+    assert findings.unbalanced == ({"dig": unbalanced} if unbalanced else {})
+    assert findings.overstressed == ({"dig": viscosity} if viscosity else {})
+    assert findings.localising == ({"dig": "bands"} if unbalanced or viscosity else {})

@@ -42,6 +42,13 @@ PLANES = {
     "soft": Planes(*(random_planes(RNG, 3, S).__dict__[n] for n in ("normals", "distances"))),
 }
 HARDENED = RNG.uniform(0.0, 0.3, (4, 3))
+BEGIN = RNG.bit_generator.state
+
+
+@pytest.fixture(autouse=True)
+def same_draws():
+    """Each test draws the same numbers, whatever ran before it."""
+    RNG.bit_generator.state = BEGIN
 
 
 def grounds(*, flow=False):
@@ -288,7 +295,7 @@ def test_the_part_of_a_ground_among_some_points_bears_what_it_bears_there(index)
     ground.bear(whole, strain, 0.1)
     flow = part.bear(own, strain[:, points], 0.1)
     mine = np.isin(points, np.arange(10)[index])
-    np.testing.assert_allclose(own[:, mine], whole[:, points[mine]], atol=1e-12)
+    np.testing.assert_allclose(own[:, mine], whole[:, points[mine]], atol=1e-10)
     np.testing.assert_array_equal(own[:, ~mine], stress[:, points[~mine]])
     assert flow.n_points == 5
     assert ground.among(np.setdiff1d(np.arange(10), np.arange(10)[index]), 10) is None

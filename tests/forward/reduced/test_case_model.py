@@ -10,6 +10,7 @@ import pytest
 from geoident.forward.gauges.observation import Observation
 from geoident.forward.reduced.case_model import ReducedCaseModel
 from geoident.forward.reduced.coverage import reduction_obstacle, releases
+from geoident.forward.reduced.kept import RestoredModel, _Blocks, _Packed
 from geoident.forward.reduced.stress_rows import StressRows
 from geoident.model.results.costs import Counts
 
@@ -247,3 +248,73 @@ def test_channels_of_stresses_by_points_and_by_rows():
     np.testing.assert_array_equal(some, weights[:, :, [1, 3]])
     assert rows.at(np.array([], dtype=np.int64))[1].shape == (3, 4, 0)
     assert rows.of(np.array([9, 5, 2, 9, 6, 0])).tolist() == [2, -1, 1, 2, 0, -1]
+
+
+def _restored(**kept):
+    """A kept model of which only its domain and its readings are there."""
+    made = RestoredModel.__new__(RestoredModel)
+    made.kept = SimpleNamespace(
+        names=("x", "y"), lower=np.array([1.0, -4.0]), upper=np.array([3.0, 6.0]), **kept
+    )
+    made.case, made._ground = None, None
+    made._place = {("a", "one"): 1, ("b", "two"): 0}
+    return made
+
+
+@pytest.mark.parametrize(
+    ("p", "why"),
+    [
+        ((1.0 - 1.9e-9, 6.0 + 9e-9), None),  # a thousand-millionth of the range is rounding
+        ((1.0 - 2.1e-9, 0.0), "x is beyond the bounds with which the reduced model was made"),
+        ((3.0 + 2.1e-9, 0.0), "x is beyond the bounds with which the reduced model was made"),
+        ((3.0 + 1.9e-9, -4.0 - 9e-9), None),
+        ((2.0, -4.0 - 1.1e-8), "y is beyond the bounds with which the reduced model was made"),
+        ((2.0, 6.0 + 1.1e-8), "y is beyond the bounds with which the reduced model was made"),
+        ((2.0, np.nan), "a parameter is not finite"),
+        ((-np.inf, 0.0), "a parameter is not finite"),
+        ((2.0, 5.5), "y is impossible"),
+    ],
+)
+def test_parameters_that_a_kept_model_does_not_answer(p, why, monkeypatch):
+    def numbers(case, ground, values):
+        assert set(values) == {"x", "y"}
+        return "y is impossible" if values["y"] == 5.5 else None
+
+    monkeypatch.setattr("geoident.forward.reduced.kept.inadmissible_numbers", numbers)
+    assert _restored().admissible(np.array(p)) == why
+
+
+def test_which_readings_a_kept_model_gives():
+    made = _restored()
+    assert made.pairs == (("a", "one"), ("b", "two"))
+    assert made.covers([("b", "two")])
+    assert made.covers([])
+    assert not made.covers([("b", "two"), ("b", "one")])
+    assert made.names == ("x", "y")
+
+
+def test_arrays_are_found_by_what_they_are_and_what_they_are_about():
+    """As they are packed: by state and material, by material, by both numbers."""
+    packed = _Packed(("rock", "clay"))
+    packed._add("one", 7.0)
+    packed._add("of two", np.arange(3), 1, 4)
+    packed._add_all("by-both", {(3, "clay"): np.ones(2), (1, "rock"): np.zeros(1)}, 9)
+    packed._add_all("by-both", {(3, "clay"): np.ones(5)}, 8)
+    packed._add_all("by-material", {"clay": np.full(2, 4.0)}, 9, 2)
+    assert sorted(packed.blocks) == [
+        "by-both 8 3 1", "by-both 9 1 0", "by-both 9 3 1", "by-material 9 2 1", "of two 1 4", "one",
+    ]  # fmt: skip
+    assert all(block.dtype == np.float64 for block in packed.blocks.values())
+    blocks = {name.replace("of two", "two"): block for name, block in packed.blocks.items()}
+    found = _Blocks(SimpleNamespace(materials=("rock", "clay"), blocks=blocks))
+    assert found.one("one") == 7.0
+    assert found.whole("one") == 7
+    np.testing.assert_array_equal(found.one("two", 1, 4), [0, 1, 2])
+    assert found.get("two", 1, 5) is None
+    assert found.get("three") is None
+    terms = found.terms("by-both", 9)
+    assert {key: len(block) for key, block in terms.items()} == {(3, "clay"): 2, (1, "rock"): 1}
+    assert {key: len(b) for key, b in found.terms("by-both", 8).items()} == {(3, "clay"): 5}
+    assert list(found.materials("by-material", 9, 2)) == ["clay"]
+    assert found.materials("by-material", 9, 3) == {}
+    assert found.terms("nothing", 1) == {}

@@ -172,8 +172,8 @@ def test_a_fitted_mixture_has_a_floor_in_every_direction(across):
     along = np.array([1.0, 2.0]) / np.sqrt(5.0)
     beside = np.array([2.0, -1.0]) / np.sqrt(5.0)
     even = 0.5 * np.trace(whole)
-    expected = 1e-14 * even if across == 0.0 else beside @ whole @ beside
-    assert beside @ inner @ beside == pytest.approx(expected, rel=0.1 if across == 0.0 else 1e-4)
+    expected = (1.0 + 1e-6) * (beside @ whole @ beside) + 1e-12 * even
+    assert beside @ inner @ beside == pytest.approx(expected, rel=0.1 if across == 0.0 else 1e-3)
     assert along @ inner @ along == pytest.approx((1.0 + 1e-6) * (along @ whole @ along), rel=1e-9)
     np.testing.assert_allclose(found.centres[0], mean)
     np.testing.assert_allclose(found.shares, [0.7, 0.2, 0.1])
@@ -369,7 +369,7 @@ def test_thirty_steps_are_made_from_centres_that_share_the_whole():
     whole = (gap * weights[:, None]).T @ gap
     even = 0.5 * np.trace(whole) * np.eye(2)
     whole += 1e-12 * even
-    floor = 1e-6 * whole + 1e-14 * even
+    floor = 1e-6 * whole + 1e-12 * even
     centres = approximation._centres(x, weights, 2, whole, np.random.default_rng(5))
     root = np.linalg.cholesky(whole / 4.0 + floor)
     now = Mixture(np.full(2, 0.45), centres, np.stack([root, root]), 5.0, *BOX, 0.1)

@@ -23,7 +23,7 @@ import numpy.typing as npt
 Dense = npt.NDArray[np.floating]
 """Numbers in double or single precision."""
 
-FEW = 5
+FEW = 4
 """Right-hand sides that are solved one by one.
 
 Products of matrices copy both first, which takes longer than the products where one has so few

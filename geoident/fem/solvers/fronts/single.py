@@ -20,11 +20,13 @@ of a Cholesky factorization are relative, and are those of the scaled matrix (va
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 import scipy.sparse as sp
 
 from geoident.fem.solvers.direct import LowerPattern, SolverCounts
+from geoident.fem.solvers.fronts.tasks import run_tasks
 from geoident.model.arrays import Floats
 
 SINGLE_WORK = 4.0e10
@@ -79,9 +81,15 @@ class SymmetricMatrix:
         self.norm = float(sums.max())
 
     def times(self, x: Floats) -> Floats:
-        """A x for x (n, k)."""
-        result = self._lower @ x
-        result += self._lower.T @ x
+        """A x for x (n, k), the triangle and its transpose side by side."""
+        parts: list[Floats] = [np.empty(0), np.empty(0)]
+
+        def multiply(number: int, triangle: sp.csc_array | sp.csr_array) -> None:
+            parts[number] = triangle @ x
+
+        run_tasks([partial(multiply, 0, self._lower), partial(multiply, 1, self._lower.T)])
+        result = parts[0]
+        result += parts[1]
         result -= self.diagonal[:, None] * x
         return np.asarray(result)
 
