@@ -379,6 +379,22 @@ def test_a_free_edge_and_a_level_boundary_are_no_steep_one():
     assert local_imbalance(level.march, NOWHERE).across == ()
 
 
+@pytest.mark.parametrize("free", ["x0", "x1"])
+def test_layers_that_differ_at_a_free_edge_do_not_meet_there(free):
+    """Where two of them begin at the edge, all ground is on one side of it."""
+    zones = {
+        name: ConstantStress((Scalar(side), Scalar(-1e5), *NOTHING[:4]), held=False)
+        for name, side in (("fill", -1e4), ("clay", -9e4), ("rock", -1e4))
+    }
+    sides = (("x0", 0), ("x1", 0), ("y0", 1), ("y1", 1))
+    supports = tuple(Support(name, (axis,)) for name, axis in sides if name != free)
+    staged = layered(in_situ_of=zones, gravity=None, supports=supports)
+    found = local_imbalance(staged.march, NOWHERE)
+    assert found.position[0] == (0.0 if free == "x0" else 6.0)
+    assert found.position[1] in (2.0, 4.0)
+    assert found.across == ()
+
+
 # --- surfaces and overburden ---
 
 
