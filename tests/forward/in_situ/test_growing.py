@@ -110,6 +110,11 @@ def test_growth_with_depth_by_hand():
     (faced,) = point_growths(on(with_depth("y1")))
     assert faced.names == {"E", "grad"}
     against(faced, by_hand, ("E", "grad"))
+    slow = replace(with_depth(), base=Scalar(9e6), law=WithDepth(Scalar(3e5), Scalar(9.0)))
+    (note,) = growth_notes(point_growths(on(slow)), VALUES)
+    ends = 9.0 + 0.3 * (9.0 - found.positions[:, 1])
+    assert f"values {ends.min():.4g} MPa near (" in note  # 9 MPa, and more than 10
+    assert f"to {ends.max():.4g} MPa near (" in note
     nothing = replace(with_depth(), base=Scalar(0.0), law=WithDepth(Scalar(0.0), Scalar(1.0)))
     (zero,) = point_growths(on(nothing))
     assert (zero.typical, zero.names) == (1.0, frozenset())
