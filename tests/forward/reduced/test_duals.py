@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from support.sums import S, summed_model
@@ -238,9 +240,15 @@ def _whole(model, found, energy, strains, sums, n):
     return np.abs(work), error
 
 
-def test_bounds_of_readings_are_the_least_of_all_sums_and_places():
-    """Two bases, of motions with derivatives and of stresses without: each sum by loops."""
+@pytest.mark.parametrize("base", [1, 2])
+def test_bounds_of_readings_are_the_least_of_all_sums_and_places(base):
+    """Two bases, of motions with derivatives and of stresses without: each sum by loops.
+
+    The last state builds on the first, beside the second, or on that.
+    """
     model = summed_model()
+    last = replace(model.stages[3], base=base)
+    model = replace(model, stages=(*model.stages[:3], last))
     moved, pressed = Strains(model, (1,), 2, seed=4), Strains(model, (), 2, seed=6)
     bases = [moved.basis([0, 2], (1,), forces=False), pressed.basis([2, 1], (), forces=True)]
     found = model.states(VALUES, derivatives=False)
