@@ -437,8 +437,7 @@ class ImplicitSearch:
 
     def weakened(self, point: YieldIterate) -> Floats:
         """A point (n,) like this one, with all that moves planes half way to the weak side."""
-        slopes = point.activity.slopes * self.scaling.slope(point.p)
-        moves = np.abs(slopes).max(axis=0, initial=0.0) > 0.0
+        moves = np.any(point.activity.slopes != 0.0, axis=0)
         start, lower = self.scaling.start, self.scaling.lower
         half = 0.5 * (start + np.where(np.isfinite(lower), lower, start))
         return np.where(moves, half, point.x)

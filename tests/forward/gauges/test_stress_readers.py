@@ -53,7 +53,7 @@ def test_what_is_normal_to_a_plane(n_strain):
 @pytest.mark.parametrize("n_strain", [4, 6])
 def test_components_and_their_signs_across_the_axis(n_strain):
     """With x turned, components with one x change sign; normals turn with it."""
-    signs = np.array([-1.0, 1.0] if n_strain == 4 else [-1.0, 1.0, -1.0])
+    signs = np.array([-1.0, 1.0] if n_strain == 4 else [-1.0, 1.0, 1.0])
     turn = np.diag(np.append(signs, np.ones(3 - len(signs))))
     stress = RANDOM.standard_normal(n_strain)
     seen = turn @ _full(stress) @ turn

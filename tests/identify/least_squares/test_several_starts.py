@@ -9,6 +9,7 @@ import pytest
 from scipy.stats.qmc import Halton
 
 from geoident.errors import ModelError
+from geoident.identify.least_squares import gauss_newton as gauss_newton_module
 from geoident.identify.least_squares.acceptance import Iterate
 from geoident.identify.least_squares.descent import Ending, plain_evaluator
 from geoident.identify.least_squares.gauss_newton import StartLook, gauss_newton
@@ -626,6 +627,18 @@ def test_every_further_start_is_a_part_that_asks_what_its_descent_asks(make_prob
     led = Ahead(plain.response, may_be_led=True)
     told(replace(plain, response=led), starts=3)
     assert led.looks == led.turned == []
+
+
+@pytest.mark.parametrize(("readings", "freedom"), [(6, 4), (4, 2), (3, 1), (2, 1), (1, 1)])
+def test_readings_less_named_parameters_are_the_freedom(make_problem, readings, freedom):
+    """The prior of a mode of a field is an equation, and counts as a reading."""
+    mode = Parameter("rock.mode-1", 0.0, -4.0, 4.0, prior=Prior(0.0, 1.0), field="rock")
+    problem = make_problem(lambda p: p, [E, DIP, mode], np.zeros(readings), 1.0)
+    history = History("", problem.response, lambda entry: None)
+    for given, starts in (("automatic", None), (7, 7)):
+        options = GaussNewtonOptions(starts=given)
+        found = gauss_newton_module._several_starts(problem, options, history)
+        assert (found.freedom, found.starts) == (freedom, starts)
 
 
 def test_a_start_without_a_solution_asks_once(make_problem):
