@@ -211,6 +211,7 @@ def test_what_varies_too_much_is_outside_of_the_domain():
 
 def test_a_constant_that_grows_must_be_positive_everywhere():
     assert not_positive(growth(), {}) is None
+    assert not_positive(growth(values=(1e9, 3e9, 1e-3, 5e9)), {}) is None
     for bad, number in ((0.0, "0"), (-2e9, "-2e+09"), (np.nan, "nan")):
         said = not_positive(growth(values=(1e9, 3e9, bad, 5e9)), {})
         assert said == (
