@@ -9,6 +9,7 @@ pytest -m slow tests/fuzz (GEOIDENT_FUZZ_EXAMPLES sets the examples of each test
 
 import contextlib
 import copy
+import functools
 import os
 import signal
 import subprocess
@@ -185,15 +186,27 @@ def points(tree):
         plain = isinstance(node, list) and all(not isinstance(x, (list, dict)) for x in node)
         if plain and len(node) in (2, 3) and any(" m" in str(x) for x in node):
             words = tuple(key for key in path[2:] if isinstance(key, str))
-            found.setdefault((path[0], str(kind), words, path[-1]), path)
-    return list(found.values())
+            found.setdefault((path[0], str(kind), words, path[-1], len(node)), path)
+    return found
+
+
+@functools.cache
+def shortest_cases():
+    """The shortest case with each use of a point: longer ones are read by the same lines."""
+    found = {}
+    for path in sorted(SHIPPED, key=lambda path: path.stat().st_size):
+        for use in points(loaded(path.read_text(encoding="utf-8"))):
+            found.setdefault(use, path)
+    return found
 
 
 @pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.parent.name)
 def test_points_of_another_dimension(path):
     """One coordinate less, one more, one, and none, of each point alone."""
     sound = loaded(path.read_text(encoding="utf-8"))
-    for place in points(sound):
+    for use, place in points(sound).items():
+        if shortest_cases()[use] != path:
+            continue
         point = sound
         for key in place:
             point = point[key]
@@ -205,6 +218,13 @@ def test_points_of_another_dimension(path):
             holder[place[-1]] = [*point, "1 m"][:count]
             with contextlib.suppress(InputError):
                 parse_case(dumped(tree), str(path))
+
+
+def test_every_use_of_a_point_is_tried():
+    """In 2 and 3 dimensions; cases share many."""
+    assert {use[-1] for use in shortest_cases()} == {2, 3}
+    assert len(shortest_cases()) > 20
+    assert set(shortest_cases().values()) <= set(SHIPPED)
 
 
 @pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.parent.name)
