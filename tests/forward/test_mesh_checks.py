@@ -136,6 +136,9 @@ def test_ground_that_lies_in_itself_is_named_by_its_groups():
     )
     assert "(the first: 30 and 10 near (" in fault.message
     assert fault.path == "groups.b"
+    left = moved(box("quad4", (2, 1), size=(2.0, 1.0)), -0.5, 0.25)
+    (fault,) = mesh_faults(on(pasted(a=one, b=left), groups={"a": "rock", "b": "rock"}))
+    assert "(the first: 30 and 10 near (" in fault.message
     assert mesh_faults(on(mesh, groups={"a": "rock", "b": None})) == []
     # never there together: one leaves when the other comes
     change = Stage("change", excavate=("a",), install={"b": "rock"})

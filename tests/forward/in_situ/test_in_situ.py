@@ -346,6 +346,26 @@ def test_the_obstacle_is_named(virgin, free, words):
     assert (found is None) if words is None else (words in found)
 
 
+def test_the_obstacle_of_one_group_is_named_beside_a_stress_that_has_none():
+    """The azimuth of the fault; the stress of all other ground is given by its components."""
+    turned = replace(MODELS["azimuth"], azimuth=Scalar(1.0, "way"))
+    turned = replace(turned, vertical=Scalar(2.0), K0=Scalar(1.5), K0_across=Scalar(0.6))
+    staged = model(
+        block(),
+        parameters=(Parameter("way", 0.3, -np.inf, np.inf),),
+        materials={"rock": ROCK},
+        groups=dict.fromkeys(("rock", "hole", "fault"), "rock"),
+        supports=(Support("z0", (0, 1, 2)),),
+        in_situ=ConstantStress(components()),
+        in_situ_of={"fault": turned},
+        channels=(displacement("c", (5.0, 4.0, 6.0), (1.0, 0.0, 0.0)),),
+        stages=(Stage("open", excavate=("hole",)),),
+        imbalance_accepted=True,
+    )
+    found = staged.response([("c", "open")]).obstacle()
+    assert "the horizontal stress turns with the azimuth way" in found
+
+
 def test_a_surface_that_the_mesh_lacks_is_a_fault():
     with pytest.raises(InputError, match="no group of faces 'hilltop'"):
         heavy(hill(), "hilltop")

@@ -308,3 +308,6 @@ def test_the_interval_of_a_mixture_of_many_is_that_of_each():
         for end, part in ((low[at], 0.025), (high[at], 0.975)):
             below = odds @ norm.cdf(end, means[:, *at], np.maximum(sds[:, *at], 1e-12))
             assert below == pytest.approx(part, abs=1e-9)
+    means[0, 0, 1] = np.nan
+    expected = [[False, True], [True, False]]
+    assert np.isnan(mixture_interval(odds, means, sds)).tolist() == [expected, expected]
