@@ -447,9 +447,12 @@ def test_divided_differences_against_their_definition() -> None:
         assert float(dual.value) == pytest.approx(exact, rel=1e-14)
     near, far = (log_divided(Dual(np.array([x, 1.0]))).columns[1] for x in (0.5 - 1e-12, 0.5))
     assert near == pytest.approx(far, rel=1e-10)
-    for x in (-0.9999, -0.97, -0.499, -0.003, 0.003, 0.499, 0.6, 8.0, 900.0):
-        slope = log_divided(Dual(np.array([x, 1.0]))).columns[1]
+    some = np.array([-0.9999, -0.97, -0.499, -0.003, 0.003, 0.499, 0.6, 8.0, 900.0])
+    together = log_divided(Dual(np.stack([some, np.ones(9)], axis=-1)))
+    for x, one in zip(some.tolist(), together.columns, strict=True):
+        value, slope = log_divided(Dual(np.array([x, 1.0]))).columns
         assert slope == pytest.approx(_log_slope(x), rel=3e-15 if abs(x) < 0.5 else 3e-14)
+        np.testing.assert_allclose(one, [value, slope], rtol=1e-15)
 
 
 def _log_slope(x: float) -> float:
