@@ -9,7 +9,7 @@ import pytest
 
 from geoident.fem.elasticity import PointwiseModuli, UniformModuli
 from geoident.fem.solvers.direct import DirectFactor
-from geoident.forward.march import held_factors
+from geoident.forward.march import held_factors, plastic_step
 from geoident.forward.march.held_factors import (
     ElasticByHeld,
     HeldFactors,
@@ -391,8 +391,6 @@ def test_what_is_known_near_by_with_slopes_is_not_replaced_by_less(far, kept):
 
 
 def test_at_least_four_parameter_vectors_are_kept(monkeypatch):
-    from geoident.forward.march import plastic_step  # noqa: PLC0415
-
     for numbers, most in ((10_000_000, 50), (6 * 3 * 7, 7), (0, 4)):
         monkeypatch.setattr(plastic_step, "_KEPT", numbers)
         warm = WarmStart()
