@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.cases import displacement, field_on, material, model_with_fields
+from support.cases import displacement, field_on, material, model, model_with_fields, rollers
 from support.derivatives import assert_adjoint, richardson
 from support.force_gauges import gauge
 from support.meshes import box, regroup
@@ -350,6 +350,22 @@ def test_states_of_the_same_ground_share_what_is_prepared():
     assert systems.analysis(lined) is not systems.analysis(bench)
     assert systems.analysis(lined, 1) is not systems.analysis(lined)
     assert systems.tangents(lined) is systems.tangents(test) is not systems.tangents(bench)
+
+
+def test_solvers_of_several_levels_are_told_where_unknowns_stand():
+    """Also which nodes are amid two others: on straight edges, in their middle."""
+    staged = model(box("quad8", (3, 2), size=(3.0, 5.0)), groups={"all": "rock"},
+                   materials={"rock": material("rock", 1e9, 0.2)}, supports=rollers(2))  # fmt: skip
+    systems, mesh = staged.march.systems, staged.mesh
+    places = systems[0].pattern.lower.places
+    np.testing.assert_array_equal(places.dofs, systems[0].dofs)
+    np.testing.assert_array_equal(places.points, mesh.points)
+    middle, one, other = mesh.points[places.edges.T]
+    np.testing.assert_allclose(middle, (one + other) / 2, atol=1e-12)
+    corners = np.unique(mesh.blocks[0].nodes[:, :4])
+    assert sorted([*places.edges[:, 0], *corners]) == list(range(mesh.n_nodes))
+    assert np.isin(places.edges[:, 1:], corners).all()
+    assert len(np.unique(np.sort(places.edges[:, 1:]), axis=0)) == len(places.edges) == 17
 
 
 def test_nodes_that_change_are_those_of_ground_structures_and_supports(staged):

@@ -25,7 +25,7 @@ READ = [("g", "first"), ("g", "second")]
 
 def heading():
     """A quarter of an opening with a corner of 90 degrees, made in two stages."""
-    whole = box("tri6", (12, 12), size=(6.0, 6.0))
+    whole = box("tri6", (18, 18), size=(9.0, 9.0))
     mesh = regroup(
         whole,
         first=lambda c: (c[:, 0] < 2.0) & (c[:, 1] < 1.0),

@@ -40,7 +40,7 @@ def _problem(seed: int) -> Problem:
         for k in (0, 1)
     ]
     staged = cavity.staged(
-        cavity.mesh("quad8", n=2, layers=6, reach=8),
+        cavity.mesh("quad8", n=2, layers=8, reach=10),
         materials={"rock": rock(Scalar(1.0, "E"), 0.25, surface)},
         in_situ=constant(Scalar(1.0, "sx"), -6e6, -5e6),
         parameters=parameters,
@@ -70,6 +70,5 @@ def test_a_search_that_ends_where_nothing_yields_goes_on_from_elsewhere():
     elastic = run.evaluator.evaluate(run.scaling.to_scaled(strong))
     assert elastic.activity.points.sum() == 0
     found = run.from_elsewhere(Ending(elastic, "converged", ""))
-    plain = gauss_newton(problem, GaussNewtonOptions(), lambda _: None)
     assert found.point.phi < 0.9 * elastic.phi
-    assert found.point.phi <= 1.001 * plain.objective
+    assert found.point.phi <= run.evaluator.evaluate(run.scaling.to_scaled(TRUTH)).phi
