@@ -16,6 +16,7 @@ from geoident.forward import response as responses
 from geoident.forward.march.march import RunOptions
 from geoident.forward.model import (
     StageByStage,
+    StagedModel,
     _equal_notes,
     _first_mechanism,
     _unbalanced_notes,
@@ -388,3 +389,14 @@ def test_solutions_are_kept_by_a_solver_that_can():
     assert kept == ["a store"]
     staged._solver = SimpleNamespace()
     staged.keep_solutions("a store")
+
+
+@pytest.mark.parametrize("known", [1, 2, 3, 5, 7])
+def test_states_that_are_not_in_a_table_of_readings_are_not_known(known):
+    staged = object.__new__(StagedModel)
+    staged.sequence = SimpleNamespace(states=range(7))
+    table = np.random.default_rng(2).normal(size=(known, 2, 3))
+    found = staged.with_later(table)
+    assert found.shape == (7, 2, 3)
+    np.testing.assert_array_equal(found[:known], table)
+    assert np.isnan(found[known:]).all()
