@@ -12,6 +12,7 @@ from support.meshes import box, regroup
 from support.yielding import mohr, rock
 
 from geoident.errors import CollapseError
+from geoident.forward import model as models
 from geoident.forward import response as responses
 from geoident.forward.march.march import RunOptions
 from geoident.forward.model import (
@@ -400,3 +401,20 @@ def test_states_that_are_not_in_a_table_of_readings_are_not_known(known):
     assert found.shape == (7, 2, 3)
     np.testing.assert_array_equal(found[:known], table)
     assert np.isnan(found[known:]).all()
+
+
+def test_what_curved_strengths_are_like_is_said_of_the_ground_before_the_first_stage(monkeypatch):
+    told = []
+    monkeypatch.setattr(models, "equivalent_notes", lambda *given: told.append(given) or ["like"])
+    staged = object.__new__(StagedModel)
+    systems = [{"rock": np.array([0, 2]), "clay": np.array([1])}, {"fill": np.array([0, 1, 2])}]
+    staged.systems = [SimpleNamespace(points_of=points) for points in systems]
+    start = {"c": 3.0}
+    staged.case = SimpleNamespace(materials={"rock": "ROCK", "clay": "CLAY"}, start=start)
+    stress = np.arange(12.0).reshape(4, 3)
+    assert list(staged._equivalent_notes(stress)) == ["like", "like"]
+    assert [(material, values) for material, _, values in told] == [
+        ("ROCK", start),
+        ("CLAY", start),
+    ]
+    assert [part[0].tolist() for _, part, _ in told] == [[0.0, 2.0], [1.0]]

@@ -362,3 +362,25 @@ def test_a_model_that_is_kept_answers_as_the_one_it_was(name):
     with pytest.raises(ValueError, match="without bounds of its readings is not kept"):
         kept_model(without, staged.observation, case, marches=points,
                    built_on=staged.sequence.built_on)  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ["plane", "braced"])
+def test_motions_of_the_marches_it_was_made_of_are_known(name):
+    """Of every state, with their derivatives; of none beyond those that are wanted."""
+    staged, response, reduced, points = made(name)
+    known = response.reduction.motion(reduced.model, points[0])
+    moved = [end.u.copy() for end in staged.at(points[0]).states()]
+    size = np.abs(moved).max(axis=(0, 1))
+    for state, u in enumerate(moved[1:], start=1):
+        there = staged.march.systems[state].dofs
+        found = known(state)
+        assert found.shape == u.shape
+        off = np.abs(found[there] - u[there]).max(axis=0) / size
+        assert off[0] < 1e-8
+        assert off[1:].max() < 1e-3  # of rigidities to first order
+    assert known(len(moved)) is None
+
+
+def test_where_virgin_ground_moves_no_motions_are_known():
+    _, response, reduced, points = made("settling")
+    assert response.reduction.motion(reduced.model, points[0]) is None
