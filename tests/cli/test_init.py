@@ -49,7 +49,8 @@ class TestTemplate:
 def test_its_fit_converges_and_predicts_the_stage_that_was_left_out(here, run, name):
     """One with a tutorial is in `test_tutorial`, that of newcomers in `test_newcomer`.
 
-    That each is valid: `test_picture`. With the error of the mesh and the backtest, as it comes: the slow tests of `test_newcomer`.
+    That each is valid: `test_picture`. With the error of the mesh and the backtest, as it comes:
+    the slow tests of `test_newcomer`.
     """
     made = run("init", "new", "--template", name)
     assert made.exit_code == 0

@@ -85,7 +85,7 @@ def part_inside(text):
 
 
 def test_commands_of_the_tutorial_may_be_typed(tmp_path, monkeypatch, run):
-    """What can be told of them without a fit: words, flags, and that the cases of them are valid."""
+    """What can be told of them without a fit: words, flags, and that their cases are valid."""
     monkeypatch.chdir(tmp_path)
     assert run(*blocks()[0][0]).exit_code == 0
     for (name, *words), _ in blocks()[1:]:
