@@ -40,7 +40,7 @@ def at_truth(name: str) -> list[str]:
     ]
 
 
-@pytest.mark.parametrize("name", ["km 6", "km 7"])
+@pytest.mark.parametrize("name", ["km 6", pytest.param("km 7", marks=pytest.mark.slow)])
 def test_a_section_moves_as_the_calculation_that_made_its_readings(made, name):
     """From the keys of the case to its readings: GSI, profile, reaction curve, Hoek-Brown."""
     stress = float(SECTIONS[name]["set"]["in_situ.vertical"].split()[0])

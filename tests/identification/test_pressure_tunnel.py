@@ -123,6 +123,7 @@ def test_curve_is_that_of_the_closed_form(verification):
     verification("pressure-tunnel", "", UP, exact=exact, found=found)
 
 
+@pytest.mark.slow  # with noise: the next
 def test_complementarity_recovers_all_three_from_a_cycle_of_pressure():
     chamber = Chamber(CYCLE)
     outcome, known = found(problem(chamber, finer(chamber).readings(TRUTH)), FEW)
@@ -152,6 +153,7 @@ def test_simplex_agrees():
         np.testing.assert_allclose(outcome.values, best.values, rtol=2e-3)
 
 
+@pytest.mark.slow  # one that ends before: below
 def test_what_a_curve_that_ends_soon_after_yielding_tells():
     """The sum at which the wall yields, not the strengths; s only where it stands for the sum.
 

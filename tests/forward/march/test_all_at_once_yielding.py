@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from support.all_at_once import compatibility, unbounded
 from support.cases import displacement, model
 from support.force_gauges import gauge
 from support.meshes import box, regroup
@@ -19,7 +20,7 @@ from geoident.forward.march.march import RunOptions
 from geoident.model.actions import Traction
 from geoident.model.case import Stage, Support
 from geoident.model.in_situ import HeimStress
-from geoident.model.parameter import Parameter, Scalar
+from geoident.model.parameter import Scalar
 from geoident.model.structures import Beam, Bolts
 
 P = {
@@ -47,7 +48,7 @@ def staged():
     warm = {"clay": Scalar(15.0), "rock": Scalar(5.0)}
     return model(
         mesh,
-        parameters=tuple(Parameter(n, v, -np.inf, np.inf) for n, v in P.items()),
+        parameters=unbounded(P),
         materials={
             "clay": rock(Scalar(1.0, "E"), 0.3, clay, name="clay", expansion=Scalar(1.0, "alpha")),
             "sand": rock(Scalar(2.0, "E"), 0.25, sand, name="sand", expansion=1e-5),
@@ -199,14 +200,6 @@ def pressed(staged, monkeypatch):
     still = equations.members(np.zeros(len(K)))
     K += np.stack([equations.members(unit) - still for unit in np.eye(len(K))], axis=1)
     return equations, K[np.ix_(equations.dofs, equations.dofs)]
-
-
-def compatibility(staged):
-    """C (4, n_points, n_dofs), dense."""
-    points = staged.discretization.points
-    return (
-        points.compatibility(np.arange(points.n_points)).toarray().reshape(4, points.n_points, -1)
-    )
 
 
 def changed(staged, equations, K, points, change):

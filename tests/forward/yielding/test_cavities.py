@@ -183,6 +183,7 @@ def closures(fit: str, sides: tuple[int, ...]) -> np.ndarray:
     return np.array(found)
 
 
+@pytest.mark.slow  # of surfaces: test_polyhedra.py
 def test_polyhedra_converge_with_the_square_of_their_planes():
     smooth = closures("best", (0,))[0]
     errors = {fit: closures(fit, (8, 16, 32, 64)) / smooth - 1 for fit in FITS}

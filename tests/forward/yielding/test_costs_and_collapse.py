@@ -148,8 +148,9 @@ def test_collapse_names_stage_part_and_place(planes):
 
 
 @pytest.mark.parametrize("yields", [
-    mohr(1.0, 0.0), mohr(0.0, 0.3), mohr(1e-3, 0.0, planes=8), given(np.eye(6)[:3], [0.0] * 3),
-    mohr(1.0, 0.4, psi=0.0), mohr(0.0, 0.3, psi=0.1),
+    mohr(1.0, 0.0), mohr(0.0, 0.3), given(np.eye(6)[:3], [0.0] * 3), mohr(0.0, 0.3, psi=0.1),
+    *(pytest.param(surface, marks=pytest.mark.slow)
+      for surface in (mohr(1e-3, 0.0, planes=8), mohr(1.0, 0.4, psi=0.0))),
 ])  # fmt: skip
 def test_ground_without_strength_collapses_soon(yields):
     """No endless search, whatever the strength; nothing of the load is carried."""
