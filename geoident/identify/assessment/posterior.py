@@ -50,8 +50,7 @@ _BEYOND = 1e-8
 _COVERED = 0.95
 _GRID = 65
 _HALVINGS = 60
-"""Of what lies between two ends: to the last digit, also of a normal that is a millionth of another.
-"""
+"""Of what lies between two ends: to the last digit, also of a normal a millionth of another."""
 
 _SAME = 1e-13
 """Part of the ends between which a quantile is sought: so small a step does not matter."""
