@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from scipy.sparse.linalg import spsolve
+from support.all_at_once import bracing
 from support.cases import displacement, material, model, rollers
 from support.meshes import box, regroup
 from support.yielding import given, mohr, rock
@@ -18,7 +19,6 @@ from geoident.model.dual import ParameterPoint
 from geoident.model.ground import Attitude
 from geoident.model.in_situ import HeimStress
 from geoident.model.parameter import Parameter, Scalar
-from geoident.model.structures import Beam, Bolts, Struts
 from geoident.model.yielding import WeakPlane
 
 P = {"E": 8e9, "El": 1e10, "sv": 5e6, "q": 2e5, "k": 3e8}
@@ -47,13 +47,7 @@ def braced(**changes):
         "groups": {"dug": "rock", "soil": "soil", "rock": "rock"},
         "supports": (*rollers(2), Support("x1", (0,))),
         "in_situ": HeimStress(vertical=Scalar(1.0, "sv"), K0=Scalar(0.7)),
-        "structures": {
-            "plate": Beam("y1", E=Scalar(1.0, "El"), thickness=Scalar(0.4)),
-            "bolts": Bolts((((4.5, 7.0), (9.0, 7.5)), ((5.0, 8.5), (6.5, 9.5))), ONE,
-                           EA=Scalar(0.02, "El")),
-            "struts": Struts((((4.5, 5.0), (8.0, 3.0)),), ONE, EA=Scalar(5e8),
-                             prestress=Scalar(0.05, "sv")),
-        },
+        "structures": bracing(((5.0, 8.5), (6.5, 9.5)), thickness=0.4),
         "stages": (
             Stage("open", excavate=("dug",), build=("plate", "bolts")),
             Stage("brace", build=("struts",), loads={"q": Pressure("y1", Scalar(1.0, "q"))}),

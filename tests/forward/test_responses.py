@@ -378,3 +378,13 @@ def test_most_points_beside_surfaces_are_told_of_ground_loads_and_growth():
     assert half > most > 0
     assert told("most", "half") == told("half", "most") == [half]
     assert told(Scalar(5.0), "most") == [most]
+
+
+def test_solutions_are_kept_by_a_solver_that_can():
+    kept = []
+    staged = object.__new__(responses.Marches)
+    staged._solver = SimpleNamespace(keep_solutions=kept.append)
+    staged.keep_solutions("a store")
+    assert kept == ["a store"]
+    staged._solver = SimpleNamespace()
+    staged.keep_solutions("a store")

@@ -11,7 +11,8 @@ derivatives: a small change of the parameters costs one or two factorizations a 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -198,6 +199,35 @@ class PlasticSteps:
             CollapseError: the loads cannot be carried.
             ModelError: the stiffness is singular, or no stress satisfies all yield planes.
         """
+        with self._told(task):
+            return self._stepped(task)
+
+    @contextmanager
+    def _told(self, task: StageTask) -> Iterator[None]:
+        """What keeps a stage from being solved in words, whichever part of the step meets it.
+
+        Raises:
+            ModelError: the stiffness is singular, or there is no projection on yield planes.
+        """
+        try:
+            yield
+        except NotPositiveDefinite as error:
+            place = self.systems.describe_unknown(task.system, error.unknown)
+            raise not_positive_definite(task.state.name, place) from error
+        except EmptyDomain as error:
+            msg = f"the yield planes of a material contradict each other: {error}"
+            raise ModelError(msg, "Raise their distances k (start values or bounds).") from error
+        except NoProjection as error:
+            msg = f"at stage '{task.state.name}' {error}: planes of a material that nearly coincide"
+            hint = "Leave out planes that are the same but for little, or move them apart."
+            raise ModelError(msg, hint) from error
+
+    def _stepped(self, task: StageTask) -> tuple[Floats, Bools]:
+        """See `step`.
+
+        Raises:
+            CollapseError: the loads cannot be carried.
+        """
         grounds = grounds_of(task, self._laws)
         try:
             return self._solved(task, grounds)
@@ -226,11 +256,8 @@ class PlasticSteps:
         if not self.yields(task.state) or not task.system.pattern.lower.n:
             return None
         tangents = StageTangents(self.systems, task, task.elasticity(), self.warm.factors)
-        try:
+        with self._told(task):
             tangents.elastic()
-        except NotPositiveDefinite as error:
-            place = self.systems.describe_unknown(task.system, error.unknown)
-            raise not_positive_definite(task.state.name, place) from error
         return ElasticByHeld(tangents)
 
     def refuse_virgin(self, task: StageTask) -> None:
@@ -372,16 +399,6 @@ class PlasticSteps:
             if self._means_nothing(equations, found):
                 raise NoEquilibrium(found.trial.du)
             return found
-        except NotPositiveDefinite as error:
-            place = self.systems.describe_unknown(task.system, error.unknown)
-            raise not_positive_definite(task.state.name, place) from error
-        except EmptyDomain as error:
-            msg = f"the yield planes of a material contradict each other: {error}"
-            raise ModelError(msg, "Raise their distances k (start values or bounds).") from error
-        except NoProjection as error:
-            msg = f"at stage '{task.state.name}' {error}: planes of a material that nearly coincide"
-            hint = "Leave out planes that are the same but for little, or move them apart."
-            raise ModelError(msg, hint) from error
         except NoEquilibrium as error:
             if not equations.associated:
                 raise

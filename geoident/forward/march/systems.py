@@ -121,7 +121,6 @@ class StageSystems:
         self._tangents: dict[SystemKey, TangentPattern] = {}
         self._analyses: dict[tuple[SystemKey, int], SymbolicFactorization | None] = {}
         self._analysed: dict[tuple[bytes, int], SymbolicFactorization] = {}
-        self._edges: Ints | None = None
 
     def __getitem__(self, state: int) -> StageSystem:
         if state not in self._systems:
@@ -212,9 +211,12 @@ class StageSystems:
 
     def _places(self, dofs: Ints) -> UnknownPlaces:
         """Where unknowns stand, by their degrees of freedom (n,)."""
-        if self._edges is None:
-            self._edges = nodes_on_edges(self._mesh)
         return UnknownPlaces(dofs, self._mesh.points, self._edges)
+
+    @cached_property
+    def _edges(self) -> Ints:
+        """(k, 3) nodes on edges, each with its two ends."""
+        return nodes_on_edges(self._mesh)
 
     @property
     def keeps_lasting(self) -> bool:

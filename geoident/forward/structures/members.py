@@ -374,8 +374,9 @@ def _end_moments(
 ) -> EndMoments | None:
     """Of a beam, where others bear on nodes (n_nodes,) each."""
     mesh, beam, nodes = on_mesh.mesh, part.structure, part.members.nodes
-    if not isinstance(beam, Beam) or nodes is None:
+    if nodes is None:
         return None
+    assert isinstance(beam, Beam)
     hinged, held = hinged_and_held(on_mesh, beam)
     kinked = np.logical_or.reduce([np.zeros(mesh.n_nodes, dtype=bool), *others])
     of_three = toothed(mesh, beam, nodes)

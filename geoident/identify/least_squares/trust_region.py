@@ -129,7 +129,7 @@ def _move(
     if part > 1.0:
         return np.clip(d + step, lower, upper), free, True
     blocked = reach <= part
-    d = np.where(blocked, side, np.clip(d + max(part, 0.0) * step, lower, upper))
+    d = np.where(blocked, side, np.clip(d + part * step, lower, upper))
     return d, free & ~blocked, False
 
 

@@ -152,9 +152,9 @@ class BinaryStream:
         """(n,), see `Stream`."""
         return self._take(n, self._double).astype(np.float64)
 
-    def records(self, n: int, fields: npt.DTypeLike) -> npt.NDArray[np.void]:
+    def records(self, n: int, fields: np.dtype[np.void]) -> npt.NDArray[np.void]:
         """The next ``n`` records (n,) of packed ``fields``."""
-        return self._take(n, np.dtype(fields)).view(np.dtype(fields))
+        return self._take(n, fields).view(fields)
 
     def record(self, floats: int) -> np.dtype[np.void]:
         """The type of a record of one int and some doubles."""

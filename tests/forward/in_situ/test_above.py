@@ -200,5 +200,14 @@ def test_levels_that_differ_by_less_than_a_billionth_of_the_mesh_are_one():
     assert lengths[0] == 0.0
     assert lengths[1] == pytest.approx(9e-9, rel=1e-6)
     assert found.uncovered.tolist() == [True, False]
+    layer = box("quad4", (2, 4), size=(3.0, 8.0))
+    points = layer.points.copy()
+    for thin, length in ((7e-9, 0.0), (9e-9, 9e-9)):
+        points[layer.points[:, 1] == 6.0, 1] = 4.0 + thin  # the third row of elements below it
+        flat = regroup(replace(layer, points=points), seam=lambda c: abs(c[:, 1] - 4.0) < 1e-6)
+        found, _ = above(flat, [[0.4, 1.5]], groups={"seam": "clay", "rock": "rock"})
+        lengths = dict(zip(found.materials, found.lengths.toarray()[0], strict=True))
+        assert lengths["clay"] == pytest.approx(length, rel=1e-6, abs=0.0)
+        assert lengths["rock"] == pytest.approx(6.5)
     small = box("quad4", (2, 2), size=(0.3, 0.5))
     assert above(small, [[0.1, 0.1]])[0].tolerance == pytest.approx(1e-9)

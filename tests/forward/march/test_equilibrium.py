@@ -1,10 +1,10 @@
 """The rules of Newton's method one by one, on one unknown whose residual is given."""
 
 from itertools import pairwise
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from support.one_unknown import ZERO, OneUnknown
 
 from geoident.forward.march.equilibrium import (
     _next_level,
@@ -12,43 +12,13 @@ from geoident.forward.march.equilibrium import (
     follow_slope,
     solve,
 )
-from geoident.forward.march.stage_equations import ELASTIC_PARTS, NoEquilibrium, Trial
+from geoident.forward.march.stage_equations import ELASTIC_PARTS, NoEquilibrium
 
 
-class Given:
-    """One unknown u with the residual r(u); every step that a tangent gives is 1 long.
+class Given(OneUnknown):
+    """In a small model, without potential unless it is said."""
 
-    Attributes:
-        asked: where the residual was asked for.
-        levels: from which level on every tangent was made.
-    """
-
-    dofs = np.array([0])
-    at_hand = held = patches = None
-    large = False
-
-    def __init__(self, residual, *, associated=False, forces=1.0):
-        self.residual, self.associated = residual, associated
-        self.forces = np.array([forces])
-        self.asked, self.levels = [], []
-
-    def at(self, du):
-        self.asked.append(float(du[0]))
-        found = np.array([float(self.residual(float(du[0])))])
-        return Trial(du, np.zeros((1, 1)), (), found, 1.0)
-
-    def distance(self, trial):
-        return trial.error
-
-    def factor(self, trial, *, least=0):
-        self.levels.append(least)
-        return SimpleNamespace(solve=np.ones_like), least
-
-    def spread(self, free):
-        return free
-
-
-ZERO = np.zeros(1)
+    associated = large = False
 
 
 # --- how far along a step ---
@@ -164,7 +134,7 @@ def test_parts_of_the_elastic_stiffness_rise_to_the_whole():
 @pytest.mark.parametrize("forces", [1.0, -4.0])
 def test_a_mechanism_is_proven_by_the_power_far_out(left, falls, forces):
     """A millionth of the power of the loads is rounding; the place is a million steps away."""
-    given = Given(lambda u: left * abs(forces), forces=forces)
+    given = Given(lambda u: left * abs(forces), forces=np.array([forces]))
     start = given.at(np.array([3.0]))
     if falls:
         with pytest.raises(NoEquilibrium) as caught:
@@ -195,7 +165,7 @@ def test_a_potential_ends_in_equilibrium_or_where_rounding_hides_it():
     found = solve(given, [ZERO])
     assert (found.steps, found.trial.du[0], found.made_at.du[0]) == (2, 2.0, 1.0)
     for left, ends in ((0.9e-8, True), (1.1e-8, False)):
-        given = Given(lambda u, left=left: 1.0 if u == 0.0 else left, associated=True, forces=0.0)
+        given = Given(lambda u, left=left: 1.0 if u == 0.0 else left, associated=True, forces=ZERO)
         if ends:
             found = solve(given, [ZERO])
             assert (found.steps, found.trial.du[0]) == (2, 1.0)

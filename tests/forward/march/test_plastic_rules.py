@@ -9,6 +9,7 @@ import pytest
 
 from geoident.errors import CollapseError, ModelError
 from geoident.fem.solvers.direct import NotPositiveDefinite
+from geoident.fem.yielding.domain import EmptyDomain, NoProjection
 from geoident.forward.march import plastic_step
 from geoident.forward.march.bands import ShearBand
 from geoident.forward.march.collapse import Limit
@@ -245,11 +246,52 @@ def test_a_stage_starts_from_rest_and_from_what_is_known(steps):
     assert asked == [([[0.0, 0.0]], True, False)]
 
 
-def test_a_stage_without_stiffness_is_told_with_its_place(steps):
-    _, error = balanced(steps, NotPositiveDefinite(17))
-    assert error.message == (
-        "at stage 'dig' the stiffness matrix is not positive definite at unknown 17 of system"
-    )
+@pytest.mark.parametrize("met", ["the stage", "what is left of it", "a part of its load"])
+@pytest.mark.parametrize(
+    ("lost", "message", "hint"),
+    [
+        (
+            NotPositiveDefinite(17),
+            "at stage 'dig' the stiffness matrix is not positive definite at unknown 17 of system",
+            None,
+        ),
+        (
+            EmptyDomain((0, 4)),
+            "the yield planes of a material contradict each other: no stress satisfies the yield "
+            "planes 1, 5 at once",
+            "Raise their distances k (start values or bounds).",
+        ),
+        (
+            NoProjection(6),
+            "at stage 'dig' the projection of 6 points on the yield planes did not end: planes of "
+            "a material that nearly coincide",
+            "Leave out planes that are the same but for little, or move them apart.",
+        ),
+    ],
+)
+def test_what_keeps_a_stage_from_being_solved_is_told(steps, monkeypatch, met, lost, message, hint):
+    """Whether it is met by the stage, on the arc beyond its limit, or under a part of its load."""
+
+    def solve(equations, starts, **more):
+        raise lost if met == "the stage" else NoEquilibrium(np.ones(2))
+
+    def fails(*_):
+        raise lost
+
+    monkeypatch.setattr(plastic_step, "grounds_of", lambda task, laws: "grounds")
+    monkeypatch.setattr(plastic_step, "impose_motion", lambda task, systems: None)
+    monkeypatch.setattr(plastic_step, "solve", solve)
+    monkeypatch.setattr(plastic_step, "limit_of", fails)
+    steps._laws, steps._carried_part = None, fails
+    steps.warm = SimpleNamespace(guesses=lambda task: [])
+    if met != "a part of its load":
+        steps.equations = Associated()
+    with pytest.raises(ModelError) as caught:
+        steps.step(SimpleNamespace(**TASK.__dict__, forces=np.zeros((2, 1))))
+    assert not isinstance(caught.value, CollapseError)
+    assert caught.value.message == message
+    assert hint in (None, caught.value.hint)
+    assert caught.value.__cause__ is lost
 
 
 @pytest.mark.parametrize("explain", [True, False])

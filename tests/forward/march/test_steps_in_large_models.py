@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from support.one_unknown import ZERO, OneUnknown
 
 from geoident.forward.march import equilibrium
 from geoident.forward.march.equilibrium import (
@@ -20,45 +21,6 @@ from geoident.forward.march.equilibrium import (
 )
 from geoident.forward.march.stage_equations import ELASTIC_PARTS, NoEquilibrium, Trial
 from geoident.forward.march.viscous_path import WAYS, Effort, NewtonEnd, PathEnd
-
-ZERO = np.zeros(1)
-
-
-class Given:
-    """One unknown u with the residual r(u); every step of a factor is 1 long.
-
-    Attributes:
-        asked: where the residual was asked for.
-        levels: from which level on every tangent was made.
-    """
-
-    dofs = np.array([0])
-    forces = np.array([1.0])
-    at_hand = held = patches = None
-    associated = large = True
-
-    def __init__(self, residual, **changes):
-        self.residual = residual if callable(residual) else lambda u: residual.get(u, 0.0)
-        self.asked, self.levels = [], []
-        self.__dict__.update(changes)
-
-    def at(self, du):
-        self.asked.append(float(du[0]))
-        found = np.array([float(self.residual(float(du[0])))])
-        return Trial(du, np.zeros((1, 1)), (), found, 1.0)
-
-    def distance(self, trial):
-        return trial.error
-
-    def factor(self, trial, *, least=0):
-        self.levels.append(least)
-        return SimpleNamespace(solve=np.ones_like, valid=True), least
-
-    def spread(self, free):
-        return free
-
-    def begun(self, u=0.0):
-        return self.at(np.array([u]))
 
 
 class Held:
@@ -96,21 +58,21 @@ class Held:
     ],
 )
 def test_tangents_are_stiff_far_from_equilibrium(errors, levels):
-    given = Given(dict(enumerate(errors)))
+    given = OneUnknown(dict(enumerate(errors)))
     found = solve(given, [ZERO])
     assert given.levels == levels
     assert found.steps == len(levels)
 
 
 def test_small_models_begin_without():
-    given = Given({0: 1.0, 1: 0.9, 2: 0.8}, large=False)
+    given = OneUnknown({0: 1.0, 1: 0.9, 2: 0.8}, large=False)
     solve(given, [ZERO])
     assert given.levels == [0, 0, 0]
 
 
 @pytest.mark.parametrize(("large", "most"), [(False, 60), (True, 80)])
 def test_large_models_may_take_twenty_steps_more(large, most):
-    given = Given(lambda u: 1.0 if u < 1e5 else -1.0, large=large)
+    given = OneUnknown(lambda u: 1.0 if u < 1e5 else -1.0, large=large)
     with pytest.raises(NoEquilibrium):
         solve(given, [ZERO])
     assert len(given.levels) == most
@@ -123,7 +85,7 @@ def test_large_models_may_take_twenty_steps_more(large, most):
 @pytest.mark.parametrize("large", [False, True])
 def test_other_guesses_are_not_looked_at_where_the_last_is_sure(error, others, large):
     """In a large model: a look at the stresses costs as much as some solves."""
-    given = Given(lambda u: error if u == 7.0 else 1e-12, large=large)
+    given = OneUnknown(lambda u: error if u == 7.0 else 1e-12, large=large)
     solve(given, [ZERO, np.array([5.0]), np.array([7.0])])
     assert (0.0 in given.asked and 5.0 in given.asked) == (others or not large)
 
@@ -131,7 +93,7 @@ def test_other_guesses_are_not_looked_at_where_the_last_is_sure(error, others, l
 @pytest.mark.parametrize(("guess", "start"), [(0.79, 9.0), (0.81, 0.0)])
 def test_the_elastic_step_may_be_the_better_start(monkeypatch, guess, start):
     """It has the lower potential; the elastic factor then leads."""
-    given = Given({0.0: 0.8, 9.0: guess}, held=Held())
+    given = OneUnknown({0.0: 0.8, 9.0: guess}, held=Held())
     monkeypatch.setattr(equilibrium.Directions, "guess", lambda self: np.array([9.0]))
     leading = _LeadingFactors(given, slopes=False)
     assert leading.begun(given.begun()).du[0] == start
@@ -150,20 +112,20 @@ def test_the_elastic_step_may_be_the_better_start(monkeypatch, guess, start):
 def test_the_last_factor_leads_beside_equilibrium(monkeypatch, error, steps, leads):
     monkeypatch.setattr(equilibrium.Directions, "guess", lambda self: np.array([9.0]))
     script = {0.0: error, 0.5: 0.09 * error, 9.0: 1.0}
-    given = Given(lambda u: script.get(u, 0.5 * error), held=Held())
+    given = OneUnknown(lambda u: script.get(u, 0.5 * error), held=Held())
     leading = _LeadingFactors(given, slopes=False)
     begun = leading.begun(given.begun())
     assert given.asked[1:] == pytest.approx(steps, abs=1e-3)
     assert begun.du[0] == (0.5 if len(steps) == 2 else 0.0)
     assert leading.lead is (given.held.factor if leads else None)
-    nothing = Given({0.0: error, 9.0: 1.0}, held=Held(last=None))
+    nothing = OneUnknown({0.0: error, 9.0: 1.0}, held=Held(last=None))
     leading = _LeadingFactors(nothing, slopes=False)
     assert leading.begun(nothing.begun()).du[0] == 0.0
     assert leading.lead is None
 
 
 def test_small_models_and_those_without_factors_begin_where_they_are():
-    for given in (Given({0.0: 0.9e-4}, large=False, held=Held()), Given({0.0: 0.9e-4})):
+    for given in (OneUnknown({0.0: 0.9e-4}, large=False, held=Held()), OneUnknown({0.0: 0.9e-4})):
         trial = given.begun()
         assert _LeadingFactors(given, slopes=False).begun(trial) is trial
 
@@ -185,7 +147,7 @@ def step_on(monkeypatch):
 
 
 def test_a_factor_that_leads_does_so_by_ten_iterations_at_most(step_on):
-    given = Given({0.0: 1.0}, held=Held())
+    given = OneUnknown({0.0: 1.0}, held=Held())
     lead = given.held.factor
     leading = _LeadingFactors(given, slopes=False, lead=lead)
     assert leading.direction(given.begun(), 7).tolist() == [3.0]
@@ -209,14 +171,14 @@ def test_a_factor_that_leads_does_so_by_ten_iterations_at_most(step_on):
 )
 @pytest.mark.usefixtures("step_on")
 def test_where_derivatives_are_wanted_the_factor_of_the_end_is_made(error, slopes, valid, led):
-    given = Given({0.0: error}, held=Held(valid=valid))
+    given = OneUnknown({0.0: error}, held=Held(valid=valid))
     leading = _LeadingFactors(given, slopes=slopes, lead=given.held.factor)
     trial = given.begun()
     leading.direction(trial, 0)
     assert leading.led == led
     assert (leading.own is None) == led
     assert leading.made_at is (None if led else trial)
-    small = Given({0.0: error}, held=Held(), large=False)
+    small = OneUnknown({0.0: error}, held=Held(), large=False)
     alone = _LeadingFactors(small, slopes=slopes)
     alone.direction(small.begun(), 0)
     assert alone.lead is None
@@ -238,8 +200,8 @@ def test_where_derivatives_are_wanted_the_factor_of_the_end_is_made(error, slope
 )
 def test_a_factor_that_did_well_is_tried_once_more(monkeypatch, state, error, goes_on, lead):
     monkeypatch.setattr(equilibrium, "_by_secants", lambda equations, trial, factor: factor)
-    leading = _LeadingFactors(Given({}), slopes=False, **state)
-    trial = Given({0.0: 2.0 * error}).begun()
+    leading = _LeadingFactors(OneUnknown({}), slopes=False, **state)
+    trial = OneUnknown({0.0: 2.0 * error}).begun()
     assert leading.after(2.0, trial) == (goes_on or trial)
     assert leading.lead == lead
 
@@ -256,7 +218,7 @@ def test_a_factor_that_did_well_is_tried_once_more(monkeypatch, state, error, go
 )
 def test_steps_on_one_factor_go_on_while_they_are_good(errors, end):
     """Steps of 1, but for what the ones before teach: they are told apart by their number."""
-    given = Given(lambda u: errors[len(given.asked) - 1])
+    given = OneUnknown(lambda u: errors[len(given.asked) - 1])
     factor = SimpleNamespace(solve=np.ones_like)
     found = _by_secants(given, given.begun(), factor)
     assert found.error == errors[end]
@@ -265,7 +227,7 @@ def test_steps_on_one_factor_go_on_while_they_are_good(errors, end):
 
 def test_steps_on_one_factor_learn_from_each_other():
     """On the straight residual 1 - 0.95 u the second step is exact."""
-    given = Given(lambda u: 1.0 - 0.95 * u)
+    given = OneUnknown(lambda u: 1.0 - 0.95 * u)
     found = _by_secants(given, given.begun(), SimpleNamespace(solve=lambda rhs: rhs))
     assert given.asked == pytest.approx([0.0, 1.0, 1.0 / 0.95])
     assert found.error < 1e-12
@@ -288,7 +250,7 @@ class Patches:
         return "tangents"
 
 
-class Own(Given):
+class Own(OneUnknown):
     """A patch: one of its two displacements moves."""
 
     dofs = np.array([1])
@@ -378,14 +340,14 @@ def test_places_are_settled_after_a_step_that_left_much(
     monkeypatch, end, settles, large, patches, asked
 ):
     made = []
-    settled = Given({3.0: -0.29 if settles else -0.31}).begun(3.0)
+    settled = OneUnknown({3.0: -0.29 if settles else -0.31}).begun(3.0)
 
     def fake(equations, trial):
         made.append(trial.du[0])
         return settled
 
     monkeypatch.setattr(equilibrium, "_settled", fake)
-    given = Given({0.0: 1.0, 2.0: end}, large=large, patches=Patches() if patches else None)
+    given = OneUnknown({0.0: 1.0, 2.0: end}, large=large, patches=Patches() if patches else None)
     found, share = _stepped(given, given.begun(), np.array([2.0]))
     assert made == ([2.0] if asked else [])
     assert share == 1.0
@@ -396,18 +358,18 @@ def test_places_are_settled_after_a_step_that_left_much(
 @pytest.mark.parametrize(("end", "taken"), [(-1.17, True), (-1.23, False)])
 def test_what_is_settled_may_have_risen_by_three_tenths(monkeypatch, end, taken):
     """The slope there, in parts of that where the way begins: 4 on a way of 3."""
-    settled = Given({3.0: end}).begun(3.0)
+    settled = OneUnknown({3.0: end}).begun(3.0)
     monkeypatch.setattr(equilibrium, "_settled", lambda equations, trial: settled)
-    given = Given({0.0: 4.0, 2.0: 2.0}, patches=Patches())
+    given = OneUnknown({0.0: 4.0, 2.0: 2.0}, patches=Patches())
     found, _ = _stepped(given, given.begun(), np.array([2.0]))
     assert found.du[0] == (3.0 if taken else 2.0)
 
 
 def test_what_is_settled_uphill_or_not_at_all_leaves_the_step(monkeypatch):
     """The way there must begin downhill."""
-    for settled in (None, Given({-3.0: 0.0}).begun(-3.0)):
+    for settled in (None, OneUnknown({-3.0: 0.0}).begun(-3.0)):
         monkeypatch.setattr(equilibrium, "_settled", lambda *_, settled=settled: settled)
-        given = Given({0.0: 1.0, 2.0: 0.5}, patches=Patches())
+        given = OneUnknown({0.0: 1.0, 2.0: 0.5}, patches=Patches())
         found, _ = _stepped(given, given.begun(), np.array([2.0]))
         assert found.du[0] == 2.0
 
@@ -428,11 +390,11 @@ class Leading:
 
 
 def test_on_held_factors_it_ends_as_elsewhere():
-    given = Given({0.0: 1.0, 1.0: 1.1e-11, 2.0: 0.9e-11})
+    given = OneUnknown({0.0: 1.0, 1.0: 1.1e-11, 2.0: 0.9e-11})
     found = _on_held_factors(given, Leading([]), given.begun())
     assert (found.steps, found.factor, found.made_at, found.trial.du[0]) == (2, None, None, 2.0)
     for left, ends in ((0.9e-8, True), (1.1e-8, False)):
-        given = Given(lambda u, left=left: 1.0 if u == 0.0 else left if u < 1e5 else 0.0)
+        given = OneUnknown(lambda u, left=left: 1.0 if u == 0.0 else left if u < 1e5 else 0.0)
         if ends:
             found = _on_held_factors(given, Leading([]), given.begun())
             assert (found.steps, found.trial.du[0]) == (2, 2.0 if left == 0.0 else 1.0)
@@ -445,7 +407,7 @@ def test_on_held_factors_it_ends_as_elsewhere():
 @pytest.mark.parametrize(("cuts", "whole"), [([], 5), ([True, True], 7), ([False, True], 6)])
 def test_on_held_factors_only_whole_steps_are_looked_along_for_a_mechanism(cuts, whole):
     """From the fifth whole step on, a million steps away."""
-    given = Given(lambda u: 1.0)
+    given = OneUnknown(lambda u: 1.0)
     with pytest.raises(NoEquilibrium):
         _on_held_factors(given, Leading(cuts), given.begun())
     assert given.asked == [*(float(k) for k in range(whole + 1)), whole + 1e6]
@@ -454,7 +416,7 @@ def test_on_held_factors_only_whole_steps_are_looked_along_for_a_mechanism(cuts,
 def test_on_held_factors_short_steps_make_the_next_tangent_stiffer():
     """A step that is cut off comes between: after it the tangent is as it was made."""
     script = {0.0: 1.0, 1.0: -9.0}
-    given = Given(lambda u: script.get(u, 1.0 if u < 0.105 else -9.0))
+    given = OneUnknown(lambda u: script.get(u, 1.0 if u < 0.105 else -9.0))
     leading = Leading([False, False, True, False], [0, 8, 0, 0])
     with pytest.raises(NoEquilibrium):
         _on_held_factors(given, leading, given.begun())
@@ -491,7 +453,7 @@ def paths(monkeypatch):
 
 def balanced(paths, *ends, ways=WAYS, given=None):
     paths.ends = list(ends)
-    given = given or Given({0.0: 1.0})
+    given = given or OneUnknown({0.0: 1.0})
     return _without_potential(given, given.begun(), ways, Effort(9))
 
 
@@ -577,7 +539,7 @@ def test_a_hundredth_of_the_load_may_stay_at_the_end_or_where_it_leads(paths, le
     """In parts of what is out of balance at rest, 2 here."""
     errors = {0.0: 2.0, 1.5: 0.5, 1.7: 0.5}
     errors[(1.5, 1.7)[better]] = left
-    given, end = Given(errors), flow(0.05, [1.5], [1.7])
+    given, end = OneUnknown(errors), flow(0.05, [1.5], [1.7])
     if good:
         found = balanced(paths, end, None, None, given=given)
         assert found.unbalanced == pytest.approx(left / 2.0)
@@ -597,7 +559,7 @@ def test_an_end_without_stress_is_no_equilibrium_either(paths):
         return 1.0
 
     with pytest.raises(NoEquilibrium) as caught:
-        balanced(paths, flow(0.05, [1.5], [1.7]), None, None, given=Given(nowhere))
+        balanced(paths, flow(0.05, [1.5], [1.7]), None, None, given=OneUnknown(nowhere))
     assert caught.value.even.viscosity == 0.05
     assert caught.value.mechanism.tolist() == [1.5]
     assert caught.value.__cause__ is None
@@ -605,7 +567,7 @@ def test_an_end_without_stress_is_no_equilibrium_either(paths):
 
 def test_a_search_has_two_hundred_and_forty_steps_or_what_is_left(paths):
     paths.converged = True
-    given = Given({0.0: 3.0, 5.0: 1.0, 6.0: 2.0}, associated=False)
+    given = OneUnknown({0.0: 3.0, 5.0: 1.0, 6.0: 2.0}, associated=False)
     found = solve(given, [ZERO, np.array([5.0]), np.array([6.0])])
     assert found.trial.du[0] == 5.0
     assert paths.newton[0][1].left == 240
@@ -619,5 +581,5 @@ def test_even_flow_alone_is_looked_for_on_the_first_way(paths):
     for even_only, ways in ((True, 1), (False, 3)):
         paths.ways.clear()
         with pytest.raises(NoEquilibrium):
-            solve(Given({0.0: 1.0}, associated=False), [ZERO], even_only=even_only)
+            solve(OneUnknown({0.0: 1.0}, associated=False), [ZERO], even_only=even_only)
         assert len(paths.ways) == ways

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import is_dataclass
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from support.sums import summed_model
 
 from geoident.forward.gauges.observation import Observation
 from geoident.forward.reduced.case_model import ReducedCaseModel
@@ -318,3 +320,32 @@ def test_arrays_are_found_by_what_they_are_and_what_they_are_about():
     assert list(found.materials("by-material", 9, 2)) == ["clay"]
     assert found.materials("by-material", 9, 3) == {}
     assert found.terms("nothing", 1) == {}
+
+
+def test_stages_that_are_packed_are_found_as_they_were():
+    """Also the materials that change in one, by pairs; random arrays of unequal sizes."""
+    model = summed_model()
+    packed = _Packed(tuple(model.form.spans))
+    for number, stage in enumerate(model.stages):
+        packed.stage(number, stage)
+    found = _Blocks(SimpleNamespace(materials=tuple(model.form.spans), blocks=packed.blocks))
+    assert [len(stage.changes) for stage in model.stages] == [0, 0, 0, 2]
+    for number, stage in enumerate(model.stages):
+        _assert_same(found.stage(number), stage)
+
+
+def _assert_same(one, other):
+    if isinstance(other, np.ndarray):
+        np.testing.assert_array_equal(one, other)
+    elif is_dataclass(other):
+        _assert_same(vars(one), vars(other))
+    elif isinstance(other, dict):
+        assert set(one) == set(other)
+        for key, part in other.items():
+            _assert_same(one[key], part)
+    elif isinstance(other, tuple):
+        assert len(one) == len(other)
+        for a, b in zip(one, other, strict=True):
+            _assert_same(a, b)
+    else:
+        assert one == other

@@ -147,6 +147,22 @@ def test_a_minimum_on_the_box_is_found_at_once(monkeypatch, sides):
     assert len(solved) == 1
 
 
+def test_a_move_ends_where_the_first_variable_meets_the_box():
+    """From (0.5, 0, 0) towards (3, 4, -8): the third is at its side of -2 after a quarter."""
+    d, free = np.array([0.5, 0.0, 0.0]), np.array([True, True, True])
+    low, high = np.array([-9.0, -9.0, -2.0]), np.array([9.0, 3.9, 9.0])
+    b = np.array([-3.0, -4.0, 8.0])
+    d, free, ended = trust_region._move(np.eye(3), b, d, free, low, high)
+    assert d.tolist() == [1.125, 1.0, -2.0]
+    assert (free.tolist(), ended) == ([True, True, False], False)
+    d, free, ended = trust_region._move(np.eye(3), b, d, free, low, high)
+    assert d == pytest.approx([1.125 + 1.875 * 2.9 / 3.0, 3.9, -2.0], rel=1e-15)
+    assert (free.tolist(), ended) == ([True, False, False], False)
+    d, free, ended = trust_region._move(np.eye(3), b, d, free, low, high)
+    assert d == pytest.approx([3.0, 3.9, -2.0], rel=1e-15)
+    assert (free.tolist(), ended) == ([True, False, False], True)
+
+
 def test_columns_of_very_different_size_are_released_by_their_own_size():
     """Both run into a side first; which gives way is judged per unit of its column."""
     A = np.array([[1e3, 0.0], [0.0, 1e-3], [1.0, 1e-3]])

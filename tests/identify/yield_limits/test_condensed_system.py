@@ -1,10 +1,6 @@
 """Systems of vectors made dense, or a nonlinear program: a bar that yields beside an elastic one.
 
-With the elongation u, the force sigma of the bar that yields and its plastic elongation lam,
-
-    sigma + 3 u = 10,    sigma = 2 (u - lam),    s = p0 - sigma + p1 lam,    v = u
-
-so u = 2 + 0.4 lam and s = p0 - 4 + 1.2 lam + p1 lam.
+See `support.one_bar`; its u is read.
 """
 
 from __future__ import annotations
@@ -16,6 +12,7 @@ import casadi
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from support.one_bar import bar_system, bilinear
 from support.plastic_bars import Frame, PlasticBars
 
 from geoident.errors import ModelError
@@ -38,31 +35,13 @@ from geoident.model.methods import (
     StudentOptions,
 )
 from geoident.model.parameter import Parameter, Prior
-from geoident.model.response import Bilinear, BilinearSystem
+from geoident.model.response import BilinearSystem
 
 PARAMETERS = (Parameter("k", 2.0, 1.0, 5.0, prior=Prior(4.0, 2.0)), Parameter("H", 1.0, 0.0, 3.0))
 
 
-def bilinear(constant, by_p, by_x, products=None):
-    found = {h: sp.csr_array(np.array(A, dtype=float)) for h, A in (products or {}).items()}
-    arrays = (np.array(a, dtype=float) for a in (constant, by_p, by_x))
-    constant, by_p, by_x = arrays
-    return Bilinear(constant, by_p, sp.csr_array(by_x), found)
-
-
 def bars(beside=3.0):
-    return BilinearSystem(
-        names=("k", "H"),
-        equations=bilinear([-10.0, 0.0], np.zeros((2, 2)), [[beside, 1.0, 0.0], [-2.0, 1.0, 2.0]]),
-        slacks=bilinear([0.0], [[1.0, 0.0]], [[0.0, -1.0, 0.0]], {1: [[0.0, 0.0, 1.0]]}),
-        readings=bilinear([0.5], [[0.0, 0.0]], [[1.0, 0.0, 0.0]]),
-        multipliers=np.array([2]),
-        stiffness=np.array([2.0]),
-        work=np.array([7.0]),
-        kind_of_unknown=np.array([0, 1, -1]),
-        kind_of_equation=np.array([-1, 1]),
-        kind_of_slack=np.array([1]),
-    )
+    return bar_system(bilinear([0.5], [[0.0, 0.0]], [[1.0, 0.0, 0.0]]), beside=beside)
 
 
 def test_displacements_are_eliminated_as_by_hand():

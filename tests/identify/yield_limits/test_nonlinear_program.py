@@ -1,6 +1,6 @@
 """The full space from the program to its ending, on a bar that yields beside an elastic one.
 
-u = 2 + 0.4 lam, sigma = 4 - 1.2 lam, s = k - 4 + (1.2 + H) lam: see `test_condensed_system`. What
+u = 2 + 0.4 lam, sigma = 4 - 1.2 lam, s = k - 4 + (1.2 + H) lam: see `support.one_bar`. What
 is read is u + 0.5 and 0.3 sigma + 0.1 k - 0.2.
 """
 
@@ -12,6 +12,7 @@ import casadi
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from support.one_bar import bar_system, bilinear
 
 from geoident.errors import InputError
 from geoident.identify.problem.errors import SharedErrors
@@ -28,7 +29,6 @@ from geoident.model.methods import (
     StudentOptions,
 )
 from geoident.model.parameter import Parameter, Prior
-from geoident.model.response import Bilinear, BilinearSystem
 from geoident.model.results.costs import Counts
 from geoident.model.yielding import Activity
 
@@ -36,12 +36,6 @@ FULL = ComplementarityOptions(formulation="full-space")
 PARAMETERS = (Parameter("k", 2.0, 1.0, 5.0), Parameter("H", 1.0, 0.1, 3.0, "log"))
 TRUTH = np.array([2.8, 0.7])
 SD = np.array([0.02, 0.05])
-
-
-def bilinear(constant, by_p, by_x, products=None):
-    found = {h: sp.csr_array(np.array(A, dtype=float)) for h, A in (products or {}).items()}
-    constant, by_p, by_x = (np.array(a, dtype=float) for a in (constant, by_p, by_x))
-    return Bilinear(constant, by_p, sp.csr_array(by_x), found)
 
 
 class Bar:
@@ -85,19 +79,8 @@ class Bar:
         return self.why
 
     def system(self):
-        return BilinearSystem(
-            names=self.names,
-            equations=bilinear([-10.0, 0.0], np.zeros((2, 2)), [[3.0, 1.0, 0.0], [-2.0, 1.0, 2.0]]),
-            slacks=bilinear([0.0], [[1.0, 0.0]], [[0.0, -1.0, 0.0]], {1: [[0.0, 0.0, 1.0]]}),
-            readings=bilinear(
-                [0.5, -0.2], [[0.0, 0.0], [0.1, 0.0]], [[1.0, 0.0, 0.0], [0.0, 0.3, 0.0]]
-            ),
-            multipliers=np.array([2]),
-            stiffness=np.array([2.0]),
-            work=np.array([7.0]),
-            kind_of_unknown=np.array([0, 1, -1]),
-            kind_of_equation=np.array([-1, 1]),
-            kind_of_slack=np.array([1]),
+        return bar_system(
+            bilinear([0.5, -0.2], [[0.0, 0.0], [0.1, 0.0]], [[1.0, 0.0, 0.0], [0.0, 0.3, 0.0]])
         )
 
 
