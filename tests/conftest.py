@@ -14,21 +14,16 @@ from hypothesis import settings
 from manual.records import Recorder
 from support.pictures import draw_names_only
 
+from geoident import forked
+
 # What has passed passes again; long runs of tests/fuzz look for what is new.
 settings.register_profile("tests", derandomize=not os.environ.get("GEOIDENT_FUZZ_EXAMPLES"))
 settings.load_profile("tests")
 
 LONGEST = (
-    "tests/docs/test_pages.py",
     "tests/workflow/executing/test_cluster.py",
     "tests/workflow/test_on_cluster.py",
     "tests/workflow/campaign/",
-    "tests/identification/test_pressure_tunnel.py",
-    "tests/cli/test_batch.py",
-    "tests/docs/test_manual.py",
-    "tests/docs/test_python_page.py",
-    "tests/cli/test_tutorial.py",
-    "tests/cases/test_certificate.py",
     "tests/workflow/executing/test_processes.py",
     "tests/cases/",
     "tests/identification/",
@@ -73,6 +68,19 @@ def disk_that_is_not_waited_for() -> Generator[None]:
     """
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(os, "fsync", os.fstat)  # an error still where there is no such file
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def no_work_beside() -> Generator[None]:
+    """Cases are read, and figures drawn, in the process of the tests.
+
+    To fork it costs more than it saves here, where all is imported already. Processes that tests
+    start work beside as those of users do; `tests/io/test_read_beside.py` sees that nothing is
+    lost there.
+    """
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(forked, "may_fork", lambda: False)
         yield
 
 

@@ -71,6 +71,7 @@ def test_a_date_that_is_a_few_days_late_is_found_by_check():
     assert "most LC1: +245 kN from 2025-03-24 to 2025-04-09" in said
 
 
+@pytest.mark.slow  # on a small model: tests/identification/test_load_cells.py
 def test_load_cells_determine_the_stress_that_displacements_hardly_see(found, as_shipped):
     bad = [{"gauge": name, "reason": "try"} for name in ("LC1", "LC2")]
     without = found("without", bad=bad)
@@ -78,6 +79,7 @@ def test_load_cells_determine_the_stress_that_displacements_hardly_see(found, as
     assert 2.1 < ratio < 3.5
 
 
+@pytest.mark.slow  # in small: tests/identify/problem/test_shared_errors.py
 def test_counted_as_independent_the_same_readings_promise_too_much(found, as_shipped):
     """Unless the model error takes what they do not explain."""
     changes = {"gauges.I1.accuracy": "0.3 mm", "gauges.L1.accuracy": "0.5 mm"}

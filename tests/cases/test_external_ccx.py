@@ -54,6 +54,7 @@ def fitted(path):
         return fit(plan_fit(Request(str(path))), Control()).result
 
 
+@pytest.mark.slow  # the same keys, with a script in place of CalculiX, below
 @pytest.mark.skipif(PROGRAM is None, reason=REMEDY)
 def test_its_fit_is_that_of_geoident(folder):
     found, own = fitted(folder / "case.yaml"), fitted(folder / "own.yaml")

@@ -16,6 +16,8 @@ from pathlib import Path
 
 import pytest
 
+from geoident import forked
+from geoident.forked import WorkBeside
 from tests.support.commands import run_command
 
 FOLDER = Path(__file__).parent
@@ -24,13 +26,18 @@ PLACED = re.compile(
     r"(?:[^\s:]+:\d+:\d+|--set|[^\s:]+:[^!:]+![A-Z]+\d+|"
     r"[^\s:]+\.(?:h5|yaml|ags|xlsx?)(?::[^!:]+)?): "
 )
-PR_CAPBSET_DROP, CAP_DAC_OVERRIDE = 24, 1
+CAPABILITIES_3, CAP_DAC_OVERRIDE = 0x20080522, 1  # of linux/capability.h
 FILE_SIZE = 3000  # bytes, less than a result has
 
 
 def forget_that_root_may_write_anywhere():
     if os.geteuid() == 0:
-        ctypes.CDLL(None).prctl(PR_CAPBSET_DROP, CAP_DAC_OVERRIDE, 0, 0, 0)
+        libc = ctypes.CDLL(None)
+        of_this = (ctypes.c_uint32 * 2)(CAPABILITIES_3, 0)
+        sets = (ctypes.c_uint32 * 6)()  # effective, permitted, inheritable, and the upper bits
+        assert libc.capget(of_this, sets) == 0
+        sets[0] &= ~(1 << CAP_DAC_OVERRIDE)
+        assert libc.capset(of_this, sets) == 0
 
 
 def limit_files():
@@ -82,18 +89,24 @@ def case(request, tmp_path, monkeypatch, full_disk):
     return here
 
 
-def run_here(name, words):
+def run_here(name, words, monkeypatch):
     """Exit code, stdout and stderr of a command."""
     if name not in LIMITS:
         told = run_command(*words)
         return told.exit_code, told.stdout, told.stderr
     if sys.platform != "linux":
-        pytest.skip("needs limits of Linux")
-    told = subprocess.run(
-        [sys.executable, "-m", "geoident", *words], capture_output=True, text=True, check=False,
-        preexec_fn=LIMITS[name],
-    )  # fmt: skip
-    return told.returncode, told.stdout, told.stderr
+        pytest.skip("needs limits of Linux, and a fork")
+    monkeypatch.setattr(forked, "processors", lambda: 2)
+    monkeypatch.setattr(forked, "may_fork", lambda: True)
+    limit = LIMITS[name]
+
+    def limited():
+        limit()
+        told = run_command(*words)
+        return told.exit_code, told.stdout, told.stderr
+
+    with WorkBeside(limited) as beside:  # for what is taken away does not come back
+        return beside.found()
 
 
 def files(folder):
@@ -105,12 +118,12 @@ def files(folder):
 
 
 @pytest.mark.parametrize("case", CASES, indirect=True)
-def test_what_is_said(case):
+def test_what_is_said(case, monkeypatch):
     expected = (case / "expected.txt").read_text(encoding="utf-8")
     command = expected.partition("\n")[0]
     words = shlex.split(command.removeprefix("$ geoident"))
     before = files(case)
-    code, stdout, stderr = run_here(case.name, words)
+    code, stdout, stderr = run_here(case.name, words, monkeypatch)
     said = f"{command}\n{stderr}exit {code}\n"
     if os.environ.get("GEOIDENT_WRITE_EXPECTED"):
         (FOLDER / case.name / "expected.txt").write_text(said, encoding="utf-8")

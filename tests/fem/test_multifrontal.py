@@ -91,7 +91,7 @@ def test_the_elimination_tree_is_that_of_the_dense_factor(shape):
 
 
 @pytest.mark.parametrize("dofs", [1, 2, 3])
-@pytest.mark.parametrize("shape", [(12, 11), (6, 5, 4)])
+@pytest.mark.parametrize("shape", [(12, 11), (5, 4, 4)])
 def test_many_small_fronts_give_the_solution_of_the_dense_matrix(fine, shape, dofs):
     points, *graph = grid(shape)
     matrix = stiffness(*graph, dofs, 1)
@@ -131,16 +131,15 @@ def test_operations_are_about_those_of_the_exact_factor():
 
 
 def test_threads_do_not_change_a_bit(fine, monkeypatch):
-    points, *graph = grid((6, 6, 5))
+    points, *graph = grid((5, 5, 4))
     matrix = stiffness(*graph, 3, 3)
     pattern, values = lower(matrix, spread(nested_dissection(points, *graph), 3))
     rhs = np.random.default_rng(0).normal(size=(pattern.n, 3))
     found = []
-    for threads in ("1", "4", "4"):
+    for threads in ("1", "4"):
         monkeypatch.setenv("OPENBLAS_NUM_THREADS", threads)
         found.append(MultifrontalSolver().analyse(pattern).factorize(values).solve(rhs))
-    assert np.array_equal(found[0], found[1])
-    assert np.array_equal(found[1], found[2])
+    assert np.array_equal(*found)
 
 
 class Staged:
@@ -227,7 +226,7 @@ def test_an_indefinite_matrix_is_found_in_what_lasts_and_in_the_rest(fine):
     matrix, pattern, values = staged.stage(gone=False)
     solver = MultifrontalSolver()
     analysis = solver.analyse(pattern)
-    for unknown in range(0, pattern.n, 7):
+    for unknown in range(0, pattern.n, 19):
         bad = values.copy()
         bad[pattern.indptr[unknown]] *= 1e-3
         with pytest.raises(NotPositiveDefinite) as caught:
@@ -316,7 +315,7 @@ def test_an_indefinite_matrix_is_refused_in_single_precision_wherever_it_is():
     matrix = stiffness(*graph, 2, 7)
     least = np.linalg.eigvalsh(matrix)[0]
     order = spread(nested_dissection(points, *graph), 2)
-    for unknown in range(0, len(matrix), 9):
+    for unknown in range(0, len(matrix), 19):
         bad = matrix.copy()
         # The entry at which the smallest eigenvalue is just below zero.
         bad[unknown, unknown] -= (1.0 + 1e-9) / np.linalg.inv(matrix)[unknown, unknown]

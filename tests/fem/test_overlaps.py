@@ -45,9 +45,9 @@ def cells(kind, n):
 @pytest.mark.parametrize("kind", KINDS)
 def test_sound_meshes_have_no_overlap(kind):
     dim = CELLS[kind].dim
-    meshes = [box(kind, cells(kind, 3), distortion=0.15)]
+    meshes = [box(kind, cells(kind, 2), distortion=0.15)]
     if not kind.startswith("pyramid"):
-        meshes.append(opening(kind, dim, n=2, layers=2, radius=1.0, reach=4.0))
+        meshes.append(opening(kind, dim, n=2, layers=1, radius=1.0, reach=4.0))
     for mesh in meshes:
         halves = (np.arange(mesh.n_elements) % 2).astype(np.int64)  # faces between parts too
         assert len(found(mesh).element) == 0
@@ -75,7 +75,7 @@ def test_a_second_copy_is_found(kind):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("n", [1, 5])
+@pytest.mark.parametrize("n", [1, 4])
 def test_a_block_in_ground_that_was_not_cut_is_found(kind, n):
     """Larger elements, and smaller ones that lie within one element of the ground."""
     dim = CELLS[kind].dim

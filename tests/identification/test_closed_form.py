@@ -100,12 +100,14 @@ def test_strength_and_modulus_are_recovered(shipped):
     assert found["counts"]["factorizations"] == 0
 
 
-def test_every_method_works_on_the_formulas(project):
+@pytest.mark.parametrize(
+    "method", ["gauss-newton", pytest.param("simplex", marks=pytest.mark.slow)]
+)
+def test_every_method_works_on_the_formulas(project, method):
     # closed-form is gauss-newton with many starts; one start and the simplex find it from here too
-    for method in ("gauss-newton", "simplex"):
-        few = ("--set=fit.simplex.delta=1e-4", "--set=fit.simplex.restarts=0")
-        found = fitted(f"--set=fit.method={method}", *few)
-        assert found["parameters"]["c"]["value"] == pytest.approx(SI["c"], rel=1e-3)
+    few = ("--set=fit.simplex.delta=1e-4", "--set=fit.simplex.restarts=0")
+    found = fitted(f"--set=fit.method={method}", *few)
+    assert found["parameters"]["c"]["value"] == pytest.approx(SI["c"], rel=1e-3)
 
 
 def test_strength_and_far_stress_are_recovered(project):
@@ -342,17 +344,23 @@ def test_a_closed_form_without_a_solution_leaves_the_start_and_says_why():
     assert reason.rstrip(".") in found.reason
 
 
+FEW = (*ALONE, "--set=fit.closed-form.starts=2")
+
+
 def test_a_backtest_needs_no_mesh(project):
     """Face, near and far, of which the first two do not determine cohesion and friction."""
     prior = "--set=parameters.phi.prior={mean: 25 deg, sd: 2 deg}"
-    few = (*ALONE, "--set=fit.closed-form.starts=2")
-    done = run_command("backtest", "case.yaml", "--json", prior, *few)
+    done = run_command("backtest", "case.yaml", "--json", prior, *FEW)
     assert done.exit_code == 0, done.stderr
     told = json.loads(done.stdout)["backtest"]
     assert [fit["up_to"] for fit in told["fits"]] == ["face", "near", "far"]
     assert told["next"]["inside"] == told["next"]["readings"] > 0
     for name, truth in SI.items():
         assert told["fits"][-1]["parameters"][name]["value"] == pytest.approx(truth, rel=1e-3)
-    loose = run_command("backtest", "case.yaml", "--json", "--force", *few)
+
+
+@pytest.mark.slow  # with a prior: above
+def test_a_backtest_of_stages_that_determine_too_little_says_so(project):
+    loose = run_command("backtest", "case.yaml", "--json", *FEW)
     assert loose.exit_code == 4
     assert json.loads(loose.stdout)["status"] == "not-determined"

@@ -49,8 +49,14 @@ PARAMETERS = (
 TRUTH = np.array([33.0, 38e6])
 METHODS = pytest.mark.parametrize(
     "method",
-    [GaussNewtonOptions(), ComplementarityOptions(restarts=1, max_evaluations=30)],
-    ids=["gauss-newton", "complementarity"],
+    [
+        pytest.param(GaussNewtonOptions(), id="gauss-newton"),
+        pytest.param(
+            ComplementarityOptions(restarts=1, max_evaluations=30),
+            id="complementarity",
+            marks=pytest.mark.slow,
+        ),
+    ],
 )
 
 

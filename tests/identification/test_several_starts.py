@@ -42,16 +42,17 @@ def _from(problem: Problem, degrees: float, options: GaussNewtonOptions):
 
 
 def test_five_starts_find_the_lowest_minimum_from_anywhere_one_start_from_some_places(problem):
-    dips = np.linspace(-88.0, 88.0, 15)
+    dips = np.linspace(-88.0, 88.0, 7)
     single = np.array([_from(problem, dip, SINGLE).objective for dip in dips])
-    several = [_from(problem, dip, AUTOMATIC) for dip in dips[::5]]
+    several = [_from(problem, dip, AUTOMATIC) for dip in dips[::4]]
     lowest = min(outcome.objective for outcome in several)
-    assert np.count_nonzero(single > lowest + 10.0) >= 3  # a third of them, and converged
+    assert np.count_nonzero(single > lowest + 10.0) >= 2  # a third of them, and converged
     assert all(outcome.objective <= lowest + 1e-6 for outcome in several)
     assert all("dip is an angle" in " ".join(outcome.remarks) for outcome in several)
     np.testing.assert_allclose(several[0].values, list(TRUTH.values()), rtol=0.15)
 
 
+@pytest.mark.slow  # tests/identify/least_squares has its parts
 def test_further_descents_are_left_where_they_come_to_what_is_known(problem, monkeypatch):
     dips = np.linspace(-80.0, 80.0, 3)
     short = [_from(problem, dip, AUTOMATIC) for dip in dips]

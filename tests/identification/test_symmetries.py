@@ -134,7 +134,14 @@ def _inside(known, truth) -> np.ndarray:
     return (known.lower95 <= values) & (values <= known.upper95)
 
 
-@pytest.mark.parametrize("symmetry", TRUTHS)
+QUICK = ("strata", "orthotropic")
+"""Their moduli and angles are of all kinds; the others go through the same lines."""
+
+
+@pytest.mark.parametrize(
+    "symmetry",
+    [*QUICK, *(pytest.param(n, marks=pytest.mark.slow) for n in TRUTHS if n not in QUICK)],
+)
 def test_truth_lies_within_the_95_percent_intervals(symmetry):
     truth = TRUTHS[symmetry]
     problem = _problem(truth, ELASTIC[symmetry], seed=5)

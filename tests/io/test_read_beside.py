@@ -16,7 +16,7 @@ from geoident.io.read_beside import case_read_beside
 from geoident.workflow.running.jobs import Request, load_inputs, plan_fit
 
 CASES = Path(__file__).parents[2] / "cases"
-NAMES = ("cavern", "cavern-field", "dam", "shaft", "pressure-tunnel", "tunnel-3d")
+NAMES = ("cavern-field", "pressure-tunnel", "tunnel-3d")
 
 pytestmark = pytest.mark.skipif(not may_fork(), reason="forks on Linux only, of one thread")
 
@@ -24,6 +24,7 @@ pytestmark = pytest.mark.skipif(not may_fork(), reason="forks on Linux only, of 
 @pytest.fixture(autouse=True)
 def two_processors(monkeypatch):
     monkeypatch.setattr(forked, "processors", lambda: 2)
+    monkeypatch.setattr(forked, "may_fork", may_fork)
 
 
 def gone(process):

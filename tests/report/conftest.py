@@ -4,6 +4,8 @@ import pytest
 
 pytest.importorskip("matplotlib", reason='reports need matplotlib: pip install "geoident[report]"')
 
+from matplotlib.figure import Figure
+
 from geoident.report.drawing.style import image
 from geoident.report.page import page
 from tests.support.results import example_result
@@ -19,14 +21,35 @@ def solid():
     return example_result(3)
 
 
+AS_IN_A_PLANE = {
+    "parameters", "pairs", "readings-1", "extensometers-1", "one-to-one", "residuals", "history",
+    "correlation", "section-1-displacement-parts", "section-1-stress-minimum",
+    "section-1-stress-maximum", "section-1-stress-crosses", "section-1-deformed",
+    "section-1-vectors", "section-2-displacement", "section-2-stress-minimum",
+    "section-2-stress-maximum", "section-2-stress-crosses", "section-2-displacement-parts",
+}  # fmt: skip
+"""Figures of the solid ground that differ from those of the plane by nothing that is drawn anew."""
+
+
+def nothing():
+    """A figure that costs nothing."""
+    return Figure(figsize=(1.0, 1.0), layout="none")
+
+
 @pytest.fixture(scope="session")
 def reports(plane, solid):
-    """Pages by the kind of the model, and the figures that were drawn for them."""
+    """Pages by the kind of the model, and the figures that were drawn for them.
+
+    That of the solid ground has blanks in place of `AS_IN_A_PLANE`.
+    """
     pages, figures = {}, {}
     for kind, result in (("plane", plane), ("solid", solid)):
         kept = figures[kind] = {}
 
-        def keep(picture, suffix, kept=kept):
+        def keep(picture, suffix, kind=kind, kept=kept):
+            if kind == "solid" and picture.name in AS_IN_A_PLANE:
+                return image(replace(picture, draw=nothing), suffix)
+
             def draw():
                 kept[picture.name] = picture.draw()
                 return kept[picture.name]
@@ -52,3 +75,8 @@ def plane_page(reports):
 @pytest.fixture(scope="session")
 def solid_page(reports):
     return reports[0]["solid"]
+
+
+@pytest.fixture(scope="session")
+def whole_solid_page(solid):
+    return page.report_page([("pit.fit", solid)])

@@ -1,6 +1,7 @@
 """What figures of fields say, against states that are known in closed form."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -19,9 +20,12 @@ from geoident.report.drawing.fields.stress import cross_figure, stress_unit
 from geoident.report.drawing.raster import raster_of
 from geoident.report.drawing.scene import Scene, Window
 from geoident.report.drawing.style import drawing_style
+from geoident.report.saving.figure_file import lay_out
+from geoident.report.saving.lean_axes import lean_axes
 from geoident.report.saving.svg_writer import SvgCanvas
 from tests.support.cases import displacement, make_case
 from tests.support.meshes import box
+from tests.support.pictures import laid_out
 from tests.support.results import example_result
 
 E, NU, C, PHI = 1e9, 0.25, 1e6, np.radians(30.0)
@@ -86,9 +90,7 @@ def test_a_stage_builds_on_its_base_and_displacements_count_since_the_zero():
 
 def test_vectors_end_inside_their_panels(plane):
     scene = Scene(plane, plane.fields)
-    with drawing_style():
-        figure = vector_figure(scene, scene.sheets[0])
-        figure.draw_without_rendering()
+    figure = laid_out(partial(vector_figure, scene, scene.sheets[0]))
     for axes in figure.axes:
         (arrows,) = [c for c in axes.collections if isinstance(c, Quiver)]
         tips = np.stack([arrows.X + arrows.U, arrows.Y + arrows.V], axis=1)
@@ -144,7 +146,7 @@ def test_of_one_stage_only_its_state_is_drawn(plane, state):
     assert len(figure.axes) == 1
 
 
-@pytest.mark.parametrize("aspect", [0.7, 1.0, 1.05])
+@pytest.mark.parametrize("aspect", [0.7, pytest.param(1.0, marks=pytest.mark.slow), 1.05])
 def test_titles_over_scales_of_colours_are_not_cut(plane, aspect):
     """Panels that are narrower than their room stand below their title, not in its room."""
     scene = Scene(plane, plane.fields)
@@ -154,12 +156,11 @@ def test_titles_over_scales_of_colours_are_not_cut(plane, aspect):
     window = Window(low, low + (high - low) * part)
     scene.window = lambda _: window
     quantity = ColouredField("size (mm)", lambda s, state: np.full(len(s.xy), state), "Blues")
-    with drawing_style():
+    with drawing_style(), lean_axes():
         figure = table_figure(scene, sheet, [quantity] * 4)
         SvgCanvas(figure, 150)
         figure.dpi = 72
-        figure.get_layout_engine().execute(figure)
-        figure.set_layout_engine("none")
+        lay_out(figure)
         figure.draw_without_rendering()
         titles = [axes._left_title.get_window_extent() for axes in figure.axes]
     assert max(box.y1 for box in titles) < figure.bbox.y1 - 2.5  # the layout keeps 3 points free

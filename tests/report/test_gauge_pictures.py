@@ -19,6 +19,7 @@ from geoident.report.drawing.gauges.profiles import profile_pictures, profiles_f
 from geoident.report.drawing.quality import residual_figure
 from geoident.report.drawing.style import drawing_style
 from tests.report import test_figures
+from tests.support.pictures import laid_out
 from tests.support.results import example_result, wide_gauges
 
 STAGES = ("dig", "line", "later")
@@ -61,11 +62,6 @@ SETTLEMENTS = "{A: {kind: settlement}, B: {kind: settlement}, C: {kind: settleme
 SURFACE = {"B": (5.0, 0.0), "A": (-10.0, 0.0), "C": (20.0, 0.0)}
 
 
-def drawn(figure):
-    figure.draw_without_rendering()
-    return figure
-
-
 def inside(axes, artist_values, which):
     low, high = sorted(axes.get_xlim() if which == "x" else axes.get_ylim())
     return low <= np.min(artist_values) and np.max(artist_values) <= high
@@ -81,8 +77,7 @@ def test_settlements_at_one_level_are_a_trough_along_the_surface_with_settlement
     assert (one.labels, one.places, one.along) == (("A", "B", "C"), (-10.0, 5.0, 20.0), "x (m)")
     (picture,) = profile_pictures(trough)
     assert picture.name == "troughs-1"
-    with drawing_style():
-        (axes,) = drawn(picture.draw()).axes
+    (axes,) = laid_out(picture.draw).axes
     assert axes.yaxis_inverted()
     assert not axes.xaxis_inverted()
     computed = [line for line in axes.get_lines() if line.get_linestyle() in ("-", "--")]
@@ -103,8 +98,7 @@ def test_displacements_against_one_point_below_them_are_a_plumb_line():
     given = result_of(points, kinds, first=(3.0, 2.0))
     (one,) = [each for each in lines(given) if each.line == PLUMB]
     assert (one.labels, one.fixed) == (("C", "B", "A"), 2.0)
-    with drawing_style():
-        (axes,) = drawn(profiles_figure(given, [one])).axes
+    (axes,) = laid_out(lambda: profiles_figure(given, [one])).axes
     first = next(line for line in axes.get_lines() if len(line.get_xdata()) == 4)
     np.testing.assert_allclose(first.get_ydata(), [2.0, 20.0, 45.0, 69.0])
     np.testing.assert_allclose(first.get_xdata(), [0.0, 7.0, 4.0, 1.0])
@@ -116,16 +110,13 @@ def test_the_depth_of_an_inclinometer_goes_down():
     given = result_of(points, "{I: {kind: inclinometer}}")
     (picture,) = profile_pictures(given)
     assert picture.name == "inclinometers-1"
-    with drawing_style():
-        (axes,) = drawn(picture.draw()).axes
+    (axes,) = laid_out(picture.draw).axes
     assert axes.yaxis_inverted()
     assert axes.get_ylabel() == "depth along the casing (m)"
     for each in (picture, *reading_pictures(given)):
-        with drawing_style():
-            figure = drawn(each.draw())
-            shown = {"plane": {each.name: figure}}
-            test_figures.test_no_text_is_cut("plane", each.name, shown)
-            test_figures.test_no_text_lies_on_another("plane", each.name, shown)
+        shown = {"plane": {each.name: laid_out(each.draw)}}
+        test_figures.test_no_text_is_cut("plane", each.name, shown)
+        test_figures.test_no_text_lies_on_another("plane", each.name, shown)
 
 
 def test_instruments_of_one_quantity_share_their_scale_and_nothing_is_cut(trough):
@@ -133,8 +124,7 @@ def test_instruments_of_one_quantity_share_their_scale_and_nothing_is_cut(trough
     kinds = "{" + ", ".join(f"{name}: {{kind: convergence}}" for name in many) + "}"
     values = 1e-3 * np.array([[1, 2, 3], [10, 20, 30], [-5, -6, -7], [0, 0, 1]], dtype=float)
     given = result_of(many, kinds, values=values)
-    with drawing_style():
-        figure = drawn(readings_figure(given, instruments(given)))
+    figure = laid_out(lambda: readings_figure(given, instruments(given)))
     panels = [axes for axes in figure.axes if axes.get_title(loc="left")]
     assert len({axes.get_ylim() for axes in panels}) == 1
     table, prediction = given.gauges, given.prediction
@@ -155,8 +145,9 @@ def test_dated_readings_stand_at_their_dates_and_stages_where_they_are_complete(
     table = given.gauges.readings
     late = replace(given.gauges, readings=_dated(table, 3.0 * DAY + DAY * axis.at[0]))
     given = replace(given, gauges=late)
-    with drawing_style():
-        figure = drawn(reading_pictures(given)[0].draw())
+    with drawing_style():  # labels of all ticks, which axes of pages have in one
+        figure = reading_pictures(given)[0].draw()
+        figure.draw_without_rendering()
     (axes,) = [each for each in figure.axes if each.get_title(loc="left")]
     dots = [line for line in axes.get_lines() if line.get_marker() == "o"]
     assert dots[0].get_xdata()[0] == pytest.approx(axis.at[0] + 3.0)
@@ -175,8 +166,7 @@ def _dated(table: ReadingTable, time: float) -> ReadingTable:
 
 def test_a_legend_names_only_what_is_drawn(trough):
     def words(result):
-        with drawing_style():
-            figure = drawn(readings_figure(result, instruments(result)))
+        figure = laid_out(lambda: readings_figure(result, instruments(result)))
         return {text.get_text() for text in figure.legends[0].get_texts()}
 
     every = {"measured", "measured, not used", "computed", "predicted", "95 % band"}
@@ -210,8 +200,7 @@ def test_convergences_of_a_tunnel_stand_over_the_way_of_its_face():
     given = result_of({"CV": (8.0, 6.0, 10.0)}, "{CV: {kind: convergence}}", dim=3)
     driven = replace(given, fields=replace(fields, present=present))
     (picture,) = face_pictures(driven)
-    with drawing_style():
-        (axes,) = drawn(picture.draw()).axes
+    (axes,) = laid_out(picture.draw).axes
     dots = np.concatenate([x.get_xdata() for x in axes.get_lines() if x.get_marker() == "o"])
     np.testing.assert_allclose(np.sort(dots), [-2.0, 2.0, 6.0])
     assert axes.get_xlabel() == "face past the section (m)"
@@ -229,9 +218,7 @@ def test_the_stage_of_an_outlier_is_named_at_its_own_dot(trough):
         first=gauges.first, second=gauges.second,
     )  # fmt: skip
     given = replace(trough, gauges=table, prediction=None)
-    with drawing_style():
-        figure = residual_figure(given)
-        drawn(figure)
+    figure = laid_out(lambda: residual_figure(given))
     (axes,) = figure.axes
     rows = {name: k for k, name in enumerate(gauges.channels)}
     for channel, stage, x in (("B", "dig", 6.0), ("B", "later", -5.0), ("C", "line", -4.0)):

@@ -2,6 +2,7 @@
 
 import base64
 import io
+import os
 import re
 from dataclasses import replace
 from xml.etree import ElementTree
@@ -13,6 +14,7 @@ pytest.importorskip("matplotlib", reason='reports need matplotlib: pip install "
 from click.testing import CliRunner
 from PIL import Image
 
+from geoident import forked
 from geoident.cli.app import geoident
 from geoident.errors import InputError
 from geoident.io.case.file import parse_case
@@ -22,7 +24,7 @@ from geoident.model.results.head import ReportHead
 from geoident.report.page.html import page
 from geoident.report.page.logo import logo_element
 from geoident.report.page.page import report_page
-from geoident.report.saving import side_by_side
+from geoident.report.saving.side_by_side import side_by_side
 from tests.support.results import small_result
 
 SVG = """<?xml version="1.0"?>
@@ -77,6 +79,7 @@ def test_what_is_no_logo_is_refused_with_a_remedy(content):
     assert fault.location.file == "logo.xyz"
 
 
+@pytest.mark.usefixtures("plain_pictures")
 def test_the_head_says_what_is_given_and_nothing_else():
     head = ReportHead(project="<b>Dam</b>", author="J. Doe", revision="B")
     text = report_page([("pit", small_result())], head)
@@ -145,6 +148,7 @@ def opening_text():
     return files("geoident").joinpath("templates/opening/case.yaml").read_text(encoding="utf-8")
 
 
+@pytest.mark.usefixtures("plain_pictures")
 def test_flags_override_the_case_as_it_stands_today(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     result = replace(small_result(), case_text=CASE)
@@ -159,13 +163,15 @@ def test_flags_override_the_case_as_it_stands_today(tmp_path, monkeypatch):
     assert "<dd>Lower Valley</dd>" in (tmp_path / "pit.fit.html").read_text(encoding="utf-8")
 
 
-def test_figures_side_by_side_are_those_one_by_one(monkeypatch):
-    monkeypatch.setattr(side_by_side, "processors", lambda: 3)
-    items = list(range(7))
-    assert side_by_side.side_by_side(_drawn, items) == [_drawn(k) for k in items]
-    monkeypatch.setattr(side_by_side, "may_fork", lambda: False)
-    assert side_by_side.side_by_side(_drawn, items) == [_drawn(k) for k in items]
+@pytest.mark.skipif(not forked.may_fork(), reason="forks on Linux only, of one thread")
+@pytest.mark.parametrize("elsewhere", [True, False])
+def test_figures_side_by_side_are_those_one_by_one(elsewhere, monkeypatch):
+    monkeypatch.setattr(forked, "processors", lambda: 3 if elsewhere else 1)
+    monkeypatch.setattr(forked, "may_fork", lambda: True)
+    drawn = side_by_side(_drawn, list(range(7)))
+    assert [int(text.split()[0]) for text in drawn] == list(range(7))
+    assert (str(os.getpid()) not in {text.split()[1].decode() for text in drawn}) == elsewhere
 
 
 def _drawn(k):
-    return str(k).encode()
+    return f"{k} {os.getpid()}".encode()

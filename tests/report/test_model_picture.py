@@ -2,7 +2,7 @@
 
 import sys
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +10,7 @@ import pytest
 from matplotlib.colors import to_rgb
 from matplotlib.text import Text
 
+from geoident import forked
 from geoident.forked import WorkBeside
 from geoident.io.case.file import read_case
 from geoident.io.mesh.file import read_mesh
@@ -32,21 +33,32 @@ from geoident.report.drawing.model.construction import (
 )
 from geoident.report.drawing.model.drawn import DrawnModel
 from geoident.report.drawing.model.figure import model_figure
-from geoident.report.drawing.style import GAUGE, drawing_style
+from geoident.report.drawing.style import GAUGE
 from tests.report.test_labels import overlapping
 from tests.support.cases import make_case, material
 from tests.support.meshes import box, regroup
+from tests.support.pictures import laid_out
 
 CASES = Path(__file__).parents[2] / "cases"
 SHOWN = [p.parent.name for p in sorted(CASES.glob("*/case.yaml")) if "\nmesh:" in p.read_text()
          and p.parent.name not in ("cavern-field", "cavern-plastic")]  # fmt: skip
 
 
+QUICK = ("braced-pit", "cavern", "shaft")
+"""The picture has structures, many gauges, an axis; of the other shipped cases it is slow."""
+MAY_FORK = forked.may_fork
+
+
 def drawn(case, mesh, found=None):
-    with drawing_style():
-        figure = model_figure(case, mesh, found)
-        figure.draw_without_rendering()
-    return figure
+    return laid_out(partial(model_figure, case, mesh, found))
+
+
+@cache
+def shipped(name):
+    """The case of a shipped case and its picture."""
+    loaded = read_case(str(CASES / name / "case.yaml"))
+    mesh = read_mesh(str(CASES / name / loaded.mesh_path), dim=loaded.case.analysis.dim)
+    return loaded.case, drawn(loaded.case, mesh)
 
 
 def placed(axes):
@@ -58,12 +70,12 @@ def words(figure):
     return {t.get_text() for t in figure.findobj(Text) if t.get_visible()}
 
 
-@pytest.mark.parametrize("name", SHOWN)
+@pytest.mark.parametrize(
+    "name",
+    [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in SHOWN],
+)
 def test_every_gauge_has_its_name_and_no_label_is_cut_or_on_another(name):
-    loaded = read_case(str(CASES / name / "case.yaml"))
-    case = loaded.case
-    mesh = read_mesh(str(CASES / name / loaded.mesh_path), dim=case.analysis.dim)
-    figure = drawn(case, mesh)
+    case, figure = shipped(name)
     said = words(figure)
     assert {channel.gauge for channel in case.channels} <= said
     assert set(case.structures) <= said
@@ -163,10 +175,8 @@ def test_gauges_are_dark():
 
 @pytest.mark.parametrize("name", ["braced-pit", "cavern"])
 def test_no_mark_of_a_support_stands_outside_of_its_panel(name):
-    loaded = read_case(str(CASES / name / "case.yaml"))
-    mesh = read_mesh(str(CASES / name / loaded.mesh_path), dim=2)
     marks = 0
-    for axes in drawn(loaded.case, mesh).axes:
+    for axes in shipped(name)[1].axes:
         low, high = np.transpose([axes.get_xlim(), axes.get_ylim()])
         for line in axes.lines:
             if not line.get_clip_on() and len(line.get_xydata()):
@@ -177,9 +187,7 @@ def test_no_mark_of_a_support_stands_outside_of_its_panel(name):
 
 
 def test_names_of_gauges_across_a_shaft_stand_in_the_room_beyond_the_axis():
-    loaded = read_case(str(CASES / "shaft" / "case.yaml"))
-    mesh = read_mesh(str(CASES / "shaft" / loaded.mesh_path), dim=2)
-    figure = drawn(loaded.case, mesh)
+    _, figure = shipped("shaft")
     (closer,) = [axes for axes in figure.axes if axes.get_title(loc="left") == "the dotted part"]
     to_data = closer.transData.inverted()
     at = {t.get_text(): to_data.transform(t.get_window_extent().extents.reshape(2, 2)).T
@@ -190,14 +198,12 @@ def test_names_of_gauges_across_a_shaft_stand_in_the_room_beyond_the_axis():
 
 def test_a_figure_of_a_high_closer_view_is_not_a_tall_one():
     for name in ("shaft", "cavern"):
-        loaded = read_case(str(CASES / name / "case.yaml"))
-        mesh = read_mesh(str(CASES / name / loaded.mesh_path), dim=2)
-        with drawing_style():
-            width, height = model_figure(loaded.case, mesh).get_size_inches()
+        width, height = shipped(name)[1].get_size_inches()
         assert height < width, name
 
 
 def test_cases_that_another_process_has_read_are_not_read_again(plane, monkeypatch):
+    monkeypatch.setattr(forked, "may_fork", MAY_FORK)
     monkeypatch.setattr(case_module, "_known", {})
     text = (CASES / "shaft" / "case.yaml").read_text(encoding="utf-8")
     shaft = replace(plane, case_resolved=text)

@@ -9,8 +9,8 @@ from matplotlib.text import Text
 
 from geoident.report.drawing.album import album
 from geoident.report.drawing.opening import opening_pictures
-from geoident.report.drawing.style import drawing_style
 from tests.io.result.conftest import make_reaction
+from tests.support.pictures import laid_out
 from tests.support.results import small_result
 
 
@@ -19,11 +19,7 @@ def drawn():
     result = replace(small_result(), reaction=make_reaction())
     pictures = {picture.name: picture for picture in opening_pictures(result)}
     assert [p.name for p in album(result).fields][:2] == list(pictures)
-    with drawing_style():
-        figures = {name: picture.draw() for name, picture in pictures.items()}
-        for figure in figures.values():
-            figure.draw_without_rendering()
-    return figures
+    return {name: laid_out(picture.draw) for name, picture in pictures.items()}
 
 
 def test_the_sketch_has_the_opening_what_yields_and_the_stress(drawn):

@@ -13,6 +13,7 @@ from geoident.report.page.page import report_page
 from geoident.report.text.case import case_title
 from geoident.report.text.gauges import reading_table
 from geoident.report.text.residuals import outliers, rms, scored
+from tests.report.conftest import AS_IN_A_PLANE
 from tests.support.results import (
     STAGES,
     changed_gauges,
@@ -109,7 +110,8 @@ def test_every_figure_is_there_with_its_caption_and_not_empty(kind, request):
     for name in names:
         figure = re.search(f'<figure id="figure-{name}"[^>]*>(.*?)</figure>', text, re.DOTALL)[1]
         assert "<figcaption><b>Figure " in figure
-        assert figure.count("<path") + figure.count("<image") > 5
+        if kind == "plane" or name not in AS_IN_A_PLANE:
+            assert figure.count("<path") + figure.count("<image") > 5
         assert 'role="graphics-document document"' in figure  # its words are read aloud
 
 
@@ -199,6 +201,7 @@ def test_a_broken_case_text_gives_no_title():
         assert case_title(replace(example_result(), case_resolved=text)) == ""
 
 
+@pytest.mark.usefixtures("plain_pictures")
 def test_several_results_are_compared():
     table = example_result().parameters
     known = replace(
@@ -217,6 +220,7 @@ def test_several_results_are_compared():
     assert 'href="#section-result-2"' in text
 
 
+@pytest.mark.usefixtures("plain_pictures")
 def test_a_scan_has_its_grid():
     text = report_page([("pit.scan", small_result())])
     assert 'id="figure-scan"' in text

@@ -17,7 +17,7 @@ from geoident.report.drawing.parameters.corner import (
 )
 from geoident.report.drawing.parameters.intervals import parameter_figure
 from geoident.report.drawing.parameters.scan import region, region_levels, scan_figure
-from geoident.report.drawing.style import drawing_style
+from tests.support.pictures import laid_out
 from tests.support.results import example_result, parameters
 
 E = np.geomspace(2e9, 80e9, 21)
@@ -50,8 +50,8 @@ def test_a_ridge_narrower_than_the_grid_is_one_region(hole):
     values, rise = found.profile(0)
     ends = values[rise < chi2.ppf(0.95, 1)][[0, -1]]
     # by the priors, of which readings leave the sum: sd of log E is 0.0873 around 8.2 / 14.4
-    many = np.geomspace(10e9, 20e9, 801)
-    fine = np.array([ridge(e, e * 8e6 / 14e9 * np.linspace(0.97, 1.03, 2001)).min() for e in many])
+    many = np.geomspace(10e9, 20e9, 401)
+    fine = np.array([ridge(e, e * 8e6 / 14e9 * np.linspace(0.97, 1.03, 1001)).min() for e in many])
     np.testing.assert_allclose(
         ends, many[fine - fine.min() < chi2.ppf(0.95, 1)][[0, -1]], rtol=0.01
     )
@@ -63,13 +63,9 @@ def test_levels_are_those_of_chi_squared():
 
 
 def test_a_scan_is_drawn_on_the_scales_of_its_parameters():
-    with drawing_style():
-        figure = scan_figure(parameters(), grid(), {"E_rock"})
-        figure.draw_without_rendering()
-        line = scan_figure(
-            parameters(), Grid(("E_rock",), (E,), grid().objective[:, 8]), {"E_rock"}
-        )
-        line.draw_without_rendering()
+    figure = laid_out(lambda: scan_figure(parameters(), grid(), {"E_rock"}))
+    one = Grid(("E_rock",), (E,), grid().objective[:, 8])
+    line = laid_out(lambda: scan_figure(parameters(), one, {"E_rock"}))
     whole = next(axes for axes in figure.axes if axes.get_ylabel() == "sigma_v (MPa)")
     assert (whole.get_xscale(), whole.get_yscale()) == ("log", "linear")
     assert whole.get_xlim() == pytest.approx((2.0, 80.0))
@@ -79,9 +75,7 @@ def test_a_scan_is_drawn_on_the_scales_of_its_parameters():
 
 
 def test_an_interval_is_drawn_on_the_scale_of_its_parameter_with_prior_bounds_and_numbers():
-    with drawing_style():
-        figure = parameter_figure([("estimate", parameters())], {"E_rock"})
-        figure.draw_without_rendering()
+    figure = laid_out(lambda: parameter_figure([("estimate", parameters())], {"E_rock"}))
     rock, stress, ratio = figure.axes
     assert [axes.get_xscale() for axes in figure.axes] == ["log", "linear", "linear"]
     for axes, low, high in ((rock, 2.0, 80.0), (stress, 2.0, 20.0), (ratio, 0.3, 3.0)):
@@ -119,9 +113,7 @@ def test_pairs_have_the_ellipse_of_their_covariance_on_their_scales():
     result = correlated()
     (picture,) = pair_pictures(result)
     assert picture.name == "pairs"
-    with drawing_style():
-        figure = pair_figure(result)
-        figure.draw_without_rendering()
+    figure = laid_out(lambda: pair_figure(result))
     (panel,) = [axes for axes in figure.axes if axes.get_ylabel() == "K0" and axes.get_visible()]
     assert (panel.get_xscale(), panel.get_yscale()) == ("log", "linear")
     outer = next(line for line in panel.get_lines() if len(line.get_xdata()) == 181)

@@ -63,14 +63,15 @@ def places(picture, *, lean):
 @pytest.mark.parametrize(
     "name",
     [
-        "overview",
+        pytest.param("overview", marks=pytest.mark.slow),
         "parameters",
         "pairs",
-        "readings-1",
-        "displacement",
-        "displacement-parts",
+        pytest.param("readings-1", marks=pytest.mark.slow),
+        pytest.param("displacement", marks=pytest.mark.slow),  # also panels with a shared scale
+        pytest.param("displacement-parts", marks=pytest.mark.slow),
+        "yielded",
         "residuals",
-        "history",
+        pytest.param("history", marks=pytest.mark.slow),
     ],
 )
 def test_lean_axes_are_laid_out_as_those_of_matplotlib(plane, name):

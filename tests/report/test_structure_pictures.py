@@ -21,6 +21,7 @@ from geoident.report.text.structures import force_table, structures_list
 from tests.report.test_figures import boxes, visible_texts
 from tests.support.cases import displacement, material, model
 from tests.support.meshes import box, regroup
+from tests.support.pictures import laid_out
 from tests.support.tunnels import with_lines
 
 
@@ -80,14 +81,12 @@ def test_the_picture_of_a_case_names_all_structures_and_says_how_they_end(pit):
 def test_forces_along_the_wall_and_in_bars_are_drawn(members):
     pictures = structure_pictures(SimpleNamespace(members=members))
     assert [picture.name for picture in pictures] == ["forces-1", "bar-forces", "bars-along"]
-    with drawing_style():
-        wall, bars = (picture.draw() for picture in pictures[:2])
-        for figure in (wall, bars):
-            figure.draw_without_rendering()
-            inside = figure.bbox.padded(1.0)
-            for text, box_of in boxes(figure):
-                assert inside.contains(box_of.x0, box_of.y0), text.get_text()
-                assert inside.contains(box_of.x1, box_of.y1), text.get_text()
+    wall, bars = (laid_out(picture.draw) for picture in pictures[:2])
+    for figure in (wall, bars):
+        inside = figure.bbox.padded(1.0)
+        for text, box_of in boxes(figure):
+            assert inside.contains(box_of.x0, box_of.y0), text.get_text()
+            assert inside.contains(box_of.x1, box_of.y1), text.get_text()
     assert [axes.get_xlabel() for axes in wall.axes] == ["M (kNm/m)", "N (kN/m)", "Q (kN/m)"]
     assert wall.axes[0].get_ylabel() == "y (m)"
     # One line a stage beside that of zero; moments go on from piece to piece, zero at the hinge.
@@ -154,9 +153,7 @@ def test_forces_of_a_lining_stand_on_it_and_are_those_of_the_table():
     found = ring()
     pictures = {p.name: p for p in structure_pictures(SimpleNamespace(members=found))}
     assert set(pictures) == {"forces-1", "bar-forces", "bars-along"}
-    with drawing_style():
-        figure = pictures["forces-1"].draw()
-        figure.draw_without_rendering()
+    figure = laid_out(pictures["forces-1"].draw)
     by_title = {axes.get_title(loc="left"): axes for axes in figure.axes}
     assert "M (kNm/m), lined" in by_title
     axes = by_title["N (kN/m), lined"]
@@ -183,9 +180,7 @@ def test_forces_of_a_lining_stand_on_it_and_are_those_of_the_table():
 
 def test_bars_stand_where_they_are_as_wide_as_their_force(members):
     pictures = {p.name: p for p in structure_pictures(SimpleNamespace(members=members))}
-    with drawing_style():
-        figure = pictures["bars-along"].draw()
-        figure.draw_without_rendering()
+    figure = laid_out(pictures["bars-along"].draw)
     panels = {axes.get_title(loc="left"): axes for axes in figure.axes}
     assert list(panels) == ["dig", "stress", "jack"]
     said = {text.get_text() for text in panels["jack"].findobj(Text)}

@@ -11,10 +11,10 @@ from geoident.report.drawing.album import album
 from geoident.report.drawing.model.case import case_of
 from geoident.report.drawing.model.construction import material_colours
 from geoident.report.drawing.scene import scene_of
-from geoident.report.drawing.style import drawing_style
 from geoident.workflow.report import read_results
 from tests.report.test_labels import overlapping
 from tests.report.test_model_picture import placed, words
+from tests.support.pictures import laid_out
 
 CASE = """\
 format: geoident-case/1
@@ -109,10 +109,7 @@ def fitted(tmp_path_factory):
 @pytest.fixture(scope="module")
 def model(fitted):
     (picture,) = album(fitted).model
-    with drawing_style():
-        figure = picture.draw()
-        figure.draw_without_rendering()
-    return figure
+    return laid_out(picture.draw)
 
 
 def test_the_moduli_of_rock_and_zones_are_found(fitted):

@@ -131,7 +131,7 @@ def test_the_likelihood_is_that_of_contrasts_of_the_runs():
 def test_own_errors_are_as_large_as_the_surface_says():
     """Over many tables of a function, its error in standard deviations has the size one."""
     z = []
-    for seed in range(40):
+    for seed in range(15):
         u = spread(25, seed)
         (surface,) = surfaces_of(u, bent(u)[:, None], np.array([1e-9]), "gaussian-process")
         for at in 0.8 * spread(5, 100 + seed):

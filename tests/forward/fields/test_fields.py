@@ -181,7 +181,18 @@ CASES = [
 ]
 
 
-@pytest.mark.parametrize(("kind", "analysis", "law"), CASES)
+def in_others(kind, law):
+    """Whether kind and law, which are apart in the code, are with others of the quick ones too."""
+    return kind in ("hex20", "tri3") and law not in ("Young's modulus", "orthotropic")
+
+
+@pytest.mark.parametrize(
+    ("kind", "analysis", "law"),
+    [
+        pytest.param(kind, analysis, law, marks=[pytest.mark.slow] * in_others(kind, law))
+        for kind, analysis, law in CASES
+    ],
+)
 def test_layers_by_modes_are_layers_by_groups(kind, analysis, law):
     rock, constants = LAWS[law]
     mesh, holes = site(kind, analysis)

@@ -109,7 +109,13 @@ def uniform_halves(planes, constants):
     )
 
 
-@pytest.mark.parametrize("constants", [("cohesion",), ("E",), ("cohesion", "E")])
+@pytest.mark.parametrize(
+    "constants",
+    [
+        ("cohesion", "E"),
+        *(pytest.param((one,), marks=pytest.mark.slow) for one in ("cohesion", "E")),
+    ],
+)
 @pytest.mark.parametrize("planes", PLANES)
 def test_halves_by_modes_are_halves_by_materials(planes, constants):
     planes = PLANES[planes]

@@ -23,7 +23,7 @@ from support.anisotropy import (
     turn_tensor,
 )
 from support.cases import displacement, make_case, model, moduli_at, rollers
-from support.derivatives import richardson
+from support.derivatives import assert_slopes
 from support.meshes import box, regroup
 
 from geoident.forward.affine import first_obstacle, stiffness_part
@@ -201,16 +201,19 @@ def test_jacobian_agrees_with_richardson_differences(name, dim):
     p = np.array([STARTS[n] for n in staged.names])
     _, jacobian = response.evaluate(p)
     scale_of_all = np.abs(jacobian * p).max()
-    for h, parameter in enumerate(staged.names):
-        numeric = richardson(response.readings, p, h, 2e-3 * abs(p[h]))
-        scale = np.abs(jacobian[:, h]).max()
-        if parameter in NO_EFFECT.get((name, dim), ()):
-            assert scale * abs(p[h]) < 1e-10 * scale_of_all, parameter
-        else:
-            assert scale * abs(p[h]) > 1e-6 * scale_of_all, f"{parameter} acts on nothing here"
-            np.testing.assert_allclose(
-                jacobian[:, h], numeric, atol=1e-7 * scale, err_msg=parameter
-            )
+    scale = np.abs(jacobian * p).max(axis=0)
+    idle = np.isin(staged.names, list(NO_EFFECT.get((name, dim), ())))
+    assert np.all(scale[idle] < 1e-10 * scale_of_all)
+    assert np.all(scale[~idle] > 1e-6 * scale_of_all), "a parameter acts on nothing here"
+
+    def readings(some):
+        """With the parameters that act."""
+        full = p.copy()
+        full[~idle] = some
+        return response.readings(full)
+
+    names = [n for n, out in zip(staged.names, idle, strict=True) if not out]
+    assert_slopes(readings, p[~idle], jacobian[:, ~idle], names, step=2e-3)
 
 
 # What may be a parameter of what -------------------------------------------------------------

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from support.cases import NOWHERE, displacement, imbalance, make_case, material, model, virgin
-from support.derivatives import richardson
+from support.derivatives import assert_slopes
 from support.meshes import KINDS, box, regroup
 
 from geoident.fem.kinematics import kinematics_of
@@ -270,7 +270,7 @@ def test_layers_of_any_shape_fill_the_line_to_the_top(kind):
     assert (found.lengths.toarray() > 0).all(axis=1).sum() > 10
     if kind not in ("tri3", "tet4", "quad4"):
         return  # faces that are not flat are cut otherwise than the elements' own mapping
-    locator, steps = Locator(mesh), 300
+    locator, steps = Locator(mesh), 100
     for n in range(2):
         x, top = places[n], 8 - places[n, -1]
         heights = x[-1] + (np.arange(steps) + 0.5) / steps * top
@@ -315,7 +315,7 @@ def part_out_of_balance(staged):
 
 
 @pytest.mark.parametrize("kind", ["tri3", "tri6", "quad4", "quad8", "tet4"])
-@pytest.mark.parametrize("table", np.linspace(8.3, 11.9, 7))
+@pytest.mark.parametrize("table", [8.3, 8.9, 10.1, 11.9])
 def test_a_table_inside_elements_is_below_the_line(kind, table):
     """Elements of 2 m and layers right below the surface: the stress has a kink inside them."""
     mesh = layered(kind)
@@ -429,12 +429,11 @@ def test_every_number_is_differentiated_exactly(kind, held):
     response = staged.response([(c, stage) for c in channels for stage in ("dig", "deeper")])
     act = np.array([values[n] for n in names])
     _, jacobian = response.evaluate(act)
-    for h, name in enumerate(names):
-        numeric = richardson(response.readings, act, h, 2e-4 * abs(act[h]))
-        scale = np.abs(jacobian[:, h]).max()
-        seen = name != "across" or staged.mesh.dim == 3  # out of plane nothing moves
-        assert (scale > 0) == seen
-        np.testing.assert_allclose(jacobian[:, h], numeric, atol=1e-7 * scale, err_msg=name)
+    idle = ["across"] if staged.mesh.dim == 2 else []  # out of plane nothing moves
+    assert [
+        name for name, column in zip(names, jacobian.T, strict=True) if not column.any()
+    ] == idle
+    assert_slopes(response.readings, act, jacobian, names, step=2e-4)
 
 
 def free_in_everything(kind, held):

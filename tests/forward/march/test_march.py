@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from support.cases import displacement, imbalance, material, model, rollers
-from support.derivatives import richardson
+from support.derivatives import assert_slopes
 from support.meshes import box, regroup
 
 from geoident.errors import ModelError
@@ -264,11 +264,9 @@ def test_jacobian_agrees_with_richardson_differences(kind):
     p = np.array([PARAMETERS[n] for n in staged.names])
     v, jacobian = response.evaluate(p)
     np.testing.assert_allclose(response.readings(p), v, rtol=1e-12)
-    for h, name in enumerate(staged.names):
-        numeric = richardson(response.readings, p, h, 2e-3 * abs(p[h]))
-        scale = np.abs(jacobian[:, h]).max()
-        assert scale > 0, f"{name} acts on nothing in this test"
-        np.testing.assert_allclose(jacobian[:, h], numeric, atol=1e-7 * scale, err_msg=name)
+    for name, column in zip(staged.names, jacobian.T, strict=True):
+        assert column.any(), f"{name} acts on nothing in this test"
+    assert_slopes(response.readings, p, jacobian, staged.names, step=2e-3)
 
 
 def test_one_factorization_per_stage_serves_response_and_jacobian():

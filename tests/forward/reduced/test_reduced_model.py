@@ -48,21 +48,26 @@ CASES = {
 }
 
 
+QUICK = tuple(name for name in CASES if name != "braced")
+"""All that is braced is gauged too."""
+MOST = [*QUICK, pytest.param("braced", marks=pytest.mark.slow)]
+
+
 @cache
-def made(name: str):
-    """A model, its response, its reduced model of three marches, and where they were."""
+def made(name: str, marches: int = 3):
+    """A model, its response, its reduced model of so many marches, and where they were."""
     build, pairs = CASES[name]
     staged = build()
     response = staged.response(pairs)
     response.keep_marches(economical=False)
     start = np.array([q.start for q in staged.case.parameters])
-    points = [*spread(staged, 2, seed=4, part=0.6), start]
+    points = [*spread(staged, marches - 1, seed=4, part=0.6), start]
     for p in points:
         response.evaluate(p)
     return staged, response, response.reduced(bounded=True), points
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", MOST)
 def test_readings_and_derivatives_are_exact_at_every_march_it_was_made_of(name):
     staged, _, reduced, points = made(name)
     for p in points:
@@ -76,33 +81,32 @@ def test_readings_and_derivatives_are_exact_at_every_march_it_was_made_of(name):
 
 
 @pytest.mark.parametrize(
-    ("name", "count", "ratio"),
+    ("name", "count"),
     [
-        ("plane", 100, 100),
-        ("solid", 100, 100),
-        ("strata", 100, 100),
-        ("settling", 40, 100),
-        ("released", 100, 100),
-        ("braced", 100, 100),
-        ("sinking", 100, 100),
-        ("gauged", 100, 100),
-        *(pytest.param(name, 1000, 100, marks=pytest.mark.slow)
-          for name in ("plane", "solid", "strata", "braced", "sinking", "gauged")),
+        *((name, 25) for name in QUICK),
+        *(pytest.param(name, 1000, marks=pytest.mark.slow) for name in CASES),
     ],
-)  # fmt: skip
-def test_no_reading_is_further_off_than_its_bound(name, count, ratio):
+)
+def test_no_reading_is_further_off_than_its_bound(name, count):
     """All over the bounds, up to a hundredfold ratio of moduli."""
     staged, response, reduced, _ = made(name)
     values = spread(staged, count, seed=1)
     error, bound = errors_and_bounds(reduced, response, values)
     assert np.all(error <= bound)
-    assert np.median(bound / np.maximum(error, 1e-300)) < ratio
+    assert np.median(bound / np.maximum(error, 1e-300)) < 100
 
 
-@pytest.mark.parametrize("name", CASES)
+IN_OTHERS = ("plane", "braced")  # all their terms are among those of `gauged`
+
+
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(name, marks=[pytest.mark.slow] * (name in IN_OTHERS)) for name in CASES],
+)
 def test_adjoints_at_the_place_itself_give_the_error_of_every_reading(name):
     """Where the reference is no march, nothing is left to be bounded: each term must be right."""
-    staged, response, _, _ = made.__wrapped__(name)  # its own: the projection is made anew
+    # its own, since the projection is made anew; one march will do, but for what a part releases
+    staged, response, _, _ = made.__wrapped__(name, 3 if name == "released" else 1)
     p = spread(staged, 1, seed=1)[0]
     reduced = response.reduced(bounded=True, reference=p)
     states = reduced.model.states(p[None], derivatives=False)
@@ -121,7 +125,7 @@ def test_adjoints_at_the_place_itself_give_the_error_of_every_reading(name):
     np.testing.assert_allclose(bounds.correction[0], error, rtol=0, atol=small)
 
 
-@pytest.mark.parametrize("name", ["plane", "strata", "braced", "sinking"])
+@pytest.mark.parametrize("name", ["plane", "strata", "gauged", "sinking"])
 def test_derivatives_of_adjoints_leave_an_error_of_second_order(name):
     """At twice the distance they leave four times as much out of balance; adjoints alone, twice."""
     _, _, reduced, _ = made(name)
@@ -142,7 +146,7 @@ def test_derivatives_of_adjoints_leave_an_error_of_second_order(name):
     assert grown[3] / grown[1] == pytest.approx(4.0, abs=0.5)
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", MOST)
 def test_the_error_of_the_stresses_is_below_its_bound(name):
     """In complementary energy, where the stress of the march is at hand."""
     staged, response, reduced, _ = made(name)

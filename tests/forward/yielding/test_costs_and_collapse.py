@@ -40,7 +40,13 @@ ORDINARY = {
 }
 
 
-@pytest.mark.parametrize("sides", [(-10e6, -10e6), (-6e6, -10e6)], ids=["K0 = 1", "K0 = 0.6"])
+@pytest.mark.parametrize(
+    "sides",
+    [
+        pytest.param((-10e6, -10e6), id="K0 = 1", marks=pytest.mark.slow),
+        pytest.param((-6e6, -10e6), id="K0 = 0.6"),
+    ],
+)
 @pytest.mark.parametrize("name", ORDINARY)
 def test_a_stage_takes_few_steps(name, sides):
     mesh = CAVITY.mesh("quad8", n=4, layers=20, reach=12)
@@ -148,8 +154,9 @@ def test_collapse_names_stage_part_and_place(planes):
 
 
 @pytest.mark.parametrize("yields", [
-    mohr(1.0, 0.0), mohr(0.0, 0.3), mohr(1e-3, 0.0, planes=8), given(np.eye(6)[:3], [0.0] * 3),
-    mohr(1.0, 0.4, psi=0.0), mohr(0.0, 0.3, psi=0.1),
+    mohr(1.0, 0.0), mohr(0.0, 0.3), given(np.eye(6)[:3], [0.0] * 3), mohr(0.0, 0.3, psi=0.1),
+    *(pytest.param(surface, marks=pytest.mark.slow)
+      for surface in (mohr(1e-3, 0.0, planes=8), mohr(1.0, 0.4, psi=0.0))),
 ])  # fmt: skip
 def test_ground_without_strength_collapses_soon(yields):
     """No endless search, whatever the strength; nothing of the load is carried."""

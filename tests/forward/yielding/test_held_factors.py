@@ -68,7 +68,11 @@ def test_in_the_plane_every_step_is_whole(monkeypatch):
     assert 0 < near < first
 
 
-SURFACES = [{}, {"tension": 1e5}, {"planes": 16}, {"psi": 0.5}]
+SURFACES = [
+    {}, {"psi": 0.5},
+    *(pytest.param(more, marks=pytest.mark.slow) for more in ({"tension": 1e5}, {"planes": 16})),
+]  # fmt: skip
+"""With a symmetric tangent and without; the slow ones have one of these."""
 
 
 @pytest.mark.parametrize("surface", SURFACES, ids=str)
@@ -138,6 +142,7 @@ def test_a_factor_goes_before_its_successor_is_made():
     assert held.find(ground, "elastic") is not None
 
 
+@pytest.mark.slow  # on whole steps: test_costs_and_collapse.py
 @pytest.mark.usefixtures("held")
 def test_collapse_is_found_all_the_same():
     _, response = cavity()

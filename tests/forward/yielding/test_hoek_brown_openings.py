@@ -72,7 +72,9 @@ def opened(psi: float, *, n: int, layers: int, reach: float):
     return wall.mean(), cavity.plastic_radius(staged, end)
 
 
-@pytest.mark.parametrize("degrees", [0.0, 8.0, 20.0])
+@pytest.mark.parametrize(
+    "degrees", [8.0, *(pytest.param(psi, marks=pytest.mark.slow) for psi in (0.0, 20.0))]
+)
 def test_opening_by_elements_within_one_percent(degrees, verification):
     psi = np.radians(degrees)
     state = replace(GROUND, psi=psi).state()

@@ -34,8 +34,11 @@ def collapse_of(staged) -> CollapseError:
 
 @pytest.mark.parametrize(
     ("kind", "planes"),
-    [("tri6", None), ("tri6", 32), pytest.param("quad8", None, marks=pytest.mark.slow),
-     pytest.param("quad8", 32, marks=pytest.mark.slow)],
+    [
+        ("tri6", None),
+        *(pytest.param(*given, marks=pytest.mark.slow)
+          for given in (("tri6", 32), ("quad8", None), ("quad8", 32))),
+    ],
 )  # fmt: skip
 def test_limit_pressure_of_a_thick_tresca_cylinder(kind, planes, verification):
     """12 elements around a quarter, 12 rings."""
@@ -125,6 +128,7 @@ def bearing(phi: float) -> float:
     return (np.exp(np.pi * np.tan(phi)) * np.tan(np.pi / 4 + phi / 2) ** 2 - 1) / np.tan(phi)
 
 
+@pytest.mark.slow  # a limit load: the cylinder above
 def test_prandtl_footing(verification):
     """280 triangles, four under half of the strip, refined towards its edge; an upper bound."""
     exact = bearing(0.0)

@@ -44,7 +44,7 @@ MESHES = {
     "solid tet10": ("tet10", (1, 1, 1), Analysis.SOLID),
 }
 
-LONG = ("plane quad8", "solid hex8", "axisymmetric tri6", "solid tet10")
+LONG = ("plane tri6", "plane quad8", "solid hex8", "axisymmetric tri6", "solid tet10")
 NAMES = [pytest.param(name, marks=[pytest.mark.slow] * (name in LONG)) for name in MESHES]
 SEEDS = (1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (2, 3, 4)))
 

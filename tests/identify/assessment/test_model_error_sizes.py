@@ -85,8 +85,8 @@ def test_minus_two_l_is_that_of_dense_matrices(parameters, priors):
 
 
 def median(of, **kind):
-    """Of what a dozen draws of readings make of a size."""
-    draws = [weigh_all(likelihood(noise(**kind, seed=k)), zeros(), free=True) for k in range(12)]
+    """Of what five draws of readings make of a size."""
+    draws = [weigh_all(likelihood(noise(**kind, seed=k)), zeros(), free=True) for k in range(5)]
     return [np.median([getattr(found, name) for found in draws]) for name in of]
 
 

@@ -104,7 +104,7 @@ def test_an_interval_beyond_a_bound_is_flagged_and_cut():
     np.testing.assert_allclose([found.lower95, found.upper95], [[0.3], [cut.ppf(0.95)]], rtol=3e-3)
 
 
-@pytest.mark.parametrize("replicates", [150, pytest.param(1000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("replicates", [60, pytest.param(1000, marks=pytest.mark.slow)])
 def test_intervals_hold_the_truth_in_95_of_100_replicates(make_problem, replicates):
     t = np.linspace(0.2, 3.0, 12)
     true, s = np.array([2.0, 1.0]), 0.02

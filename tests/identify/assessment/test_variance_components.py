@@ -155,6 +155,7 @@ def test_a_part_of_which_the_residuals_show_nothing_is_zero_with_an_upper_end():
     pytest.fail("no replicate has less between groups than within")
 
 
+@pytest.mark.slow  # replicate by replicate: above
 @pytest.mark.parametrize("few", [300], indirect=True)
 def test_intervals_cover():
     """100 replicates: the intervals of both sizes hold the truth as often as they say."""

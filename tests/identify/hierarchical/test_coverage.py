@@ -73,6 +73,7 @@ def covered(repetitions, **options):
     }
 
 
+@pytest.mark.slow  # intervals by hand: test_anova.py
 def test_intervals_hold_most_of_what_is_true():
     found = covered(5)
     assert min(found.values()) >= 0.6

@@ -217,18 +217,21 @@ def test_modes_of_a_linear_field_have_their_gaussian_posterior():
 
 
 @pytest.mark.parametrize(
-    ("n", "effective"),
-    [(40, 250), pytest.param(20, 800, marks=pytest.mark.slow),
-     pytest.param(80, 800, marks=pytest.mark.slow)],
-)  # fmt: skip
-def test_crank_nicolson_does_not_depend_on_the_number_of_modes(n, effective):
+    ("n", "effective", "most"),
+    [
+        (20, 60, 1.05),
+        *(pytest.param(*given, 1.01, marks=pytest.mark.slow) for given in ((20, 800), (40, 250))),
+        pytest.param(80, 800, 1.01, marks=pytest.mark.slow),
+    ],
+)
+def test_crank_nicolson_does_not_depend_on_the_number_of_modes(monkeypatch, n, effective, most):
     """Readings that are bent: chains meet, and the share of accepted steps is that of few modes.
 
     What the readings see, G p, is compared with importance sampling of G p itself (8 numbers).
-    Of 250 draws the means are known to 0.07 standard deviations, a fifth of what is allowed.
+    Of 60 draws the means are known to 0.13 standard deviations, a third of what is allowed.
     """
+    monkeypatch.setattr(chains, "MOST_R_HAT", most)
     problem, G = many(n, bend=0.8)
-
     fit = identify(problem, (GaussNewtonOptions(),), lambda iteration: None)
     density = PosteriorDensity(problem)
 
@@ -237,7 +240,7 @@ def test_crank_nicolson_does_not_depend_on_the_number_of_modes(n, effective):
     found = chains.crank_nicolson(
         density, begin, rng, Wish(5 * effective, effective, 60_000), lambda _: None
     )
-    assert found.largest_r_hat <= 1.01
+    assert found.largest_r_hat <= most
     assert found.acceptance > 0.15
     assert found.sampler == "preconditioned Crank-Nicolson"
     p = density.natural(found.x.reshape(-1, n))

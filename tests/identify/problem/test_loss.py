@@ -189,7 +189,9 @@ def _off(make_problem, loss, share, repetitions):
     return np.array(found)
 
 
-@pytest.mark.parametrize("loss", [HuberOptions(), StudentOptions()])
+@pytest.mark.parametrize(
+    "loss", [HuberOptions(), pytest.param(StudentOptions(), marks=pytest.mark.slow)]
+)
 def test_intervals_are_as_wide_as_estimates_scatter(make_problem, loss):
     """Half a 95 % interval is 1.96 times the scatter; what is a fifth wider or less is seen."""
     off = _off(make_problem, loss, 0.0, 50)

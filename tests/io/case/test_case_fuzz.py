@@ -14,7 +14,7 @@ from geoident.model.case import format_path
 from geoident.units import UnitError, read_quantity
 
 QUICK = settings(
-    max_examples=60,
+    max_examples=20,
     deadline=None,
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )

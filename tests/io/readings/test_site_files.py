@@ -479,7 +479,7 @@ LAYOUTS = [
 ]  # fmt: skip
 
 
-@settings(max_examples=100, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=30, deadline=None, suppress_health_check=list(HealthCheck))
 @given(rows=st.lists(st.lists(cells, max_size=5), max_size=5), layout=st.sampled_from(LAYOUTS))
 def test_any_cells_end_with_readings_or_faults(rows, layout):
     text = "\n".join(",".join(row) for row in rows)
@@ -487,7 +487,7 @@ def test_any_cells_end_with_readings_or_faults(rows, layout):
         parse_readings(text.encode("utf-8", "ignore"), "r.csv", layout)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(
     azimuth=st.floats(-7, 7),
     moved=st.tuples(*[st.floats(-1, 1)] * 3),

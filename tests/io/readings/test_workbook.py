@@ -235,7 +235,7 @@ cells = (
 )  # fmt: skip
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=20, deadline=None, suppress_health_check=list(HealthCheck))
 @given(rows=st.lists(st.lists(cells, max_size=5), max_size=5), wide=st.booleans())
 def test_any_cells_end_with_readings_or_faults(rows, wide, tmp_path):
     book = openpyxl.Workbook()
@@ -247,7 +247,7 @@ def test_any_cells_end_with_readings_or_faults(rows, wide, tmp_path):
         read_workbook(str(tmp_path / "r.xlsx"), Layout(wide=wide, header_rows=1 + wide))
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=20, deadline=None, suppress_health_check=list(HealthCheck))
 @given(at=st.integers(0, 3000), spoiled=st.binary(min_size=1, max_size=40))
 def test_spoiled_workbooks_end_with_readings_or_faults(at, spoiled, tmp_path):
     workbook(LONG).save(tmp_path / "r.xlsx")
@@ -258,7 +258,7 @@ def test_spoiled_workbooks_end_with_readings_or_faults(at, spoiled, tmp_path):
         read_workbook(str(tmp_path / "r.xlsx"), Layout())
 
 
-@settings(max_examples=40, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=15, deadline=None, suppress_health_check=list(HealthCheck))
 @given(data=st.data())
 def test_spoiled_parts_end_with_readings_or_faults(data, tmp_path):
     """The parts of the archive are spoiled, so that it still opens and the XML is reached."""

@@ -84,6 +84,7 @@ def test_programs_get_no_number_for_a_plane_that_is_never_reached(result):
     assert list(found["at_least"].values()) == [4.1e6]
 
 
+@pytest.mark.usefixtures("plain_pictures")
 def test_the_page_shows_the_planes(result):
     page = report_page([("case", result)])
     assert "Yield planes" in page

@@ -32,7 +32,7 @@ NODES = st.recursive(
 )
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=50, deadline=None)
 @given(NODES)
 @example({"a": [["x", ["y"]], [], {}, {"b": {"c": []}}]})
 def test_any_tree_is_written_as_pyyaml_writes_it(node):
