@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import xarray
 
-ALL = ["--set", "fit.stages=[first, second]"]
+ALL = ["--set", "fit.stages=[first, second]", "--set", "fit.backtest=false"]
 HUBER = [*ALL, "--set", "fit.loss=huber"]
 MORE = """\
 gauge,stage,value,unit

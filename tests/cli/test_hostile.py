@@ -77,11 +77,10 @@ def test_a_path_that_is_not_utf_8(trench):
         pytest.skip("needs file names of bytes")
     name = os.fsdecode(b"f\xfcr.yaml")
     shutil.copy("case.yaml", name)
-    for command, said in (("check", b"f\xfcr.yaml: Trench\n"), ("fit", b"f\xfcr.fit.h5\n")):
-        done = subprocess.run(
-            [sys.executable, "-m", "geoident", command, name], capture_output=True, check=False
-        )
-        assert (done.returncode, done.stdout[: len(said)]) == (0, said), done.stderr
+    done = subprocess.run(
+        [sys.executable, "-m", "geoident", "fit", name], capture_output=True, check=False
+    )
+    assert (done.returncode, done.stdout) == (0, b"f\xfcr.fit.h5\n"), done.stderr
 
 
 def test_no_input_is_overwritten_even_by_force(trench, run):

@@ -15,7 +15,17 @@ def painted(file: str) -> float:
     return float(np.mean(np.any(imread(file)[..., :3] < 0.98, axis=-1)))
 
 
-@pytest.mark.parametrize("name", [name for name in TEMPLATES if name != "opening"])  # no mesh
+@pytest.mark.parametrize("name", TEMPLATES)
+def test_every_template_is_valid(tmp_path, monkeypatch, run, name):
+    monkeypatch.chdir(tmp_path)
+    run("init", "--template", name)
+    assert run("check", "case.yaml", "-q").exit_code == 0
+
+
+@pytest.mark.parametrize(
+    "name", [n if n == "dam" else pytest.param(n, marks=pytest.mark.slow) for n in TEMPLATES
+             if n != "opening"]  # it has no mesh
+)  # fmt: skip
 def test_every_template_is_drawn(tmp_path, monkeypatch, run, name):
     monkeypatch.chdir(tmp_path)
     run("init", "--template", name)
