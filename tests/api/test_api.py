@@ -290,6 +290,7 @@ def test_a_number_of_processes_is_a_whole_number_from_one_on(call, jobs, case):
     ids=["fit", "scan", "backtest"],
 )
 def test_processes_are_those_of_the_command(call, step, case, monkeypatch):
+    case = case.with_values({"fit.scan.points": 3})
     asked = []
     module = import_module("geoident.api.runs")
     once = getattr(module, step)

@@ -181,6 +181,7 @@ def test_a_result_without_fields_says_so(scanned):
         scanned.plot.field()
 
 
+@pytest.mark.usefixtures("plain_pictures")
 def test_figures_go_by_the_names_of_the_report(fitted, scanned, tmp_path):
     CliRunner().invoke(program, ["report", scanned.path, "--no-page", "--figures", str(tmp_path)])
     assert {path.stem for path in tmp_path.glob("*.svg")} == set(scanned.plot.names())
