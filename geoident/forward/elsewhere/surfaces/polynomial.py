@@ -104,7 +104,7 @@ def _legendre(u: Floats, order: int) -> tuple[Floats, Floats]:
 
     These by P'_(k+1) = P'_(k-1) + (2 k + 1) P_k.
     """
-    values = np.asarray(legendre.legvander(u, order))
+    values = np.asarray(legendre.legvander(u, order), dtype=np.float64)
     slopes = np.zeros_like(values)
     for k in range(order):
         slopes[..., k + 1] = slopes[..., max(k - 1, 0)] + (2 * k + 1) * values[..., k]
