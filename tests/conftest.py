@@ -21,14 +21,9 @@ settings.register_profile("tests", derandomize=not os.environ.get("GEOIDENT_FUZZ
 settings.load_profile("tests")
 
 LONGEST = (
-    "tests/docs/test_pages.py",
     "tests/workflow/executing/test_cluster.py",
     "tests/workflow/test_on_cluster.py",
     "tests/workflow/campaign/",
-    "tests/cli/test_batch.py",
-    "tests/docs/test_manual.py",
-    "tests/docs/test_python_page.py",
-    "tests/cli/test_tutorial.py",
     "tests/workflow/executing/test_processes.py",
     "tests/cases/",
     "tests/identification/",

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 from support.pictures import draw_names_only
+from support.scripts import faults
 
 import geoident
 
@@ -48,6 +49,7 @@ def value_of(text, names):
     return None if last is None else eval(ast.unparse(last), names)
 
 
+@pytest.mark.slow
 def test_it_prints_what_it_says(run):
     told, _ = run
     assert re.search(r"E_rock is \d+\.\d+ GPa \(95 %: ", told)
@@ -56,6 +58,7 @@ def test_it_prints_what_it_says(run):
     assert "farthest off: " in told
 
 
+@pytest.mark.slow
 def test_what_a_cell_ends_with_is_shown(run):
     _, shown = run
     kinds = [type(value).__name__ for value in shown]
@@ -68,6 +71,8 @@ def test_what_a_cell_ends_with_is_shown(run):
 
 
 def test_it_needs_the_public_names_alone():
+    """And gives their functions no argument that they do not take; the slow ones run it."""
+    assert faults(SCRIPT) == []
     imported = []
     for node in ast.walk(ast.parse(SCRIPT)):
         if isinstance(node, ast.ImportFrom | ast.Import):

@@ -24,12 +24,14 @@ def fit(case, output, *words):
     return json.loads(found.stdout)
 
 
-@pytest.fixture(scope="module")
-def found(tmp_path_factory):
+@pytest.fixture(scope="module", params=["polynomial", pytest.param("auto", marks=pytest.mark.slow)])
+def found(request, tmp_path_factory):
+    """Its fit, by surfaces that are soon fitted, and as it comes."""
     return fit(
         TABLE / "case.yaml",
         tmp_path_factory.mktemp("table") / "o.h5",
         *("--set=fit.backtest=false", "--set=fit.model_error=none"),
+        f"--set=model.surface={request.param}",
     )
 
 

@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from tests.support.commands import run_command
+from tests.support.in_this_process import stay_in_this_process
 from tests.support.trench import write_case
 
 
@@ -57,6 +58,12 @@ def after(tmp_path, monkeypatch, folders):
 def fitted_trench(after) -> Path:
     """The trench with its fit in the current folder, which several tests begin with."""
     return after(("fit", "case.yaml"))
+
+
+@pytest.fixture
+def in_this_process(monkeypatch):
+    """Commands start no workers."""
+    stay_in_this_process(monkeypatch)
 
 
 @pytest.fixture

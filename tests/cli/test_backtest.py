@@ -166,6 +166,7 @@ def test_a_fit_shows_its_last_stage(pit, run):
     assert "Predictions against later readings" in (pit / "case.fit.html").read_text()
 
 
+@pytest.mark.usefixtures("in_this_process")
 def test_several_cases(pit, run):
     (pit / "b").mkdir()
     write_case(pit / "b")

@@ -67,6 +67,7 @@ def numbers(record):
     return [(reading.gauge, reading.stage, reading.value) for reading in record.readings]
 
 
+@pytest.mark.slow  # lost workers: `tests/workflow/executing`; the end of the family: below
 @on_linux
 def test_workers_and_command_are_killed_and_the_same_command_ends_it(here, run):
     process, mark = begin("-j", "2")
@@ -95,7 +96,7 @@ def test_workers_and_command_are_killed_and_the_same_command_ends_it(here, run):
 
 @on_linux
 def test_ctrl_c_ends_the_family_and_says_how_to_go_on(here, run):
-    process, mark = begin("-j", "2")
+    process, mark = begin("-j", "1")
     wait_until(lambda: ended() >= 3)
     process.send_signal(signal.SIGINT)
     _, stderr = process.communicate(timeout=60)
@@ -153,6 +154,7 @@ def test_the_live_line_names_the_slowest_run_and_the_last_that_failed(monkeypatc
     assert len(said) == 4
 
 
+@pytest.mark.usefixtures("in_this_process", "plain_pictures")
 def test_the_page_and_the_progress_of_a_campaign(here, run):
     text = CAMPAIGN.replace("count: 24", "count: 3")
     Path("campaign.yaml").write_text(text)

@@ -13,6 +13,7 @@ from tests.support.real_cluster import marked, wait_until
 __all__ = ["here"]
 
 
+@pytest.mark.slow  # without a cluster: `test_batch`
 @on_linux
 def test_ctrl_c_ends_a_cluster_of_this_machine_with_what_is_kept(here):
     process, mark = begin("--cluster", "local", "-j", "1")

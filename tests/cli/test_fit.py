@@ -331,12 +331,14 @@ class TestSeveralCases:
         assert "granite" in done.stderr
         assert "1 of 2 cases done" in done.stderr
 
+    @pytest.mark.usefixtures("in_this_process")
     def test_objects_come_in_the_order_of_the_cases(self, cases, run):
         done = run("fit", "case.yaml", "good.yaml", "-j", "2", "--json")
         assert done.exit_code == 0
         found = [json.loads(line)["case"] for line in done.stdout.splitlines()]
         assert found == ["case.yaml", "good.yaml"]
 
+    @pytest.mark.usefixtures("in_this_process")
     def test_what_is_up_to_date_is_told_apart_and_asks_for_no_process(
         self, fitted_trench, cases, run, monkeypatch
     ):

@@ -17,7 +17,7 @@ from tests.support.trench import CASE, READINGS, write_mesh
 
 MESHLESS = ("opening",)
 WITH_TUTORIAL = ("twin-tunnels",)
-OF_NEWCOMERS = ("cavern",)
+OF_NEWCOMERS = ("cavern", "opening")
 
 
 @pytest.fixture
@@ -43,12 +43,14 @@ class TestTemplate:
 
 
 @pytest.mark.parametrize(
-    "name", [name for name in TEMPLATES if name not in (*WITH_TUTORIAL, *OF_NEWCOMERS)]
-)
+    "name", [n if n == "dam" else pytest.param(n, marks=pytest.mark.slow) for n in TEMPLATES
+             if n not in (*WITH_TUTORIAL, *OF_NEWCOMERS)]
+)  # fmt: skip
 def test_its_fit_converges_and_predicts_the_stage_that_was_left_out(here, run, name):
     """One with a tutorial is in `test_tutorial`, that of newcomers in `test_newcomer`.
 
-    With the error of the mesh and the backtest, as it comes: the slow tests of `test_newcomer`.
+    That each is valid: `test_picture`. With the error of the mesh and the backtest, as it comes:
+    the slow tests of `test_newcomer`.
     """
     made = run("init", "new", "--template", name)
     assert made.exit_code == 0

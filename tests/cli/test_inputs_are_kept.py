@@ -70,9 +70,9 @@ COMMANDS = {
 @pytest.mark.parametrize("command", COMMANDS)
 def test_no_command_replaces_a_file_that_its_case_names(site, run, command):
     before = contents(site)
+    refused(run(*COMMANDS[command], "-o", INPUTS[0]))
     for name in INPUTS:
-        for force in ((), ("--force",)):
-            refused(run(*COMMANDS[command], "-o", name, *force))
+        refused(run(*COMMANDS[command], "-o", name, "--force"))
     assert contents(site) == before
 
 
@@ -84,15 +84,15 @@ def by_hard_link(path, place):
     place.hardlink_to(path)
 
 
-@pytest.mark.parametrize("link", [by_symlink, by_hard_link])
 @pytest.mark.parametrize("command", COMMANDS)
-def test_no_command_replaces_an_input_through_a_link(site, run, command, link):
+def test_no_command_replaces_an_input_through_a_link(site, run, command):
+    """Links of the one kind and of the other by turns."""
     for number, name in enumerate((*INPUTS, "case.fit.h5")):
         if name.endswith(".h5") and COMMANDS[command][1] == "case.yaml":
             continue  # no input of these
         suffix = ".csv" if "simulate" in command else ".h5"
         place = site / f"out-{number}{suffix}"
-        link(site / name, place)
+        (by_symlink, by_hard_link)[number % 2](site / name, place)
         before = contents(site)
         refused(run(*COMMANDS[command], "-o", place.name, "--force"))
         assert contents(site) == before

@@ -53,7 +53,7 @@ OFFERED = {"init", "check", "simulate", "fit", "show", "predict", "report", "exp
 
 @pytest.mark.usefixtures("plain_pictures")
 @pytest.mark.parametrize(
-    "name", [n if n == "cavern" else pytest.param(n, marks=pytest.mark.slow) for n in TEMPLATES]
+    "name", [n if n == "opening" else pytest.param(n, marks=pytest.mark.slow) for n in TEMPLATES]
 )
 def test_every_command_on_the_way_succeeds_and_names_the_next(tmp_path, monkeypatch, run, name):
     monkeypatch.chdir(tmp_path)

@@ -84,6 +84,7 @@ def test_what_is_computed_without_a_fit_imports_nothing_needless(trench):
     assert int(left) > 50_000  # no search for garbage looks at what was imported
 
 
+@pytest.mark.slow
 def test_a_report_imports_nothing_that_computes():
     """What solves equations takes as long to import as some figures to draw."""
     code = (
@@ -145,6 +146,7 @@ def test_an_interrupted_run_goes_on_to_the_result_of_an_uninterrupted_one(trench
     assert [i.counts for i in resumed.history] == [i.counts for i in whole.history]
 
 
+@pytest.mark.slow  # which signals stop a run: `tests/cli/test_signals.py`
 @posix_only
 def test_termination_leaves_a_checkpoint(trench):
     assert stop_amid(trench, signal.SIGTERM)[0] == 143
@@ -162,10 +164,11 @@ def test_a_reader_that_goes_away_is_no_error(after):
 
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs /dev/full")  # noqa: PTH110
-def test_stdout_on_a_full_disk(trench):
+def test_stdout_on_a_full_disk(after):
+    after(("fit", "case.yaml"))
     with open("/dev/full", "w") as full:  # noqa: PTH123
         told = subprocess.run(
-            [*GEOIDENT, "simulate", "case.yaml"],
+            [*GEOIDENT, "show", "case.fit.h5"],
             stdout=full,
             stderr=subprocess.PIPE,
             text=True,
@@ -176,6 +179,7 @@ def test_stdout_on_a_full_disk(trench):
     assert "Traceback" not in told.stderr
 
 
+@pytest.mark.slow  # in the process of the tests: `test_a_case_may_come_from_stdin`
 def test_stdin_is_read(trench):
     process = start("check", "-", "--json", stdin=subprocess.PIPE)
     stdout, _ = process.communicate((trench / "case.yaml").read_text(), timeout=120)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import itertools
 import os
 import sys
 import warnings
@@ -15,6 +16,7 @@ import pytest
 
 from geoident.errors import ExitCode, Interrupted
 from geoident.io.result.file import read_result, write_result
+from geoident.workflow.running import control
 from geoident.workflow.running.answers import Asked
 from geoident.workflow.running.control import Control, Silent
 from geoident.workflow.sample import SampleRequest, plan_sample, sample
@@ -119,9 +121,10 @@ def test_draws_are_exported_in_the_units_of_the_case(sampled, run):
     assert "# posterior" in run("show", "case.sample.h5", "--csv").stdout
 
 
+@pytest.mark.usefixtures("plain_pictures")
 def test_the_report_has_a_corner_plot(sampled, run):
     assert run("report", "case.sample.h5", "--figures", ".").exit_code == 0
-    assert (sampled / "posterior.svg").stat().st_size > 2000
+    assert "<svg" in (sampled / "posterior.svg").read_text(encoding="utf-8")
     assert "Pareto k" in (sampled / "case.sample.html").read_text()
 
 
@@ -171,10 +174,10 @@ class Stopping(Silent):
 
 def test_a_run_that_was_interrupted_goes_on_from_its_checkpoint(fitted, monkeypatch):
     request = SampleRequest("case.fit.h5", draws=1000, effective=400)
-    control = Control()
-    control.monitor = Stopping(lambda: control, 200)
+    first = Control()
+    first.monitor = Stopping(lambda: first, 200)
     with pytest.raises(Interrupted, match="goes on from there"):
-        sample(plan_sample(request), control)
+        sample(plan_sample(request), first)
     assert (fitted / "case.sample.checkpoint").exists()
     asked, once = [], Asked.answer
     with monkeypatch.context() as patch:
@@ -198,18 +201,27 @@ def test_processes_give_the_same_draws(sampled, run):
     assert "OMP_NUM_THREADS" not in os.environ or os.environ["OMP_NUM_THREADS"]
 
 
-def test_a_time_limit_ends_with_what_there_is(fitted, run):
+def test_a_time_limit_ends_with_what_there_is(fitted, run, monkeypatch):
+    """The time is up when it was asked for often enough, on a slow machine as on a fast one."""
     # with a reduced model all draws would be there in time
     assert run("fit", "case.yaml", "--set", "fit.reduced=false", "--force").exit_code in (0, 4)
     assert run("sample", "case.fit.h5", "--max-time", "0.001s").exit_code == 4  # nothing yet
     assert not (fitted / "case.sample.h5").exists()
-    found = run("sample", "case.fit.h5", "--max-time", "2s", "--effective", "10000")
+    asked = itertools.count()
+
+    def over(self):
+        self.out_of_time = self.out_of_time or next(asked) > 200
+        return control.OUT_OF_TIME if self.out_of_time else None
+
+    monkeypatch.setattr(Control, "over", over)
+    long = ("--max-time", "1h", "-n", "1000", "--effective", "1000")
+    found = run("sample", "case.fit.h5", *long)
     assert found.exit_code == ExitCode.NOT_CONVERGED
     assert "time that was given is used up" in found.stderr.replace("\n", " ")
     assert (fitted / "case.sample.checkpoint").exists()
     result = read_result("case.sample.h5")
-    assert result.posterior.n_draws == 10_000
-    assert result.posterior.least_effective < 10_000
+    assert result.posterior.n_draws == 1000
+    assert result.posterior.least_effective < 1000
 
 
 def test_axes_are_named_and_units_told(sampled):
@@ -231,7 +243,7 @@ def test_the_model_error_of_the_fit_widens_draws_and_predictions(trench, run):
     for name, size in (("with", "10 %"), ("without", "none")):
         given = f"fit.model_error={size}"
         assert run("fit", "case.yaml", "--set", given, "-o", f"{name}.fit.h5").exit_code in (0, 4)
-        found = run("sample", f"{name}.fit.h5", "-n", "4000")
+        found = run("sample", f"{name}.fit.h5", *FEW)
         assert found.exit_code == 0, found.stderr
     fit, drawn = read_result("with.fit.h5"), read_result("with.sample.h5")
     sd = read_result("without.sample.h5").parameters.sd

@@ -26,7 +26,7 @@ def write_lined(folder):
     text = case.read_text().replace("stages:\n", STRUCTURES, 1)
     text = text.replace("excavate: [upper]}", "excavate: [upper], build: [nail]}")
     text = text.replace("excavate: [lower]}", "excavate: [lower], build: [wall]}")
-    text = text.replace(", stages: [first]", "")
+    text = text.replace(", stages: [first]", ", backtest: false")
     case.write_text(text)
 
 

@@ -126,8 +126,10 @@ def _is_array(annotation):
 
 def _own_raises(node, caught):
     """Names of what is raised here, not what is caught and raised again."""
-    for child in ast.iter_child_nodes(node):
-        if isinstance(child, ast.expr | ast.FunctionDef | ast.ClassDef):  # none is in those
+    below = [*getattr(node, "body", ()), *getattr(node, "handlers", ())]
+    below += [*getattr(node, "orelse", ()), *getattr(node, "finalbody", ())]
+    for child in (*below, *getattr(node, "cases", ())):
+        if isinstance(child, ast.FunctionDef | ast.ClassDef):  # none is in those
             continue
         if isinstance(child, ast.Raise) and child.exc is not None:
             raised = child.exc.func if isinstance(child.exc, ast.Call) else child.exc

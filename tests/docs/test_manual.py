@@ -14,7 +14,6 @@ from manual.conf import contents
 from manual.drawings import DRAWINGS, svg
 from manual.gallery import file_name, shown
 from manual.pages import DOCS
-from sphinx.application import Sphinx
 
 from geoident.cli.app import COMMANDS, geoident
 
@@ -116,8 +115,11 @@ def test_drawings_are_up_to_date(name):
     assert re.findall(rb">([^<>\n]+)</text>", kept) == re.findall(rb">([^<>\n]+)</text>", drawn)
 
 
+@pytest.mark.slow  # links, anchors and contents are looked at above
 @pytest.mark.filterwarnings("ignore:.*Check CHANGES for Sphinx API")
 def test_the_site_is_made_without_a_warning_and_needs_no_network(tmp_path):
+    from sphinx.application import Sphinx  # noqa: PLC0415 - takes longer than all other tests here
+
     app = Sphinx(
         ROOT / "geoident", ROOT / "tests" / "manual", tmp_path / "site", tmp_path / "trees", "html",
         status=None, warningiserror=True, exception_on_warning=True,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from pathlib import Path
 
@@ -13,13 +14,37 @@ RUN = pages_that_are_run()
 OUTPUT = "Head\nof it\n\nGroups\na  1\nb  2\nc  3\n\nNotes\n- one\n"
 
 
-@pytest.mark.usefixtures("plain_pictures")
 @pytest.mark.parametrize("path", RUN, ids=page_name)
-def test_a_page_does_what_it_says(tmp_path, path):
+def test_commands_of_a_page_may_be_typed_and_its_case_is_valid(tmp_path, path):
+    """What can be told of a page without its fits: `test_manual` knows its commands and flags."""
     page = read_page(path)
     assert page.commands
     shells = [c.line for c in page.commands if re.search(r'"[^"]*[$`!][^"]*"', c.line)]
     assert shells == [], "a shell would replace what stands in double quotes"
+    run = run_page(begun(page), tmp_path)
+    assert run.codes == (0,) * len(run.codes), run.outputs
+
+
+def begun(page):
+    """Its meshes, and what its fits are asked on its last files: checked, not computed."""
+    meshes = [c.line for c in page.commands if c.line.startswith("gmsh ")]
+    fits = [c.line.split(" -o ")[0] for c in page.commands if c.line.startswith("geoident fit ")]
+    checks = [line.replace(" fit ", " check ", 1) for line in dict.fromkeys(fits)]
+    assert meshes
+    assert checks
+    files = "".join(
+        f"<!-- file: {name} -->\n```yaml\n{text}```\n\n" for name, text in page.files.items()
+    )
+    lines = "\n".join(f"$ {line}" for line in (*meshes, *checks))
+    like = f"<!-- like: {os.path.relpath(page.like, page.path.parent)} -->\n" if page.like else ""
+    return Page(page.path, f"{like}{files}```console\n{lines}\n```\n")
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("plain_pictures")
+@pytest.mark.parametrize("path", RUN, ids=page_name)
+def test_a_page_does_what_it_says(tmp_path, path):
+    page = read_page(path)
     remedy = f"run: sh tests/manual/renew {page_name(path)}"
     assert faults(page, run_page(page, tmp_path, long=False)) == [], remedy
 

@@ -26,6 +26,13 @@ def steps():
 
 
 @pytest.fixture(scope="module")
+def faults():
+    from support import scripts  # noqa: PLC0415 - a program by itself lacks it
+
+    return scripts.faults
+
+
+@pytest.fixture(scope="module")
 def printed(tmp_path_factory):
     from support.pictures import draw_names_only  # noqa: PLC0415 - a program by itself lacks it
 
@@ -51,6 +58,26 @@ def test_there_is_something_to_run():
     assert sum(bool(said) for _, said in steps()) > 8
 
 
+def test_blocks_ask_for_nothing_that_is_not_there(faults):
+    """Without running them: what they print, the slow ones compare."""
+    assert [fault for code, _ in steps() for fault in faults(code)] == []
+
+
+@pytest.mark.parametrize(
+    ("source", "said"),
+    [
+        ("from geoident import fit, fitt", "geoident has no public fitt"),
+        ("from geoident.model import case", "geoident.model has no public case"),
+        ("x = 1\nfit(case, outptu=1)", "fit, line 2: got an unexpected keyword argument 'outptu'"),
+        ("predict()", "predict, line 1: missing a required argument: 'fitted'"),
+        ("fit(case, output=1)\nprint(case)", None),
+    ],
+)
+def test_what_a_script_asks_in_vain(faults, source, said):
+    assert faults(source) == ([] if said is None else [said])
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("number", range(len(list(steps()))))
 def test_a_block_prints_what_the_page_says(printed, number):
     assert printed[number] == list(steps())[number][1]

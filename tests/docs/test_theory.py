@@ -62,7 +62,7 @@ def prose(path):
         return ""
     parts = [
         node.value.value
-        for node in ast.walk(ast.parse(source))
+        for node in _statements(ast.parse(source))
         if isinstance(node, ast.Expr)
         and isinstance(node.value, ast.Constant)
         and isinstance(node.value.value, str)
@@ -72,6 +72,14 @@ def prose(path):
     tokens = tokenize.generate_tokens(io.StringIO(lines).readline)
     parts += [token.string for token in tokens if token.type == tokenize.COMMENT]
     return "\n".join(re.sub(r"^ *>>>.*(?:\n(?! *$).*)*", "", part, flags=re.M) for part in parts)
+
+
+def _statements(node):
+    """All below a node, without looking into expressions, which are nearly all that there is."""
+    for child in ast.iter_child_nodes(node):
+        if not isinstance(child, ast.expr):
+            yield child
+            yield from _statements(child)
 
 
 @cache

@@ -11,11 +11,14 @@ from support.cases import displacement, material, model, rollers
 from support.meshes import box, regroup
 from support.yielding import mohr, rock
 
-from geoident.errors import CollapseError
+from geoident.errors import CollapseError, ModelError
+from geoident.forward import model as models
 from geoident.forward import response as responses
 from geoident.forward.march.march import RunOptions
+from geoident.forward.march.stage import UnitForces
 from geoident.forward.model import (
     StageByStage,
+    StagedModel,
     _equal_notes,
     _first_mechanism,
     _unbalanced_notes,
@@ -388,3 +391,87 @@ def test_solutions_are_kept_by_a_solver_that_can():
     assert kept == ["a store"]
     staged._solver = SimpleNamespace()
     staged.keep_solutions("a store")
+
+
+@pytest.mark.parametrize("known", [1, 2, 3, 5, 7])
+def test_states_that_are_not_in_a_table_of_readings_are_not_known(known):
+    staged = object.__new__(StagedModel)
+    staged.sequence = SimpleNamespace(states=range(7))
+    table = np.random.default_rng(2).normal(size=(known, 2, 3))
+    found = staged.with_later(table)
+    assert found.shape == (7, 2, 3)
+    np.testing.assert_array_equal(found[:known], table)
+    assert np.isnan(found[known:]).all()
+
+
+def test_what_curved_strengths_are_like_is_said_of_the_ground_before_the_first_stage(monkeypatch):
+    told = []
+    monkeypatch.setattr(models, "equivalent_notes", lambda *given: told.append(given) or ["like"])
+    staged = object.__new__(StagedModel)
+    systems = [{"rock": np.array([0, 2]), "clay": np.array([1])}, {"fill": np.array([0, 1, 2])}]
+    staged.systems = [SimpleNamespace(points_of=points) for points in systems]
+    start = {"c": 3.0}
+    staged.case = SimpleNamespace(materials={"rock": "ROCK", "clay": "CLAY"}, start=start)
+    stress = np.arange(12.0).reshape(4, 3)
+    assert list(staged._equivalent_notes(stress)) == ["like", "like"]
+    assert [(material, values) for material, _, values in told] == [
+        ("ROCK", start),
+        ("CLAY", start),
+    ]
+    assert [part[0].tolist() for _, part, _ in told] == [[0.0, 2.0], [1.0]]
+
+
+def test_a_march_that_failed_is_not_gone_on_with():
+    one = staged()
+    one.march_to(P, 1)
+
+    def fails(observe):
+        def see(end, run):
+            if end.state == 2:
+                raise ModelError("lost")
+            return observe(end, run)
+
+        return see
+
+    kept = one._kept
+    kept.see = fails(kept.see)
+    with pytest.raises(ModelError, match="lost"):
+        one.march_to(P, 3)
+    again = one.march_to(P, 3)
+    assert again is not kept
+    assert [end.state for end in again.ends] == [0, 1, 2, 3]
+    np.testing.assert_allclose(again.ends[3].u, staged().march_to(P, 3).ends[3].u, rtol=1e-9)
+
+
+def test_displacements_that_are_lent_are_not_solved_for():
+    """At their parameters alone, and not where unit forces act as well; until all is forgotten."""
+    one = staged()
+    moved = [end.u.copy() for end in one.at(P).states()]
+    asked = []
+
+    def known(state):
+        asked.append(state)
+        return moved[state]
+
+    one.lend(P, known)
+    assert one.is_lent(P)
+    assert not one.is_lent(THERE)
+    before = one.counts
+    again = [
+        (end.u.copy(), end.stress.copy()) for end in one.at(P, RunOptions(traced=True)).states()
+    ]
+    assert one.counts.solves == before.solves
+    assert one.counts.factorizations == before.factorizations
+    assert sorted(set(asked)) == [1, 2, 3, 4]
+    for (u, stress), end in zip(again, staged().at(P).states(), strict=True):
+        np.testing.assert_allclose(u, end.u, rtol=1e-9, atol=1e-15)
+        np.testing.assert_allclose(stress, end.stress, rtol=1e-9, atol=1e-3)
+    asked.clear()
+    forces = np.zeros((len(moved[0]), 1))
+    push = UnitForces(forces, np.ones((5, 1)))
+    list(one.at(P, RunOptions(unit_forces=push)).states())
+    list(one.at(THERE).states())
+    one.forget()
+    assert not one.is_lent(P)
+    list(one.at(P).states())
+    assert asked == []

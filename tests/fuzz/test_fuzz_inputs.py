@@ -31,7 +31,7 @@ from tests.support.trench import CASE, READINGS, write_case
 SECONDS = 5
 MEMORY = 1_000_000  # kB
 LONG = os.environ.get("GEOIDENT_FUZZ_EXAMPLES")
-EXAMPLES = int(LONG or "12")
+EXAMPLES = int(LONG or "9")
 FUZZ = settings(
     max_examples=EXAMPLES,
     deadline=None,  # `within` measures, and stops

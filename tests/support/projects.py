@@ -6,6 +6,8 @@ from pathlib import Path
 
 from geoident.workflow.simulate import simulate
 
+from . import trench
+
 CASES = Path(__file__).parents[2] / "cases"
 EXAMPLE = CASES / "several-sections"
 
@@ -45,6 +47,10 @@ def example(folder, text=None):
     for path in EXAMPLE.glob("*"):
         if path.suffix in (".yaml", ".csv"):
             shutil.copy(path, folder)
+    section = folder / "section.yaml"  # from two starting points in place of ten
+    text_of_section = section.read_text(encoding="utf-8")
+    assert "radius: 2.5 m}" in text_of_section
+    section.write_text(text_of_section.replace("radius: 2.5 m}", "radius: 2.5 m, starts: 2}"))
     project = folder / "project.yaml"
     if text is not None:
         project.write_text(text, encoding="utf-8")
@@ -93,6 +99,24 @@ def meshed(folder):
         + gauges
         + "readings: []\nfit: {model_error: none, mesh_error: false}\n"
     )
+    return _read_in_both(folder)
+
+
+def trenches(folder):
+    """The same on the small mesh of `trench.py`.
+
+    Args:
+        folder: in which case, mesh and readings are written.
+    """
+    trench.write_mesh(folder / "trench.inp")
+    text = trench.CASE.replace("vertical: 1 MPa", "vertical: 8 MPa")
+    fit = "fit: {model_error: none, mesh_error: false, backtest: false}"
+    head = text[: text.index("readings:")]
+    (folder / "fe.yaml").write_text(f"{head}readings: []\n{fit}\n")
+    return _read_in_both(folder)
+
+
+def _read_in_both(folder):
     for name, gsi, stress in (("A", 34, 8), ("B", 52, 5)):
         said = [
             f"parameters.E.start={0.6 * math.exp(0.045 * gsi)} GPa", "parameters.K0.start=1.4",

@@ -1,6 +1,7 @@
 """What tests of commands share."""
 
 import pytest
+from support.executors import LOCAL, InThisProcess
 from support.real_cluster import RealCluster
 
 
@@ -11,3 +12,10 @@ def cluster(tmp_path_factory):
         made.add_node()
         made.add_node()
         yield made
+
+
+@pytest.fixture
+def answered_here(monkeypatch):
+    """Processes of this machine are this one: that they answer is for `test_processes.py`."""
+    for module in LOCAL:
+        monkeypatch.setattr(f"{module}.LocalProcesses", InThisProcess)

@@ -101,7 +101,9 @@ def test_they_have_the_bits_of_one_process(case, points, alone, begun):
     assert bits(here(asked)(points)) == alone
 
 
-@pytest.mark.parametrize(("worth", "expected"), [(0.0, 1), (1e-9, 1), (1e9, 0)])
+@pytest.mark.parametrize(
+    ("worth", "expected"), [pytest.param(0.0, 1, marks=pytest.mark.slow), (1e-9, 1), (1e9, 0)]
+)
 def test_processes_are_begun_once_it_takes_long(case, points, alone, begun, worth, expected):
     asked, ended = model_of(case), []
 

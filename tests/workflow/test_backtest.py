@@ -31,6 +31,8 @@ from tests.support.lifts import (
     write_readings,
 )
 
+WITH_MESH = "fit.mesh_error=true"
+
 
 class Kept(dict):
     """A log in memory."""
@@ -88,7 +90,8 @@ class TestARightModel:
         assert not any("does not settle" in text for text in found.findings)
         assert sum(" settles: " in note for note in found.notes) == 2
 
-    @pytest.mark.parametrize("seed", [1007, pytest.param(1011, marks=pytest.mark.slow)])
+    @pytest.mark.slow  # another seed is what `whole` was made of
+    @pytest.mark.parametrize("seed", [1007, 1011])
     def test_settles_where_a_fit_gains_little_on_the_one_before(self, pit, seed):
         """Lift 4 takes 7 % off the variance of K0: that of its change is a small difference."""
         write_readings(pit, readings_of(pit / "case.yaml", SAME, seed=seed))
@@ -215,7 +218,7 @@ class TestCost:
 
         The finer mesh has counts of its own.
         """
-        found = run("fit.mesh_error=false")
+        found = run()
         steps = found.backtest.steps
         for step in steps:
             searched = step.counts.evaluations - 1  # and one march of all stages, to predict
@@ -258,23 +261,23 @@ class TestCost:
 
     def test_the_mesh_is_asked_once_however_many_fits_there_are(self, pit, whole, monkeypatch):
         """Where it does not count, by the first fit for its stages and by the second for all."""
-        made = []
+        made, found = [], []
         real = mesh_error.halved
         monkeypatch.setattr(mesh_error, "halved", lambda mesh: made.append(1) or real(mesh))
         rough = tuple(f"gauges.{g}.accuracy=2 mm" for g in ("CV", "SL", "SR", "XL", "XR"))
         for overrides, asked in (((), 1), (rough, 2)):
             made.clear()
-            assert len(run(*overrides, force=True).backtest.steps) == 4
+            found.append(run(WITH_MESH, *overrides, force=True).backtest.steps)
+            assert len(found[-1]) == 4
             assert len(made) == asked
-        steps = whole.backtest.steps
-        plain = run("fit.mesh_error=false", force=True).backtest.steps
+        steps, plain = found[0], whole.backtest.steps
         for k, (step, other) in enumerate(zip(steps, plain, strict=True)):
             more = step.counts.factorizations - other.counts.factorizations
             searched = step.counts.evaluations - other.counts.evaluations
             of_mesh = len(LIFTS) - 1 if k == 0 else 0  # one march of all lifts, on the finer mesh
             assert more - searched * (k + 1) == of_mesh
         made.clear()
-        fit(plan_fit(Request("case.yaml")), Control())  # with its own backtest
+        fit(plan_fit(Request("case.yaml", (WITH_MESH,))), Control())  # with its own backtest
         assert len(made) == 1
 
 
@@ -399,7 +402,10 @@ class TestInterrupted:
         assert again.status == "done"
         assert again.counts == whole.counts
 
-    @pytest.mark.parametrize("after", [pytest.param(1, marks=pytest.mark.slow), 8, 12])
+    @pytest.mark.parametrize(
+        "after",
+        [pytest.param(1, marks=pytest.mark.slow), 8, pytest.param(12, marks=pytest.mark.slow)],
+    )
     def test_it_goes_on_to_the_result_of_an_uninterrupted_run(self, pit, whole, after):
         class Stopping(Silent):
             steps = 0
@@ -422,7 +428,7 @@ class TestInterrupted:
             assert replace(ours.counts, analyses=0) == replace(theirs.counts, analyses=0)
 
     def test_running_out_of_time_after_the_fit_does_not_undo_it(self, pit):
-        job = plan_fit(Request("case.yaml", ("fit.backtest=false", "fit.mesh_error=false")))
+        job = plan_fit(Request("case.yaml", ("fit.backtest=false",)))
         steps = len(fit(job, Control()).result.history)
 
         class Counting(Silent):
@@ -435,7 +441,7 @@ class TestInterrupted:
 
         control = Control(Counting())
 
-        job = plan_fit(Request("case.yaml", ("fit.mesh_error=false",), force=True))
+        job = plan_fit(Request("case.yaml", force=True))
         found = fit(job, control).result
         assert found.status == "converged"
         assert not (pit / "case.fit.checkpoint").exists()
@@ -465,7 +471,7 @@ def test_a_result_comes_back_from_its_file(right):
 def test_where_ground_yields_a_step_begins_with_what_the_one_before_has_computed(pit, monkeypatch):
     rows = readings_of(pit / "case.yaml", SAME, seed=1)
     write_readings(pit, [row for row in rows if row[1] != "lift 4"])
-    said = ("materials.rock.yield={type: tresca, cohesion: 0.5 MPa}", "fit.mesh_error=false")
+    said = ("materials.rock.yield={type: tresca, cohesion: 0.5 MPa}",)
     surveyed, again = set(), []
     survey, evaluate = StagedModel.survey, StagedResponse.evaluate
     monkeypatch.setattr(
@@ -491,7 +497,7 @@ def test_where_ground_yields_a_step_begins_with_what_the_one_before_has_computed
 
 def test_where_ground_yields_a_fit_beside_an_answer_weighs_the_readings_there(pit, monkeypatch):
     """What they would say without model error is not asked for."""
-    said = ("materials.rock.yield={type: tresca, cohesion: 0.5 MPa}", "fit.mesh_error=false")
+    said = ("materials.rock.yield={type: tresca, cohesion: 0.5 MPa}",)
     begun = []
     real = search._Search.identified
     monkeypatch.setattr(

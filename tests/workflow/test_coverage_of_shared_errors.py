@@ -1,8 +1,8 @@
 """Intervals and bands hold the truth as often as they say where readings share errors.
 
-60 replicates of a linear model, and (slow) 200 of it and of a trench with measured zeros, heads and
+20 replicates of a linear model, and (slow) 200 of it and of a trench with measured zeros, heads and
 surveys, whose errors are drawn by `geoident simulate --noise`. The same data counted as independent
-fail. Of 60 the share inside is known to 0.03 where it is 0.95.
+fail. Of 20 the share inside is known to 0.05 where it is 0.95.
 """
 
 import numpy as np
@@ -29,7 +29,7 @@ from tests.support.trench import CASE, write_case
 REPLICATES = 200
 NUMBERS = pytest.mark.parametrize(
     ("replicates", "low", "high"),
-    [(60, 0.90, 0.99), pytest.param(REPLICATES, 0.93, 0.97, marks=pytest.mark.slow)],
+    [(20, 0.85, 1.0), pytest.param(REPLICATES, 0.93, 0.97, marks=pytest.mark.slow)],
 )
 
 

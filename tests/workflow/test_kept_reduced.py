@@ -175,6 +175,7 @@ def assert_density_of_the_model(found, fit, path):
     np.testing.assert_allclose(told - told[0], logs - logs[0], atol=1e-4)
 
 
+@pytest.mark.slow  # of one answer: above
 def test_draws_where_it_is_not_close_are_of_the_full_model(kept, fitted, tmp_path):
     found = fitted.data.reduced
     worse = {

@@ -149,12 +149,16 @@ def test_the_richer_model_is_chosen_where_it_made_the_readings(tmp_path, what):
     assert read_result(tmp_path / "case.fit.h5").comparison.chosen == 1
 
 
-@pytest.mark.parametrize("what", CHOICES)
+@pytest.mark.parametrize(
+    "what",
+    [pytest.param(what, marks=pytest.mark.slow) for what in tuple(CHOICES)[:2]] + ["one K0 or two"],
+)
 def test_the_richer_model_is_not_chosen_without_need(tmp_path, what):
     comparison = chosen(tmp_path, what, rich=False)
     assert comparison["chosen"] == "simple"
 
 
+@pytest.mark.slow  # of a field: test_fields.py
 def test_the_ensemble_smoother_finds_a_strength_and_agrees_with_gauss_newton(tmp_path):
     """Of ground that yields, without derivatives; the prior is 180 times as wide as the answer."""
     write_mesh(tmp_path / "mesh.inp", PLANE)

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from support.executors import InThisProcess, sent
 
 from geoident.errors import (
     CollapseError,
@@ -62,26 +63,12 @@ def yielding(trench):
     return trench
 
 
-class OnOtherModels:
-    """An executor in this process that answers with models of its own, the last task first."""
-
-    def __init__(self, jobs, set_up):
-        self.answer = pickle.loads(pickle.dumps(set_up))()
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *told):
-        pass
-
-    def ask_to_stop(self):
-        self.stopped = True
+class OnOtherModels(InThisProcess):
+    """Answers with models of its own, the last task first."""
 
     def run(self, tasks):
         for number, task in reversed(list(enumerate(tasks))):
-            yield Answered(
-                number, pickle.loads(pickle.dumps(self.answer(pickle.loads(pickle.dumps(task)))))
-            )
+            yield Answered(number, sent(self.answer(sent(task))))
 
 
 @pytest.fixture
@@ -131,6 +118,7 @@ def test_a_scan_where_ground_yields_or_does_not_stand_has_them_too(yielding, on_
     assert same(alone, together)
 
 
+@pytest.mark.slow  # real ones: executing/test_processes.py; the same numbers: above
 def test_real_processes_give_the_same(yielding):
     grid = GRID.replace("FROM", "0.3 MPa").replace("LOW", "1.8 MPa")
     alone, together = scanned(yielding, 1, grid), scanned(yielding, 2, grid, folder="two")

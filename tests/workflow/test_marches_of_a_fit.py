@@ -163,7 +163,8 @@ def test_it_says_what_the_model_alone_would(case, whole, monkeypatch):
     np.testing.assert_allclose(whole.fields.stress, unled.fields.stress, rtol=1e-6, atol=1.0)
 
 
-@pytest.mark.parametrize("after", [pytest.param(2, marks=pytest.mark.slow), 5])
+@pytest.mark.slow  # a search by the reduced model, cut short: test_reduced_search.py
+@pytest.mark.parametrize("after", [2, 5])
 def test_one_that_was_cut_short_ends_with_the_same_numbers_and_counts(case, whole, after):
     class Stopping(Silent):
         steps = 0

@@ -1,6 +1,7 @@
 """The error of the mesh: against closed forms, in words, and in what a fit says."""
 
 import json
+import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -306,17 +307,24 @@ def cavern(kind, n):
     })  # fmt: skip
 
 
-@pytest.fixture
-def coarse(tmp_path):
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
     """The case on 180 triangles; its readings are those of quad8 elements at E = 10 GPa."""
-    (tmp_path / "case.yaml").write_text(CAVERN)
-    write_deck(cavern("quad8", (40, 36)), tmp_path / "fine.inp")
-    write_deck(cavern("tri3", (10, 9)), tmp_path / "coarse.inp")
+    folder = tmp_path_factory.mktemp("cavern")
+    (folder / "case.yaml").write_text(CAVERN)
+    write_deck(cavern("quad8", (20, 18)), folder / "fine.inp")
+    write_deck(cavern("tri3", (10, 9)), folder / "coarse.inp")
     at = ["mesh.file=fine.inp", "parameters.E.start=10 GPa"]
-    found = simulate(str(tmp_path / "case.yaml"), overrides=at)
+    found = simulate(str(folder / "case.yaml"), overrides=at)
     rows = [f"{r.channel},{r.stage},{1e3 * r.value!r},mm" for r in found.readings]
-    (tmp_path / "readings.csv").write_text("\n".join(["gauge,stage,value,unit", *rows]) + "\n")
-    return tmp_path / "case.yaml"
+    (folder / "readings.csv").write_text("\n".join(["gauge,stage,value,unit", *rows]) + "\n")
+    return folder
+
+
+@pytest.fixture
+def coarse(files, tmp_path):
+    """The case in a folder of the test."""
+    return shutil.copytree(files, tmp_path, dirs_exist_ok=True) / "case.yaml"
 
 
 def fitted(path, **changes):
@@ -470,13 +478,12 @@ def test_check_says_it_before_any_reading(coarse):
     assert entry["readings"][0]["share"] == pytest.approx(
         abs(entry["readings"][0]["error"]) / entry["readings"][0]["accuracy"]
     )
-    fitted(coarse)
+    E = fitted(coarse, overrides=("fit.backtest=false",)).parameters.values[0]
     result = str(coarse.with_name("case.fit.h5"))
     again = CliRunner().invoke(geoident, ["check", result, "--mesh-error", "--json"])
     other = json.loads(again.stdout)
     assert other["notes"][0] == "Computed at the parameters of the fit."
     size = {(r["gauge"], r["stage"]): r["error"] for r in entry["readings"]}
     at_fit = {(r["gauge"], r["stage"]): r["error"] for r in other["readings"]}
-    E = fitted(coarse).parameters.values[0]
     for place, error in at_fit.items():  # motions go with 1 / E
         assert error == pytest.approx(size[place] * 5e9 / E, rel=1e-6)

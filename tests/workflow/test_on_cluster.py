@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from support.elsewhere import EXTERNAL, PROGRAM, trusted
 from support.elsewhere import write_case as write_program
+from support.executors import ClusterHere
 from support.projects import SECTIONS, example
 from support.real_cluster import free_port
 from support.trench import write_case
@@ -39,6 +40,19 @@ class Hears(Silent):
         self.said.append(message)
 
 
+@pytest.fixture(params=["here", pytest.param("real", marks=pytest.mark.slow)])
+def somewhere(request, tmp_path_factory):
+    """What makes the control of a command on a cluster: one in this process, or a real one.
+
+    That a real one answers as this process does is for the tests of a scan and of a program.
+    """
+    if request.param == "real":
+        cluster = request.getfixturevalue("cluster")
+        return lambda: on(cluster)
+    where = ClusterHere(tmp_path_factory.mktemp("there") / "files")
+    return lambda: Control(Hears(), jobs=None, cluster=where)
+
+
 def on(cluster):
     hears = Hears()
     where = Cluster(address=cluster.address)
@@ -50,41 +64,54 @@ def asked(case, folder, *overrides, plan=plan_scan):
     return plan(Request(str(case), overrides, str(case.parent / folder)))
 
 
-def test_a_scan_and_starts_of_a_fit_have_the_bits_of_a_serial_run(tmp_path, cluster, monkeypatch):
-    case, sent = write_case(tmp_path), []
+@pytest.fixture
+def looked(monkeypatch):
+    """How many parts of a search were sent at a time."""
+    sent = []
     look = ModelWorkers.look
     monkeypatch.setattr(
         ModelWorkers, "look",
         lambda self, looks, *where: sent.append(len(looks)) or look(self, looks, *where),
     )  # fmt: skip
+    return sent
+
+
+def has_the_bits_of_a_serial_run(run, case, plan, said, control):
+    here = run(asked(case, "here", *said, plan=plan), Control()).result
+    there = run(asked(case, "there", *said, plan=plan), control).result
+    control.tell_of_cluster()
+    assert NOTHING_SENT not in control.monitor.said
+    assert there.parameters.values.tobytes() == here.parameters.values.tobytes()
+    for mine, its in zip(here.history, there.history, strict=True):
+        assert mine.objective == its.objective
+        assert np.array_equal(mine.values, its.values)
+    assert there.counts == here.counts
+
+
+def test_a_scan_has_the_bits_of_a_serial_run(tmp_path, cluster, looked):
+    said = ("fit.scan.points=3", "fit.reduced=false")
+    has_the_bits_of_a_serial_run(scan, write_case(tmp_path), plan_scan, said, on(cluster))
+    assert looked == [9]
+
+
+def test_starts_of_a_fit_have_the_bits_of_a_serial_run(tmp_path, somewhere, looked):
     starts = ("fit.gauss-newton.starts=3", "fit.reduced=false", "fit.model_error=none",
               "fit.backtest=false")  # fmt: skip
-    for run, plan, said in ((scan, plan_scan, ("fit.scan.points=3", "fit.reduced=false")),
-                            (fit, plan_fit, starts)):  # fmt: skip
-        here = run(asked(case, "here", *said, plan=plan), Control()).result
-        control = on(cluster)
-        there = run(asked(case, "there", *said, plan=plan), control).result
-        control.tell_of_cluster()
-        assert NOTHING_SENT not in control.monitor.said
-        assert there.parameters.values.tobytes() == here.parameters.values.tobytes()
-        for mine, its in zip(here.history, there.history, strict=True):
-            assert mine.objective == its.objective
-            assert np.array_equal(mine.values, its.values)
-        assert there.counts == here.counts
-    assert sent == [9, 2]
+    has_the_bits_of_a_serial_run(fit, write_case(tmp_path), plan_fit, starts, somewhere())
+    assert looked == [2]
 
 
-def test_draws_of_a_posterior_are_those_of_a_serial_run(tmp_path, cluster, monkeypatch):
+def test_draws_of_a_posterior_are_those_of_a_serial_run(tmp_path, somewhere, monkeypatch):
     case, asked_there = write_case(tmp_path), []
-    run = DaskCluster.run
-    monkeypatch.setattr(
-        DaskCluster, "run",
-        lambda self, tasks: asked_there.append(len(tasks)) or run(self, tasks),
-    )  # fmt: skip
+    for kind in (DaskCluster, ClusterHere):
+        monkeypatch.setattr(
+            kind, "run",
+            lambda self, tasks, run=kind.run: asked_there.append(len(tasks)) or run(self, tasks),
+        )  # fmt: skip
     said = ("fit.reduced=false", "fit.model_error=none", "fit.backtest=false")
     fit(asked(case, "out", *said, plan=plan_fit), Control())
     found = []
-    for place, control in (("here", Control()), ("there", on(cluster))):
+    for place, control in (("here", Control()), ("there", somewhere())):
         (tmp_path / place).mkdir()
         request = SampleRequest(str(tmp_path / "out" / "case.fit.h5"), draws=60, effective=30,
                                 output=str(tmp_path / place))  # fmt: skip
@@ -215,12 +242,12 @@ def test_what_is_told_of_an_earlier_run_of_an_executor_counts_for_no_later_one()
     assert not sent.losses
 
 
-def test_sections_of_a_project_are_fitted_there(tmp_path, cluster):
+def test_sections_of_a_project_are_fitted_there(tmp_path, somewhere):
     """Each by itself and all together, as here; the files of their cases travel."""
     path, results = example(tmp_path, SECTIONS), []
     for control, request in (
         (Control(), ProjectRequest(path, jobs=1)),
-        (on(cluster), ProjectRequest(path, fresh=True)),
+        (somewhere(), ProjectRequest(path, fresh=True)),
     ):
         results.append(fit_project(plan_project(request), control).result)
         control.tell_of_cluster()

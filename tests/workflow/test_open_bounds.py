@@ -51,6 +51,7 @@ def test_predict_says_what_the_fit_says(opening):
     assert json.loads(again.stdout)["predictions"] == json.loads(run.stdout)["predictions"]
 
 
+@pytest.mark.slow  # an open strength: above
 @pytest.mark.parametrize("coarse", [True, pytest.param(False, marks=pytest.mark.slow)])
 def test_a_fault_that_was_not_yet_seen_leaves_its_gauges_undetermined(tmp_path, coarse):
     """cases/cavern fitted on the heading: the modulus of the fault ends on its bound."""

@@ -73,16 +73,16 @@ def test_three_marches_where_there_were_six_or_more(measured):
     np.testing.assert_allclose(led.objective, plain.objective, rtol=1e-9)
 
 
-def test_a_run_that_was_cut_short_goes_on_to_the_same_numbers(measured):
+@pytest.mark.parametrize("stop", [pytest.param(1, marks=pytest.mark.slow), 2])
+def test_a_run_that_was_cut_short_goes_on_to_the_same_numbers(measured, stop):
     whole, count, _ = solved(measured, Log(), reduced=True)
-    for stop in (1, 2):
-        log = Log()
-        with pytest.raises(KeyboardInterrupt):
-            solved(measured, log, reduced=True, stop=stop)
-        again, counted, made = solved(measured, log, reduced=True)
-        np.testing.assert_array_equal(again.values, whole.values)
-        assert counted == count
-        assert made <= count
+    log = Log()
+    with pytest.raises(KeyboardInterrupt):
+        solved(measured, log, reduced=True, stop=stop)
+    again, counted, made = solved(measured, log, reduced=True)
+    np.testing.assert_array_equal(again.values, whole.values)
+    assert counted == count
+    assert made <= count
 
 
 def test_a_run_that_ended_is_replayed_without_a_march(measured):

@@ -122,6 +122,7 @@ def test_with_more_gauges_the_answer_is_settled(tmp_path):
     assert result.evidence.readings == 9
 
 
+@pytest.mark.slow  # rivals as such: above
 def test_rivals_are_those_of_the_accuracies_that_were_estimated(tmp_path):
     """Ten times too good accuracies put rivals hopelessly high; estimated, they come back."""
     stated = "{stages: [dig], model_error: none, mesh_error: false}"
@@ -143,7 +144,7 @@ def test_rivals_are_those_of_the_accuracies_that_were_estimated(tmp_path):
 
 
 def test_an_explicit_number_of_starts_is_a_key_of_the_case(tmp_path):
-    fit = "{stages: [dig], gauss-newton: {starts: NUMBER}}"
+    fit = "{stages: [dig], mesh_error: false, model_error: none, gauss-newton: {starts: NUMBER}}"
     case = write_case(tmp_path, fit=fit.replace("NUMBER", "1"))
     write_readings(case, SECOND, seed=5)
     run_command("fit", str(case))

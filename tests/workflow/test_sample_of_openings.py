@@ -114,7 +114,9 @@ def even_in_log(low, high, n):
     return np.exp(np.linspace(np.log(low), np.log(high), 2 * n + 1)[1::2])
 
 
-@pytest.mark.parametrize("prior", ["", ", prior: {mean: 8 MPa, sd: 2 MPa}"])
+@pytest.mark.parametrize(
+    "prior", [pytest.param("", marks=pytest.mark.slow), ", prior: {mean: 8 MPa, sd: 2 MPa}"]
+)
 def test_modulus_and_stress(tmp_path, monkeypatch, prior):
     accuracies = {"CV": 2e-4, "EX.a1": 1e-4, "EX.a6": 1e-4}
     text = RIDGE.replace("PRIOR", prior)

@@ -76,7 +76,7 @@ def _identified(folder: Path, more: str, seed: int):
     """A fit to what the true ground shows on another mesh."""
     shape = {"radius": 3.0, "reach": 90.0}
     write_deck(opening("quad8", 2, n=4, layers=10, **shape), folder / "coarse.inp")
-    write_deck(opening("tri6", 2, n=10, layers=26, **shape), folder / "fine.inp")
+    write_deck(opening("tri6", 2, n=8, layers=20, **shape), folder / "fine.inp")
     truth = _write(folder, "truth.yaml", "fine.inp", ("6 GPa", "9 MPa", "0.7"), more)
     shown = simulate(str(truth), noise=Noise.ACCURACY, seed=seed)
     rows = [f"{r.channel},{r.stage},{r.value!r}" for r in shown.readings]
@@ -98,7 +98,7 @@ def test_thirty_displacements_determine_none_of_the_three(tmp_path):
 
 
 @pytest.mark.parametrize("more", [CELLS, OVERCORING], ids=["two pressure cells", "one overcoring"])
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_a_few_stresses_beside_them_determine_all_to_ten_percent(tmp_path, more, seed):
     found = _identified(tmp_path, more, seed)
     assert found.converged

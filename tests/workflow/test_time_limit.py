@@ -99,10 +99,10 @@ def test_no_time_for_a_single_evaluation_is_said_and_nothing_written(pit, monkey
 
 
 def test_a_backtest_keeps_the_fits_that_were_done(pit, monkeypatch):
-    clock = Clock(monkeypatch, 2.0)
+    clock = Clock(monkeypatch, 4.0)
     control = Control(clock, max_time=LIMIT, started=0.0)
     found = backtest(plan_backtest(Request("case.yaml")), control).result
     assert found.status == "out-of-budget"
     assert len(found.backtest.steps) >= 1
     assert not found.backtest.skipped
-    assert clock.now <= latest(2.0)
+    assert clock.now <= latest(4.0)

@@ -81,7 +81,9 @@ def test_bands_of_predictions_are_1_96_deviations_to_both_sides(told):
         np.testing.assert_allclose(given, expected, rtol=1e-5, err_msg=name)
 
 
-@pytest.mark.parametrize("off", [1.95, -1.95, 1.97, -1.97])
+@pytest.mark.parametrize(
+    "off", [1.95, -1.97, *(pytest.param(off, marks=pytest.mark.slow) for off in (-1.95, 1.97))]
+)
 def test_a_reading_is_inside_its_band_up_to_1_96_deviations(told, tmp_path, off):
     """The sentence that counts, for one reading of the second stage put near an end of its band."""
     fit, _, _ = told
@@ -101,7 +103,9 @@ def test_a_reading_is_inside_its_band_up_to_1_96_deviations(told, tmp_path, off)
     )
 
 
-@pytest.mark.parametrize("times", [2.5, 2.65, 3.85, 3.93, 12.0])
+@pytest.mark.parametrize(
+    "times", [2.5, 2.65, 3.85, 3.93, pytest.param(12.0, marks=pytest.mark.slow)]
+)
 def test_residuals_that_errors_do_not_explain_have_consequences(told, tmp_path, times):
     """Three readings less two parameters leave one degree of freedom: a normal variable."""
     fit, _, _ = told

@@ -153,25 +153,24 @@ def _centre(mesh: Mesh, support: Support, wall: Contraction) -> Floats:
 
 def closed_line(mesh: Mesh, group: str) -> Ints | None:
     """Nodes (k,) around a group of lines in the plane; None where it is not one closed line."""
-    following: dict[int, list[tuple[int, Ints]]] = {}
+    following: dict[int, list[tuple[int, int, Ints]]] = {}
     count = 0
     for block, rows in rows_in(mesh.facets, mesh.facet_groups.get(group, np.empty(0, np.int64))):
         for nodes in block.nodes[rows]:
             first, last, middle = int(nodes[0]), int(nodes[1]), nodes[2:]
-            following.setdefault(first, []).append((last, middle))
-            following.setdefault(last, []).append((first, middle[::-1]))
+            following.setdefault(first, []).append((count, last, middle))
+            following.setdefault(last, []).append((count, first, middle[::-1]))
             count += 1
     if not count or any(len(ways) != 2 for ways in following.values()):
         return None
     start = at = min(following)
-    before, line = -1, list[int]()
-    for n in range(count):
-        to, middle = next(way for way in following[at] if way[0] != before)
+    passed, line = [-1], list[int]()
+    while len(passed) == 1 or at != start:
+        number, to, middle = next(way for way in following[at] if way[0] != passed[-1])
         line += [at, *map(int, middle)]
-        before, at = at, to
-        if at == start:
-            return np.array(line) if n == count - 1 else None
-    return None
+        passed.append(number)
+        at = to
+    return np.array(line) if len(passed) == count + 1 and len(line) > 2 else None
 
 
 def _centroid(corners: Floats) -> Floats:

@@ -100,8 +100,6 @@ class _Joints:
                 break
             here, there = self.at[node]
             following, at = there if here[0] == piece else here
-            if any(following == known for known, _, _ in found):
-                break
             sign *= self.sign(node)
             distance += (self.length[piece] + self.length[following]) / 2
             piece, end = following, at

@@ -50,7 +50,12 @@ _BEYOND = 1e-8
 _COVERED = 0.95
 _GRID = 65
 _HALVINGS = 60
-"""Of a cell of the grid: to the last digit, also of a normal that is a millionth of another."""
+"""Of what lies between two ends: to the last digit, also of a normal a millionth of another."""
+
+_SAME = 1e-13
+"""Part of the ends between which a quantile is sought: so small a step does not matter."""
+
+_PEAK = 1.0 / np.sqrt(2.0 * np.pi)
 
 _COARSE = 0.1
 """Probability between two points of a grid from which on it is halved there: of normals that are
@@ -126,6 +131,38 @@ class NormalMixture:
             z = (t[:, :, None] - self.mean[:, None, :]) / sd[:, None, :]
         return np.asarray(ndtr(z) @ self.weight)
 
+    def quantile(self, p: Floats, low: Floats, high: Floats) -> Floats:
+        """Where the probability of being below is p (l,); an end where it is so beyond that.
+
+        Newton's method between ends that close in on it. Normals of one mixture may differ by
+        orders of magnitude in size: a step that leaves the ends, or is not half of the last one,
+        halves what is between them instead.
+
+        Args:
+            p: (l,) probabilities.
+            low: (l,) ends from which on it is sought.
+            high: (l,) ends up to which it is sought.
+        """
+        sd, same = np.maximum(self.sd, 1e-300), _SAME * np.maximum(np.abs(low), np.abs(high))
+        low = np.where(self.below(high[:, None])[:, 0] <= p, high, low)
+        high = np.where(self.below(low[:, None])[:, 0] >= p, low, high)
+        at, change = 0.5 * (low + high), high - low
+        done = np.zeros(len(p), dtype=bool)
+        for _ in range(3 * _HALVINGS):
+            with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
+                z = (at[:, None] - self.mean) / sd
+                above = ndtr(z) @ self.weight - p
+                step = at - above / (_PEAK * ((np.exp(-0.5 * z**2) / sd) @ self.weight))
+            low, high = np.where(above > 0.0, low, at), np.where(above > 0.0, at, high)
+            newton = (low <= step) & (step <= high) & (np.abs(step - at) <= 0.5 * change)
+            step = np.where(newton, step, 0.5 * (low + high))
+            change = np.abs(step - at)
+            done |= change <= same
+            if done.all():
+                break
+            at = np.where(done, at, step)  # whatever other quantities still need
+        return at
+
     def interval(
         self, lower: Floats | None = None, upper: Floats | None = None
     ) -> tuple[Floats, Floats]:
@@ -187,7 +224,11 @@ class NormalMixture:
             low = np.interp(tails, F[i], grid[i])
             width[i] = np.interp(tails + _COVERED, F[i], grid[i]) - low
         tail = tails[np.argmin(width, axis=1)]
-        return self._quantile(tail, grid, F), self._quantile(tail + _COVERED, grid, F)
+        row, ends = np.arange(len(grid)), []
+        for p in (tail, tail + _COVERED):
+            cell = np.clip(np.sum(p[:, None] > F, axis=1), 1, grid.shape[1] - 1)
+            ends.append(self.quantile(p, grid[row, cell - 1], grid[row, cell]))
+        return ends[0], ends[1]
 
     def _halved(self, grid: Floats, F: Floats) -> tuple[Floats, Floats]:
         """A grid (l, m) and F on it, dense where the probability is."""
@@ -218,17 +259,6 @@ class NormalMixture:
         spaced = little * np.array([-3.0, -2.0, -1.0, 1.0, 2.0, 3.0])
         grid = np.concatenate([even, *ends, ends[0] + spaced, ends[-1] + spaced], axis=1)
         return np.sort(grid, axis=1)
-
-    def _quantile(self, p: Floats, grid: Floats, F: Floats) -> Floats:
-        """Where the probability (l,) is reached, by bisection between points of a grid (l, m)."""
-        cell = np.clip(np.sum(p[:, None] > F, axis=1), 1, grid.shape[1] - 1)
-        row = np.arange(len(p))
-        low, high = grid[row, cell - 1], grid[row, cell]
-        for _ in range(_HALVINGS):
-            middle = 0.5 * (low + high)
-            short = self.below(middle[:, None])[:, 0] < p
-            low, high = np.where(short, middle, low), np.where(short, high, middle)
-        return np.asarray(0.5 * (low + high))
 
 
 @dataclass(frozen=True)

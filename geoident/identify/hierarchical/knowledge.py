@@ -198,7 +198,8 @@ def _interval(
     """Values p (l,) with intervals, from deviations (J, l) on their scales and variances."""
     sd = np.sqrt(np.maximum(variance, 0.0))
     mixture = NormalMixture(np.ascontiguousarray(mean.T), np.ascontiguousarray(sd.T), weights)
-    low, high = _quantile(mixture, 0.025), _quantile(mixture, 0.975)
+    reach = 10.0 * mixture.sd.max(axis=1) + np.abs(mixture.mean).max(axis=1)
+    low, high = (mixture.quantile(np.full(len(p), tail), -reach, reach) for tail in (0.025, 0.975))
     low, high = np.minimum(low, 0.0), np.maximum(high, 0.0)  # the estimate is among them
     if cut:
         lower, upper = scaling.away(p, low), scaling.away(p, high)
@@ -209,20 +210,6 @@ def _interval(
                 for step in (low, high)
             )
     return Interval95(p, mixture.rms * scaling.slope(p), lower, upper)
-
-
-def _quantile(mixture: NormalMixture, tail: float) -> Floats:
-    """Where each of l quantities has a probability below it, by bisection, (l,).
-
-    Normals of one mixture may differ by orders of magnitude in size: no grid would serve all.
-    """
-    reach = 10.0 * mixture.sd.max(axis=1) + np.abs(mixture.mean).max(axis=1)
-    low, high = -reach, reach
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        above = mixture.below(middle[:, None])[:, 0] > tail
-        low, high = np.where(above, low, middle), np.where(above, middle, high)
-    return np.asarray(0.5 * (low + high))
 
 
 @dataclass(frozen=True)

@@ -27,8 +27,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.optimize import minimize_scalar
-from scipy.stats import qmc
 
 from geoident.identify.hierarchical.arrangement import (
     Arrangement,
@@ -312,6 +310,8 @@ _SWEEPS = 40
 
 def _best(linear: LinearSections, tau: Floats, k: int) -> float:
     """The most likely tau_k, all others given."""
+    from scipy.optimize import minimize_scalar  # noqa: PLC0415 - 0.3 s, and only projects search
+
     largest = float(linear.largest[k])
 
     def value(log_size: float) -> float:
@@ -374,6 +374,8 @@ def scatter_posterior(linear: LinearSections, tau: Floats, free: Bools) -> Scatt
         along = (np.arange(_NODES[len(dims)]) + 0.5) / _NODES[len(dims)]
         unit = np.stack(np.meshgrid(*[along] * len(dims)), axis=-1).reshape(-1, len(dims))
     else:
+        from scipy.stats import qmc  # noqa: PLC0415 - a second, and few have so many scatters
+
         unit = qmc.Sobol(len(dims), scramble=False).random_base2(_POINTS) + 0.5 / 2**_POINTS
     nodes = np.tile(tau, (len(unit), 1))
     nodes[:, dims] = top * unit**2  # closer where tau is small

@@ -6,7 +6,6 @@ import math
 
 import numpy as np
 from scipy.special import ndtri
-from scipy.stats import qmc
 
 from geoident.model.arrays import Floats
 from geoident.model.campaign import SampledRange, Sampling, Variation
@@ -52,6 +51,8 @@ def unit_points(method: str, dim: int, count: int, seed: int) -> Floats:
     """
     generator = np.random.default_rng(seed)
     if method == "sobol":
+        from scipy.stats import qmc  # noqa: PLC0415 - a second, and most campaigns have none
+
         power = max(0, math.ceil(math.log2(count)))
         plain = qmc.Sobol(dim, scramble=False, bits=_BITS).random_base2(power)[:count]
         shift = generator.integers(0, 1 << _BITS, size=dim)

@@ -13,6 +13,7 @@ from support.meshes import box, regroup
 from geoident.errors import InputError
 from geoident.forward.actions.motions import GivenMotions
 from geoident.forward.actions.supports import (
+    all_supports,
     fixed_dofs,
     group_nodes,
     load_key,
@@ -249,3 +250,15 @@ def test_what_a_stage_warms_and_by_how_much():
     np.testing.assert_allclose(thermal.change(4, point), more, rtol=1e-12)
     np.testing.assert_allclose(thermal.change(5, point), -warm, rtol=1e-12)
     assert len(thermal._fields) == 1  # that of the first stage is used again
+
+
+def test_of_supports_of_one_name_the_last_counts():
+    """By their groups: of the case, then of its stages; what lets go is none."""
+    first, turned, later = Support("x0", (0,)), Support("y0", (1,)), Support("x0", (0, 1))
+    case = _case(
+        _mesh(),
+        supports=(first, turned),
+        stages=(Stage("one", supports={"x0": None}), Stage("two", supports={"x0": later})),
+    )
+    assert all_supports(case) == (later, turned)
+    assert all_supports(replace(case, stages=())) == (first, turned)

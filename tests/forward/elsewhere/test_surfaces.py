@@ -1,6 +1,7 @@
 """Response surfaces: derivatives, errors of runs left out, own errors, which one is taken."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ from scipy.stats import qmc
 
 from geoident.forward.elsewhere.surfaces.gaussian_process import (
     MOST_FOR_LENGTHS,
+    Hyperparameters,
     ProcessLikelihood,
     fitted_process,
     process_with,
@@ -210,3 +212,30 @@ def test_coordinates_follow_the_scale_of_a_parameter():
     h = np.array([1e-6 * 1e10, 1e-6])
     found = [(there.of(p + d) - there.of(p - d)) / 2 for d in np.diag(h)]
     np.testing.assert_allclose(np.diag(found) / h, there.slope(p), rtol=1e-8)
+
+
+def test_the_search_for_lengths_begins_where_it_is_likelier(monkeypatch):
+    """At those of a similar reading, or in the middle."""
+    u, starts = spread(24), []
+    best = fitted_process(u, smooth(u), smooth=True).hyperparameters
+
+    def begun(likelihood, start, **settings):
+        starts.append(np.exp(start))
+        return SimpleNamespace(x=start)
+
+    monkeypatch.setattr("scipy.optimize.minimize", begun)
+    found = fitted_process(u, smooth(u), smooth=True, near=best).hyperparameters
+    fitted_process(u, smooth(u), smooth=True, near=Hyperparameters(np.full(2, 1e-2), 0.5, True))
+    fitted_process(u, smooth(u), smooth=True)
+    np.testing.assert_allclose(starts[0], [*best.lengths, best.nugget], rtol=1e-12)
+    np.testing.assert_allclose(starts[1:], [[2.0, 2.0, 1e-6]] * 2, rtol=1e-12)
+    np.testing.assert_allclose(found.lengths, best.lengths, rtol=1e-12)
+
+
+def test_lengths_of_which_nothing_can_be_told_are_not_likely():
+    """Two runs at one place without any noise of their own."""
+    u = np.concatenate([spread(6), spread(6)[:1]])
+    likelihood = ProcessLikelihood(u, np.arange(7.0), smooth=True)
+    value, slope = likelihood(np.array([3.0, 3.0, -90.0]))
+    assert value > 1e20
+    assert slope.tolist() == [0.0, 0.0, 0.0]

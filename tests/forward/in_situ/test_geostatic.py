@@ -315,7 +315,7 @@ def part_out_of_balance(staged):
 
 
 @pytest.mark.parametrize("kind", ["tri3", "tri6", "quad4", "quad8", "tet4"])
-@pytest.mark.parametrize("table", np.linspace(8.3, 11.9, 7))
+@pytest.mark.parametrize("table", [8.3, 8.9, 10.1, 11.9])
 def test_a_table_inside_elements_is_below_the_line(kind, table):
     """Elements of 2 m and layers right below the surface: the stress has a kink inside them."""
     mesh = layered(kind)

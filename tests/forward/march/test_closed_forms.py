@@ -95,7 +95,7 @@ def test_kirsch_stress_concentration_at_the_crown():
     assert change[2] == pytest.approx(NU * (change[0] + change[1]), rel=1e-9)
 
 
-@pytest.mark.parametrize("kind", ["tet10", "hex20"])
+@pytest.mark.parametrize("kind", ["hex20", pytest.param("tet10", marks=pytest.mark.slow)])
 def test_spherical_cavity_wall_within_half_a_percent(kind, verification):
     mesh = opening(
         kind, 3, n=3 if kind == "hex20" else 2, layers=9, radius=RADIUS, reach=14 * RADIUS

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from support.cases import displacement, make_case, material, rollers
@@ -9,6 +11,7 @@ from support.meshes import box, regroup
 
 from geoident.fem.solvers.multifrontal import MultifrontalSolver
 from geoident.fem.solvers.splu import SpluSolver
+from geoident.forward.march import systems
 from geoident.forward.model import staged_model
 from geoident.model.case import Stage
 from geoident.model.in_situ import ConstantStress
@@ -106,3 +109,56 @@ def test_readings_and_derivatives_are_those_of_another_solver(mesh, of_another_s
 def test_a_solver_that_keeps_nothing_gets_the_order_of_least_work(mesh):
     assert tunnel(mesh, SpluSolver()).systems[1].pattern.lower.lasting == 0
     assert tunnel(mesh, MultifrontalSolver()).systems[1].pattern.lower.lasting > 0
+
+
+@pytest.mark.parametrize(
+    ("given", "first"),
+    [
+        ({}, 3),
+        ({"each": 90}, 0),  # 30 + 3 x 90 operations against 3 x 100
+        ({"once": 33}, 0),
+        ({"once": 32}, 3),
+        ({"stages": 2, "each": 84}, 3),
+        ({"stages": 2, "each": 85}, 0),
+        ({"stages": 1, "once": 1, "each": 1}, 0),
+        ({"changes": 5}, 0),
+        ({"most": 100}, 3),
+        ({"most": 99}, 0),
+        ({"whole": 99, "once": 0, "each": 0}, 0),
+        ({"whole": 101}, 3),
+        ({"keeps_from": float("inf"), "most": float("inf"), "whole": float("inf")}, 0),
+    ],
+)
+@pytest.mark.parametrize("dim", [2, 3])
+def test_what_lasts_comes_first_where_that_saves_operations(monkeypatch, given, first, dim):
+    """Only for a solver that keeps it, and where a factorization is worth the count."""
+    table = {"stages": 3, "changes": 2, "most": 500, "whole": 100, "once": 30, "each": 89,
+             "keeps_from": 100} | given  # fmt: skip
+    points, graph = np.zeros((5, dim)), ("pointers", "neighbours")
+    mesh = SimpleNamespace(points=points, dim=dim)
+    changes = np.arange(5) >= 5 - table["changes"]
+    plain, sorted_out = np.array([4, 2, 0, 1, 3]), np.array([0, 1, 2, 4, 3])
+
+    def flops(*args):
+        *about, order, dimension, lasting = args
+        assert (tuple(about), dimension) == (graph, dim)
+        if lasting:
+            assert (order is sorted_out, lasting) == (True, 3)
+            return table["once"], table["each"]
+        assert order is plain
+        return 0, table["whole"]
+
+    def most(n, *, plane):
+        assert (n, plane) == (5 * dim, dim == 2)
+        return table["most"]
+
+    monkeypatch.setattr(systems, "node_graph", lambda given: graph)
+    monkeypatch.setattr(systems, "nested_dissection", lambda *given: plain)
+    monkeypatch.setattr(systems, "lasting_first", lambda *given: sorted_out)
+    monkeypatch.setattr(systems, "elimination_flops", flops)
+    monkeypatch.setattr(systems, "flops_at_most", most)
+    found = object.__new__(systems.StageSystems)
+    found._mesh, found._solver = mesh, SimpleNamespace(keeps_from=table["keeps_from"])
+    order, count = found._elimination_order(changes, table["stages"])
+    assert count == first
+    assert order is (sorted_out if first else plain)

@@ -282,7 +282,9 @@ def test_what_is_released_is_said():
     assert f"{100 * at_face.released:.3g} % of the stress" in said
 
 
-@pytest.mark.parametrize("law", ["vlachopoulos-diederichs", "panet"])
+@pytest.mark.parametrize(
+    "law", ["panet", pytest.param("vlachopoulos-diederichs", marks=pytest.mark.slow)]
+)
 def test_the_profile_is_kept_with_its_stages(law):
     """Every stage on the curve, from ahead of the face on where the profile goes there."""
     opened = without_mesh(

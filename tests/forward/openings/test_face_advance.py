@@ -85,6 +85,7 @@ def test_elastic_ground_follows_panet(verification):
     assert np.abs(found[around] - law).max() == pytest.approx(0.07, abs=0.01)
 
 
+@pytest.mark.slow  # by the profile: test_advance.py
 def test_ground_that_yields_follows_vlachopoulos_and_diederichs(verification):
     """Without dilation, as theirs; ground that dilates moves later (0.20 at the face, not 0.25)."""
     cohesion, friction = 1e6, 0.5

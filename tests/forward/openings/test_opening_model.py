@@ -225,7 +225,10 @@ def test_a_gauge_zeroed_at_a_stage_reads_the_motion_since_then():
     pairs = [("across", "face"), ("across", "grout"), ("late", "open"), ("late", "grout")]
     steps = opened.steps(pairs)
     np.testing.assert_array_equal(steps[1:].T, [[1, 0, 0], [1, 1, 1], [0, 0, 0], [0, 0, 1]])
-    readings = opened.response(pairs).readings(np.empty(0))
+    response = opened.response(pairs)
+    readings = response.readings(np.empty(0))
+    np.testing.assert_array_equal(response.increments(np.empty(0)), opened.increments(np.empty(0)))
+    assert response.opening(None, None) is response
     parts = steps * opened.increments(np.empty(0))[:, [0, 0, 1, 1]]
     np.testing.assert_allclose(parts.sum(axis=0), readings, rtol=1e-12)
 

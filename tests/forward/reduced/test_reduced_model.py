@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -28,6 +29,7 @@ from support.reduced import (
 from geoident.fem.solvers import pick_solver
 from geoident.forward.march.march import RunOptions
 from geoident.forward.model import staged_model
+from geoident.forward.reduced.kept import RestoredModel, kept_model
 from geoident.forward.reduced.moduli import relative_eigenvalues, span_of
 from geoident.model.case import Stage
 from geoident.model.in_situ import HeimStress
@@ -52,14 +54,14 @@ MOST = [*QUICK, pytest.param("braced", marks=pytest.mark.slow)]
 
 
 @cache
-def made(name: str):
-    """A model, its response, its reduced model of three marches, and where they were."""
+def made(name: str, marches: int = 3):
+    """A model, its response, its reduced model of so many marches, and where they were."""
     build, pairs = CASES[name]
     staged = build()
     response = staged.response(pairs)
     response.keep_marches(economical=False)
     start = np.array([q.start for q in staged.case.parameters])
-    points = [*spread(staged, 2, seed=4, part=0.6), start]
+    points = [*spread(staged, marches - 1, seed=4, part=0.6), start]
     for p in points:
         response.evaluate(p)
     return staged, response, response.reduced(bounded=True), points
@@ -103,7 +105,8 @@ IN_OTHERS = ("plane", "braced")  # all their terms are among those of `gauged`
 )
 def test_adjoints_at_the_place_itself_give_the_error_of_every_reading(name):
     """Where the reference is no march, nothing is left to be bounded: each term must be right."""
-    staged, response, _, _ = made.__wrapped__(name)  # its own: the projection is made anew
+    # its own, since the projection is made anew; one march will do, but for what a part releases
+    staged, response, _, _ = made.__wrapped__(name, 3 if name == "released" else 1)
     p = spread(staged, 1, seed=1)[0]
     reduced = response.reduced(bounded=True, reference=p)
     states = reduced.model.states(p[None], derivatives=False)
@@ -325,3 +328,63 @@ def test_older_marches_give_way_where_the_memory_is_small(monkeypatch, marches):
     assert sum(s.entries for s in snapshots) <= marches * one
     assert np.array_equal(snapshots[-1].p, p)
     assert response.reduced() is not None
+
+
+@pytest.mark.parametrize("name", ["plane", "braced", "gauged"])
+def test_a_model_that_is_kept_answers_as_the_one_it_was(name):
+    """Readings, derivatives and bounds of all and of some readings, without the mesh."""
+    staged, _, reduced, points = made(name)
+    pairs, case = CASES[name][1], staged.case
+    kept = kept_model(reduced, staged.observation, case, marches=points,
+                      built_on=staged.sequence.built_on)  # fmt: skip
+    assert kept.names == tuple(q.name for q in case.parameters)
+    np.testing.assert_array_equal(kept.lower, [q.lower for q in case.parameters])
+    np.testing.assert_array_equal(kept.upper, [q.upper for q in case.parameters])
+    np.testing.assert_array_equal(kept.marches, points)
+    again = RestoredModel(kept, case)
+    assert again.pairs == tuple(pairs)
+    assert again.observation.channels == tuple(c.name for c in case.channels)
+    some = [5, 0, 3]
+    answers = again.response(pairs), again.response([pairs[k] for k in some])
+    values = spread(staged, 2, seed=9, part=0.3)
+    found, bounds = reduced.certified(values)
+    assert np.all(bounds > 0.0)
+    for answer, mine in zip(answers, (slice(None), some), strict=True):
+        v, J = reduced.evaluate(values[0])
+        found_v, found_J = answer.evaluate(values[0])
+        np.testing.assert_allclose(found_v, v[mine], rtol=1e-12)
+        np.testing.assert_allclose(found_J, J[mine], rtol=1e-10, atol=1e-12 * np.abs(J).max())
+        here, limits = answer.certified(values)
+        np.testing.assert_allclose(here, found[:, mine], rtol=1e-12)
+        if mine != some:  # what is rounding is seen of all readings that are asked for
+            np.testing.assert_allclose(limits, bounds, rtol=1e-9)
+        np.testing.assert_allclose(answer.increments(values[1]), reduced.increments(values[1]),
+                                   rtol=1e-12)  # fmt: skip
+        assert answer.error(values[0]) == pytest.approx(reduced.error(values[0]), rel=1e-9)
+        assert answer.admissible(kept.upper * 1.1) is not None
+    without = SimpleNamespace(duals=None)
+    with pytest.raises(ValueError, match="without bounds of its readings is not kept"):
+        kept_model(without, staged.observation, case, marches=points,
+                   built_on=staged.sequence.built_on)  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ["plane", "braced"])
+def test_motions_of_the_marches_it_was_made_of_are_known(name):
+    """Of every state, with their derivatives; of none beyond those that are wanted."""
+    staged, response, reduced, points = made(name)
+    known = response.reduction.motion(reduced.model, points[0])
+    moved = [end.u.copy() for end in staged.at(points[0]).states()]
+    size = np.abs(moved).max(axis=(0, 1))
+    for state, u in enumerate(moved[1:], start=1):
+        there = staged.march.systems[state].dofs
+        found = known(state)
+        assert found.shape == u.shape
+        off = np.abs(found[there] - u[there]).max(axis=0) / size
+        assert off[0] < 1e-8
+        assert off[1:].max() < 1e-3  # of rigidities to first order
+    assert known(len(moved)) is None
+
+
+def test_where_virgin_ground_moves_no_motions_are_known():
+    _, response, reduced, points = made("settling")
+    assert response.reduction.motion(reduced.model, points[0]) is None

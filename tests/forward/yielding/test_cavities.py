@@ -56,8 +56,15 @@ def name(kind: str, psi: float | None) -> str:
     return f"{kind}, {'associated' if psi is None else 'no dilation'}"
 
 
-@flows
-@pytest.mark.parametrize("kind", ["tri6", "quad8"])
+@pytest.mark.parametrize(
+    ("kind", "psi"),
+    [
+        pytest.param("tri6", 0.0, id="tri6-psi = 0"),
+        pytest.param("quad8", None, id="quad8-associated"),
+        pytest.param("tri6", None, id="tri6-associated", marks=pytest.mark.slow),
+        pytest.param("quad8", 0.0, id="quad8-psi = 0", marks=pytest.mark.slow),
+    ],
+)
 def test_opening_within_one_percent(kind, psi, verification):
     """12 elements around a quarter, 80 rings out to 40 radii (1,992 triangles, 1,000 quads)."""
     wall, radius, exact_wall, exact_radius = opened(kind, psi, n=6, layers=80, reach=40)
@@ -67,6 +74,7 @@ def test_opening_within_one_percent(kind, psi, verification):
     verification("opening-radius", name(kind, psi), ["edge"], exact=exact_radius, found=radius)
 
 
+@pytest.mark.slow  # on one mesh: above and below
 @flows
 def test_error_of_the_wall_falls_with_the_mesh_and_the_domain(psi):
     errors = [

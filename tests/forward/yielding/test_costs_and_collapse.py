@@ -40,7 +40,13 @@ ORDINARY = {
 }
 
 
-@pytest.mark.parametrize("sides", [(-10e6, -10e6), (-6e6, -10e6)], ids=["K0 = 1", "K0 = 0.6"])
+@pytest.mark.parametrize(
+    "sides",
+    [
+        pytest.param((-10e6, -10e6), id="K0 = 1", marks=pytest.mark.slow),
+        pytest.param((-6e6, -10e6), id="K0 = 0.6"),
+    ],
+)
 @pytest.mark.parametrize("name", ORDINARY)
 def test_a_stage_takes_few_steps(name, sides):
     mesh = CAVITY.mesh("quad8", n=4, layers=20, reach=12)

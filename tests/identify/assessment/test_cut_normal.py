@@ -244,7 +244,7 @@ def test_many_quantities_are_judged_some_at_a_time(monkeypatch):
     )  # fmt: skip
     whole = mixture.interval()
     monkeypatch.setattr(posterior, "_TOGETHER", 65 * 40 * 3)
-    np.testing.assert_array_equal(mixture.interval(), whole)
+    np.testing.assert_allclose(mixture.interval(), whole, rtol=1e-13)
 
 
 def test_a_mixture_of_one_normal_or_of_the_same_is_a_normal():
@@ -274,3 +274,28 @@ def test_a_posterior_is_a_mixture_of_normals_of_one_covariance():
     expected = np.array([[0.25, 0.05], [0.05, 0.01]])
     expected = expected + 0.25 * np.outer([0, 2], [0, 2]) + 0.75 * np.outer([1, -1], [1, -1])
     np.testing.assert_allclose(one.covariance, expected)
+
+
+SIZES = np.array([1.0, 1e-3, 1e-7])
+
+
+@pytest.mark.parametrize("p", [1e-9, 0.025, 0.5, 0.64, 0.975])
+def test_a_quantile_is_where_the_probability_is_reached(p):
+    """Of normals alike, far apart, and of sizes that differ by orders of magnitude."""
+    mean = np.array([[0.3, 0.2, 0.1], [-5.0, 0.0, 7.0], [2.0, -1.0, 0.4], [1e9, 1e9, -1e9]])
+    sd = np.array([[1.0, 1.0, 1.0], [0.1, 0.2, 0.1], SIZES, 1e9 * SIZES])
+    weight = np.array([0.2, 0.5, 0.3])
+    reach = np.abs(mean).max(axis=1) + 10.0 * sd.max(axis=1)
+    found = NormalMixture(mean, sd, weight).quantile(np.full(4, p), -reach, reach)
+    for one, m, s in zip(found, mean, sd, strict=True):
+        ends = one + 1e-11 * s.max() * np.array([-1.0, 1.0])[:, None]
+        below, above = norm.cdf(ends, m, s) @ weight
+        assert below <= p * (1.0 + 1e-9)
+        assert above >= p * (1.0 - 1e-9)
+
+
+def test_a_quantile_beyond_the_ends_is_the_end():
+    one = NormalMixture(np.zeros((3, 1)), np.ones((3, 1)), np.ones(1))
+    found = one.quantile(np.array([0.0, 0.5, 1.0]), np.full(3, 1.0), np.full(3, 2.0))
+    assert found.tolist() == [1.0, 1.0, 2.0]
+    assert one.quantile(np.full(3, 0.5), np.full(3, -3.0), np.full(3, -2.0)).tolist() == [-2.0] * 3

@@ -116,7 +116,7 @@ def knowledge_reference(knowledge):
 
 
 def test_a_section_of_other_ground_is_found():
-    y = layout(0.3, S=10)
+    y = layout(0.3, S=7)
     y[4] += 4.0
     found = [misfit.outlying for misfit in section_misfits(fitted(y))]
     assert found[4] < 1e-4
@@ -141,7 +141,7 @@ def test_intervals_leave_as_much_on_either_side():
 
 
 def test_two_laws_that_have_nothing_to_do_with_each_other_are_two_layouts():
-    first, second = layout(0.7, seed=1), layout(1.5, seed=2)
+    first, second = layout(0.7, S=5, seed=1), layout(1.5, S=5, seed=2)
     both = np.hstack([first, second])
     matrix = np.kron(np.eye(2), np.ones((N, 1)))
     other = replace(level(), parameter="y", formula=name("l"))

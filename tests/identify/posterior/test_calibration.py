@@ -42,6 +42,7 @@ def test_ranks_are_uniform():
     assert chance_of(ranks, 10).min() > LEAST_CHANCE
 
 
+@pytest.mark.slow  # it tries this judge itself
 @pytest.mark.parametrize(
     ("wrong", "runs"),
     [

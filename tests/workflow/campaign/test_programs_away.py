@@ -74,6 +74,7 @@ def function_case(here):
     (here / "nu.txt").write_text("0.25")
 
 
+@pytest.mark.slow  # a function is fitted there below, in one of several cases
 def test_a_function_with_what_it_imports_and_reads_is_fitted_there_as_here(here, cluster):
     function_case(here)
     write("fit", "parameters.E.start: [3 GPa]")

@@ -81,6 +81,7 @@ def node_at(staged, channel):
     return int(np.argmin(away)) + 1
 
 
+@pytest.mark.slow  # another program than CalculiX: test_program.py
 @pytest.mark.skipif(PROGRAM is None, reason=REMEDY)
 def test_a_cube_with_a_cavern_is_identified_as_by_geoident(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))

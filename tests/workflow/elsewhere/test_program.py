@@ -225,6 +225,7 @@ def test_predict_scan_show_and_report_work_on_it(tmp_path):
     assert np.all(prediction.sd[:, 1] > 0.0)
 
 
+@pytest.mark.slow  # the simplex elsewhere: of a table, and in tests/identify
 def test_a_simplex_search_needs_runs_only(tmp_path):
     case = write_case(tmp_path)
     found = fitted(
@@ -251,9 +252,10 @@ def test_outputs_are_read_at_a_zero(tmp_path):
     assert replace(model.case, title="x").elsewhere is not None
 
 
+@pytest.mark.usefixtures("answered_here")
 def test_several_cases_are_trusted_together(tmp_path):
     cases = [write_case(tmp_path / name) for name in ("a", "b")]
-    # in one process, one after the other; what they find is not looked at
+    # what they find is not looked at
     one = ("-q", "-j", "1", "--set", "fit.model_error=none")
     assert run_command("fit", *cases, *one).exit_code == ExitCode.SOME_FAILED
     done = run_command("fit", *cases, *one, "--trust")

@@ -18,7 +18,7 @@ from tests.support.real_cluster import runs, wait_until
 from tests.support.tasks import broken, dying, importing, obedient, squares
 
 ROOT = str(Path(__file__).parents[3])
-KILLS = [pytest.param(6), pytest.param(30, marks=pytest.mark.slow)]
+KILLS = [pytest.param(2), pytest.param(30, marks=pytest.mark.slow)]
 
 
 def test_answers_are_those_of_their_tasks_whatever_process_gives_them():
