@@ -107,11 +107,12 @@ def test_associated_flow_is_stable(monkeypatch):
 class Diagonal:
     """Unknowns that act alone: stiffness 1 where nothing yields, l + mu (1 - l) where it flows."""
 
-    def __init__(self, stiffness, viscosity=0.1, yielding=(3, 4)):
+    def __init__(self, stiffness, viscosity=0.1, yielding=(3, 4), volume=1.0):
         self.stiffness, self.viscosity = np.array(stiffness), viscosity
-        self.dofs, self.volume = np.arange(len(stiffness)), np.array([1.0, 2.0, 1.0, 1.0, 3.0])
+        self.dofs = np.arange(len(stiffness))
+        self.volume = np.array([volume, 1.0, 1.0, 1.0, 1.5])
         self.yielding, self.asked = yielding, 0
-        of_first = np.array([2.0, 1.0, 2.0, 1.5, 0.0])  # squared, times volumes: 4, 2, 4, 2.25, 0
+        of_first = np.array([4.0, 1.5, 1.5, 1.5, 1.5])  # 16 and four times 2.25 when squared
         rest = np.ones((5, len(stiffness) - 1))
         strains = np.column_stack([of_first, rest])[None]
         self.operators = SimpleNamespace(n_points=5, strain=lambda du: strains @ du)
@@ -135,12 +136,12 @@ LOST = (-0.02, 0.3, 0.4, 0.5, 0.6, 0.8)
 
 
 def test_the_mode_that_is_lost_is_told_with_its_stiffness_and_points():
-    given = Diagonal(LOST)
-    found = band_at(given, None)
+    found = band_at(Diagonal(LOST), None)
     np.testing.assert_allclose(found.mode, [1.0, 0.0, 0.0, 0.0, 0.0, 0.0], atol=1e-8)
     assert found.stiffness == pytest.approx(-0.02, rel=1e-6)
     assert found.yielding == 7
-    assert found.points == 2  # 8 of 12.25
+    assert found.points == 1  # 16 of 16 + 3 x 2.25 + 3.375
+    assert band_at(Diagonal(LOST, volume=0.3), None).points == 2  # 4.8 and 3.375 of 14.925
     assert band_at(Diagonal((0.01, *LOST[1:])), None) is None
 
 
