@@ -2,6 +2,7 @@
 
 import inspect
 import json
+import re
 import subprocess
 import sys
 from contextlib import suppress
@@ -214,17 +215,41 @@ def test_a_template_is_written_and_loaded(tmp_path):
         init(tmp_path / "other", "cave")
 
 
+def printed_by(code):
+    command = [sys.executable, "-c", code]
+    return subprocess.run(command, capture_output=True, text=True, check=True).stdout
+
+
 def test_the_package_loads_its_parts_when_asked():
     code = """
 import sys, geoident
 heavy = {'numpy', 'scipy', 'pydantic', 'h5py', 'yaml', 'matplotlib', 'pandas', 'xarray', 'click'}
 print(sorted(heavy & set(sys.modules)), len([m for m in sys.modules if m.startswith('geoident')]))
-from geoident import fit, load_case
-print(sorted({'matplotlib', 'pandas', 'xarray', 'arviz'} & set(sys.modules)))
 """
-    command = [sys.executable, "-c", code]
-    told = subprocess.run(command, capture_output=True, text=True, check=True).stdout
-    assert told.splitlines() == ["[] 1", "[]"]
+    assert printed_by(code) == "[] 1\n"
+
+
+ON_DEMAND = ("matplotlib", "pandas", "xarray", "arviz", "scipy.stats", "scipy.optimize")
+"""What the calls load when they draw, show, sample or search."""
+
+
+@pytest.mark.slow
+def test_calls_load_what_takes_long_when_it_is_needed():
+    code = "import sys; from geoident import fit, load_case; print(*sys.modules)"
+    assert not set(ON_DEMAND) & set(printed_by(code).split())
+
+
+def test_nothing_but_drawings_imports_on_top_what_takes_long():
+    top = re.compile(rf"^(?:from|import) (?:{'|'.join(ON_DEMAND)})\b", re.MULTILINE)
+    package = ROOT / "geoident"
+    found = {
+        path.relative_to(package).as_posix()
+        for path in package.rglob("*.py")
+        if top.search(path.read_text(encoding="utf-8"))
+    }
+    assert {
+        name for name in found if not name.startswith(("report/drawing/", "report/saving/"))
+    } == set()
 
 
 def test_names_are_found_and_wrong_ones_are_not():
@@ -290,6 +315,7 @@ def test_a_number_of_processes_is_a_whole_number_from_one_on(call, jobs, case):
     ids=["fit", "scan", "backtest"],
 )
 def test_processes_are_those_of_the_command(call, step, case, monkeypatch):
+    case = case.with_values({"fit.scan.points": 3})
     asked = []
     module = import_module("geoident.api.runs")
     once = getattr(module, step)

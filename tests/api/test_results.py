@@ -150,7 +150,10 @@ def test_a_data_set_is_written_and_read_by_xarray(fitted, tmp_path):
     assert again["channel"].values.tolist() == ["CV", "S", "X.a"]
 
 
-@pytest.mark.parametrize("name", ["overview", "gauges", "parameters", "field"])
+OVERVIEW = pytest.param("overview", marks=pytest.mark.slow)  # a notebook shows it, below
+
+
+@pytest.mark.parametrize("name", [OVERVIEW, "gauges", "parameters", "field"])
 def test_figures_are_axes(fitted, name):
     drawn = getattr(fitted.plot, name)()
     assert len(drawn) >= 1
@@ -181,6 +184,7 @@ def test_a_result_without_fields_says_so(scanned):
         scanned.plot.field()
 
 
+@pytest.mark.usefixtures("plain_pictures")
 def test_figures_go_by_the_names_of_the_report(fitted, scanned, tmp_path):
     CliRunner().invoke(program, ["report", scanned.path, "--no-page", "--figures", str(tmp_path)])
     assert {path.stem for path in tmp_path.glob("*.svg")} == set(scanned.plot.names())
@@ -217,7 +221,8 @@ def test_a_notebook_shows_parameters_and_overview(fitted):
     assert "format: geoident-case" not in html
 
 
-def test_a_notebook_escapes_what_users_write(case):
+def test_a_notebook_escapes_what_users_write(case, monkeypatch):
+    monkeypatch.setattr("geoident.api.plots._image", lambda figure, words: "")
     found = fit(case.with_values({"title": "<b>1 & 2</b>"}))
     assert "&lt;b&gt;1 &amp; 2" in found._repr_html_()
     assert "&lt;b&gt;1 &amp; 2" in case.with_values({"title": "<b>1 & 2</b>"})._repr_html_()

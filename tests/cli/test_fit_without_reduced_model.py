@@ -11,7 +11,7 @@ from geoident.forward.reducible import ReducibleResponse
 def test_a_case_may_leave_it_out(trench, run, monkeypatch, command):
     asked = []
     monkeypatch.setattr(ReducibleResponse, "keep_marches", lambda self, **_: asked.append(command))
-    scan = ("--set", "fit.scan.points=11") if command == "scan" else ()
+    scan = ("--set", "fit.scan.points=6") if command == "scan" else ()
     run(command, "case.yaml", *scan, "--set", "fit.reduced=false")
     assert asked == []
     run(command, "case.yaml", *scan, "--fresh", "--force")

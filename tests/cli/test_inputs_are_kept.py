@@ -86,8 +86,8 @@ def by_hard_link(path, place):
 
 @pytest.mark.parametrize("command", COMMANDS)
 def test_no_command_replaces_an_input_through_a_link(site, run, command):
-    """Links of the one kind and of the other by turns."""
-    for number, name in enumerate((*INPUTS, "case.fit.h5")):
+    """Links of the one kind and of the other by turns; which files are inputs is asked above."""
+    for number, name in enumerate((*INPUTS[:2], "case.fit.h5")):
         if name.endswith(".h5") and COMMANDS[command][1] == "case.yaml":
             continue  # no input of these
         suffix = ".csv" if "simulate" in command else ".h5"
@@ -103,8 +103,8 @@ def test_other_spellings_of_a_path_do_not_help(site, run, spelling):
     (site / "linked").symlink_to(site, target_is_directory=True)
     place = {"absolute": str(site / "case.yaml"), "linked": "linked/case.yaml"}
     before = contents(site)
-    for command in COMMANDS.values():
-        refused(run(*command, "-o", place.get(spelling, spelling), "--force"))
+    for name in ("simulate", "fit", "export"):
+        refused(run(*COMMANDS[name], "-o", place.get(spelling, spelling), "--force"))
     assert contents(site) == before
 
 

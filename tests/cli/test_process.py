@@ -84,6 +84,7 @@ def test_what_is_computed_without_a_fit_imports_nothing_needless(trench):
     assert int(left) > 50_000  # no search for garbage looks at what was imported
 
 
+@pytest.mark.slow
 def test_a_report_imports_nothing_that_computes():
     """What solves equations takes as long to import as some figures to draw."""
     code = (

@@ -41,10 +41,9 @@ def fitted(after):
     return after(("fit", "case.yaml"), write=write_lined)
 
 
-def test_forces_are_written_shown_and_told_as_json(lined, run, run_json):
+@pytest.mark.usefixtures("fitted")
+def test_forces_are_written_shown_and_told_as_json(run, run_json):
     assert run("check", "case.yaml").exit_code == 0
-    done = run("fit", "case.yaml")
-    assert done.exit_code == 0, done.output
     members = read_result("case.fit.h5").members
     assert members.structures == ("wall", "wall", "nail")
     assert np.isnan(members.axial[:2, 0]).all()

@@ -79,6 +79,7 @@ def by(formulation):
     )
 
 
+@pytest.mark.slow  # what it finds: `tests/identification/test_full_space.py`
 def test_full_space_finds_the_same(yielding, run_json):
     (found,) = run_json("fit", "case.yaml", *by("full-space"))
     assert found["parameters"]["k1"]["value"] == pytest.approx(0.5e6, rel=1e-3)

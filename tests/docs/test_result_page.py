@@ -57,7 +57,7 @@ def files(tmp_path_factory):
     write_case(folder)
     case = str(folder / "case.yaml")
     for command in ("fit", "scan", "backtest"):
-        assert run_command(command, case).exit_code in (0, 4)
+        assert run_command(command, case, "--set", "fit.scan.points=3").exit_code in (0, 4)
     assert run_command("predict", folder / "case.fit.h5").exit_code == 0
     return sorted(folder.glob("*.h5"))
 

@@ -42,15 +42,16 @@ def stiffness(indptr, indices, dofs, seed, scale=None):
     """A positive definite matrix on a node graph, in dense form; scale multiplies each edge."""
     rng = np.random.default_rng(seed)
     n = len(indptr) - 1
-    matrix = np.zeros((n * dofs, n * dofs))
-    for i in range(n):
-        for j in indices[indptr[i] : indptr[i + 1]]:
-            if j < i:
-                half = rng.normal(size=(2 * dofs, 2 * dofs))
-                part = half @ half.T * (1.0 if scale is None else scale[i, j])
-                at = np.r_[i * dofs : (i + 1) * dofs, j * dofs : (j + 1) * dofs]
-                matrix[np.ix_(at, at)] += part
-    return matrix + np.eye(n * dofs) * 1e-2
+    i = np.repeat(np.arange(n), np.diff(indptr))
+    i, j = i[indices < i], indices[indices < i]
+    half = rng.normal(size=(len(i), 2 * dofs, 2 * dofs))
+    part = half @ half.transpose(0, 2, 1)
+    if scale is not None:
+        part *= scale[i, j][:, None, None]
+    at = (np.stack([i, j], axis=1)[:, :, None] * dofs + np.arange(dofs)).reshape(len(i), -1)
+    matrix = np.eye(n * dofs) * 1e-2
+    np.add.at(matrix, (at[:, :, None], at[:, None, :]), part)
+    return matrix
 
 
 def lower(matrix, order, **more):

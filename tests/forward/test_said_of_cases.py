@@ -143,6 +143,27 @@ def test_elements_in_no_group_of_the_case(tmp_path):
     )
 
 
+def test_points_outside_the_mesh_are_said_beside_groups_that_are_missing(tmp_path):
+    """Of gauges in the ground and of measured values; a beam is not looked for there."""
+    mesh = grid(group=lambda column, _: "other" if column == 1 else "ground")
+    gauges = """{far: {kind: settlement, point: [2 m, -7 m], accuracy: 0.1 mm},
+  on: {kind: load-cell, structure: w, point: [2 m, -8 m], quantity: Q, accuracy: 1 kN/m},
+  S: {kind: settlement, point: [2 m, 1 m], accuracy: 0.1 mm}}"""
+    field = "mean: $E, sd: 30 %, length: 2 m, measured: [{at: [9 m, 1 m], value: 2 GPa}, "
+    _, lines = said(
+        tmp_path, mesh, groups="{ground: rock}", gauges=gauges,
+        materials=rock(f"E: {{field: {{{field}{{at: [1 m, 1 m], value: 1 GPa}}]}}}}", "nu: 0.25"),
+        structures="{w: {kind: beam, on: bottom, EA: 1 GN/m, EI: 10 MNm2/m}}",
+        stages="[{name: dig, build: [w], excavate: [ground]}]",
+    )  # fmt: skip
+    faults = [line for line in lines if line.startswith("case.yaml:")]
+    assert [line.split(": ")[1] for line in faults] == [
+        "groups", "gauges.far", "materials.rock.E.field.measured[0]"
+    ]  # fmt: skip
+    assert "(2, -7) m" in faults[1]
+    assert faults[2].endswith("the measured point (9, 1) m is not in the mesh squares.msh")
+
+
 def test_motions_and_loads_that_cannot_be(tmp_path):
     stages = (
         "[{name: one, loads: {p: {on: above ground, pressure: 1 kPa}}},"

@@ -36,7 +36,7 @@ def definite(matrix) -> bool:
 def test_orthotropic_bounds_are_those_of_positive_eigenvalues():
     rng = np.random.default_rng(1)
     found = []
-    for _ in range(3000):
+    for _ in range(800):
         E, G, nu = rng.uniform(1, 20, 3), rng.uniform(1, 5, 3), rng.uniform(-1.2, 1.2, 3)
         names = ("E_1", "E_2", "E_3", "nu_12", "nu_13", "nu_23", "G_12", "G_23", "G_13")
         material = Orthotropic(
@@ -45,13 +45,13 @@ def test_orthotropic_bounds_are_those_of_positive_eigenvalues():
         found.append(breach(material, {}))
         assert (found[-1] is None) == definite(compliance(E, nu, G))
     assert {b.constant for b in found if b} == {"nu_12", "nu_13", "nu_23"}
-    assert 100 < sum(b is None for b in found) < 2900
+    assert 25 < sum(b is None for b in found) < 775
 
 
 def test_strata_bounds_are_those_of_positive_eigenvalues():
     rng = np.random.default_rng(2)
     found = []
-    for _ in range(2000):
+    for _ in range(600):
         E_p, E_n, G = rng.uniform(1, 20, 3)
         nu_p, nu_np = rng.uniform(-1.3, 1.3, 2)
         material = TransverselyIsotropic(*map(Scalar, (E_p, nu_p, E_n, nu_np, G)), frame=FLAT)
@@ -65,7 +65,7 @@ def test_strata_bounds_are_those_of_positive_eigenvalues():
 def test_love_bounds_are_those_of_positive_eigenvalues():
     rng = np.random.default_rng(3)
     found = []
-    for _ in range(2000):
+    for _ in range(600):
         numbers = dict(zip("ACFLN", map(float, rng.uniform(-0.2, 3, 5)), strict=True))
         found.append(breach(LoveModuli(**scalars(numbers), frame=FLAT), {}))
         assert (found[-1] is None) == definite(moduli(love, numbers))

@@ -36,47 +36,57 @@ def nothing():
     return Figure(figsize=(1.0, 1.0), layout="none")
 
 
+def drawn_page(result, *, blank=frozenset()):
+    """A page, and the figures that were drawn for it, by their names.
+
+    Args:
+        result: whose page it is.
+        blank: names of figures that are blank in it.
+    """
+    kept = {}
+
+    def keep(picture, suffix):
+        def draw():
+            kept[picture.name] = picture.draw()
+            return kept[picture.name]
+
+        return image(replace(picture, draw=nothing if picture.name in blank else draw), suffix)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(page, "image", keep)
+        return page.report_page([("pit.fit", result)]), kept
+
+
 @pytest.fixture(scope="session")
 def reports(plane, solid):
-    """Pages by the kind of the model, and the figures that were drawn for them.
+    """Pages with their figures, by the kind of the model.
 
     That of the solid ground has blanks in place of `AS_IN_A_PLANE`.
     """
-    pages, figures = {}, {}
-    for kind, result in (("plane", plane), ("solid", solid)):
-        kept = figures[kind] = {}
-
-        def keep(picture, suffix, kind=kind, kept=kept):
-            if kind == "solid" and picture.name in AS_IN_A_PLANE:
-                return image(replace(picture, draw=nothing), suffix)
-
-            def draw():
-                kept[picture.name] = picture.draw()
-                return kept[picture.name]
-
-            return image(replace(picture, draw=draw), suffix)
-
-        with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(page, "image", keep)
-            pages[kind] = page.report_page([("pit.fit", result)])
-    return pages, figures
+    return {"plane": drawn_page(plane), "solid": drawn_page(solid, blank=AS_IN_A_PLANE)}
 
 
 @pytest.fixture(scope="session")
 def figures(reports):
-    return reports[1]
+    return {kind: drawn for kind, (_, drawn) in reports.items()}
 
 
 @pytest.fixture(scope="session")
 def plane_page(reports):
-    return reports[0]["plane"]
+    return reports["plane"][0]
 
 
 @pytest.fixture(scope="session")
 def solid_page(reports):
-    return reports[0]["solid"]
+    return reports["solid"][0]
 
 
 @pytest.fixture(scope="session")
-def whole_solid_page(solid):
-    return page.report_page([("pit.fit", solid)])
+def whole_solid(solid):
+    """The page of the solid ground with all its figures; slow."""
+    return drawn_page(solid)
+
+
+@pytest.fixture(scope="session")
+def whole_solid_page(whole_solid):
+    return whole_solid[0]

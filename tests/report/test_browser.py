@@ -183,13 +183,14 @@ def test_no_figure_lies_on_another(seen):
 
 
 @pytest.mark.parametrize("name", ["residuals", "correlation"])
-def test_letters_and_lines_stand_where_matplotlib_puts_them(seen, name, figures):
+def test_letters_and_lines_stand_where_matplotlib_puts_them(seen, name, request):
     measured, pixels, _, _ = seen
     (place,) = [each for each in measured["figures"] if each["name"] == f"figure-{name}"]
     x, y, width, height = (round(place[key]) for key in ("x", "y", "width", "height"))
-    kind = "plane" if "figure-yielded" in {f["name"] for f in measured["figures"]} else "solid"
+    plane = "figure-yielded" in {f["name"] for f in measured["figures"]}
     file = io.BytesIO()
-    figure = figures[kind][name]
+    drawn = request.getfixturevalue("figures" if plane else "whole_solid")
+    figure = drawn["plane"][name] if plane else drawn[1][name]
     figure.savefig(file, format="png", dpi=width / figure.get_figwidth())
     own = imread(io.BytesIO(file.getvalue()))[..., :3]
     shown = pixels[y : y + height, x : x + width]

@@ -227,11 +227,11 @@ def test_files_are_named_by_figure_and_result(monkeypatch):
 
 def test_long_names_and_many_stages_stay_readable():
     base = example_result(2)
-    long = tuple(f"a stage of construction with the number {k}" for k in range(30))
+    long = tuple(f"a stage of construction with the number {k}" for k in range(18))
     table = base.gauges
 
     def wide(array):
-        return np.repeat(array, 10, axis=1)
+        return np.repeat(array, 6, axis=1)
 
     many = changed_gauges(
         table, stages=long, measured=wide(table.measured), computed=wide(table.computed),

@@ -18,6 +18,7 @@ from geoident.forward.reduced.moduli import Span, relative_eigenvalues
 from geoident.forward.reduced.projection import GalerkinProjection
 from geoident.forward.reduced.recorder import MOST_FURTHER, MOST_SECOND, Recorder
 from geoident.forward.reduced.snapshots import Snapshot
+from geoident.forward.reduced.zones import Zone, zones_of
 from geoident.model.arrays import Floats, Ints
 
 _WITH_SECOND = 2
@@ -28,6 +29,8 @@ PROJECTED = 5.0
 
 Measured on `cases/cavern`: whole fits took a seventh longer with the reduced model than without.
 """
+
+DEAR = "for a mesh of this size it costs more than the marches that it saves"
 
 FAR = 0.5
 """Moduli further apart than this, see `_apart`, are a further place of adjoints."""
@@ -85,6 +88,8 @@ class Reduction:
 
     def _prepare(self) -> str | None:
         """Look at moduli and loads; why there is no reduced model, a clause, or None."""
+        if self.economical and self._dear(zones_of(self._march.on_mesh), {}):
+            return DEAR  # whatever the moduli are: they only add to it
         affine = self._affine = affine_march(self._march, self.last, self._observation)
         if affine is None:
             return "its loads are no polynomials of low degree in the parameters"
@@ -97,7 +102,8 @@ class Reduction:
         self._second = self._entries(affine, 4 * columns) <= MOST_ENTRIES
         largest = columns + MOST_FURTHER if self._second else columns
         self.most = max(1, min(self.most, MOST_ENTRIES // self._entries(affine, largest)))
-        return self._dear(affine) if self.economical else None
+        ranks = {name: span.rank for name, span in affine.form.spans.items()}
+        return DEAR if self.economical and self._dear(affine.zones, ranks) else None
 
     def _entries(self, affine: AffineMarch, columns: int) -> int:
         """Numbers that a march leaves: motions, what is seen of them, and how ground settled."""
@@ -106,14 +112,18 @@ class Reduction:
         seen = (self.last + 1) * len(self._observation.channels)
         return (self.last * n_dofs + seen + settled) * columns
 
-    def _dear(self, affine: AffineMarch) -> str | None:
-        """Why a reduced model would cost more than the marches that it saves; None if it does not.
+    def _dear(self, zones: Sequence[Sequence[Zone]], ranks: Mapping[str, int]) -> bool:
+        """Whether a reduced model would cost more than the marches that it saves.
+
+        Args:
+            zones: of every state.
+            ranks: matrices of which the moduli of each material are made; none are none.
 
         Counted are multiplications and additions: of a factorization by nested dissection, about
         60 n^1.5 in the plane and 20 n^2 in space; of the triangular factors of the columns of two
         marches, which are of long thin matrices and made anew with every march (`PROJECTED`).
         """
-        march, n = self._march, len(affine.form.names)
+        march, n = self._march, len(self._march.case.parameters)
         points, columns = march.systems.discretization.points, 3 * (1 + n)
         projecting = marching = 0.0
         for state in range(1, self.last + 1):
@@ -121,14 +131,12 @@ class Reduction:
             factor = 60.0 * unknowns**1.5 if points.n_strain < 6 else 20.0 * unknowns**2
             size = points.n_strain * points.n_points
             marching += factor + 150.0 * (1 + n) * size
-            for zone in affine.zones[state]:
+            for zone in zones[state]:
                 terms = {(other, material) for other, material, _ in zone.parts if other}
-                blocks = 1 + sum(affine.form.spans[material].rank for _, material in terms)
+                blocks = 1 + sum(ranks.get(material, 0) for _, material in terms)
                 rows = points.n_strain * len(zone.points)
                 projecting += 2.0 * rows * (columns * blocks) ** 2
-        if PROJECTED * projecting <= marching:
-            return None
-        return "for a mesh of this size it costs more than the marches that it saves"
+        return PROJECTED * projecting > marching
 
     def covers(self) -> bool:
         """Whether there is nothing against it; loads and moduli are looked at once."""

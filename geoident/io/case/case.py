@@ -7,8 +7,9 @@ here, with its section and what this is built into. What takes more than one sec
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
+from functools import cache
 from typing import Annotated, Any, Literal
 
 from pydantic import (
@@ -341,21 +342,39 @@ def _seek_strengths(materials: Mapping[str, Material]) -> bool:
     )
 
 
-def numbers_of(node: object, path: KeyPath = ()) -> Iterator[tuple[KeyPath, Given]]:
+def numbers_of(node: object, path: KeyPath = ()) -> list[tuple[KeyPath, Given]]:
     """Every number of a case, or of a part of it that stands at a path, with its path."""
+    found: list[tuple[KeyPath, Given]] = []
+    _add_numbers(node, path, found)
+    return found
+
+
+_PLAIN = frozenset([type(None), str, float, int, bool])
+"""Most of what a case holds: it is no number with a unit, and has none inside."""
+
+
+def _add_numbers(node: object, path: KeyPath, found: list[tuple[KeyPath, Given]]) -> None:
+    if type(node) in _PLAIN:
+        return
     if isinstance(node, Given) and isinstance(node.field, GrowthBase | RockMassModulusSection):
-        yield from numbers_of(node.field, path)
+        _add_numbers(node.field, path, found)
     elif isinstance(node, Given):
-        yield (path if node.field is None else (*path, "field", "mean")), node
+        found.append((path if node.field is None else (*path, "field", "mean"), node))
     elif isinstance(node, BaseModel):
-        for name, info in type(node).model_fields.items():
-            yield from numbers_of(getattr(node, name), (*path, info.alias or name))
+        for name, key in _keys_of(type(node)):
+            _add_numbers(getattr(node, name), (*path, key), found)
     elif isinstance(node, Mapping):
         for key, value in node.items():
-            yield from numbers_of(value, (*path, key))
+            _add_numbers(value, (*path, key), found)
     elif isinstance(node, list):
         for n, value in enumerate(node):
-            yield from numbers_of(value, (*path, n))
+            _add_numbers(value, (*path, n), found)
+
+
+@cache
+def _keys_of(section: type[BaseModel]) -> tuple[tuple[str, str], ...]:
+    """Names of what a section has, and the keys under which users write it."""
+    return tuple((name, info.alias or name) for name, info in section.model_fields.items())
 
 
 def tied_parameters(section: CaseSection) -> frozenset[str]:

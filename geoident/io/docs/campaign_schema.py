@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import sys
+from functools import cache
 from typing import Any
 
 from geoident.io.campaign.sections import CampaignSection
@@ -20,8 +21,9 @@ required. How campaigns are used: [many runs](how-to/campaigns.md).
 """
 
 
+@cache
 def campaign_schema() -> dict[str, Any]:
-    """The schema of campaign files.
+    """The schema of campaign files, made once: not to be changed.
 
     >>> campaign_schema()["title"]
     'geoident campaign'

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import sys
+from functools import cache
 from typing import Any
 
 from geoident.io.docs.case_schema import key_page, schema_of
@@ -20,8 +21,9 @@ required. How projects are used: [several sections](how-to/several-sections.md).
 """
 
 
+@cache
 def project_schema() -> dict[str, Any]:
-    """The schema of project files.
+    """The schema of project files, made once: not to be changed.
 
     >>> project_schema()["title"]
     'geoident project'

@@ -168,7 +168,7 @@ def test_the_number_of_steps_stays_far_below_its_bound(monkeypatch):
     assert len(steps) < 0.05 * dual.step_limit(100)
 
 
-@pytest.mark.parametrize("size", [3, 4])
+@pytest.mark.parametrize("size", [3, pytest.param(4, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("miss", [0.0, 1e-15, 1e-14, 1e-13, 1e-12, 1e-11, 1e-9, 1e-6])
 def test_a_crowded_vertex_whose_planes_miss_each_other_by_little(size, miss):
     """The images of Mohr-Coulomb and a cut, many of them the same plane but for a little."""

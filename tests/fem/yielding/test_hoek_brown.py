@@ -147,9 +147,19 @@ def law(values: dict[str, float], n_stress: int, *, associated: bool, natural: b
     return HoekBrownLaw(Dual(elasticity), surface)
 
 
-@pytest.mark.parametrize("n_stress", [4, 6])
-@pytest.mark.parametrize("associated", [True, False])
-@pytest.mark.parametrize("natural", [True, False])
+@pytest.mark.parametrize(
+    ("n_stress", "associated", "natural"),
+    [
+        (4, True, True),
+        (4, False, False),
+        (6, True, False),
+        (6, False, True),
+        pytest.param(4, True, False, marks=pytest.mark.slow),
+        pytest.param(4, False, True, marks=pytest.mark.slow),
+        pytest.param(6, True, True, marks=pytest.mark.slow),
+        pytest.param(6, False, False, marks=pytest.mark.slow),
+    ],
+)
 def test_tangent_and_derivatives(n_stress, associated, natural):
     """By the trial stress and by all constants, on the face, the edges, the cut-off, the tip."""
     values, kind = {**ROCK, "E": E, "nu": NU}, {"associated": associated, "natural": natural}

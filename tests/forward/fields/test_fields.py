@@ -14,7 +14,7 @@ from support.meshes import box, regroup
 from geoident.forward.gauges.adjoints import ReadingAdjoints
 from geoident.forward.ground.field import field_notes
 from geoident.model.case import Analysis, Material, Stage
-from geoident.model.ground import Attitude, Isotropic, Orthotropic, TransverselyIsotropic
+from geoident.model.ground import Attitude, Field, Isotropic, Orthotropic, TransverselyIsotropic
 from geoident.model.in_situ import ConstantStress
 from geoident.model.parameter import Parameter, Scalar
 
@@ -287,3 +287,28 @@ def test_what_modes_leave_out_is_said_below_nine_tenths(part, modes, measured, a
     assert note.startswith(begin)
     rest = note.removeprefix(begin)
     assert rest == "" if not advice else rest.endswith(f"than in the ground: {advice}")
+
+
+def test_a_field_of_a_case_stands_at_the_points_of_its_material():
+    """In the middle of its lengths, with its modes as parameters behind those of the case."""
+    flat = Attitude(Scalar(0.0), Scalar(np.pi / 2))
+    field = Field("rock", "E", Scalar(1.0, "E"), 0.4, (3.0,), flat, modes=3)
+    varies = Material("rock", Isotropic(E=Scalar(1.0, "E"), nu=Scalar(0.2)), fields=(field,))
+    mesh = regroup(box("quad4", (4, 4), size=(4.0, 4.0)), even=lambda c: c[:, 1] > 2.0)
+    staged = model(
+        mesh,
+        materials={"rock": varies, "even": material("even", 1e9, 0.2)},
+        groups={"rock": "rock", "even": "even"},
+        parameters=(Parameter("E", 2e9, 1e9, 4e9),),
+        supports=rollers(2),
+    )
+    (found,) = staged.on_mesh.fields
+    points = staged.discretization.points.position
+    assert (points[found.points, 1] < 2.0).all()
+    assert len(found.points) == np.sum(points[:, 1] < 2.0)
+    assert staged.names == ("E", *found.names)
+    assert len(found.names) == 3
+    # the farther apart two points are, the less they have in common
+    first = (found.modes @ found.modes.T)[0]
+    away = np.linalg.norm(points[found.points] - points[found.points[0]], axis=1)
+    assert np.corrcoef(first, away)[0, 1] < -0.9

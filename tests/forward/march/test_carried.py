@@ -524,3 +524,45 @@ def test_forces_inside_that_stay_are_at_rest(change, rests):
         moved = acting.copy()
         moved[row, column] += change * size * (1.0 if row else -1.0)
         assert lasting._rests(SimpleNamespace(acting=moved), forces) == rests
+
+
+@pytest.mark.parametrize(
+    ("off", "follows"),
+    [
+        ((0.0, 0.0), True),
+        ((1.9e-13, 0.0), True),  # a ten-million-millionth of 2, and of 5
+        ((2.1e-13, 0.0), False),
+        ((0.0, 4.9e-13), True),
+        ((0.0, -5.1e-13), False),
+        ((0.5, 0.0), False),
+    ],
+)
+def test_lasting_ground_follows_from_the_virgin_state_where_that_is_in_balance(off, follows):
+    """Unknowns 0, 2 and 3 of it lie inside, of which 3 is held; the columns are judged apart."""
+    pull = np.array([[1.0, 5.0], [-2.0, 0.3], [0.7, -0.2], [9.0, 9.0], [0.4, 0.1]])
+    acting = np.array([[1.0, 5.0], [0.0, 0.0], [0.7, -0.2], [0.0, 0.0], [1.5, 3.0]])
+    pull[3], acting[0] = (0.1, 0.2), acting[0] + off
+    ground = object.__new__(LastingGround)
+    ground._place, ground._lasts = np.array([-1, 0, -1, -1, 1]), np.array([True, False, True])
+    ground._inner, ground._outer = np.array([0, 2, 3]), np.array([1, 4])
+    asked = []
+
+    def forces(stress, volume):
+        asked.append(volume.tolist())
+        return pull
+
+    points = SimpleNamespace(forces=forces)
+    ground._systems = SimpleNamespace(discretization=SimpleNamespace(points=points))
+    stress = np.arange(24.0).reshape(4, 3, 2)
+    system = SimpleNamespace(dofs=np.array([4, 2, 0, 1]), volume=np.array([2.0, 3.0, 4.0]))
+    carried = SimpleNamespace(stress=stress, since=None)
+    u = np.zeros((5, 2))
+    ground.begin_virgin(SimpleNamespace(carried=carried, forces=acting, system=system), u)
+    assert asked == [[2.0, 0.0, 4.0]]
+    assert (carried.since is not None) == follows
+    if follows:
+        np.testing.assert_array_equal(carried.since.stress, stress[..., 0])
+        np.testing.assert_array_equal(carried.since.acting, acting[[0, 2, 3]])
+        np.testing.assert_array_equal(carried.since.pull, pull[[1, 4]])
+        np.testing.assert_array_equal(carried.since.u, u)
+        assert carried.since.u is not u

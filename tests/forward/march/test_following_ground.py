@@ -14,7 +14,8 @@ from geoident.forward.march import lasting
 from geoident.forward.march.march import RunOptions
 from geoident.forward.model import staged_model
 from geoident.model.actions import PointForce
-from geoident.model.case import Stage
+from geoident.model.case import Material, Stage, Support
+from geoident.model.ground import Isotropic
 from geoident.model.in_situ import ConstantStress
 from geoident.model.parameter import Parameter, Scalar
 from geoident.model.structures import Bolts
@@ -177,6 +178,32 @@ def test_a_load_on_what_lasts_is_solved_where_it_comes_and_goes(mesh):
     compare(found, wanted)
     solved = [ours[3] == whole[3] for ours, whole in zip(found, wanted, strict=True)]
     assert solved == [True, False, True, False, True, False]  # the virgin state takes none
+
+
+@pytest.mark.parametrize(
+    "second",
+    [
+        {"temperature": {"rock": Scalar(12.0)}},
+        {"supports": {"z0": Support("z0", (2,), motions=((2, Scalar(-1e-3)),))}},
+    ],
+    ids=["warmth", "motion"],
+)
+def test_what_warms_or_moves_what_lasts_is_solved(mesh, second):
+    warm = Material(
+        "rock", Isotropic(E=Scalar(1.0, "E"), nu=Scalar(0.25)), Scalar(0.0), Scalar(1e-5)
+    )
+    changes = {
+        "materials": {"rock": warm, "concrete": material("concrete", 30e9, 0.2)},
+        "stages": (
+            Stage("first", excavate=("first",)),
+            Stage("second", excavate=("second",), **second),
+            Stage("third", excavate=("third",)),
+        ),
+    }
+    found, wanted = states(drift(mesh, **changes)), alone(drift(mesh, **changes))
+    compare(found, wanted)
+    solved = [ours[3] == whole[3] for ours, whole in zip(found, wanted, strict=True)]
+    assert solved == [True, False, True, False]
 
 
 def test_states_that_are_kept_give_their_stresses_later(mesh):

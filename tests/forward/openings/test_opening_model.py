@@ -17,7 +17,7 @@ from geoident.forward.openings.model import OpeningResponse, opening_model
 from geoident.model.actions import Pressure
 from geoident.model.case import Analysis, Stage
 from geoident.model.gauges import Channel
-from geoident.model.ground import Isotropic
+from geoident.model.ground import Attitude, Field, Isotropic
 from geoident.model.in_situ import HeimStress
 from geoident.model.methods import ClosedFormOptions
 from geoident.model.parameter import Scalar
@@ -296,6 +296,15 @@ def test_what_is_no_deep_circle():
     square = regroup(square, core=lambda x: (abs(x - 10) < 3).all(axis=1))
     found = staged(square, material("rock", 5e9, 0.25), stages=STAGES[:2], channels=())
     assert "no circle" in why(found.response(()))
+
+
+def test_ground_that_varies_has_no_closed_form():
+    flat = Attitude(Scalar(0.0), Scalar(np.pi / 2))
+    field = Field("rock", "E", Scalar(5e9), 0.3, (4.0,), flat, modes=2)
+    varies = replace(material("rock", 5e9, 0.25), fields=(field,))
+    said = "there is no closed form of this case: constants of 'rock' vary from place to place"
+    with pytest.raises(InputError, match=said):
+        without_mesh(varies)
 
 
 @pytest.mark.parametrize("degrees", [44.0, 46.0])

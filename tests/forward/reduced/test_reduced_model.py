@@ -372,6 +372,8 @@ def test_a_model_that_is_kept_answers_as_the_one_it_was(name):
 def test_motions_of_the_marches_it_was_made_of_are_known(name):
     """Of every state, with their derivatives; of none beyond those that are wanted."""
     staged, response, reduced, points = made(name)
+    virgin, loads = reduced.model.stages[0], reduced.model.form.loads
+    assert virgin.load.shape == (0, len(loads.mix))  # nothing moves there
     known = response.reduction.motion(reduced.model, points[0])
     moved = [end.u.copy() for end in staged.at(points[0]).states()]
     size = np.abs(moved).max(axis=(0, 1))

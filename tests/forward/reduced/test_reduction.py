@@ -111,7 +111,7 @@ def test_what_a_reduced_model_costs_and_saves_is_counted(n, saves, monkeypatch):
             blocks = 1 + sum(ranks[m] for _, m in terms)
             projecting += 2.0 * 4 * len(zone.points) * (3 * columns * blocks) ** 2
     monkeypatch.setattr(under_test, "PROJECTED", marching / projecting / n)
-    assert (made._dear(affine) is None) == saves
+    assert made._dear(affine.zones, ranks) != saves
 
 
 def test_in_space_a_factorization_costs_the_square_of_the_unknowns(monkeypatch):
@@ -129,7 +129,27 @@ def test_in_space_a_factorization_costs_the_square_of_the_unknowns(monkeypatch):
             projecting += 2.0 * 6 * len(zone.points) * (3 * columns * blocks) ** 2
     for part, saves in ((1.0001, False), (0.9999, True)):
         monkeypatch.setattr(under_test, "PROJECTED", part * marching / projecting)
-        assert (made._dear(affine) is None) == saves
+        ranks = {name: span.rank for name, span in affine.form.spans.items()}
+        assert made._dear(affine.zones, ranks) != saves
+
+
+@pytest.mark.parametrize(("part", "looks"), [(0.9, 1), (1.1, 0)])
+def test_moduli_are_not_looked_at_where_zones_of_one_matrix_cost_more(part, looks, monkeypatch):
+    """Each zone is of one matrix at least; what its stress is made of is more."""
+    looked, look = [], under_test.affine_march
+    monkeypatch.setattr(under_test, "affine_march", lambda *given: looked.append(1) or look(*given))
+    staged = plane(n=4)
+    made = _reduction(staged)
+    marching = projecting = 0.0
+    for state in range(1, made.last + 1):
+        free = staged.march.systems[state].pattern.lower.n
+        marching += 60.0 * free**1.5 + 150.0 * 6 * 4 * staged.discretization.points.n_points
+        present = sum(len(zone.points) for zone in under_test.zones_of(staged.on_mesh)[state])
+        projecting += 2.0 * 4 * present * (3 * 6) ** 2
+    monkeypatch.setattr(under_test, "PROJECTED", part * marching / projecting)
+    assert not made.covers()
+    assert made.obstacle == under_test.DEAR
+    assert len(looked) == looks
 
 
 def test_the_first_marches_of_a_search_leave_more(monkeypatch):

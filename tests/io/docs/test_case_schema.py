@@ -21,7 +21,7 @@ SHIPPED = sorted(
     key=lambda case: case.parts[-3:],
 )
 
-case_schema, key_page_text = cache(made.case_schema), cache(made.key_page_text)
+case_schema, key_page_text = made.case_schema, cache(made.key_page_text)
 
 
 def test_committed_schema_is_up_to_date():
@@ -75,7 +75,7 @@ def test_page_of_keys_links_to_parts_that_are_there():
     assert links <= anchors
 
 
-class Yaml12(yaml.SafeLoader):
+class Yaml12(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):
     """As editors read YAML: only true and false are flags, 'on' and dates are texts."""
 
     yaml_implicit_resolvers: ClassVar = {
@@ -136,5 +136,6 @@ def test_quantities_say_in_words_what_is_expected_and_show_an_example_that_fits(
             assert fits or isinstance(example, list), schema
 
 
+@pytest.mark.slow  # pydantic makes it, and all shipped cases are validated by it
 def test_the_schema_is_one():
     jsonschema.Draft202012Validator.check_schema(case_schema())

@@ -13,6 +13,7 @@ import pytest
 from geoident.io.result.file import read_result, write_result
 from geoident.io.result.vtkhdf import sidecar_path
 from geoident.model.results.result import FieldSeries, Result
+from tests.io.result.conftest import make_result
 
 vtk = pytest.importorskip("vtkmodules.vtkIOHDF", reason="needs vtk")
 from vtkmodules.util.numpy_support import vtk_to_numpy  # noqa: E402
@@ -23,16 +24,25 @@ Make = Callable[..., Result]
 CELL_TYPES = {2: [5, 5, 9, 22, 23], 3: [10, 24, 12, 25, 13, 26, 14, 27]}
 
 
+@pytest.fixture(scope="module")
+def folders(tmp_path_factory: pytest.TempPathFactory) -> dict[int, Path]:
+    """Folders with a written result, by its dimension."""
+    found = {dim: tmp_path_factory.mktemp(f"written-{dim}") for dim in (2, 3)}
+    for dim, folder in found.items():
+        write_result(make_result(dim), folder / "a.fit.h5", overwrite=False)
+    return found
+
+
 @pytest.fixture(params=["a.fit.h5", "a.fit.vtkhdf"])
-def opened(request: pytest.FixtureRequest, tmp_path: Path, result_maker: Make) -> Any:
-    """Writes a result; opens it, or its sidecar, from another folder."""
+def opened(request: pytest.FixtureRequest, folders: dict[int, Path], result_maker: Make) -> Any:
+    """Opens a result that was written, or its sidecar, from another folder."""
 
     def open_(dim: int) -> tuple[FieldSeries, Any]:
         result = result_maker(dim)
-        write_result(result, tmp_path / "a.fit.h5", overwrite=False)
+        file = str(folders[dim] / request.param)
         reader = vtk.vtkHDFReader()
-        assert reader.CanReadFile(str(tmp_path / request.param))
-        reader.SetFileName(str(tmp_path / request.param))
+        assert reader.CanReadFile(file)
+        reader.SetFileName(file)
         reader.UpdateInformation()
         return result.fields, reader
 

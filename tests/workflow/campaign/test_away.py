@@ -110,6 +110,7 @@ def test_results_of_a_cluster_are_those_of_the_serial_run_bit_for_bit(here, clus
 
 
 def test_a_cluster_that_is_lost_leaves_what_had_ended(there):
+    write(f"command: simulate\n{VARY}")
     with pytest.raises(LostCluster) as caught:
         computed(There(there, None, lose_after=1))
     assert caught.value.exit_code == ExitCode.SOME_FAILED
@@ -123,6 +124,7 @@ def test_a_cluster_that_is_lost_leaves_what_had_ended(there):
 def test_a_disk_that_is_full_here_ends_the_campaign_and_costs_nothing_that_is_there(
     there, monkeypatch
 ):
+    write(f"command: simulate\n{VARY}")
     whole, written = away.atomic_output, []
 
     @contextmanager
@@ -137,7 +139,7 @@ def test_a_disk_that_is_full_here_ends_the_campaign_and_costs_nothing_that_is_th
     with pytest.raises(OutputError, match="No space left on device") as caught:
         computed(There(there, None))
     assert caught.value.exit_code == ExitCode.OUTPUT
-    assert sorted(path.name for path in Path("campaign.batch").glob("*.h5")) == ["0001.fit.h5"]
+    assert sorted(path.name for path in Path("campaign.batch").glob("*.h5")) == ["0001.simulate.h5"]
     _, plan = computed(There(there, None))
     assert [run.name for run in plan.remaining] == ["0002", "0003"]
 

@@ -261,6 +261,7 @@ def test_tasks_end_with_a_client_that_is_killed(cluster, tmp_path, local):
     wait_until(lambda: not runs(pid))
 
 
+@pytest.mark.slow  # what is done then: test_connection.py
 def test_a_scheduler_that_is_killed_and_started_again_is_gone_on_with(tmp_path):
     said = []
     with RealCluster(tmp_path) as cluster:

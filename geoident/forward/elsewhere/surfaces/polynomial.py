@@ -100,11 +100,15 @@ class Polynomial:
 
 
 def _legendre(u: Floats, order: int) -> tuple[Floats, Floats]:
-    """Legendre's polynomials (r, n, order + 1) at coordinates u (r, n), and their derivatives."""
-    values = legendre.legvander(u, order)
-    unit = np.eye(order + 1)
-    slopes = np.stack([legendre.legval(u, legendre.legder(row)) for row in unit], axis=-1)
-    return np.asarray(values), np.asarray(slopes)
+    """Legendre's polynomials (r, n, order + 1) at coordinates u (r, n), and their derivatives.
+
+    These by P'_(k+1) = P'_(k-1) + (2 k + 1) P_k.
+    """
+    values = np.asarray(legendre.legvander(u, order), dtype=np.float64)
+    slopes = np.zeros_like(values)
+    for k in range(order):
+        slopes[..., k + 1] = slopes[..., max(k - 1, 0)] + (2 * k + 1) * values[..., k]
+    return values, slopes
 
 
 def design(u: Floats, powers: tuple[tuple[int, ...], ...], order: int) -> Floats:
