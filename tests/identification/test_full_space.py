@@ -151,6 +151,7 @@ def test_a_missing_package_is_refused_before_computing(monkeypatch: pytest.Monke
     assert problem.response.counts.evaluations == 1  # that of the readings
 
 
+@pytest.mark.slow  # without noise: the next
 def test_noise_gives_the_same_optimum_as_the_implicit_method(
     capfd: pytest.CaptureFixture[str],
 ) -> None:

@@ -495,6 +495,7 @@ def test_where_ground_yields_a_step_begins_with_what_the_one_before_has_computed
         assert mine.sd == pytest.approx(other.sd, rel=1e-4)
 
 
+@pytest.mark.slow  # what a step begins with where ground yields: above
 def test_where_ground_yields_a_fit_beside_an_answer_weighs_the_readings_there(pit, monkeypatch):
     """What they would say without model error is not asked for."""
     said = ("materials.rock.yield={type: tresca, cohesion: 0.5 MPa}",)

@@ -140,7 +140,10 @@ def chosen(folder, what, *, rich):
     return json.loads(ended.stdout)["comparison"]
 
 
-@pytest.mark.parametrize("what", CHOICES)
+@pytest.mark.parametrize(
+    "what",
+    [pytest.param(what, marks=pytest.mark.slow) for what in tuple(CHOICES)[:1]] + list(CHOICES)[1:],
+)
 def test_the_richer_model_is_chosen_where_it_made_the_readings(tmp_path, what):
     comparison = chosen(tmp_path, what, rich=True)
     assert comparison["chosen"] == "rich"

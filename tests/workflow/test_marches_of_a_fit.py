@@ -143,6 +143,7 @@ def test_a_fit_and_all_that_it_says_takes_one_march_more_than_its_search(whole):
     assert whole.backtest.steps[0].counts.factorizations == backtest
 
 
+@pytest.mark.slow  # answers of a reduced model close to those of the model: test_reduced_answers.py
 def test_it_says_what_the_model_alone_would(case, whole, monkeypatch):
     """Weights are known to `AT_REST`: another way there changes answers by 1e-4 of an interval."""
     plain = fitted("fit.reduced=false", "fit.backtest=false")

@@ -51,6 +51,7 @@ def test_the_model_that_made_the_readings_is_chosen(tmp_path, rung):
         assert abs(known["value"] - truth) < 4.0 * known["sd"]
 
 
+@pytest.mark.slow  # the choice without one: above
 def test_a_model_error_does_not_swallow_the_difference(tmp_path):
     """Its size is estimated for each model: of the too simple one it explains part, not all."""
     told = _ladder(tmp_path, "transversely-isotropic", 3, fit=f"{{ladder: {TWO}, {ALONE}}}")[1]

@@ -94,6 +94,7 @@ def test_a_run_that_ended_is_replayed_without_a_march(measured):
     np.testing.assert_array_equal(again.values, whole.values)
 
 
+@pytest.mark.slow  # a grid near a fit: test_kept_reduced.py
 def test_a_grid_is_answered_by_the_reduced_model_where_its_misfit_is_right(measured):
     staged = plane()
     response = staged.response(PAIRS_PLANE)

@@ -364,6 +364,7 @@ variations:
 """
 
 
+@pytest.mark.slow  # campaigns: tests/workflow/campaign; a table and its fit: above
 @pytest.mark.usefixtures("plain_pictures", "answered_here")
 def test_a_campaign_of_simulations_is_a_model_whose_fit_is_that_of_the_case(tmp_path):
     readings = READINGS
