@@ -139,7 +139,7 @@ def _most_inward(
     """The fixed variable whose gradient points most strongly back into the box, or None."""
     columns = np.linalg.norm(A, axis=0)
     inward = np.where(d <= lower, -g, 0.0) + np.where(d >= upper, g, 0.0)
-    inward[free | (lower >= upper)] = 0.0
+    inward[free] = 0.0  # what both bounds hold has no way in: the two terms add up to nothing
     gain = np.divide(inward, columns, out=np.zeros_like(d), where=columns > 0.0)
     best = int(np.argmax(gain))
     return best if gain[best] > 1e-13 * np.sqrt(size) else None

@@ -67,6 +67,17 @@ def test_what_is_given_is_not_cut():
     assert found.weight.tolist() == [1.0]
 
 
+def test_what_is_cut_most_is_so_by_its_own_standard_deviation():
+    """Of one mode only one bound can count: the second variable's, 1.5 of its sd away, not 2."""
+    mean, factor = np.array([4.0, -3.0]), np.array([[0.1], [10.0]])
+    room = np.array([0.2, 15.0])
+    found = cut_normal(mean, factor, np.full(2, -np.inf), mean + room)
+    assert found.shift[1].max() == pytest.approx(12.0, abs=0.2)
+    assert found.shift[0].max() == pytest.approx(4.15, abs=0.002)
+    found = cut_normal(mean, factor, mean - room, np.full(2, np.inf))
+    assert found.shift[0].min() == pytest.approx(3.85, abs=0.002)
+
+
 def test_what_is_cut_most_comes_first_and_what_always_counts_before_it(monkeypatch):
     """By the rows of the triangle: their lengths are the standard deviations."""
     rows = []
