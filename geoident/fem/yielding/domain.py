@@ -83,9 +83,8 @@ def _contradiction(
         bounds=[(None, None)] * size + [(None, 1.0)],
         method="highs-ds",
     )
-    if (
-        result.fun is None
-    ):  # t may be as low as it likes and is bounded: no numbers are known for it
+    # t may be as low as it likes and is bounded: no numbers are known that come here.
+    if result.fun is None:
         raise ArithmeticError(f"whether the yield planes leave a stress: {result.message}")
     if result.fun <= _ROUNDING:
         return None
