@@ -8,11 +8,9 @@ from __future__ import annotations
 
 import argparse
 import io
-import os
 import shlex
 import shutil
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import chdir
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -83,7 +81,7 @@ def run_command(line: str, folder: Path) -> tuple[str, int]:
         ValueError: it is no command of a page.
     """
     program, *words = shlex.split(line)
-    with _inside(folder):
+    with chdir(folder):
         if program == "geoident":
             done = CliRunner().invoke(geoident, words)
             return done.output, done.exit_code
@@ -169,16 +167,6 @@ def _gmsh(words: list[str]) -> int:
     gmsh.write(asked.mesh)
     gmsh.finalize()
     return 0
-
-
-@contextmanager
-def _inside(folder: Path) -> Iterator[None]:
-    before = Path.cwd()
-    os.chdir(folder)
-    try:
-        yield
-    finally:
-        os.chdir(before)
 
 
 __all__ = ["Command", "Run", "faults", "given_files", "renew", "run_page", "small"]

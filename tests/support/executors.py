@@ -1,9 +1,7 @@
 """What processes would answer, and a cluster, without waiting for any to begin."""
 
-import os
 import pickle
-from contextlib import contextmanager
-from pathlib import Path
+from contextlib import chdir
 
 from geoident.workflow.executing.executor import Answered
 from geoident.workflow.executing.parcel import packed
@@ -68,22 +66,11 @@ class ClusterHere(InThisProcess):
         parcel.unpack(self.folder)
         self.place = self.folder / parcel.here
         self.place.mkdir(parents=True, exist_ok=True)
-        with working_in(self.place):
+        with chdir(self.place):
             self.inside = sent(set_up)()
         return self
 
     def answer(self, task):
         self.answered += 1
-        with working_in(self.place):
+        with chdir(self.place):
             return self.inside(task)
-
-
-@contextmanager
-def working_in(place):
-    """Be there meanwhile."""
-    before = Path.cwd()
-    os.chdir(place)
-    try:
-        yield
-    finally:
-        os.chdir(before)

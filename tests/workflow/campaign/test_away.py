@@ -2,12 +2,11 @@
 
 import errno
 import shutil
-from contextlib import contextmanager
+from contextlib import chdir, contextmanager
 from pathlib import Path
 
 import h5py
 import pytest
-from support.executors import working_in
 
 import geoident
 from geoident.errors import ExitCode, InputError, LostCluster, OutputError
@@ -77,7 +76,7 @@ class There:
         for number, task in enumerate(tasks):
             if number == self.lose_after:
                 raise LostCluster("tcp://node1:8786", 1.0)
-            with working_in(self.place):
+            with chdir(self.place):
                 end = compute_away(task)
             yield Answered(number, end, seconds=0.1)
 
