@@ -83,7 +83,7 @@ def _contradiction(
         bounds=[(None, None)] * size + [(None, 1.0)],
         method="highs-ds",
     )
-    # t may be as low as it likes and is bounded: no numbers are known that come here.
+    # Any low t is feasible and t <= 1: only a failure of the method itself could come here.
     if result.fun is None:
         raise ArithmeticError(f"whether the yield planes leave a stress: {result.message}")
     if result.fun <= _ROUNDING:

@@ -164,13 +164,13 @@ def closed_line(mesh: Mesh, group: str) -> Ints | None:
     if not count or any(len(ways) != 2 for ways in following.values()):
         return None
     start = at = min(following)
-    passed, line = [-1], list[int]()
-    while len(passed) == 1 or at != start:
-        number, to, middle = next(way for way in following[at] if way[0] != passed[-1])
+    last, line = -1, list[int]()
+    while not line or at != start:
+        last, to, middle = next(way for way in following[at] if way[0] != last)
         line += [at, *map(int, middle)]
-        passed.append(number)
         at = to
-    return np.array(line) if len(passed) == count + 1 and len(line) > 2 else None
+        count -= 1
+    return np.array(line) if not count and len(set(line)) == len(line) > 2 else None
 
 
 def _centroid(corners: Floats) -> Floats:

@@ -49,11 +49,14 @@ _BEYOND = 1e-8
 
 _COVERED = 0.95
 _GRID = 65
-_HALVINGS = 60
-"""Of what lies between two ends: to the last digit, also of a normal a millionth of another."""
+_MOST_STEPS = 180
+"""Towards a quantile: three times as many as would halve what lies between two ends to _SAME."""
 
 _SAME = 1e-13
-"""Part of the ends between which a quantile is sought: so small a step does not matter."""
+"""Part of the ends between which a quantile is sought: what lies closer together is the same."""
+
+_NEARLY = 1e6
+"""A step of so many times that towards a quantile goes a little beyond it: the next ends there."""
 
 _PEAK = 1.0 / np.sqrt(2.0 * np.pi)
 
@@ -136,7 +139,8 @@ class NormalMixture:
 
         Newton's method between ends that close in on it. Normals of one mixture may differ by
         orders of magnitude in size: a step that leaves the ends, or is not half of the last one,
-        halves what is between them instead.
+        halves what is between them instead. It ends where the ends meet, not with a small step:
+        beside a very narrow normal any step is small.
 
         Args:
             p: (l,) probabilities.
@@ -148,19 +152,22 @@ class NormalMixture:
         high = np.where(self.below(low[:, None])[:, 0] >= p, low, high)
         at, change = 0.5 * (low + high), high - low
         done = np.zeros(len(p), dtype=bool)
-        for _ in range(3 * _HALVINGS):
+        for _ in range(_MOST_STEPS):
             with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
                 z = (at[:, None] - self.mean) / sd
                 above = ndtr(z) @ self.weight - p
-                step = at - above / (_PEAK * ((np.exp(-0.5 * z**2) / sd) @ self.weight))
+                to = at - above / (_PEAK * ((np.exp(-0.5 * z**2) / sd) @ self.weight))
             low, high = np.where(above > 0.0, low, at), np.where(above > 0.0, at, high)
-            newton = (low <= step) & (step <= high) & (np.abs(step - at) <= 0.5 * change)
-            step = np.where(newton, step, 0.5 * (low + high))
-            change = np.abs(step - at)
-            done |= change <= same
+            done |= (high - low <= 4.0 * same) | (above == 0.0)
             if done.all():
                 break
-            at = np.where(done, at, step)  # whatever other quantities still need
+            step = np.abs(to - at)
+            newton = (low <= to) & (to <= high) & (step <= np.maximum(0.5 * change, same))
+            change = np.where(newton, step, 0.5 * (high - low))
+            beyond = np.clip(to - np.sign(above) * same, low, high)
+            to = np.where(change <= _NEARLY * same, beyond, to)
+            to = np.where(newton, to, 0.5 * (low + high))
+            at = np.where(done, at, to)  # whatever other quantities still need
         return at
 
     def interval(

@@ -412,6 +412,7 @@ def test_a_closed_line_is_gone_around_with_its_middle_nodes():
     lens = [(4, 5, 1), (4, 5, 9)]
     assert closed_line(_lines(*lens), "wall").tolist() in ([4, 1, 5, 9], [4, 9, 5, 1])
     assert closed_line(_lines((4, 5), (4, 5)), "wall") is None
+    assert closed_line(_lines((4, 5, 1), (4, 5, 1)), "wall") is None
     assert closed_line(_lines(*ring, *ring), "wall") is None
 
 

@@ -305,6 +305,13 @@ def test_a_quantile_is_where_the_probability_is_reached(p):
         assert above >= p * (1.0 - 1e-9)
 
 
+def test_a_quantile_is_sought_beyond_a_normal_that_is_next_to_nothing():
+    """Every step beside it is small, though not since the quantile were near."""
+    mixture = NormalMixture(np.zeros((2, 2)), np.array([[1e-13, 1.0]]), np.array([0.9, 0.1]))
+    found = mixture.quantile(np.array([0.025, 0.975]), np.full(2, -10.0), np.full(2, 10.0))
+    np.testing.assert_allclose(found, norm.ppf([0.25, 0.75]), rtol=1e-11)
+
+
 def test_a_quantile_beyond_the_ends_is_the_end():
     one = NormalMixture(np.zeros((3, 1)), np.ones((3, 1)), np.ones(1))
     found = one.quantile(np.array([0.0, 0.5, 1.0]), np.full(3, 1.0), np.full(3, 2.0))
