@@ -17,6 +17,7 @@ from geoident.model.parameter import Parameter
 from geoident.model.results.result import STOPPED, GaugeTable, Result
 from geoident.workflow.estimating.accuracies import accuracy_findings
 from geoident.workflow.estimating.diagnosis import (
+    accuracy_residuals,
     bound_findings,
     gross_findings,
     gross_readings,
@@ -175,6 +176,7 @@ def _result(
                 parameters.picked(named).names,
                 gross=len(gross) > 0,
             ),
+            *(() if len(gross) else accuracy_residuals(gauges, job.inputs.case)),
             *last.findings,
             *_extrapolation(setup, found, gauges),
             *(setup.mesh.findings if setup.mesh is not None else ()),

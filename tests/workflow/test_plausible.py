@@ -46,8 +46,9 @@ def test_a_unit_that_nobody_meant_is_noted(notes, old, new, said):
     assert said in notes((old, new))
 
 
-def findings(tmp_path, readings):
+def findings(tmp_path, readings, case=CASE):
     path = write_case(tmp_path)
+    path.write_text(case)
     (tmp_path / "readings.csv").write_text(readings)
     told = run_command("fit", str(path), "--json", "-q", "--force")
     return " | ".join(json.loads(told.stdout)["findings"])
@@ -64,6 +65,15 @@ def test_readings_with_the_other_sign_are_found(tmp_path):
     assert "The readings of CV, S" in said
     assert "run against the model: measured and computed have opposite signs" in said
     assert "'sign: -1'" in said
+
+
+def test_one_reading_with_the_other_sign_is_found(tmp_path):
+    """Alone, it can have its gauge for itself: the model must clearly move the other way."""
+    case = CASE.replace("stages: [first]", "stages: [first, second]")
+    kept = READINGS.replace("CV,first,-0.598,mm\n", "")
+    turned = findings(tmp_path, kept.replace("CV,second,-", "CV,second,"), case)
+    assert "The reading of CV runs against the model" in turned
+    assert "against the model" not in findings(tmp_path, kept, case)
 
 
 NEAR = (

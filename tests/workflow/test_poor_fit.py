@@ -8,9 +8,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from support.commands import run_command
+from support.results import changed_gauges, gauges
 from support.trench import CASE, READINGS, write_case
 
-from geoident.workflow.estimating.diagnosis import why_poor
+from geoident.workflow.estimating.diagnosis import accuracy_residuals, why_poor
 
 LOSSES = ["squared", "huber", "student-t"]
 
@@ -84,3 +85,21 @@ def test_a_model_error_that_no_usable_model_has_is_a_poor_fit(kind, size, lower,
     said = why_poor(explained, np.zeros(0, dtype=np.int64), error)
     assert bool(said) == poor
     assert not poor or "model error of 60 %" in said
+
+
+def test_the_residual_of_most_accuracies_is_named_whatever_else_explains_it():
+    """By the accuracies as stated: of 0.1 mm and, of the settlement, 0.05 mm."""
+    table = gauges(2)
+    stated = dict.fromkeys(table.channels, 1e-4) | {table.channels[-1]: 5e-5}
+    case = SimpleNamespace(
+        channels=[SimpleNamespace(name=name, accuracy=sd) for name, sd in stated.items()]
+    )
+    (said,) = accuracy_residuals(table, case)
+    assert said.startswith("EX-1.a8 at bench 1 is 0.8 mm from what is computed, 8.0 of its")
+    measured = table.measured.copy()
+    measured[-1, 0] -= 4.2e-4
+    (said,) = accuracy_residuals(changed_gauges(table, measured=measured), case)
+    assert said.startswith(f"{table.channels[-1]} at {table.stages[0]} is 0.52 mm")
+    assert "10.4 of its accuracies" in said
+    near = np.where(np.abs(table.measured - table.computed) > 4.9e-4, np.nan, table.measured)
+    assert accuracy_residuals(changed_gauges(table, measured=near), case) == ()

@@ -90,9 +90,9 @@ class Direction:
         """Why the readings cannot separate the parameters along the direction.
 
         >>> Direction((0, 1), ("E", "sigma_v"), (1.0, 1.0), True).phrase()
-        'scaled by one factor, they leave the readings as they are'
+        'scaled by one factor, they leave the readings the same within the errors'
         >>> Direction((0, 1), ("E", "nu"), (1.0, 0.4), True).phrase()
-        'rising or falling together, they leave the readings as they are'
+        'rising or falling together, they leave the readings the same within the errors'
         >>> Direction((0, 1), ("E", "nu"), (1.0, -0.4), True).phrase()
         'one can make up for the other'
         >>> Direction((0, 1, 2), ("E", "nu", "K0"), (1.0, 0.8, -0.4), True).phrase()
@@ -102,7 +102,7 @@ class Direction:
         down = [name for name, a in zip(self.names, self.weights, strict=True) if a < 0.0]
         if not down:
             how = "scaled by one factor" if self.equal else "rising or falling together"
-            return f"{how}, they leave the readings as they are"
+            return f"{how}, they leave the readings the same within the errors"
         if len(self.names) == 2:
             return "one can make up for the other"
         return f"a fall of {join(down)} can make up for a rise of {join(up)}"

@@ -179,7 +179,7 @@ def influence_title(found: Diagnostics | None) -> str:
     if found is None:
         return ""
     scale = number(found.scale, 2)
-    title = f"Most influential readings (residuals: {scale} of the stated standard deviation)"
+    title = f"Most influential readings (residuals: {scale} standard deviations of all errors)"
     if found.loss != "squared":
         title += f"\nLoss {found.loss}; plain weighted squares {number(found.squares)}"
     return title

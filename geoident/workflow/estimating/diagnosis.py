@@ -35,6 +35,9 @@ FAR_OFF = 3.5
 AGAINST = 0.6
 """Share of the clear readings of the opposite sign from which on it is said."""
 
+UNEXPLAINED = 5.0
+"""Residual in accuracies from which on it is named, whatever else explains it."""
+
 WORTH_SAYING = 0.1
 """Influence, in standard deviations of a parameter, below which no reading is named for it."""
 
@@ -322,6 +325,37 @@ def gross_findings(gross: Ints, readings: ReadingTable, case: Case) -> tuple[str
     )
 
 
+def accuracy_residuals(gauges: GaugeTable, case: Case) -> tuple[str, ...]:
+    """A sentence for the residual that is the most accuracies, where these do not explain it.
+
+    The other sentences judge by all errors, among them those of model and mesh that the residuals
+    themselves have shown: by these no model would ever look wrong.
+
+    Args:
+        gauges: measured and computed.
+        case: with the accuracies as stated.
+    """
+    residual = np.where(gauges.used, gauges.measured - gauges.computed, 0.0)
+    times = np.nan_to_num(np.abs(residual) / _stated_accuracy(gauges, case))
+    if not times.max(initial=0.0) >= UNEXPLAINED:
+        return ()
+    i, j = np.unravel_index(int(np.argmax(times)), times.shape)
+    unit = gauges.units[i], gauges.dimensions[i]
+    size = f"{in_unit(float(np.abs(residual[i, j])), *unit):.2g} {shown_unit(*unit)}".rstrip()
+    return (
+        f"{gauges.channels[i]} at {gauges.stages[j]} is {size} from what is computed, "
+        f"{_times(float(times[i, j]))} of its accuracies: the model is wrong by that, or the "
+        "reading. `geoident compare` says whether another model (anisotropic, yielding, stressed "
+        "otherwise) describes the ground better.",
+    )
+
+
+def _stated_accuracy(gauges: GaugeTable, case: Case) -> Floats:
+    """(n_channels, 1) SI: estimated ones would grow with what is looked for."""
+    stated = {channel.name: channel.accuracy for channel in case.channels}
+    return np.array([stated.get(name, np.nan) for name in gauges.channels])[:, None]
+
+
 _CLEAR = 5.0
 """Accuracies from which on what a gauge reads has a clear sign."""
 _MOVES = 0.05
@@ -329,6 +363,8 @@ _MOVES = 0.05
 
 Of accuracies it need not be one: the stiffer the model, the less it reads against the gauges.
 """
+_MOVES_ALONE = 0.2
+"""The same where only one reading is against the model."""
 _AGAINST = -0.5
 """Correlation of measured and computed readings of a gauge, about zero, that is against."""
 
@@ -341,29 +377,30 @@ def opposite_findings(gauges: GaugeTable, case: Case) -> tuple[str, ...]:
 
     Args:
         gauges: measured and computed.
-        case: with the accuracies as stated: estimated ones grow with what is looked for here.
+        case: with the accuracies as stated.
     """
-    stated = {channel.name: channel.accuracy for channel in case.channels}
-    accuracy = np.array([stated.get(name, np.nan) for name in gauges.channels])[:, None]
+    accuracy = _stated_accuracy(gauges, case)
     used = gauges.used & np.isfinite(gauges.measured) & np.isfinite(gauges.computed)
     measured = np.where(used, gauges.measured, 0.0) / accuracy
     computed = np.where(used, gauges.computed, 0.0)
     dimensions = np.array(gauges.dimensions)
     largest = {one: np.abs(computed[dimensions == one]).max(initial=0.0) for one in dimensions}
-    turned, count = [], 0
+    turned, count, most = [], 0, 0.0
     for name in dict.fromkeys(gauges.gauges):
         rows = np.array([own == name for own in gauges.gauges])
         read, said = measured[rows], (computed / accuracy)[rows]
         clear = np.linalg.norm(read) > _CLEAR
-        moves = np.abs(computed[rows]).max() > _MOVES * largest[dimensions[rows][0]]
+        part = np.abs(computed[rows]).max() / max(largest[dimensions[rows][0]], 1e-300)
         size = float(np.linalg.norm(read) * np.linalg.norm(said))
-        if clear and moves and float((read * said).sum()) < _AGAINST * size:
+        if clear and part > _MOVES and float((read * said).sum()) < _AGAINST * size:
             turned.append(name)
             count += int(used[rows].sum())
-    if count < 2:
+            most = max(most, part)
+    if not turned or (count < 2 and most <= _MOVES_ALONE):
         return ()
+    what = "readings of {} run" if count > 1 else "reading of {} runs"
     return (
-        f"The readings of {listing(turned)} run against the model: measured and computed have "
+        f"The {what.format(listing(turned))} against the model: measured and computed have "
         "opposite signs. Distances are positive where they grow, settlements downwards (page "
         "'Conventions'); where a file counts the other way round, its 'channels' take 'sign: -1'. "
         "If the signs are right, the model moves the wrong way.",

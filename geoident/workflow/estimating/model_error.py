@@ -168,6 +168,11 @@ class FittedModelError:
         return " ".join(filter(None, [self._size_in_words(), self.scatter(), self.offset()]))
 
     @property
+    def large(self) -> bool:
+        """The residuals show a model error that is larger than usual, for sure."""
+        return self.weighed is not None and self.weighed.quantile(0.025) > USUAL
+
+    @property
     def scatters(self) -> bool:
         """Whether the readings scatter more than their stated accuracies, for sure."""
         return self._factor_quantile(0.025) > SCATTER_SURE
@@ -186,10 +191,13 @@ class FittedModelError:
                 f"The readings scatter {self.factor:.2g} times as much as their stated accuracies "
                 f"{between}; intervals and bands are those of this scatter."
             )
-        return (
-            f"That is {self.factor:.2g} times what the accuracies state {between}: the residuals "
-            "do not say more clearly whether gauges or model are to blame."
-        )
+        said = f"That is {self.factor:.2g} times what the accuracies state {between}"
+        if self.large:
+            return (
+                f"{said}, which does not explain the residuals: the model does not describe the "
+                "ground, or readings are wrong."
+            )
+        return f"{said}: the residuals do not tell errors of gauges and of the model apart."
 
     def offset(self) -> str:
         """How large the errors of the zeros are; empty where the readings do not show any."""
@@ -253,8 +261,7 @@ def model_error_findings(found: FittedModelError | None) -> tuple[str, ...]:
     """Sentences on a model error that is larger than usual, or not told from other errors."""
     if found is None:
         return ()
-    large = found.weighed is not None and found.weighed.quantile(0.025) > USUAL
-    said = large or found.scatters or bool(found.offset())
+    said = found.large or found.scatters or bool(found.offset())
     return (*((found.sentence(),) if said else ()), *found.findings)
 
 

@@ -41,7 +41,7 @@ def test_entries_below_three_twentieths_of_the_largest_are_not_named(entry, name
 )
 def test_parameters_scale_together_where_their_relative_changes_are_alike(weight, relative, phrase):
     found = Direction.of(np.array([3.0, 3.0 * weight]), ("E", "s"), (True, relative))
-    assert found.phrase() == f"{phrase}, they leave the readings as they are"
+    assert found.phrase() == f"{phrase}, they leave the readings the same within the errors"
 
 
 def test_a_parameter_that_is_not_named_may_have_no_relative_change():
@@ -187,9 +187,9 @@ def pair(half, *, sign=1.0):
 def test_the_ratio_of_what_scales_together_is_said_small_by_large():
     (text,) = pair(0.1)
     assert text == (
-        "The readings cannot separate E and s: scaled by one factor, they leave the readings as "
-        f"they are. s / E is determined: 0.25 (95 %: {0.25 * np.exp(-0.1):.4g} to "
-        f"{0.25 * np.exp(0.1):.4g}, SI units)."
+        "The readings cannot separate E and s: scaled by one factor, they leave the readings "
+        "the same within the errors. s / E is determined: 0.25 (95 %: "
+        f"{0.25 * np.exp(-0.1):.4g} to {0.25 * np.exp(0.1):.4g}, SI units)."
     )
 
 

@@ -84,8 +84,8 @@ def test_who_separates_what_the_readings_do_not(priors, who):
     known = knowledge(both, S=[0.0], priors=priors, whole=NONE)
     (said,) = describe_gaps(known, 100.0 * np.eye(3))
     assert said == (
-        "The readings cannot separate E and s: scaled by one factor, they leave the readings as "
-        f"they are. Only {who} them."
+        "The readings cannot separate E and s: scaled by one factor, they leave the readings "
+        f"the same within the errors. Only {who} them."
     )
 
 

@@ -157,8 +157,8 @@ def test_parameters_that_scale_together_are_named_and_their_ratio_is_given(asses
     ratio, low, high = ratio_and_interval(0.01 * tunnel(VALUES).mean())
     assert set(found.findings) == {
         "The readings cannot separate E and sigma_v: scaled by one factor, they leave the readings "
-        f"as they are. sigma_v / E is determined: {ratio:.4g} (95 %: {low:.4g} to {high:.4g}, "
-        "SI units).",
+        f"the same within the errors. sigma_v / E is determined: {ratio:.4g} (95 %: {low:.4g} to "
+        f"{high:.4g}, SI units).",
         "The readings do not determine nu.",
     }
 
@@ -188,7 +188,7 @@ def test_a_prior_separates_what_the_readings_do_not(assessed):
     ratio, low, high = ratio_and_interval(0.01 * tunnel(VALUES).mean())
     assert set(found.findings) == {
         "The readings cannot separate E and sigma_v: scaled by one factor, they leave the readings "
-        "as they are. Only the prior of sigma_v separates them. "
+        "the same within the errors. Only the prior of sigma_v separates them. "
         f"sigma_v / E is determined: {ratio:.4g} (95 %: {low:.4g} to {high:.4g}, SI units).",
         "The readings do not determine nu.",
         "sigma_v is known only from its prior: the readings hardly add to it. "

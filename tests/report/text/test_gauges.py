@@ -199,7 +199,7 @@ def test_the_root_mean_square_counts_used_readings_only(result):
 
 def test_the_title_of_the_influential_readings_says_how_large_residuals_are(result):
     found = replace(result.diagnostics, scale=0.5432, loss="squared")
-    title = "Most influential readings (residuals: 0.54 of the stated standard deviation)"
+    title = "Most influential readings (residuals: 0.54 standard deviations of all errors)"
     assert influence_title(found) == title
     assert len(influence_title(replace(found, scale=0.0123))) <= 80
     robust = influence_title(result.diagnostics).splitlines()
