@@ -31,6 +31,7 @@ from geoident.forward.actions.supports import (
 from geoident.forward.axisymmetric_checks import revolution_faults
 from geoident.forward.gauges.kinds import gauges_outside, observe, reading_faults
 from geoident.forward.gauges.observation import Observation
+from geoident.forward.gauges.placement import zeroed_too_early
 from geoident.forward.ground.checks import section_faults
 from geoident.forward.ground.elasticity import inadmissible
 from geoident.forward.ground.field import field_faults
@@ -166,6 +167,7 @@ def notes_on_mesh(
             "readings that count from the placing of their ground on, what its own placing does "
             f"included: {named_channels(observation.as_built)}"
         )
+    notes += zeroed_too_early(on_mesh)
     if n_outside:
         notes.append(
             f"{n_outside} strain points lie beside the faces that give the level of the ground or "

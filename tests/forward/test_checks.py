@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from support.cases import displacement, make_case, material, model, rollers
+from support.force_gauges import gauge
 from support.meshes import box, regroup
 from support.yielding import mohr, rock
 
@@ -79,6 +80,34 @@ def test_points_just_outside_and_gauges_built_with_their_ground_are_named():
     assert note.startswith("points just outside the mesh, taken by the nearest element: ")
     assert "near" in note.rpartition(": ")[2]
     assert "inside" not in note.rpartition(": ")[2]
+
+
+def test_tapes_through_ground_that_is_excavated_later_are_named():
+    """Along the floor of an excavation, in ground that stays, and after it there is nothing odd."""
+    mesh = regroup(
+        box("quad4", (6, 4), size=(6.0, 4.0)),
+        upper=lambda c: (np.abs(c[:, 0] - 3.0) < 1.0) & (c[:, 1] > 3.0),
+        lower=lambda c: (np.abs(c[:, 0] - 3.0) < 1.0) & (abs(c[:, 1] - 2.5) < 0.5),
+    )
+    trench = {
+        "groups": {"rock": "rock", "upper": "rock", "lower": "rock"},
+        "stages": (Stage("first", excavate=("upper",)), Stage("second", excavate=("lower",))),
+    }
+
+    def tape(name, height, zero="virgin", kind="convergence"):
+        return gauge(
+            kind, name, (4.0, height), first=(2.0, height), direction=(1.0, 0.0), zero=zero,
+            dimension="length", unit="mm",
+        )  # fmt: skip
+
+    right = (tape("top", 3.5, "first"), tape("floor", 3.0, "first"), tape("deep", 1.5),
+             tape("low", 2.5, "second"), tape("rod", 3.5, kind="extensometer"))  # fmt: skip
+    assert notes(mesh, **trench, channels=right) == []
+    wrong = (tape("T", 3.5), tape("F", 3.0), tape("L", 2.5, "first"))
+    of_virgin, of_first = notes(mesh, **trench, channels=(*right, *wrong))
+    said = "when there is still ground between their points that is excavated later:"
+    assert of_virgin.startswith(f"convergences zeroed at 'virgin', {said} T, F; if")
+    assert of_first.startswith(f"convergences zeroed at 'first', {said} L; if")
 
 
 def test_gravity_without_a_weight_and_meshes_in_millimetres():

@@ -14,7 +14,7 @@ from geoident.fem.measure import suspected_unit
 from geoident.forward.gauges.observation import Observable
 from geoident.forward.stages import CaseOnMesh, ConstructionSequence, element_number
 from geoident.model.arrays import Bools
-from geoident.model.gauges import Channel, Reads
+from geoident.model.gauges import Channel, Reads, named_channels
 
 
 @dataclass(frozen=True)
@@ -164,6 +164,38 @@ def _first_placing(sequence: ConstructionSequence, groups: Sequence[str]) -> tup
         if wanted & (state.materials.keys() - sequence.states[state.base].materials.keys()):
             return n, state.base
     return None
+
+
+def zeroed_too_early(on_mesh: CaseOnMesh) -> list[str]:
+    """A note on convergences that are zeroed while ground is between their points, and read later.
+
+    No tape can be spanned there: whoever installs it after the excavation and forgets its zero has
+    the model count all that the excavation moved before.
+    """
+    case, states, group_of = on_mesh.case, on_mesh.sequence.states, on_mesh.sequence.group_of
+    middles = {
+        channel.name: on_mesh.kinematics.in_section(
+            tuple(0.5 * (a + b) for a, b in zip(channel.first, channel.second, strict=True))
+        )[0]
+        for channel in case.channels
+        if channel.kind == "convergence" and channel.first is not None
+    }
+    on_mesh.locator.find(middles.values())
+    early: dict[int, list[str]] = {}
+    for channel in case.channels:
+        if channel.name not in middles:
+            continue
+        sites = on_mesh.locator.sites(middles[channel.name])
+        groups, zero = {int(group_of[site.element]) for site in sites}, case.zero_of(channel)
+        buried = [groups <= state.materials.keys() for state in states]  # not along a floor
+        if groups and buried[zero] and not all(buried[zero:]):
+            early.setdefault(zero, []).append(channel.name)
+    return [
+        f"convergences zeroed at '{states[zero].name}', when there is still ground between their "
+        f"points that is excavated later: {named_channels(names)}; if they were installed after "
+        "it, give the stage of the first reading as 'zero'"
+        for zero, names in early.items()
+    ]
 
 
 @dataclass(frozen=True)
