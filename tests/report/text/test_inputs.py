@@ -131,7 +131,7 @@ def test_supports_that_move_say_by_how_much_and_from_when():
 
 def test_stress_and_gravity_are_said_by_groups_of_one_number():
     assert ground_sentences(CASE, BEFORE) == (
-        "In-situ stress: geostatic, K0 0.5 in clay, dig-1; 0.7 in heap.",
+        "In-situ stress: geostatic, K0 = 0.5 in clay, dig-1; 0.7 in heap.",
         "Gravity: 9.81 m/s2.",
     )
 

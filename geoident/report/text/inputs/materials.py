@@ -86,7 +86,7 @@ def ground_sentences(case: CaseTexts, numbers: SaidNumbers) -> tuple[str, ...]:
         return (f"The model is elsewhere ({model.get('kind')}): {' '.join(map(str, run))}.",)
     stress = entries(case, "in_situ")
     parts = [
-        f"{key.replace('_', ' ')} {_by_group(value, numbers)}"
+        f"{key.replace('_', ' ')} = {_by_group(value, numbers)}"
         for key, value in stress.items()
         if key not in ("model", "equilibrium", "groups")
     ]
