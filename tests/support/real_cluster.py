@@ -23,6 +23,18 @@ QUIET = {
 """How often processes of dask look at themselves: with its own 20, 500 and 10 ms a cluster of two
 workers that has nothing to do takes an eighth of a processor as long as it stands."""
 
+SCHEDULER = """
+import os, sys, threading
+def end_with_the_tests():
+    sys.stdin.buffer.read()
+    os._exit(0)
+threading.Thread(target=end_with_the_tests, daemon=True).start()
+from distributed.cli.dask_scheduler import main
+main()
+"""
+"""Ends when its standard input does, so when the process of the tests is gone, however that ended.
+A time without work as its end would be too short for slow tests between two of the cluster."""
+
 
 def free_port():
     """A port below those that systems give to connections, so that none takes it meanwhile."""
@@ -82,20 +94,20 @@ class RealCluster:
         self.scheduler = None
         self.nodes = []
 
-    def _start(self, *words, path=""):
+    def _start(self, *words, path="", **more):
         paths = os.pathsep.join(part for part in (path, ROOT) if part)
         return subprocess.Popen(
-            [sys.executable, "-m", *words],
+            [sys.executable, *words],
             env={**os.environ, **QUIET, MARK: self.mark, "PYTHONPATH": paths,
                  "OMP_NUM_THREADS": "1"},
-            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True,
+            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True, **more,
         )  # fmt: skip
 
     def start_scheduler(self):
         self.scheduler = self._start(
-            "distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", str(self.port),
-            "--no-dashboard", "--dashboard-address", ":0", "--no-show", "--idle-timeout", "900",
-            *self.words,
+            "-c", SCHEDULER, "--host", "127.0.0.1", "--port", str(self.port),
+            "--no-dashboard", "--dashboard-address", ":0", "--no-show", *self.words,
+            stdin=subprocess.PIPE,
         )  # fmt: skip
 
     def add_node(self, *words, path=""):
@@ -106,9 +118,10 @@ class RealCluster:
             path: a folder in front of PYTHONPATH.
         """
         node = self._start(
-            "distributed.cli.dask_worker", self.address, "--host", "127.0.0.1", "--nthreads", "1",
-            "--no-dashboard", "--memory-limit", "0", "--local-directory", str(self.folder),
-            "--death-timeout", "120", *self.words, *words, path=path,
+            "-m", "distributed.cli.dask_worker", self.address, "--host", "127.0.0.1",
+            "--nthreads", "1", "--no-dashboard", "--memory-limit", "0",
+            "--local-directory", str(self.folder), "--death-timeout", "120",
+            *self.words, *words, path=path,
         )  # fmt: skip
         self.nodes.append(node)
         return node
@@ -134,7 +147,7 @@ class RealCluster:
 
     def kill_scheduler(self):
         self.scheduler.kill()
-        self.scheduler.wait()
+        self.scheduler.communicate()
 
     def kill_node(self, node):
         """All processes of a worker at once."""
@@ -153,8 +166,9 @@ class RealCluster:
         for pid in self.family():
             with suppress(ProcessLookupError):
                 os.kill(pid, signal.SIGKILL)
-        for process in (self.scheduler, *self.nodes):
-            process.wait()
+        self.scheduler.communicate()
+        for node in self.nodes:
+            node.wait()
 
 
 def _words(pid):
