@@ -91,11 +91,7 @@ class ParameterSection(Section):
 
     def _check_bounds(self, faults: SectionFaults) -> None:
         lower, upper = self.bounds
-        if lower.factor >= upper.factor:
-            message = f"the lower bound '{lower.text}' is not below the upper '{upper.text}'"
-            hint = f"Write [{upper.text}, {lower.text}]." if lower.factor > upper.factor else ""
-            faults.add(("bounds",), "bad-bounds", message, hint or "Let them differ.")
-        elif not lower.factor <= self.start.factor <= upper.factor:
+        if not lower.factor <= self.start.factor <= upper.factor:
             message = f"the start '{self.start.text}' is outside the bounds "
             message += f"[{lower.text}, {upper.text}]"
             faults.add(("start",), "start-outside", message, "Widen the bounds or move the start.")
@@ -110,12 +106,17 @@ class ParameterSection(Section):
         if prior.sd.factor <= 0:
             message = f"the standard deviation '{prior.sd.text}' is not positive"
             faults.add(("prior", "sd"), "bad-prior", message, "Write one above zero.")
-        if prior.kind != "lognormal":
-            return
-        if prior.mean.factor <= 0:
+        lower, upper = self.bounds
+        lognormal = prior.kind == "lognormal"
+        if lognormal and prior.mean.factor <= 0:
             message = f"a lognormal prior needs a positive mean; found '{prior.mean.text}'"
             faults.add(("prior", "mean"), "bad-prior", message, "Use kind: normal.")
-        if self.bounds[0].factor <= 0:
+        elif not lower.factor <= prior.mean.factor <= upper.factor:
+            message = f"the mean '{prior.mean.text}' of the prior is outside the bounds "
+            message += f"[{lower.text}, {upper.text}]"
+            hint = "Widen the bounds or correct the mean: what is likeliest is shut out."
+            faults.add(("prior", "mean"), "bad-prior", message, hint)
+        if lognormal and lower.factor <= 0:
             message = f"a lognormal prior needs positive bounds; found '{self.bounds[0].text}'"
             faults.add(("bounds", 0), "bad-prior", message, "Raise the bound or use kind: normal.")
 

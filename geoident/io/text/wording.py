@@ -59,6 +59,8 @@ def nearest(word: str, known: Iterable[str]) -> str:
 
 
 OTHER_WORDS = {
+    "2d": "plane-strain",
+    "3d": "solid",
     "anchor-cell": "load-cell",
     "c": "cohesion",
     "c'": "cohesion",
@@ -73,6 +75,7 @@ OTHER_WORDS = {
     "instrument": "gauge",
     "jointmeter": "convergence",
     "level": "levelling",
+    "logarithmic": "log",
     "pendulum": "displacement",
     "phi": "friction",
     "phi'": "friction",
@@ -85,6 +88,7 @@ OTHER_WORDS = {
     "rho": "density",
     "sensor": "gauge",
     "sigma_ci": "sigci",
+    "sigma_v": "vertical",
     "strain-gauge": "strain",
     "su": "strength",
     "tape-extensometer": "convergence",
