@@ -246,14 +246,27 @@ class FaultyCase(InputError):
         self._found, self.sound = found, sound
         super().__init__(found.shown())
 
-    def with_those_of_the_mesh(self, further: Iterable[Fault]) -> InputError:
+    def with_those_of_the_mesh(
+        self, further: Iterable[Fault], groups: Iterable[str] = ()
+    ) -> InputError:
         """The same with what its mesh has shown to be wrong in what is left.
 
         Args:
             further: faults of what is left.
+            groups: element groups of the mesh.
         """
         stand = self.sound.rest.independent(further) if self.sound else ()
-        return InputError(Faults(self._found.places, [*self._found.found, *stand]).shown())
+        found = [_with_group(fault, groups) for fault in self._found.found]
+        return InputError(Faults(self._found.places, [*found, *stand]).shown())
+
+
+def _with_group(fault: Fault, groups: Iterable[str]) -> Fault:
+    """A fault about a group that the case does not have, with its remedy if the mesh has it."""
+    name = next((name for name in groups if f"no group '{name}' " in fault.message), "")
+    if fault.code != "unknown-group" or not name:
+        return fault
+    hint = f"The mesh has it: add '{name}: MATERIAL' to 'groups', or '{name}: absent' for ground "
+    return replace(fault, hint=f"{hint}that a stage installs.")
 
 
 _ROUNDS = 5
