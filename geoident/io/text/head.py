@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from geoident.errors import Fault, InputError, Location
+from geoident.errors import Fault, InputError, Location, Term
 
 _BEGINNING = 4096
 """Bytes of a file in which its format stands."""
@@ -49,7 +49,7 @@ def refuse_no_case(content: bytes, path: str) -> None:
         hint = "A result is for `geoident show`; give the case that it was made of."
     elif content.lstrip().startswith(_GMSH) or suffix in _MESHES:
         found = "a mesh"
-        hint = f"Write a case for it: geoident init DIR --from {Path(path).name}."
+        hint = f"{Term.INIT_FROM} writes a case for it, to be filled in."
     elif suffix in _TABLES:
         found = "a table"
         hint = "Readings are named by a case: 'readings: NAME'; give that case."
