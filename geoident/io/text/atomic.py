@@ -125,13 +125,10 @@ def make_folder(folder: Path | str) -> None:
         OutputError: it cannot be made.
     """
     try:
-        taken = next((p for p in (Path(folder), *Path(folder).parents) if p.exists()), None)
-        if taken is not None and not taken.is_dir():
-            raise OutputError(
-                f"{folder}: cannot be written: {taken} is a file; a folder is expected here\n"
-                f"    {_ELSEWHERE}"
-            )
         Path(folder).mkdir(parents=True, exist_ok=True)
+    except FileExistsError as error:
+        said = "it is a file; a folder is expected here"
+        raise OutputError(f"{folder}: cannot be written: {said}\n    {_ELSEWHERE}") from error
     except OSError as error:
         raise output_error(folder, error) from error
 
