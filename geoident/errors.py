@@ -62,6 +62,7 @@ class Term(Enum):
     SAME_AGAIN = ("The same command", "The same call")
     COMMAND = ("command", "call")
     FIT = ("`geoident fit`", "`fit(case)`")
+    INIT_FROM = ("`geoident init DIR --from MESH`", "the command `geoident init`")
     SIMULATE = ("`geoident simulate`", "`simulate(case)`")
     KEYS = ("`geoident schema`", "the page of keys (`geoident schema`)")
 

@@ -268,6 +268,12 @@ _WORDS = {
     **dict.fromkeys(("minute", "minutes", "arcminutes"), "arcmin"),
 }
 """Units written out or otherwise, to the units that are meant."""
+_TWO_READINGS = {
+    "grad": "Write 'deg' for degrees (90 make a right angle), 'gon' for gons or grads (100 do)."
+}
+"""Units that mean one thing here and another there, to what to write."""
+_PREFIX_APART = re.compile(r"(?<![A-Za-z0-9])[dhm]\s+([A-Za-z]+)")
+"""A unit after a blank and a letter that is a prefix and a unit: `m m` may be square metres."""
 _SAME = {
     **dict.fromkeys(("lbf/ft2", "lb/ft2", "lbs/ft2"), "psf"),
     **dict.fromkeys(("lbf/in2", "lb/in2", "lbs/in2"), "psi"),
@@ -436,7 +442,8 @@ def normal_unit(text: str, dimension: str = "") -> str:
     """
     unit = text.strip().translate(_SPELLINGS)
     unit = _SAME.get(unit, unit)
-    if unit in UNITS:
+    apart = _PREFIX_APART.match(text.strip())
+    if unit in UNITS and not (apart and apart[1] in UNITS):
         return unit
     raise UnitError(f"there is no unit '{text}'", _unit_hint(unit, dimension))
 
@@ -469,6 +476,8 @@ def with_article(dimension: str) -> str:
 
 
 def _unit_hint(unit: str, dimension: str = "") -> str:
+    if unit.lower() in _TWO_READINGS:
+        return _TWO_READINGS[unit.lower()]
     meant = _WORDS.get(unit.lower()) or _nearest(unit, dimension) or _nearest(unit, "")
     if meant:
         return f"Did you mean '{meant}'?"

@@ -221,6 +221,7 @@ def _odd_notes(on_mesh: CaseOnMesh, *, in_tension: bool) -> list[str]:
     densities = [case.materials[name].density for name in on_mesh.sequence.materials]
     if case.gravity is not None and all(density == Scalar(0.0) for density in densities):
         notes.append("there is gravity, but no material has a density: nothing weighs")
+    notes += _idle_densities(on_mesh) if case.gravity is None else []
     if said := suspected_unit(on_mesh.mesh.points.min(axis=0), on_mesh.mesh.points.max(axis=0)):
         notes.append(said)
     if in_tension:
@@ -229,6 +230,20 @@ def _odd_notes(on_mesh: CaseOnMesh, *, in_tension: bool) -> list[str]:
             "tension, the vertical stress of Heim's model is positive in compression"
         )
     return notes
+
+
+def _idle_densities(on_mesh: CaseOnMesh) -> list[str]:
+    """Densities that are sought where nothing weighs."""
+    sought: dict[str, list[str]] = {}
+    for name in sorted(on_mesh.sequence.materials):
+        parameter = on_mesh.case.materials[name].density.parameter
+        if parameter is not None:
+            sought.setdefault(parameter, []).append(name)
+    return [
+        f"the density of {', '.join(map(repr, names))} follows from {parameter} and has no effect: "
+        "a density acts only with gravity, and the case has none (gravity: 9.81 m/s2)"
+        for parameter, names in sought.items()
+    ]
 
 
 def _field_faults(on_mesh: CaseOnMesh) -> list[Fault]:

@@ -423,9 +423,7 @@ def group_faults(on_mesh: CaseOnMesh) -> list[Fault]:
     case, mesh = on_mesh.case, on_mesh.mesh
     used = used_groups(case)
     faults = [
-        on_mesh.missing_group(path, f"element group '{name}'", "element groups", mesh.groups)
-        for name, path in used.items()
-        if name not in mesh.groups
+        _no_elements(on_mesh, name, path) for name, path in used.items() if name not in mesh.groups
     ]
     count = np.zeros(mesh.n_elements, dtype=np.int64)
     for name in used.keys() & mesh.groups.keys():
@@ -433,6 +431,25 @@ def group_faults(on_mesh: CaseOnMesh) -> list[Fault]:
     if not faults:
         faults += _coverage_faults(case, mesh, count)
     return faults
+
+
+def _no_elements(on_mesh: CaseOnMesh, name: str, path: KeyPath) -> Fault:
+    """A name of ground that the mesh lacks, or gives to edges, surfaces or nodes."""
+    mesh = on_mesh.mesh
+    among = "element groups"
+    fault = on_mesh.missing_group(path, f"element group '{name}'", among, mesh.groups)
+    if name in mesh.facet_groups:
+        what = "edges" if mesh.dim == 2 else "surfaces"
+        use = "supports, loads and structures can be on it"
+        if mesh.dim == 2:
+            beam = f"{{kind: beam, on: {name}, E: 15 GPa, nu: 0.2, thickness: 0.2 m}}"
+            use += f"; a lining there is a beam, 'structures: {{{name}: {beam}}}', and a stage "
+            use += f"builds it, 'build: [{name}]'"
+    elif name in mesh.node_groups:
+        what, use = "nodes", "supports and forces can be on it"
+    else:
+        return fault
+    return replace(fault, hint=f"'{name}' is a group of {what} of the mesh: {use}; {fault.hint}")
 
 
 def listed(names: Mapping[str, object]) -> str:

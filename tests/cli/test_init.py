@@ -26,6 +26,15 @@ def here(tmp_path, monkeypatch):
     return tmp_path
 
 
+def test_templates_are_listed_and_nothing_is_written(here, run):
+    said = run("init", "--list")
+    assert (said.exit_code, [line.split()[0] for line in said.stdout.splitlines()]) == (
+        0,
+        list(TEMPLATES),
+    )
+    assert list(here.iterdir()) == []
+
+
 @pytest.mark.parametrize("name", TEMPLATES)
 class TestTemplate:
     def test_it_is_shipped_with_its_geometry(self, name):
@@ -155,7 +164,15 @@ class TestFromMesh:
         assert len(found) >= 5
         for point in {(float(x), float(y)) for x, y in found}:
             assert locator.sites(point)[0].outside < 0.0
-        assert "# - {name: heading, excavate: [upper]}" in text
+        assert "# - {name: upper, excavate: [upper]}" in text
+
+    def test_a_heading_is_proposed_before_a_smaller_bench(self, here, run):
+        write_mesh(here / "trench.inp")
+        mesh = Path("trench.inp").read_text()
+        Path("mine.inp").write_text(mesh.replace("=rock", "=Heading"))
+        run("init", "site", "--from", "mine.inp")
+        text = Path("site/case.yaml").read_text(encoding="utf-8")
+        assert "# - {name: Heading, excavate: [Heading]}" in text
 
     def test_a_mesh_in_millimetres_is_suspected(self, here, run):
         write_mesh(here / "trench.inp")

@@ -56,6 +56,14 @@ def test_what_is_told_is_noted():
     assert tension.startswith("at the start values the virgin ground is in tension: stresses are")
 
 
+def test_a_density_that_is_sought_needs_gravity():
+    sought = {"rock": replace(ROCK, density=Scalar(1.0, "rho"))}
+    (note,) = notes(materials=sought)
+    assert note.startswith("the density of 'rock' follows from rho and has no effect")
+    assert notes(materials=sought, gravity=(0.0, -9.81)) == []
+    assert notes(materials={"rock": replace(ROCK, density=Scalar(2600.0))}) == []
+
+
 def test_nodes_on_the_axis_are_counted():
     axisymmetric = {"analysis": Analysis.AXISYMMETRIC, "supports": rollers(2)[1:]}
     (note,) = notes(box("quad8", (3, 2)), **axisymmetric)

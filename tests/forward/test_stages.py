@@ -222,6 +222,16 @@ def test_groups_that_the_mesh_lacks_are_named_with_those_that_it_has():
     assert second.path == "stages[0].excavate[0]"
 
 
+def test_a_group_of_edges_or_nodes_is_no_ground():
+    on_mesh = grid(groups={"a": "clay", "wall": "sand", "pin": "sand"})
+    some = np.array([0])
+    mesh = replace(on_mesh.mesh, facet_groups={"wall": some}, node_groups={"pin": some})
+    wall, pin = group_faults(replace(on_mesh, mesh=mesh))
+    assert "'wall' is a group of edges of the mesh" in wall.hint
+    assert "{kind: beam, on: wall," in wall.hint
+    assert pin.hint.startswith("'pin' is a group of nodes of the mesh")
+
+
 def test_elements_in_no_group_and_in_several_are_counted_and_listed():
     """Elements keep the numbers of the user; five of them are listed."""
     mesh = box("quad4", (8, 1))

@@ -121,3 +121,15 @@ def test_a_material_whose_parameter_is_missing_is_not_judged_beside_a_faulty_sta
     changes = [(gone, "parameters:\n"), ("excavate: [upper]", "excavate: {}")]
     paths = {fault.path for fault in faults_of(tmp_path, changes)}
     assert {"materials.rock.E", "stages[0].excavate"} <= paths
+
+
+def test_a_group_that_the_mesh_has_and_the_case_lacks_is_told_from_a_misspelt_one(tmp_path):
+    left_out = (
+        "groups: {rock: rock, upper: rock, lower: rock}",
+        "groups: {rock: rock, upper: rock}",
+    )
+    (fault,) = faults_of(tmp_path, [left_out])
+    assert "no group 'lower'" in fault.message
+    assert fault.hint.startswith("The mesh has it: add 'lower: MATERIAL' to 'groups'")
+    (fault,) = faults_of(tmp_path, [("excavate: [lower]", "excavate: [lowe]")])
+    assert fault.hint == "Did you mean 'lower'?"

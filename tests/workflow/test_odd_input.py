@@ -30,7 +30,7 @@ def _fit(folder, readings, text=CASE):
 def test_virgin_ground_in_tension_is_noted(tmp_path):
     case = write_case(tmp_path)
     assert not any("tension" in note for note in _json("check", case)["notes"])
-    case.write_text(CASE.replace("vertical: 1 MPa", "vertical: -1 MPa"))
+    case.write_text(CASE.replace("vertical: 1 MPa", "vertical: 1 MPa, tectonic: {xx: 9 MPa}"))
     assert any("virgin ground is in tension" in note for note in _json("check", case)["notes"])
 
 

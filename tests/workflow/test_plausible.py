@@ -27,6 +27,8 @@ def notes(tmp_path):
 
 def test_an_ordinary_case_is_not_doubted(notes):
     assert "check its unit" not in notes()
+    bounded = "K0: {start: 1.0, bounds: [0.2, 4], prior: {mean: 4, sd: 1}}"
+    assert "the prior of" not in notes(("K0: {start: 1.0, bounds: [0.2, 4]}", bounded))
 
 
 @pytest.mark.parametrize(
@@ -38,6 +40,9 @@ def test_an_ordinary_case_is_not_doubted(notes):
          "E of 'rock' is 2 kPa, softer than any ground: check its unit"),
         ("K0: {start: 1.0, bounds: [0.2, 4]}", "K0: {start: 100, bounds: [20, 400]}",
          "K0 is 100: the horizontal stress is 100 times the vertical one; per cent need"),
+        ("K0: {start: 1.0, bounds: [0.2, 4]}",
+         "K0: {start: 1.0, bounds: [0.2, 4], prior: {mean: 4.1, sd: 1}}",
+         "the mean of the prior of K0 is outside its bounds, which exclude what is likeliest"),
         ("vertical: 1 MPa", "vertical: 1 GPa",
          "the vertical in-situ stress is 1 GPa, more than 12 km of rock weigh: check its unit"),
     ],

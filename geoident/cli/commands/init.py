@@ -26,6 +26,8 @@ Templates:
 
 
 def _next(arguments: Arguments, options: Options) -> Steps:
+    if arguments["listed"]:
+        return (line("init", "DIR", "--template", "NAME"),)
     case = str(Path(arguments["folder"]) / "case.yaml")
     if arguments["mesh"] is not None:
         return f"replace every FILL_IN in {shlex.quote(case)}", line("check", case)
@@ -43,16 +45,26 @@ def _next(arguments: Arguments, options: Options) -> Steps:
 @click.option(
     "--from", "mesh", metavar="MESH", type=click.Path(), help="Start from a mesh of your own."
 )
+@click.option("--list", "listed", is_flag=True, help="List the templates, and write nothing.")
 @click.option("--schema", is_flag=True, help="Also the JSON schema by which editors complete keys.")
 @takes("force", after=_next)
 def command(
-    folder: str, template: str | None, mesh: str | None, schema: bool, options: Options
+    folder: str,
+    template: str | None,
+    mesh: str | None,
+    listed: bool,
+    schema: bool,
+    options: Options,
 ) -> int:
     """Write a commented case with mesh and readings that can be fitted at once.
 
     With --from, write the case for a mesh of your own: its groups, extents and numbers of elements
     are filled in, and what only you know is marked FILL_IN. Prints the paths of the files.
     """
+    if listed:
+        for name, about in TEMPLATES.items():
+            click.echo(f"{name:<{_WIDTH}}{about}")
+        return 0
     from geoident.workflow.init import init_from_mesh, init_template
 
     if mesh is not None and template is not None:

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
+from pydantic_core import ErrorDetails
 
 from geoident.errors import Fault, InputError
 from geoident.io.case.case import (
@@ -34,10 +35,11 @@ from geoident.io.case.references import check_references
 from geoident.io.case.site_files.measured_values import with_measured
 from geoident.io.case.site_files.point_tables import with_tables
 from geoident.io.loaded import LoadedCase
-from geoident.io.schema.faults import add_schema_faults, paths_of
+from geoident.io.schema.faults import add_schema_faults, likely_tags, node_at, paths_of
 from geoident.io.schema.partial import Rest
 from geoident.io.schema.values import kind_of
 from geoident.io.text.faults import Faults, Places
+from geoident.io.text.head import refuse_no_case
 from geoident.io.text.kinds import refuse_other_kind
 from geoident.io.text.named_files import named_files
 from geoident.io.text.overrides import apply_overrides
@@ -76,7 +78,9 @@ def read_case(path: str, *, overrides: Sequence[str] = ()) -> LoadedCase:
     Raises:
         InputError: with all faults found.
     """
-    text = decode(read_bytes(path, limit=MAX_BYTES, what="case"), _shown(path))
+    content = read_bytes(path, limit=MAX_BYTES, what="case")
+    refuse_no_case(content, path)
+    text = decode(content, _shown(path))
     return parse_case(text, path, overrides=overrides)
 
 
@@ -242,14 +246,27 @@ class FaultyCase(InputError):
         self._found, self.sound = found, sound
         super().__init__(found.shown())
 
-    def with_those_of_the_mesh(self, further: Iterable[Fault]) -> InputError:
+    def with_those_of_the_mesh(
+        self, further: Iterable[Fault], groups: Iterable[str] = ()
+    ) -> InputError:
         """The same with what its mesh has shown to be wrong in what is left.
 
         Args:
             further: faults of what is left.
+            groups: element groups of the mesh.
         """
         stand = self.sound.rest.independent(further) if self.sound else ()
-        return InputError(Faults(self._found.places, [*self._found.found, *stand]).shown())
+        found = [_with_group(fault, groups) for fault in self._found.found]
+        return InputError(Faults(self._found.places, [*found, *stand]).shown())
+
+
+def _with_group(fault: Fault, groups: Iterable[str]) -> Fault:
+    """A fault about a group that the case does not have, with its remedy if the mesh has it."""
+    name = next((name for name in groups if f"no group '{name}' " in fault.message), "")
+    if fault.code != "unknown-group" or not name:
+        return fault
+    hint = f"The mesh has it: add '{name}: MATERIAL' to 'groups', or '{name}: absent' for ground "
+    return replace(fault, hint=f"{hint}that a stage installs.")
 
 
 _ROUNDS = 5
@@ -316,19 +333,53 @@ def _validate(places: Places, folder: Path) -> tuple[CaseSection, Places]:
         if not faults.found:
             return section, places
     except ValidationError as error:
+        found = error.errors(include_url=False)
+        found += _behind_wrong_words(likely_tags(found, places.data), places.data, known)
         errors = [
             one
-            for one, path in zip(
-                error.errors(include_url=False),
-                paths_of(error.errors(include_url=False), places.data),
-                strict=True,
-            )
+            for one, path in zip(found, paths_of(found, places.data), strict=True)
             if not any(path[: len(given)] == given for given in paths)
         ]
         add_schema_faults(faults, errors, places.data, known)
         paths += paths_of(errors, places.data)
     left = _further(Rest.all_of(places).without(paths), faults, folder)
     raise FaultyCase(faults, left)
+
+
+def _behind_wrong_words(
+    likely: Mapping[KeyPath, str], data: Node, known: dict[int, tuple[str, ...]]
+) -> list[ErrorDetails]:
+    """What else is wrong in mappings of which the word that says what they are is misspelt.
+
+    Args:
+        likely: path of such a word to what was probably meant.
+        data: of the case, in which these words are put for the time of this call.
+        known: gets the keys of these mappings.
+    """
+    written = {path: node_at(data, path) for path in likely}
+    try:
+        for path, word in likely.items():
+            _put(data, path, word)
+        CaseSection.model_validate(data, context=known)
+    except ValidationError as error:
+        found = error.errors(include_url=False)
+        inside = {path[:-1] for path in likely}
+        return [
+            one
+            for one, path in zip(found, paths_of(found, data), strict=True)
+            if any(path[: len(holder)] == holder for holder in inside)
+        ]
+    finally:
+        for path, node in written.items():
+            _put(data, path, node)
+    return []
+
+
+def _put(data: Node, path: KeyPath, node: Node) -> None:
+    """Put a node in the place of another."""
+    holder = node_at(data, path[:-1])
+    if isinstance(holder, dict):
+        holder[str(path[-1])] = node
 
 
 def _further(rest: Rest | None, faults: Faults, folder: Path) -> PartOfCase | None:

@@ -91,11 +91,7 @@ class ParameterSection(Section):
 
     def _check_bounds(self, faults: SectionFaults) -> None:
         lower, upper = self.bounds
-        if lower.factor >= upper.factor:
-            message = f"the lower bound '{lower.text}' is not below the upper '{upper.text}'"
-            hint = f"Write [{upper.text}, {lower.text}]." if lower.factor > upper.factor else ""
-            faults.add(("bounds",), "bad-bounds", message, hint or "Let them differ.")
-        elif not lower.factor <= self.start.factor <= upper.factor:
+        if not lower.factor <= self.start.factor <= upper.factor:
             message = f"the start '{self.start.text}' is outside the bounds "
             message += f"[{lower.text}, {upper.text}]"
             faults.add(("start",), "start-outside", message, "Widen the bounds or move the start.")

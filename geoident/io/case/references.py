@@ -14,7 +14,7 @@ from geoident.io.case.case import CaseSection, circle_of, numbers_of
 from geoident.io.case.elsewhere.section import ConvergenceLawSection
 from geoident.io.case.face import FaceCheck, groups_released
 from geoident.io.case.fit import AxisSection
-from geoident.io.case.in_situ import GeostaticModel
+from geoident.io.case.in_situ import GeostaticModel, HeimModel
 from geoident.io.case.ladder import names_of_sets
 from geoident.io.case.stages import ABSENT, Begin, check_sequence
 from geoident.io.schema.values import Given
@@ -34,6 +34,7 @@ def check_references(section: CaseSection, faults: Faults) -> None:
     _check_materials(section, faults)
     _check_groups(section, faults)
     _check_geostatic(section, faults)
+    _check_compression(section, faults)
     _check_names(section, faults)
     _check_fit(section, faults)
     _check_mesh(section, faults)
@@ -113,6 +114,39 @@ def _check_geostatic(section: CaseSection, faults: Faults) -> None:
             message = f"'{name}' has no density, of which the geostatic stress is made"
             hint = "Add 'density: 1900 kg/m3'; below a water table that of the saturated ground."
             faults.add(("materials", name), "no-density", message, hint, key=True)
+
+
+def _check_compression(section: CaseSection, faults: Faults) -> None:
+    """Heim's vertical stress is a pressure: one that is tension, whatever is sought, has no ground.
+
+    A case with a tension that is meant gives its stress by components, which are positive there.
+    """
+    if section.in_situ is None:
+        return
+    models: list[tuple[KeyPath, object]] = [(("in_situ",), section.in_situ)]
+    models += [(("in_situ", "groups", name), zone) for name, zone in section.in_situ.groups.items()]
+    for path, model in models:
+        if not isinstance(model, HeimModel):
+            continue
+        for key in ("vertical", "unit_weight"):
+            given: Given | None = getattr(model, key)
+            if given is None or not _is_negative(given, section):
+                continue
+            tied = given.parameter is not None
+            message = f"'{given.text}' {'can only be' if tied else 'makes'} a tension in the ground"
+            hint = f"Write '{given.text.strip().removeprefix('-').strip()}'."
+            if tied:
+                hint = f"Turn the sign of the tie, or of the bounds of '{given.parameter}'."
+            message += "; a vertical pressure, compression positive, is expected"
+            faults.add((*path, key), "tension", message, hint)
+
+
+def _is_negative(given: Given, section: CaseSection) -> bool:
+    """Whether a number is below zero, whatever its parameter becomes."""
+    if given.parameter is None:
+        return given.factor < 0
+    parameter = section.parameters.get(given.parameter)
+    return parameter is not None and all(given.factor * b.factor < 0 for b in parameter.bounds)
 
 
 def _check_ratios(

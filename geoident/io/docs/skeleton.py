@@ -18,6 +18,7 @@ _PLAIN = re.compile(r"(\.\./)*[A-Za-z_/][A-Za-z0-9_./-]*( [A-Za-z0-9_./-]+)*")
 _WORDS = {"true", "false", "null", "yes", "no", "on", "off", "y", "n", "~"}
 _AXES = "xyz"
 _MARGIN = 1e-6
+_HEADING = re.compile(r"heading|crown|[ck]alotte", re.IGNORECASE)
 _FEW = 2  # elements of a group that is no sliver
 _FACETS = {2: "edges", 3: "surfaces"}
 
@@ -139,10 +140,11 @@ def _suggestion(part: PartSummary, mesh: MeshSummary) -> str:
 
 def _stages(mesh: MeshSummary) -> str:
     dug = name_text(min(mesh.groups, key=_dug).name) if mesh.groups else "GROUP"
+    stage = dug if mesh.groups else "heading"
     return (
         "# Construction, step by step: all changes of one stage happen together.\n"
         f"stages: {BLANK}\n"
-        f"  # - {{name: heading, excavate: [{dug}]}}\n"
+        f"  # - {{name: {stage}, excavate: [{dug}]}}\n"
         f"  # - {{name: lining, install: {{{dug}: MATERIAL}}}}\n"
     ) + _walls(mesh)
 
@@ -161,9 +163,13 @@ def _walls(mesh: MeshSummary) -> str:
     )
 
 
-def _dug(part: PartSummary) -> tuple[bool, float]:
-    """What is more likely to be excavated comes first: a small group, but no sliver."""
-    return part.count < _FEW, part.volume or 0.0
+def _dug(part: PartSummary) -> tuple[bool, bool, float]:
+    """What is more likely to be excavated first: no sliver, a heading by its name, a small group.
+
+    >>> bool(_HEADING.search("Top-Heading")), bool(_HEADING.search("stope"))
+    (True, False)
+    """
+    return part.count < _FEW, not _HEADING.search(part.name), part.volume or 0.0
 
 
 def _gauges(mesh: MeshSummary) -> str:

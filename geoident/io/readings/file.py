@@ -231,10 +231,16 @@ class _LongReader:
         self.keys: tuple[str, ...] = ()
         self.units_follow = False
         self.temperatures: dict[str, int] = {}
+        self.nameless: dict[int, bool] = {}
 
     def header(self, number: int, cells: list[Cell]) -> None:
         """Note the columns, and what is wrong with them."""
+        expected = ",".join(self.table.layout.header(key) for key in REQUIRED)
+        if self.table.refuse_missing(number, cells, self.names, expected):
+            return
         found = tuple(cell.text.lower() for cell in cells)
+        if not self._leaves_aside(""):
+            self.nameless = {n: False for n, name in enumerate(found) if not name}
         self.table.require_ignored(number, cells)
         self.temperatures = self.table.temperature_columns(number, cells)
         for n, cell in enumerate(cells):
@@ -249,19 +255,23 @@ class _LongReader:
 
     def _check_column(self, number: int, cell: Cell, before: tuple[str, ...]) -> None:
         name = cell.text.lower()
-        if name in self.table.layout.ignore or name in self.temperatures:
+        if not name or name in self.table.layout.ignore or name in self.temperatures:
             return
         if name not in self.names:
-            if self.table.layout.columns or (self.table.sheet and not name):
-                return  # whoever names the columns may leave others aside
+            if self._leaves_aside(name):
+                return
             hint = did_you_mean(name, COLUMNS, what="Columns")
             if not hint.startswith("Did"):
                 hint += f" If it is not to be read, declare it: ignore: [{shorten(cell.text)}]."
             message = f"there is no column '{shorten(cell.text)}'"
             self.table.refuse((number, cell.column), "bad-header", message, hint)
-        elif name in before and name:
+        elif name in before:
             message = f"the column '{name}' is there twice"
             self.table.refuse((number, cell.column), "bad-header", message)
+
+    def _leaves_aside(self, name: str) -> bool:
+        """Whether a column of another name is left aside, as whoever names the columns may."""
+        return bool(self.table.layout.columns) or (bool(self.table.sheet) and not name)
 
     def _require_columns(self, number: int) -> None:
         missing = [self.table.layout.header(k) for k in self.required if k not in self.keys]
@@ -275,7 +285,9 @@ class _LongReader:
     def row(self, number: int, cells: list[Cell]) -> list[Reading]:
         """The reading of a row, if it is right."""
         table = self.table
-        if not cells or not self._has_width(number, cells):
+        if not cells or table.refuse_nameless(number, cells, self.nameless):
+            return []
+        if not self._has_width(number, cells):
             return []
         end = cells[-1].column + len(cells[-1].text)
         cells = [*cells, *[Cell("", end)] * (len(self.keys) - len(cells))]

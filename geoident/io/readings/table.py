@@ -22,6 +22,7 @@ from geoident.units import (
     DIMENSIONLESS,
     LEAST_SD,
     MOST_SD,
+    NUMBER_PATTERN,
     UNITS,
     UnitError,
     normal_unit,
@@ -37,6 +38,7 @@ _GOOD = frozenset(
 )
 """What people write in a cell that has nothing to say."""
 _BAD = frozenset({"1", "x", "yes", "true", "bad"})
+_POINT_NUMBER = re.compile(NUMBER_PATTERN)
 _COMMA_NUMBER = re.compile(r"[-+]?(?:\d+(?:,\d*)?|,\d+)(?:[eE][-+]?\d+)?")
 
 
@@ -335,6 +337,50 @@ class Table:
                 hint = did_you_mean(name, names, what="Columns")
                 message = f"there is no column '{name}' to be ignored"
                 self.refuse((number, 1), "bad-header", message, hint)
+
+    def refuse_missing(
+        self, number: int, cells: Sequence[Cell], known: Iterable[str], header: str
+    ) -> bool:
+        """Note that a row of numbers stands in place of the header; whether it is so.
+
+        Args:
+            number: of the row.
+            cells: of the row.
+            known: names in small letters of which a header has one.
+            header: that could stand above it.
+        """
+        numbers = _COMMA_NUMBER if self.layout.decimal == "," else _POINT_NUMBER
+        if {cell.text.lower() for cell in cells if cell.text} & {*known, *self.layout.ignore}:
+            return False
+        if not any(isinstance(c.value, float) or numbers.fullmatch(c.text) for c in cells):
+            return False
+        row = "row" if self.sheet else "line"
+        message = f"this {row} is no header: it has numbers, and none of the names of columns"
+        hint = f"If it is a reading already, put a header above it: {header}. If the header is "
+        hint += "further down, declare its row: readings: {file: ..., header_row: ...}."
+        self.refuse((number, 1), "bad-header", message, hint)
+        return True
+
+    def refuse_nameless(
+        self, number: int, cells: Sequence[Cell], nameless: dict[int, bool]
+    ) -> bool:
+        """Note cells of a row in columns that have no name in the header; whether there are any.
+
+        Args:
+            number: of the row.
+            cells: of the row.
+            nameless: index of such a column to whether a cell in it is noted; once is enough.
+        """
+        found = [n for n in nameless if n < len(cells) and cells[n].text]
+        for n in found:
+            if nameless[n]:
+                continue
+            nameless[n] = True
+            text = shorten(cells[n].text)
+            message = f"column {n + 1} has no name in the header, and here is '{text}' in it"
+            hint = "Name the column, or empty it; if a number has a decimal comma, write a point."
+            self.refuse((number, cells[n].column), "bad-header", message, hint)
+        return bool(found)
 
     def temperature_columns(self, number: int, cells: Sequence[Cell]) -> dict[str, int]:
         """Name, in small letters, to index of the columns in which calibrations find temperatures.

@@ -52,10 +52,14 @@ class WideReader:
         self.units_follow = table.layout.unit_row
         self.remarks: int | None = None
         self.width = 0
+        self.nameless: dict[int, bool] = {}
         self.temperatures: dict[str, int] = {}
 
     def header(self, number: int, cells: list[Cell]) -> None:
         """Note the columns, and what is wrong with them."""
+        known = [self.table.layout.header(key) for key in ("date", "stage", "remarks")]
+        if self.table.refuse_missing(number, cells, known, "date,CHANNEL (mm),CHANNEL (mm)"):
+            return
         self.table.require_ignored(number, cells)
         self.temperatures = self.table.temperature_columns(number, cells)
         self.width = max((n for n, cell in enumerate(cells, 1) if cell.text), default=0)
@@ -78,6 +82,8 @@ class WideReader:
             for channel, origin in channels.items():
                 self._add_declared(number, channel, origin, given)
         else:
+            inside = cells[: self.width] if not self.table.sheet else []
+            self.nameless = {n: False for n, cell in enumerate(inside) if not cell.text}
             for n, cell in given.items():
                 self._add(number, n, cell, Origin(), "")
 
@@ -140,6 +146,7 @@ class WideReader:
             return []
         if len(cells) > self.width and self.table.layout.delimiter == ",":
             self._refuse_width(number, cells, self.width)
+        self.table.refuse_nameless(number, cells, self.nameless)
         when = cells[self.when]
         time = self.table.date(number, when) if self.dated else None
         place, stage = self.table.place(number, when), "" if self.dated else when.text

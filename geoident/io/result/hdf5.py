@@ -29,7 +29,8 @@ import h5py
 import numpy as np
 import numpy.typing as npt
 
-from geoident.errors import Fault, InputError, Location
+from geoident.errors import Fault, InputError, Location, Term
+from geoident.io.text.head import said_format
 from geoident.model.arrays import Bools, Floats, Ints
 
 _READ_ERRORS = (OSError, KeyError, RuntimeError, ValueError, TypeError, MemoryError)
@@ -216,10 +217,22 @@ def _open(path: str | Path) -> h5py.File:
         raise _unreadable(path, str(error)) from error
 
 
+_COMPUTED = {"geoident-case": "a case", "geoident-project": "a project of several sections"}
+"""Format of files that have a result beside them, to what they are."""
+
+
 def _unreadable(path: str | Path, said: str) -> InputError:
     if "truncated" in said:
         return refusal(path, "damaged-result", "truncated: its end is missing")
     if "signature" in said:
+        found = _COMPUTED.get(said_format(path).partition("/")[0])
+        if found is not None:
+            result = Path(path).with_suffix(".fit.h5")
+            hint = f"give its result: {result}"
+            if not result.exists():
+                hint = f"give its result, which {Term.FIT} writes: {result}"
+            message = f"this file is {found}; a result is expected"
+            return refusal(path, "not-a-result", message, hint)
         return refusal(
             path,
             "not-a-result",

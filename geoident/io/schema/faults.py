@@ -12,7 +12,7 @@ from geoident.errors import Term
 from geoident.io.schema.section import SECTION_FAULTS, SectionFault
 from geoident.io.schema.values import kind_of
 from geoident.io.text.faults import Faults
-from geoident.io.text.wording import Refusal, listing, shorten
+from geoident.io.text.wording import Refusal, listing, nearest, shorten
 from geoident.io.text.yaml_reader import Node
 from geoident.model.case import KeyPath
 from geoident.units import UnitError
@@ -21,6 +21,7 @@ KnownKeys = Mapping[int, tuple[str, ...]]
 """Identity of a mapping of the file to the keys that it may have."""
 
 _QUOTED = re.compile(r"'([^']*)'")
+_WHOLE = re.compile(r"[-+]?[0-9]+")
 _MISSING_HINTS = {
     "bounds": "Bounds are required: write 'bounds: [LOWER, UPPER]'.",
     "format": "Write 'format: geoident-case/1' in the first line.",
@@ -58,9 +59,17 @@ def add_schema_faults(
         data: what was read.
         known: the keys that are allowed at each place, for hints.
     """
-    for error in errors:
-        path, node, is_key = _resolve(error, data)
-        _add(faults, error, path, node, known, is_key=is_key)
+    resolved = [(error, *_resolve(error, data)) for error in errors]
+    cut = {
+        path: place
+        for error, path, _, _ in resolved
+        if error["type"] == "extra_forbidden" and (place := _cut_before(path, data))
+    }
+    for error, path, node, is_key in resolved:
+        if path in cut:
+            _add_cut(faults, path, cut[path], data)
+        elif path not in cut.values():
+            _add(faults, error, path, node, known, is_key=is_key)
 
 
 def paths_of(errors: list[ErrorDetails], data: Node) -> list[KeyPath]:
@@ -71,6 +80,24 @@ def paths_of(errors: list[ErrorDetails], data: Node) -> list[KeyPath]:
         data: what was read.
     """
     return [_resolve(error, data)[0] for error in errors]
+
+
+def likely_tags(errors: list[ErrorDetails], data: Node) -> dict[KeyPath, str]:
+    """Path of words that tell the ways of a mapping apart, to what they were probably to be.
+
+    Args:
+        errors: what pydantic found.
+        data: what was read.
+    """
+    likely: dict[KeyPath, str] = {}
+    for error in errors:
+        context: dict[str, Any] = error.get("ctx", {})
+        path, node, _ = _resolve(error, data)
+        name = str(context.get("discriminator", "")).strip("'")
+        if error["type"] == "union_tag_invalid" and isinstance(node, dict) and name in node:
+            meant = nearest(str(context["tag"]), _QUOTED.findall(context["expected_tags"]))
+            likely |= {(*path, name): meant} if meant else {}
+    return likely
 
 
 def _resolve(error: ErrorDetails, data: Node) -> tuple[KeyPath, Node, bool]:
@@ -131,7 +158,7 @@ def _add_refused(faults: Faults, path: KeyPath, error: Exception, *, is_key: boo
 
 def _add_unknown_key(faults: Faults, path: KeyPath, known: KnownKeys) -> None:
     key = str(path[-1])
-    holder = _node_at(faults.places.data, path[:-1])
+    holder = node_at(faults.places.data, path[:-1])
     hint = faults.did_you_mean(key, known.get(id(holder), ()), what="Keys here")
     name, colon, value = key.partition(":")
     if colon and name and value:
@@ -139,6 +166,24 @@ def _add_unknown_key(faults: Faults, path: KeyPath, known: KnownKeys) -> None:
     elif key[:1].isdigit():
         hint = "If there is a comma in a number before it, write a decimal point."
     faults.add(path, "unknown-key", f"the key '{shorten(key)}' is not known here", hint, key=True)
+
+
+def _cut_before(path: KeyPath, data: Node) -> KeyPath | None:
+    """The key whose number a comma has cut, of which the rest became a key: ``a: 0,1 mm``."""
+    holder = node_at(data, path[:-1])
+    if not isinstance(holder, dict) or not str(path[-1])[:1].isdigit() or holder[str(path[-1])]:
+        return None
+    names = list(holder)
+    before = names[names.index(str(path[-1])) - 1] if names[0] != path[-1] else ""
+    whole = holder.get(before)
+    return (*path[:-1], before) if isinstance(whole, str) and _WHOLE.fullmatch(whole) else None
+
+
+def _add_cut(faults: Faults, path: KeyPath, before: KeyPath, data: Node) -> None:
+    whole, name = node_at(data, before), shorten(before[-1])
+    message = f"a comma separates '{shorten(path[-1])}' from '{name}: {whole}'"
+    hint = f"Write '{name}: {whole}.{shorten(path[-1])}' with a decimal point."
+    faults.add(path, "unknown-key", message, hint, key=True)
 
 
 def _add_wrong_tag(faults: Faults, path: KeyPath, node: Node, context: dict[str, Any]) -> None:
@@ -190,7 +235,8 @@ def _entries(number: int) -> str:
     return f"{number} {'entry' if number == 1 else 'entries'}"
 
 
-def _node_at(data: Node, path: KeyPath) -> Node:
+def node_at(data: Node, path: KeyPath) -> Node:
+    """What stands at a path."""
     for key in path:
         if isinstance(data, dict):
             data = data.get(str(key))

@@ -12,10 +12,10 @@ import copy
 import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
-from difflib import get_close_matches
 
 from geoident.errors import Fault
 from geoident.io.text.faults import Places
+from geoident.io.text.wording import nearest
 from geoident.io.text.yaml_reader import Node
 from geoident.model.case import KeyPath
 
@@ -185,8 +185,8 @@ def _take(data: dict[str, Node], path: KeyPath, names: set[str], gone: list[Node
     if key not in _KEPT:
         gone.append(data.pop(key, None))  # optional, or not known at all
         return True
-    data[key] = next(iter(get_close_matches(str(holder), _KEPT[key], n=1)), None)
-    return data[key] is not None
+    data[key] = nearest(str(holder), _KEPT[key])
+    return bool(data[key])
 
 
 def _take_of_model(data: dict[str, Node], path: KeyPath, stand_ins: set[str]) -> bool:

@@ -6,12 +6,14 @@ can't say anything else than the code does.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any
 
 from pydantic import (
+    AfterValidator,
     BeforeValidator,
     Discriminator,
     Field,
@@ -39,7 +41,11 @@ from geoident.units import (
 NAME_PATTERN = r"[A-Za-z_][A-Za-z0-9_]*"
 _TIE = re.compile(rf"(?:({NUMBER_PATTERN})\s*\*?\s*|(-))?\$({NAME_PATTERN})")
 _BARE = re.compile(NUMBER_PATTERN)
+_WHOLE = re.compile(r"[-+]?[0-9]+")
+_BETWEEN = re.compile(r"\s*(?:\.\.+|\N{HORIZONTAL ELLIPSIS}|;|\s(?:to|bis|-|\N{EN DASH})\s)\s*")
+"""What people write between two ends of a range, where a comma is expected."""
 _LONGEST = 80
+_TURN = 2 * math.pi * (1 + 1e-9)  # rad; 360 deg and 400 gon are rounded
 _EXAMPLES: Mapping[str | None, str] = {
     "pressure": "15 MPa",
     "length": "12.5 m",
@@ -187,14 +193,23 @@ class Of:
             return Given(text, factor, tie[3], self.dimension or "")
         if text.strip().startswith("$") or tie is not None:
             raise self._refuse_tie(text, well_formed=tie is not None)
-        return self._in_range(self._quantity(text))
+        given = self._quantity(text)
+        _require_angle(given)
+        return self._in_range(given)
 
     def words(self) -> str:
         """What is expected, for a message."""
         return with_article(self.dimension) if self.dimension else "a number with its unit"
 
     def _quantity(self, text: str) -> Given:
-        quantity = read_quantity(text, self.dimension or "")
+        try:
+            quantity = read_quantity(text, self.dimension or "")
+        except UnitError as error:
+            name = text.strip()
+            if not (self.tied and re.fullmatch(NAME_PATTERN, name)):
+                raise
+            tie = f"To tie it to a parameter of this name write ${shorten(name)}."
+            raise UnitError(error.message, f"{tie} {error.hint}".strip()) from error
         if self.dimension is not None:
             quantity = require_dimension(quantity, self.dimension, text)
         return Given(text, quantity.value, None, quantity.dimension, quantity.unit)
@@ -267,6 +282,21 @@ class Of:
         si = DIMENSIONS.get(self.dimension or "", "")
         text = f"{self.words()}{f' (SI: {si})' if si else ''}"
         return f"{text}, or $parameter with or without a factor" if self.tied else text
+
+
+def _require_angle(given: Given) -> None:
+    """Refuse an angle of more than a whole turn: it is in degrees, whatever unit it is given.
+
+    Raises:
+        Refusal: it is one.
+    """
+    if given.dimension != "angle" or abs(given.factor) <= _TURN:
+        return
+    message = f"'{given.text}' is an angle of {math.degrees(given.factor):.4g} degrees; "
+    hint = "Correct the number or its unit."
+    if given.unit == "rad":
+        hint = f"Write '{given.text.replace('rad', 'deg')}' if these are degrees."
+    raise Refusal("out-of-range", f"{message}360 at most are expected", hint)
 
 
 @dataclass(frozen=True)
@@ -381,7 +411,12 @@ class Exactly:
     def _counted(self, value: object) -> object:
         if isinstance(value, list) and len(value) != self.entries:
             found = f"found {len(value)} {'entry' if len(value) == 1 else 'entries'}"
-            hint = f"Write {self.entries}, or remove the key if it need not be there."
+            hint = f"Write {self.entries} of them, or remove the key if it need not be there."
+            meant = _meant(value)
+            if len(meant) == self.entries:
+                hint = f"If a number has a decimal comma, write a point: [{', '.join(meant)}]."
+                if len(value) == 1:
+                    hint = f"Write [{', '.join(meant)}]."
             raise Refusal("wrong-kind", f"{found}; {self.entries} entries expected", hint)
         return value
 
@@ -389,6 +424,28 @@ class Exactly:
         self, schema: CoreSchema, handler: GetJsonSchemaHandler
     ) -> dict[str, Any]:
         return {**handler(schema), "minItems": self.entries, "maxItems": self.entries}
+
+
+def _meant(entries: list[Any]) -> list[str]:
+    """The entries that were probably meant, where commas or their lack made others of them.
+
+    >>> _meant(["0", "3 GPa", "30 GPa"]), _meant(["0.3 .. 3.0"])
+    (['0.3 GPa', '30 GPa'], ['0.3', '3.0'])
+    """
+    if not all(isinstance(entry, str) and len(entry) <= _LONGEST for entry in entries):
+        return []
+    if len(entries) == 1:
+        return _BETWEEN.split(entries[0].strip())
+    meant: list[str] = []
+    whole = False  # what was before it is the whole part of a number
+    for entry in (entry.strip() for entry in entries):
+        joined = whole and entry[:1].isdigit()
+        if joined:
+            meant[-1] += f".{entry}"
+        else:
+            meant.append(entry)
+        whole = not joined and _WHOLE.fullmatch(entry) is not None
+    return meant
 
 
 @dataclass(frozen=True)
@@ -457,6 +514,21 @@ GivenSize = Annotated[Given, Of("length", above=0.0)]
 Acceleration = Annotated[Given, Of("acceleration")]
 AnyQuantity = Annotated[Given, Of(None)]
 
+
+def _in_order(bounds: list[Given]) -> list[Given]:
+    """Bounds of which the lower is below the upper, as far as they can be compared.
+
+    Raises:
+        Refusal: it is not.
+    """
+    lower, upper = bounds
+    if lower.dimension == upper.dimension and lower.factor >= upper.factor:
+        message = f"the lower bound '{lower.text}' is not below the upper '{upper.text}'"
+        hint = f"Write [{upper.text}, {lower.text}]." if lower.factor > upper.factor else ""
+        raise Refusal("bad-bounds", message, hint or "Let them differ.")
+    return bounds
+
+
 _SHARED = "; bare numbers take the unit of the last entry, as in [12.5, 3 m]"
 Coordinates = Annotated[
     list[Length],
@@ -466,6 +538,7 @@ Coordinates = Annotated[
 Line = Annotated[list[Coordinates], Exactly(2)]
 Bounds = Annotated[
     list[AnyQuantity],
+    AfterValidator(_in_order),
     SharesUnit(),
     Exactly(2),
     Field(description=f"Lower and upper bound{_SHARED}."),

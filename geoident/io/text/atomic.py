@@ -126,6 +126,9 @@ def make_folder(folder: Path | str) -> None:
     """
     try:
         Path(folder).mkdir(parents=True, exist_ok=True)
+    except FileExistsError as error:
+        said = "it is a file; a folder is expected here"
+        raise OutputError(f"{folder}: cannot be written: {said}\n    {_ELSEWHERE}") from error
     except OSError as error:
         raise output_error(folder, error) from error
 

@@ -142,18 +142,24 @@ def load_inputs(
             return _hashed(path, parse_case(text, path, overrides=tuple(overrides)))
         return _hashed(path, read_case(path, overrides=tuple(overrides)))
     except FaultyCase as error:
-        raise error.with_those_of_the_mesh(_faults_on_mesh(error.sound)) from error
+        raise error.with_those_of_the_mesh(*_faults_on_mesh(error.sound)) from error
 
 
-def _faults_on_mesh(left: PartOfCase | None) -> list[Fault]:
-    """What does not fit the mesh in a case of which parts are wrong by themselves."""
+def _faults_on_mesh(left: PartOfCase | None) -> tuple[list[Fault], tuple[str, ...]]:
+    """What does not fit the mesh in a case of which parts are wrong by themselves.
+
+    Returns:
+        The faults, and the element groups of the mesh.
+    """
     if left is None:
-        return []
+        return [], ()
+    groups: tuple[str, ...] = ()
     try:
         mesh = _read_mesh(left.case, left.mesh_path)
-        return faults_on_mesh(left.case, mesh, complete=left.rest.sequence_is_known)
+        groups = tuple(mesh.groups)
+        return faults_on_mesh(left.case, mesh, complete=left.rest.sequence_is_known), groups
     except InputError as error:
-        return list(error.faults)
+        return list(error.faults), groups
 
 
 def inputs_of_result(result: Result, path: str) -> Inputs:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import fields, is_dataclass
+from itertools import chain
 from typing import Any
 
 from geoident.io.case.gauges.accuracy import TYPICAL
@@ -29,7 +30,8 @@ def plausible_notes(case: Case) -> tuple[str, ...]:
         case: its parameters count at their start values.
     """
     values = {parameter.name: parameter.start for parameter in case.parameters}
-    return (*_accuracies(case), *_moduli(case, values), *_stresses(case, values))
+    odd = (_accuracies(case), _moduli(case, values), _stresses(case, values), _priors(case))
+    return tuple(chain.from_iterable(odd))
 
 
 def _accuracies(case: Case) -> Iterator[str]:
@@ -82,6 +84,16 @@ def _stresses(case: Case, values: Values) -> Iterator[str]:
                     f"the vertical in-situ stress is {_stress(pressure)}, more than 12 km of rock "
                     "weigh: check its unit"
                 )
+
+
+def _priors(case: Case) -> Iterator[str]:
+    for parameter in case.parameters:
+        prior = parameter.prior
+        if prior is not None and not parameter.lower <= prior.mean <= parameter.upper:
+            yield (
+                f"the mean of the prior of {parameter.name} is outside its bounds, which exclude "
+                "what is likeliest: widen the bounds or correct the mean"
+            )
 
 
 def _numbers(record: Any) -> Iterator[tuple[str, Scalar]]:

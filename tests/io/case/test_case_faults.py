@@ -22,6 +22,19 @@ FAULTS = {
     "last entry bare": ("[12.5, 3 m]", "[12.5 m, «3]", "gauges.EX1.head[1]", ["no unit"]),
     "tie where none may be": ("0.1 mm", "«$K0", "gauges.EX1.accuracy", ["cannot be used here"]),
     "malformed tie": ("$K0", "«$K0*2", "in_situ.K0", ["not a tie", "0.6 $E_rock"]),
+    "name without $": (
+        "$E_rock,",
+        "«E_rock,",
+        "materials.rock.E",
+        ["not a number", "write $E_rock"],
+    ),
+    "more than a turn": (
+        "nu: 0.25,",
+        "nu: 0.25, yield: {type: mohr-coulomb, cohesion: 1 Pa, friction: 1°, dilation: «40 rad},",
+        "materials.rock.yield.dilation",
+        ["an angle of 2292 degrees", "Write '40 deg'"],
+    ),
+    "negative accuracy": ("0.1 mm", "«-0.1 mm", "gauges.EX1.accuracy", ["such as 0.1 mm"]),
     "accuracy of zero": ("0.1 mm", "«0 mm", "gauges.EX1.accuracy", ["must be positive"]),
     "more released than there is": (
         BENCH,
@@ -50,6 +63,12 @@ FAULTS = {
         ["Did you mean 'between'?"],
     ),
     "comma cut a number": (
+        "accuracy: 0.1 mm",
+        "accuracy: 0, «1 mm",
+        "gauges.EX1.1 mm",
+        ["a comma separates '1 mm'", "Write 'accuracy: 0.1 mm' with a decimal point"],
+    ),
+    "comma after a unit": (
         "accuracy: 0.1 mm",
         "accuracy: 0 mm, «1 mm",
         "gauges.EX1.1 mm",
@@ -85,6 +104,18 @@ FAULTS = {
         ["'80 GPa' is not below", "Write [2 GPa, 80 GPa]"],
     ),
     "one bound": ("[2 GPa, 80 GPa]", "«[2 GPa]", "parameters.E_rock.bounds", ["2 entries"]),
+    "bounds with decimal commas": (
+        "[2 GPa, 80 GPa]",
+        "«[2,5 GPa, 80 GPa]",
+        "parameters.E_rock.bounds",
+        ["3 entries", "decimal comma", "[2.5 GPa, 80 GPa]"],
+    ),
+    "bounds as a range": (
+        "[2 GPa, 80 GPa]",
+        "«[2 GPa .. 80 GPa]",
+        "parameters.E_rock.bounds",
+        ["Write [2 GPa, 80 GPa]"],
+    ),
     "start outside": ("15 GPa", "«1 GPa", "parameters.E_rock.start", ["outside the bounds"]),
     "log of zero": ("[2 GPa", "«[0 GPa", "parameters.E_rock.bounds", ["log needs positive"]),
     "bound of other dimension": (
@@ -128,6 +159,13 @@ FAULTS = {
         ["Did you mean 'shotcrete'?"],
     ),
     # in situ, gravity, loads, supports
+    "tension": ("8 MPa", "«-8 MPa", "in_situ.vertical", ["a tension", "Write '8 MPa'"]),
+    "tension by a tie": (
+        "vertical: 8 MPa",
+        "vertical: «-1e-3 $E_rock",
+        "in_situ.vertical",
+        ["can only be a tension", "bounds of 'E_rock'"],
+    ),
     "heim by nothing": ("vertical: 8 MPa, ", "", "in_situ", ["found neither", "unit_weight"]),
     "shear out of plane": (
         HEIM,
@@ -278,6 +316,22 @@ def test_all_faults_of_the_sections_are_said_at_once(project, changed):
         "materials.rock.nu",
         "in_situ.vertical",
         "gauges.EX1.accuracy",
+    ]
+
+
+def test_what_a_wrong_word_hides_is_said_beside_it(project, changed):
+    """The analysis, the model of a stress, the scale of a parameter."""
+    text = changed("plane-strain", "2D").replace("scale: log", "scale: logarithmic")
+    text = text.replace("[2 GPa, 80 GPa]", "[80 GPa, 2 GPa]").replace("zero: heading", "zero: 2")
+    text = text.replace("model: heim, vertical: 8 MPa", "model: Heim, sigma_v: 8 MPa")
+    faults = project.faults(text)
+    assert [(fault.path, fault.hint.rpartition(" ")[2]) for fault in faults] == [
+        ("analysis", "'plane-strain'?"),
+        ("parameters.E_rock.bounds", "GPa]."),
+        ("parameters.E_rock.scale", "'log'?"),
+        ("in_situ.model", "'heim'?"),
+        ("in_situ.sigma_v", "'vertical'?"),
+        ("gauges.CV1.zero", "1."),
     ]
 
 

@@ -40,6 +40,8 @@ from geoident.units import (
         ("180 deg", "angle", math.pi),
         ("180°", "angle", math.pi),
         ("9.81 m/s2", "acceleration", 9.81),
+        ("9.81 m / s2", "acceleration", 9.81),
+        ("1 m H2O", "pressure", 9806.65),
         ("1e-5 1/K", "expansion", 1e-5),
         ("-4 degC", "temperature", -4.0),
         ("3 MN", "force", 3e6),
@@ -79,6 +81,10 @@ def test_quantities_become_si(text, dimension, value):
         ("0x10 m", "length", "there is no unit", ""),
         ("1 2 m", "length", "there is no unit", ""),
         ("--1 m", "length", "not a number", ""),
+        ("20 Grad", "angle", "there is no unit 'Grad'", "'deg' for degrees"),
+        ("20 grad", "", "there is no unit 'grad'", "'gon' for gons"),
+        ("2 m m", "length", "there is no unit 'm m'", "Did you mean 'mm'?"),
+        ("2 d m", "length", "there is no unit 'd m'", "Did you mean 'dm'?"),
     ],
 )
 def test_what_is_no_quantity_is_refused_with_a_remedy(text, dimension, message, hint):

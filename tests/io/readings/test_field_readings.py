@@ -126,6 +126,19 @@ def test_wide_tables_have_their_units_in_the_header(read):
     ]
 
 
+@pytest.mark.parametrize(
+    ("text", "words", "at"),
+    [
+        ("date,,CV1 (mm)\n2024-03-01,,1\n2024-03-02,5,1\n", "column 2 has no name", (3, 12)),
+        ("2024-03-01,1\n2024-03-02,2\n", "is no header", (1, 1)),
+    ],
+)
+def test_a_wide_table_needs_names_above_its_cells(refused, text, words, at):
+    (fault,) = refused(DATES + "{file: r.csv, layout: wide}", files={"r.csv": text})
+    assert words in fault.message
+    assert (fault.location.line, fault.location.column) == at
+
+
 def test_wide_tables_may_have_a_row_of_units_and_stages(read):
     text = "stage;EX1.a5;CV1\n;mm;[cm]\nheading;0,5;\nbench 1;1;2\n"
     case = read(

@@ -47,6 +47,18 @@ def test_comments_blank_lines_marks_and_windows_lines_are_fine():
     assert readings(text) == [Reading("A", "b", 1e-3, None, Location("r.csv", 5, 1))]
 
 
+def test_columns_without_name_and_cells_are_none():
+    text = "gauge,,stage,value,unit,,,\nA,,b,1,mm,,,\nA,,c,2,mm\n"
+    assert [(row.stage, row.value) for row in readings(text)] == [("b", 1e-3), ("c", 2e-3)]
+
+
+def test_a_file_without_header_has_one_fault_and_a_column_without_name_another():
+    (fault,) = refused("A,b,1,mm\nA,c,2,mm\n")
+    assert "no header" in fault.message
+    (fault,) = refused("gauge,stage,value,unit,\nA,b,1,5,mm\nA,c,1,5,mm\n")
+    assert "decimal comma" in fault.hint
+
+
 def test_quoted_names_hold_commas_and_quotes():
     (row,) = readings(HEAD + '"A ""1""","bench 1, left",1,mm\n')
     assert (row.channel, row.stage) == ('A "1"', "bench 1, left")
@@ -58,7 +70,8 @@ def test_quoted_names_hold_commas_and_quotes():
         ("", 0, 0, "the file is empty"),
         ("# only a comment\n", 0, 0, "gauge,stage,value,unit"),
         ("gauge,stage,valeu,unit\n", 1, 13, "Did you mean 'value'?"),
-        ("A,b,1,mm\n", 1, 1, "no column 'A'"),
+        ("A,b,1,mm\n", 1, 1, "put a header above it: gauge,stage,value,unit"),
+        ("sensor,stage,value,unit\n", 1, 1, "Did you mean 'gauge'?"),
         ("gauge,stage,value\n", 1, 1, "columns missing in the header: unit"),
         ("gauge,stage,value,unit,unit\n", 1, 24, "twice"),
         ("gauge;stage;value;unit\n", 1, 1, "semicolons"),
@@ -73,6 +86,7 @@ def test_quoted_names_hold_commas_and_quotes():
         (HEAD + "A,b,1,MPa\n", 2, 7, "a length is expected"),
         (HEAD + "A,b,1,\n", 2, 7, "no unit; a length is expected"),
         (HEAD + "A,b,1\n", 2, 6, "3 columns"),
+        ("gauge,stage,value,unit,,\nA,b,1,mm,,\nA,c,1,mm,,7\n", 3, 11, "column 6 has no name"),
         (HEAD + ",b,1,mm\n", 2, 1, "name of the gauge is missing"),
         (HEAD + "A,,1,mm\n", 2, 3, "name of the stage is missing"),
         (HEAD5 + "A,b,1,mm,0\n", 2, 10, "not positive"),

@@ -295,6 +295,12 @@ def test_files_that_are_no_results(tmp_path: Path, result_maker: Make) -> None:
     assert "not a file" in refused(tmp_path)
     (tmp_path / "text.h5").write_text("gauge,stage,value\n")
     assert "not an HDF5 file" in refused(tmp_path / "text.h5")
+    (tmp_path / "case.yaml").write_text("title: mine\nformat: geoident-case/1\n")
+    said = refused(tmp_path / "case.yaml")
+    assert "is a case; a result is expected" in said
+    assert said.endswith(f"writes: {tmp_path / 'case.fit.h5'}")
+    (tmp_path / "case.fit.h5").write_text("")
+    assert refused(tmp_path / "case.yaml").endswith(f"its result: {tmp_path / 'case.fit.h5'}")
     (tmp_path / "empty.h5").write_text("")
     assert "not an HDF5 file" in refused(tmp_path / "empty.h5")
     with h5py.File(tmp_path / "other.h5", "w") as file:

@@ -11,7 +11,7 @@ import pytest
 
 from geoident.errors import ExitCode, OutputError
 from geoident.io.text import atomic
-from geoident.io.text.atomic import atomic_output
+from geoident.io.text.atomic import atomic_output, make_folder
 
 
 def names_in(folder: Path) -> list[str]:
@@ -134,6 +134,14 @@ def test_full_disk_in_the_block(tmp_path: Path) -> None:
     with pytest.raises(OutputError, match="No space left"), output:
         Path("/dev/full").write_text("x")
     assert names_in(tmp_path) == []
+
+
+def test_a_folder_is_not_made_where_a_file_is(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(OutputError, match="it is a file; a folder is expected here"):
+        make_folder(tmp_path / "file")
+    make_folder(tmp_path / "one" / "two")
+    assert (tmp_path / "one" / "two").is_dir()
 
 
 def test_places_that_cannot_hold_a_file(tmp_path: Path) -> None:

@@ -86,6 +86,9 @@ like a random walk to 1.24 mm in 30 m of casing (Mikkelsen, FMGM 2003): 0.2 mm/s
 that are not here nobody but the user knows it.
 """
 
+_EXAMPLES = {"angle": "0.05 mrad", "pressure": "10 kPa", "strain": "5 microstrain"}
+"""Dimension to an accuracy that is usual; a length where it is not here."""
+
 
 @dataclass(frozen=True)
 class StandardDeviationOf(Of):
@@ -114,6 +117,10 @@ class StandardDeviationOf(Of):
             message = f"'{shorten(text)}' is negative; a standard deviation is expected"
             raise Refusal("out-of-range", message, "Write it positive, or 0 for none.")
         return computable(given)
+
+    def _example(self) -> str:
+        """An accuracy that is usual, as there is none of loads."""
+        return _EXAMPLES.get(self.dimension or "", "0.1 mm")
 
     def words(self) -> str:
         """What is expected, for a message."""
