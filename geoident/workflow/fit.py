@@ -17,13 +17,9 @@ from geoident.model.parameter import Parameter
 from geoident.model.results.result import STOPPED, GaugeTable, Result
 from geoident.workflow.estimating.accuracies import accuracy_findings
 from geoident.workflow.estimating.diagnosis import (
-    accuracy_residuals,
     bound_findings,
-    gross_findings,
-    gross_readings,
     linearity_findings,
     opened,
-    opposite_findings,
     over_all_stages,
     parameter_table,
     remarks,
@@ -41,6 +37,12 @@ from geoident.workflow.estimating.predictions import (
 from geoident.workflow.estimating.rivals import not_settled, rival_findings, with_rivals
 from geoident.workflow.estimating.setup import Setup
 from geoident.workflow.estimating.surface_error import surface_findings, surface_notes
+from geoident.workflow.estimating.wrong_readings import (
+    accuracy_residuals,
+    gross_findings,
+    gross_readings,
+    opposite_findings,
+)
 from geoident.workflow.running.computed import gauge_table
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.evaluation_log import Log, led
@@ -153,6 +155,7 @@ def _result(
     parameters = with_rivals(parameters, case.parameters, found.rivals)
     prediction = predicted(setup, found, predicted_stages(gauges))
     gross = gross_readings(found.readings, stated_sd(job.inputs.case, found.readings))
+    by_accuracy = not len(gross) and setup.accuracies is None  # estimated ones are said themselves
     poor = why_poor(found.diagnostics, gross, setup.model_error_table)
     status, named = _status(found, poor), parameters.named
     return Result(
@@ -176,7 +179,7 @@ def _result(
                 parameters.picked(named).names,
                 gross=len(gross) > 0,
             ),
-            *(() if len(gross) else accuracy_residuals(gauges, job.inputs.case)),
+            *(accuracy_residuals(gauges, job.inputs.case) if by_accuracy else ()),
             *last.findings,
             *_extrapolation(setup, found, gauges),
             *(setup.mesh.findings if setup.mesh is not None else ()),

@@ -11,7 +11,8 @@ from support.commands import run_command
 from support.results import changed_gauges, gauges
 from support.trench import CASE, READINGS, write_case
 
-from geoident.workflow.estimating.diagnosis import accuracy_residuals, why_poor
+from geoident.workflow.estimating.diagnosis import why_poor
+from geoident.workflow.estimating.wrong_readings import accuracy_residuals
 
 LOSSES = ["squared", "huber", "student-t"]
 

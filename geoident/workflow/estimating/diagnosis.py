@@ -13,9 +13,7 @@ from geoident.identify.assessment.linearity import interval_ends
 from geoident.identify.assessment.misfit import misfit
 from geoident.identify.assessment.uncertainty import Assessment, assess
 from geoident.identify.problem.problem import Discrepancy, Problem
-from geoident.io.text.wording import listing
 from geoident.model.arrays import Floats, Ints
-from geoident.model.case import Case
 from geoident.model.gauges import ReadingTable
 from geoident.model.methods import loss_text
 from geoident.model.parameter import Parameter
@@ -34,9 +32,6 @@ FAR_OFF = 3.5
 
 AGAINST = 0.6
 """Share of the clear readings of the opposite sign from which on it is said."""
-
-UNEXPLAINED = 5.0
-"""Residual in accuracies from which on it is named, whatever else explains it."""
 
 WORTH_SAYING = 0.1
 """Influence, in standard deviations of a parameter, below which no reading is named for it."""
@@ -61,12 +56,6 @@ UNUSABLE = 2.0
 
 UNUSABLE_SIZE = 0.5
 """Model error, of the computed motion, beyond which a model is of no use."""
-
-GROSS = 1000.0
-"""Residual in accuracies that no gauge shows: a unit, a column or a sign is wrong."""
-
-GROSS_BESIDE = 30.0
-"""And residual or reading are as many times the median one: else it is the model that is wrong."""
 
 
 def assess_robustly(problem: Problem, p: Floats, readings: Floats, jacobian: Floats) -> Assessment:
@@ -275,136 +264,6 @@ def why_poor(found: Diagnostics, gross: Ints, model_error: ModelErrorTable | Non
     if len(gross):
         return " The model does not fit the readings: some are grossly wrong (see the findings)."
     return ""
-
-
-def gross_readings(readings: ReadingTable, stated: Floats) -> Ints:
-    """Rows of the used readings that no gauge can have shown, the worst first.
-
-    Args:
-        readings: k of them, with what the model says of each.
-        stated: (k,) their standard deviations as the case states them, SI: estimated ones would
-            grow with the reading.
-    """
-    if not readings.used.any():
-        return np.zeros(0, dtype=np.int64)
-    far, read = (
-        np.where(readings.used, np.abs(each) / stated, 0.0)
-        for each in (readings.value - readings.computed, readings.value)
-    )
-    beside = [each > GROSS_BESIDE * float(np.median(each[readings.used])) for each in (far, read)]
-    rows = np.flatnonzero((far > GROSS) & (beside[0] | beside[1]))
-    return rows[np.argsort(-far[rows], kind="stable")]
-
-
-def gross_findings(gross: Ints, readings: ReadingTable, case: Case) -> tuple[str, ...]:
-    """A sentence for readings that are grossly wrong, with the place where each is written.
-
-    Args:
-        gross: (m,) rows of `gross_readings`.
-        readings: k of them, as the case has them.
-        case: with the places where they are written.
-    """
-    units = {channel.name: (channel.unit, channel.dimension) for channel in case.channels}
-    said = []
-    for k in gross[:5].tolist():
-        unit = units[readings.channel[k]]
-        value = f"{in_unit(float(readings.value[k]), *unit):.4g} {shown_unit(*unit)}".rstrip()
-        place = str(case.readings[k].location)
-        said.append(
-            f"{readings.channel[k]} at {readings.stage[k]} ({place}: {value})"
-            if place
-            else f"{readings.channel[k]} at {readings.stage[k]} ({value})"
-        )
-    if not said:
-        return ()
-    rest = f" and {len(gross) - 5} more" if len(gross) > 5 else ""
-    what = "Grossly wrong readings" if len(gross) > 1 else "A grossly wrong reading"
-    return (
-        f"{what}, more than {GROSS:.0f} standard deviations from the model: {', '.join(said)}"
-        f"{rest}. Check unit, column and sign; correct it, or give the reason in the column 'bad'.",
-    )
-
-
-def accuracy_residuals(gauges: GaugeTable, case: Case) -> tuple[str, ...]:
-    """A sentence for the residual that is the most accuracies, where these do not explain it.
-
-    The other sentences judge by all errors, among them those of model and mesh that the residuals
-    themselves have shown: by these no model would ever look wrong.
-
-    Args:
-        gauges: measured and computed.
-        case: with the accuracies as stated.
-    """
-    residual = np.where(gauges.used, gauges.measured - gauges.computed, 0.0)
-    times = np.nan_to_num(np.abs(residual) / _stated_accuracy(gauges, case))
-    if not times.max(initial=0.0) >= UNEXPLAINED:
-        return ()
-    i, j = np.unravel_index(int(np.argmax(times)), times.shape)
-    unit = gauges.units[i], gauges.dimensions[i]
-    size = f"{in_unit(float(np.abs(residual[i, j])), *unit):.2g} {shown_unit(*unit)}".rstrip()
-    return (
-        f"{gauges.channels[i]} at {gauges.stages[j]} is {size} from what is computed, "
-        f"{_times(float(times[i, j]))} of its accuracies: the model is wrong by that, or the "
-        "reading. `geoident compare` says whether another model (anisotropic, yielding, stressed "
-        "otherwise) describes the ground better.",
-    )
-
-
-def _stated_accuracy(gauges: GaugeTable, case: Case) -> Floats:
-    """(n_channels, 1) SI: estimated ones would grow with what is looked for."""
-    stated = {channel.name: channel.accuracy for channel in case.channels}
-    return np.array([stated.get(name, np.nan) for name in gauges.channels])[:, None]
-
-
-_CLEAR = 5.0
-"""Accuracies from which on what a gauge reads has a clear sign."""
-_MOVES = 0.05
-"""Part of the largest computed reading of its dimension from which on a gauge has a clear sign.
-
-Of accuracies it need not be one: the stiffer the model, the less it reads against the gauges.
-"""
-_MOVES_ALONE = 0.2
-"""The same where only one reading is against the model."""
-_AGAINST = -0.5
-"""Correlation of measured and computed readings of a gauge, about zero, that is against."""
-
-
-def opposite_findings(gauges: GaugeTable, case: Case) -> tuple[str, ...]:
-    """A sentence for gauges that read the opposite of what is computed.
-
-    A sign that a file counts the other way round cannot be fitted, and scatter, a model error or a
-    bound would take it up without a word.
-
-    Args:
-        gauges: measured and computed.
-        case: with the accuracies as stated.
-    """
-    accuracy = _stated_accuracy(gauges, case)
-    used = gauges.used & np.isfinite(gauges.measured) & np.isfinite(gauges.computed)
-    measured = np.where(used, gauges.measured, 0.0) / accuracy
-    computed = np.where(used, gauges.computed, 0.0)
-    dimensions = np.array(gauges.dimensions)
-    largest = {one: np.abs(computed[dimensions == one]).max(initial=0.0) for one in dimensions}
-    turned, count, most = [], 0, 0.0
-    for name in dict.fromkeys(gauges.gauges):
-        rows = np.array([own == name for own in gauges.gauges])
-        read, said = measured[rows], (computed / accuracy)[rows]
-        clear = np.linalg.norm(read) > _CLEAR
-        part = np.abs(computed[rows]).max() / max(largest[dimensions[rows][0]], 1e-300)
-        size = float(np.linalg.norm(read) * np.linalg.norm(said))
-        if clear and part > _MOVES and float((read * said).sum()) < _AGAINST * size:
-            turned.append(name)
-            count += int(used[rows].sum())
-            most = max(most, part)
-    if not turned or (count < 2 and most <= _MOVES_ALONE):
-        return ()
-    what = "readings of {} run" if count > 1 else "reading of {} runs"
-    return (
-        f"The {what.format(listing(turned))} against the model: measured and computed have "
-        "opposite signs. Distances are positive where they grow, settlements downwards (page "
-        "'Conventions'); where a file counts the other way round, its 'channels' take 'sign: -1'. "
-        "If the signs are right, the model moves the wrong way.",
-    )
 
 
 def bound_findings(found: Certificate | None, parameters: Sequence[Parameter]) -> tuple[str, ...]:
