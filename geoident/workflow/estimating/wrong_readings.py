@@ -89,7 +89,7 @@ def accuracy_residuals(gauges: GaugeTable, case: Case) -> tuple[str, ...]:
         return ()
     i, j = np.unravel_index(int(np.argmax(times)), times.shape)
     unit = gauges.units[i], gauges.dimensions[i]
-    size = f"{in_unit(float(np.abs(residual[i, j])), *unit):.2g} {shown_unit(*unit)}".rstrip()
+    size = f"{in_unit(float(np.abs(residual[i, j])), *unit):.3g} {shown_unit(*unit)}".rstrip()
     return (
         f"{gauges.channels[i]} at {gauges.stages[j]} is {size} from what is computed, "
         f"{_shown(float(times[i, j]))} of its accuracies: if the accuracy is right, the model or "
