@@ -51,6 +51,20 @@ def test_a_unit_that_nobody_meant_is_noted(notes, old, new, said):
     assert said in notes((old, new))
 
 
+def test_a_reading_in_metres_is_noted_once_for_its_gauge(tmp_path):
+    """The points are 2 m apart, those of the extensometer 1 m; a settlement has one."""
+    path = write_case(tmp_path)
+    rows = ["CV,first,-2.1,m", "CV,second,1.5,m", "X.a,first,-0.49,m", "S,first,7,m"]
+    rows += ["X.a,second,0.51,m"]
+    path.with_name("readings.csv").write_text("\n".join(["gauge,stage,value,unit", *rows]))
+    said = [note for note in check(str(path)).summary.notes if "check its unit" in note]
+    assert [note.partition(" (")[0] for note in said] == [
+        "X.a at second reads 0.51 m between points that are 1 m apart",
+        "CV at first reads -2.1 m between points that are 2 m apart",
+    ]
+    assert "readings.csv:2:1)" in said[1]
+
+
 def findings(tmp_path, readings, case=CASE):
     path = write_case(tmp_path)
     path.write_text(case)

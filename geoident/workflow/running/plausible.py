@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import fields, is_dataclass
 from itertools import chain
+from math import dist, inf
 from typing import Any
 
 from geoident.io.case.gauges.accuracy import TYPICAL
@@ -16,6 +17,8 @@ from geoident.units import in_unit, shown_unit
 
 _OFTEN = 100.0
 """Times an accuracy may be the usual one, or this part of it, without a word."""
+_PART_OF_DISTANCE = 0.5
+"""Of that of two points by which they never move apart or together: 0.1 to 0.3 is a collapse."""
 _SOFTEST, _STIFFEST = 5e4, 1e12
 """Pa: below a modulus of peat, above one of diamond."""
 _LARGEST_K0 = 10.0
@@ -24,13 +27,16 @@ _DEEPEST = 3e8
 
 
 def plausible_notes(case: Case) -> tuple[str, ...]:
-    """Sentences about accuracies, moduli and stresses of sizes that nobody meets.
+    """Sentences about accuracies, readings, moduli, stresses and priors that nobody meets.
 
     Args:
         case: its parameters count at their start values.
     """
     values = {parameter.name: parameter.start for parameter in case.parameters}
-    odd = (_accuracies(case), _moduli(case, values), _stresses(case, values), _priors(case))
+    odd = (
+        _accuracies(case), _readings(case), _moduli(case, values), _stresses(case, values),
+        _priors(case),
+    )  # fmt: skip
     return tuple(chain.from_iterable(odd))
 
 
@@ -53,6 +59,30 @@ def _accuracies(case: Case) -> Iterator[str]:
         yield (
             f"the accuracy of {named_channels(names)} is {said}; gauges of the kind {kind} have "
             f"about {usual_said}: check its unit"
+        )
+
+
+def _readings(case: Case) -> Iterator[str]:
+    """One sentence for each channel whose points would have met, or parted as far again."""
+    apart = {
+        channel.name: dist(channel.first, channel.second)
+        for channel in case.channels
+        if channel.first is not None and channel.dimension == "length"
+    }
+    far = [
+        (reading.value, reading)
+        for reading in case.readings
+        if reading.value is not None and not reading.bad
+        if abs(reading.value) > _PART_OF_DISTANCE * apart.get(reading.channel, inf)
+    ]
+    farthest = {
+        reading.channel: (value, reading)
+        for value, reading in sorted(far, key=lambda entry: abs(entry[0]))
+    }
+    for name, (value, reading) in farthest.items():
+        yield (
+            f"{name} at {reading.stage or 'its date'} reads {value:.3g} m between points that are "
+            f"{apart[name]:.3g} m apart ({reading.location}): check its unit"
         )
 
 
