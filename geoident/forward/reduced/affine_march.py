@@ -6,7 +6,7 @@ made; `AffineMarch` adds the march and the ground that a form was found of.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,7 +19,7 @@ from geoident.forward.reduced.loads import LoadForm, load_form
 from geoident.forward.reduced.moduli import Span, rigidity_span, span_of
 from geoident.forward.reduced.points import MarchPoints
 from geoident.forward.reduced.stress_rows import StressRows, stress_rows
-from geoident.forward.reduced.zones import Zone, member_zones, rigidity_name, zones_of
+from geoident.forward.reduced.zones import Zone, member_zones, rigidity_name
 from geoident.model.arrays import Floats, Ints
 from geoident.model.parameter import Values
 
@@ -100,11 +100,14 @@ class AffineMarch:
         return self.points.n_ground + np.concatenate([np.empty(0, np.int64), *mine])
 
 
-def affine_march(march: March, last: int, observation: Observation) -> AffineMarch | None:
+def affine_march(
+    march: March, ground: Sequence[Sequence[Zone]], last: int, observation: Observation
+) -> AffineMarch | None:
     """The march of a case to its last state wanted; None where its loads have no form.
 
     Args:
         march: of the case.
+        ground: zones of the ground in every state (`zones_of`).
         last: the last state wanted.
         observation: its gauges.
     """
@@ -123,8 +126,8 @@ def affine_march(march: March, last: int, observation: Observation) -> AffineMar
             name = rigidity_name(part.name, bending)
             spans[name] = rigidity_span(part.structure, names, samples, s, bending=bending)
     points = MarchPoints(march.systems)
-    every = zip(zones_of(march.on_mesh), member_zones(march, points), strict=True)
-    zones = tuple((*ground, *members) for ground, members in every)
+    every = zip(ground, member_zones(march, points), strict=True)
+    zones = tuple((*own, *members) for own, members in every)
     form, rows = AffineForm(names, spans, loads), stress_rows(march, observation)
     return AffineMarch(march, form, zones[: last + 1], points, rows)
 

@@ -88,9 +88,10 @@ class Reduction:
 
     def _prepare(self) -> str | None:
         """Look at moduli and loads; why there is no reduced model, a clause, or None."""
-        if self.economical and self._dear(zones_of(self._march.on_mesh), {}):
+        ground = zones_of(self._march.on_mesh)
+        if self.economical and self._dear(ground, {}):
             return DEAR  # whatever the moduli are: they only add to it
-        affine = self._affine = affine_march(self._march, self.last, self._observation)
+        affine = self._affine = affine_march(self._march, ground, self.last, self._observation)
         if affine is None:
             return "its loads are no polynomials of low degree in the parameters"
         if affine.form.loads.settles and releases(self._march):

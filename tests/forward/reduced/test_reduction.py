@@ -96,7 +96,9 @@ def test_what_a_reduced_model_costs_and_saves_is_counted(n, saves, monkeypatch):
     """
     staged = plane()
     made = _reduction(staged)
-    affine = under_test.affine_march(staged.march, made.last, staged.observation)
+    affine = under_test.affine_march(
+        staged.march, under_test.zones_of(staged.on_mesh), made.last, staged.observation
+    )
     points = staged.discretization.points
     columns = 1 + 5
     ranks = {"rock": 2, "young": 1, "shotcrete": 1}
@@ -117,7 +119,9 @@ def test_what_a_reduced_model_costs_and_saves_is_counted(n, saves, monkeypatch):
 def test_in_space_a_factorization_costs_the_square_of_the_unknowns(monkeypatch):
     staged = solid(n=2)
     made = _reduction(staged)
-    affine = under_test.affine_march(staged.march, made.last, staged.observation)
+    affine = under_test.affine_march(
+        staged.march, under_test.zones_of(staged.on_mesh), made.last, staged.observation
+    )
     points, columns = staged.discretization.points, 1 + 4
     marching = projecting = 0.0
     for state in range(1, made.last + 1):

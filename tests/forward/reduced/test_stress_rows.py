@@ -16,6 +16,7 @@ from geoident.forward.reduced import affine_march as affine_module
 from geoident.forward.reduced.affine_march import _samples, affine_march
 from geoident.forward.reduced.points import MarchPoints
 from geoident.forward.reduced.stress_rows import beyond_reduction, stress_rows
+from geoident.forward.reduced.zones import zones_of
 from geoident.model.dual import ParameterPoint
 from geoident.model.parameter import Parameter
 
@@ -69,7 +70,7 @@ def test_members_whose_force_a_jack_gives(staged):
     """Those of the struts in the stage that builds them, and of none in any other."""
     march = staged.march
     last = len(march.sequence.states) - 1
-    made = affine_march(march, last, staged.observation)
+    made = affine_march(march, zones_of(staged.on_mesh), last, staged.observation)
     (part,) = (p for p in march.systems.structures.parts if p.name == "struts")
     rows = made.points.n_ground + np.arange(part.rows.start, part.rows.stop)
     assert [made.jacked(n).tolist() for n in range(last + 1)] == [[], [], rows.tolist(), [], []]
