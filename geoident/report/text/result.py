@@ -143,12 +143,18 @@ def _parameters(result: Result) -> str:
     return section(posterior.TITLE, said, sentence(posterior.cost_sentence(result.posterior)))
 
 
+_ALONE = (
+    "By the stated accuracies alone: errors of the model and of the mesh, which a fit learns from "
+    "its readings, make the intervals wider."
+)
+
+
 def plan_text(case: str, plan: Identifiability) -> str:
     """What planned gauges could determine, at the start values."""
     return sections(
         f"{case}: {plan.readings} planned readings",
         section("Parameters at their start values, with the intervals to expect",
-                parameters_text(plan.parameters)),
+                parameters_text(plan.parameters), sentence(_ALONE)),
         section("Findings", bullets(plan.findings)),
     )  # fmt: skip
 
