@@ -56,7 +56,7 @@ _SAME = 1e-13
 """Part of the ends between which a quantile is sought: what lies closer together is the same."""
 
 _NEARLY = 1e6
-"""A step of so many times that towards a quantile goes a little beyond it: the next ends there."""
+"""Times that: a shorter step goes a little beyond the quantile, so that the ends meet about it."""
 
 _PEAK = 1.0 / np.sqrt(2.0 * np.pi)
 
