@@ -4,7 +4,19 @@ From Python: ``from geoident import fit, load_case, predict`` (see `geoident.api
 an example), loaded when first asked for, so that the command line starts fast.
 """
 
+# ruff: noqa: PTH100, PTH120 - nothing more is imported before the current folder is out of the way
+
+import os
 import sys
+
+if not sys.flags.safe_path and sys.argv[:1] == ["-m"]:  # so for Python while it looks for a module
+    _words = zip(sys.orig_argv, sys.orig_argv[1:], strict=False)
+    if any(word == "geoident" and flag.endswith("m") for flag, word in _words):
+        # By `python -m geoident` the current folder comes first, and who knows what lies there.
+        del sys.path[0]
+        _own = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+        sys.path += [_own] if _own not in sys.path else []
+
 from importlib import import_module
 from types import ModuleType
 from typing import Any

@@ -8,7 +8,7 @@ import socket
 import time
 import warnings
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from typing import Any
 
 from distributed import Client, LocalCluster, Security, rpc
@@ -18,7 +18,11 @@ from distributed.versions import VersionMismatchWarning
 from geoident.errors import LostCluster
 from geoident.model.cluster import Cluster
 from geoident.workflow.executing.job_queue import job_queue
-from geoident.workflow.executing.processes import cores_shared
+from geoident.workflow.executing.processes import (
+    cores_shared,
+    nothing_from_here,
+    safe_children,
+)
 from geoident.workflow.executing.relay import Order, Relay, differences, problem_of
 
 _REACH = 8.0
@@ -67,7 +71,7 @@ class Connection:
         self.direct: bool | None = None
         self._looked = 0.0
         self._waiting = False
-        self._quiet = _quiet_logs()
+        self._held = ExitStack()
 
     @property
     def alive(self) -> bool:
@@ -80,7 +84,9 @@ class Connection:
         Raises:
             InputError: nobody answers there, or workers cannot compute for us.
         """
-        self._quiet.__enter__()
+        self._held.enter_context(_quiet_logs())
+        if self._where.local:
+            self._held.enter_context(safe_children())  # a worker may be begun again at any time
         try:
             self._start()
         except BaseException:
@@ -90,7 +96,7 @@ class Connection:
     def _start(self) -> None:
         where = self._where
         if where.local:
-            with cores_shared(self._jobs):  # which the workers inherit
+            with cores_shared(self._jobs), nothing_from_here():  # which the workers inherit
                 self._own = LocalCluster(
                     n_workers=self._jobs, threads_per_worker=1, processes=True,
                     dashboard_address=":0", memory_limit=0, silence_logs=logging.CRITICAL,
@@ -188,7 +194,7 @@ class Connection:
         try:
             self._leave()
         finally:
-            self._quiet.__exit__(None, None, None)
+            self._held.close()
 
     def _leave(self) -> None:
         client, own, self.client, self._own = self.client, self._own, None, None

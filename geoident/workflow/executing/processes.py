@@ -22,6 +22,7 @@ from functools import cached_property
 from multiprocessing import current_process, get_context
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import SpawnProcess
+from pathlib import Path
 from types import ModuleType, TracebackType
 from typing import Any, Generic, Self, TypeVar
 
@@ -46,6 +47,9 @@ _GRACE = 5.0
 
 _THREADS = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS")
 _HELD = (signal.SIGINT, signal.SIGTERM)
+
+_SAFE, _BY_US = "PYTHONSAFEPATH", "geoident"
+"""Variable that keeps Python from putting the current folder first, and our value of it."""
 
 _STARTING = threading.Lock()
 """Processes are started one after the other: the environment that they inherit is that of all."""
@@ -210,6 +214,7 @@ class LocalProcesses(Generic[T, R]):
             _signals_blocked(),
             _may_have_children(),
             _no_script(),
+            nothing_from_here(),
         ):
             process.start()
         there.close()
@@ -341,6 +346,51 @@ def cores_shared(jobs: int) -> Iterator[None]:
                 del os.environ[name]
             else:
                 os.environ[name] = value
+
+
+def path_without_here() -> list[str]:
+    """Where a process of ours looks for modules: as this one, but not in the current folder.
+
+    That is kept only where geoident itself lies in it.
+    """
+    here, own = Path.cwd(), Path(__file__).parents[3]
+    folders = [Path(folder).resolve() for folder in sys.path]
+    return [given for given, folder in zip(sys.path, folders, strict=True)
+            if folder != here or folder == own]  # fmt: skip
+
+
+@contextmanager
+def safe_children() -> Iterator[None]:
+    """Keep processes that are started meanwhile from looking for modules in the current folder.
+
+    Python looks there first where it is begun by ``-c`` or ``-m``, as `multiprocessing` does,
+    before anybody can tell it something else.
+    """
+    ours = not os.environ.get(_SAFE)
+    if ours:
+        os.environ[_SAFE] = _BY_US
+    try:
+        yield
+    finally:
+        if ours:
+            os.environ.pop(_SAFE, None)
+
+
+@contextmanager
+def nothing_from_here() -> Iterator[None]:
+    """The same, and such a process is not told to look there by `multiprocessing` either."""
+    path = sys.path
+    sys.path = path_without_here()
+    try:
+        with safe_children():
+            yield
+    finally:
+        sys.path = path
+
+
+def environment_of_programs() -> dict[str, str]:
+    """The environment for programs of users, which may well import what lies beside them."""
+    return {name: value for name, value in os.environ.items() if (name, value) != (_SAFE, _BY_US)}
 
 
 @contextmanager

@@ -47,6 +47,7 @@ from geoident.model.elsewhere import (
 )
 from geoident.workflow.executing.executor import SetUp
 from geoident.workflow.executing.parcel import relative
+from geoident.workflow.executing.processes import environment_of_programs
 from geoident.workflow.programs.digest import digest_of
 from geoident.workflow.programs.logged_runs import LoggedRuns, MadeThere, RunItem, made_there
 from geoident.workflow.programs.run_folders import new_folder
@@ -301,7 +302,7 @@ class ProgramRuns(LoggedRuns):
                     stdin=subprocess.DEVNULL,
                     stdout=out,
                     stderr=err,
-                    env={**os.environ, "TMPDIR": str(folder.resolve())},
+                    env={**environment_of_programs(), "TMPDIR": str(folder.resolve())},
                     start_new_session=True,  # so that what it starts ends with it
                 )
             except OSError as error:

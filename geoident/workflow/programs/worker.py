@@ -12,13 +12,19 @@ import pickle
 import subprocess
 import sys
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
+from importlib.machinery import ModuleSpec, PathFinder
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 from geoident.forward.elsewhere.runs import FailedRun
+from geoident.io.elsewhere.imports import imported_files
+from geoident.workflow.executing.processes import environment_of_programs, path_without_here
+
+_BEGIN = "import sys; sys.path = {!r}; from geoident.workflow.programs.worker import serve; serve()"
+"""What such a process begins with. PYTHONPATH would reach programs that functions start, too."""
 
 
 class Worker:
@@ -80,14 +86,13 @@ class Worker:
 
     def _started(self) -> subprocess.Popen[bytes]:
         if self._process is None or self._process.poll() is not None:
-            paths = os.pathsep.join(path for path in sys.path if path)
             with Path(self._output or os.devnull).open("ab") as printed:
                 self._process = subprocess.Popen(
-                    [sys.executable, "-m", "geoident.workflow.programs.worker"],
+                    [sys.executable, "-P", "-c", _BEGIN.format(path_without_here())],
                     stdin=subprocess.PIPE,
                     stdout=subprocess.PIPE,
                     stderr=printed,
-                    env={**os.environ, "PYTHONPATH": paths, "OMP_NUM_THREADS": "1"},
+                    env={**environment_of_programs(), "OMP_NUM_THREADS": "1"},
                     start_new_session=True,  # Ctrl-C reaches us only
                 )
         return self._process
@@ -97,7 +102,7 @@ def _ending(code: int | None) -> str:
     return f"signal {-code}" if code is not None and code < 0 else f"exit code {code}"
 
 
-def _serve() -> None:
+def serve() -> None:
     """Answer requests until there are no more."""
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
@@ -119,8 +124,8 @@ def _serve() -> None:
 def _function(modules: dict[str, ModuleType], path: str, name: str) -> Callable[..., Any]:
     if path not in modules:
         folder = str(Path(path).resolve().parent)
-        if folder not in sys.path:
-            sys.path.insert(0, folder)
+        sys.meta_path.insert(0, _Beside(path))
+        sys.path.append(folder)
         spec = importlib.util.spec_from_file_location(Path(path).stem, path)
         assert spec is not None
         assert spec.loader is not None
@@ -132,5 +137,31 @@ def _function(modules: dict[str, ModuleType], path: str, name: str) -> Callable[
     return found
 
 
-if __name__ == "__main__":
-    _serve()
+class _Beside:
+    """Finds what a file imports from beside it, as far as its digest knows of that.
+
+    Anything else that lies there comes last: Python's own modules, and those of others, would
+    import it in place of what they mean.
+
+    Args:
+        path: of the file.
+    """
+
+    def __init__(self, path: str) -> None:
+        self._folder = str(Path(path).resolve().parent)
+        files = (Path(os.path.relpath(file, Path(path).parent)) for file in imported_files(path))
+        self._names = {file.parts[0].removesuffix(".py") for file in files}
+
+    def find_spec(
+        self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
+    ) -> ModuleSpec | None:
+        """The module; None for all others.
+
+        Args:
+            fullname: of the module.
+            path: where its package is.
+            target: the module that is reloaded, if one is.
+        """
+        if path is not None or fullname not in self._names:
+            return None
+        return PathFinder.find_spec(fullname, [self._folder], target)

@@ -15,7 +15,7 @@ from geoident.workflow.executing import processes as own
 from geoident.workflow.executing.executor import in_order, usable_cores
 from geoident.workflow.executing.processes import LocalProcesses, cores_shared
 from tests.support.real_cluster import runs, wait_until
-from tests.support.tasks import broken, dying, importing, obedient, squares
+from tests.support.tasks import broken, dying, findable, importing, obedient, squares
 
 ROOT = str(Path(__file__).parents[3])
 KILLS = [pytest.param(2), pytest.param(30, marks=pytest.mark.slow)]
@@ -37,6 +37,21 @@ def test_processes_import_nothing_that_is_not_needed():
     with LocalProcesses(1, importing) as processes:
         (answer,) = processes.run([["scipy.sparse", "click", *needless]])
     assert answer.value == ["scipy.sparse"]
+
+
+def test_processes_look_for_modules_in_no_current_folder(tmp_path, monkeypatch):
+    """Also where who asks does, as every session of Python that is begun there."""
+    for name in ("planted", "multiprocessing"):
+        (tmp_path / f"{name}.py").write_text(f"open('{name}.mark', 'w').close()\n")
+    monkeypatch.chdir(tmp_path)
+    path = ["", *sys.path, str(tmp_path)]
+    monkeypatch.setattr(sys, "path", path)
+    with LocalProcesses(1, findable) as processes:
+        (answer,) = processes.run([["planted", "click"]])
+    assert answer.value == ["click"]
+    assert not list(tmp_path.glob("*.mark"))
+    assert sys.path is path
+    assert "PYTHONSAFEPATH" not in os.environ
 
 
 @pytest.mark.parametrize("kills", KILLS)
