@@ -56,6 +56,7 @@ class Term(Enum):
     OUTPUT = ("-o", "output=...")
     FIELDS = ("--fields", "fields=...")
     TRUST = ("--trust", "`geoident.trust(case)`")
+    TRUST_FILE = ("--trust", "`geoident.trust(file)`")
     OVERRIDES = ("--set", "overrides")
     OVERRIDE = ("--set path=value", 'overrides={"path": value}')
     OTHER_CASE = ("--case", "case=...")

@@ -12,7 +12,7 @@ from typing import Any, ParamSpec, TypeVar
 
 from geoident.errors import Caller, GeoidentError, MissingExtra, UsageError
 from geoident.model.results.result import Iteration
-from geoident.workflow.executing.workplace import workplace
+from geoident.workflow.programs.workplace import workplace
 from geoident.workflow.running.control import Control, Silent
 
 AnyPath = str | os.PathLike[str]

@@ -16,8 +16,7 @@ from geoident.model.results.many.campaign import CampaignTable, RunRecord
 from geoident.report.text.campaign.spreadsheet import runs_columns, runs_csv
 from geoident.report.text.campaign.tables import campaign_text
 from geoident.workflow.campaign.campaign import compute, run_executor
-from geoident.workflow.campaign.plan import plan_campaign, require_trust
-from geoident.workflow.executing.workplace import cluster_given
+from geoident.workflow.campaign.plan import cluster_of, plan_campaign, require_trust
 from geoident.workflow.programs.trust import decided_by, trusting
 
 RunWatch = Callable[[RunRecord], None]
@@ -106,7 +105,8 @@ def batch(
             or the path of a cluster file; None for that of the campaign, if it names one.
         force: use a folder that holds something else.
         fresh: compute again what is up to date.
-        trust: the program or function that the case names as its model may be run; remembered.
+        trust: the program or function that the case names as its model may be run, and what the
+            campaign or a cluster file gives to a scheduler or a queue system; remembered.
         progress: is told of every run that ends.
 
     Raises:
@@ -118,10 +118,10 @@ def batch(
     place, at_once = None if output is None else os.fspath(output), processes(jobs)
     with decided_by(trusting(trust=trust)):
         plan = plan_campaign(os.fspath(campaign), output=place, fresh=fresh, force=force)
+        where = cluster_of(plan, None if cluster is None else os.fspath(cluster))
         permitted = require_trust(plan)
     watch = progress or (lambda record: None)
-    named = plan.campaign.cluster if cluster is None else cluster_given(os.fspath(cluster))
-    with run_executor(plan, named, at_once, lambda message: None) as (executor, _):
+    with run_executor(plan, where, at_once, lambda message: None) as (executor, _):
         table = compute(
             plan, executor, watch, runs_csv, fresh=fresh, trust=trust, permitted=permitted
         )

@@ -21,7 +21,10 @@ from geoident.errors import InputError, Location, UsageError
 from geoident.forward.elsewhere.convergence import LawModel
 from geoident.forward.elsewhere.model import ElsewhereModel
 from geoident.forward.elsewhere.table import TableModel
+from geoident.io.campaign.file import read_campaign
+from geoident.io.cluster.file import read_cluster
 from geoident.io.docs.templates import TEMPLATES
+from geoident.io.text.head import said_format
 from geoident.model.case import Case
 from geoident.model.gauges import Reading
 from geoident.model.results.summary import CaseSummary
@@ -33,6 +36,7 @@ from geoident.workflow.check import Checked
 from geoident.workflow.check import check as run_check
 from geoident.workflow.init import init_template
 from geoident.workflow.programs.trust import decided_by, trusting
+from geoident.workflow.programs.workplace import trusted
 from geoident.workflow.running.jobs import NO_READINGS, build_model, load_inputs
 from geoident.workflow.running.remade import write_readings
 from geoident.workflow.simulate import ComputedBy, Noise, Outputs, Simulated
@@ -142,16 +146,26 @@ def trust(case: CaseFile | AnyPath) -> None:
     """Say that the program or function that a case names as its model may be run.
 
     It is remembered in the folder of its runs, for this user on this machine, until a file of the
-    model changes. Without it such a case is refused, since a case may come from anywhere.
+    model changes. Without it such a case is refused, since a case may come from anywhere. The same
+    holds for what a cluster file or a campaign gives to a scheduler or a queue system.
 
     Args:
-        case: as loaded, or its path.
+        case: as loaded, or its path; or the path of a cluster file or of a campaign.
 
     Raises:
         InputError: with all faults of the case.
-        UsageError: the case names nothing that is run.
+        UsageError: it names nothing that is run.
     """
     origin = origin_of(case)
+    said = said_format(origin.path) if origin.text is None else ""
+    if said.startswith(("geoident-cluster/", "geoident-campaign/")):
+        of_campaign = said.startswith("geoident-campaign/")
+        cluster = read_campaign(origin.path).cluster if of_campaign else read_cluster(origin.path)
+        if cluster is None or cluster.local:
+            raise UsageError(f"{origin.path} names no scheduler and no queue system.")
+        with decided_by(trusting(trust=True)):
+            trusted(cluster)
+        return
     overrides = (*origin.overrides, NO_READINGS)
     inputs = load_inputs(origin.path, overrides=overrides, text=origin.text)
     model = build_model(inputs) if inputs.case.elsewhere is not None else None

@@ -18,8 +18,7 @@ from geoident.report.text.campaign.spreadsheet import runs_csv
 from geoident.report.text.campaign.tables import failed_table, outcome_sentences, seconds_text
 from geoident.report.text.json import dumps
 from geoident.workflow.campaign.campaign import compute, run_executor
-from geoident.workflow.campaign.plan import CampaignPlan, plan_campaign, require_trust
-from geoident.workflow.executing.workplace import cluster_given
+from geoident.workflow.campaign.plan import CampaignPlan, cluster_of, plan_campaign, require_trust
 
 _NAMED = 3
 """Failed runs that the live line names: the last ones."""
@@ -81,10 +80,10 @@ def run_campaign(
     """
     with failures_as_json(path, options):
         plan = plan_campaign(path, output=options.output, fresh=options.fresh, force=options.force)
-        where = plan.campaign.cluster if cluster is None else cluster_given(cluster)
     if options.dry_run:
         return _say_plan(plan, options)
     with failures_as_json(path, options):
+        where = cluster_of(plan, cluster)
         permitted = require_trust(plan)
     terminal = Terminal(options)
     if options.as_json:

@@ -21,7 +21,7 @@ from geoident.report.text.json import dumps, result_object, summary_object
 from geoident.report.text.result import summary_text
 from geoident.workflow.estimating.finished import Finished
 from geoident.workflow.executing.stop import StopRequest
-from geoident.workflow.executing.workplace import workplace
+from geoident.workflow.programs.workplace import workplace
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.jobs import Job, Request
 from geoident.workflow.running.outputs import Existing

@@ -21,7 +21,7 @@ from geoident.report.text.project.json import plan_object, project_object
 from geoident.report.text.project.spreadsheet import project_csv, project_tables
 from geoident.report.text.project.tables import plan_text, project_summary, project_text
 from geoident.workflow.executing.stop import StopRequest
-from geoident.workflow.executing.workplace import workplace
+from geoident.workflow.programs.workplace import workplace
 from geoident.workflow.project.plan import ProjectJob, ProjectRequest, plan_project
 from geoident.workflow.project.run import fit_project
 from geoident.workflow.running.control import Control

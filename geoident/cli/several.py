@@ -163,7 +163,7 @@ def _executor(
         return
     from geoident.cli.several_away import AwayCases, cases_on
     from geoident.cli.several_away import run_cases as cases_that_run
-    from geoident.workflow.executing.workplace import cluster_given
+    from geoident.workflow.programs.workplace import cluster_given
 
     if any(Path(path).is_absolute() for path in (*cases, options.output or "")):
         raise click.UsageError("With --cluster, name cases and -o as seen from this folder.")

@@ -1,4 +1,4 @@
-"""Whether a case may run what it names: by a flag, or asked on a terminal."""
+"""Whether a file may have run what it names: by a flag, or asked on a terminal."""
 
 from __future__ import annotations
 
@@ -27,10 +27,15 @@ def asked(
     def decide(execution: Execution) -> bool:
         if trust or execution.portable in (permitted or ()):
             return True
-        if not (sys.stdin.isatty() and sys.stderr.isatty()) or as_json:
+        if as_json or not _on_terminal():
             return False
-        click.echo(f"\nThe case runs {execution.words}.", err=True)
+        said = execution.said
+        click.echo(f"\n{said[0].upper()}{said[1:]}.{execution.shown('    ')}", err=True)
         return click.confirm("May it?", default=False, err=True)
 
     with decided_by(decide, remembered=permitted is None):
         yield
+
+
+def _on_terminal() -> bool:
+    return sys.stdin.isatty() and sys.stderr.isatty()

@@ -40,6 +40,7 @@ class Cluster:
         jobs: number of jobs.
         keys: for encryption, or None.
         patience: seconds that a scheduler which was lost is waited for.
+        file: path of the file that says all this; empty where who calls does.
         place: where all this is written.
         places: where each option of the jobs is written.
     """
@@ -50,6 +51,7 @@ class Cluster:
     jobs: int = 1
     keys: TlsKeys | None = None
     patience: float = 60.0
+    file: str = ""
     place: Location = Location(str(Term.CLUSTER))
     places: Mapping[str, Location] = field(default_factory=dict)
 

@@ -91,6 +91,7 @@ def cluster_of(section: ClusterSection, at: KeyPath, folder: Path, faults: Fault
         jobs=section.jobs or 1,
         keys=_keys(section, at, folder, faults),
         patience=section.patience,
+        file=faults.places.document.file,
         place=locate((*at, key)),
         places={name: locate((*at, queue, name)) for name in options},
     )

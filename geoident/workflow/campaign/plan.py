@@ -30,9 +30,11 @@ from geoident.io.text.text_file import decode, read_bytes, seen_from
 from geoident.io.text.yaml_reader import MAX_BYTES, Node, parse_yaml
 from geoident.model.campaign import SEED, Campaign, Setting, Variation, overrides_of, paths_of
 from geoident.model.case import format_path
+from geoident.model.cluster import Cluster
 from geoident.model.elsewhere import Elsewhere
 from geoident.model.results.many.campaign import RunRecord
 from geoident.workflow.campaign.sampling import sampled
+from geoident.workflow.programs.workplace import cluster_given, trusted
 from geoident.workflow.running.jobs import NO_READINGS, build_model, load_inputs
 
 _CHECKED = 50
@@ -149,6 +151,24 @@ def plan_campaign(
 
 def _variations(campaign: Campaign) -> tuple[Variation, ...]:
     return campaign.variations if campaign.sampling is None else sampled(campaign.sampling)
+
+
+def cluster_of(plan: CampaignPlan, given: str | None) -> Cluster | None:
+    """The cluster for the runs of a campaign; None for processes of this machine.
+
+    Args:
+        plan: of the campaign.
+        given: by who calls, in place of that of the campaign: an address, ``local``, or the path of
+            a cluster file; None for none.
+
+    Raises:
+        InputError: there is no such cluster, or nobody has said that what a file names may be run.
+        MissingExtra: dask is not installed.
+    """
+    if given is not None:
+        return cluster_given(given)
+    where = plan.campaign.cluster
+    return trusted(where) if where is not None and plan.remaining else where
 
 
 def require_trust(plan: CampaignPlan) -> tuple[str, ...]:

@@ -250,8 +250,8 @@ class Connection:
 def _security(where: Cluster) -> Any:
     """Keys for encryption as dask takes them; None without."""
     keys = where.keys
-    if keys is None:
-        return None
+    if keys is None:  # those that dask is told of, in its own way
+        return Security(require_encryption=True) if where.address.startswith("tls://") else None
     return Security(
         tls_ca_file=keys.ca_file,
         tls_client_cert=keys.cert,

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import inspect
 import signal
+import sys
 import threading
 from contextlib import suppress
 from difflib import get_close_matches
 from typing import Any
 
+import dask
 from distributed import Status
 
 from geoident.errors import Fault, InputError
@@ -79,17 +81,30 @@ def job_queue(cluster: Cluster) -> Any:
             made.worker_spec.clear()
             with suppress(Exception):
                 made.close(timeout=5.0)
-        hint = "The keys are those of dask-jobqueue; cores and memory of a job are always needed."
-        raise cluster.refused("bad-cluster", _said(error), hint) from error
+        raise _wrong(cluster, error) from error
     made.adapt(minimum_jobs=cluster.jobs, maximum_jobs=cluster.jobs)
     return made
 
 
 def _options(cluster: Cluster) -> dict[str, Any]:
-    """The options of jobs, with a page of dask at a port that is free."""
+    """The options of jobs, with a page of dask at a port that is free.
+
+    Python is begun with ``-P``: a job begins in the folder from which it is submitted, and is to
+    import nothing that lies there.
+    """
     options = dict(cluster.options)
     ours = {"dashboard_address": ":0"}
-    return {**options, "scheduler_options": ours | options.get("scheduler_options", {})}
+    python = options.get("python") or dask.config.get(f"jobqueue.{cluster.queue}.python", None)
+    return {
+        **options,
+        "python": f"{python or sys.executable} -P",
+        "scheduler_options": ours | options.get("scheduler_options", {}),
+    }
+
+
+def _wrong(cluster: Cluster, error: Exception) -> InputError:
+    hint = "The keys are those of dask-jobqueue; cores and memory of a job are always needed."
+    return cluster.refused("bad-cluster", _said(error), hint)
 
 
 def _said(error: Exception) -> str:
@@ -101,14 +116,29 @@ def _said(error: Exception) -> str:
 
 
 def job_script(cluster: Cluster) -> str:
-    """What would be given to the queue system for each job.
+    """What would be given to the queue system for each job; nothing is begun, nothing written.
+
+    Options that do not stand in the script, such as those of the scheduler, follow it.
 
     Args:
         cluster: which queue system, and its options.
+
+    Raises:
+        InputError: the options are not right.
     """
     check_options(cluster)
-    with _class_of(cluster.queue)(**_options(cluster)) as made:
-        return str(made.job_script())
+    kind = _class_of(cluster.queue)
+    from dask_jobqueue import JobQueueCluster  # noqa: PLC0415 - see there
+
+    of_scheduler = set(inspect.signature(JobQueueCluster.__init__).parameters)
+    apart = of_scheduler - {"interface", "protocol"} | {"log_directory"}  # which would be made
+    of_job = {name: value for name, value in _options(cluster).items() if name not in apart}
+    try:
+        script = kind.job_cls("tcp://SCHEDULER:PORT", name="NAME", **of_job).job_script()
+    except (TypeError, ValueError) as error:
+        raise _wrong(cluster, error) from error
+    others = [f"{name}: {value}" for name, value in cluster.options.items() if name in apart]
+    return "\n".join([str(script).rstrip(), *others])
 
 
 def _class_of(queue: str) -> Any:

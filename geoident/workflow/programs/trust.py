@@ -1,6 +1,6 @@
-"""Nothing that a case names is run before somebody has said that it may be.
+"""Nothing that a file names is run, and no scheduler reached, before somebody has said so.
 
-A case may come from anywhere, and with it its folder of runs. So what is remembered there of a
+A file may come from anywhere, and with it its folder of runs. So what is remembered there of a
 decision is signed with a key of this user on this machine, and holds for these very files only.
 """
 
@@ -25,17 +25,43 @@ _KEY_BYTES = 32
 
 @dataclass(frozen=True)
 class Execution:
-    """What a case runs.
+    """What a file has run.
 
     Args:
         words: it in words, for who decides.
         digest: SHA-256 of all that it consists of, and of where the program is.
         portable: SHA-256 of what is the same on other machines: what the case says, and files.
+        does: what the file does with it.
+        details: lines of it that are too many for a sentence.
     """
 
     words: str
     digest: str
     portable: str = ""
+    does: str = "the case runs"
+    details: str = ""
+
+    @property
+    def said(self) -> str:
+        """What the file does, in words that end in no full stop."""
+        return _visible(f"{self.does} {self.words}")
+
+    def shown(self, indent: str) -> str:
+        """The details, as what it is decided on; empty where the words say all.
+
+        Args:
+            indent: of each line.
+        """
+        return "".join(f"\n{indent}{_visible(line)}" for line in self.details.split("\n") if line)
+
+
+def _visible(text: str) -> str:
+    r"""A text in which nothing hides, as characters that move the cursor of a terminal would.
+
+    >>> _visible(f"harmless{chr(13)}evil")
+    'harmless\\revil'
+    """
+    return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
 
 
 Decide = Callable[[Execution], bool]
@@ -97,25 +123,47 @@ class Permission:
         Raises:
             InputError: it may not.
         """
-        execution = self._execution
         if self.is_given:
             return
-        if not _decide.get()(execution):
-            message = f"the case runs {execution.words}, and nobody has said that it may"
-            hint = (
-                f"Look at what it runs. {Term.TRUST} runs it, and is remembered until it changes."
-            )
+
+        def refused(code: str, message: str, hint: str) -> InputError:
             path = ("model", self._key)
-            fault = self._source.fault(path, code="not-trusted", message=message, hint=hint)
-            raise InputError([fault])
-        if _remembers.get():
-            remember(execution, self._folder)
+            return InputError([self._source.fault(path, code=code, message=message, hint=hint)])
+
+        require(self._execution, self._folder, refused, Term.TRUST)
         self._given = True
 
     @property
     def portable(self) -> str:
         """What it is about, as other machines know it."""
         return self._execution.portable
+
+
+def require(
+    execution: Execution,
+    folder: Path,
+    refused: Callable[[str, str, str], InputError],
+    term: Term,
+) -> None:
+    """Ask whether something may be run, unless that is remembered.
+
+    Args:
+        execution: what is run.
+        folder: where the answer is remembered.
+        refused: makes the error of a code, a message and a hint.
+        term: what says that it may.
+
+    Raises:
+        InputError: it may not.
+    """
+    if is_remembered(execution, folder):
+        return
+    if not _decide.get()(execution):
+        message = f"{execution.said}, and nobody has said that it may"
+        hint = f"Look at what it runs. {term} runs it, and is remembered until it changes."
+        raise refused("not-trusted", message, hint + execution.shown("        "))
+    if _remembers.get():
+        remember(execution, folder)
 
 
 def is_remembered(execution: Execution, folder: Path) -> bool:
@@ -140,7 +188,10 @@ def remember(execution: Execution, folder: Path) -> None:
     key = _key(create=True)
     if key is None:
         return
-    text = json.dumps({"runs": execution.words, "mark": _mark(key, execution, folder)}, indent=2)
+    text = json.dumps(
+        {"runs": execution.words + execution.shown(""), "mark": _mark(key, execution, folder)},
+        indent=2,
+    )
     with suppress(OSError):
         folder.mkdir(parents=True, exist_ok=True)
         (folder / _REMEMBERED).write_text(f"{text}\n", encoding="utf-8")

@@ -1,0 +1,103 @@
+"""The cluster that a command, a call or a campaign names in place of processes of this machine."""
+
+# ruff: noqa: PLC0415 - dask is imported when a cluster is asked for
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable
+from importlib.util import find_spec
+from pathlib import Path
+
+from geoident.errors import MissingExtra, Term
+from geoident.io.cluster.file import read_cluster
+from geoident.io.text.text_file import read_bytes
+from geoident.model.cluster import QUEUES, Cluster
+from geoident.workflow.executing.executor import Workplace
+from geoident.workflow.programs.trust import Execution, require
+
+_MOST = 1_000_000
+"""Bytes of a certificate or of a key."""
+
+
+def cluster_given(given: str) -> Cluster:
+    """The cluster that somebody names.
+
+    Args:
+        given: an address, ``local``, or the path of a cluster file.
+
+    Raises:
+        InputError: there is no such thing, its file is wrong, or nobody has said that what this
+            names may be run.
+        MissingExtra: dask is not installed.
+    """
+    require_dask()
+    return trusted(read_cluster(given))
+
+
+def trusted(cluster: Cluster) -> Cluster:
+    """The same cluster; asks whether what a file gives to schedulers and shells may be run.
+
+    An address that who calls has named is their own word, and this machine's own processes run
+    nothing that a file says.
+
+    Args:
+        cluster: nothing of it is begun, and nobody reached, before.
+
+    Raises:
+        InputError: nobody has said that it may be, or options of jobs are wrong.
+    """
+    if not cluster.file or cluster.local:
+        return cluster
+    said: list[object] = [cluster.address, cluster.queue, dict(cluster.options)]
+    if cluster.keys is not None:
+        keys = (cluster.keys.ca_file, cluster.keys.cert, cluster.keys.key)
+        said.append([read_bytes(key, limit=_MOST, what="key").hex() for key in keys])
+    digest = hashlib.sha256(json.dumps(said, sort_keys=True, default=str).encode()).hexdigest()
+    if cluster.address:
+        words = f"the scheduler at {cluster.address}, which can have any program run here as you"
+        execution = Execution(words, digest, does="the file has geoident connect to")
+    else:
+        require_dask()
+        from geoident.workflow.executing.job_queue import job_script
+
+        jobs = f"{cluster.jobs} job{'s' if cluster.jobs > 1 else ''}"
+        words = f"{jobs} of this kind to {cluster.queue} ({QUEUES[cluster.queue]})"
+        execution = Execution(
+            words, digest, does="the file has geoident submit", details=job_script(cluster)
+        )
+    require(execution, Path(cluster.file).with_suffix(".runs"), cluster.refused, Term.TRUST_FILE)
+    return cluster
+
+
+def require_dask() -> None:
+    """Refuse a cluster where dask is not installed.
+
+    Raises:
+        MissingExtra: it is not.
+    """
+    for package in ("distributed", "dask_jobqueue"):
+        if find_spec(package) is None:
+            hint = "Install it with: python -m pip install 'geoident[cluster]'"
+            raise MissingExtra(f"a cluster needs {package}\n    {hint}", name=package)
+
+
+def workplace(given: str | None, jobs: int | None, tell: Callable[[str], None]) -> Workplace | None:
+    """Where a command has computed what it can compute at a time; None for processes here.
+
+    Args:
+        given: an address, ``local``, or the path of a cluster file; None for none.
+        jobs: number of workers, where they are started here; None for the cores there are.
+        tell: is told what people should know.
+
+    Raises:
+        InputError: there is no such thing, its file is wrong, or it may not be used.
+        MissingExtra: dask is not installed.
+    """
+    if given is None:
+        return None
+    cluster = cluster_given(given)
+    from geoident.workflow.executing.on_cluster import OnCluster
+
+    return OnCluster(cluster, jobs, tell)
