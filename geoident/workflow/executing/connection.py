@@ -248,10 +248,25 @@ class Connection:
 
 
 def _security(where: Cluster) -> Any:
-    """Keys for encryption as dask takes them; None without."""
+    """Keys for encryption as dask takes them; None without.
+
+    Raises:
+        InputError: the address asks for them, and there are none.
+    """
     keys = where.keys
-    if keys is None:  # those that dask is told of, in its own way
-        return Security(require_encryption=True) if where.address.startswith("tls://") else None
+    if keys is None:
+        if not where.address.startswith("tls://"):
+            return None
+        told = Security(require_encryption=True)  # of files that dask is told of in its own way
+        if told.tls_ca_file and told.tls_client_cert:
+            return told
+        hint = (
+            "Name them in a cluster file (security: {ca_file: .., cert: .., key: ..}), or in the "
+            "environment: DASK_DISTRIBUTED__COMM__TLS__CA_FILE, "
+            "DASK_DISTRIBUTED__COMM__TLS__CLIENT__CERT, DASK_DISTRIBUTED__COMM__TLS__CLIENT__KEY."
+        )
+        message = f"{where.address} needs certificates, and none are given"
+        raise where.refused("no-certificates", message, hint)
     return Security(
         tls_ca_file=keys.ca_file,
         tls_client_cert=keys.cert,

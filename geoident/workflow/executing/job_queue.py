@@ -128,7 +128,7 @@ def job_script(cluster: Cluster) -> str:
     """
     check_options(cluster)
     kind = _class_of(cluster.queue)
-    from dask_jobqueue import JobQueueCluster  # noqa: PLC0415 - see there
+    from dask_jobqueue.core import JobQueueCluster  # noqa: PLC0415 - see there
 
     of_scheduler = set(inspect.signature(JobQueueCluster.__init__).parameters)
     apart = of_scheduler - {"interface", "protocol"} | {"log_directory"}  # which would be made

@@ -12,6 +12,7 @@ import time
 from concurrent.futures import CancelledError
 from contextlib import contextmanager, suppress
 
+import dask
 import pytest
 from tornado.tcpclient import TCPClient
 
@@ -130,11 +131,19 @@ def test_a_cluster_file_with_certificates_reaches_a_scheduler_that_asks_for_them
 
         with DaskCluster(written("own"), squares_in, NOTHING) as executor:
             assert executor._link.client.scheduler.address.startswith("tls://")
-        for where in (written("other"), at(cluster)):
-            with (
-                pytest.raises(InputError, match="no scheduler of dask answers at tls://"),
-                DaskCluster(where, squares_in, NOTHING),
-            ):
+        own = str(tmp_path / "own")
+        told = {"ca-file": f"{own}.pem", "client.cert": f"{own}.pem", "client.key": f"{own}.key"}
+        told = {f"distributed.comm.tls.{name}": path for name, path in told.items()}
+        with (
+            dask.config.set(told),  # as DASK_DISTRIBUTED__COMM__TLS__CA_FILE does, and so on
+            DaskCluster(at(cluster), squares_in, NOTHING) as executor,
+        ):
+            assert executor._link.client.scheduler.address.startswith("tls://")
+        for where, said in (
+            (written("other"), "no scheduler of dask answers at tls://"),
+            (at(cluster), "needs certificates, and none are given"),
+        ):
+            with pytest.raises(InputError, match=said), DaskCluster(where, squares_in, NOTHING):
                 pass
 
 
