@@ -10,5 +10,6 @@ import click
 cluster_option: Callable[[Any], Any] = click.option(
     "--cluster",
     metavar="ADDRESS|FILE|local",
-    help="Compute on a cluster of dask: address of its scheduler, a cluster file, or local.",
+    help="Compute on a cluster of dask: address of its scheduler, which can run any program here "
+    "as you, a cluster file, or local.",
 )

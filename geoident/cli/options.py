@@ -172,7 +172,7 @@ _OPTIONS: dict[str, Callable[[Any], Any]] = {
     "trust": click.option(
         "--trust",
         is_flag=True,
-        help="Run the program or function that the case names as its model; remembered.",
+        help="Run what files name: the model of a case, jobs, a scheduler of dask; remembered.",
     ),
     "quiet": click.option("-q", "--quiet", is_flag=True, help="Print errors only."),
     "verbose": click.option("-v", "--verbose", is_flag=True, help="Print more, on stderr."),

@@ -20,9 +20,9 @@ import h5py
 import numpy as np
 
 from geoident.errors import OutputError
-from geoident.io.result.hdf5 import TableWriter, hdf5_output, plain_text
+from geoident.io.result.hdf5 import TableWriter, hdf5_output, plain_text, visible
 from geoident.io.result.tables import COUNTS
-from geoident.io.text.atomic import atomic_output, make_folder, output_error
+from geoident.io.text.atomic import atomic_output, make_folder, output_error, refuse_link
 from geoident.io.text.campaign_folder import JOURNAL, OVER_ALL, TABLE
 from geoident.model.arrays import Floats
 from geoident.model.results.costs import Counts
@@ -82,6 +82,15 @@ def _plain(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
+def _visible(value: Any) -> Any:
+    """A value of JSON whose texts say nothing to a terminal."""
+    if isinstance(value, dict):
+        return {_visible(key): _visible(entry) for key, entry in value.items()}
+    if isinstance(value, list):
+        return [_visible(entry) for entry in value]
+    return visible(value) if isinstance(value, str) else value
+
+
 def _record(found: Mapping[str, Any]) -> RunRecord:
     def numbers(entry: Mapping[str, Any]) -> dict[str, Any]:
         return {key: math.nan if value is None else value for key, value in entry.items()}
@@ -112,7 +121,7 @@ def read_journal(folder: Path) -> tuple[CampaignHead | None, tuple[RunRecord, ..
     records: dict[str, RunRecord] = {}
     for line in lines:
         with suppress(ValueError, TypeError, KeyError, AttributeError):  # cut short
-            found = json.loads(line)
+            found = _visible(json.loads(line)) if "\\u00" in line else json.loads(line)
             if "campaign_file" in found:
                 head = CampaignHead(**{**found, "paths": tuple(found["paths"])})
             else:
@@ -129,7 +138,7 @@ def read_head(folder: Path) -> CampaignHead | None:
     """
     with suppress(OSError, ValueError, TypeError, KeyError, AttributeError):
         with (folder / JOURNAL).open(encoding="utf-8", errors="replace") as file:
-            found = json.loads(file.readline())
+            found = _visible(json.loads(file.readline()))
         if "campaign_file" in found:
             return CampaignHead(**{**found, "paths": tuple(found["paths"])})
     return read_journal(folder)[0]
@@ -164,7 +173,10 @@ class RunJournal:
         self._synced = time.monotonic()
 
     def __enter__(self) -> RunJournal:
-        self._lock = _locked(self._path.with_name(".lock"))
+        lock = self._path.with_name(".lock")
+        for path in (lock, *(self._path.with_name(name) for name in (JOURNAL, TABLE, OVER_ALL))):
+            refuse_link(path)
+        self._lock = _locked(lock)
         lines = [asdict(self._head), *(record_object(record) for record in self._known)]
         with atomic_output(self._path, overwrite=True, inputs=()) as temporary:
             Path(temporary).write_text("".join(map(_line, lines)), encoding="utf-8")

@@ -177,7 +177,8 @@ class EvaluationLog:
                 self._path.unlink(missing_ok=True)
 
     def _open(self, identity: str) -> None:
-        descriptor = os.open(self._path, os.O_RDWR | os.O_CREAT, 0o666)
+        no_link = getattr(os, "O_NOFOLLOW", 0)  # where it leads is nothing of ours
+        descriptor = os.open(self._path, os.O_RDWR | os.O_CREAT | no_link, 0o666)
         self._file = io.FileIO(descriptor, "r+")
         _lock(self._file)
         self._own = True
@@ -224,6 +225,8 @@ class EvaluationLog:
         said = os.strerror(error.errno) if error.errno else str(error)
         if error.errno in _LOCKED and self._file is not None:
             said = "another run is using it"
+        if error.errno == errno.ELOOP:
+            said = "it is a symbolic link; remove it"
         self.trouble = f"{self._path}: no checkpoint is kept: {said}"
         self.close()
 

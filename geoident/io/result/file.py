@@ -29,7 +29,15 @@ from geoident.io.result import (
     tables,
     vtkhdf,
 )
-from geoident.io.result.hdf5 import TableReader, hdf5_input, hdf5_output, plain_text, refusal, texts
+from geoident.io.result.hdf5 import (
+    TableReader,
+    hdf5_input,
+    hdf5_output,
+    plain_text,
+    refusal,
+    texts,
+    visible,
+)
 from geoident.io.result.varied import GROUP as VARIED
 from geoident.io.result.varied import read_varied, write_varied
 from geoident.io.text.atomic import atomic_output
@@ -285,7 +293,7 @@ class _Attributes:
     def text(self, name: str, missing: str | None = None) -> str:
         if missing is not None and name not in self._attributes:
             return missing
-        return str(self._get(name))
+        return visible(str(self._get(name)))
 
     def int(self, name: str, missing: int | None = None) -> int:
         if missing is not None and name not in self._attributes:
@@ -298,7 +306,7 @@ class _Attributes:
         return float(self._get(name))
 
     def list(self, name: str) -> tuple[str, ...]:
-        return tuple(str(text) for text in self._attributes.get(name, ()))
+        return tuple(visible(str(text)) for text in self._attributes.get(name, ()))
 
     def _get(self, name: str) -> Any:
         if name not in self._attributes:

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import io
 import os
+import re
 import signal
 import threading
 from collections.abc import Iterator, Mapping, Sequence
@@ -256,6 +257,18 @@ def plain_text(text: str) -> str:
     return text.encode("utf-8", "backslashreplace").decode().replace("\0", "\\x00")
 
 
+_HIDDEN = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f]")
+
+
+def visible(text: str) -> str:
+    r"""A text that was read, with an escape in place of what a terminal would obey.
+
+    >>> print(visible("\x1b[2Jgone"))
+    \x1b[2Jgone
+    """
+    return _HIDDEN.sub(lambda found: f"\\x{ord(found[0]):02x}", text)
+
+
 def texts(values: Sequence[str]) -> npt.NDArray[np.object_]:
     """(k,) array of variable-length UTF-8, also for k = 0."""
     return np.array([plain_text(value) for value in values], dtype=h5py.string_dtype())
@@ -333,6 +346,11 @@ class TableWriter:
         return found
 
 
+def _is_here(group: h5py.Group, name: str) -> bool:
+    """Whether a member of a group lies in its file: a file of a stranger may name any other."""
+    return isinstance(group.get(name, getlink=True), h5py.HardLink | None)
+
+
 class TableReader:
     """Reads one group of a result, and says which piece of it is missing.
 
@@ -343,7 +361,7 @@ class TableReader:
     def __init__(self, parent: h5py.Group, name: str) -> None:
         self._path = parent.file.filename
         self.name = f"{parent.name.rstrip('/')}/{name}"
-        if not isinstance(parent.get(name), h5py.Group):
+        if not (_is_here(parent, name) and isinstance(parent.get(name), h5py.Group)):
             raise self._damage(self.name, "is missing")
         self.group = parent[name]
 
@@ -359,6 +377,8 @@ class TableReader:
         dataset = self.group.get(name)
         if not isinstance(dataset, h5py.Dataset):
             raise self._damage(f"{self.name}/{name}", "is missing")
+        if not _is_here(self.group, name) or dataset.external or dataset.is_virtual:
+            raise self._damage(f"{self.name}/{name}", "lies in another file")
         if dataset.dtype.kind not in kinds:
             raise self._damage(f"{self.name}/{name}", f"holds {dataset.dtype}")
         return np.asarray(dataset[()])
@@ -378,11 +398,11 @@ class TableReader:
     def texts(self, name: str, *shape: int) -> tuple[str, ...]:
         """A list of texts; without a shape, of any length."""
         array = self._shaped(name, "O", shape) if shape else self.array(name, "O")
-        return tuple(value.decode() for value in array)
+        return tuple(visible(value.decode()) for value in array)
 
     def text(self, name: str) -> str:
         """A single text."""
-        return bytes(self.array(name, "O").item()).decode()
+        return visible(bytes(self.array(name, "O").item()).decode())
 
     def attribute(self, name: str, kind: type[_T]) -> _T:
         """An attribute of the group, as a text or a number.
@@ -391,11 +411,16 @@ class TableReader:
             InputError: it is missing, or no such value.
         """
         try:
-            return kind(self.group.attrs[name])
+            found = kind(self.group.attrs[name])
+            return visible(found) if isinstance(found, str) else found
         except (KeyError, TypeError, ValueError):
             raise self._damage(
                 f"{self.name}, attribute {name},", "is missing or no value"
             ) from None
+
+    def attribute_texts(self, name: str) -> tuple[str, ...]:
+        """An attribute of the group that is a list of texts; none if it is not there."""
+        return tuple(visible(str(text)) for text in self.group.attrs.get(name, ()))
 
     def _shaped(self, name: str, kinds: str, shape: tuple[int, ...]) -> npt.NDArray[Any]:
         array = self.array(name, kinds)

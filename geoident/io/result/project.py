@@ -23,6 +23,7 @@ from geoident.io.result.hdf5 import (
     plain_text,
     refusal,
     texts,
+    visible,
 )
 from geoident.io.result.tables import COUNTS
 from geoident.io.text.atomic import atomic_output
@@ -166,9 +167,9 @@ def read_project_result(path: str | Path) -> ProjectResult:
 
 def _read(file: h5py.File) -> ProjectResult:
     root = file.attrs
-    said: dict[str, Any] = {name: str(root[name]) for name in _TEXTS}
+    said: dict[str, Any] = {name: visible(str(root[name])) for name in _TEXTS}
     said |= {name: float(root[name]) for name in _NUMBERS}
-    said |= {name: tuple(str(text) for text in root.get(name, ())) for name in _LISTS}
+    said |= {name: tuple(visible(str(t)) for t in root.get(name, ())) for name in _LISTS}
     for group, (name, kind) in _TABLES.items():
         said[name] = _read_rows(file, group, kind) if group in file else ()
     provenance = Provenance(

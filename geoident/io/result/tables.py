@@ -252,7 +252,7 @@ def write_grid(file: h5py.File, grid: Grid) -> None:
 def read_grid(file: h5py.File) -> Grid:
     """The discrepancy over one or two parameters."""
     group = TableReader(file, "grid")
-    names = tuple(str(name) for name in group.group.attrs["parameters"])
+    names = group.attribute_texts("parameters")
     axes = tuple(group.array(_axis_name(name), "f") for name in names)
     return Grid(names, axes, group.floats("objective", *(len(axis) for axis in axes)))
 
@@ -505,6 +505,6 @@ def read_model_error(file: h5py.File) -> ModelErrorTable:
         states=states,
         steps=group.floats("steps", rows, len(states)),
         floors=group.floats("floors", rows, len(states)),
-        findings=tuple(str(text) for text in group.group.attrs.get("findings", ())),
+        findings=group.attribute_texts("findings"),
         **{name: group.attribute(name, float) for name in _OF_GAUGES if name in group.group.attrs},
     )

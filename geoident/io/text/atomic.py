@@ -111,6 +111,23 @@ def refuse_inputs(path: str | Path, inputs: Iterable[str]) -> None:
             )
 
 
+def refuse_link(path: str | Path) -> None:
+    """Refuse a symbolic link in place of a file that geoident adds to, or replaces without asking.
+
+    Such files lie in folders of geoident's own: who has put a link there means another file.
+
+    Args:
+        path: of the file, which need not be there.
+
+    Raises:
+        OutputError: it is a link.
+    """
+    if Path(path).is_symlink():
+        raise OutputError(
+            f"{path}: is a symbolic link, and where it leads nothing is written\n    remove the link"
+        )
+
+
 def _same_file(one: str | Path, other: str | Path) -> bool:
     try:
         return Path(one).samefile(other)

@@ -14,7 +14,7 @@ import numpy as np
 
 from geoident.errors import ExitCode, GeoidentError, InputError, Interrupted, ModelError
 from geoident.io.result.file import write_result
-from geoident.io.text.atomic import names_may_be_lost
+from geoident.io.text.atomic import names_may_be_lost, refuse_link
 from geoident.model.campaign import Campaign
 from geoident.model.results.many.campaign import (
     FAILED,
@@ -115,6 +115,8 @@ def compute(task: RunTask, *, remembered: bool = True) -> RunRecord:
     began = time.monotonic()
     decide = trusting(trust=task.trust, permitted=task.permitted)
     try:
+        refuse_link(task.folder / result_name(task.campaign, task.run))
+        refuse_link(_log(task))
         with decided_by(decide, remembered=remembered), names_may_be_lost():
             finished = _COMMANDS[task.campaign.command](task)
         record = _record(task, finished.result, Path(finished.paths[0]).name)
@@ -134,13 +136,17 @@ def compute(task: RunTask, *, remembered: bool = True) -> RunRecord:
 
 def _bug(task: RunTask, error: Exception) -> str:
     """A bug in a few words; its details go into a log beside the results."""
-    log = task.folder / f"{task.run.name}.log"
+    log = _log(task)
     kind = f"a bug in geoident: {type(error).__name__}: {error}".splitlines()[0]
     try:
         log.write_text("".join(traceback.format_exception(error)), encoding="utf-8")
     except OSError:
         return kind
     return f"{kind} (details in {log.name})"
+
+
+def _log(task: RunTask) -> Path:
+    return task.folder / f"{task.run.name}.log"
 
 
 def _request(task: RunTask) -> Request:

@@ -7,6 +7,7 @@ where the command runs, and whoever begins the task again is given it.
 
 from __future__ import annotations
 
+import errno
 import os
 import threading
 from abc import ABC, abstractmethod
@@ -163,6 +164,8 @@ def keep(file: str | Path, content: bytes, *, at: int = 0) -> None:
     """
     path = Path(file)
     path.parent.mkdir(parents=True, exist_ok=True)
+    if path.is_symlink():
+        raise OSError(errno.ELOOP, os.strerror(errno.ELOOP), str(path))
     if path.name.endswith(_LINES):
         add_lines(path, content)
         return

@@ -19,6 +19,7 @@ import numpy as np
 
 from geoident.errors import OutputError
 from geoident.forward.elsewhere.runs import FailedRun
+from geoident.io.text.atomic import refuse_link
 from geoident.model.arrays import Floats
 
 FILE = "runs.jsonl"
@@ -81,6 +82,7 @@ class RunLog:
         with self._lock:
             self._known[key] = made
             try:
+                refuse_link(self._file)
                 self._file.parent.mkdir(parents=True, exist_ok=True)
                 with self._file.open("ab") as file:  # one write: lines of others stay whole
                     file.write(line.encode())

@@ -194,6 +194,8 @@ def remember(execution: Execution, folder: Path) -> None:
     )
     with suppress(OSError):
         folder.mkdir(parents=True, exist_ok=True)
+        if (folder / _REMEMBERED).is_symlink():
+            return
         (folder / _REMEMBERED).write_text(f"{text}\n", encoding="utf-8")
 
 
