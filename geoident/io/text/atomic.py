@@ -124,7 +124,7 @@ def refuse_link(path: str | Path) -> None:
     """
     if Path(path).is_symlink():
         raise OutputError(
-            f"{path}: is a symbolic link, and where it leads nothing is written\n    remove the link"
+            f"{path}: is a symbolic link, to which nothing is written\n    remove the link"
         )
 
 

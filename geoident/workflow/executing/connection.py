@@ -257,7 +257,9 @@ def _security(where: Cluster) -> Any:
     if keys is None:
         if not where.address.startswith("tls://"):
             return None
-        told = Security(require_encryption=True)  # of files that dask is told of in its own way
+        told: Any = Security(
+            require_encryption=True
+        )  # of files that dask is told of in its own way
         if told.tls_ca_file and told.tls_client_cert:
             return told
         hint = (

@@ -57,6 +57,16 @@ def test_a_function_is_fitted_from_python(tmp_path):
     assert found.data.counts.evaluations > 10
 
 
+def test_it_imports_from_beside_it_what_it_says_and_nothing_else_does(tmp_path):
+    """Its own file comes before Python's of that name, and none that others would import."""
+    said = "import profile\nimport statistics\n\nassert profile.MINE\n"
+    case = python_case(tmp_path, said + SCRIPT)
+    (tmp_path / "profile.py").write_text("MINE = True\n")
+    for name in ("random", "decimal", "numbers"):  # which `statistics` and `pickle` import
+        (tmp_path / f"{name}.py").write_text("raise SystemExit('not trusted')\n")
+    assert np.isfinite(computed(case)).all()
+
+
 def test_its_derivatives_are_used(tmp_path):
     plain = python_case(tmp_path / "plain")
     given = python_case(
