@@ -64,7 +64,8 @@ def hostile(request, tmp_path, monkeypatch):
 
 
 def test_processes_import_nothing_from_the_current_folder(hostile):
-    hostile("fit", "case.yaml", "other.yaml", "-q")
+    given = ("fit.backtest=false", "fit.model_error=none")
+    hostile("fit", "case.yaml", "other.yaml", "-q", "-j", "1", *(f"--set={one}" for one in given))
 
 
 def test_python_m_imports_no_more_from_there_than_python_itself_does(hostile):
@@ -97,6 +98,7 @@ def test_neither_do_those_of_a_campaign_or_of_a_cluster(hostile, cluster):
 
 @pytest.mark.slow
 def test_neither_does_a_report_that_is_drawn_in_processes(hostile):
+    Path("matplotlibrc").write_text("backend: module://antigravity\ntext.usetex: True\n")
     hostile("fit", "case.yaml", "-q")
     hostile("report", "case.fit.h5")
     hostile("predict", "case.fit.h5", "-q")

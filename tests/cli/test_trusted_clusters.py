@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import geoident
-from geoident.errors import ExitCode, InputError
+from geoident.errors import ExitCode, InputError, UsageError
 from tests.support.projects import example
 
 CAMPAIGN = """\
@@ -31,6 +31,7 @@ def here(trench, monkeypatch, tmp_path_factory):
     (place / "sbatch").chmod(0o755)
     monkeypatch.setenv("PATH", f"{place}{os.pathsep}{os.environ['PATH']}")
     monkeypatch.setenv("XDG_STATE_HOME", str(place / "state"))
+    monkeypatch.setattr("geoident.workflow.executing.connection._REACH", 0.5)
     Path("campaign.yaml").write_text(CAMPAIGN)
     return place / "jobs"
 
@@ -176,11 +177,16 @@ def test_from_python_the_same_rules_hold(here):
             geoident.fit("case.yaml", cluster="cluster.yaml")
         assert not came
         geoident.trust("cluster.yaml")
+        geoident.trust("campaign.yaml")
         for call in (
             lambda: geoident.fit("case.yaml", cluster="cluster.yaml"),
+            lambda: geoident.batch("campaign.yaml"),
             lambda: geoident.batch("campaign.yaml", trust=True),
         ):
             came.clear()
             with pytest.raises(InputError, match="no scheduler of dask answers"):
                 call()
             assert came
+    campaign("local: true")
+    with pytest.raises(UsageError, match="names no scheduler and no queue system"):
+        geoident.trust("campaign.yaml")

@@ -13,7 +13,7 @@ from geoident.io.schema.values import Count, Flag, Name, Text
 CHOICES = ("address", "local", "slurm", "pbs", "lsf", "sge")
 _QUEUE = (
     "Jobs of {0}: the keys of {1} of dask-jobqueue, such as `cores`, `processes`, `memory`, "
-    "`queue`, `walltime`, `job_script_prologue`."
+    "`queue`, `walltime`, `job_script_prologue`. Asked for before they are submitted (`--trust`)."
 )
 _EXAMPLE = {"queue": "normal", "cores": 16, "processes": 16, "memory": "64 GB"}
 _Jobs = dict[Name, Any]
@@ -31,7 +31,10 @@ class ClusterSection(Section):
     """Where runs are computed: a scheduler of dask, this machine, or jobs of a queue system."""
 
     address: Text | None = Field(
-        None, description="Address of a scheduler that runs.", examples=["tcp://node1:8786"]
+        None,
+        description="Address of a scheduler that runs, which can run any program here as you: "
+        "asked for before it is connected to (`--trust`).",
+        examples=["tcp://node1:8786"],
     )
     local: Flag = Field(False, description="A scheduler and workers on this machine.")
     slurm: _Jobs | None = Field(

@@ -50,7 +50,7 @@ def trusted(cluster: Cluster) -> Cluster:
     """
     if not cluster.file or cluster.local:
         return cluster
-    said: list[object] = [cluster.address, cluster.queue, dict(cluster.options)]
+    said: list[object] = [cluster.address, cluster.queue, dict(cluster.options), cluster.jobs]
     if cluster.keys is not None:
         keys = (cluster.keys.ca_file, cluster.keys.cert, cluster.keys.key)
         said.append([read_bytes(key, limit=_MOST, what="key").hex() for key in keys])
