@@ -33,6 +33,7 @@ from geoident.model.case import format_path
 from geoident.model.elsewhere import Elsewhere
 from geoident.model.results.many.campaign import RunRecord
 from geoident.workflow.campaign.sampling import sampled
+from geoident.workflow.programs.digest import model_files
 from geoident.workflow.running.jobs import NO_READINGS, build_model, load_inputs
 
 _CHECKED = 50
@@ -256,10 +257,10 @@ def _depends_on(
 
 
 def _of_model(campaign: Campaign, data: Node) -> tuple[str, ...]:
-    """Files that a model elsewhere consists of, also those that the case does not name itself."""
+    """Files that decide what a model elsewhere gives, also those that the case does not name."""
     with suppress(InputError):  # its faults are told with those of the runs
         found = model_of(campaign, data)
-        return () if found is None else found.inputs
+        return () if found is None else model_files(found)
     return ()
 
 

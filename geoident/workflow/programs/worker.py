@@ -1,7 +1,8 @@
 """A process that calls functions of Python files, so that these can crash or hang alone.
 
-It reads pickled requests (path, name, arguments) from its input and answers on its output with
-pickled pairs: whether it went well, and what came out. What functions print goes to stderr.
+It reads pickled requests (path, name, arguments, what may be read) from its input and answers on
+its output with pickled pairs: whether it went well, and what came out. What functions print goes to
+stderr.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from types import ModuleType
 from typing import Any
 
 from geoident.forward.elsewhere.runs import FailedRun
+from geoident.workflow.programs.guard import Guard, Readable
 
 
 class Worker:
@@ -32,13 +34,21 @@ class Worker:
         self._output = output
         self._process: subprocess.Popen[bytes] | None = None
 
-    def call(self, path: str, name: str, arguments: tuple[object, ...], limit: float | None) -> Any:
+    def call(
+        self,
+        path: str,
+        name: str,
+        arguments: tuple[object, ...],
+        readable: Readable,
+        limit: float | None,
+    ) -> Any:
         """What a function gives, or a `FailedRun`.
 
         Args:
             path: of its file.
             name: of the function.
             arguments: of the call.
+            readable: what it may read of its case; in one process always the same.
             limit: seconds after which the process is ended; None for no limit.
         """
         process = self._started()
@@ -54,7 +64,7 @@ class Worker:
         if timer is not None:
             timer.start()
         try:
-            pickle.dump((path, name, arguments), process.stdin)
+            pickle.dump((path, name, arguments, readable), process.stdin)
             process.stdin.flush()
             well, found = pickle.load(process.stdout)
         except (OSError, EOFError, pickle.PickleError, ValueError):
@@ -102,16 +112,22 @@ def _serve() -> None:
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
     requests, modules = sys.stdin.buffer, dict[str, ModuleType]()
+    guards = dict[str, Guard]()
     while True:
         try:
-            path, name, arguments = pickle.load(requests)
+            path, name, arguments, readable = pickle.load(requests)
         except EOFError:
             return
         try:
+            if path not in guards:
+                guards[path] = Guard(path, name, readable)
+                sys.addaudithook(guards[path])
             answer = (True, _function(modules, path, name)(*arguments))
             data = pickle.dumps(answer)
         except BaseException as error:  # whatever it is, the run has failed
             data = pickle.dumps((False, f"{type(error).__name__}: {error}"))
+        for refused in filter(None, (guard.refused for guard in guards.values())):
+            data = pickle.dumps((False, refused))
         answers.write(data)
         answers.flush()
 
@@ -121,6 +137,7 @@ def _function(modules: dict[str, ModuleType], path: str, name: str) -> Callable[
         folder = str(Path(path).resolve().parent)
         if folder not in sys.path:
             sys.path.insert(0, folder)
+        sys.dont_write_bytecode = True  # it would not be read
         spec = importlib.util.spec_from_file_location(Path(path).stem, path)
         assert spec is not None
         assert spec.loader is not None
