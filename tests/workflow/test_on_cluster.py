@@ -163,6 +163,25 @@ def test_runs_of_a_program_are_made_there_and_logged_here(tmp_path, cluster):
     assert found[0].grid.objective.tobytes() == found[1].grid.objective.tobytes()
 
 
+def test_a_program_among_the_arguments_travels_with_what_it_imports(tmp_path, cluster):
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    script = PROGRAM.replace("nu=0.25", "nu=NU").replace(
+        "E, K = (", "open('where', 'w').write(__file__)\nE, K = (", 1
+    )
+    (elsewhere / "prog.py").write_text(f"from ground import NU\n{script}")
+    (elsewhere / "ground.py").write_text("NU = 0.25\n")
+    model = EXTERNAL.replace("opening.py]\n  inputs", f"{elsewhere / 'prog.py'}]\n  inputs")
+    model = model.replace("  files: [opening.py]\n", "  keep: all\n")
+    case = write_program(tmp_path / "case", model)
+    with trusted():
+        scan(asked(case, "out", "fit.scan.points=2"), on(cluster))
+    ran = [path.read_text() for path in (tmp_path / "case" / "case.runs").glob("*/where")]
+    assert len(ran) >= 4
+    assert all(place.endswith("/elsewhere/prog.py") for place in ran)
+    assert str(elsewhere / "prog.py") not in ran  # what travelled is what runs
+
+
 class There:
     """A cluster in this process whose tasks end as they are told."""
 

@@ -1,16 +1,19 @@
 """Templates in Jinja: `{{ E_rock | to("GPa") }}`, loops and conditions, by the library jinja2.
 
 A template may come from anywhere, so it is filled in a sandbox, in which it reaches nothing but the
-parameters; names that are none are errors, and there is no other file to include. A sandbox does
-not hold up a loop that never ends, nor a power that fills the memory: it is filled, and compiled,
-which computes constants, only for who trusts the case. Before, its syntax and names are looked at.
+parameters; names that are none are errors, and there is no other file to include. Products and
+powers stay of a size that a template needs, but a sandbox does not hold up loops in loops, nor a
+width of a billion characters: a template is filled, and compiled, which computes constants, only
+for who trusts the case. Before, its syntax and names are looked at.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sized
+from traceback import walk_tb
+from typing import Any
 
-from jinja2 import StrictUndefined, TemplateError, TemplateSyntaxError, nodes
+from jinja2 import StrictUndefined, TemplateRuntimeError, TemplateSyntaxError, nodes
 from jinja2.sandbox import ImmutableSandboxedEnvironment
 
 from geoident.errors import Fault, Location
@@ -26,15 +29,38 @@ _TO = "to"
 _COARSEST, _FINEST = -1, -15
 """Exponents of ten of the changes of a parameter that are tried."""
 
+_LONGEST, _LONGEST_NUMBER = 10**6, 10**4
+"""Characters of a text that is repeated, and bits of a whole number, at most."""
+
 
 def _to(value: float, unit: str) -> float:
     return value / UNITS[normal_unit(unit)][1]
 
 
-def _environment() -> ImmutableSandboxedEnvironment:
-    environment = ImmutableSandboxedEnvironment(
-        undefined=StrictUndefined, keep_trailing_newline=True, autoescape=False
-    )
+class _Sandbox(ImmutableSandboxedEnvironment):
+    """Products and powers that fill the memory are errors."""
+
+    intercepted_binops = frozenset(["*", "**"])
+
+    def call_binop(self, context: Any, operator: str, left: Any, right: Any) -> Any:
+        """A product or a power.
+
+        Raises:
+            TemplateRuntimeError: it is larger than any that a template needs.
+        """
+        sizes = [len(one) for one in (left, right) if isinstance(one, Sized)]
+        counts = [one for one in (left, right) if isinstance(one, int)]
+        if sizes and counts and sizes[0] * counts[0] > _LONGEST:
+            raise TemplateRuntimeError(f"a text or list of more than {_LONGEST} parts")
+        if len(counts) == 2:
+            bits, other = abs(counts[0]).bit_length(), abs(counts[1])
+            if (bits * other if operator == "**" else bits + other.bit_length()) > _LONGEST_NUMBER:
+                raise TemplateRuntimeError(f"a whole number of more than {_LONGEST_NUMBER} bits")
+        return super().call_binop(context, operator, left, right)
+
+
+def _environment() -> _Sandbox:
+    environment = _Sandbox(undefined=StrictUndefined, keep_trailing_newline=True, autoescape=False)
     environment.filters[_TO] = _to
     return environment
 
@@ -54,24 +80,27 @@ def read_jinja(
         InputError: it cannot be read, or is no text.
     """
     text = decode(read_bytes(source, limit=limit, what="template"), source)
-    environment = _environment()
+    environment, lines = _environment(), text.splitlines()
     try:
         tree = environment.parse(text)
+        faults = [
+            *_faults(tree, source, lines, parameters),
+            *_unknown(tree, source, lines, environment),
+        ]
+        fields = {
+            node.name: TemplateField(node.name, location=_place(source, lines, node, node.name))
+            for node in tree.find_all(nodes.Name)
+            if node.name in parameters
+        }
     except TemplateSyntaxError as error:
         place = Location(source, error.lineno, 1)
         hint = "Write {{ NAME }}; {% ... %} is a statement of Jinja."
         fault = Fault("bad-template", f"this is not Jinja: {error.message}", hint, place)
         return JinjaTemplate(source, target, text, ()), [fault]
-    lines = text.splitlines()
-    faults = [
-        *_faults(tree, source, lines, parameters),
-        *_unknown(tree, source, lines, environment),
-    ]
-    fields = {
-        node.name: TemplateField(node.name, location=_place(source, lines, node, node.name))
-        for node in tree.find_all(nodes.Name)
-        if node.name in parameters
-    }
+    except RecursionError:
+        message = "an expression of the template is too long, or too deep in brackets"
+        fault = Fault("bad-template", message, "Write it in parts.", Location(source))
+        return JinjaTemplate(source, target, text, ()), [fault]
     if not faults and not fields:
         message = "the template has no field, so no run differs from another by it"
         hint = "Write {{ NAME }} where a parameter stands, or name the file under 'files'."
@@ -167,8 +196,12 @@ def rendered(template: JinjaTemplate, values: Mapping[str, float]) -> str:
     known = {field.parameter: values[field.parameter] for field in template.fields}
     try:
         return _environment().from_string(template.text).render(known)
-    except (TemplateError, ArithmeticError, TypeError, ValueError) as error:
-        raise CannotRender(f"{template.source}: {error}") from error
+    except Exception as error:  # whatever it is, the template has asked for it
+        lines = [line for frame, line in walk_tb(error.__traceback__)
+                 if "__jinja_exception__" in frame.f_globals]  # fmt: skip
+        line = lines[-1] if lines else getattr(error, "lineno", 0) or 0
+        place = Location(template.source, line, 1)
+        raise CannotRender(f"{place}: {error or type(error).__name__}") from error
 
 
 def smallest_change(template: JinjaTemplate, values: Mapping[str, float], name: str) -> float:

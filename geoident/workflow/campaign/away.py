@@ -26,6 +26,7 @@ from geoident.workflow.executing.cluster import DaskCluster
 from geoident.workflow.executing.executor import Converted, Executor
 from geoident.workflow.executing.on_cluster import in_own_folder
 from geoident.workflow.executing.parcel import layout_of, packed, relative
+from geoident.workflow.programs.digest import model_files
 from geoident.workflow.programs.program import program_of
 from geoident.workflow.programs.travelling import (
     RunsMade,
@@ -114,7 +115,8 @@ def cluster_executor(
     ran = model if isinstance(model, ExternalProgram | PythonFunction) else None
     first = ran.command[0] if isinstance(ran, ExternalProgram) else ""
     _require_relative(campaign.case, but=first)
-    inputs = [path for path in plan.inputs if path != first]
+    there = {first} if ran is None else {first, *model_files(ran)} - set(ran.inputs)
+    inputs = [path for path in plan.inputs if path not in there]
     layout = layout_of((*inputs, plan.folder))
     logs = {} if ran is None else {str(log_of(Path(runs))): known_lines(Path(runs))
                                    for runs in [_runs_of(plan)]}  # fmt: skip

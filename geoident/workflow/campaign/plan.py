@@ -34,6 +34,7 @@ from geoident.model.cluster import Cluster
 from geoident.model.elsewhere import Elsewhere
 from geoident.model.results.many.campaign import RunRecord
 from geoident.workflow.campaign.sampling import sampled
+from geoident.workflow.programs.digest import model_files
 from geoident.workflow.programs.workplace import cluster_given, trusted
 from geoident.workflow.running.jobs import NO_READINGS, build_model, load_inputs
 
@@ -276,10 +277,10 @@ def _depends_on(
 
 
 def _of_model(campaign: Campaign, data: Node) -> tuple[str, ...]:
-    """Files that a model elsewhere consists of, also those that the case does not name itself."""
+    """Files that decide what a model elsewhere gives, also those that the case does not name."""
     with suppress(InputError):  # its faults are told with those of the runs
         found = model_of(campaign, data)
-        return () if found is None else found.inputs
+        return () if found is None else model_files(found)
     return ()
 
 

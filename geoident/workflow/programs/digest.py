@@ -1,12 +1,87 @@
-"""What decides what a run gives, as one number."""
+"""What decides what a run gives: texts and files, as one number."""
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
+import os
+import shutil
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from geoident.errors import Fault, InputError, Location
+from geoident.model.elsewhere import Elsewhere, ExternalProgram
+
+
+def executable(program: ExternalProgram) -> str | None:
+    """Path of the program that a case runs; None where there is none."""
+    name = program.command[0]
+    if "/" in name or "\\" in name:
+        path = Path(program.folder) / name
+        return str(path.resolve()) if path.is_file() and os.access(path, os.X_OK) else None
+    return shutil.which(name)
+
+
+def model_files(given: Elsewhere) -> tuple[str, ...]:
+    """Paths of all files that decide what runs of a model elsewhere give, its program among them.
+
+    Args:
+        given: the model.
+    """
+    if not isinstance(given, ExternalProgram) or is_beside(given):
+        return given.inputs
+    path = executable(given)
+    return given.inputs if path is None else tuple(dict.fromkeys((*given.inputs, path)))
+
+
+def is_beside(program: ExternalProgram) -> bool:
+    """Whether the program that a case runs is meant from the folder of the case."""
+    name = program.command[0]
+    return ("/" in name or "\\" in name) and not Path(name).is_absolute()
+
+
+class ModelFiles:
+    """Files that decide what a run gives, as they are now.
+
+    Args:
+        files: their paths.
+
+    Raises:
+        InputError: one cannot be read.
+    """
+
+    def __init__(self, files: Iterable[str]) -> None:
+        self._known = {path: (_state(path), _hashed(path)) for path in dict.fromkeys(files)}
+
+    def digest(self, said: Sequence[str], files: Sequence[str]) -> str:
+        """SHA-256 of texts and of the contents of some of the files.
+
+        Args:
+            said: the texts.
+            files: paths.
+        """
+        total = hashlib.sha256()
+        for text in said:
+            total.update(hashlib.sha256(text.encode("utf-8", "surrogateescape")).digest())
+        for path in files:
+            total.update(self._known[path][1])
+        return total.hexdigest()
+
+    def require_unchanged(self) -> None:
+        """The files are what they were: what was trusted, and what runs are kept for.
+
+        Raises:
+            InputError: one is not.
+        """
+        for path, (state, content) in self._known.items():
+            now = _state(path)
+            if now == state:
+                continue
+            if _hashed(path) != content:
+                message = "the file of the model has changed since it was looked at"
+                hint = "Begin again: runs of its new state are other runs."
+                fault = Fault("changed-file", message, hint, Location(path))
+                raise InputError([fault])
+            self._known[path] = now, content
 
 
 def digest_of(said: Sequence[str], files: Sequence[str]) -> str:
@@ -19,15 +94,22 @@ def digest_of(said: Sequence[str], files: Sequence[str]) -> str:
     Raises:
         InputError: a file cannot be read.
     """
-    total = hashlib.sha256()
-    for text in said:
-        total.update(hashlib.sha256(text.encode("utf-8", "surrogateescape")).digest())
-    for path in files:
-        try:
-            with Path(path).open("rb") as file:
-                total.update(hashlib.file_digest(file, "sha256").digest())
-        except OSError as error:
-            message = f"the file of the model cannot be read: {error.strerror or error}"
-            fault = Fault("unreadable-file", message, location=Location(path))
-            raise InputError([fault]) from error
-    return total.hexdigest()
+    return ModelFiles(files).digest(said, files)
+
+
+def _state(path: str) -> tuple[int, ...]:
+    """What tells, without reading a file, that it may be another; nothing where there is none."""
+    try:
+        found = Path(path).stat()
+    except OSError:
+        return ()
+    return found.st_ino, found.st_size, found.st_mtime_ns, found.st_ctime_ns
+
+
+def _hashed(path: str) -> bytes:
+    try:
+        with Path(path).open("rb") as file:
+            return hashlib.file_digest(file, "sha256").digest()
+    except OSError as error:
+        message = f"the file of the model cannot be read: {error.strerror or error}"
+        raise InputError([Fault("unreadable-file", message, location=Location(path))]) from error

@@ -18,7 +18,8 @@ from geoident.model.case import Case
 from geoident.model.elsewhere import PythonFunction
 from geoident.workflow.executing.executor import SetUp
 from geoident.workflow.executing.parcel import relative
-from geoident.workflow.programs.digest import digest_of
+from geoident.workflow.programs.digest import ModelFiles
+from geoident.workflow.programs.guard import Readable
 from geoident.workflow.programs.logged_runs import LoggedRuns, MadeThere, RunItem, made_there
 from geoident.workflow.programs.program import executed
 from geoident.workflow.programs.run_log import RunLog
@@ -56,10 +57,13 @@ class FunctionRuns(LoggedRuns, RunsOfAllDigits):
         self.given: Bools = np.ones((len(case.stages), len(case.channels)), dtype=bool)
         channels = [channel.name for channel in case.channels]
         said = [function.name, function.jacobian, repr(case.stage_names), repr(channels)]
-        digest = digest_of(said, function.inputs)
+        files = ModelFiles(function.inputs)
+        digest = files.digest(said, function.inputs)
         execution = Execution(executed(function), digest, digest)
         permission = Permission(execution, folder, case.source, "function")
-        super().__init__(function, folder, RunLog(folder, digest, again=again), permission)
+        log = RunLog(folder, digest, again=again)
+        super().__init__(function, folder, files, log, permission)
+        self._readable = Readable(function.inputs, str(folder))
         self._lock = threading.Lock()
 
     @property
@@ -114,7 +118,8 @@ class FunctionRuns(LoggedRuns, RunsOfAllDigits):
             self._busy.add(worker)
         function, name = self._function, item.argument
         values = dict(item.values)
-        answer = worker.call(function.path, name, (values,), function.machine.time_limit)
+        limit = function.machine.time_limit
+        answer = worker.call(function.path, name, (values,), self._readable, limit)
         with self._lock:
             self._busy.discard(worker)
             self._free.append(worker)

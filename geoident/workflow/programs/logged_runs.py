@@ -32,6 +32,7 @@ from geoident.workflow.executing.parcel import layout_of, packed
 from geoident.workflow.executing.stop import StopRequest
 from geoident.workflow.executing.threads import WaitingThreads
 from geoident.workflow.executing.worker import STOP
+from geoident.workflow.programs.digest import ModelFiles
 from geoident.workflow.programs.run_log import Made, RunLog
 from geoident.workflow.programs.travelling import RunsMade, RunsThere, begin_there, keep_runs
 from geoident.workflow.programs.trust import Permission
@@ -76,6 +77,7 @@ class LoggedRuns(RunsInTurn):
     Args:
         model: the program or the function.
         folder: of the runs.
+        files: that decide what they give.
         log: of all runs that were made.
         permission: whether they may be made.
     """
@@ -84,10 +86,11 @@ class LoggedRuns(RunsInTurn):
         self,
         model: ExternalProgram | PythonFunction,
         folder: Path,
+        files: ModelFiles,
         log: RunLog,
         permission: Permission,
     ) -> None:
-        self._model, self._folder, self._log = model, folder, log
+        self._model, self._folder, self._files, self._log = model, folder, files, log
         self._permission = permission
         self._failed: dict[str, FailedRun] = {}
         self._asked: set[str] = set()
@@ -239,11 +242,18 @@ class LoggedRuns(RunsInTurn):
             self._log.add(item.key, made, item.values)
 
     def made(self, item: RunItem) -> Made | None:
-        """Make a run; None where runs were ended meanwhile."""
+        """Make a run; None where runs were ended meanwhile.
+
+        Raises:
+            InputError: a file of the model has changed, before it or meanwhile.
+            OutputError: the run cannot be written.
+        """
         if self._ended:
             return None
         began = time.monotonic()
+        self._files.require_unchanged()
         found = self.found(item)
+        self._files.require_unchanged()
         return None if self._ended else Made(found, time.monotonic() - began)
 
     def end(self) -> None:

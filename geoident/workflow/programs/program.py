@@ -9,12 +9,14 @@ import signal
 import stat
 import subprocess
 import threading
-from collections.abc import Callable, Iterator, Sequence
+import weakref
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from queue import SimpleQueue
+from tempfile import mkdtemp
 from typing import Any
 
 import numpy as np
@@ -48,7 +50,8 @@ from geoident.model.elsewhere import (
 from geoident.workflow.executing.executor import SetUp
 from geoident.workflow.executing.parcel import relative
 from geoident.workflow.executing.processes import environment_of_programs
-from geoident.workflow.programs.digest import digest_of
+from geoident.workflow.programs.digest import ModelFiles, executable, is_beside, model_files
+from geoident.workflow.programs.guard import Readable
 from geoident.workflow.programs.logged_runs import LoggedRuns, MadeThere, RunItem, made_there
 from geoident.workflow.programs.run_folders import new_folder
 from geoident.workflow.programs.run_log import RunLog
@@ -57,22 +60,9 @@ from geoident.workflow.programs.worker import Worker
 
 _COARSE = 1e-6
 """Relative size of the last digit from which on a parameter counts as coarsely written."""
+_SHOWN = 12
+"""Files that are named of a model."""
 _STDOUT, _STDERR = "stdout.txt", "stderr.txt"
-
-
-def executable(program: ExternalProgram) -> str | None:
-    """Path of the program that a case runs; None where there is none."""
-    name = program.command[0]
-    if "/" in name or "\\" in name:
-        path = Path(program.folder) / name
-        return str(path.resolve()) if path.is_file() and os.access(path, os.X_OK) else None
-    return shutil.which(name)
-
-
-def is_beside(program: ExternalProgram) -> bool:
-    """Whether the program that a case runs is meant from the folder of the case."""
-    name = program.command[0]
-    return ("/" in name or "\\" in name) and not Path(name).is_absolute()
 
 
 def program_of(given: ExternalProgram | PythonFunction) -> tuple[str, ...]:
@@ -107,11 +97,16 @@ def executed(given: Elsewhere) -> str:
         return f"the {len(given)} runs of {given.called}"
     if isinstance(given, PythonFunction):
         also = f" and '{given.jacobian}'" if given.jacobian else ""
-        return f"the function '{given.name}'{also} of {Path(given.path).name}"
+        with_files = _with([file for file in given.files if file != given.path])
+        return f"the function '{given.name}'{also} of {Path(given.path).name}{with_files}"
     first = executable(given) or given.command[0]
-    files = dict.fromkeys(Path(file).name for file in (*given.files, *given.code))
-    also = f" (with {', '.join(files)})" if files else ""
-    return f"`{shlex.join((first, *given.command[1:]))}`{also}"
+    return f"`{shlex.join((first, *given.command[1:]))}`{_with([*given.files, *given.code])}"
+
+
+def _with(files: Sequence[str]) -> str:
+    names = list(dict.fromkeys(Path(file).name for file in files))
+    rest = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
+    return f" (with {', '.join(names[:_SHOWN])}{rest})" if names else ""
 
 
 class ProgramRuns(LoggedRuns):
@@ -143,15 +138,21 @@ class ProgramRuns(LoggedRuns):
         self.given: Bools = np.zeros((len(case.stages), len(case.channels)), dtype=bool)
         for output in program.outputs:
             self.given[output.stage, output.channel] = True
+        files = ModelFiles(model_files(program))
         said = [repr([_named(output) for output in program.outputs]), repr(case.stage_names)]
         said += [repr([c.name for c in case.channels]), repr([t.pieces for t in program.templates])]
         # one beside the case is known by its content, wherever the case lies
         first = program.command[0] if is_beside(program) else path
-        digest = digest_of([repr((first, *program.command[1:])), *said], program.inputs)
-        portable = digest_of([repr(program.command), *said], program.inputs)
+        digest = files.digest([repr((first, *program.command[1:])), *said], model_files(program))
+        portable = files.digest([repr(program.command), *said], program.inputs)
         execution = Execution(executed(program), digest, portable)
         permission = Permission(execution, folder, case.source, "command")
-        super().__init__(program, folder, RunLog(folder, digest, again=again), permission)
+        log = RunLog(folder, digest, again=again)
+        super().__init__(program, folder, files, log, permission)
+        self._readable = Readable(program.inputs, str(folder))
+        in_place = any(f.endswith(".py") for f in program.code if f not in program.files)
+        self._compiled = mkdtemp(prefix="geoident-") if in_place else ""
+        weakref.finalize(self, shutil.rmtree, self._compiled, ignore_errors=True)
         self._fields: dict[str, list[TemplateField]] = {}
         for template in program.templates:
             for field in template.fields:
@@ -246,9 +247,9 @@ class ProgramRuns(LoggedRuns):
     def portable(self) -> tuple[SetUp[RunItem, MadeThere], tuple[str, ...], tuple[str, ...]]:
         """What makes runs in another process, files that it needs, and programs."""
         program, programs = self._program, program_of(self._program)
-        set_up = partial(
-            set_up_program, self._case, as_seen_from_here(program), relative(str(self._folder))
-        )
+        there = as_seen_from_here(program)
+        moved = dict(zip(program.code, there.code, strict=True))
+        set_up = partial(set_up_program, self._case, there, relative(str(self._folder)), moved)
         named = tuple(file for file in program.inputs if file not in programs)
         return set_up, named, programs
 
@@ -294,6 +295,9 @@ class ProgramRuns(LoggedRuns):
     def _computed(self, folder: Path) -> str | None:
         """Run the program in a folder; why that failed, or None."""
         limit = self._program.machine.time_limit
+        surroundings = {**environment_of_programs(), "TMPDIR": str(folder.resolve())}
+        if self._compiled:  # what was compiled beside a script may be of another
+            surroundings["PYTHONPYCACHEPREFIX"] = self._compiled
         with (folder / _STDOUT).open("wb") as out, (folder / _STDERR).open("wb") as err:
             try:
                 process = subprocess.Popen(
@@ -302,7 +306,7 @@ class ProgramRuns(LoggedRuns):
                     stdin=subprocess.DEVNULL,
                     stdout=out,
                     stderr=err,
-                    env={**environment_of_programs(), "TMPDIR": str(folder.resolve())},
+                    env=surroundings,
                     start_new_session=True,  # so that what it starts ends with it
                 )
             except OSError as error:
@@ -328,7 +332,8 @@ class ProgramRuns(LoggedRuns):
     def _called(self, path: str, name: str, folder: str, gauge: str, stage: str) -> Any:
         """What a function that finds a number says, in a process of its own."""
         worker = Worker() if self._workers.empty() else self._workers.get()
-        found = worker.call(path, name, (folder, gauge, stage), self._program.machine.time_limit)
+        limit = self._program.machine.time_limit
+        found = worker.call(path, name, (folder, gauge, stage), self._readable, limit)
         self._workers.put(worker)
         if isinstance(found, FailedRun):
             raise NotFound(found.reason)
@@ -347,7 +352,7 @@ class ProgramRuns(LoggedRuns):
 
 
 def set_up_program(
-    case: Case, program: ExternalProgram, folder: str
+    case: Case, program: ExternalProgram, folder: str, moved: Mapping[str, str]
 ) -> Callable[[RunItem], MadeThere]:
     """In a process far away: what makes runs of a program.
 
@@ -355,7 +360,13 @@ def set_up_program(
         case: the case.
         program: of the case.
         folder: of the runs.
+        moved: what is run, by its path where the command runs, to its path here.
     """
+    first, *arguments = program.command
+    for path, here in moved.items():
+        if Path(path).is_absolute():
+            arguments = [one.replace(path, str(Path(here).resolve())) for one in arguments]
+    program = replace(program, command=(first, *arguments))
     return made_there(ProgramRuns(case, program, Path(folder)), Path(folder))
 
 

@@ -1,7 +1,8 @@
 """A process that calls functions of Python files, so that these can crash or hang alone.
 
-It reads pickled requests (path, name, arguments) from its input and answers on its output with
-pickled pairs: whether it went well, and what came out. What functions print goes to stderr.
+It reads pickled requests (path, name, arguments, what may be read) from its input and answers on
+its output with pickled pairs: whether it went well, and what came out. What functions print goes to
+stderr.
 """
 
 from __future__ import annotations
@@ -20,8 +21,8 @@ from types import ModuleType
 from typing import Any
 
 from geoident.forward.elsewhere.runs import FailedRun
-from geoident.io.elsewhere.imports import imported_files
 from geoident.workflow.executing.processes import environment_of_programs, path_without_here
+from geoident.workflow.programs.guard import Guard, Readable
 
 _BEGIN = "import sys; sys.path = {!r}; from geoident.workflow.programs.worker import serve; serve()"
 """What such a process begins with. PYTHONPATH would reach programs that functions start, too."""
@@ -38,13 +39,21 @@ class Worker:
         self._output = output
         self._process: subprocess.Popen[bytes] | None = None
 
-    def call(self, path: str, name: str, arguments: tuple[object, ...], limit: float | None) -> Any:
+    def call(
+        self,
+        path: str,
+        name: str,
+        arguments: tuple[object, ...],
+        readable: Readable,
+        limit: float | None,
+    ) -> Any:
         """What a function gives, or a `FailedRun`.
 
         Args:
             path: of its file.
             name: of the function.
             arguments: of the call.
+            readable: what it may read of its case; in one process always the same.
             limit: seconds after which the process is ended; None for no limit.
         """
         process = self._started()
@@ -60,7 +69,7 @@ class Worker:
         if timer is not None:
             timer.start()
         try:
-            pickle.dump((path, name, arguments), process.stdin)
+            pickle.dump((path, name, arguments, readable), process.stdin)
             process.stdin.flush()
             well, found = pickle.load(process.stdout)
         except (OSError, EOFError, pickle.PickleError, ValueError):
@@ -107,25 +116,34 @@ def serve() -> None:
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
     requests, modules = sys.stdin.buffer, dict[str, ModuleType]()
+    guards = dict[str, Guard]()
     while True:
         try:
-            path, name, arguments = pickle.load(requests)
+            path, name, arguments, readable = pickle.load(requests)
         except EOFError:
             return
         try:
-            answer = (True, _function(modules, path, name)(*arguments))
+            if path not in guards:
+                guards[path] = Guard(path, name, readable)
+                sys.addaudithook(guards[path])
+            answer = (True, _function(modules, path, name, readable.files)(*arguments))
             data = pickle.dumps(answer)
         except BaseException as error:  # whatever it is, the run has failed
             data = pickle.dumps((False, f"{type(error).__name__}: {error}"))
+        for refused in filter(None, (guard.refused for guard in guards.values())):
+            data = pickle.dumps((False, refused))
         answers.write(data)
         answers.flush()
 
 
-def _function(modules: dict[str, ModuleType], path: str, name: str) -> Callable[..., Any]:
+def _function(
+    modules: dict[str, ModuleType], path: str, name: str, files: Sequence[str]
+) -> Callable[..., Any]:
     if path not in modules:
         folder = str(Path(path).resolve().parent)
-        sys.meta_path.insert(0, _Beside(path))
+        sys.meta_path.insert(0, _Beside(path, files))
         sys.path.append(folder)
+        sys.dont_write_bytecode = True  # it would not be read
         spec = importlib.util.spec_from_file_location(Path(path).stem, path)
         assert spec is not None
         assert spec.loader is not None
@@ -138,19 +156,20 @@ def _function(modules: dict[str, ModuleType], path: str, name: str) -> Callable[
 
 
 class _Beside:
-    """Finds what a file imports from beside it, as far as its digest knows of that.
+    """Finds what a file imports from beside it, as far as the case names that.
 
     Anything else that lies there comes last: Python's own modules, and those of others, would
     import it in place of what they mean.
 
     Args:
         path: of the file.
+        files: paths that the case names.
     """
 
-    def __init__(self, path: str) -> None:
+    def __init__(self, path: str, files: Sequence[str]) -> None:
         self._folder = str(Path(path).resolve().parent)
-        files = (Path(os.path.relpath(file, Path(path).parent)) for file in imported_files(path))
-        self._names = {file.parts[0].removesuffix(".py") for file in files}
+        beside = (Path(os.path.relpath(file, Path(path).parent)) for file in files)
+        self._names = {file.parts[0].removesuffix(".py") for file in beside}
 
     def find_spec(
         self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None

@@ -34,7 +34,7 @@ from geoident.model.mesh import Mesh
 from geoident.model.methods import MethodOptions, method_name
 from geoident.model.results.result import Provenance, Result
 from geoident.workflow.executing.versions import versions
-from geoident.workflow.programs.digest import digest_of
+from geoident.workflow.programs.digest import digest_of, model_files
 from geoident.workflow.running.outputs import (
     Existing,
     Target,
@@ -64,6 +64,8 @@ class Inputs:
         mesh_sha256: of the bytes of the mesh, or of the files of a model elsewhere; empty if there
             is none.
         readings_sha256: of the bytes of the readings; empty if there is no file of them.
+        program_sha256: of the program that is run, of which another machine may have another
+            build; empty if there is none, or it lies beside the case.
     """
 
     path: str
@@ -71,6 +73,7 @@ class Inputs:
     case_sha256: str
     mesh_sha256: str
     readings_sha256: str
+    program_sha256: str = ""
 
     @property
     def case(self) -> Case:
@@ -104,6 +107,7 @@ class Inputs:
             "format": FORMAT,
             "seed": seed,
             "methods": [[method_name(options), asdict(options)] for options in methods],
+            **({"program": self.program_sha256} if self.program_sha256 else {}),
         }
         return sha256(json.dumps(parts, sort_keys=True).encode())
 
@@ -215,19 +219,22 @@ def _as_fitted(case: Case, result: Result, source: Source) -> Case:
 
 def _hashed(path: str, loaded: LoadedCase) -> Inputs:
     mesh, elsewhere = loaded.mesh_path, loaded.case.elsewhere
-    model = "" if mesh is None else _hash_file(mesh, "mesh")
+    model, program = "" if mesh is None else _hash_file(mesh, "mesh"), ""
     if isinstance(elsewhere, RunTable) and elsewhere.campaign:
         # by its numbers: the file is written anew whenever its campaign is looked at
         said = [elsewhere.values.tobytes(), elsewhere.readings.tobytes()]
         model = sha256(b"".join(said))
     elif elsewhere is not None:
         model = digest_of((), elsewhere.inputs)
+        run = [file for file in model_files(elsewhere) if file not in elsewhere.inputs]
+        program = digest_of((), run) if run else ""
     return Inputs(
         path,
         loaded,
         case_sha256=sha256((loaded.computed or loaded.resolved).encode()),
         mesh_sha256=model,
         readings_sha256=_hash_readings(loaded.readings_paths),
+        program_sha256=program,
     )
 
 

@@ -80,20 +80,82 @@ def test_what_is_wrong_is_said_where_it_stands(tmp_path, text, place, said):
     assert str(fault.location) == str(tmp_path / "deck.j2") + (f":{place}" if place else "")
 
 
+ESCAPES = [
+    "{{ E.__class__.__mro__[1].__subclasses__() }}",
+    "{{ ''.__class__.__mro__ }}",
+    "{{ E | attr('__class__') }}{{ (E | attr('__class__')).__mro__ }}",
+    "{{ [E] | map(attribute='__class__') | map(attribute='__mro__') | list }}",
+    "{{ [E] | map('attr', '__class__') | list | first | attr('mro') }}{{ 1 / 0 }}",
+    "{{ '{0.__class__.__base__}'.format(E) }}",
+    "{{ ('{0.__class__.__base__}' | attr('format'))(E) }}",
+    "{{ '{a.__class__}'.format_map({'a': E}) }}",
+    "{{ range.__init__.__globals__ }}",
+    "{{ namespace.__init__.__globals__['__builtins__'] }}",
+    "{{ (dict | attr('__base__')).__subclasses__() }}",
+    "{% macro f() %}{% endmacro %}{{ f.__globals__ }}{{ f._func.__globals__ }}",
+    "{{ (E | string).__getattribute__('__class__') }}",
+    "{% set made = [] %}{{ made.append(E) }}",
+]
+"""Ways out of a template of Jinja that are known."""
+
+
+@pytest.mark.parametrize("text", ESCAPES)
+def test_nothing_but_parameters_is_reached(tmp_path, text):
+    template, faults = read(tmp_path, "{{ E }}{{ K0 }}\n" + text)
+    assert faults == []
+    with pytest.raises(CannotRender) as caught:
+        rendered(template, VALUES)
+    assert str(caught.value).startswith(f"{tmp_path / 'deck.j2'}:2:1: ")
+
+
 @pytest.mark.parametrize(
     "text",
     [
-        "{{ E.__class__.__mro__[1].__subclasses__() }}",
-        "{{ E }}{{ ''.__class__.__base__.__subclasses__() | length }}",
-        "{{ E / (K0 - 0.8) }}",
-        "{{ range(10 ** 9) | list | length + E }}",
+        "{{ cycler.__init__.__globals__.os.popen('id').read() }}",
+        "{{ lipsum.__globals__ }}",
+        "{{ joiner.__init__ }}",
+        "{{ self.__init__ }}",
+        "{{ self._TemplateReference__context }}",
+        "{{ get_flashed_messages.__globals__ }}",
+        "{% include '/etc/passwd' %}",
+        "{% import '../other.j2' as other %}",
+        "{% from '/etc/passwd' import root %}",
+        "{% extends '/etc/passwd' %}",
+        "{{ E" + " + E" * 5000 + " }}",
+        "{{ " + "(" * 2000 + "E" + ")" * 2000 + " }}",
     ],
 )
-def test_it_reaches_nothing_and_what_it_cannot_compute_is_a_failed_run(tmp_path, text):
-    template, faults = read(tmp_path, text)
+def test_what_no_template_may_ask_for_is_a_fault_of_the_case(tmp_path, text):
+    _, faults = read(tmp_path, "{{ E }}\n" + text)
+    place = str(faults[0].location)
+    assert place.startswith(str(tmp_path / "deck.j2"))
+    assert place.split(":")[1:2] in (["2"], [])
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("{{ E / (K0 - 0.8) }}", "float division by zero"),
+        ("{{ range(10 ** 9) | list | length + E }}", "Range too big"),
+        ("{{ 'x' * 10 ** 10 }}", "more than"),
+        ("{{ [E] * 10 ** 10 }}", "more than"),
+        ("{{ 10 ** (10 ** 10) }}", "more than"),
+        ("{% set n = namespace(x=9) %}{% for i in range(99) %}{% set n.x = n.x * n.x %}"
+         "{% endfor %}", "more than"),
+        ("{% macro f() %}{{ f() }}{% endmacro %}{{ f() }}", "recursion"),
+        ("{{ 'a'.encode('no') }}", "unknown encoding"),
+        ("{{ '{2}'.format(E) }}", "index out of range"),
+        ("{{ '%d %d' | format(E) }}", "not enough arguments"),
+        ("{{ E.nothing.more }}", "has no attribute 'nothing'"),
+    ],
+)  # fmt: skip
+def test_what_it_cannot_compute_is_a_failed_run_with_its_place(tmp_path, text, said):
+    template, faults = read(tmp_path, f"{{{{ K0 }}}}\n\n{text}\n")
     assert faults == []
-    with pytest.raises(CannotRender, match=r"deck.j2"):
+    with pytest.raises(CannotRender) as caught:
         rendered(template, VALUES)
+    assert str(caught.value).startswith(f"{tmp_path / 'deck.j2'}:3:1: ")
+    assert said in str(caught.value)
 
 
 def test_the_digits_that_it_writes_are_found(tmp_path):

@@ -180,7 +180,10 @@ def test_a_file_of_the_model_that_is_named_by_its_place_here_is_refused(here):
 
 def test_several_cases_that_are_run_are_fitted_there(here, cluster):
     write_case(here / "one")
-    write_case(here / "two", PYTHON, script=SCRIPT)
+    script = SPLIT.replace("from rock", "from lib.rock")
+    write_case(here / "two", PYTHON, script=script)
+    (here / "two" / "lib").mkdir()
+    (here / "two" / "lib" / "rock.py").write_text("def nu0():\n    return 0.25\n")
     cases = ["one/case.yaml", "two/case.yaml"]
     assert [one.permitted for one in run_cases(cases, Options()).values()] == ["", ""]
     command = ["fit", *cases, "--cluster", cluster.address, "--trust"]

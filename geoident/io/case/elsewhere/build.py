@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import os
+import re
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from pathlib import Path
 
 from geoident.errors import Fault, InputError
@@ -101,6 +104,7 @@ def _program(
         place = around.folder / local
         if place.is_file():
             code.append(str(place))
+    code.extend(_run_by(section.command[1:], around.folder))
     return ExternalProgram(
         command=tuple(section.command),
         templates=tuple(templates),
@@ -111,6 +115,23 @@ def _program(
         folder=str(around.folder),
         code=tuple(dict.fromkeys(code)),
     )
+
+
+def _run_by(arguments: Sequence[str], folder: Path) -> Iterator[str]:
+    """Files among the arguments of a command, with what scripts of Python among them import.
+
+    Args:
+        arguments: as a shell or an option may have them, too: ``--deck=FILE``.
+        folder: of the case, below which is that of the runs, in which each has its own.
+    """
+    for argument in arguments:
+        words = [argument, argument.partition("=")[2], *re.split(r"[\s'\";&|<>()]+", argument)]
+        for word in dict.fromkeys(filter(None, words)):
+            for place in (folder / word, Path(os.path.normpath(folder / "case.runs/run" / word))):
+                with suppress(OSError, ValueError):  # too long or strange for a name
+                    if place.is_file():
+                        yield str(place)
+                        yield from imported_files(str(place)) if place.suffix == ".py" else ()
 
 
 def _jinja(source: str, target: str, around: Surroundings) -> tuple[AnyTemplate, list[Fault]]:

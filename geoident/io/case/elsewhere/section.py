@@ -295,8 +295,9 @@ class PythonModelSection(Section):
     )
     files: list[Text] = Field(
         [],
-        description="Files beside the case that the function reads. With what it imports from "
-        "beside it they are part of the model: runs of another state of them do not count.",
+        description="Files that the function reads. With what it imports from beside it they are "
+        "part of the model: runs of another state of them do not count. It cannot read others "
+        "from beside the case.",
         examples=[["profile.csv"]],
     )
     time_limit: Time | None = Field(None, description=_TIME_LIMIT, examples=["10 min"])

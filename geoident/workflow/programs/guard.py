@@ -1,0 +1,121 @@
+"""A function reads of a case what the case names, so that nothing it depends on changes unseen.
+
+Runs are kept, and trust is remembered, for the state of named files. This is no sandbox: a function
+that was trusted may do what it likes. What Python opens, imports and starts is seen; what libraries
+open by themselves (HDF5) is not, nor what programs read that the function starts.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import sys
+import time
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import geoident
+
+_CODE = (".py", ".pyc", ".pyw")
+
+
+def _installed() -> tuple[str, ...]:
+    """Where Python finds modules, but for the current folder and that of a script."""
+    script = getattr(sys.modules.get("__main__"), "__file__", None) or ""
+    own = {Path.cwd(), Path(script).resolve().parent}
+    found = [Path(path).resolve() for path in (*sys.path, sys.prefix, sys.base_prefix) if path]
+    package = Path(geoident.__file__).resolve().parent
+    return tuple(map(str, dict.fromkeys([*(one for one in found if one not in own), package])))
+
+
+@dataclass(frozen=True)
+class Readable:
+    """What a function may read.
+
+    Args:
+        files: paths that the case names.
+        runs: folder of the runs, which lies beside the case; data in it are those of runs.
+        since: seconds since 1970; what came to be later was made by runs.
+        installed: folders of what is installed.
+    """
+
+    files: Sequence[str]
+    runs: str
+    since: float = field(default_factory=time.time)
+    installed: tuple[str, ...] = field(default_factory=_installed)
+
+
+class Guard:
+    """Hears of all that this process opens, imports and starts (`sys.addaudithook`).
+
+    Args:
+        path: of the file of the function.
+        name: of the function.
+        readable: what it may read.
+    """
+
+    def __init__(self, path: str, name: str, readable: Readable) -> None:
+        self._name, self._readable = name, readable
+        self._here = Path(path).resolve().parent
+        self._runs = Path(readable.runs).resolve()
+        self._installed = tuple(map(Path, readable.installed))
+        self._named = {Path(file).resolve() for file in (path, *readable.files)}
+        self.refused = ""
+        """What was refused first: whatever the function makes of that, it has no answer."""
+
+    def __call__(self, event: str, given: tuple[Any, ...]) -> None:
+        """Refuse what the case does not name.
+
+        Raises:
+            PermissionError: that.
+            FileNotFoundError: it was compiled beside a case, where nobody sees what it does.
+        """
+        if event == "open" and not given[2] & (os.O_WRONLY | os.O_RDWR):
+            self._require(given[0])
+        elif event == "import" and given[1] is not None:  # a compiled extension
+            self._require(given[1], code=True)
+        elif event == "ctypes.dlopen":
+            self._require(given[0])
+        elif event == "subprocess.Popen":
+            program, arguments, folder, _ = given
+            folder = os.curdir if folder is None else os.fsdecode(folder)
+            self._require(program, folder)
+            for one in [] if isinstance(arguments, str | bytes) else arguments:
+                if isinstance(one, str | bytes | os.PathLike) and os.fsdecode(one).endswith(_CODE):
+                    self._require(one, folder)
+
+    def _require(self, given: Any, folder: str = os.curdir, *, code: bool = False) -> None:
+        """Refuse a file of the case that the case does not name, and code from elsewhere."""
+        if not isinstance(given, str | bytes | os.PathLike):
+            return  # a file that is open
+        said = Path.cwd() / folder / os.fsdecode(given)
+        path, real = said.parent.resolve() / said.name, said.resolve()
+        if real in self._named or not real.is_file():
+            return
+        of_case = [one for one in (self._here, self._runs.parent) if path.is_relative_to(one)]
+        # a folder in that of the case may be installed, one that has the case in it is not
+        installed = (r for r in self._installed if not _holds_one(r, of_case))
+        if any(real.is_relative_to(root) for root in installed):
+            return
+        if not (code or real.suffix in _CODE):
+            # a case may lie in somebody's home: what is hidden there is not of the case
+            shown = any("." not in {p[0] for p in path.relative_to(f).parts} for f in of_case)
+            if not shown or path.is_relative_to(self._runs):
+                return
+        if real.stat().st_ctime > self._readable.since:
+            return
+        if path.parent.name == "__pycache__":
+            raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(path))
+        name = path.relative_to(self._here) if self._here in path.parents else path
+        message = (
+            f"'{self._name}' reads '{name.as_posix()}', which the case does not name: runs would "
+            "be kept when it has changed. List it in the case under 'files' of 'model'"
+        )
+        self.refused = self.refused or message
+        raise PermissionError(message)
+
+
+def _holds_one(root: Path, folders: Iterable[Path]) -> bool:
+    return any(folder.is_relative_to(root) for folder in folders)

@@ -1,0 +1,316 @@
+"""What a model elsewhere really imports, reads and runs is part of it and never changes unseen."""
+
+import os
+import py_compile
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from support.commands import run_command
+from support.elsewhere import EXTERNAL, HEAD, PROGRAM, PYTHON, SCRIPT, trusted, write_case
+
+from geoident.errors import ExitCode, InputError
+from geoident.workflow.campaign.plan import plan_campaign
+from geoident.workflow.running.jobs import build_model, load_inputs
+
+FORMULA = "def values(E):\n    return [[E, 2.0 * E]] * 3\n"
+"""Readings of three gauges at two stages, of a module beside the function."""
+
+CALLS = """
+
+def readings(given):
+    return values(given["E"])
+"""
+
+
+@pytest.fixture(autouse=True)
+def own_state(tmp_path, monkeypatch):
+    """Decisions of these tests are not those of who runs them."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+
+
+def case_of(tmp_path, first, *, files=""):
+    """A case of a function that begins with some lines."""
+    model = PYTHON.replace("}", f", files: [{files}]}}") if files else PYTHON
+    return write_case(tmp_path / "case", model, script=first + CALLS)
+
+
+def simulated(case, *options):
+    return run_command("simulate", case, "--force", *options)
+
+
+def first_reading(case, *options):
+    """What the model gives for the first reading, mm."""
+    done = simulated(case, *options, "-o", case.with_name("made.csv"))
+    assert done.exit_code == 0, done.output
+    lines = case.with_name("made.csv").read_text().splitlines()
+    at = lines[0].split(",").index("value")
+    return float(lines[1].split(",")[at])
+
+
+@pytest.mark.parametrize(
+    ("first", "place"),
+    [
+        ("from lib.physics import values", "lib/physics.py"),
+        ("import lib.physics\nvalues = lib.physics.values", "lib/physics.py"),
+        ("from importlib import import_module\nvalues = import_module('physics').values",
+         "physics.py"),
+        ("values = __import__('physics').values", "physics.py"),
+        ("from lib.deep.a import values", "lib/deep/b.py"),
+    ],
+)  # fmt: skip
+def test_what_is_imported_is_asked_for_again_when_it_changes(tmp_path, first, place):
+    case = case_of(tmp_path, first)
+    module = case.parent / place
+    module.parent.mkdir(parents=True, exist_ok=True)
+    (module.parent / "a.py").write_text("from .b import values\n")
+    module.write_text(FORMULA)
+    assert first_reading(case, "--trust") == pytest.approx(6e12)
+    module.write_text(FORMULA.replace("[E,", "[3 * E,"))
+    assert simulated(case).exit_code == ExitCode.INVALID_INPUT
+    assert first_reading(case, "--trust") == pytest.approx(18e12)
+
+
+@pytest.mark.parametrize(
+    ("first", "place"),
+    [
+        ("from importlib import import_module\nvalues = import_module('phy' + 'sics').values",
+         "physics.py"),
+        ("exec(open(HERE + '/physics.py').read())", "physics.py"),
+        ("exec(open(HERE + '/physics.txt').read())", "physics.txt"),
+        ("import runpy\nvalues = runpy.run_path(HERE + '/physics.py')['values']", "physics.py"),
+        ("import sys\nsys.path.append(HERE + '/../elsewhere')\nfrom physics import values",
+         "../elsewhere/physics.py"),
+        ("try:\n    exec(open(HERE + '/physics.py').read())\nexcept OSError:\n    values = 0",
+         "physics.py"),
+        ("import subprocess, sys\nsubprocess.run([sys.executable, HERE + '/physics.py'])\n"
+         "def values(E): return [[E, E]] * 3", "physics.py"),
+    ],
+)  # fmt: skip
+def test_what_the_case_does_not_name_is_not_run_until_it_is_listed(tmp_path, first, place):
+    head = "import os\nHERE = os.path.dirname(os.path.abspath(__file__))\n"
+    case = case_of(tmp_path, head + first)
+    module = case.parent / place
+    module.parent.mkdir(exist_ok=True)
+    ran = tmp_path / "ran"
+    module.write_text(FORMULA + f"open({str(ran)!r}, 'w').close()\n")
+    refused = simulated(case, "--trust")
+    shown = place if ".." not in place else str(tmp_path / "elsewhere" / "physics.py")
+    assert f"reads '{shown}', which the case does not name" in refused.output
+    assert "'files'" in refused.output
+    assert refused.exit_code != 0
+    assert "Traceback" not in refused.output
+    assert not ran.exists()
+
+    listed = case.read_text().replace('readings"}', f'readings", files: [{place}]}}')
+    case.write_text(listed)
+    assert first_reading(case, "--trust") == pytest.approx(6e12)
+    assert ran.exists()
+    if "subprocess" not in first:
+        module.write_text(FORMULA.replace("[E,", "[3 * E,"))
+        assert simulated(case).exit_code == ExitCode.INVALID_INPUT
+        assert first_reading(case, "--trust") == pytest.approx(18e12)
+
+
+def test_a_table_that_a_function_reads_is_listed_and_what_it_writes_is_its_own(tmp_path):
+    script = """
+import os, pathlib
+here = pathlib.Path(__file__).parent
+def values(E):
+    (here / "scratch.txt").write_text("1.0")
+    (here / "case.runs" / "kept.txt").touch()
+    (here / "case.runs" / "kept.txt").read_text()
+    return [[E * float((here / name).read_text())] * 2 for name in ("factor.txt", "scratch.txt")
+            for _ in range(2)][:3]
+"""
+    case = case_of(tmp_path, script)
+    (case.parent / "factor.txt").write_text("2.0")
+    refused = simulated(case, "--trust")
+    assert "'readings' reads 'factor.txt', which the case does not name" in refused.output
+    case = case_of(tmp_path, script, files="factor.txt")
+    assert first_reading(case, "--trust") == pytest.approx(12e12)
+    (case.parent / "factor.txt").write_text("3.0")
+    assert first_reading(case, "--trust") == pytest.approx(18e12)
+
+
+def test_nothing_compiled_that_lies_beside_a_case_is_run(tmp_path):
+    case = case_of(tmp_path, "from physics import values")
+    folder = case.parent
+    planted = FORMULA.replace("[E,", "[99 * E,")
+    for name, true in (("physics", FORMULA), ("opening", (folder / "opening.py").read_text())):
+        (folder / f"{name}.py").write_text(planted + CALLS)
+        py_compile.compile(
+            str(folder / f"{name}.py"),
+            invalidation_mode=py_compile.PycInvalidationMode.UNCHECKED_HASH,
+        )
+        (folder / f"{name}.py").write_text(true)
+    assert len(list((folder / "__pycache__").iterdir())) == 2
+    assert first_reading(case, "--trust") == pytest.approx(6e12)
+
+
+@pytest.mark.parametrize("kind", ["physics.pyc", "physics.so"])
+def test_a_module_without_source_is_named(tmp_path, kind):
+    case = case_of(tmp_path, "from physics import values")
+    source = tmp_path / "source.py"
+    source.write_text(FORMULA)
+    py_compile.compile(str(source), cfile=str(case.parent / kind))
+    refused = simulated(case, "--trust")
+    assert f"reads '{kind}', which the case does not name" in refused.output
+
+
+def test_a_module_named_as_one_that_a_library_imports_is_not_run(tmp_path):
+    case = case_of(tmp_path, "import scipy.optimize\n" + FORMULA)
+    ran = tmp_path / "ran"
+    for name in ("heapq", "random", "scipy"):
+        (case.parent / f"{name}.py").write_text(f"open({str(ran)!r}, 'w').close()\n")
+    case.write_text(case.read_text())
+    simulated(case)
+    assert not ran.exists()  # not trusted
+    (case.parent / "scipy.py").unlink()
+    done = simulated(case, "--trust")
+    assert not ran.exists()
+    assert "Traceback" not in done.output
+
+
+@pytest.mark.parametrize(
+    ("command", "changed"),
+    [
+        ("PYTHON, -S, HERE/elsewhere/prog.py", "elsewhere/prog.py"),
+        ("PYTHON, -S, HERE/elsewhere/prog.py", "elsewhere/ground.py"),
+        ("PYTHON, -S, ../../prog.py", "case/prog.py"),
+        ("sh, -c, 'cat opening.in>copy; PYTHON -S HERE/case/prog.py'", "case/prog.py"),
+    ],
+)
+def test_a_program_among_the_arguments_is_part_of_the_model(tmp_path, command, changed):
+    command = command.replace("PYTHON", sys.executable).replace("HERE", str(tmp_path))
+    model = EXTERNAL.replace(f"{sys.executable}, -S, opening.py", command)
+    case = write_case(tmp_path / "case", model.replace("  files: [opening.py]\n", ""))
+    (tmp_path / "elsewhere").mkdir()
+    program = PROGRAM.replace("nu=0.25", "nu=NU")
+    (tmp_path / "elsewhere" / "prog.py").write_text(f"from ground import NU\n{program}")
+    (tmp_path / "elsewhere" / "ground.py").write_text("NU = 0.25\n")
+    (tmp_path / "case" / "prog.py").write_text(f"NU = 0.25\n{program}")
+    before = first_reading(case, "--trust")
+    file = tmp_path / changed
+    file.write_text(file.read_text().replace("NU = 0.25", "NU = 0.4") + "\n")
+    assert simulated(case).exit_code == ExitCode.INVALID_INPUT
+    after = first_reading(case, "--trust")
+    assert (after == before) == (changed == "elsewhere/prog.py")
+
+
+def test_another_program_of_the_same_name_is_asked_for(tmp_path, monkeypatch):
+    for name, factor in (("one", 1.0), ("two", 3.0)):
+        (tmp_path / name).mkdir()
+        solver = tmp_path / name / "solver"
+        solver.write_text(f"#!{sys.executable} -S\nexec(open('opening.py').read())\n# {factor}\n")
+        solver.chmod(0o755)
+    case = write_case(
+        tmp_path / "case", EXTERNAL.replace(f"[{sys.executable}, -S, opening.py]", "[solver]")
+    )
+    path = os.environ["PATH"]
+    monkeypatch.setenv("PATH", os.pathsep.join([str(tmp_path / "one"), path]))
+    first_reading(case, "--trust")
+    first = load_inputs(str(case))
+    assert simulated(case).exit_code == 0
+    (tmp_path / "one" / "solver").write_bytes((tmp_path / "two" / "solver").read_bytes())
+    assert simulated(case).exit_code == ExitCode.INVALID_INPUT
+    other = load_inputs(str(case))
+    assert other.identity("fit", (), seed=0) != first.identity(
+        "fit", (), seed=0
+    )  # no search goes on
+    assert other.mesh_sha256 == first.mesh_sha256  # a fit of another machine predicts
+
+
+def test_what_is_installed_or_hidden_below_a_case_is_not_of_it(tmp_path):
+    first = (
+        """
+import pathlib, sys
+here = pathlib.Path(__file__).parent
+(here / ".settings" / "look.txt").read_text()
+(here / "case.yaml").exists()
+"""
+        + FORMULA
+    )
+    case = case_of(tmp_path, first)
+    (case.parent / ".settings").mkdir()
+    (case.parent / ".settings" / "look.txt").touch()
+    assert first_reading(case, "--trust") == pytest.approx(6e12)
+    kept = case.parent / "case.runs" / "left.py"
+    kept.write_text(FORMULA)
+    (case.parent / "opening.py").write_text(
+        "exec(open(__file__.replace('opening.py', 'case.runs/left.py')).read())" + CALLS
+    )
+    refused = simulated(case, "--trust")  # the folder of runs may come with the case
+    assert "reads 'case.runs/left.py', which the case does not name" in refused.output
+
+
+def test_a_folder_of_modules_that_holds_the_case_is_not_installed(tmp_path):
+    case = case_of(tmp_path, "values = __import__('phy' + 'sics').values")
+    (case.parent / "physics.py").write_text(FORMULA)
+    command = [sys.executable, "-m", "geoident", "simulate", "case.yaml", "--trust"]
+    paths = {"PYTHONPATH": os.pathsep.join([str(tmp_path), *filter(None, sys.path)])}
+    done = subprocess.run(
+        command,
+        cwd=case.parent,
+        env=os.environ | paths,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert "reads 'physics.py', which the case does not name" in done.stderr
+    assert done.returncode != 0
+
+
+def test_a_campaign_computes_anew_where_the_program_is_another(tmp_path):
+    solver = tmp_path / "solver"
+    solver.write_text(f"#!{sys.executable} -S\nexec(open('opening.py').read())\n")
+    solver.chmod(0o755)
+    model = EXTERNAL.replace(f"[{sys.executable}, -S, opening.py]", f"[{solver}, --verbose]")
+    write_case(tmp_path / "case", model)
+    campaign = tmp_path / "case" / "campaign.yaml"
+    campaign.write_text(
+        "format: geoident-campaign/1\ncase: case.yaml\ncommand: simulate\n"
+        "variations: {product: {parameters.K0.start: [1.0, 0.8]}}\n"
+    )
+    keys = [run.key for run in plan_campaign(str(campaign)).runs]
+    assert [run.key for run in plan_campaign(str(campaign)).runs] == keys
+    solver.write_text(solver.read_text() + "# another\n")
+    assert not {run.key for run in plan_campaign(str(campaign)).runs} & set(keys)
+
+
+def test_nothing_compiled_beside_a_program_is_run(tmp_path):
+    folder = write_case(tmp_path / "case", EXTERNAL).parent
+    program = (folder / "opening.py").read_text()
+    (folder / "prog.py").write_text(
+        program.replace("import math", "import math\nfrom ground import NU").replace(
+            "nu=0.25", "nu=NU"
+        )
+    )
+    ground = folder / "ground.py"
+    ground.write_text("NU = 0.45\n")
+    py_compile.compile(str(ground), invalidation_mode=py_compile.PycInvalidationMode.UNCHECKED_HASH)
+    ground.write_text("NU = 0.25\n")
+    plain = first_reading(folder / "case.yaml", "--trust")
+    model = EXTERNAL.replace("opening.py]\n  inputs", "../../prog.py]\n  inputs")
+    (folder / "case.yaml").write_text(model + HEAD)
+    assert first_reading(folder / "case.yaml", "--trust") == pytest.approx(plain)
+
+
+@pytest.mark.parametrize(("model", "script"), [(EXTERNAL, PROGRAM), (PYTHON, SCRIPT)])
+def test_a_model_that_changes_while_it_is_run_ends_the_command(tmp_path, model, script):
+    case = write_case(tmp_path, model, script=script)
+    built = build_model(load_inputs(str(case)))
+    program = tmp_path / "opening.py"
+    with trusted():
+        built.computed(np.array([6e9, 1.0]))
+        os.utime(program)  # as it was
+        built.computed(np.array([7e9, 1.0]))
+        program.write_text(script.replace("0.25", "0.45"))
+        with pytest.raises(InputError, match="has changed since it was looked at") as caught:
+            built.computed(np.array([8e9, 1.0]))
+    [fault] = caught.value.faults
+    assert Path(fault.location.file).name == "opening.py"
+    assert fault.hint
+    assert len((tmp_path / "case.runs" / "runs.jsonl").read_text().splitlines()) == 2
