@@ -125,6 +125,12 @@ class FittedModelError:
         sd = np.array([channel.sd(reading) for channel, reading in rows], dtype=np.float64)
         return replace(self, used=replace(self.used, channels=channels), sd=sd)
 
+    def of_nothing_used(self) -> FittedModelError:
+        """As large, where nothing that was read tells of it."""
+        used = self.used
+        used = replace(used, channels=(), steps=used.steps[:0], floors=used.floors[:0])
+        return replace(self, used=used, sd=None)
+
     def with_later(self, structure: ErrorStructure, *later: ReadingSteps) -> ErrorStructure:
         """The errors of the readings used, and of later ones below them, with the model error.
 
