@@ -5,6 +5,8 @@ from __future__ import annotations
 import time
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
+from math import isclose
+from typing import Any
 
 import numpy as np
 
@@ -341,10 +343,7 @@ def why_other_gauges(fit: Result, origin: Inputs, inputs: Inputs) -> str:
         origin: its case.
         inputs: the other case.
     """
-    written, now = (
-        parse_yaml(each.loaded.resolved, each.path).data.get("gauges") or {}
-        for each in (origin, inputs)
-    )
+    written, now = (_gauges_as_written(each) for each in (origin, inputs))
     channels = {channel.name: channel for channel in inputs.case.channels}
     values: dict[tuple[str, str], list[float]] = {}
     for reading in inputs.case.readings:
@@ -359,9 +358,16 @@ def why_other_gauges(fit: Result, origin: Inputs, inputs: Inputs) -> str:
         ):
             return f"the gauge '{channel.gauge}' is written otherwise"
         read = values.get((reading.channel, reading.stage), [])
-        if not np.isclose(read, reading.value, rtol=1e-9, atol=0.0).any():
+        if not any(isclose(value, reading.value or 0.0, rel_tol=1e-9) for value in read):
             return f"the reading of {reading.channel} at {reading.stage} is not in it"
     return ""
+
+
+def _gauges_as_written(inputs: Inputs) -> dict[str, Any]:
+    """What a case says of each gauge, by its name."""
+    data = parse_yaml(inputs.loaded.resolved, inputs.path).data
+    gauges = data.get("gauges") if isinstance(data, dict) else None
+    return gauges if isinstance(gauges, dict) else {}
 
 
 def _placed(channel: Channel) -> Channel:

@@ -294,3 +294,26 @@ def test_several_readings_of_a_stage_are_judged_by_what_they_are_worth(
         np.testing.assert_allclose(
             list(of_stage(one, "second", "sd").values()), expected, rtol=0.02
         )
+
+
+def test_a_residual_is_said_in_stated_accuracies_where_the_fit_has_found_larger_ones(
+    site, run_json
+):
+    site("0.002 mm")
+    (found,) = run_json("fit", "case.yaml", "--set", "fit.stages=[first, second]")
+    rows = [row for row in found["gauges"] if row["used"]]
+    assert min(row["sd"] for row in rows) > 2.5e-6
+    most = max(abs(row["measured"] - row["computed"]) for row in rows)
+    (said,) = [text for text in found["findings"] if "of its accuracies" in text]
+    assert f"{1e3 * most:.3g} mm from what is computed, {most / 2e-6:.1f} of its" in said
+
+
+def test_several_readings_share_their_zero_which_does_not_average_out(trench, run_json):
+    """In the table beside the band: readings of 8 um, of two the root of a half, a zero of 6 um."""
+    text = (trench / "case.yaml").read_text().replace("accuracy: 0.01 mm", f"accuracy: {PARTS}")
+    text = text.replace("readings: readings.csv", DATED.replace("S}", "all}"))
+    (trench / "case.yaml").write_text(text)
+    (trench / "readings.csv").write_text(SEVERAL)
+    (found,) = run_json("fit", "case.yaml", "--set", "fit.model_error=none")
+    read = {row["gauge"]: row["sd"] for row in found["gauges"] if row["stage"] == "second"}
+    assert read["S"] == pytest.approx(np.hypot(8e-6 / 2, 6e-6), rel=1e-9)
