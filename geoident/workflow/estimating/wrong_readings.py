@@ -29,7 +29,7 @@ _ROUND = 100.0
 
 
 def gross_readings(readings: ReadingTable) -> Ints:
-    """Rows of the used readings that no gauge can have shown, the worst first.
+    """Rows (m,) of the used readings that no gauge can have shown, the worst first.
 
     Args:
         readings: k of them, with what the model says of each, and the accuracies as the case
