@@ -176,7 +176,8 @@ def predict(
     Args:
         fitted: what `fit` found, or the path of its result.
         stages: one or several to predict; all that took no part in the fit if empty.
-        case: another case, whose parameters are those of the fit.
+        case: another case, whose parameters are those of the fit; its gauges are those of the fit
+            if it has all readings that the fit has used, else it counts as another section.
         output: file or existing folder of the result; beside the fit if None.
         force: overwrite a prediction of other input.
         fresh: compute again what is up to date.

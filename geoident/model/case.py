@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
+from functools import cached_property
+
+import numpy as np
 
 from geoident.errors import Fault, Location
 from geoident.model.actions import (
@@ -15,8 +18,9 @@ from geoident.model.actions import (
     Temperature,
     Water,
 )
+from geoident.model.arrays import Floats
 from geoident.model.elsewhere import Elsewhere
-from geoident.model.gauges import Channel, Reading, StageReadings
+from geoident.model.gauges import Channel, Reading, StageReadings, taken_together
 from geoident.model.ground import Elastic, Field, Growth
 from geoident.model.in_situ import InSitu
 from geoident.model.methods import (
@@ -291,6 +295,29 @@ class Case:
     def stage_names(self) -> tuple[str, ...]:
         """Names of all stages, the initial state first."""
         return (VIRGIN, *(stage.name for stage in self.stages))
+
+    def reading_at(self, channel: Channel, stage: str) -> Reading:
+        """What was read of a channel at a stage, several good readings taken together.
+
+        Where none was, a reading without value, as accurate as the gauge states.
+        """
+        good = self._good_readings.get((channel.name, stage))
+        return taken_together(channel, good) if good else Reading(channel.name, stage, None)
+
+    @cached_property
+    def _good_readings(self) -> Mapping[tuple[str, str], Sequence[Reading]]:
+        """The readings of channels at stages that have a value and are not flagged as bad."""
+        found: dict[tuple[str, str], list[Reading]] = {}
+        for reading in self.readings:
+            if reading.value is not None and not reading.bad:
+                found.setdefault((reading.channel, reading.stage), []).append(reading)
+        return found
+
+    @cached_property
+    def accuracies(self) -> Floats:
+        """(n_channels, n_stages) standard deviation of what is read of each channel, SI."""
+        each = [[c.sd(self.reading_at(c, s.name)) for s in self.stages] for c in self.channels]
+        return np.array(each, dtype=np.float64).reshape(len(self.channels), len(self.stages))
 
     @property
     def start(self) -> dict[str, float]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum
 
 import numpy as np
@@ -23,6 +23,9 @@ MovingPoint = tuple[tuple[float, ...], tuple[float, ...]]
 
 A vector without unit adds a length; one in 1/m adds an angle.
 """
+
+DAY = 86400.0
+"""Seconds; readings of one day are of one epoch."""
 
 PARTS = ("reading", "zero", "head", "epoch", "along")
 """What the error of a reading may be made of; see `ErrorParts`."""
@@ -77,15 +80,22 @@ class ErrorParts:
     mesh: tuple[tuple[str, float, float], ...] = ()
     surface: tuple[tuple[str, tuple[float, ...]], ...] = ()
 
-    def total(self, along: float = 0.0) -> float:
+    def total(self, along: float = 0.0, own: float | None = None, epochs: int = 1) -> float:
         """Standard deviation of one reading, SI, at a place along its run, m.
+
+        Args:
+            along: the place.
+            own: what the reading has by itself, SI; None for `reading`.
+            epochs: over how many days it is a mean, whose set-ups are averaged, too.
 
         >>> round(ErrorParts(3e-4, zero=4e-4, along=1e-4).total(75.0), 7)
         0.001
         """
         added_up = self.along * math.sqrt(along)
         shared = math.hypot(self.head, self.epoch, added_up)
-        return math.hypot(self.reading, self.zero, shared, shared * self.zero_surveyed)
+        own = self.reading if own is None else own
+        of_zero = shared * self.zero_surveyed
+        return math.hypot(own, self.zero, shared / math.sqrt(epochs), of_zero)
 
     def component(self, part: str) -> str | None:
         """The component of variance to which a part belongs; None where its size is given."""
@@ -115,7 +125,8 @@ class Channel:
         second: (dim,) coordinates of the point whose motion is read, m.
         direction: (dim,) unit vector; along the line from first to second where the gauge reads
             a change of distance (positive: the points move apart), down for a settlement.
-        accuracy: standard deviation of one reading, SI.
+        accuracy: standard deviation of one reading, SI, as the gauge states it; of a reading that
+            was taken `sd` tells it.
         zero: name of the stage at whose end the channel reads zero.
         key: path of keys in the case where the channel is written.
         offset: added to every reading after the zero, SI (a zero that was itself misread, a head
@@ -182,6 +193,25 @@ class Channel:
         return self.reads is Reads.CHANGE
 
     @property
+    def own_accuracy(self) -> float:
+        """Standard deviation of what one reading has by itself, SI, as the gauge states it."""
+        return self.accuracy if self.errors is None else self.errors.reading
+
+    def own_sd(self, reading: Reading) -> float:
+        """Standard deviation of what a reading has by itself, SI.
+
+        Its own if it has one; that of a mean of n falls with the root of n.
+        """
+        if reading.accuracy is not None:
+            return reading.accuracy
+        return self.own_accuracy / math.sqrt(reading.count)
+
+    def sd(self, reading: Reading) -> float:
+        """Standard deviation of a reading with all that it shares, SI."""
+        own = self.own_sd(reading)
+        return own if self.errors is None else self.errors.total(self.along, own, reading.epochs)
+
+    @property
     def motions(self) -> tuple[MovingPoint, ...]:
         """Points and the vectors that their displacements are multiplied with, all added up."""
         if self.terms:
@@ -225,6 +255,37 @@ class Reading:
     epochs: int = field(default=1, compare=False)
     note: str = field(default="", compare=False)
     zone: float | None = field(default=None, compare=False)
+
+
+def taken_together(channel: Channel, readings: Sequence[Reading]) -> Reading:
+    """The weighted mean of readings of a channel in one stage, as one reading.
+
+    What they share, such as a zero, does not average out; of set-ups it is the number of days.
+
+    Args:
+        channel: of all of them.
+        readings: one at least, each with a value.
+    """
+    if len(readings) == 1:
+        return readings[0]
+    own = np.array([channel.own_sd(reading) for reading in readings])
+    value, accuracy = weighted_mean(np.array([r.value for r in readings], dtype=np.float64), own)
+    times = [reading.time for reading in readings if reading.time is not None]
+    dated = len(times) == len(readings)
+    return replace(
+        readings[-1],
+        value=value,
+        accuracy=accuracy,
+        time=sum(times) / len(times) if dated else None,
+        count=sum(reading.count for reading in readings),
+        epochs=len({time // DAY for time in times}) if dated else 1,
+    )
+
+
+def weighted_mean(values: Floats, sd: Floats) -> tuple[float, float]:
+    """The mean of values (m,) by their standard deviations, and its own."""
+    weight = sd**-2.0
+    return float(weight @ values / weight.sum()), float(weight.sum() ** -0.5)
 
 
 @dataclass(frozen=True)

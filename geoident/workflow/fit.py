@@ -49,7 +49,7 @@ from geoident.workflow.running.evaluation_log import Log, led
 from geoident.workflow.running.jobs import Job, job_provenance
 from geoident.workflow.running.kept_reduced import NONE, made_to_keep
 from geoident.workflow.running.reading_units import noted, unit_doubts
-from geoident.workflow.running.readings import stated_sd, unused_notes
+from geoident.workflow.running.readings import as_stated, unused_notes
 from geoident.workflow.scoring.convergence import convergence_notes
 from geoident.workflow.scoring.extrapolation import extrapolation_findings, stress_levels
 from geoident.workflow.scoring.ladder import climb
@@ -154,7 +154,8 @@ def _result(
     )
     parameters = with_rivals(parameters, case.parameters, found.rivals)
     prediction = predicted(setup, found, predicted_stages(gauges))
-    gross = gross_readings(found.readings, stated_sd(job.inputs.case, found.readings))
+    stated = replace(gauges, readings=as_stated(job.inputs.case, found.readings))
+    gross = gross_readings(stated.readings)
     by_accuracy = not len(gross) and setup.accuracies is None  # estimated ones are said themselves
     poor = why_poor(found.diagnostics, gross, setup.model_error_table)
     status, named = _status(found, poor), parameters.named
@@ -167,7 +168,7 @@ def _result(
         objective=found.outcome.objective,
         findings=(
             *collapse_findings(survey),
-            *opposite_findings(gauges, job.inputs.case),
+            *opposite_findings(stated),
             *doubts,
             *rival_findings(found.rivals, parameters),
             *found.assessment.findings,
@@ -179,7 +180,7 @@ def _result(
                 parameters.picked(named).names,
                 gross=len(gross) > 0,
             ),
-            *(accuracy_residuals(gauges, job.inputs.case) if by_accuracy else ()),
+            *(accuracy_residuals(stated) if by_accuracy else ()),
             *last.findings,
             *_extrapolation(setup, found, gauges),
             *(setup.mesh.findings if setup.mesh is not None else ()),

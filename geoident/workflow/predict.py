@@ -5,6 +5,8 @@ from __future__ import annotations
 import time
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
+from math import isclose
+from typing import Any
 
 import numpy as np
 
@@ -17,9 +19,10 @@ from geoident.identify import Assessment, Problem, assess
 from geoident.identify.assessment.diagnostics import effective_sd
 from geoident.identify.problem.outcome import Outcome
 from geoident.io.result.file import read_result
+from geoident.io.text.yaml_reader import parse_yaml
 from geoident.model.arrays import Bools, Ints
 from geoident.model.case import Case
-from geoident.model.gauges import Reading, ReadingTable
+from geoident.model.gauges import Channel, Reading, ReadingTable
 from geoident.model.ground import Field
 from geoident.model.results.bands import Prediction
 from geoident.model.results.result import ParameterTable, Provenance, Result
@@ -133,6 +136,7 @@ class Task:
         place: of the result.
         identity: hash of everything that the result depends on.
         found: what stands at its place.
+        others: why the gauges of another case are not those of the fit; empty where they are.
     """
 
     request: PredictRequest
@@ -142,6 +146,7 @@ class Task:
     place: Target
     identity: str
     found: Existing
+    others: str = ""
 
     @property
     def files_read(self) -> tuple[str, ...]:
@@ -176,11 +181,14 @@ def plan_prediction(request: PredictRequest) -> Task:
     _require_stages(request.stages, inputs.case)
     require_identified(fit, inputs)
     _require_same_fields(fit, origin.case, inputs)
+    others = "" if request.case is None else why_other_gauges(fit, origin, inputs)
+    if request.case is not None and not others:
+        inputs = _with_gauges_of_fit(inputs, origin, fit)
     place = target(request.result, "predict", output=request.output)
     purpose = f"predict {fit.fingerprint} {request.stages}"
     identity = inputs.identity(purpose, (), seed=fit.provenance.seed)
     found = existing(place, identity, kind="predict", case=inputs.path)
-    return Task(request, fit, origin, inputs, place, identity, found)
+    return Task(request, fit, origin, inputs, place, identity, found, others)
 
 
 @one_thread()
@@ -193,7 +201,7 @@ def predict(task: Task, control: Control) -> Finished:
     require_free(found, place, force=request.force, inputs=task.files_read)
     model = _model(task)
     task = _with_other_surfaces(task, model)
-    known = what_is_known(task.fit, task.origin.case, model, task.inputs.case)
+    known = what_is_known(task.fit, task.origin.case, model, task.inputs.case, task.others)
     require_same_modes(task.fit, model, task.inputs.case, known.parameters.values)
     control.stop.check()
     survey = model.survey(known.parameters.values, fields=True, partial=True)
@@ -324,13 +332,87 @@ def _require_same_fields(fit: Result, origin: Case, inputs: Inputs) -> None:
         raise InputError(faults)
 
 
+def why_other_gauges(fit: Result, origin: Inputs, inputs: Inputs) -> str:
+    """Why the gauges of another case are not those of a fit; empty where they are.
+
+    They are where the case has every reading that the fit has used, at a gauge that is written as
+    it was. Names tell nothing: gauges of two sections are often called alike.
+
+    Args:
+        fit: the result.
+        origin: its case.
+        inputs: the other case.
+    """
+    written, now = (_gauges_as_written(each) for each in (origin, inputs))
+    channels = {channel.name: channel for channel in inputs.case.channels}
+    values: dict[tuple[str, str], list[float]] = {}
+    for reading in inputs.case.readings:
+        if reading.value is not None and not reading.bad:
+            values.setdefault((reading.channel, reading.stage), []).append(reading.value)
+    for channel, reading in used_rows(origin.case, fit.gauges.readings.used):
+        other = channels.get(channel.name)
+        if other is None:
+            return f"it has no gauge '{channel.name}'"
+        if written.get(channel.gauge) != now.get(channel.gauge) or _placed(channel) != _placed(
+            other
+        ):
+            return f"the gauge '{channel.gauge}' is written otherwise"
+        read = values.get((reading.channel, reading.stage), [])
+        if not any(isclose(value, reading.value or 0.0, rel_tol=1e-9) for value in read):
+            return f"the reading of {reading.channel} at {reading.stage} is not in it"
+    return ""
+
+
+def _gauges_as_written(inputs: Inputs) -> dict[str, Any]:
+    """What a case says of each gauge, by its name."""
+    data = parse_yaml(inputs.loaded.resolved, inputs.path).data
+    gauges = data.get("gauges") if isinstance(data, dict) else None
+    return gauges if isinstance(gauges, dict) else {}
+
+
+def _placed(channel: Channel) -> Channel:
+    """A channel without its errors, which a fit may have estimated."""
+    return replace(channel, accuracy=0.0, errors=None, key=())
+
+
+def _with_gauges_of_fit(inputs: Inputs, origin: Inputs, fit: Result) -> Inputs:
+    """A case with the gauges of a fit, with the accuracies that this has found.
+
+    Args:
+        inputs: of the case.
+        origin: of the case of the fit.
+        fit: the result.
+    """
+    case, fitted = inputs.case, {channel.name: channel for channel in origin.case.channels}
+    same_mesh = inputs.mesh_sha256 == fit.provenance.mesh_sha256
+    factor = 1.0 if fit.model_error is None else fit.model_error.factor
+
+    def as_fitted(channel: Channel) -> Channel:
+        before = fitted.get(channel.name)
+        if before is None or _placed(before) != _placed(channel):
+            return channel
+        errors = before.errors
+        if errors is not None and not same_mesh:
+            errors = replace(errors, mesh=())
+        return replace(channel, accuracy=before.accuracy, errors=errors)
+
+    readings = (
+        r if r.accuracy is None else replace(r, accuracy=factor * r.accuracy) for r in case.readings
+    )
+    channels = tuple(as_fitted(channel) for channel in case.channels)
+    case = replace(case, channels=channels, readings=tuple(readings))
+    return replace(inputs, loaded=replace(inputs.loaded, case=case))
+
+
 def _unplaced(field: Field) -> Field:
     """A field without where it is written."""
     measured = tuple(replace(test, path=(), origin="") for test in field.measured)
     return replace(field, path=(), measured=measured)
 
 
-def what_is_known(fit: Result, origin: Case, model: CaseModel, case: Case) -> Known:
+def what_is_known(
+    fit: Result, origin: Case, model: CaseModel, case: Case, others: str = ""
+) -> Known:
     """What a fit knows, for the parameters of the case of a model, matched by name.
 
     How well they are known is assessed again from the sensitivities that the fit holds.
@@ -340,6 +422,8 @@ def what_is_known(fit: Result, origin: Case, model: CaseModel, case: Case) -> Kn
         origin: the case of the fit.
         model: of the case to predict.
         case: to predict.
+        others: why its gauges are others than those of the fit, of whose errors this then knows
+            nothing, nor of the model error where they are; empty where they are the same.
     """
     readings = fit.gauges.readings
     used = readings.used
@@ -349,9 +433,13 @@ def what_is_known(fit: Result, origin: Case, model: CaseModel, case: Case) -> Kn
     assessment = assess(problem, fit.parameters.values, jacobian, computed)
     order = np.array([fit.parameters.names.index(name) for name in model.names], dtype=np.int64)
     parameters = fit.parameters.picked(order)
-    known = KnownErrors(case, problem, computed, jacobian[:, order], used_rows(origin, used))
+    rows, model_error = used_rows(origin, used), model_error_of_result(fit, origin)
+    known = KnownErrors(case, problem, computed, jacobian[:, order], rows)
     shares = any(channel.errors for channel in (*origin.channels, *case.channels))
-    model_error = model_error_of_result(fit, origin)
+    if others:
+        nothing = replace(problem, measured=problem.measured[:0], sd=problem.sd[:0], shared=None)
+        known = KnownErrors(case, nothing, computed[:0], jacobian[:0, order], ())
+        model_error = None if model_error is None else model_error.of_nothing_used()
     return Known(
         parameters,
         pick_assessment(assessment, order),
@@ -456,6 +544,7 @@ def _of_another_case(task: Task, model: CaseModel, stages: Bools) -> list[Predic
             origin,
             model,
             case,
+            task.others,
         )
         survey = model.survey(known.parameters.values, fields=False, partial=True)
         errors = _with_later(known, model, case, survey)
@@ -495,7 +584,7 @@ def _readings(task: Task, known: Known) -> ReadingTable:
     if task.request.case is None:
         return known.readings
     case, table = task.inputs.case, known.readings
-    used = {pair for pair, taken in zip(table.pairs, table.used, strict=True) if taken}
+    used = set() if task.others else set(table.used_pairs)
     return reading_table(case, [_why_unused(reading, used) for reading in case.readings])
 
 
@@ -517,7 +606,7 @@ def _result(task: Task, known: Known, survey: Survey, model: CaseModel) -> Resul
     prediction = predict_stages(
         survey, known.assessment, accuracies(case), stages, errors, known.bends
     )
-    found = (*collapse_findings(survey), *without_collapses(fit.findings))
+    found = (*_whose_gauges(task), *collapse_findings(survey), *without_collapses(fit.findings))
     others, left_out = _others(task, known, model, stages)
     if fit.rivals is not None and others:
         prediction = mixed_prediction(fit.rivals.odds, [prediction, *others])
@@ -552,6 +641,28 @@ def _result(task: Task, known: Known, survey: Survey, model: CaseModel) -> Resul
             *bad_notes(readings),
             *score(gauges, prediction),
         ),
+    )
+
+
+def _whose_gauges(task: Task) -> tuple[str, ...]:
+    """Whether what the fit knows of its gauges holds in another case, a sentence."""
+    name, fit = task.request.case, task.fit
+    if name is None:
+        return ()
+    if not task.others:
+        return (
+            f"{name} has all readings that the fit has used, so its gauges are those of the fit: "
+            "what these readings tell of errors of zeros, heads and set-ups, and of the model, "
+            "holds for it, too.",
+        )
+    estimated = fit.accuracies is not None
+    estimated |= fit.model_error is not None and fit.model_error.factor != 1.0
+    more = " Accuracies that the fit has estimated are not either." if estimated else ""
+    return (
+        f"{name} counts as another section, since {task.others}: no error of a gauge is taken over "
+        "from the fit, and bands hold those of its own zeros and set-ups and of the model there."
+        f"{more} If the gauges are the same, let it have them and the readings of the fit "
+        "unchanged.",
     )
 
 

@@ -33,7 +33,7 @@ from geoident.workflow.running.jobs import (
     start_values,
 )
 from geoident.workflow.running.kept_reduced import answer_note, answered, restored_for
-from geoident.workflow.running.readings import error_structure, own_sd
+from geoident.workflow.running.readings import error_structure
 
 
 class Noise(Enum):
@@ -329,7 +329,7 @@ def with_noise(case: Case, readings: Sequence[Reading], *, seed: int) -> tuple[R
     generator = np.random.default_rng(seed)
     channels = {channel.name: channel for channel in case.channels}
     rows = [(channels[reading.channel], reading) for reading in readings]
-    own = [own_sd(*row) * generator.standard_normal() for row in rows]
+    own = [c.own_sd(r) * generator.standard_normal() for c, r in rows]
     shared = error_structure(rows).columns
     noise = np.array(own, dtype=np.float64)
     noise += shared @ generator.standard_normal(shared.shape[1])

@@ -8,6 +8,7 @@ import h5py
 import numpy as np
 import pytest
 
+from geoident.io.result.file import read_result
 from geoident.workflow.estimating import accuracies
 from tests.support.trench import CASE
 
@@ -167,3 +168,152 @@ def test_too_few_readings_to_estimate_are_refused(site, run, trench):
     assert done.exit_code == 3
     said = " ".join(done.stderr.split())
     assert "2 usable readings cannot determine 2 parameters (E, K0) and how accurate" in said
+
+
+OWN = """\
+gauge,stage,value,unit,accuracy
+CV,first,-0.598,mm,
+S,first,-0.1226,mm,
+X.a,first,0.0627,mm,
+CV,second,-1.277,mm,0.2
+S,second,0.2376,mm,0.2
+X.a,second,0.102,mm,0.2
+"""
+"""The gauges read within 0.01 mm; in the second stage they were read within 0.2 mm, as it says."""
+
+
+@pytest.fixture
+def coarsely_read(trench):
+    (trench / "readings.csv").write_text(OWN)
+
+
+def of_stage(found, stage, what):
+    return {one["gauge"]: one[what] for one in found["predictions"] if one["stage"] == stage}
+
+
+PARTS = "{reading: 0.008 mm, zero: 0.006 mm, head: 0 mm, epoch: 0 mm}"
+
+
+@pytest.mark.usefixtures("coarsely_read")
+@pytest.mark.parametrize("zero", [0.0, 6e-6])
+def test_a_later_reading_is_judged_by_its_own_accuracy(trench, zero, run, run_json):
+    """sd^2 = J cov J^T + 0.2^2, and of a zero what the fit leaves of it."""
+    if zero:
+        text = (trench / "case.yaml").read_text()
+        (trench / "case.yaml").write_text(text.replace("accuracy: 0.01 mm", f"accuracy: {PARTS}"))
+    (fit,) = run_json("fit", "case.yaml", "--set", "fit.model_error=none")
+    (found,) = run_json("predict", "case.fit.h5")
+    for one in (fit, found):
+        for sd in of_stage(one, "second", "sd").values():
+            assert 0.2e-3 < sd < 0.2015e-3
+    said = " ".join(run("show", "case.predict.h5").stdout.split())
+    assert "Predicted stage 'second': 3 of 3 readings inside the 95 % band" in said
+    assert run("sample", "case.fit.h5", "--draws", "400", "--effective", "100").exit_code in (0, 4)
+    (drawn,) = run_json("show", "case.sample.h5")
+    for sd in of_stage(drawn, "second", "sd").values():
+        assert 0.17e-3 < sd < 0.23e-3
+
+
+@pytest.mark.usefixtures("coarsely_read")
+def test_a_backtest_judges_readings_by_their_own_accuracy(run, run_json):
+    ended = run("backtest", "case.yaml")
+    assert ended.exit_code == 0, ended.stderr
+    assert "The 95 % bands hold" in ended.stderr
+    (found,) = run_json("show", "case.backtest.h5")
+    score = found["backtest"]["next"]
+    assert score["inside"] == 3
+    # the density of a normal reading within about one accuracy, in accuracies: about -1.4
+    assert -2.5 < score["log_score"] < -0.9
+
+
+@pytest.mark.usefixtures("coarsely_read")
+def test_a_residual_is_said_in_the_accuracy_of_its_own_reading(trench, run_json):
+    """0.17 mm off: with an accuracy of 0.2 mm nothing is said, 8.3 times one of 0.02 mm is."""
+    whole = ("fit", "case.yaml", "--force", "--set", "fit.stages=[first, second]")
+    (found,) = run_json(*whole)
+    assert not [text for text in found["findings"] if "accuracies" in text or "against" in text]
+    (trench / "readings.csv").write_text(OWN.replace("0.102,mm,0.2", "0.102,mm,0.02"))
+    (found,) = run_json(*whole, "--set", "fit.model_error=none")
+    (said,) = [text for text in found["findings"] if "of its accuracies" in text]
+    assert said.startswith("X.a at second is 0.167 mm from what is computed, 8.3 of its accuracies")
+
+
+def test_the_model_meets_readings_within_their_own_accuracies(site, trench, run, run_json):
+    site("0.01 mm")
+    header, *rows = (trench / "readings.csv").read_text().splitlines()
+    own = [f"{row},{'0.05' if row.startswith('X.a') else ''}" for row in rows]
+    (trench / "readings.csv").write_text("\n".join([f"{header},accuracy", *own]) + "\n")
+    (found,) = run_json("fit", "case.yaml", "--set", "fit.stages=[first, second]")
+    assert {row["gauge"] for row in found["gauges"] if row["sd"] > 2e-5} == {"X.a"}
+    shown = " ".join(run("show", "case.fit.h5").stdout.split())
+    (least, most) = (f"{1e3 * end(row['sd'] for row in found['gauges']):.2g}" for end in (min, max))
+    assert f"The model meets the readings within {least} to {most} mm and" in shown
+
+
+DATED = "dates: {first: 2024-03-01, second: 2024-04-01}\nreadings: {file: readings.csv, several: S}"
+SEVERAL = """\
+gauge,date,value,unit,accuracy
+CV,2024-03-02,-0.598,mm,
+S,2024-03-02,-0.1226,mm,
+X.a,2024-03-02,0.0627,mm,
+CV,2024-04-02,-1.077,mm,0.2
+CV,2024-04-03,-1.079,mm,
+S,2024-04-02,0.0376,mm,
+S,2024-04-03,0.0380,mm,
+S,2024-04-04,0.0384,mm,
+S,2024-04-05,0.0380,mm,
+X.a,2024-04-02,0.282,mm,0.3
+X.a,2024-04-03,0.282,mm,0.4
+"""
+
+
+@pytest.mark.parametrize(
+    ("several", "sd"),
+    [  # of a mean the root of the sum of squares by n; of all the weighted mean is what is judged
+        ("mean", {"CV": np.hypot(0.2, 0.01) / 2, "S": 0.01 / 2, "X.a": np.hypot(0.3, 0.4) / 2}),
+        ("all", {"CV": 0.01 / np.hypot(1, 0.05), "S": 0.01 / 2, "X.a": 0.24}),
+        ("last", {"CV": 0.01, "S": 0.01, "X.a": 0.4}),
+    ],
+)
+def test_several_readings_of_a_stage_are_judged_by_what_they_are_worth(
+    trench, several, sd, run_json
+):
+    text = (trench / "case.yaml").read_text()
+    text = text.replace("readings: readings.csv", DATED.replace("S}", f"{several}}}"))
+    (trench / "case.yaml").write_text(text)
+    (trench / "readings.csv").write_text(SEVERAL)
+    (found,) = run_json("fit", "case.yaml", "--set", "fit.model_error=none")
+    read = {row["gauge"]: 1e3 * row["sd"] for row in found["gauges"] if row["stage"] == "second"}
+    assert read == pytest.approx(sd, rel=1e-9)
+    alone = run_json("predict", "case.fit.h5")[0]
+    fit = read_result("case.fit.h5")  # what the parameters add to it
+    J = fit.sensitivity[:, 1]
+    by_parameters = np.sqrt(np.einsum("ij,jk,ik->i", J, fit.parameters.covariance, J))
+    expected = np.hypot(1e-3 * np.array([sd["CV"], sd["S"], sd["X.a"]]), by_parameters)
+    for one in (found, alone):
+        np.testing.assert_allclose(
+            list(of_stage(one, "second", "sd").values()), expected, rtol=0.02
+        )
+
+
+def test_a_residual_is_said_in_stated_accuracies_where_the_fit_has_found_larger_ones(
+    site, run_json
+):
+    site("0.002 mm")
+    (found,) = run_json("fit", "case.yaml", "--set", "fit.stages=[first, second]")
+    rows = [row for row in found["gauges"] if row["used"]]
+    assert min(row["sd"] for row in rows) > 2.5e-6
+    most = max(abs(row["measured"] - row["computed"]) for row in rows)
+    (said,) = [text for text in found["findings"] if "of its accuracies" in text]
+    assert f"{1e3 * most:.3g} mm from what is computed, {most / 2e-6:.1f} of its" in said
+
+
+def test_several_readings_share_their_zero_which_does_not_average_out(trench, run_json):
+    """In the table beside the band: readings of 8 um, of two the root of a half, a zero of 6 um."""
+    text = (trench / "case.yaml").read_text().replace("accuracy: 0.01 mm", f"accuracy: {PARTS}")
+    text = text.replace("readings: readings.csv", DATED.replace("S}", "all}"))
+    (trench / "case.yaml").write_text(text)
+    (trench / "readings.csv").write_text(SEVERAL)
+    (found,) = run_json("fit", "case.yaml", "--set", "fit.model_error=none")
+    read = {row["gauge"]: row["sd"] for row in found["gauges"] if row["stage"] == "second"}
+    assert read["S"] == pytest.approx(np.hypot(8e-6 / 2, 6e-6), rel=1e-9)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from geoident.model.gauges import Channel, ErrorParts, Reading
-from geoident.workflow.running.readings import error_structure, own_sd, total_sd
+from geoident.workflow.running.readings import error_structure
 
 DAY = 86400.0
 
@@ -77,7 +77,7 @@ def test_errors_along_a_casing_are_a_random_walk_from_its_reference_end():
     expected = 1e-8 * np.eye(5) + 4e-8 * np.minimum.outer(x, x)
     np.testing.assert_allclose(covariance(rows), expected, atol=1e-20)
     # 1.24 mm in 30 m is what Mikkelsen (2003) found; ours with the error of a reading
-    assert total_sd(casing[4], Reading("I.A30.0", "s", 0.0)) == pytest.approx(1.1e-3, rel=0.01)
+    assert casing[4].sd(Reading("I.A30.0", "s", 0.0)) == pytest.approx(1.1e-3, rel=0.01)
     apart = [*rows, (casing[4], Reading("I.A30.0", "later", 0.0))]
     assert covariance(apart)[:5, 5].max() == 0.0
 
@@ -85,12 +85,12 @@ def test_errors_along_a_casing_are_a_random_walk_from_its_reference_end():
 def test_means_average_what_each_day_has_and_not_the_zero():
     one = channel("a", zero=3e-4, epoch=2e-4)
     mean = Reading("a", "s", 0.0, count=8, epochs=4)
-    assert own_sd(one, mean) == pytest.approx(1e-4 / 8**0.5)
+    assert one.own_sd(mean) == pytest.approx(1e-4 / 8**0.5)
     expected = (1e-8 / 8 + 9e-8 + 4e-8 / 4) ** 0.5
-    assert total_sd(one, mean) == pytest.approx(expected)
+    assert one.sd(mean) == pytest.approx(expected)
     assert covariance([(one, mean)])[0, 0] == pytest.approx(expected**2)
     own = Reading("a", "s", 0.0, accuracy=5e-4)  # a reading with its own accuracy keeps it
-    assert total_sd(one, own) == pytest.approx((25e-8 + 13e-8) ** 0.5)
+    assert one.sd(own) == pytest.approx((25e-8 + 13e-8) ** 0.5)
 
 
 def test_estimated_parts_are_components_of_their_kind():

@@ -242,7 +242,7 @@ def test_second_order_is_advised_to_those_who_have_not_got_it():
     for kind, advised in (("tri3", True), ("quad4", True), ("tri6", False), ("quad8", False)):
         staged, _ = excavated(kind, 2)
         found = mesh_error(staged, staged.case, NOTHING)
-        fussy = replace(found, accuracy=np.full(len(found.channels), 1e-9))
+        fussy = replace(found, accuracy=np.full(found.error.shape, 1e-9))
         said = mesh_sentence(fussy, np.ones(found.error.shape, dtype=bool))
         assert "Halve the elements where the ground moves most" in said
         assert ("second order" in said) is advised
@@ -258,7 +258,7 @@ def test_a_sentence_says_whether_it_matters():
         (4e-4, "The mesh is fine enough: {mean} ({most})."),
         (1.0, "The mesh eats little of the accuracy of the readings ({most})."),
     ):  # fmt: skip
-        one = replace(found, accuracy=np.full(len(found.channels), accuracy))
+        one = replace(found, accuracy=np.full(found.error.shape, accuracy))
         i, j = np.unravel_index(one.share.argmax(), one.share.shape)
         size, part = 1e3 * abs(one.error[i, j]), one.share[i, j]
         most = f"at most {size:.2g} mm at {one.channels[i]} in {one.stages[j]}, "
@@ -421,7 +421,7 @@ def test_only_a_mesh_that_is_too_coarse_asks_the_user_to_act():
     found = mesh_error(staged, staged.case, NOTHING)
     everything = np.ones(found.error.shape, dtype=bool)
     for accuracy, acts in ((1e-6, True), (4e-4, False)):
-        one = replace(found, accuracy=np.full(len(found.channels), accuracy), how="recovery")
+        one = replace(found, accuracy=np.full(found.error.shape, accuracy), how="recovery")
         one = replace(one, notes=("How it was found.",))
         fit = in_fits.FittedMesh(one, everything, shift=1.0, counts=True)
         assert fit.findings == ((fit.sentence,) if acts else ())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -91,16 +92,15 @@ def test_a_model_error_that_no_usable_model_has_is_a_poor_fit(kind, size, lower,
 def test_the_residual_of_most_accuracies_is_named_whatever_else_explains_it():
     """By the accuracies as stated: of 0.1 mm and, of the settlement, 0.05 mm."""
     table = gauges(2)
-    stated = dict.fromkeys(table.channels, 1e-4) | {table.channels[-1]: 5e-5}
-    case = SimpleNamespace(
-        channels=[SimpleNamespace(name=name, accuracy=sd) for name, sd in stated.items()]
-    )
-    (said,) = accuracy_residuals(table, case)
+    last = np.array([name == table.channels[-1] for name in table.readings.channel])
+    stated = replace(table.readings, sd=np.where(last, 5e-5, 1e-4), own_sd=None)
+    table = replace(table, readings=stated)
+    (said,) = accuracy_residuals(table)
     assert said.startswith("EX-1.a8 at bench 1 is 0.8 mm from what is computed, 8.0 of its")
     measured = table.measured.copy()
     measured[-1, 0] -= 4.2e-4
-    (said,) = accuracy_residuals(changed_gauges(table, measured=measured), case)
+    (said,) = accuracy_residuals(changed_gauges(table, measured=measured))
     assert said.startswith(f"{table.channels[-1]} at {table.stages[0]} is 0.52 mm")
     assert "10.4 of its accuracies" in said
     near = np.where(np.abs(table.measured - table.computed) > 4.9e-4, np.nan, table.measured)
-    assert accuracy_residuals(changed_gauges(table, measured=near), case) == ()
+    assert accuracy_residuals(changed_gauges(table, measured=near)) == ()

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from geoident.model.gauges import Channel, ErrorParts, Reading
-from geoident.workflow.running.readings import error_structure, total_sd
+from geoident.workflow.running.readings import error_structure
 
 OWN, EPOCH, WALK = 0.3, 0.4, 0.2
 
@@ -36,7 +36,7 @@ def test_a_surveyed_zero_gives_its_set_up_to_all_later_readings():
         [both, OWN**2 + both, whole],
     ]
     np.testing.assert_allclose(covariance(rows), expected, rtol=1e-12)
-    assert total_sd(*rows[0]) == pytest.approx(np.sqrt(whole))
+    assert rows[0][0].sd(rows[0][1]) == pytest.approx(np.sqrt(whole))
     assert parts.total() == pytest.approx(np.sqrt(whole))
 
 

@@ -31,7 +31,8 @@ def _next(arguments: Arguments, options: Options) -> Steps:
     "--case",
     metavar="NEW",
     type=click.Path(),
-    help="Another case, computed with the parameters of the fit.",
+    help="Another case, computed with the parameters of the fit. Its gauges are those of the fit "
+    "if it has all readings that the fit has used; if not, it counts as another section.",
 )
 @takes("output", "overrides", "solver", "force", "fresh", "as_json", "trust", after=_next)
 def command(result: str, stages: str | None, case: str | None, options: Options) -> int:

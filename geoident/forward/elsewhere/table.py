@@ -111,7 +111,7 @@ class SurfaceRuns(ComputedRuns):
             words=tuple(surface.words for surface in self.surfaces),
             left_out=np.array([rms(surface.errors) for surface in self.surfaces]),
             own=own,
-            accuracy=self.accuracy,
+            accuracy=case.accuracies.T[self.given],
             lower=self.read.min(axis=0),
             upper=self.read.max(axis=0),
             units=tuple(channel.unit for channel in channels),
@@ -207,7 +207,7 @@ class TableModel(ElsewhereModel):
             if reading.value is None or reading.bad or any(own) or reading.stage not in columns:
                 continue
             at = columns[reading.stage], rows[reading.channel]
-            room = _NEAR * channel.accuracy
+            room = _NEAR * channel.sd(reading)
             if not low[at] - room <= reading.value <= high[at] + room:
                 unit = channel.unit, channel.dimension
                 value, *ends = (

@@ -38,17 +38,16 @@ def scores(bands: Bands, accuracy: Floats, kinds: Sequence[str]) -> Scores:
 
     Args:
         bands: of the readings (m, ...), rows of one channel each.
-        accuracy: (m,) stated standard deviation of a reading of each channel.
+        accuracy: (m, ...) stated standard deviation of each reading, or one that fits its shape.
         kinds: m dimensions of the channels.
     """
     scored = bands.scored
     count = int(np.count_nonzero(scored))
     size = _sizes(bands, kinds)
-    unit = accuracy.reshape(-1, *(1,) * (bands.mean.ndim - 1))
     with np.errstate(invalid="ignore", divide="ignore"):
         width = ((bands.upper95 - bands.lower95) / size)[scored]
         interval = (bands.interval_score / size)[scored]
-        density = (bands.log_density + np.log(unit))[scored]
+        density = (bands.log_density + np.log(accuracy))[scored]
     return Scores(
         readings=count,
         open=int(np.count_nonzero(bands.open)),

@@ -17,7 +17,7 @@ from typing import Any
 from geoident.errors import InputError
 from geoident.io.case.case import CaseSection
 from geoident.io.case.readings import ReadingSection
-from geoident.io.case.site_files.calendar import DAY, Calendar, calendar_of
+from geoident.io.case.site_files.calendar import Calendar, calendar_of
 from geoident.io.case.site_files.checks import ReadingChecks
 from geoident.io.case.site_files.dates import gaps, when_read
 from geoident.io.case.site_files.file import ReadingsFileSection
@@ -27,7 +27,7 @@ from geoident.io.readings.table import FaultyReadings, Layout
 from geoident.io.text.dates import date_text, offset_text
 from geoident.io.text.faults import Faults
 from geoident.model.case import VIRGIN, Case, KeyPath
-from geoident.model.gauges import Reading, Reads, StageReadings, named_channels
+from geoident.model.gauges import DAY, Reading, Reads, StageReadings, named_channels
 from geoident.units import UnitError, read_quantity, require_dimension
 
 Find = Callable[[str, KeyPath], str]
@@ -302,7 +302,9 @@ def _assign(
     if zero:
         zeros = _take_zeros(found, calendar, zero)
     _leave_out_early(found, calendar)
-    found.readings = [r for group in _groups(found.readings) for r in _reduced(group, several)]
+    found.readings = [
+        r for group in _groups(found.readings) for r in _reduced(group, several, calendar)
+    ]
     if zero:
         _subtract_zeros(found, zeros)
     return found
@@ -329,7 +331,7 @@ def _groups(readings: Iterable[Reading]) -> list[list[Reading]]:
     return list(together.values())
 
 
-def _reduced(group: list[Reading], several: str) -> list[Reading]:
+def _reduced(group: list[Reading], several: str, calendar: Calendar) -> list[Reading]:
     """The bad readings of a group, and what is left of the good ones; a blank if there are none."""
     bad = [reading for reading in group if reading.bad]
     good = [reading for reading in group if not reading.bad and reading.value is not None]
@@ -342,19 +344,21 @@ def _reduced(group: list[Reading], several: str) -> list[Reading]:
         if good[0].time is None:
             good = [[r for r in group if not r.bad and r.value is not None][-1]]
     elif several == "mean":
-        good = [_mean(good)]
+        good = [_mean(good, calendar)]
     return [*good, *bad]
 
 
-def _mean(good: list[Reading]) -> Reading:
-    """One reading for several; its accuracy is that of the gauge unless each has its own.
+def _mean(good: list[Reading], calendar: Calendar) -> Reading:
+    """One reading for several, of which some may have accuracies of their own.
 
     What readings of a day share, such as a set-up, is averaged over the days only.
     """
     n = len(good)
     times = [reading.time for reading in good if reading.time is not None]
-    own = [reading.accuracy for reading in good if reading.accuracy is not None]
-    accuracy = math.sqrt(sum(a**2 for a in own)) / n if len(own) == n else None
+    accuracy, gauge = None, calendar.channels.get(good[0].channel)
+    if gauge is not None and any(reading.accuracy is not None for reading in good):
+        each = (gauge.stated_errors.reading if r.accuracy is None else r.accuracy for r in good)
+        accuracy = math.hypot(*each) / n
     return replace(
         good[-1],
         value=sum(reading.value or 0.0 for reading in good) / n,
@@ -371,7 +375,7 @@ def _take_zeros(found: _Assigned, calendar: Calendar, several: str) -> dict[str,
     at_zero = [r for r in found.readings if at.get(r.channel) == r.stage]
     good = [r for r in at_zero if r.value is not None and not r.bad]
     which = several if several in {"first", "last"} else "mean"
-    zeros = {group[0].channel: _reduced(group, which)[0] for group in _groups(good)}
+    zeros = {group[0].channel: _reduced(group, which, calendar)[0] for group in _groups(good)}
     found.readings = [r for r in found.readings if at.get(r.channel) != r.stage]
     lacking = {
         r.channel: r

@@ -38,7 +38,7 @@ class MeshError:
         computed: (n_channels, n_stages) on the mesh, SI; NaN where nothing can be read.
         change: (n_channels, n_stages) on the finer mesh, SI; NaN where there was none.
         error: (n_channels, n_stages) estimated: exact less computed, SI, signed where it is known.
-        accuracy: (n_channels,) standard deviation of a reading, SI.
+        accuracy: (n_channels, n_stages) standard deviation of a reading, SI.
         units: of the channels, as people want to see them.
         dimensions: of the channels.
         order: of convergence that the extrapolation takes, for readings of displacements.
@@ -66,7 +66,7 @@ class MeshError:
     @property
     def share(self) -> Floats:
         """(n_channels, n_stages) size of the error in parts of the accuracy."""
-        return np.asarray(np.abs(self.error) / self.accuracy[:, None])
+        return np.asarray(np.abs(self.error) / self.accuracy)
 
     @property
     def doubt(self) -> Floats:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -12,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from geoident.model.arrays import Bools, Floats, Ints
-from geoident.model.gauges import ErrorParts, ReadingTable
+from geoident.model.gauges import ErrorParts, ReadingTable, weighted_mean
 from geoident.model.mesh import Mesh
 from geoident.model.parameter import Prior
 from geoident.model.results.backtest import Backtest
@@ -209,17 +210,22 @@ class GaugeTable:
         used, bad = (np.zeros(self.computed.shape, dtype=np.bool_) for _ in range(2))
         table = self.readings
         for place, rows in self.rows.items():
-            measured[place], sd[place] = _combined(table.value[rows], table.sd[rows])
+            own = (table.sd if table.own_sd is None else table.own_sd)[rows]
+            measured[place], sd[place] = _combined(table.value[rows], table.sd[rows], own)
             used[place], bad[place] = bool(table.used[rows].any()), bool(table.bad[rows[0]])
         return measured, sd, used, bad
 
 
-def _combined(values: Floats, sd: Floats) -> tuple[float, float]:
-    """The weighted mean of the (m,) readings of a channel in a stage, and its deviation."""
+def _combined(values: Floats, sd: Floats, own: Floats) -> tuple[float, float]:
+    """The weighted mean of the (m,) readings of a channel in a stage, and its deviation.
+
+    What they share, sd^2 - own^2, does not average out.
+    """
     if len(values) == 1:
         return float(values[0]), float(sd[0])
-    weight = sd**-2.0
-    return float(weight @ values / weight.sum()), float(weight.sum() ** -0.5)
+    mean, alone = weighted_mean(values, own)
+    shared = float(np.mean(np.maximum(sd**2 - own**2, 0.0)))
+    return mean, math.sqrt(alone**2 + shared)
 
 
 @dataclass(frozen=True)

@@ -123,11 +123,6 @@ def _sized(channel: Channel, factors: Mapping[str, float]) -> Channel:
     return replace(channel, errors=sized, accuracy=sized.total(channel.along))
 
 
-def own_accuracy(channel: Channel) -> float:
-    """Standard deviation of what one reading of a channel has by itself, SI."""
-    return channel.accuracy if channel.errors is None else channel.errors.reading
-
-
 def with_scatter(case: Case, factor: float, zero: float) -> Case:
     """A case whose gauges have errors beside what it states.
 

@@ -231,7 +231,7 @@ def judged_mesh(
     """Whether errors of the mesh count beside those of the readings.
 
     Args:
-        found: by channel and stage, with the accuracies of the channels.
+        found: by channel and stage, with the accuracies of the readings.
         problem: the g used readings, without errors of mesh and model.
         pairs: channel and stage of each.
         outcome: of a search.

@@ -250,7 +250,7 @@ def _table(
         computed=computed,
         change=change,
         error=error,
-        accuracy=np.array([channel.accuracy for channel in channels], dtype=np.float64),
+        accuracy=model.case.accuracies,
         units=tuple(channel.unit for channel in channels),
         dimensions=tuple(channel.dimension for channel in channels),
         order=order,

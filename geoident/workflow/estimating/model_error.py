@@ -11,7 +11,7 @@ import scipy.sparse as sp
 from geoident.identify.assessment.findings import join
 from geoident.identify.assessment.model_error import SIZES, SizeWeights
 from geoident.identify.problem.errors import ErrorStructure
-from geoident.model.arrays import Bools, Ints
+from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case
 from geoident.model.elsewhere import ConvergenceLaw
 from geoident.model.gauges import Channel, ReadingTable
@@ -23,6 +23,7 @@ from geoident.workflow.estimating.model_error_covariance import (
     family,
     shared_columns,
 )
+from geoident.workflow.running.readings import ChannelReading
 
 ENOUGH = 5
 """Readings more than parameters that can tell how large the model error is."""
@@ -106,6 +107,7 @@ class FittedModelError:
         findings: sentences on what cannot be told from it.
         factor: by which the readings scatter more than their stated accuracies.
         zero: error of the zero of each channel, in accuracies of a reading as it scatters.
+        sd: (g,) standard deviations of the readings used, SI; None while they are searched.
     """
 
     used: ReadingSteps
@@ -115,10 +117,19 @@ class FittedModelError:
     findings: tuple[str, ...] = ()
     factor: float = 1.0
     zero: float = 0.0
+    sd: Floats | None = None
 
-    def of_channels(self, channels: tuple[Channel, ...]) -> FittedModelError:
-        """The same for the channels (g) with the accuracies that were estimated."""
-        return replace(self, used=replace(self.used, channels=channels))
+    def of_readings(self, rows: Sequence[ChannelReading]) -> FittedModelError:
+        """The same for the readings (g) and their channels with accuracies that were estimated."""
+        channels = tuple(channel for channel, _ in rows)
+        sd = np.array([channel.sd(reading) for channel, reading in rows], dtype=np.float64)
+        return replace(self, used=replace(self.used, channels=channels), sd=sd)
+
+    def of_nothing_used(self) -> FittedModelError:
+        """As large, where nothing that was read tells of it."""
+        used = self.used
+        used = replace(used, channels=(), steps=used.steps[:0], floors=used.floors[:0])
+        return replace(self, used=used, sd=None)
 
     def with_later(self, structure: ErrorStructure, *later: ReadingSteps) -> ErrorStructure:
         """The errors of the readings used, and of later ones below them, with the model error.
@@ -211,7 +222,7 @@ class FittedModelError:
 
     def _size_in_words(self) -> str:
         what = "motion" if all(family(c) == "motion" for c in self.used.channels) else "change"
-        within = f"The model meets the readings within {_accuracies(self.used.channels)}"
+        within = f"The model meets the readings within {_accuracies(self.used.channels, self.sd)}"
         if self.weighed is None:
             taken = f"{percent(self.size)} of the computed {what}"
             return f"The model is taken to be right within {taken}, as the case says."
@@ -244,11 +255,17 @@ _WHOLE = 0.995
 """From here on two digits would be 1e+02."""
 
 
-def _accuracies(channels: Sequence[Channel]) -> str:
-    """The accuracies of channels: one number or a range for each unit."""
+def _accuracies(channels: Sequence[Channel], sd: Floats | None) -> str:
+    """The accuracies of readings: one number or a range for each unit.
+
+    Args:
+        channels: of the g readings.
+        sd: (g,) their standard deviations, SI; None for those that the gauges state.
+    """
     sizes: dict[tuple[str, str], list[float]] = {}
-    for channel in channels:
-        sizes.setdefault((channel.unit, channel.dimension), []).append(channel.accuracy)
+    each = [c.accuracy for c in channels] if sd is None else sd.tolist()
+    for channel, size in zip(channels, each, strict=True):
+        sizes.setdefault((channel.unit, channel.dimension), []).append(size)
     said = []
     for (unit, dimension), found in sizes.items():
         low, high = (f"{in_unit(x, unit, dimension):.2g}" for x in (min(found), max(found)))

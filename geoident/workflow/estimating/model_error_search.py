@@ -38,7 +38,7 @@ from geoident.model.arrays import Floats
 from geoident.model.gauges import Channel, Reads
 from geoident.model.methods import ModelErrorOptions
 from geoident.model.results.result import STOPPED
-from geoident.workflow.estimating.accuracies import after, own_accuracy
+from geoident.workflow.estimating.accuracies import after
 from geoident.workflow.estimating.model_error import NAME, FittedModelError, percent
 from geoident.workflow.estimating.model_error_covariance import ReadingSteps, shared_columns
 
@@ -220,7 +220,7 @@ class ModelErrorSearch:
         if len(number) == len(names):
             return None
         at = np.array([number[name] for name in names])
-        size = np.array([own_accuracy(channels[k]) for k in zeroed.tolist()])
+        size = np.array([channels[k].own_accuracy for k in zeroed.tolist()])
         return sp.csr_array((size, (zeroed, at)), shape=(len(channels), len(number)))
 
     def _again(

@@ -17,7 +17,7 @@ from geoident.identify.problem.errors import ErrorStructure
 from geoident.identify.problem.problem import Problem
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case
-from geoident.model.gauges import Reading, ReadingTable
+from geoident.model.gauges import ReadingTable
 from geoident.model.results.bands import Prediction
 from geoident.model.results.result import GaugeTable
 from geoident.workflow.estimating.diagnosis import at_used
@@ -150,9 +150,9 @@ class KnownErrors:
         Args:
             places: (l, 2) numbers of the channels and stages of the later ones.
         """
-        channels, stages = self.case.channels, self.case.stages
+        case = self.case
         later = [
-            (channels[i], Reading(channels[i].name, stages[j].name, None))
+            (case.channels[i], case.reading_at(case.channels[i], case.stages[j].name))
             for i, j in places.tolist()
         ]
         whole = error_structure([*self.rows, *later])

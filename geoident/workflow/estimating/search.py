@@ -307,8 +307,8 @@ class _Search:
             again = _sized(again, structure, found.components)
         elif search.scatters:
             again = _scattering(again, found.found)
-        channels = tuple(channel for channel, _ in used_rows(again.case, readings.used))
-        again = replace(again, model_error=found.found.of_channels(channels))
+        known = found.found.of_readings(used_rows(again.case, readings.used))
+        again = replace(again, model_error=known)
         return SearchState(again, found.problem, found.outcome)
 
     def _with_accuracies(self, at: SearchState) -> SearchState:
@@ -338,7 +338,7 @@ def _mesh_beside_accuracies(found: Setup, problem: Problem, outcome: Outcome) ->
     if mesh is None or mesh.counts or found.accuracies is None or outcome.status == STOPPED:
         return None
     sd, shared = error_structure(used_rows(case, found.readings.used)).stated
-    accuracy = np.array([channel.accuracy for channel in case.channels], dtype=np.float64)
+    accuracy = case.accuracies
     estimated = replace(mesh.found, accuracy=accuracy)
     again = replace(problem, sd=sd, shared=shared)
     judged = judged_mesh(estimated, again, found.readings.used_pairs, outcome)

@@ -70,7 +70,8 @@ def is_steady(before: Case, after: Case) -> bool:
         sizes = [_sizes(channel) for channel in (old, new)]
         for stage, size in sizes[1].items():
             change = abs(size - sizes[0].get(stage, 0.0))
-            if change > STEADY * max(size, NOTICED * new.accuracy):
+            sd = new.sd(after.reading_at(new, stage))
+            if change > STEADY * max(size, NOTICED * sd):
                 return False
     return True
 

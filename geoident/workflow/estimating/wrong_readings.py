@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from geoident.io.text.wording import listing
-from geoident.model.arrays import Floats, Ints
+from geoident.model.arrays import Ints
 from geoident.model.case import Case
 from geoident.model.gauges import ReadingTable
 from geoident.model.results.result import GaugeTable
@@ -28,18 +28,17 @@ _ROUND = 100.0
 """Accuracies from which on a residual is said without decimals."""
 
 
-def gross_readings(readings: ReadingTable, stated: Floats) -> Ints:
-    """Rows of the used readings that no gauge can have shown, the worst first.
+def gross_readings(readings: ReadingTable) -> Ints:
+    """Rows (m,) of the used readings that no gauge can have shown, the worst first.
 
     Args:
-        readings: k of them, with what the model says of each.
-        stated: (k,) their standard deviations as the case states them, SI: estimated ones would
-            grow with the reading.
+        readings: k of them, with what the model says of each, and the accuracies as the case
+            states them: estimated ones would grow with the reading.
     """
     if not readings.used.any():
         return np.zeros(0, dtype=np.int64)
     far, read = (
-        np.where(readings.used, np.abs(each) / stated, 0.0)
+        np.where(readings.used, np.abs(each) / readings.sd, 0.0)
         for each in (readings.value - readings.computed, readings.value)
     )
     beside = [each > GROSS_BESIDE * float(np.median(each[readings.used])) for each in (far, read)]
@@ -76,15 +75,15 @@ def gross_findings(gross: Ints, readings: ReadingTable, case: Case) -> tuple[str
     )
 
 
-def accuracy_residuals(gauges: GaugeTable, case: Case) -> tuple[str, ...]:
+def accuracy_residuals(gauges: GaugeTable) -> tuple[str, ...]:
     """A sentence for the residual that is the most accuracies, where these do not explain it.
 
     Args:
-        gauges: measured and computed.
-        case: with the accuracies as stated.
+        gauges: measured and computed, with the accuracies as stated: estimated ones would grow
+            with what is looked for.
     """
     residual = np.where(gauges.used, gauges.measured - gauges.computed, 0.0)
-    times = np.nan_to_num(np.abs(residual) / _stated_accuracy(gauges, case))
+    times = np.nan_to_num(np.abs(residual) / gauges.sd)
     if not times.max(initial=0.0) >= UNEXPLAINED:
         return ()
     i, j = np.unravel_index(int(np.argmax(times)), times.shape)
@@ -102,12 +101,6 @@ def _shown(times: float) -> str:
     return f"{times:.1f}" if times < _ROUND else f"{times:.0f}"
 
 
-def _stated_accuracy(gauges: GaugeTable, case: Case) -> Floats:
-    """(n_channels, 1) SI: estimated ones would grow with what is looked for."""
-    stated = {channel.name: channel.accuracy for channel in case.channels}
-    return np.array([stated.get(name, np.nan) for name in gauges.channels])[:, None]
-
-
 _CLEAR = 5.0
 """Accuracies from which on what a gauge reads has a clear sign."""
 _MOVES = 0.05
@@ -121,18 +114,17 @@ _AGAINST = -0.5
 """Correlation of measured and computed readings of a gauge, about zero, that is against."""
 
 
-def opposite_findings(gauges: GaugeTable, case: Case) -> tuple[str, ...]:
+def opposite_findings(gauges: GaugeTable) -> tuple[str, ...]:
     """A sentence for gauges that read the opposite of what is computed.
 
     A sign that a file counts the other way round cannot be fitted, and scatter, a model error or a
     bound would take it up without a word.
 
     Args:
-        gauges: measured and computed.
-        case: with the accuracies as stated.
+        gauges: measured and computed, with the accuracies as stated.
     """
-    accuracy = _stated_accuracy(gauges, case)
     used = gauges.used & np.isfinite(gauges.measured) & np.isfinite(gauges.computed)
+    accuracy = np.where(used, gauges.sd, 1.0)
     measured = np.where(used, gauges.measured, 0.0) / accuracy
     computed = np.where(used, gauges.computed, 0.0)
     dimensions = np.array(gauges.dimensions)

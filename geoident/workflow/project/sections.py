@@ -16,7 +16,6 @@ from geoident.identify.problem.errors import SharedErrors
 from geoident.identify.problem.responses import HasDifferences
 from geoident.io.result.checkpoint import EvaluationLog
 from geoident.model.arrays import Bools, Floats
-from geoident.model.gauges import Reading
 from geoident.model.parameter import Parameter
 from geoident.model.response import Response
 from geoident.model.results.costs import NO_COST, Counts
@@ -28,7 +27,7 @@ from geoident.workflow.executing.stop import StopRequest
 from geoident.workflow.executing.worker import STOP
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.jobs import build_model, load_inputs
-from geoident.workflow.running.readings import select_readings, times_of, total_sd
+from geoident.workflow.running.readings import select_readings, times_of
 
 PREPARE, EVALUATE, SHARPEN, SHOWN = "prepare", "evaluate", "sharpen", "shown"
 """What a section is asked: its own fit, its readings with derivatives, better derivatives, and all
@@ -284,7 +283,7 @@ class _OneSection:
         return tuple(
             ShownReading(
                 channel.name, stage, float("nan"),
-                total_sd(channel, Reading(channel.name, stage, None)), False,
+                channel.sd(case.reading_at(channel, stage)), False,
                 channel.unit, channel.dimension,
             )
             for channel in case.channels

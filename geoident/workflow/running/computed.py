@@ -116,14 +116,13 @@ def _points(points: Sequence[tuple[float, ...] | None], case: Case) -> Floats:
 
 
 def accuracies(case: Case) -> Floats:
-    """Standard deviation of a reading of each channel (n_channels, n_stages), SI.
+    """Standard deviation of what is read of each channel (n_channels, n_stages), SI.
 
     NaN at the stage at which a channel is zeroed: it reads nothing there.
     """
-    each = np.array([channel.accuracy for channel in case.channels], dtype=np.float64)
     zero = [
         [channel.is_zeroed and channel.zero == stage.name for stage in case.stages]
         for channel in case.channels
     ]
-    at_zero = np.array(zero, dtype=np.bool_).reshape(len(case.channels), len(case.stages))
-    return np.where(at_zero, np.nan, each[:, None])
+    at_zero = np.array(zero, dtype=np.bool_).reshape(case.accuracies.shape)
+    return np.where(at_zero, np.nan, case.accuracies)

@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -25,14 +25,18 @@ from geoident.identify.problem.errors import ErrorStructure
 from geoident.identify.problem.problem import Problem
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case
-from geoident.model.gauges import Channel, ErrorParts, Reading, ReadingTable, named_channels
+from geoident.model.gauges import (
+    DAY,
+    Channel,
+    ErrorParts,
+    Reading,
+    ReadingTable,
+    named_channels,
+)
 from geoident.model.response import Response
 
 FLAGGED = "flagged as bad: "
 """Beginning of the reason why a reading that is known to be wrong is not used."""
-
-DAY = 86400.0
-"""Seconds."""
 
 MESH = "mesh"
 """The error of the mesh: one factor for all readings, and one for each channel."""
@@ -90,7 +94,7 @@ def reading_table(case: Case, reasons: Sequence[str]) -> ReadingTable:
         stage=tuple(reading.stage for reading in readings),
         time=_numbers([reading.time for reading in readings]),
         value=_numbers([reading.value for reading in readings]),
-        sd=_numbers([total_sd(*row) for row in zip(owners, readings, strict=True)]),
+        sd=_numbers([c.sd(r) for c, r in zip(owners, readings, strict=True)]),
         used=np.array([not reason for reason in reasons], dtype=np.bool_),
         bad=np.array([bool(reading.bad) for reading in readings], dtype=np.bool_),
         reason=tuple(reasons),
@@ -100,19 +104,20 @@ def reading_table(case: Case, reasons: Sequence[str]) -> ReadingTable:
     )
 
 
-def stated_sd(case: Case, readings: ReadingTable) -> Floats:
-    """Standard deviations (k,) of the readings of a case as it states them, before any estimate.
+def as_stated(case: Case, readings: ReadingTable) -> ReadingTable:
+    """Readings with the accuracies that their case states, before any estimate.
 
     Args:
         case: as it was read.
         readings: the same, perhaps with accuracies that were estimated.
     """
-    return reading_table(case, readings.reason).sd
+    stated = reading_table(case, readings.reason)
+    return replace(readings, sd=stated.sd, own_sd=stated.own_sd)
 
 
 def _shares(owners: Sequence[Channel], readings: Sequence[Reading]) -> dict[str, Any]:
     """What a table says beside, where readings share errors."""
-    own = [own_sd(*row) for row in zip(owners, readings, strict=True)]
+    own = [c.own_sd(r) for c, r in zip(owners, readings, strict=True)]
     epochs = np.array([reading.epochs for reading in readings], dtype=np.int64)
     return {"own_sd": _numbers(own), "epochs": epochs}
 
@@ -252,28 +257,6 @@ def error_structure(rows: Sequence[ChannelReading]) -> ErrorStructure:
     return table.structure()
 
 
-def own_sd(channel: Channel, reading: Reading) -> float:
-    """Standard deviation of what a reading has by itself, SI.
-
-    Its own if it has one; that of a mean of n falls with the root of n.
-    """
-    if reading.accuracy is not None:
-        return reading.accuracy
-    size = channel.accuracy if channel.errors is None else channel.errors.reading
-    return size / math.sqrt(reading.count) if reading.count > 1 else size
-
-
-def total_sd(channel: Channel, reading: Reading) -> float:
-    """Standard deviation of a reading with all that it shares, SI."""
-    own = own_sd(channel, reading)
-    if channel.errors is None:
-        return own
-    of_gauge = (
-        size for part, _, size in _shared(channel, reading, {}) if part not in (MESH, SURFACE)
-    )
-    return math.hypot(own, *of_gauge)
-
-
 @dataclass
 class _Table:
     """Collects the entries of B."""
@@ -289,7 +272,7 @@ class _Table:
     def add(self, number: int, row: ChannelReading) -> None:
         """Takes a reading."""
         channel, reading = row
-        self.sd.append(own_sd(channel, reading))
+        self.sd.append(channel.own_sd(reading))
         estimated = channel.errors is not None and reading.accuracy is None
         self.component.append(self._component(channel, "reading") if estimated else "")
         if channel.errors is None:

@@ -298,8 +298,7 @@ def backtest_of(setup: Setup, trials: Sequence[PartialFit], skipped: Sequence[Sk
             for name in ("measured", "mean", "lower95", "upper95")
         )
     )
-    stated = setup.as_stated().case.channels
-    accuracy = np.array([channel.accuracy for channel in stated], dtype=np.float64)
+    accuracy = setup.as_stated().case.accuracies[:, None]  # whatever was fitted
     kinds = [channel.dimension for channel in setup.case.channels]
     by_chance = chance([_innovations(trial) for trial in trials])
     return Backtest(

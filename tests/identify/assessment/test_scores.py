@@ -71,9 +71,9 @@ class TestScores:
         one = bands([[1.0], [2.0]], [[1.5], [2.5]], [[0.5], [1.0]], [[0.5], [1.0]])
         factor = np.array([[1.0], [1e6]])
         other = Bands(*(x * factor for x in (one.measured, one.mean, one.lower95, one.upper95)))
-        kinds, accuracy = ["length", "pressure"], np.array([0.1, 0.2])
+        kinds, accuracy = ["length", "pressure"], np.array([[0.1], [0.2]])
         first = scores(one, accuracy, kinds)
-        second = scores(other, accuracy * factor[:, 0], kinds)
+        second = scores(other, accuracy * factor, kinds)
         for name in ("rms", "sharpness", "interval_score", "log_score"):
             assert getattr(second, name) == pytest.approx(getattr(first, name))
 

@@ -8,7 +8,6 @@ from geoident.errors import InputError
 from geoident.io.readings.file import FORMATS, Format
 from geoident.io.text.dates import read_date
 from geoident.model.gauges import Reading
-from geoident.workflow.running.readings import total_sd
 
 DATES = "dates: {heading: 2024-03-01, bench 1: 2024-04-01}\nreadings: "
 
@@ -205,7 +204,7 @@ def test_the_mean_has_the_accuracy_of_one_by_the_root_of_their_number(read):
     case = read(DATES + "{file: r.csv, several: mean}", files={"r.csv": DATED})
     assert values(case)[:2] == [("EX1.a5", "heading", 1.5), ("EX1.a5", "bench 1", 5.0)]
     anchor = case.channels[0]
-    assert total_sd(anchor, case.readings[0]) == pytest.approx(1e-4 / 2**0.5)
+    assert anchor.sd(case.readings[0]) == pytest.approx(1e-4 / 2**0.5)
     assert case.readings[0].epochs == 2  # days
     assert case.readings[1].time == pytest.approx(read_date("2024-04-16"))
     assert case.readings[2].accuracy is None
@@ -258,7 +257,7 @@ def test_a_mean_of_differences_has_the_error_of_the_zero_once(read):
     for several, sd in (("mean", 0.2), ("last", 0.4), ("all", 0.4)):
         case = read(DATES + description.replace("SEVERAL", several), files={"r.csv": text})
         (anchor,) = {c for c in case.channels if c.name == "EX1.a5"}
-        accuracies = {round(1e3 * total_sd(anchor, r), 9) for r in case.readings}
+        accuracies = {round(1e3 * anchor.sd(r), 9) for r in case.readings}
         assert accuracies == {round((0.3**2 + sd**2) ** 0.5, 9)}
         assert anchor.errors.zero == pytest.approx(3e-4)  # of all of them
 

@@ -100,8 +100,7 @@ def _with_zero(channel: Channel, zero: Reading, *, stated: bool) -> Channel:
     if stated:
         return channel
     parts = channel.errors or ErrorParts(channel.accuracy)
-    own = zero.accuracy
-    size = parts.reading / math.sqrt(zero.count) if own is None else own
+    own, size = zero.accuracy, channel.own_sd(zero)
     kept = tuple(pair for pair in parts.estimated if pair[0] != "zero")
     component = parts.component("reading")
     if own is None and component is not None:

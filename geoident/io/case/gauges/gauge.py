@@ -128,6 +128,15 @@ class GaugeBase(Section):
         """Whether the case itself says how accurate the zero is."""
         return not isinstance(self.accuracy, Given) and self.accuracy.zero is not None
 
+    @property
+    def stated_errors(self) -> ErrorParts:
+        """What the errors of its readings are made of, as the gauge states them."""
+        parts = error_parts(self.accuracy, self.kind_name, self.survey or "")
+        if parts is not None:
+            return parts
+        assert isinstance(self.accuracy, Given)
+        return ErrorParts(self.accuracy.factor)
+
     def channel_names(self, name: str) -> list[str]:
         """Names of the channels of a gauge of this name."""
         return [name]
@@ -167,7 +176,7 @@ class GaugeBase(Section):
             first=first,
             second=second,
             direction=direction,
-            accuracy=self._accuracy(parts),
+            accuracy=self.stated_errors.total(),
             zero=self.zero_stage,
             key=key,
             offset=scalar_of(self.offset),
@@ -178,13 +187,6 @@ class GaugeBase(Section):
             errors=parts,
             terms=terms,
         )
-
-    def _accuracy(self, parts: ErrorParts | None) -> float:
-        """Standard deviation of one reading, SI, at the reference end of a run."""
-        if parts is not None:
-            return parts.total()
-        assert isinstance(self.accuracy, Given)
-        return self.accuracy.factor
 
 
 Reference = Annotated[

@@ -14,9 +14,6 @@ from geoident.io.text.faults import Faults
 from geoident.model.case import VIRGIN
 from geoident.model.gauges import Reads
 
-DAY = 86400.0
-"""Seconds; readings of one day are of one epoch."""
-
 
 @dataclass(frozen=True)
 class Calendar:

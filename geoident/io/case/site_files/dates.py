@@ -12,12 +12,10 @@ import math
 from collections.abc import Sequence
 from itertools import pairwise
 
-from geoident.io.case.gauges.accuracy import error_parts
-from geoident.io.case.site_files.calendar import DAY, Calendar
-from geoident.io.schema.values import Given
+from geoident.io.case.site_files.calendar import Calendar
 from geoident.io.text.dates import date_text
 from geoident.model.case import VIRGIN
-from geoident.model.gauges import Reading, StageReadings
+from geoident.model.gauges import DAY, Reading, StageReadings
 from geoident.units import DIMENSIONS, in_unit
 
 STRONG = 4.0
@@ -146,11 +144,13 @@ def _changing(stage: str, rows: Sequence[Reading], calendar: Calendar) -> list[s
     several = 0
     for channel, series in together.items():
         series.sort(key=_time)
-        sd = _accuracy(series[0], calendar)
-        if len(series) < 2 or not sd:
+        if len(series) < 2 or channel not in calendar.channels:
             continue
         several += 1
-        relative = abs(_value(series[-1]) - _value(series[0])) / (math.sqrt(2.0) * sd)
+        errors = calendar.channels[channel].stated_errors
+        first, last = series[0], series[-1]
+        sd = math.hypot(*(errors.total(own=row.accuracy) for row in (first, last)))
+        relative = abs(_value(last) - _value(first)) / sd
         if relative > STRONG:
             strong[channel] = relative
     if not strong:
@@ -176,17 +176,6 @@ def _changing(stage: str, rows: Sequence[Reading], calendar: Calendar) -> list[s
         f"readings, most {worst}: {change} from {since} to {until}{step_text}. "
         "Nothing is built in between, as the case has it: check the dates of the stages."
     ]
-
-
-def _accuracy(reading: Reading, calendar: Calendar) -> float | None:
-    """Standard deviation of a reading, SI; None where its channel is unknown."""
-    gauge = calendar.channels.get(reading.channel)
-    if reading.accuracy is not None or gauge is None:
-        return reading.accuracy
-    parts = error_parts(gauge.accuracy, gauge.kind_name, "")
-    if parts is None:
-        return gauge.accuracy.factor if isinstance(gauge.accuracy, Given) else None
-    return parts.total()
 
 
 def _value(row: Reading) -> float:

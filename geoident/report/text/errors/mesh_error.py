@@ -27,7 +27,12 @@ def mesh_error_table(found: MeshError) -> TextTable:
     rows = []
     for i, j in _places(found)[:_MOST]:
         unit = found.units[i], found.dimensions[i]
-        numbers = (found.computed[i, j], found.change[i, j], found.error[i, j], found.accuracy[i])
+        numbers = (
+            found.computed[i, j],
+            found.change[i, j],
+            found.error[i, j],
+            found.accuracy[i, j],
+        )
         shown = [number(in_unit(float(value), *unit)) for value in numbers]
         share = f"{100.0 * found.share[i, j]:.3g} %"
         rows.append([found.channels[i], found.stages[j], *shown, shown_unit(*unit) or "-", share])
@@ -85,7 +90,7 @@ def mesh_error_object(case: str, found: MeshError, said: str) -> dict[str, Any]:
                 "computed": found.computed[i, j],
                 "change": found.change[i, j],
                 "error": found.error[i, j],
-                "accuracy": found.accuracy[i],
+                "accuracy": found.accuracy[i, j],
                 "share": found.share[i, j],
                 "unit": DIMENSIONS[found.dimensions[i]],
             }
