@@ -149,7 +149,7 @@ def coverage(n, sizes, repeats, *, prior=False):
         truth = TRUTH + np.array([PRIOR_SD * prior, 0.0]) * rng.standard_normal(2)
         y = J @ truth + sd * rng.standard_normal(n)
         y_later = later @ truth + sd * rng.standard_normal(n)
-        known = Prior("normal", 3.0, PRIOR_SD) if prior else None
+        known = Prior(3.0, PRIOR_SD, "normal") if prior else None
         unknown = (Parameter("a", 1.0, -200.0, 200.0, prior=known),
                    Parameter("b", 1.0, -200.0, 200.0))  # fmt: skip
         problem = Problem(Linear(J), y, structure.sd, unknown)
