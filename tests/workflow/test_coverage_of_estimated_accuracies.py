@@ -88,8 +88,30 @@ def test_one_unknown_accuracy_gives_the_intervals_of_the_textbooks(tmp_path):
         np.testing.assert_allclose(got[:, 1], expected, atol=1e-3 * half.min())
     (said,) = [note for note in found.data.notes if "degrees of freedom" in note]
     assert "they rest on 14 degrees of freedom" in said
+    assert not [finding for finding in found.data.findings if "degrees of freedom" in finding]
     again = geoident.predict(found.path).data.prediction
     np.testing.assert_allclose(again.upper95, bands.upper95, rtol=1e-12)
+
+
+@pytest.mark.slow  # the density of the draws, at the accuracies in use: `test_posterior.py`
+def test_draws_have_the_quantiles_of_students_t(tmp_path):
+    n = 8
+    line = Line(tmp_path, n)
+    y = line.now @ TRUTH + 4.0 * np.random.default_rng(6).standard_normal(n)
+    found = geoident.fit(line.case(y))
+    drawn = geoident.sample(found.path, draws=20_000, effective=8_000)
+    p, (rss,), *_ = np.linalg.lstsq(line.now, y, rcond=None)
+    s, inverse = np.sqrt(rss / (n - 2)), np.linalg.inv(line.now.T @ line.now)
+    levels, t = (0.025, 0.25, 0.75, 0.975), stats.t(n - 2)
+    for k in range(2):
+        scaled = (drawn.draws[:, k] - p[k]) / (s * np.sqrt(inverse[k, k]))
+        below = [np.mean(scaled <= t.ppf(level)) for level in levels]
+        np.testing.assert_allclose(below, levels, atol=0.012)
+    spread = np.sqrt(1.0 + np.einsum("ij,jk,ik->i", line.later, inverse, line.later))
+    half = 1e-3 * t.ppf(0.975) * s * spread
+    bands = drawn.data.prediction
+    width = bands.upper95[:, 1] - bands.lower95[:, 1]
+    np.testing.assert_allclose(width, 2.0 * half, rtol=0.06)
 
 
 class Linear:
@@ -190,7 +212,6 @@ class CaseLike:
 def test_intervals_and_bands_hold_what_they_say(n, sizes, prior):
     """Of two kinds of four readings each, which say little of two accuracies, a little less."""
     inside, plain = coverage(n, sizes, 1000, prior=prior)
-    print(n, sizes, prior, (100 * inside).round(1), (100 * plain).round(1))
     few = n == 8 and len(sizes) == 2
     assert np.all((0.89 if few else 0.93) <= inside)
     assert np.all(inside <= 0.97)
@@ -199,5 +220,5 @@ def test_intervals_and_bands_hold_what_they_say(n, sizes, prior):
 
 
 def test_few_of_them_do():
-    inside, plain = coverage(8, (2.0, 0.5), 60)
+    inside, plain = coverage(8, (2.0, 0.5), 25)
     assert inside.mean() > 0.87 > plain.mean()
