@@ -64,7 +64,7 @@ class Snapshot:
 
 
 def to_arrays(snapshot: Snapshot) -> dict[str, Floats]:
-    """A march as arrays by name, for a checkpoint."""
+    """A march as arrays (...) by name, for a checkpoint."""
     found = {"psi": snapshot.psi} | {f"turns {k}": T for k, T in snapshot.turns.items()}
     if snapshot.settled is not None:
         found["settled"] = snapshot.settled
@@ -74,7 +74,7 @@ def to_arrays(snapshot: Snapshot) -> dict[str, Floats]:
 
 
 def from_arrays(p: Floats, arrays: Mapping[str, Floats]) -> Snapshot:
-    """The march at p (n,) that `to_arrays` made arrays of."""
+    """The march at p (n,) that `to_arrays` made arrays (...) of."""
     turns = {k.removeprefix("turns "): T for k, T in arrays.items() if k.startswith("turns ")}
     states = range(sum(name.startswith("motion ") for name in arrays))
     motion, observed = ([arrays[f"{kind} {n}"] for n in states] for kind in ("motion", "observed"))

@@ -208,7 +208,7 @@ class RestrictedLikelihood:
         return self._terms_densely(t) if self._few else self._terms_of_sums(t)
 
     def weak_prior(self, t: Floats) -> float:
-        """What of -2 l was known before any residual: nothing."""
+        """What of -2 l at t (c,) was known before any residual: nothing."""
         return 0.0
 
     def _terms_densely(self, t: Floats) -> LikelihoodTerms:

@@ -196,7 +196,12 @@ class KnownErrors:
         )
 
     def at_possible(self, number: int, places: Ints) -> tuple[Problem, ErrorStructure]:
-        """`with_later` at one of the accuracies that are possible, by its number."""
+        """`with_later` at one of the accuracies that are possible.
+
+        Args:
+            number: of these, from 0.
+            places: (l, 2) numbers of the channels and stages of the later readings.
+        """
         assert self.possible is not None
         used, later = self._structures(places)
         t = self.possible.padded(used)[number]

@@ -38,7 +38,8 @@ _AT_ONCE = 500
 """Parameter vectors that are answered together."""
 
 
-def _march(response: ReducibleResponse, p: Floats) -> None:
+def made_now(response: ReducibleResponse, p: Floats) -> None:
+    """Make a march of a response at p (n,)."""
     response.by_tangents(p)
 
 
@@ -48,7 +49,7 @@ def reduced_around(
     training: Floats,
     marches: int = MARCHES,
     also: Sequence[Floats] = (),
-    march: Callable[[ReducibleResponse, Floats], None] = _march,
+    march: Callable[[ReducibleResponse, Floats], None] = made_now,
 ) -> ReducedResponse | None:
     """The reduced model of a response with bounds of its readings; None where there is none.
 

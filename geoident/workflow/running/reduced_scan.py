@@ -32,7 +32,7 @@ from geoident.model.results.costs import NO_COST, Counts
 from geoident.model.results.reduced import FORM, KeptReducedModel
 from geoident.workflow.executing.looking_ahead import EvaluationArrays
 from geoident.workflow.running.evaluation_log import Log
-from geoident.workflow.running.reduced_answers import LedByReduced, reduced_around
+from geoident.workflow.running.reduced_answers import LedByReduced, made_now, reduced_around
 
 NEAR = 0.001
 """Part of the discrepancy by which it may be off on a grid, beside `LEAST`."""
@@ -239,8 +239,8 @@ def with_reduced_readings(
     log = None if beside is None else beside.log
     if beside is None or (known := beside.find(centre)) is None:
         before = response.counts
-        march = {} if beside is None else {"march": beside.march}
-        reduced = reduced_around(response, centre, training, MARCHES_OF_GRID, **march)
+        march = made_now if beside is None else beside.march
+        reduced = reduced_around(response, centre, training, MARCHES_OF_GRID, march=march)
         if reduced is None:
             return problem
         after = response.counts
@@ -294,7 +294,14 @@ class ReducedInLog:
     def add(
         self, centre: Floats, reduced: ReducedResponse, response: ReducibleResponse, spent: Counts
     ) -> tuple[ReducedResponse, Counts]:
-        """Keep a reduced model. What comes back is what an interrupted run would find of it."""
+        """Keep a reduced model; what comes back is what an interrupted run would find of it.
+
+        Args:
+            centre: (n,) around which it was made.
+            reduced: the model.
+            response: of whose marches it is made.
+            spent: what it has cost.
+        """
         assert response.reduction is not None
         model = self._model
         kept = kept_model(
@@ -316,7 +323,6 @@ class ReducedInLog:
         model = self._model
         observation = model.observation
         text = "".join(chr(int(code)) for code in known["materials"])
-        numbers = {name: np.array(known[name]) for name in _NUMBERS}
         kept = KeptReducedModel(
             form=FORM,
             names=model.names,
@@ -327,7 +333,12 @@ class ReducedInLog:
             readable=observation.readable,
             built_on=model.sequence.built_on,
             blocks={k.removeprefix(_BLOCK): a for k, a in known.items() if k.startswith(_BLOCK)},
-            **numbers,
+            reference=known["reference"],
+            lower=known["lower"],
+            upper=known["upper"],
+            marches=known["marches"],
+            rows=known["rows"].astype(np.int64),
+            states=known["states"].astype(np.int64),
         )
         return RestoredModel(kept, model.case).response(self._pairs, self._times)
 
