@@ -48,7 +48,7 @@ readings tell of it, and intervals are not one per cent wider."""
 LEAST = -9.2
 """Logarithm of the smallest factor of a variance that is weighed: of an accuracy a hundredth."""
 
-_STEP, _LONGEST = 0.6, 1.0
+_STEP, _LONGEST = 0.9, 1.0
 """Between two points: in standard deviations, and at most in the logarithm of a variance."""
 
 _GRID = 2
@@ -60,7 +60,7 @@ _LATTICE, _WIDER = 800, 1.5
 _RISE = 24.0
 """Rise of -2 l from which on nothing is left."""
 
-_NOTHING = 1e-6
+_NOTHING = 1e-5
 """Odds, by the largest, of points that are left out."""
 
 _UNSEEN = 1e-8
