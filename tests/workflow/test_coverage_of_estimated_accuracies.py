@@ -5,11 +5,19 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 from scipy import stats
 
 import geoident
+from geoident.identify.assessment import unknown_variances
 from geoident.identify.assessment.uncertainty import assess
+from geoident.identify.assessment.unknown_variances import with_possible
+from geoident.identify.assessment.variance_components import (
+    RestrictedLikelihood,
+    estimate_components,
+)
 from geoident.identify.least_squares.gauss_newton import gauss_newton
+from geoident.identify.problem.errors import ErrorStructure
 from geoident.identify.problem.problem import Problem
 from geoident.model.gauges import Channel, ErrorParts, Reading
 from geoident.model.methods import GaussNewtonOptions
@@ -203,6 +211,24 @@ def coverage(n, sizes, repeats, *, prior=False):
 class CaseLike:
     channels: tuple
     stages: tuple
+
+
+def test_a_lattice_stands_for_three_accuracies_as_a_grid_does(monkeypatch):
+    rng, n, of = np.random.default_rng(3), 30, np.arange(30) % 3
+    J = np.column_stack([np.ones(n), np.linspace(0.0, 1.0, n)])
+    structure = ErrorStructure(
+        np.ones(n), of, sp.csr_array((n, 0)), np.zeros(0, dtype=int), ("a", "b", "c")
+    )
+    y = J @ TRUTH + np.array([2.0, 0.5, 1.0])[of] * rng.standard_normal(n)
+    likelihood = RestrictedLikelihood(structure, y, J, np.zeros(0), np.zeros((0, 2)))
+    best = estimate_components(likelihood, np.zeros(3))
+    found = []
+    for most in (2, 3):
+        monkeypatch.setattr(unknown_variances, "_GRID", most)
+        possible = with_possible(likelihood, best).possible
+        mean = possible.odds @ possible.points
+        found.append([mean, np.sqrt(possible.odds @ (possible.points - mean) ** 2)])
+    np.testing.assert_allclose(found[0], found[1], atol=0.05)
 
 
 @pytest.mark.slow  # the textbook's interval, and the few of below

@@ -156,7 +156,8 @@ def _lattice(ends: Floats) -> tuple[Floats, Floats]:
     normal = ends[:, 0] < 0.0
     z = ends[:, 0] + u * (ends[:, 1] - ends[:, 0])
     deviates = ndtri(u[:, normal])
-    z[:, normal] = _WIDER / _STEP * deviates
+    width = ends[normal, 1] - ends[normal, 0]  # as far as -2 l rises by so much to both sides
+    z[:, normal] = _WIDER * width / (2.0 * np.sqrt(_RISE)) * deviates
     return z, 0.5 * np.sum(deviates**2, axis=1)
 
 
