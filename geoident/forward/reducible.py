@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -15,6 +15,7 @@ from geoident.forward.reduced.duals.bounds import ReadingDuals
 from geoident.forward.reduced.model import ReducedModel
 from geoident.forward.reduced.reduction import Reduction
 from geoident.forward.reduced.response import ReadingsAsked, ReducedResponse
+from geoident.forward.reduced.snapshots import from_arrays, to_arrays
 from geoident.forward.reduced.stress_rows import beyond_reduction
 from geoident.forward.response import Marches, StagedResponse
 from geoident.model.arrays import Floats
@@ -114,6 +115,16 @@ class ReducibleResponse(StagedResponse):
         self.learns = learns
         if self.reduction is not None:
             self.reduction.number = number
+
+    def march_made(self, p: Floats) -> dict[str, Floats] | None:
+        """The march at p (n,) as arrays; None where it is not kept, or does not serve."""
+        made = () if self.reduction is None else self.reduction.snapshots
+        return next((to_arrays(one) for one in made if np.array_equal(one.p, p)), None)
+
+    def take_march(self, p: Floats, arrays: Mapping[str, Floats]) -> None:
+        """Keep the march at p (n,) that an earlier run has made."""
+        if self.reduction is not None and self.reduction.covers():
+            self.reduction.add(from_arrays(p, arrays))
 
     def lend(self, p: Floats) -> None:
         """Let marches at p (n,) take their displacements from the reduced model, if there is."""

@@ -146,8 +146,18 @@ class DrawnPosterior:
         used = np.array(
             [none if found[k].used is None else found[k].used for k in place.ravel().tolist()]
         )
-        problem, errors = known.with_later(self.places)
-        return with_errors(problem, used, later, errors, rng)
+        if known.possible is None:
+            problem, errors = known.with_later(self.places)
+            return with_errors(problem, used, later, errors, rng)
+        # the accuracies that each draw makes likely
+        weights = np.array([self.density.of_accuracies(v) for v in used])
+        chosen = np.argmax(weights + rng.gumbel(size=weights.shape), axis=1)
+        predicted = np.empty(later.shape)
+        for number in np.unique(chosen).tolist():
+            rows = chosen == number
+            problem, errors = known.at_possible(number, self.places)
+            predicted[rows] = with_errors(problem, used[rows], later[rows], errors, rng)
+        return predicted
 
     def _errors(self) -> KnownErrors | None:
         """What used readings tell of the errors of later ones, as the loss leaves them at the fit.

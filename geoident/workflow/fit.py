@@ -14,8 +14,8 @@ from geoident.identify.problem.problem import Problem
 from geoident.model.arrays import Bools
 from geoident.model.methods import method_name
 from geoident.model.parameter import Parameter
-from geoident.model.results.result import STOPPED, GaugeTable, Result
-from geoident.workflow.estimating.accuracies import accuracy_findings
+from geoident.model.results.result import STOPPED, GaugeTable, ParameterTable, Result
+from geoident.workflow.estimating.accuracies import accuracy_findings, freedom_notes
 from geoident.workflow.estimating.diagnosis import (
     bound_findings,
     linearity_findings,
@@ -159,6 +159,7 @@ def _result(
     by_accuracy = not len(gross) and setup.accuracies is None  # estimated ones are said themselves
     poor = why_poor(found.diagnostics, gross, setup.model_error_table)
     status, named = _status(found, poor), parameters.named
+    few, rests = _freedom(setup, found, parameters)
     return Result(
         kind="fit",
         status=status,
@@ -186,6 +187,7 @@ def _result(
             *(setup.mesh.findings if setup.mesh is not None else ()),
             *surface_findings(setup.surface),
             *(accuracy_findings(setup.accuracies) if setup.accuracies is not None else ()),
+            *few,
             *model_error_findings(setup.model_error),
         ),
         case_text=job.inputs.loaded.text,
@@ -222,10 +224,22 @@ def _result(
             *convergence_notes(setup.model, found),
             *unused_notes(found.readings),
             *score(gauges, prediction),
+            *rests,
             *last.notes,
             *(setup.mesh.notes if setup.mesh is not None else ()),
         ),
     )
+
+
+def _freedom(
+    setup: Setup, found: Estimate, parameters: ParameterTable
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """On how many degrees of freedom the intervals rest: findings and notes."""
+    known = [i for i in parameters.named.tolist() if np.isfinite(parameters.sd[i])]
+    if setup.accuracies is None or not known:
+        return (), ()
+    names = [parameters.names[i] for i in known]
+    return freedom_notes(setup.accuracies, found.assessment.wider[known], names)
 
 
 def _extrapolation(setup: Setup, found: Estimate, gauges: GaugeTable) -> tuple[str, ...]:

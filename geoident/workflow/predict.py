@@ -26,6 +26,7 @@ from geoident.model.gauges import Channel, Reading, ReadingTable
 from geoident.model.ground import Field
 from geoident.model.results.bands import Prediction
 from geoident.model.results.result import ParameterTable, Provenance, Result
+from geoident.workflow.estimating.accuracies import Possible
 from geoident.workflow.estimating.diagnosis import at_used
 from geoident.workflow.estimating.estimate import later_errors, look, predicted
 from geoident.workflow.estimating.fields import require_same_modes
@@ -430,11 +431,18 @@ def what_is_known(
     computed, jacobian = at_used(readings)
     problem = problem_of_result(fit, origin, model.response(()))
     problem = replace(problem, sd=effective_sd(problem, computed))
-    assessment = assess(problem, fit.parameters.values, jacobian, computed)
+    p, rows = fit.parameters.values, used_rows(origin, used)
+    model_error = model_error_of_result(fit, origin)
+    possible, over = Possible.of(fit.accuracies, used), None
+    if possible is not None:
+        structure = possible.structure(rows)
+        if model_error is not None:
+            structure = model_error.with_later(structure)
+        over = possible.over(problem, structure, p, computed, jacobian)
+    assessment = assess(problem, p, jacobian, computed, over)
     order = np.array([fit.parameters.names.index(name) for name in model.names], dtype=np.int64)
     parameters = fit.parameters.picked(order)
-    rows, model_error = used_rows(origin, used), model_error_of_result(fit, origin)
-    known = KnownErrors(case, problem, computed, jacobian[:, order], rows)
+    known = KnownErrors(case, problem, computed, jacobian[:, order], rows, possible=possible)
     shares = any(channel.errors for channel in (*origin.channels, *case.channels))
     if others:
         nothing = replace(problem, measured=problem.measured[:0], sd=problem.sd[:0], shared=None)
@@ -480,7 +488,7 @@ def _at_rivals(task: Task, known: Known, model: CaseModel, stages: Bools) -> lis
     """
     rivals, case = task.fit.rivals, task.inputs.case
     assert rivals is not None
-    setup = Setup(model, case, known.readings, model_error=known.model_error)
+    setup = Setup(model, case, known.readings, task.fit.accuracies, known.model_error)
     problem = problem_of_result(task.fit, case, model.response(()))
     found = []
     for values, phi in zip(rivals.values[1:], rivals.objectives[1:], strict=True):
@@ -575,6 +583,8 @@ def pick_assessment(assessment: Assessment, order: Ints) -> Assessment:
         determined_x=assessment.determined_x[order],
         gaps_x=assessment.gaps_x[order],
         held_covariance_x=assessment.held_covariance_x[square],
+        over=None if assessment.over is None else assessment.over.pick(order),
+        wider=assessment.wider[order],
         **{name: getattr(assessment, name)[order] for name in columns},
     )
 

@@ -18,6 +18,7 @@ from geoident.identify.posterior.diagnosis import library
 from geoident.identify.posterior.draws import Draws, SamplingProgress, SamplingWatch, Stopped, Wish
 from geoident.identify.posterior.importance import ADAPTING
 from geoident.identify.posterior.sampling import sample_posterior
+from geoident.identify.problem.problem import Problem
 from geoident.io.result.checkpoint import EvaluationLog
 from geoident.io.result.file import read_result
 from geoident.model.arrays import Floats
@@ -26,6 +27,7 @@ from geoident.model.results.result import (
     Result,
 )
 from geoident.workflow.drawn import DrawnPosterior
+from geoident.workflow.estimating.accuracies import Possible
 from geoident.workflow.estimating.fields import require_same_modes
 from geoident.workflow.estimating.finished import Finished, evaluation_log, job_at_hand, write
 from geoident.workflow.estimating.setup import (
@@ -57,6 +59,7 @@ from geoident.workflow.running.jobs import (
 )
 from geoident.workflow.running.kept_reduced import restored_of, spread_around
 from geoident.workflow.running.outputs import existing, require_free, target
+from geoident.workflow.running.readings import used_rows
 from geoident.workflow.running.reduced_answers import ReducedAnswers, reduced_answers
 from geoident.workflow.running.result_files import case_path, files_of_result
 from geoident.workflow.running.workers import WORTH, ModelParts, as_many_as_fit, runs_on_cluster
@@ -192,7 +195,7 @@ def sample(task: SampleTask, control: Control) -> Finished:
         response = problem_of(setup, log, control).response
         problem = problem_of_result(task.fit, setup.case, response)
         with _answers(task, asked, log, control) as (answers, led):
-            density = PosteriorDensity(problem, answers)
+            density = PosteriorDensity(problem, answers, _possible(task.fit, setup, problem))
             draws = _drawn(task, density, control)
             drawn = DrawnPosterior(
                 task.fit,
@@ -240,8 +243,21 @@ def _minima(fit: Result) -> Sequence[Floats]:
 def _asked(fit: Result, inputs: Inputs, solver: str) -> tuple[Setup, Asked]:
     model = build_model(inputs, solver=solver)
     error = model_error_of_result(fit, inputs.case)
-    setup = Setup(model, inputs.case, fit.gauges.readings, model_error=error)
+    setup = Setup(model, inputs.case, fit.gauges.readings, fit.accuracies, error)
     return setup, Asked(model, inputs.case, setup.readings)
+
+
+def _possible(fit: Result, setup: Setup, problem: Problem) -> list[tuple[Problem, float]]:
+    """The problem at the accuracies that are possible beside those estimated, with weights."""
+    used = fit.gauges.readings.used
+    possible = Possible.of(fit.accuracies, used)
+    if possible is None:
+        return []
+    structure = possible.structure(used_rows(setup.case, used))
+    if setup.model_error is not None:
+        structure = setup.model_error.with_later(structure)
+    problems = possible.problems(problem, structure)[1:]
+    return list(zip(problems, possible.table.flat.tolist(), strict=True))
 
 
 def build_elsewhere(parts: ModelParts, readings: ReadingTable) -> Asked:

@@ -7,15 +7,21 @@ work and not into the start of Python.
 import json
 import os
 import random
+import signal
 import subprocess
 import sys
 from pathlib import Path
 from xml.etree import ElementTree
 
+import numpy as np
 import pytest
 
+from geoident.forward.reduced.response import ReducedResponse
+from geoident.forward.reducible import ReducibleResponse
+from geoident.forward.response import StagedResponse
 from geoident.io.result.file import read_result
 from geoident.io.result.vtkhdf import sidecar_target
+from geoident.workflow.running import reduced_scan
 from tests.support.commands import run_command
 from tests.support.trench import write_case
 
@@ -165,6 +171,85 @@ def test_first_fit(here, nursery, count):
         assert nursery.run(words)[0] == 0
         assert values("case.fit.h5") == expected
     assert names(here) == (INPUTS | RESULTS, set())
+
+
+SCAN = ["scan", "case.yaml", "--set", "fit.scan.points=11"]
+
+
+def scanned(words, *, at=None):
+    """What a scan in a process of its own computes: marches, adjoints, answers of either model.
+
+    It kills itself when it has computed so many of a kind.
+    """
+    reader, writer = os.pipe()
+    pid = os.fork()
+    if pid == 0:
+        reduced_scan._SECONDS = 0.0
+        for number, (of, name) in enumerate(WORK):
+            setattr(of, name, counting(number, getattr(of, name), writer, at))
+        code = run_command(*words).exit_code
+        os._exit(code)
+    os.close(writer)
+    with os.fdopen(reader, "rb") as counts:
+        done = counts.read()
+    code = os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
+    return code, [done.count(bytes([number])) for number in range(len(WORK))]
+
+
+WORK = [
+    (ReducibleResponse, "by_tangents"),
+    (ReducibleResponse, "_bounded"),
+    (ReducedResponse, "certified"),
+    (StagedResponse, "readings"),
+]
+
+
+def counting(number, function, writer, at):
+    done = []
+
+    def counted(*given):
+        if at == (number, len(done)):
+            os.kill(os.getpid(), signal.SIGKILL)
+        found = function(*given)
+        done.append(1)
+        os.write(writer, bytes([number]))
+        return found
+
+    return counted
+
+
+@pytest.mark.parametrize(
+    ("words", "at"),
+    [
+        pytest.param([], (1, 0), id="after its marches"),
+        pytest.param([], (2, 60), id="among answers of the reduced model"),
+        pytest.param(["-j", "2"], (2, 60), id="in two processes", marks=pytest.mark.slow),
+        pytest.param(
+            ["--set", "fit.reduced=false"],
+            (3, 60),
+            id="without a reduced model",
+            marks=pytest.mark.slow,
+        ),
+    ],
+)
+def test_a_scan_goes_on_where_it_was_killed(here, words, at):
+    """What was computed is not computed again, by the model or by its reduced model."""
+    words = [*SCAN, *words]
+    code, whole = scanned(words)
+    assert code == 0
+    expected = read_result("case.scan.h5")
+    (here / "case.scan.h5").unlink()
+    code, before = scanned(words, at=at)
+    assert code == -signal.SIGKILL
+    assert before[at[0]] == at[1]
+    code, after = scanned(words)
+    assert code == 0
+    for one, other, all_of_it in zip(before, after, whole, strict=True):
+        assert one + other == all_of_it
+    found = read_result("case.scan.h5")
+    np.testing.assert_array_equal(found.grid.objective, expected.grid.objective)
+    assert found.counts == expected.counts
+    assert names(here) == (INPUTS | {"case.scan.h5"}, set())
 
 
 @pytest.mark.slow

@@ -32,6 +32,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
+from geoident.identify.assessment.unknown_variances import with_possible
 from geoident.identify.assessment.variance_components import (
     HeldLast,
     Likelihood,
@@ -235,7 +236,7 @@ def at_size(likelihood: Likelihood, eta: float, start: Floats) -> VarianceCompon
     """
     held = _held(likelihood, eta)
     if len(start):
-        return estimate_components(held, start)
+        return with_possible(held, estimate_components(held, start))
     nothing = np.zeros(0)
     return VarianceComponents(nothing, np.zeros((0, 0)), nothing, nothing, held.value(nothing))
 

@@ -49,6 +49,7 @@ from geoident.identify.assessment.conflicts import (
 from geoident.identify.assessment.findings import Knowledge, describe_gaps, join
 from geoident.identify.assessment.posterior import NormalMixture, Posterior, cut_normal
 from geoident.identify.assessment.spectrum import SingularDirections
+from geoident.identify.assessment.unknown_variances import OverAccuracies
 from geoident.identify.problem.problem import Problem
 from geoident.identify.problem.scaling import Scaling
 from geoident.model.arrays import Bools, Floats
@@ -94,6 +95,9 @@ class Assessment:
         gaps_x: (n, u) the undetermined directions, likewise.
         held_covariance_x: (n, n) of the determined directions in x while parameters on bounds are
             held there; zero rows of these.
+        over: the same at other accuracies that the residuals leave possible, where these were
+            estimated: intervals are wider by that. None where they are given.
+        wider: (n, 2) by how much the ends of the intervals are therefore farther out.
     """
 
     sd: Floats
@@ -114,6 +118,8 @@ class Assessment:
     determined_x: Floats
     gaps_x: Floats
     held_covariance_x: Floats
+    over: OverAccuracies | None
+    wider: Floats
 
 
 @dataclass(frozen=True)
@@ -132,7 +138,11 @@ class Band:
 
 
 def assess(
-    problem: Problem, values: Floats, jacobian: Floats, readings: Floats | None = None
+    problem: Problem,
+    values: Floats,
+    jacobian: Floats,
+    readings: Floats | None = None,
+    over: OverAccuracies | None = None,
 ) -> Assessment:
     """Covariance, intervals and what is not determined, theory 6.
 
@@ -142,7 +152,11 @@ def assess(
         jacobian: (g, n) derivative of the readings there, SI.
         readings: (g,) v there, SI, from which is known how strongly a parameter is pressed against
             its bound; None for readings that are met.
+        over: what is known at other accuracies; None where they are given.
     """
+    wider = np.ones((len(values), 2))
+    if over is not None:
+        wider = np.stack(over.wider(np.eye(len(values))), axis=1)
     scaling = Scaling(problem.parameters)
     slope, width = scaling.slope(values), _ranges(scaling)
     B = problem.whiten(jacobian * slope) * width
@@ -154,7 +168,9 @@ def assess(
     undetermined = np.linalg.norm(whole.undetermined_columns, axis=1)
     total = np.hypot(np.sqrt(np.diag(whole.determined_covariance)), undetermined)
     from_prior = _only_from_prior(P, total)
-    known_enough = (NORMAL_95 * total <= 0.5) & (NORMAL_95 * undetermined <= 0.25)
+    known_enough = (NORMAL_95 * wider.max(axis=1) * total <= 0.5) & (
+        NORMAL_95 * undetermined <= 0.25
+    )
     determined = known_enough & ~from_prior
     named = np.array([not q.field for q in problem.parameters], dtype=np.bool_)
     known = _knowledge(problem.parameters, values, at_bound, from_prior, B, P, slope * width)
@@ -177,7 +193,7 @@ def assess(
     every_x, every_gap_x = _scaled(whole, width)
     # a prior is knowledge too: what is known from it alone has its number, and says so
     numbered = (determined | (known_enough & from_prior)) & varies
-    numbers = _numbers(scaling, values, posterior, numbered)
+    numbers = _numbers(scaling, values, posterior, numbered, wider)
     square = np.ix_(named, named)
     gaps = describe_gaps(
         known, (np.outer(slope, slope) * (every_x + every_gap_x @ every_gap_x.T))[square]
@@ -185,7 +201,7 @@ def assess(
     tied = tied_sentences(known.parameters, numbers["correlation"][square], gaps)
     return Assessment(
         **numbers,
-        beyond_bounds=numbered & _reaches_beyond(scaling, values, mean, factor),
+        beyond_bounds=numbered & _reaches_beyond(scaling, values, mean, factor, wider),
         at_bound=at_bound,
         determined=determined,
         from_prior=known_enough & from_prior,
@@ -198,6 +214,8 @@ def assess(
         determined_x=whole.determined_columns * width[:, None],
         gaps_x=every_gap_x,
         held_covariance_x=_scaled(held, width)[0],
+        over=over,
+        wider=wider,
     )
 
 
@@ -245,7 +263,11 @@ def _knowledge(
 
 
 def predict_band(
-    assessment: Assessment, jacobian: Floats, sd: Floats, bend: Bend | None = None
+    assessment: Assessment,
+    jacobian: Floats,
+    sd: Floats,
+    bend: Bend | None = None,
+    wider: tuple[Floats, Floats] | None = None,
 ) -> Band:
     """Where later readings are expected, theory 6.
 
@@ -254,6 +276,8 @@ def predict_band(
         jacobian: (l, n) derivative of the later readings at the estimate, SI.
         sd: (l,) accuracy of the later readings, SI.
         bend: how they deviate from linear; None for not at all.
+        wider: factors (l,), (l,) by which the ends are farther out, as accuracies were estimated;
+            None where they are given.
 
     Returns:
         Infinite where the reading depends mainly on what is not determined.
@@ -266,6 +290,8 @@ def predict_band(
         moved = (found.mean - found.centre[:, None]) ** 2 @ found.weight
         loose |= bend.undetermined & (moved > found.sd[:, 0] ** 2)
     lower95, upper95 = found.interval()
+    if wider is not None:
+        lower95, upper95 = lower95 * wider[0], upper95 * wider[1]
     return Band(
         np.where(loose, -np.inf, np.minimum(lower95, 0.0)),
         np.where(loose, np.inf, np.maximum(upper95, 0.0)),
@@ -353,10 +379,10 @@ def with_posterior(
         posterior: of x, from the estimate.
     """
     scaling, numbered = Scaling(problem.parameters), np.isfinite(assessment.sd)
-    low, high = _ends(scaling, values, posterior)
+    low, high = _ends(scaling, values, posterior, assessment.wider)
     lost = assessment.determined & (np.maximum(-low, high) > 0.5 * _ranges(scaling))
     lost &= np.array([not q.field for q in problem.parameters], dtype=np.bool_)
-    numbers = _numbers(scaling, values, posterior, numbered & ~lost)
+    numbers = _numbers(scaling, values, posterior, numbered & ~lost, assessment.wider)
     findings = assessment.findings
     if lost.any():
         names = [problem.parameters[i].name for i in np.flatnonzero(lost)]
@@ -404,12 +430,12 @@ def _only_from_prior(P: Floats, total: Floats) -> Bools:
 
 
 def _numbers(
-    scaling: Scaling, values: Floats, posterior: Posterior, numbered: Bools
+    scaling: Scaling, values: Floats, posterior: Posterior, numbered: Bools, wider: Floats
 ) -> dict[str, Any]:
     """Deviations, intervals and covariance, SI, of the parameters (n,) that have numbers."""
     slope = scaling.slope(values)
     sd_x = np.where(numbered, np.sqrt(np.diag(posterior.covariance)), np.nan)
-    low, high = _ends(scaling, values, posterior)
+    low, high = _ends(scaling, values, posterior, wider)
     return {
         "sd": slope * sd_x,
         "lower95": np.where(numbered, scaling.away(values, low), np.nan),
@@ -419,18 +445,27 @@ def _numbers(
     }
 
 
-def _ends(scaling: Scaling, values: Floats, posterior: Posterior) -> tuple[Floats, Floats]:
-    """Ends (n,) of the 95 % intervals in x, from the estimate, which is among them."""
+def _ends(
+    scaling: Scaling, values: Floats, posterior: Posterior, wider: Floats
+) -> tuple[Floats, Floats]:
+    """Ends (n,) of the 95 % intervals in x, from the estimate, which is among them.
+
+    They are farther out by factors (n, 2), but not beyond the bounds.
+    """
     n, x = len(values), scaling.to_scaled(values)
     first, last = scaling.lower - x, scaling.upper - x
     low, high = posterior.of(np.eye(n), np.zeros(n)).interval(first, last)
+    low, high = np.maximum(low * wider[:, 0], first), np.minimum(high * wider[:, 1], last)
     return np.minimum(low, 0.0), np.maximum(high, 0.0)
 
 
-def _reaches_beyond(scaling: Scaling, values: Floats, mean: Floats, factor: Floats) -> Bools:
+def _reaches_beyond(
+    scaling: Scaling, values: Floats, mean: Floats, factor: Floats, wider: Floats
+) -> Bools:
     """Whether the normal interval of a parameter (n,) goes beyond a bound, where it is cut."""
-    half, x = NORMAL_95 * np.linalg.norm(factor, axis=1), scaling.to_scaled(values)
-    below, above = x + mean - half < scaling.lower, x + mean + half > scaling.upper
+    half = NORMAL_95 * np.linalg.norm(factor, axis=1)[:, None] * wider
+    x = scaling.to_scaled(values) + mean
+    below, above = x - half[:, 0] < scaling.lower, x + half[:, 1] > scaling.upper
     return np.asarray(below | above, dtype=np.bool_)
 
 

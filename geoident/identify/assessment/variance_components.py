@@ -35,7 +35,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 import scipy.sparse as sp
@@ -76,6 +76,20 @@ _MOST_STEPS = 100
 _CHI_SQUARED_95 = NORMAL_95**2
 
 
+class VariancePoints(NamedTuple):
+    """Accuracies that are possible beside the most likely ones.
+
+    Args:
+        points: (K, c) logarithms of factors on the variances, from the most likely ones.
+        odds: (K,) with the sum one.
+        flat: (K,) logarithms of their weights before any reading.
+    """
+
+    points: Floats
+    odds: Floats
+    flat: Floats
+
+
 @dataclass(frozen=True)
 class VarianceComponents:
     """The factors of c components of variance.
@@ -86,6 +100,7 @@ class VarianceComponents:
         lower: (c,) lower end of the 95 % interval of t; -inf where the residuals show nothing.
         upper: (c,) upper end; inf where the readings do not tell it from the others.
         minus_two_l: -2 l, up to a constant.
+        possible: those that are possible as well; None where all are known well enough.
     """
 
     log_factor: Floats
@@ -93,6 +108,7 @@ class VarianceComponents:
     lower: Floats
     upper: Floats
     minus_two_l: float
+    possible: VariancePoints | None = None
 
 
 @dataclass(frozen=True)
@@ -112,6 +128,9 @@ class Likelihood(Protocol):
 
     def terms(self, t: Floats) -> LikelihoodTerms:
         """-2 l at t (c,) with its derivatives."""
+
+    def weak_prior(self, t: Floats) -> float:
+        """What of -2 l at t (c,) was known before any residual."""
 
 
 @dataclass(frozen=True)
@@ -133,18 +152,19 @@ class HeldLast:
 
     def value(self, t: Floats) -> float:
         """-2 l at t (c,), with the prior."""
-        return self.whole.value(np.append(t, self.last)) + self._prior(t)
+        return self.whole.value(np.append(t, self.last)) + self.weak_prior(t)
 
     def terms(self, t: Floats) -> LikelihoodTerms:
         """The same with its derivatives by these."""
         found = self.whole.terms(np.append(t, self.last))
         return LikelihoodTerms(
-            found.value + self._prior(t),
+            found.value + self.weak_prior(t),
             found.gradient[:-1] + 0.5 * t / self.spread**2,
             found.information[:-1, :-1] + 0.25 * np.eye(len(t)) / self.spread**2,
         )
 
-    def _prior(self, t: Floats) -> float:
+    def weak_prior(self, t: Floats) -> float:
+        """What of -2 l at t (c,) was known before any residual."""
         return float(np.sum((0.5 * t / self.spread) ** 2))
 
 
@@ -173,6 +193,7 @@ class RestrictedLikelihood:
         self.prior = prior
         self.prior_rows = prior_rows
         self._few = len(gap) <= FEW
+        self._unshared = SharedErrors(structure.columns)  # where there are no columns
         if self._few:
             self._parts = [_part(structure, c) for c in range(len(structure.names))]
         else:
@@ -185,6 +206,10 @@ class RestrictedLikelihood:
     def terms(self, t: Floats) -> LikelihoodTerms:
         """-2 l at t (c,) with its derivatives."""
         return self._terms_densely(t) if self._few else self._terms_of_sums(t)
+
+    def weak_prior(self, t: Floats) -> float:
+        """What of -2 l at t (c,) was known before any residual: nothing."""
+        return 0.0
 
     def _terms_densely(self, t: Floats) -> LikelihoodTerms:
         """The same with matrices (g, g): exact however small the own errors are."""
@@ -202,7 +227,7 @@ class RestrictedLikelihood:
     def _densely(self, t: Floats) -> tuple[float, Covariance, Floats, Floats]:
         """-2 l, Sigma, q and M."""
         sd, shared = self.structure.at(t)
-        sigma = Covariance(sd, shared or SharedErrors(self.structure.columns))
+        sigma = Covariance(sd, shared or self._unshared)
         J, R = self.jacobian, self.prior_rows
         M = J.T @ sigma.solve(J) + R.T @ R
         x = np.linalg.solve(M, J.T @ sigma.solve(self.gap) - R.T @ self.prior)

@@ -15,6 +15,7 @@ What it does step by step: `descent`. Further starts, and what becomes of them: 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -26,13 +27,13 @@ from geoident.identify.least_squares.acceptance import (
 )
 from geoident.identify.least_squares.descent import Descent, Stopping, plain_evaluator
 from geoident.identify.least_squares.leap import Leap
-from geoident.identify.least_squares.several_starts import SeveralStarts
+from geoident.identify.least_squares.several_starts import SAME, SeveralStarts
 from geoident.identify.least_squares.trust_region import TrustBox, bounded_least_squares
 from geoident.identify.problem.ahead import ProblemApart, apart
 from geoident.identify.problem.outcome import History, Observer, Outcome
 from geoident.identify.problem.problem import Discrepancy, Problem
 from geoident.model.arrays import Bools, Floats
-from geoident.model.methods import GaussNewtonOptions
+from geoident.model.methods import GaussNewtonOptions, HuberOptions, StudentOptions
 from geoident.model.response import Response
 
 MODES_GAIN = 10.0
@@ -68,15 +69,20 @@ def gauss_newton(
         ModelError: the model has no solution at the start, or at any where there are several.
     """
     history = History(method, problem.response, observe)
-    starts = _several_starts(problem, options, history)
-    found = starts.run()
+    also: Sequence[Floats] = ()
+    if isinstance(problem.loss, StudentOptions) and options.starts == "automatic":
+        given, convex = problem.start, replace(problem, loss=HuberOptions())
+        first = _several_starts(convex, replace(options, starts=1), history).run().best.point.p
+        problem = problem.begun_at(first)
+        also = [Discrepancy(problem).scaling.to_scaled(given), *_led_by_parts(problem, first)]
+    found = _several_starts(problem, options, history, also).run()
     best = found.best
     outcome = history.outcome(best.point.p, best.point.phi, best.status, best.reason)
     return replace(outcome, minima=found.minima, remarks=found.remarks)
 
 
 def _several_starts(
-    problem: Problem, options: GaussNewtonOptions, history: History
+    problem: Problem, options: GaussNewtonOptions, history: History, also: Sequence[Floats] = ()
 ) -> SeveralStarts:
     named = sum(not q.field for q in problem.parameters)  # a mode's prior is an equation
     return SeveralStarts(
@@ -85,7 +91,54 @@ def _several_starts(
         None if options.starts == "automatic" else options.starts,
         max(len(problem.measured) - named, 1),
         lambda x: StartLook(apart(problem), options, x),
+        also,
+        "the loss student-t may have several minima" if len(also) else "",
     )
+
+
+PARTS, LED = 200, 4
+"""Parts of the readings that are tried where the loss is Student's, and starts that they give."""
+
+_REWEIGHTED = 40
+"""Steps from the answer of a part to a minimum of the linearised readings."""
+
+
+def _led_by_parts(problem: Problem, p: Floats) -> list[Floats]:
+    """Starts x (n,) near the lowest minima of Student's loss of the readings linearised at p (n,).
+
+    As many readings as there are parameters say where one minimum may be (elemental subsets;
+    Rousseeuw and Leroy 1987), reweighted least squares go down to it; no evaluation of the model
+    but one.
+    """
+    scaling = Discrepancy(problem).scaling
+    v, dv_dp = problem.response.evaluate(p)
+    J, r = problem.whiten(dv_dp * scaling.slope(p)), problem.whiten(v - problem.measured)
+    P, rho, x = scaling.prior_jacobian(p), scaling.prior_residuals(p), scaling.to_scaled(p)
+    g, n = J.shape
+    assert isinstance(problem.loss, StudentOptions)
+    nu = problem.loss.nu
+    if g < 2 * n or not np.isfinite(J).all():
+        return []
+    rng = np.random.default_rng(0)
+    parts = np.array([rng.permutation(g)[:n] for _ in range(PARTS)])
+    d = -np.einsum("sij,sj->si", np.linalg.pinv(J[parts]), r[parts])
+    low, high = scaling.lower - x, scaling.upper - x
+    weak = P.T @ P + 1e-10 * (J.T @ J).max() * np.eye(n)
+    for _ in range(_REWEIGHTED):
+        d = np.clip(d, low, high)
+        weight = (nu + 1.0) / (nu + (r + d @ J.T) ** 2)
+        normal = np.einsum("sg,gi,gj->sij", weight, J, J, optimize=True) + weak
+        d = -np.linalg.solve(normal, ((weight * r) @ J + rho @ P)[..., None])[..., 0]
+    d = np.clip(d, low, high)
+    left = np.sum((nu + 1.0) * np.log1p((r + d @ J.T) ** 2 / nu), axis=1)
+    phi = left + np.sum((rho + d @ P.T) ** 2, axis=1)
+    found: list[Floats] = []
+    for k in np.argsort(phi, kind="stable").tolist():
+        if all(np.linalg.norm(J @ (d[k] - one)) > SAME for one in found):
+            found.append(d[k])
+        if len(found) == LED:
+            break
+    return [x + one for one in found]
 
 
 @dataclass(frozen=True)

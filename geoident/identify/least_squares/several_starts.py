@@ -8,6 +8,9 @@ descents begin elsewhere:
     sign of another basin   between two points that the first descent evaluated, the way to the
                             lower one begins uphill (phi is not quasi-convex), or it ended at a
                             kink: all parameters are spread over their bounds
+    Student's loss          readings that are far off lose all weight, so every part of them that
+                            agrees may have a minimum: starts where parts of the linearised readings
+                            lead, and all parameters are spread
 
 Where the user says how many, all parameters are spread. Angles are counted on the circle: a start
 is never near another one by a whole period, a descent that ends on the bound of an angle goes on
@@ -37,6 +40,9 @@ from geoident.model.parameter import Parameter
 
 AUTOMATIC = 5
 """Starts where an angle is sought, or a sign of another basin was met."""
+
+BESIDE = 3
+"""Starts beside those that come before all others."""
 
 RIVAL = 4.0
 """A minimum that lies no more than this above the best one (in phi) is its rival."""
@@ -149,6 +155,9 @@ class SeveralStarts:
         starts: how many, the given one among them; None: as many as are needed.
         freedom: readings less parameters, at least one: what phi is about where the model is right.
         look: a descent from a start (n,) as a part of the search (`ahead`).
+        also: starts (n,) that come before all others that are needed, as the misfit is known to
+            have several minima.
+        because: of what, a clause; empty where there are none.
     """
 
     descent: Descent[Iterate]
@@ -156,6 +165,8 @@ class SeveralStarts:
     starts: int | None
     freedom: int
     look: Callable[[Floats], Look]
+    also: Sequence[Floats] = ()
+    because: str = ""
     _endings: list[Ending[Iterate]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -171,10 +182,11 @@ class SeveralStarts:
         start, begun, remarks = self._first()
         self._endings = [self.down(start, further=False)]
         why = self._reason()
-        wanted = self.starts or (AUTOMATIC if why else 1)
+        automatic = BESIDE if self.because else AUTOMATIC
+        wanted = self.starts or (automatic if why else 1)
         response = self.evaluator.discrepancy.problem.response
         given = self.evaluator.scaling.start
-        places = list(islice(self._places(given), begun - 1, wanted - 1))
+        places = [*self.also, *islice(self._places(given), begun - 1, wanted - 1)]
         apart = knows_nothing_of_others(response)
         looks = [self.look(x) for x in places] if apart else []
         with in_turns(response, looks) as turn:
@@ -227,6 +239,8 @@ class SeveralStarts:
         names = [self.parameters[i].name for i in self.angles.sought]
         if names:
             return f"{' and '.join(names)} {'is an angle' if len(names) == 1 else 'are angles'}"
+        if self.because:
+            return self.because
         if self._endings[0].stalled:
             return "the misfit has kinks where it ended"
         if self.evaluator.begins_uphill(_UPHILL, RIVAL):

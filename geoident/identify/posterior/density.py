@@ -14,6 +14,10 @@ in its reference (`Scaling`). The change of variables adds, up to constants,
     j = -ln p     for u = p / r where the density is one in ln p
     j = 0         else
 
+Where accuracies were estimated they are integrated over (theory 7.5): in place of exp(-phi/2)
+stands the sum over points t_k of exp(-phi_k/2) |Sigma_k|^(-1/2), with their weights before any
+reading.
+
 With a robust loss phi is that of the loss; errors that readings share are then at their best value
 for each p (theory 7.2), with the squared loss they are integrated over.
 """
@@ -24,6 +28,7 @@ from collections.abc import Sequence
 from typing import Protocol
 
 import numpy as np
+from scipy.special import logsumexp
 
 from geoident.errors import ModelError
 from geoident.identify.problem.problem import Discrepancy, Problem
@@ -52,6 +57,8 @@ class PosteriorDensity:
     Args:
         problem: readings, errors, parameters and loss.
         answering: the model; the problem's own, point by point, if None.
+        possible: the problem at other accuracies, which are integrated over, with logarithms of
+            their weights before any reading; none where accuracies are given.
 
     Attributes:
         free: (n,) parameters whose bounds do not coincide; vectors u are (m,), of these.
@@ -59,8 +66,17 @@ class PosteriorDensity:
         evaluations: how often the model was asked.
     """
 
-    def __init__(self, problem: Problem, answering: Answering | None = None) -> None:
+    def __init__(
+        self,
+        problem: Problem,
+        answering: Answering | None = None,
+        possible: Sequence[tuple[Problem, float]] = (),
+    ) -> None:
         self.problem = problem
+        self._possible = [
+            (one, weight - 0.5 * _log_determinant(one) + 0.5 * _log_determinant(problem))
+            for one, weight in possible
+        ]
         self.discrepancy = Discrepancy(problem)
         lower, upper = problem.bounds
         self.free: Bools = np.asarray(upper > lower, dtype=np.bool_)
@@ -135,13 +151,31 @@ class PosteriorDensity:
     def logarithm(self, p: Floats, readings: Floats) -> float:
         """Log pi at p (n,), SI, where the model answers readings (g,)."""
         value = -0.5 * self.discrepancy.objective_of(p, readings)
+        if self._possible:
+            own = self.problem.whiten(readings - self.problem.measured)
+            value += 0.5 * float(own @ own) + float(logsumexp(self.of_accuracies(readings)))
         some = self._jacobians != 0.0
         return value + float(self._jacobians[some] @ np.log(p[some]))
+
+    def of_accuracies(self, readings: Floats) -> Floats:
+        """Logarithms (K,) of how likely each of the accuracies is, where the model answers (g,)."""
+        found = []
+        for problem, weight in self._possible:
+            r = problem.whiten(readings - problem.measured)
+            found.append(weight - 0.5 * float(r @ r))
+        return np.array(found)
 
     def _answers(self, points: Floats) -> Sequence[Floats | None]:
         if self._answering is not None:
             return self._answering(points)
         return [answer(self.problem, p) for p in points]
+
+
+def _log_determinant(problem: Problem) -> float:
+    """Of the covariance of the readings."""
+    if problem.covariance is not None:
+        return problem.covariance.log_determinant()
+    return 2.0 * float(np.log(problem.sd).sum())
 
 
 def answer(problem: Problem, p: Floats) -> Floats | None:

@@ -23,7 +23,7 @@ once.
 from __future__ import annotations
 
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Protocol
 
@@ -392,6 +392,11 @@ class ErrorStructure:
     def stated(self) -> tuple[Floats, SharedErrors | None]:
         """Own standard deviations (g,) and shared errors at factors of one."""
         return self.at(np.zeros(len(self.names)))
+
+    def sized(self, log_factor: Floats) -> ErrorStructure:
+        """The same where what had these logarithms (c,) of factors has factors of one."""
+        sd, shared = self.at(log_factor)
+        return replace(self, sd=sd, columns=self.columns if shared is None else shared.columns)
 
     @cached_property
     def _shared(self) -> SharedErrors:

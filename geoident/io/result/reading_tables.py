@@ -307,11 +307,19 @@ def write_accuracies(file: h5py.File, table: AccuracyTable) -> None:
         file: the result.
         table: standard deviations in SI, or factors of what was stated (no part, dimensionless).
     """
-    out = TableWriter(file, ACCURACIES, {"component": table.names})
+    axes: dict[str, Any] = {"component": table.names}
+    if len(table.odds):
+        axes |= {"reading": np.arange(len(table.of_reading)), "point": np.arange(len(table.odds))}
+    out = TableWriter(file, ACCURACIES, axes)
     for name in ("values", "lower95", "upper95"):
         out.add(name, getattr(table, name), "component")
     for name in ("parts", "dimensions", "units"):
         out.add(name, getattr(table, name), "component")
+    if len(table.odds):
+        out.add("of_reading", table.of_reading, "reading")
+        out.add("points", table.points, "point", "component")
+        for name in ("odds", "flat"):
+            out.add(name, getattr(table, name), "point")
 
 
 def read_accuracies(file: h5py.File) -> AccuracyTable:
@@ -319,6 +327,12 @@ def read_accuracies(file: h5py.File) -> AccuracyTable:
     group = TableReader(file, ACCURACIES)
     names = group.texts("component")
     c = len(names)
+    possible: dict[str, Any] = {}
+    if "points" in group:  # not in files of earlier versions
+        m, readings = (len(group.array(axis, "iu")) for axis in ("point", "reading"))
+        possible = {name: group.floats(name, m) for name in ("odds", "flat")}
+        possible["points"] = group.floats("points", m, c)
+        possible["of_reading"] = group.ints("of_reading", readings)
     return AccuracyTable(
         names=names,
         values=group.floats("values", c),
@@ -327,6 +341,7 @@ def read_accuracies(file: h5py.File) -> AccuracyTable:
         parts=group.texts("parts", c),
         dimensions=group.texts("dimensions", c),
         units=group.texts("units", c),
+        **possible,
     )
 
 

@@ -241,6 +241,11 @@ class AccuracyTable:
         parts: c parts of `geoident.model.gauges.PARTS`; empty for a factor.
         dimensions: c keys of `geoident.units.DIMENSIONS`; dimensionless for a factor.
         units: c units in which people want to see them.
+        of_reading: (k,) numbers of the components to which the own errors of the k readings belong,
+            -1 for none.
+        points: (K, c) logarithms of factors on these variances that are possible as well.
+        odds: (K,) how likely these are; their sum is one.
+        flat: (K,) logarithms of their weights before any reading.
     """
 
     names: tuple[str, ...]
@@ -250,6 +255,10 @@ class AccuracyTable:
     parts: tuple[str, ...]
     dimensions: tuple[str, ...]
     units: tuple[str, ...]
+    of_reading: Ints = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    points: Floats = field(default_factory=lambda: np.zeros((0, 0)))
+    odds: Floats = field(default_factory=lambda: np.zeros(0))
+    flat: Floats = field(default_factory=lambda: np.zeros(0))
 
     @property
     def determined(self) -> Bools:

@@ -12,7 +12,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from geoident.identify.assessment.findings import join
+from geoident.identify.assessment.unknown_variances import OverAccuracies, freedom, with_possible
 from geoident.identify.assessment.variance_components import (
+    Likelihood,
     VarianceComponents,
     estimate_components,
     likelihood_at,
@@ -20,11 +22,12 @@ from geoident.identify.assessment.variance_components import (
 from geoident.identify.problem.errors import ErrorStructure
 from geoident.identify.problem.outcome import Outcome
 from geoident.identify.problem.problem import Problem
-from geoident.model.arrays import Floats
+from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case
 from geoident.model.gauges import PARTS, Channel, ErrorParts, Reads
 from geoident.model.results.result import STOPPED, AccuracyTable
 from geoident.units import DIMENSIONLESS
+from geoident.workflow.running.readings import ChannelReading, error_structure
 
 ROUNDS = 30
 """At most so many times parameters and accuracies take turns."""
@@ -66,25 +69,26 @@ def weighed(
         search: for the parameters, from where the problem begins.
     """
     t = np.zeros(len(structure.names))
-    found = _components(problem, structure, outcome, t)
+    likelihood, found = _components(problem, structure, outcome, t)
     for _ in range(ROUNDS):
         if outcome.status == STOPPED or np.abs(found.log_factor - t).max() <= AT_REST:
-            return Weighed(problem, outcome, found)
+            return Weighed(problem, outcome, with_possible(likelihood, found))
         t = found.log_factor
         sd, shared = structure.at(t)
         problem = replace(problem, sd=sd, shared=shared).begun_at(outcome.values)
         outcome = after(outcome, search(problem))
-        found = _components(problem, structure, outcome, t)
+        likelihood, found = _components(problem, structure, outcome, t)
     remark = f"parameters and estimated accuracies did not come to rest in {ROUNDS} rounds"
-    return Weighed(problem, replace(outcome, remarks=(*outcome.remarks, remark)), found)
+    outcome = replace(outcome, remarks=(*outcome.remarks, remark))
+    return Weighed(problem, outcome, with_possible(likelihood, found))
 
 
 def _components(
     problem: Problem, structure: ErrorStructure, outcome: Outcome, t: Floats
-) -> VarianceComponents:
+) -> tuple[Likelihood, VarianceComponents]:
     readings, jacobian = problem.response.evaluate(outcome.values)
     likelihood = likelihood_at(problem, structure, outcome.values, readings, jacobian)
-    return estimate_components(likelihood, t)
+    return likelihood, estimate_components(likelihood, t)
 
 
 def after(first: Outcome, second: Outcome) -> Outcome:
@@ -119,7 +123,7 @@ def _sized(channel: Channel, factors: Mapping[str, float]) -> Channel:
     sizes = {
         part: getattr(parts, part) * factors.get(parts.component(part) or "", 1.0) for part in PARTS
     }
-    sized = replace(parts, **sizes, estimated=())
+    sized = replace(parts, **sizes, estimated=(), found=parts.estimated)
     return replace(channel, errors=sized, accuracy=sized.total(channel.along))
 
 
@@ -155,15 +159,20 @@ def with_scatter(case: Case, factor: float, zero: float) -> Case:
 
 
 def accuracy_table(
-    case: Case, names: Sequence[str], components: VarianceComponents
+    case: Case, structure: ErrorStructure, components: VarianceComponents, used: Bools
 ) -> AccuracyTable:
     """What was estimated, in standard deviations.
 
     Args:
         case: before the estimation.
-        names: of the components.
+        structure: the errors of the readings that are used.
         components: what is known of them.
+        used: (k,) which of the readings these are.
     """
+    names, possible = structure.names, components.possible
+    of_reading = np.full(len(used), -1, dtype=np.int64)
+    of_reading[used] = structure.component
+    beside = {} if possible is None else possible._asdict()
     owners = [_owner(case, name) for name in names]
     base = np.array([size for _, _, size in owners], dtype=np.float64)
     lower, value, upper = (
@@ -177,7 +186,65 @@ def accuracy_table(
         parts=tuple(part for _, part, _ in owners),
         dimensions=tuple(c.dimension if part else DIMENSIONLESS for c, part, _ in owners),
         units=tuple(c.unit if part else "" for c, part, _ in owners),
+        of_reading=of_reading,
+        **beside,
     )
+
+
+@dataclass(frozen=True)
+class Possible:
+    """Accuracies that were estimated, and those that are possible beside them.
+
+    Args:
+        table: of the estimates.
+        own: (g,) numbers of the components of the own errors of the g readings that are used.
+    """
+
+    table: AccuracyTable
+    own: Ints
+
+    @classmethod
+    def of(cls, table: AccuracyTable | None, used: Bools) -> Possible | None:
+        """Of the readings (k,) that are used; None where there is nothing beside the estimates."""
+        if table is None or not len(table.odds):
+            return None
+        return cls(table, table.of_reading[used])
+
+    def structure(self, rows: Sequence[ChannelReading]) -> ErrorStructure:
+        """The errors of the readings used, and of later ones below them, by these components."""
+        return error_structure(rows, self.table, self.own)
+
+    def problems(self, problem: Problem, structure: ErrorStructure) -> list[Problem]:
+        """The problem at the estimates and at all that is possible beside them.
+
+        Args:
+            problem: the readings used.
+            structure: their errors by these components, and maybe others.
+        """
+        return [problem, *(self._at(problem, structure, t) for t in self.padded(structure))]
+
+    def padded(self, structure: ErrorStructure) -> Floats:
+        """Logarithms of factors (K, c) on all components of a structure."""
+        more = len(structure.names) - len(self.table.names)
+        return np.pad(self.table.points, ((0, 0), (0, more)))
+
+    def _at(self, problem: Problem, structure: ErrorStructure, t: Floats) -> Problem:
+        sd, shared = structure.at(t)
+        return replace(problem, sd=sd, shared=shared)
+
+    def over(
+        self, problem: Problem, structure: ErrorStructure, p: Floats, v: Floats, jacobian: Floats
+    ) -> OverAccuracies:
+        """What is known of the parameters at all of them.
+
+        Args:
+            problem: the readings used.
+            structure: their errors by these components, and maybe others.
+            p: (n,) the estimate, SI.
+            v: (g,) what the model says of the readings there, SI.
+            jacobian: (g, n) its derivative, SI.
+        """
+        return OverAccuracies.of(self.problems(problem, structure), self.table.odds, p, v, jacobian)
 
 
 def _owner(case: Case, name: str) -> tuple[Channel, str, float]:
@@ -189,6 +256,49 @@ def _owner(case: Case, name: str) -> tuple[Channel, str, float]:
         if part and channel.errors and channel.errors.component(part) == name:
             return channel, part, float(getattr(channel.errors, part))
     return channels[0], "", 1.0
+
+
+FEW = 5.0
+"""Degrees of freedom below which intervals are said to be rough."""
+
+
+def freedom_notes(
+    table: AccuracyTable, wider: Floats, names: Sequence[str]
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """On how many degrees of freedom intervals rest: findings where these are few, else notes.
+
+    Args:
+        table: of the accuracies.
+        wider: (n, 2) by how much the ends of the intervals are farther out for that.
+        names: of the n parameters.
+    """
+    if not len(table.odds):
+        return (), ()
+    size = wider.mean(axis=1)
+    nu = freedom(size)
+    each = [f"{name} {_count(one)}" for name, one in zip(names, nu.tolist(), strict=True)]
+    same = len({_count(one) for one in nu.tolist()}) == 1
+    on = f"{_count(float(nu[0]))}" if same else join(each)
+    said = (
+        f"The accuracies are estimated from the residuals, and intervals and bands allow for what "
+        f"is not known of them: they rest on {on} degrees of freedom (Student's t), so the "
+        f"intervals are {_times(size)} as wide as with these accuracies given."
+    )
+    if nu.min() >= FEW:
+        return (), (said,)
+    return (
+        f"{said} So few tell little of the accuracies: the intervals may hold a few per cent less "
+        "than 95 %. More readings, or accuracies that are stated, would do.",
+    ), ()
+
+
+def _count(freedom: float) -> str:
+    return f"{freedom:.2g}" if freedom < 100.0 else "over 100"
+
+
+def _times(size: Floats) -> str:
+    low, high = (f"{x:.3g}" for x in (size.min(), size.max()))
+    return f"{low} times" if low == high else f"{low} to {high} times"
 
 
 def accuracy_findings(table: AccuracyTable) -> tuple[str, ...]:

@@ -12,6 +12,7 @@ from geoident.identify.assessment.diagnostics import diagnose, effective_sd
 from geoident.identify.assessment.linearity import interval_ends
 from geoident.identify.assessment.misfit import misfit
 from geoident.identify.assessment.uncertainty import Assessment, assess
+from geoident.identify.assessment.unknown_variances import OverAccuracies
 from geoident.identify.problem.problem import Discrepancy, Problem
 from geoident.model.arrays import Floats, Ints
 from geoident.model.gauges import ReadingTable
@@ -58,7 +59,13 @@ UNUSABLE_SIZE = 0.5
 """Model error, of the computed motion, beyond which a model is of no use."""
 
 
-def assess_robustly(problem: Problem, p: Floats, readings: Floats, jacobian: Floats) -> Assessment:
+def assess_robustly(
+    problem: Problem,
+    p: Floats,
+    readings: Floats,
+    jacobian: Floats,
+    over: OverAccuracies | None = None,
+) -> Assessment:
     """How well the parameters are known, each reading with the weight that the loss leaves it.
 
     Args:
@@ -66,8 +73,10 @@ def assess_robustly(problem: Problem, p: Floats, readings: Floats, jacobian: Flo
         p: (n,) the estimate, SI.
         readings: (g,) v there, SI.
         jacobian: (g, n) its derivative.
+        over: what is known at other accuracies; None where they are given.
     """
-    return assess(replace(problem, sd=effective_sd(problem, readings)), p, jacobian, readings)
+    weighted = replace(problem, sd=effective_sd(problem, readings))
+    return assess(weighted, p, jacobian, readings, over)
 
 
 def diagnostics_table(

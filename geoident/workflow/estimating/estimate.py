@@ -11,6 +11,7 @@ from geoident.errors import TimeIsUp
 from geoident.forward.protocols import CaseModel, Survey
 from geoident.identify.assessment.diagnostics import effective_sd
 from geoident.identify.assessment.uncertainty import Assessment
+from geoident.identify.assessment.unknown_variances import OverAccuracies
 from geoident.identify.problem.outcome import Outcome
 from geoident.identify.problem.problem import Problem
 from geoident.model.arrays import Bools, Floats
@@ -20,6 +21,7 @@ from geoident.model.results.bands import Prediction
 from geoident.model.results.costs import Counts
 from geoident.model.results.result import Diagnostics, Result
 from geoident.model.results.rivals import Evidence, Rivals
+from geoident.workflow.estimating.accuracies import Possible
 from geoident.workflow.estimating.diagnosis import assess_robustly, at_used, diagnostics_table
 from geoident.workflow.estimating.finished import Finished, evaluation_log, job_at_hand, write
 from geoident.workflow.estimating.model_error import (
@@ -117,7 +119,8 @@ def look(
     survey, readings, counts = surveyed(setup, problem, outcome, fields=fields, last=last)
     counts = counts + setup.spent
     computed, jacobian = at_used(readings)
-    assessment = assess_robustly(problem, outcome.values, computed, jacobian)
+    over = over_accuracies(setup, problem, outcome.values, computed, jacobian)
+    assessment = assess_robustly(problem, outcome.values, computed, jacobian, over)
     diagnostics = diagnostics_table(problem, readings, outcome.values, assessment)
     before = setup.model.counts
     assessment, bends = follow_open_bound(
@@ -178,9 +181,30 @@ def known_errors(
     if found is None and not any(channel.errors for channel in case.channels):
         return None
     rows = used_rows(case, setup.readings.used)
-    return KnownErrors(
-        case, problem, computed, jacobian, rows, later_errors(setup.model, case, survey, found)
-    )
+    later = later_errors(setup.model, case, survey, found)
+    possible = Possible.of(setup.accuracies, setup.readings.used)
+    return KnownErrors(case, problem, computed, jacobian, rows, later, possible)
+
+
+def over_accuracies(
+    setup: Setup, problem: Problem, p: Floats, computed: Floats, jacobian: Floats
+) -> OverAccuracies | None:
+    """What is known at all accuracies that the residuals leave possible; None for given ones.
+
+    Args:
+        setup: model and readings, with what was estimated.
+        problem: the used readings.
+        p: (n,) the estimate, SI.
+        computed: (g,) what the model says of them there, SI.
+        jacobian: (g, n) its derivative, SI.
+    """
+    possible = Possible.of(setup.accuracies, setup.readings.used)
+    if possible is None:
+        return None
+    structure = possible.structure(used_rows(setup.case, setup.readings.used))
+    if setup.model_error is not None:
+        structure = setup.model_error.with_later(structure)
+    return possible.over(problem, structure, p, computed, jacobian)
 
 
 def later_errors(

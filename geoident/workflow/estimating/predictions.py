@@ -20,6 +20,7 @@ from geoident.model.case import Case
 from geoident.model.gauges import ReadingTable
 from geoident.model.results.bands import Prediction
 from geoident.model.results.result import GaugeTable
+from geoident.workflow.estimating.accuracies import Possible
 from geoident.workflow.estimating.diagnosis import at_used
 from geoident.workflow.estimating.model_error import LaterModelError
 from geoident.workflow.running.computed import with_computed
@@ -64,7 +65,8 @@ def predict_stages(
     if known is not None:
         later = known.of(np.argwhere(wanted), sensitivity)
         mean[wanted] += later.shift
-        band = predict_band(assessment, later.jacobian, later.sd, bend)
+        wider = known.wider(np.argwhere(wanted), sensitivity, assessment)
+        band = predict_band(assessment, later.jacobian, later.sd, bend, wider)
     else:
         band = predict_band(assessment, sensitivity, accuracy[wanted], bend)
 
@@ -123,6 +125,7 @@ class KnownErrors:
         jacobian: (g, n) its derivative, SI.
         rows: the g readings with their channels.
         model_error: that of the model in later readings; None for none.
+        possible: accuracies that were estimated; None where they are given.
     """
 
     case: Case
@@ -131,6 +134,7 @@ class KnownErrors:
     jacobian: Floats
     rows: tuple[ChannelReading, ...]
     model_error: LaterModelError | None = None
+    possible: Possible | None = None
 
     def of(self, places: Ints, sensitivity: Floats) -> LaterReadings:
         """Later readings as the used ones let expect them.
@@ -150,19 +154,79 @@ class KnownErrors:
         Args:
             places: (l, 2) numbers of the channels and stages of the later ones.
         """
+        used, later = self._structures(places)
+        return replace(self.problem, shared=used.stated[1]), later
+
+    def wider(
+        self, places: Ints, sensitivity: Floats, assessment: Assessment
+    ) -> tuple[Floats, Floats] | None:
+        """How much farther out the ends of bands are as accuracies were estimated.
+
+        Args:
+            places: (l, 2) numbers of the channels and stages of the later ones.
+            sensitivity: (l, n) derivatives of what the model says of them, SI.
+            assessment: how well the parameters are known.
+
+        Returns:
+            Factors (l,), (l,) on the lower and the upper end; None where accuracies are given.
+        """
+        over = assessment.over
+        if over is None:
+            return None
+        if self.possible is None:  # gauges of another section, as accurate as they state
+            later = self.of(places, sensitivity)
+            each = np.broadcast_to(later.sd, (len(over.shift), len(later.sd)))
+            return over.wider(later.jacobian * assessment.slope, sd=each)
+        used, errors = self._structures(places)
+        points = self.possible.padded(used)
+        found = [
+            given_used(
+                problem,
+                self.computed,
+                self.jacobian,
+                later=errors.sized(t),
+                later_jacobian=sensitivity,
+            )
+            for problem, t in zip(
+                self.possible.problems(replace(self.problem, shared=used.stated[1]), used),
+                [np.zeros(points.shape[1]), *points],
+                strict=True,
+            )
+        ]
+        return over.wider(
+            np.array([each.jacobian * assessment.slope for each in found]),
+            np.array([each.shift for each in found]),
+            np.array([each.sd for each in found]),
+        )
+
+    def at_possible(self, number: int, places: Ints) -> tuple[Problem, ErrorStructure]:
+        """`with_later` at one of the accuracies that are possible.
+
+        Args:
+            number: of these, from 0.
+            places: (l, 2) numbers of the channels and stages of the later readings.
+        """
+        assert self.possible is not None
+        used, later = self._structures(places)
+        t = self.possible.padded(used)[number]
+        sd, shared = used.at(t)
+        return replace(self.problem, sd=sd, shared=shared), later.sized(t)
+
+    def _structures(self, places: Ints) -> tuple[ErrorStructure, ErrorStructure]:
+        """The errors of the used and of later readings, with the same columns."""
         case = self.case
         later = [
             (case.channels[i], case.reading_at(case.channels[i], case.stages[j].name))
             for i, j in places.tolist()
         ]
-        whole = error_structure([*self.rows, *later])
+        rows = [*self.rows, *later]
+        whole = error_structure(rows) if self.possible is None else self.possible.structure(rows)
         if self.model_error is not None:
             pairs = [(reading.channel, reading.stage) for _, reading in later]
             steps = self.model_error.later(pairs)
             whole = self.model_error.fitted.with_later(whole, steps)
         g = len(self.rows)
-        _, shared = whole.rows(np.arange(g)).stated
-        return replace(self.problem, shared=shared), whole.rows(np.arange(g, g + len(later)))
+        return whole.rows(np.arange(g)), whole.rows(np.arange(g, g + len(later)))
 
 
 def score(gauges: GaugeTable, prediction: Prediction) -> tuple[str, ...]:

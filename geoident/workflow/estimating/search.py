@@ -58,6 +58,7 @@ from geoident.workflow.estimating.setup import (
     Setup,
     kept_response,
     problem_of,
+    reduced_in_log,
     used_response,
 )
 from geoident.workflow.estimating.surface_error import is_steady, with_surface_error
@@ -131,8 +132,8 @@ def estimated(
     only = methods[0] if len(methods) == 1 else None
     staged = isinstance(setup.model, StagedModel) and setup.case.fit.reduced
     if isinstance(only, ScanOptions) and staged:
-        kept = kept_response(setup)
-        problem = with_reduced_readings(problem, used_response(setup), only, kept)
+        kept, beside = kept_response(setup), reduced_in_log(setup, log)
+        problem = with_reduced_readings(problem, used_response(setup), only, kept, beside)
     search = _Search(methods, control)
     linear = all(isinstance(options, GaussNewtonOptions) for options in methods)
     exact = EXACT if near else CERTAIN
@@ -373,5 +374,5 @@ def _sized(setup: Setup, structure: ErrorStructure, found: VarianceComponents) -
         setup,
         case=sized,
         readings=reading_table(sized, setup.readings.reason),
-        accuracies=accuracy_table(setup.case, structure.names, found),
+        accuracies=accuracy_table(setup.case, structure, found, setup.readings.used),
     )

@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 
 from geoident.errors import InputError
+from geoident.forward.model import StagedModel
 from geoident.forward.protocols import CaseModel
 from geoident.forward.reduced.kept import RestoredModel
 from geoident.forward.reduced.response import ReducedResponse
@@ -42,6 +43,7 @@ from geoident.workflow.running.readings import (
     times_of,
     used_rows,
 )
+from geoident.workflow.running.reduced_scan import ReducedInLog
 from geoident.workflow.running.workers import ModelParts, ModelWorkers, runs_on_cluster
 
 
@@ -205,6 +207,13 @@ def kept_response(setup: Setup) -> ReducedResponse | None:
     if setup.kept is None or not setup.kept.covers(pairs):
         return None
     return setup.kept.response(pairs, times)
+
+
+def reduced_in_log(setup: Setup, log: Log) -> ReducedInLog | None:
+    """The reduced model of a scan in its checkpoint; None where the model is no staged one."""
+    if not isinstance(setup.model, StagedModel):
+        return None
+    return ReducedInLog(log, setup.model, *_asked(setup))
 
 
 def problem_of_result(fit: Result, case: Case, response: Response) -> Problem:

@@ -204,15 +204,17 @@ def _as_fitted(case: Case, result: Result, source: Source) -> Case:
     pairs = zip(gauges.channels, gauges.accuracy.tolist(), strict=True)
     known = {name: accuracy for name, accuracy in pairs if accuracy > 0.0}  # NaN in old files
     errors = dict(zip(gauges.channels, gauges.errors, strict=False))
-    channels = tuple(
-        replace(c, accuracy=known.get(c.name, c.accuracy), errors=errors.get(c.name))
-        for c in case.channels
-    )
+    channels = []
+    for c in case.channels:
+        parts = errors.get(c.name)
+        if parts is not None and c.errors is not None:
+            parts = replace(parts, found=c.errors.estimated)
+        channels.append(replace(c, accuracy=known.get(c.name, c.accuracy), errors=parts))
     return replace(
         case,
         parameters=(*case.parameters, *mode_parameters(case, result.parameters.names)),
         readings=readings_of(gauges.readings),
-        channels=channels,
+        channels=tuple(channels),
         source=source,
     )
 

@@ -23,7 +23,7 @@ from geoident.errors import InputError
 from geoident.forward.protocols import CaseModel
 from geoident.identify.problem.errors import ErrorStructure
 from geoident.identify.problem.problem import Problem
-from geoident.model.arrays import Bools, Floats
+from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case
 from geoident.model.gauges import (
     DAY,
@@ -34,6 +34,7 @@ from geoident.model.gauges import (
     named_channels,
 )
 from geoident.model.response import Response
+from geoident.model.results.result import AccuracyTable
 
 FLAGGED = "flagged as bad: "
 """Beginning of the reason why a reading that is known to be wrong is not used."""
@@ -245,16 +246,27 @@ def used_rows(case: Case, used: Bools) -> tuple[ChannelReading, ...]:
     return tuple((channels[reading.channel], reading) for reading in taken)
 
 
-def error_structure(rows: Sequence[ChannelReading]) -> ErrorStructure:
+def error_structure(
+    rows: Sequence[ChannelReading], found: AccuracyTable | None = None, own: Ints | None = None
+) -> ErrorStructure:
     """The errors of readings, whether they share any or not.
 
     Args:
         rows: readings with their channels.
+        found: accuracies that were estimated, whose components are wanted; None for the components
+            that the case wants estimated.
+        own: (m,) numbers of these components to which the own errors of the first m readings
+            belong, -1 for none; None where the channels say it.
     """
-    table = _Table(steps=_steps(rows))
+    table = _Table(steps=_steps(rows), found=found)
+    if found is not None:
+        table.components.update(dict.fromkeys(found.names))
     for number, row in enumerate(rows):
         table.add(number, row)
-    return table.structure()
+    structure = table.structure()
+    if own is not None:
+        structure.component[: len(own)] = own
+    return structure
 
 
 @dataclass
@@ -262,6 +274,7 @@ class _Table:
     """Collects the entries of B."""
 
     steps: Mapping[str, tuple[float, ...]]
+    found: AccuracyTable | None = None
     sources: dict[ErrorSource, int] = field(default_factory=dict)
     components: dict[str, None] = field(default_factory=dict)
     of_source: list[str] = field(default_factory=list)
@@ -296,7 +309,7 @@ class _Table:
         size = np.array([size for _, _, size in self.entries], dtype=np.float64)
         shape = (len(self.sd), len(self.sources))
         taken = {*self.component, *self.of_source}
-        names = tuple(name for name in self.components if name in taken)
+        names = tuple(name for name in self.components if self.found or name in taken)
         numbers = {"": -1} | {name: number for number, name in enumerate(names)}
         return ErrorStructure(
             sd=np.array(self.sd, dtype=np.float64),
@@ -308,10 +321,15 @@ class _Table:
 
     def _component(self, channel: Channel, part: str) -> str:
         """The component of a part of the error of a channel; empty where its size is given."""
-        name = channel.errors.component(part) if channel.errors else None
-        if name is not None:
+        if channel.errors is None:
+            return ""
+        if self.found is not None:
+            name = dict(channel.errors.found).get(part, "")
+            return name if name in self.found.names else ""
+        name = channel.errors.component(part) or ""
+        if name:
             self.components.setdefault(name)
-        return name or ""
+        return name
 
 
 def _shared(

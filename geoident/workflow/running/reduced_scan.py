@@ -3,17 +3,23 @@
 With bounds e of the errors of the readings and E = |e / s|, the discrepancy phi of readings with
 weighted residuals r is off by no more than E (2 |r| + E): errors that are shared and robust losses
 make it less. So far from the readings, where phi is large, the reduced model may be coarse.
+
+The marches of which the reduced model is made, the reduced model itself and its answers are kept in
+the checkpoint as they come: a scan that is killed goes on where it was.
 """
 
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
+from geoident.forward.model import StagedModel
+from geoident.forward.reduced.kept import RestoredModel, kept_model
 from geoident.forward.reduced.response import ReducedResponse
 from geoident.forward.reducible import ReducibleResponse
 from geoident.identify.direct.scan import grid_axes
@@ -23,7 +29,10 @@ from geoident.model.arrays import Floats
 from geoident.model.methods import ScanOptions
 from geoident.model.response import Response
 from geoident.model.results.costs import NO_COST, Counts
-from geoident.workflow.running.reduced_answers import LedByReduced, reduced_around
+from geoident.model.results.reduced import FORM, KeptReducedModel
+from geoident.workflow.executing.looking_ahead import EvaluationArrays
+from geoident.workflow.running.evaluation_log import Log
+from geoident.workflow.running.reduced_answers import LedByReduced, made_now, reduced_around
 
 NEAR = 0.001
 """Part of the discrepancy by which it may be off on a grid, beside `LEAST`."""
@@ -46,6 +55,15 @@ KEPT = "a reduced model that was kept"
 _TRAINING = 400
 """Points of the grid at which its bound is looked at."""
 
+_ANSWERS, _MARCH, _REDUCED = "reduced readings", "march", "reduced model"
+"""Kinds of what is kept in the checkpoint."""
+
+_SECONDS = 1.0
+"""Of answers of the reduced model that are lost with a process, at most."""
+
+_LARGEST = 12_500_000
+"""Numbers of a march that are kept (100 MB): longer solutions are kept by themselves."""
+
 
 @dataclass
 class LedReadings(LedByReduced):
@@ -55,14 +73,26 @@ class LedReadings(LedByReduced):
         inner: the model.
         discrepancy: of the problem.
         spent: what making the reduced model has cost.
+        log: keeps the answers of the reduced model; None for nowhere.
     """
 
     inner: Response
     discrepancy: Discrepancy
     spent: Counts
+    log: Log | None = None
 
     def __post_init__(self) -> None:
         self._known: dict[bytes, Floats | None] = {}
+        self._from_before: dict[bytes, Floats] = {}
+        self._unkept: list[tuple[Floats, Floats]] = []
+        self._blocks, self._kept_at = 0, time.monotonic()
+        while self.log is not None:
+            block = self.log.find(_ANSWERS, np.array([float(self._blocks)]))
+            if block is None:
+                break
+            self._blocks += 1
+            for p, v in zip(block["p"], block["v"], strict=True):
+                self._from_before[p.tobytes()] = v
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -91,11 +121,31 @@ class LedReadings(LedByReduced):
 
     def _by_reduced(self, p: Floats) -> Floats | None:
         """v(p), (g,), of the reduced model where it is close enough."""
-        if p.tobytes() not in self._known:
-            found, error = self.reduced.certified(p[None])
-            close = self._close(p, found[0], error[0])
-            self._known[p.tobytes()] = np.asarray(found[0]) if close else None
-        return self._known[p.tobytes()]
+        key = p.tobytes()
+        if key not in self._known:
+            before = self._from_before.get(key)
+            if before is None:
+                found, error = self.reduced.certified(p[None])
+                # NaN: it is not close enough, and the model is asked
+                close = self._close(p, found[0], error[0])
+                before = np.asarray(found[0] if close else np.full(len(found[0]), np.nan))
+                self._keep(p, before)
+            self._known[key] = before if np.isfinite(before).all() else None
+        return self._known[key]
+
+    def _keep(self, p: Floats, v: Floats) -> None:
+        """Write answers to the checkpoint, every second."""
+        self._unkept.append((p, v))
+        if self.log is None or time.monotonic() - self._kept_at < _SECONDS:
+            return
+        arrays = {
+            name: np.array(each)
+            for name, each in zip("pv", zip(*self._unkept, strict=True), strict=True)
+        }
+        self.log.add(_ANSWERS, np.array([float(self._blocks)]), arrays)
+        self._blocks += 1
+        self._unkept.clear()
+        self._kept_at = time.monotonic()
 
     @property
     def at_once(self) -> int:
@@ -161,6 +211,7 @@ def with_reduced_readings(
     response: Response,
     options: ScanOptions,
     kept: ReducedResponse | None = None,
+    beside: ReducedInLog | None = None,
 ) -> Problem:
     """The problem of a scan, with a reduced model where the case has one and it is worth while.
 
@@ -170,6 +221,7 @@ def with_reduced_readings(
         options: the grid.
         kept: a reduced model in these readings that was made before. Where it is close enough at
             most points of the grid, or there are few of them, no other one is made.
+        beside: the checkpoint, with what an earlier run has left there; None for none.
     """
     axes = grid_axes(problem.parameters, options)
     count = math.prod(len(axis) for axis in axes.values())
@@ -181,16 +233,126 @@ def with_reduced_readings(
             return replace(problem, response=led)
     if not worth or not isinstance(response, ReducibleResponse):
         return problem
-    before = response.counts
-    reduced = None
-    if len(training):
-        reduced = reduced_around(response, training[len(training) // 2], training, MARCHES_OF_GRID)
-    if reduced is None:
+    if not len(training):
         return problem
-    after = response.counts
-    spent = replace(after - before, analyses=after.analyses)
-    led = LedReadings(reduced, problem.response, Discrepancy(problem), spent)
+    centre = training[len(training) // 2]
+    log = None if beside is None else beside.log
+    if beside is None or (known := beside.find(centre)) is None:
+        before = response.counts
+        march = made_now if beside is None else beside.march
+        reduced = reduced_around(response, centre, training, MARCHES_OF_GRID, march=march)
+        if reduced is None:
+            return problem
+        after = response.counts
+        spent = replace(after - before, analyses=after.analyses)
+        if beside is not None:
+            reduced, spent = beside.add(centre, reduced, response, spent)
+    else:
+        reduced, spent = known
+    led = LedReadings(reduced, problem.response, Discrepancy(problem), spent, log)
     return replace(problem, response=led)
+
+
+class ReducedInLog:
+    """The reduced model of a scan in its checkpoint, and the marches of which it is made.
+
+    Args:
+        log: the checkpoint.
+        model: of the case.
+        pairs: channels and stages of the readings that are used.
+        times: when each was read, where it is known.
+    """
+
+    def __init__(
+        self,
+        log: Log,
+        model: StagedModel,
+        pairs: Sequence[tuple[str, str]],
+        times: Sequence[float | None],
+    ) -> None:
+        self.log, self._model, self._pairs, self._times = log, model, pairs, times
+        self._recalled = NO_COST
+
+    def march(self, response: ReducibleResponse, p: Floats) -> None:
+        """The march of the reduced model at p (n,): that of an earlier run, or made now."""
+        known = self.log.find(_MARCH, p)
+        if known is not None:
+            self._recalled = self._recalled + _counts(known["cost"])
+            response.take_march(p, {k: a for k, a in known.items() if k != "cost"})
+            return
+        before = response.counts
+        response.by_tangents(p)
+        made = response.march_made(p)
+        if made is not None and sum(each.size for each in made.values()) <= _LARGEST:
+            self.log.add(_MARCH, p, {**made, "cost": _cost(response.counts - before)})
+
+    def find(self, centre: Floats) -> tuple[ReducedResponse, Counts] | None:
+        """The reduced model around a point (n,) and what it has cost; None if it is not there."""
+        known = self.log.find(_REDUCED, centre)
+        return None if known is None else (self._restored(known), _counts(known["cost"]))
+
+    def add(
+        self, centre: Floats, reduced: ReducedResponse, response: ReducibleResponse, spent: Counts
+    ) -> tuple[ReducedResponse, Counts]:
+        """Keep a reduced model; what comes back is what an interrupted run would find of it.
+
+        Args:
+            centre: (n,) around which it was made.
+            reduced: the model.
+            response: of whose marches it is made.
+            spent: what it has cost.
+        """
+        assert response.reduction is not None
+        model = self._model
+        kept = kept_model(
+            reduced,
+            model.observation,
+            model.case,
+            marches=[snapshot.p for snapshot in response.reduction.snapshots],
+            built_on=model.sequence.built_on,
+        )
+        spent = spent + self._recalled
+        arrays = {name: getattr(kept, name) for name in _NUMBERS}
+        arrays |= {_BLOCK + name: block for name, block in kept.blocks.items()}
+        codes = np.array([ord(c) for c in "\n".join(kept.materials)], dtype=np.float64)
+        known = {**arrays, "materials": codes, "cost": _cost(spent)}
+        self.log.add(_REDUCED, centre, known)
+        return self._restored(known), spent
+
+    def _restored(self, known: EvaluationArrays) -> ReducedResponse:
+        model = self._model
+        observation = model.observation
+        text = "".join(chr(int(code)) for code in known["materials"])
+        kept = KeptReducedModel(
+            form=FORM,
+            names=model.names,
+            materials=tuple(text.split("\n")) if text else (),
+            channels=observation.channels,
+            weights=observation.weights,
+            zero=observation.zero,
+            readable=observation.readable,
+            built_on=model.sequence.built_on,
+            blocks={k.removeprefix(_BLOCK): a for k, a in known.items() if k.startswith(_BLOCK)},
+            reference=known["reference"],
+            lower=known["lower"],
+            upper=known["upper"],
+            marches=known["marches"],
+            rows=known["rows"].astype(np.int64),
+            states=known["states"].astype(np.int64),
+        )
+        return RestoredModel(kept, model.case).response(self._pairs, self._times)
+
+
+_NUMBERS = ("reference", "lower", "upper", "marches", "rows", "states")
+_BLOCK = "block "
+
+
+def _cost(counts: Counts) -> Floats:
+    return np.array([getattr(counts, each.name) for each in fields(Counts)], dtype=np.float64)
+
+
+def _counts(cost: Floats) -> Counts:
+    return Counts(*(int(number) for number in cost))
 
 
 def _training(problem: Problem, response: Response, axes: Mapping[str, Floats]) -> Floats:

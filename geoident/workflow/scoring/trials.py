@@ -22,7 +22,7 @@ from geoident.model.gauges import ReadingTable
 from geoident.model.methods import ComplementarityOptions, GaussNewtonOptions, MethodOptions
 from geoident.model.response import Response
 from geoident.model.results.backtest import Backtest, BacktestStep, Skipped
-from geoident.model.results.bands import Bands, next_read
+from geoident.model.results.bands import NORMAL_95, Bands, next_read
 from geoident.model.results.costs import Counts
 from geoident.model.results.result import GaugeTable
 from geoident.workflow.estimating.diagnosis import assess_robustly, opened, parameter_table
@@ -336,10 +336,14 @@ def variances(trials: Sequence[PartialFit]) -> Floats:
 
 def _innovations(trial: PartialFit) -> Innovations:
     """The errors of the predictions of the next stage."""
-    z = trial.bands.z[trial.next & trial.bands.scored]
+    places = trial.next & trial.bands.scored
+    z = trial.bands.z[places]
     estimated = trial.setup.accuracies
     if estimated is None:
         return Innovations(z, trial.correlation)
+    # the bands are those of Student's t already, and that is what is drawn by the freedom
+    width = (trial.bands.upper95 - trial.bands.lower95)[places]
+    z = z * width / (2.0 * NORMAL_95 * trial.step.prediction.sd[places])
     spare = trial.step.readings - len(trial.step.values)
     return Innovations(z, trial.correlation, max(spare / len(estimated.names), 1.0))
 

@@ -350,6 +350,7 @@ def error_parts(given: AnyAccuracy, kind: str, survey: str) -> ErrorParts | None
         survey=survey,
         zero_surveyed=surveyed,
         estimated=tuple(estimated.items()),
+        found=(),
         mesh=(),
         surface=(),
     )
