@@ -212,6 +212,9 @@ class CaseLike:
     channels: tuple
     stages: tuple
 
+    def reading_at(self, channel, stage):
+        return Reading(channel.name, stage, None)
+
 
 def test_a_lattice_stands_for_three_accuracies_as_a_grid_does(monkeypatch):
     rng, n, of = np.random.default_rng(3), 30, np.arange(30) % 3
