@@ -139,3 +139,65 @@ def test_a_drift_of_another_dimension_is_refused_at_its_place(tmp_path):
     (tmp_path / "case.yaml").write_text(text)
     with pytest.raises(InputError, match="an angle rate is expected"):
         load_inputs(str(tmp_path / "case.yaml"))
+
+
+COMMANDS = (
+    ("check",),
+    ("check", "--identifiability"),
+    ("simulate",),
+    ("fit",),
+    ("scan", "--force"),
+    ("backtest",),
+)
+
+
+@pytest.mark.parametrize("command", COMMANDS, ids=" ".join)
+def test_a_drift_without_the_date_of_its_zero_is_refused_by_every_command(tmp_path, command):
+    """With readings or without: nothing of the gauge can be computed, so nothing is left out."""
+    text = confined_block(readings="[{gauge: P, stage: one, value: 1 MPa}]")
+    text = text.replace("virgin: 2024-01-01, ", "")
+    (tmp_path / "squares.msh").write_text(grid())
+    (tmp_path / "case.yaml").write_text(text)
+    done = run_command(*command, tmp_path / "case.yaml")
+    assert done.exit_code == 3
+    line, column = next(
+        (n, row.index("$d_cell") + 1)
+        for n, row in enumerate(text.splitlines(), 1)
+        if row.startswith("gauges")
+    )
+    where = f"case.yaml:{line}:{column}: gauges.P.drift: "
+    assert f"{where}'P' drifts in time, but the stage 'virgin' has no date" in done.output
+    assert "Add it: dates: {virgin: 2024-03-01}; or use drift_per_stage." in done.output
+
+
+def test_predictions_and_draws_of_a_drift_without_a_date_are_refused_too(tmp_path):
+    text = confined_block(readings="[{gauge: P, stage: one, value: 1 MPa}]")
+    (tmp_path / "squares.msh").write_text(grid())
+    case = tmp_path / "case.yaml"
+    case.write_text(text.replace(", drift: $d_cell", ""))
+    text = case.read_text()
+    for name in ("d_cell", "d_stress", "d_strain", "d_tilt"):
+        text = re.sub(rf"(, )?{name}: {{[^}}]*}}", "", text).replace(f", drift: ${name}", "")
+    case.write_text(text)
+    fit(case)
+    new = text.replace("accuracy: 2 kPa}, Q", "accuracy: 2 kPa, drift: 1 kPa/month}, Q")
+    (tmp_path / "new.yaml").write_text(new.replace("virgin: 2024-01-01, ", ""))
+    done = run_command("predict", tmp_path / "case.fit.h5", "--case", tmp_path / "new.yaml")
+    assert done.exit_code == 3
+    assert "'P' drifts in time, but the stage 'virgin' has no date" in done.output
+
+
+def test_a_stage_without_a_date_is_left_out_with_a_word(tmp_path):
+    text = confined_block().replace(", three: 2025-01-01", "")
+    (tmp_path / "squares.msh").write_text(grid())
+    (tmp_path / "case.yaml").write_text(text)
+    done = run_command("simulate", tmp_path / "case.yaml")
+    assert done.exit_code == 0
+    assert "P,two," in done.stdout
+    assert "P,three," not in done.stdout
+    said = "not computed at 'three', which has no date, as the gauge drifts in time: P, Q.yy, S, T"
+    assert said in done.stderr
+    checked = run_command("check", tmp_path / "case.yaml").output
+    assert "'P' drifts in time and is not computed at stages without a date: 'three'" in " ".join(
+        checked.split()
+    )
