@@ -334,6 +334,10 @@ Readings that are more accurate would be fitted to the rounding of what is compu
 """
 
 
+LARGEST = 1e20
+"""Size (SI) that nothing in the ground has, by far; products of some such numbers are finite."""
+
+
 class UnitError(ValueError):
     """A text that is not a quantity, or not one of the dimension wanted.
 
@@ -383,8 +387,8 @@ def read_quantity(text: str, dimension: str = "") -> Quantity:
     unit = normal_unit(match[2], dimension)
     dimension, factor = UNITS[unit]
     value = float(match[1]) * factor
-    if not math.isfinite(value):
-        raise UnitError(f"'{text}' is too large for a number", "Check its exponent.")
+    if not abs(value) <= LARGEST:
+        raise UnitError(f"'{text}' is too large to be computed with", "Check its exponent.")
     return Quantity(value, dimension, unit)
 
 

@@ -190,6 +190,7 @@ class Page:
     def __init__(self, text: str) -> None:
         self.parts = {part.partition("\n")[0]: part for part in text.split("\n## ")[1:]}
         self.words = WORDS
+        self.factor = self.number = ""
 
     @cache  # noqa: B019 - a page lives as long as a test
     def keys(self, part: str) -> dict[str, tuple[bool, str]]:
@@ -214,7 +215,9 @@ class Page:
 
     def of(self, part: str, dim: int) -> list[dict[str, Any]]:
         """All trials of a part that stands at a key of a case."""
-        self.words = WORDS | OF_GAUGES.get(part, {})
+        words = WORDS | OF_GAUGES.get(part, {})
+        number = re.compile(r"^[0-9][0-9.e-]*")
+        self.words = {k: number.sub(self.number or r"\g<0>", v) for k, v in words.items()}
         return list(self.trials(part, dim, set()))
 
     def trials(self, part: str, dim: int, seen: set[str]) -> Iterator[dict[str, Any]]:
@@ -280,7 +283,7 @@ class Page:
             if part := re.match(r"\[(.*?)\]", kind):
                 yield from self.trials(part[1], dim, seen)
             elif kind == "`$parameter`":
-                yield f"$p_{tied.replace(' ', '_')}"
+                yield f"{self.factor}$p_{tied.replace(' ', '_')}"
             elif kind.startswith("`"):
                 yield from re.findall(r"`([^`]*)`", kind)
             else:
@@ -422,3 +425,19 @@ def test_what_the_page_names_and_the_reader_refuses_is_seen(tmp_path, place, par
     page = PAGE.read_text(encoding="utf-8")
     assert old in page
     assert refused_by_all(tmp_path, place, part, page.replace(old, new))
+
+
+@pytest.mark.parametrize(
+    ("number", "factor"),
+    [("1e308", "1e300 "), ("1e-300", "1e-300 "), ("0", "0 "), ("-1e20", "-1e12 "), ("1e20", "-")],
+)
+@pytest.mark.parametrize("place", NAMED)
+def test_numbers_of_any_size_are_read_or_refused(tmp_path, place, number, factor):
+    """In every key that takes one; `tests/cli/test_scales.py` computes with some of them."""
+    page = Page(PAGE.read_text(encoding="utf-8"))
+    page.number, page.factor = number, factor
+    (tmp_path / "cavern.msh").touch()
+    for part in [part for one, part in parts() if one == place]:
+        trials = {f"t{n}": trial for n, trial in enumerate(page.of(part, 2))}
+        found = faults_of(tmp_path, host("plane-strain", place, trials))
+        assert found or abs(float(number)) < 1e300

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import (
@@ -51,7 +51,9 @@ Motion = tuple[str, Vector | None, Vector, Vector]
 class GaugeBase(Section):
     """What every kind of gauge says beside its place."""
 
-    one_of = (Alternatives("drift", "drift_per_stage", "", hint="Give one of them, or none."),)
+    one_of: ClassVar[tuple[Alternatives, ...]] = (
+        Alternatives("drift", "drift_per_stage", "", hint="Give one of them, or none."),
+    )
 
     accuracy: LengthAccuracy = Field(
         description="Standard deviation of one reading, whose errors are then independent; or what "
