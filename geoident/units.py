@@ -34,6 +34,15 @@ DIMENSIONS: Mapping[str, str] = {
     "time": "s",
     DIMENSIONLESS: "",
     "strain": "m/m",
+    "pressure rate": "Pa/s",
+    "force rate": "N/s",
+    "line load rate": "N/m/s",
+    "moment per length rate": "Nm/m/s",
+    "angle rate": "rad/s",
+    "strain rate": "m/m/s",
+    "temperature rate": "K/s",
+    "frequency rate": "Hz/s",
+    "number rate": "1/s",
 }
 """Dimension to its SI unit."""
 
@@ -46,6 +55,16 @@ _KGF = 9.80665  # N
 _PSI = 6894.757293168361  # Pa, 1 lbf/in2
 _ARCSEC = math.pi / 648e3
 _GON = math.pi / 200
+
+_TIMES = {"month": _YEAR / 12, "year": _YEAR, "day": _DAY, "week": 7 * _DAY, "s": 1.0}
+
+
+def _rates(**units: float) -> dict[str, float]:
+    """Units by time: each of some units by each time."""
+    return {
+        f"{unit}/{time}": size / s for time, s in _TIMES.items() for unit, size in units.items()
+    }
+
 
 _TABLE: Mapping[str, Mapping[str, float]] = {
     "pressure": {
@@ -225,6 +244,16 @@ _TABLE: Mapping[str, Mapping[str, float]] = {
         "in/in": 1.0,
         "%": 1e-2,
     },
+    "pressure rate": _rates(kPa=1e3, Pa=1.0, MPa=1e6, bar=1e5, mbar=1e2, psi=_PSI),
+    "force rate": _rates(kN=1e3, N=1.0, MN=1e6, tf=_KGF * 1e3, lbf=_LBF, kip=_KIP),
+    "line load rate": _rates(**{"kN/m": 1e3, "N/m": 1.0, "MN/m": 1e6, "kip/ft": _KIP / _FT}),
+    "moment per length rate": _rates(**{"kNm/m": 1e3, "Nm/m": 1.0, "kip-ft/ft": _KIP}),
+    "angle rate": _rates(mrad=1e-3, rad=1.0, urad=1e-6, deg=math.pi / 180, arcsec=_ARCSEC)
+    | _rates(**{"mm/m": 1e-3}),
+    "strain rate": _rates(microstrain=1e-6, ustrain=1e-6, **{"mm/m": 1e-3, "m/m": 1.0}),
+    "temperature rate": _rates(K=1.0, degC=1.0),
+    "frequency rate": _rates(Hz=1.0),
+    "number rate": {f"1/{time}": 1 / s for time, s in _TIMES.items()},
 }
 """Dimension to the sizes of its units in SI. Sizes: BIPM, The International System of Units (9th
 edition); NIST Special Publication 811 (2008), appendix B, for those of other countries."""
@@ -305,6 +334,10 @@ Readings that are more accurate would be fitted to the rounding of what is compu
 """
 
 
+LARGEST = 1e20
+"""Size (SI) that nothing in the ground has, by far; products of some such numbers are finite."""
+
+
 class UnitError(ValueError):
     """A text that is not a quantity, or not one of the dimension wanted.
 
@@ -354,8 +387,8 @@ def read_quantity(text: str, dimension: str = "") -> Quantity:
     unit = normal_unit(match[2], dimension)
     dimension, factor = UNITS[unit]
     value = float(match[1]) * factor
-    if not math.isfinite(value):
-        raise UnitError(f"'{text}' is too large for a number", "Check its exponent.")
+    if not abs(value) <= LARGEST:
+        raise UnitError(f"'{text}' is too large to be computed with", "Check its exponent.")
     return Quantity(value, dimension, unit)
 
 
@@ -395,6 +428,19 @@ def require_dimension(quantity: Quantity, dimension: str, text: str) -> Quantity
         f"'{text}' is {with_article(quantity.dimension)}; {with_article(dimension)} is expected"
     )
     raise UnitError(message, f"Its units: {units}.")
+
+
+def rate_of(dimension: str) -> str:
+    """The dimension of a change by time; empty where the table has none.
+
+    Args:
+        dimension: of what changes.
+
+    >>> rate_of("length"), rate_of("pressure"), rate_of("density")
+    ('velocity', 'pressure rate', '')
+    """
+    name = {"length": "velocity", DIMENSIONLESS: "number rate"}.get(dimension, f"{dimension} rate")
+    return name if name in DIMENSIONS else ""
 
 
 def si_unit(dimension: str) -> str:

@@ -87,6 +87,12 @@ def say_bug(error: BaseException) -> int:
     kind = f"{type(error).__name__}: {error}".splitlines()[0]
     log = _write_log(error)
     where = f"The details are in {log}" if log else "The log of it could not be written"
+    if type(error).__name__ == "LinAlgError":  # numpy's, which is perhaps not imported
+        message = (
+            "error: the equations of the problem cannot be solved with the precision of numbers"
+        )
+        remedy = "see whether units, exponents, bounds or accuracies are far from what is usual"
+        return say_error(f"{message}\n    {remedy}. {where}.", ExitCode.NO_SOLUTION)
     message = f"error: a bug in geoident: {kind}\n    {where}; please report it with your case."
     return say_error(message, ExitCode.BUG)
 

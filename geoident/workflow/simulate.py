@@ -21,7 +21,7 @@ from geoident.io.result.vtkhdf import write_fields
 from geoident.io.text.atomic import atomic_output, refuse_inputs
 from geoident.model.arrays import Floats
 from geoident.model.case import Case
-from geoident.model.gauges import Reading
+from geoident.model.gauges import Reading, named_channels
 from geoident.model.results.costs import Counts
 from geoident.model.results.result import FieldSeries
 from geoident.model.results.yielded import Mechanism
@@ -92,7 +92,8 @@ class Simulated:
         case: whose gauges they are.
         readings: by stage, SI.
         files_read: paths of all that the case consists of, which no output may replace.
-        note: whose the readings are, where a reduced model was asked; empty else.
+        note: gauges that are left out at some stages, and whose the readings are, where a reduced
+            model was asked; empty else.
         inputs: the case as it was read.
         values: (n,) of the parameters, SI.
         computed: (n_channels, n_stages) by the model, without noise, SI.
@@ -166,11 +167,13 @@ def simulate(
     readings = _readings(inputs.case, computed)
     if noise is Noise.ACCURACY:
         readings = with_noise(inputs.case, readings, seed=seed)
-    note = ""
+    notes = _undated(model, computed)
     if isinstance(model, ReducedCaseModel) and by.reduced is not None:
-        note = answer_note(model, by.reduced)
+        notes.append(answer_note(model, by.reduced))
     counts = replace(model.counts, evaluations=max(1, model.counts.evaluations))
-    return Simulated(path, model.case, readings, files, note, inputs, p, computed, counts, found)
+    return Simulated(
+        path, model.case, readings, files, "\n".join(notes), inputs, p, computed, counts, found
+    )
 
 
 _BINARY = (".h5", ".hdf5", ".hdf", ".vtkhdf")
@@ -300,6 +303,22 @@ def _readings(case: Case, computed: Floats) -> tuple[Reading, ...]:
         for i, channel in enumerate(case.channels)
         if np.isfinite(computed[i, j]) and not (channel.is_zeroed and stage.name == channel.zero)
     )
+
+
+def _undated(model: CaseModel, computed: Floats) -> list[str]:
+    """What is left out since the gauge drifts in time and the stage has no date, a line a stage."""
+    case = model.case
+    drifting = [(i, channel) for i, channel in enumerate(case.channels) if channel.drift]
+    left: dict[str, list[str]] = {}
+    for j, stage in enumerate(case.stages):
+        for i, channel in drifting if stage.name not in case.dates else ():
+            if np.isnan(computed[i, j]) and model.unreadable(channel.name, stage.name) is None:
+                left.setdefault(stage.name, []).append(channel.name)
+    return [
+        f"not computed at '{stage}', which has no date, as the gauge drifts in time: "
+        f"{named_channels(names)}"
+        for stage, names in left.items()
+    ]
 
 
 def simulated_pairs(model: CaseModel) -> tuple[tuple[str, str], ...]:

@@ -24,9 +24,10 @@ HUGE = ["--set", "in_situ.vertical=1e300 Pa"]
     [HUGE, [*HUGE, "--set", "fit.method=simplex"],
      [*HUGE, "--set", "fit.method=condensation"]],
 )  # fmt: skip
-def test_a_discrepancy_that_overflows_is_not_taken_for_converged(trench, run, change):
+def test_a_stress_whose_discrepancy_would_overflow_is_refused_at_its_place(trench, run, change):
     done = run("fit", "case.yaml", "-q", *change)
-    assert done.exit_code == 5
+    assert done.exit_code == 3
+    assert "in_situ.vertical: '1e300 Pa' is too large to be computed with" in done.stderr
     assert "\n    " in done.stderr  # a remedy
     assert not (trench / "case.fit.h5").exists()
 
@@ -125,8 +126,8 @@ def test_a_name_that_is_too_long(fitted_trench, run):
 
 @pytest.mark.parametrize(
     "change",
-    ["accuracy=1e300 mm", "accuracy=1e-300 m", "accuracy={reading: 1e300 mm, zero: 1 mm}",
-     "accuracy={reading: 1 mm, zero: 1e300 mm}"],
+    ["accuracy=1e19 mm", "accuracy=1e-300 m", "accuracy={reading: 1e19 mm, zero: 1 mm}",
+     "accuracy={reading: 1 mm, zero: 1e19 mm}"],
 )  # fmt: skip
 def test_accuracies_beyond_all_measure_are_refused(trench, run, change):
     refused = run("fit", "case.yaml", "--set", f"gauges.CV.{change}")
@@ -134,7 +135,7 @@ def test_accuracies_beyond_all_measure_are_refused(trench, run, change):
     assert "is no accuracy of a gauge" in refused.stderr
 
 
-@pytest.mark.parametrize("accuracy", ["1e300", "1e-30"])
+@pytest.mark.parametrize("accuracy", ["1e19", "1e-30"])
 def test_an_accuracy_beyond_all_measure_in_a_file_of_readings(trench, run, accuracy):
     rows = (trench / "readings.csv").read_text().splitlines()
     rows = [rows[0] + ",accuracy", rows[1] + f",{accuracy}", *(row + "," for row in rows[2:])]

@@ -39,14 +39,14 @@ ESTIMATED = ("--set", "fit.accuracies=estimate")
 @pytest.mark.parametrize(
     ("loss", "more", "value"),
     [
-        ("squared", (), "1e30"),
+        ("squared", (), "1e20"),
         ("huber", (), "-250"),
-        ("student-t", (), "1e30"),
+        ("student-t", (), "1e20"),
         ("squared", ESTIMATED, "-250"),
         pytest.param("squared", (), "-250", marks=pytest.mark.slow),
-        pytest.param("huber", (), "1e30", marks=pytest.mark.slow),
+        pytest.param("huber", (), "1e20", marks=pytest.mark.slow),
         pytest.param("student-t", (), "-250", marks=pytest.mark.slow),
-        pytest.param("squared", ESTIMATED, "1e30", marks=pytest.mark.slow),
+        pytest.param("squared", ESTIMATED, "1e20", marks=pytest.mark.slow),
     ],
 )
 def test_an_absurd_reading_is_named_with_its_place_and_ends_with_4(tmp_path, loss, value, more):

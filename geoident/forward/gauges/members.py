@@ -30,7 +30,7 @@ from geoident.errors import Fault
 from geoident.fem.location import REACH, Site, format_point
 from geoident.fem.structures import section_forces
 from geoident.forward.gauges.observation import MarchState
-from geoident.forward.gauges.placement import Placed, from_zero
+from geoident.forward.gauges.placement import Placed, unbroken
 from geoident.forward.gauges.stress import Spots, StressReadings, readers_of
 from geoident.forward.march.stage import LinearRows
 from geoident.forward.stages import CaseOnMesh
@@ -339,9 +339,11 @@ def _place(channel: Channel, on_mesh: CaseOnMesh) -> tuple[Ints, _PlaceOnBeam, F
 
 def _present(channel: Channel, on_mesh: CaseOnMesh) -> Bools:
     """(n_states,) when a channel on a structure can be read: while it stands, since its zero."""
-    stands = [channel.structure in state.structures for state in on_mesh.sequence.states]
-    since = from_zero(on_mesh, channel)
-    return np.array(stands, dtype=np.bool_) & since
+    sequence = on_mesh.sequence
+    stands = np.array([channel.structure in state.structures for state in sequence.states])
+    if not channel.is_zeroed:
+        return stands
+    return unbroken(sequence, on_mesh.case.zero_of(channel), stands)
 
 
 def _faults(channel: Channel, on_mesh: CaseOnMesh) -> Iterator[Fault]:

@@ -16,6 +16,9 @@ from geoident.forward.stages import CaseOnMesh, ConstructionSequence, element_nu
 from geoident.model.arrays import Bools
 from geoident.model.gauges import Channel, Reads, named_channels
 
+_SHOWN = 5
+"""Stages in a hint."""
+
 
 @dataclass(frozen=True)
 class Placed:
@@ -69,7 +72,8 @@ def best_site(
         for site in sites:
             group = int(sequence.group_of[site.element])
             if group not in known:
-                known[group] = _stays(sequence, zero, group, before=before)
+                here = np.array([group in state.materials for state in sequence.states])
+                known[group] = unbroken(sequence, zero, here, placed_next=before)
             stays = known[group]
             if stays.sum() > longest.sum():
                 best, longest = site, stays
@@ -89,22 +93,29 @@ def is_placed_after(sequence: ConstructionSequence, zero: int, site: Site) -> bo
     return int(sequence.group_of[site.element]) not in sequence.states[zero].materials
 
 
-def _stays(sequence: ConstructionSequence, zero: int, group: int, *, before: bool) -> Bools:
-    """(n_states,) states from the zero on to which no stage without the group leads.
+def unbroken(
+    sequence: ConstructionSequence, zero: int, here: Bools, *, placed_next: bool = False
+) -> Bools:
+    """(n_states,) states from the zero on to which what is here has been here all the way.
+
+    The way to a state on another branch leads back to where both part: what is not there has been
+    built twice, and the motions of the two are not those of one thing.
 
     Args:
         sequence: the states of construction.
-        zero: index of the state at which the channel reads zero.
-        group: index of a group of elements.
-        before: the group is placed by a stage that builds on the zero.
+        zero: index of the state at which a channel reads zero.
+        here: (n_states,) where it is there.
+        placed_next: it is not there at the zero, and placed by the stage that builds on it.
     """
-    gone = np.array([group not in state.materials for state in sequence.states])
-    built_on = sequence.built_on
+    built_on, states = sequence.built_on, np.arange(len(sequence.states))
     way = built_on ^ built_on[:, [zero]]
-    way[zero] = not before
-    later = np.arange(len(sequence.states)) >= zero
-    stays = np.asarray(~(gone[:, None] & way).any(axis=0) & later)
-    return stays if not before or stays[zero + 1 :].any() else np.zeros_like(stays)
+    parting = np.where(built_on & built_on[:, [zero]], states[:, None], 0).max(axis=0)
+    way[parting, states] = True
+    later = states >= zero
+    if placed_next:
+        way[zero], later = False, later & built_on[zero]
+    found = np.asarray(~(~here[:, None] & way).any(axis=0) & later)
+    return found if not placed_next or found[zero + 1 :].any() else np.zeros_like(found)
 
 
 def point_fault(
@@ -142,14 +153,24 @@ def point_fault(
         when = "is not there before the first stage, when it is read"
     elif channel.is_zeroed:
         when = f"is not there at stage '{channel.zero}', where the gauge is zeroed"
-        hint = "set 'zero' to a stage at which that ground is present, or correct the point"
+        there = [
+            state.name
+            for state in sequence.states
+            if any(sequence.groups[group] in groups for group in state.materials)
+        ]
+        hint = "correct the point, or let it be there: 'install' it"
+        if there:
+            others = ", ".join(map(repr, there[1:_SHOWN]))
+            more = f" (it is there at {others}, too)" if others else ""
+            hint = f"write 'zero: {there[0]}'{more}, or correct the point"
         placed = _first_placing(sequence, groups)
         if placed is not None:
             own, base = (sequence.states[n].name for n in placed)
             hint = f"set 'zero' to '{own}', which places that ground, or to '{base}' before it: "
             hint += "then what its own placing does counts, too"
-    return on_mesh.case.source.fault(
-        channel.key,
+    source, written = on_mesh.case.source, ("gauges", channel.gauge, "zero")
+    return source.fault(
+        written if channel.is_zeroed and written in source.positions else channel.key,
         code="gauge-in-absent-ground",
         message=f"point {place} of gauge '{channel.name}' stands in '{', '.join(groups)}', which "
         + when,

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from geoident.io.case.in_situ import surface_of
-from geoident.io.schema.section import Context, Section, SectionFaults, refuse
+from geoident.io.schema.section import Alternatives, Context, Section, SectionFaults, refuse
 from geoident.io.schema.values import (
     Coefficient,
     Coefficients,
@@ -87,6 +87,18 @@ class WaterLoadSection(Section):
 class LoadSection(Section):
     """A load: a pressure, a traction or water on faces, a force, or a pseudo-static earthquake."""
 
+    one_of = (
+        Alternatives(
+            "pressure",
+            "traction",
+            "water",
+            "force",
+            "line_force",
+            "seismic",
+            hint="Give each load a name and a mapping of its own.",
+        ),
+    )
+
     on: Name | None = Field(
         None,
         description="Group of lines (2-D) or surfaces (solid) in the mesh; for a force a group of "
@@ -111,18 +123,8 @@ class LoadSection(Section):
     )
 
     @model_validator(mode="after")
-    def _one_kind(self) -> LoadSection:
-        faults = SectionFaults()
-        kinds = [kind for kind in _LOADS if getattr(self, kind) is not None]
-        if len(kinds) != 1:
-            message = f"found {' and '.join(kinds) or 'no kind of load'}; exactly one of "
-            faults.add((), "wrong-pair", f"{message}{', '.join(_LOADS)} is expected")
-        else:
-            self._check_place(kinds[0], faults)
-        faults.raise_any()
-        return self
-
-    def _check_place(self, kind: str, faults: SectionFaults) -> None:
+    def _in_its_place(self) -> LoadSection:
+        kind = next(kind for kind in _LOADS if getattr(self, kind) is not None)
         places = [key for key in ("on", "at") if getattr(self, key) is not None]
         if kind == "seismic":
             expected, good = "neither 'on' nor 'at' is expected", not places
@@ -132,7 +134,8 @@ class LoadSection(Section):
             expected, good = "'on' with a group of faces is expected", places == ["on"]
         if not good:
             found = " and ".join(f"'{place}'" for place in places) or "no place"
-            faults.add((), "wrong-place", f"found {found} for the load '{kind}'; {expected}")
+            refuse((), "wrong-place", f"found {found} for the load '{kind}'; {expected}")
+        return self
 
     def load(self, context: Context) -> Load:
         """The load for the model; what cannot be is noted as a fault."""

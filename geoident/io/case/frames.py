@@ -24,6 +24,9 @@ but a dip direction has."""
 
 _MOST_TURNS = 12
 
+ATTITUDE_OR_AXES = "dip dip_direction? rotation?", "axis_1 axis_2"
+"""Ways to say where three axes point."""
+
 
 def oriented(
     parameters: Sequence[Parameter], ties: Iterable[tuple[KeyPath, Given]]

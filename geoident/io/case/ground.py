@@ -8,12 +8,12 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from geoident.io.case.frames import attitude, axes_along, strata
+from geoident.io.case.frames import ATTITUDE_OR_AXES, attitude, axes_along, strata
 from geoident.io.case.parameters import ParameterSection, start_values
 from geoident.io.case.varied.number import FieldModulus, YoungModulus, fields_in, growths_in
 from geoident.io.case.varied.rock_mass import KEY, DerivedModulus
 from geoident.io.case.yielding.sections import YieldSections, build_yields, fields_of_yields
-from geoident.io.schema.section import Context, Section, refuse, require_one_of
+from geoident.io.schema.section import Alternatives, Context, Section, refuse
 from geoident.io.schema.values import (
     Angle,
     Coefficient,
@@ -56,7 +56,7 @@ class _MaterialBase(Section):
         None,
         alias="yield",
         description="How it yields: one yield surface, or a list of surfaces that all hold; it "
-        "stays elastic if missing.",
+        "stays elastic if missing. Smooth surfaces need isotropic elasticity.",
     )
 
     @model_validator(mode="after")
@@ -77,6 +77,8 @@ class _MaterialBase(Section):
 class IsotropicSection(_MaterialBase):
     """A material: isotropic elasticity by E and nu, or by K and G."""
 
+    one_of = (Alternatives("E nu", "K G", hint="Give exactly one of the pairs."),)
+
     elastic: Literal["isotropic"] = Field("isotropic", description="Symmetry of the elasticity.")
     E: YoungModulus | None = Field(
         None,
@@ -86,12 +88,6 @@ class IsotropicSection(_MaterialBase):
     nu: Ratio | None = Field(None, description="Poisson's ratio, between -1 and 0.5.")
     K: FieldModulus | None = Field(None, description="Bulk modulus.")
     G: FieldModulus | None = Field(None, description="Shear modulus.")
-
-    @model_validator(mode="after")
-    def _one_pair(self) -> IsotropicSection:
-        expected = "E with nu, or K with G, is"
-        require_one_of(self, [("E", "nu"), ("K", "G")], expected, "Give exactly one of the pairs.")
-        return self
 
     def elasticity(self, context: Context) -> Isotropic:
         """By the pair that is given."""
@@ -126,6 +122,11 @@ class TransverselyIsotropicSection(_InclinedBase):
     identify. The strata lie by dip and dip_direction, or by their normal.
     """
 
+    one_of = (
+        Alternatives("E_p nu_p E_n nu_np G_np", "A C F L N", hint="Give all five of one set."),
+        Alternatives("dip dip_direction?", "normal", hint="Strata that lie flat: 'dip: 0 deg'."),
+    )
+
     elastic: Literal["transversely-isotropic"] = Field(description="Symmetry of the elasticity.")
     normal: DirectionVector | None = Field(
         None, description=f"Normal of the strata in place of dip and dip_direction, {_VECTOR}"
@@ -149,15 +150,6 @@ class TransverselyIsotropicSection(_InclinedBase):
     L: FieldModulus | None = Field(None, description="Love's L, shear modulus of normal and plane.")
     N: FieldModulus | None = Field(None, description="Love's N, shear modulus in the plane.")
 
-    @model_validator(mode="after")
-    def _one_set(self) -> TransverselyIsotropicSection:
-        expected = "E_p, nu_p, E_n, nu_np and G_np (or Love's A, C, F, L and N) are"
-        require_one_of(self, [_ENGINEERING, _LOVE], expected, "Give all five of one set.")
-        ways = [("dip",), ("dip", "dip_direction"), ("normal",)]
-        hint = "Strata that lie flat: 'dip: 0 deg'."
-        require_one_of(self, ways, "dip (with dip_direction), or normal, is", hint)
-        return self
-
     def elasticity(self, context: Context) -> TransverselyIsotropic | LoveModuli:
         """By engineering constants or Love's moduli."""
         frame = strata(context, self.dip, self.dip_direction, self.normal)
@@ -173,6 +165,8 @@ class OrthotropicSection(_InclinedBase):
     Axis 1 goes down the dip, 2 along the strike, 3 along the normal, upwards; `rotation` turns 1
     and 2 about 3. Or the axes are given by two vectors.
     """
+
+    one_of = (Alternatives(*ATTITUDE_OR_AXES, hint="Axes along the model's: 'dip: 0 deg'."),)
 
     elastic: Literal["orthotropic"] = Field(description="Symmetry of the elasticity.")
     E_1: FieldModulus = Field(description="Young's modulus along axis 1.")
@@ -193,14 +187,6 @@ class OrthotropicSection(_InclinedBase):
     axis_2: DirectionVector | None = Field(
         None, description=f"Axis 2, at a right angle to 1, {_VECTOR}"
     )
-
-    @model_validator(mode="after")
-    def _one_way(self) -> OrthotropicSection:
-        ways = [("dip",), ("dip", "rotation"), ("dip", "dip_direction"), ("axis_1", "axis_2")]
-        ways += [("dip", "dip_direction", "rotation")]
-        expected = "dip (with dip_direction and rotation), or axis_1 with axis_2, is"
-        require_one_of(self, ways, expected, "Axes along the model's: 'dip: 0 deg'.")
-        return self
 
     def elasticity(self, context: Context) -> Orthotropic:
         """By nine constants, and angles or axes."""

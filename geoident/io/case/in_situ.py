@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from geoident.io.schema.section import Context, Section, refuse
+from geoident.io.schema.section import Alternatives, Context, Section, refuse
 from geoident.io.schema.values import (
     Angle,
     Coefficient,
@@ -89,6 +89,15 @@ class _ModelBase(Section):
         """The stress for the model; what cannot be is noted as a fault."""
 
 
+class TectonicSection(Section):
+    """Horizontal components of a stress, tension positive; 0 if missing."""
+
+    xx: Stress | None = Field(None, description="Normal stress along x.")
+    yy: Stress | None = Field(None, description="Normal stress along y (solid only).")
+    zz: Stress | None = Field(None, description="Normal stress out of plane (2-D only).")
+    xy: Stress | None = Field(None, description="Shear stress (solid only).")
+
+
 class StressSection(Section):
     """Components of a stress, tension positive; 0 if missing."""
 
@@ -134,6 +143,14 @@ class HeimModel(_ModelBase):
     The vertical is y in 2-D and z in a solid.
     """
 
+    one_of = (
+        Alternatives(
+            "vertical",
+            "unit_weight surface",
+            hint="Give 'vertical' alone, or 'unit_weight' and 'surface'.",
+        ),
+    )
+
     model: Literal["heim"]
     K0: Coefficient = Field(
         description="Ratio of horizontal to vertical stress: along x, or along `azimuth`."
@@ -149,17 +166,8 @@ class HeimModel(_ModelBase):
     surface: LevelOrGroup | None = Field(
         None, description=_SURFACE, examples=["300 m", "topography"]
     )
-    tectonic: StressSection | None = _TECTONIC
+    tectonic: TectonicSection | None = _TECTONIC
     held: Flag | None = Field(None, description=_HELD)
-
-    @model_validator(mode="after")
-    def _one_way(self) -> HeimModel:
-        given = [k for k in ("vertical", "unit_weight", "surface") if getattr(self, k) is not None]
-        if given not in (["vertical"], ["unit_weight", "surface"]):
-            message = f"found {' and '.join(given) or 'neither'}; vertical, or unit_weight with"
-            hint = "Give 'vertical' alone, or 'unit_weight' and 'surface'."
-            refuse((), "wrong-pair", f"{message} surface, is expected", hint)
-        return self
 
     def stress(self, context: Context) -> HeimStress:
         """Vertical, and horizontal in parts of it."""
@@ -235,7 +243,7 @@ class GeostaticModel(_ModelBase):
         description="Pressure on the surface, compression positive; it lies on the ground until "
         "that is excavated. Give here or as a load what acts from the beginning, not both.",
     )
-    tectonic: StressSection | None = _TECTONIC
+    tectonic: TectonicSection | None = _TECTONIC
     held: Flag | None = Field(None, description=_HELD)
 
     @model_validator(mode="after")
@@ -330,15 +338,17 @@ def surface_of(given: Given | str) -> Surface:
 
 
 def _components(
-    given: ConstantModel | StressSection | GradientSection, context: Context
+    given: ConstantModel | StressSection | TectonicSection | GradientSection, context: Context
 ) -> Components:
     """The six components; those that a plane model does not have are faults."""
     if context.dim == 2:
         for name in _OUT_OF_PLANE:
-            if getattr(given, name) is not None:
+            if getattr(given, name, None) is not None:
                 message = f"a plane model has no stress {name}"
                 context.at(name).refuse("wrong-dimension", message, "Remove it.", key=True)
-    xx, yy, zz, xy, yz, xz = (scalar_of(getattr(given, name)) or Scalar(0.0) for name in _NAMES)
+    xx, yy, zz, xy, yz, xz = (
+        scalar_of(getattr(given, name, None)) or Scalar(0.0) for name in _NAMES
+    )
     return xx, yy, zz, xy, yz, xz
 
 
@@ -355,7 +365,7 @@ def _require_plan(azimuth: Given | None, context: Context) -> None:
         context.at("azimuth").refuse("wrong-dimension", message, hint, key=True)
 
 
-def _tectonic(given: StressSection | None, context: Context) -> Components | None:
+def _tectonic(given: TectonicSection | None, context: Context) -> Components | None:
     if given is None:
         return None
     place = context.at("tectonic")
@@ -364,11 +374,11 @@ def _tectonic(given: StressSection | None, context: Context) -> Components | Non
     return components
 
 
-def _require_horizontal(given: StressSection, context: Context) -> None:
+def _require_horizontal(given: TectonicSection, context: Context) -> None:
     for name in _NAMES:
         plane = context.dim == 3 or name not in _OUT_OF_PLANE
         horizontal = _HORIZONTAL[context.dim]
-        if plane and name not in horizontal and getattr(given, name) is not None:
+        if plane and name not in horizontal and getattr(given, name, None) is not None:
             message = f"{name} is not horizontal; {', '.join(horizontal)} are"
             hint = "Use 'model: profile' for stresses of any direction."
             context.at(name).refuse("wrong-dimension", message, hint, key=True)

@@ -102,6 +102,7 @@ def read_all(section: CaseSection, find: Find, faults: Faults) -> ReadReadings:
         checks.all(batch, alone=alone)
         found.readings += batch
     checks.bad()
+    found.notes += checks.drifts(found.readings)
     readings = tuple(replace(r, bad=r.bad or _bad_reason(section, r)) for r in found.readings)
     by_stage = when_read(found.dated, calendar)
     if by_stage and not faults.found:

@@ -20,12 +20,13 @@ from geoident.io.case.stages import ABSENT, Begin, check_sequence
 from geoident.io.schema.values import Given
 from geoident.io.text.faults import Faults
 from geoident.model.case import VIRGIN, KeyPath, format_path
-from geoident.units import with_article
+from geoident.units import rate_of, with_article
 
 
 def check_references(section: CaseSection, faults: Faults) -> None:
     """Note every name in the case that refers to nothing, and every impossible sequence."""
     _check_ties(section, faults)
+    _check_added(section, faults)
     if section.model is not None:
         _check_names(section, faults)
         _check_fit(section, faults)
@@ -228,14 +229,20 @@ def _check_mesh(section: CaseSection, faults: Faults) -> None:
     faults.add((), "no-mesh", message, hint)
 
 
-def _check_fit_elsewhere(section: CaseSection, faults: Faults) -> None:
-    """What asks for the equations of a model is not there; offsets are of what is read."""
+def _check_added(section: CaseSection, faults: Faults) -> None:
+    """Offsets and drifts of gauges that may read anything are ties to what they read."""
     for name, gauge in section.gauges.items():
-        for key, given in (("offset", gauge.offset), ("drift_per_stage", gauge.drift_per_stage)):
-            if given is not None and given.parameter in section.parameters:
-                tie = replace(given, dimension=gauge.dimension)
+        read = gauge.dimension
+        for key, wanted in (("offset", read), ("drift", rate_of(read)), ("drift_per_stage", read)):
+            given: Given | None = getattr(gauge, key)
+            if given is not None and given.parameter in section.parameters and not given.dimension:
+                tie = replace(given, dimension=wanted)
                 path: KeyPath = ("gauges", name, key)
                 _check_tie(section, path, tie, str(given.parameter), faults)
+
+
+def _check_fit_elsewhere(section: CaseSection, faults: Faults) -> None:
+    """What asks for the equations of a model is not there."""
     why = "the model is elsewhere ('model')"
     if section.fit.ladder:
         message = f"{why}, so geoident cannot make simpler ones of it"

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from geoident.io.schema.section import Context, Section, SectionFaults, refuse
+from geoident.io.schema.section import Alternatives, Context, Section, SectionFaults
 from geoident.io.schema.values import (
     Area,
     AxialStiffness,
@@ -38,16 +38,6 @@ class _StructureBase(Section):
     def structure(self, context: Context) -> Structure:
         """The structure for the model; a fault where the kind of analysis has none."""
 
-    def _require_one_of(self, *ways: tuple[str, ...]) -> None:
-        """Exactly the keys of one of the ways to say the stiffness."""
-        keys = sorted({key for way in ways for key in way})
-        given = [key for key in keys if getattr(self, key) is not None]
-        if any(sorted(way) == given for way in ways):
-            return
-        expected = ", or ".join(" and ".join(way) for way in ways)
-        message = f"found {' and '.join(given) or 'no stiffness'}; {expected} is expected"
-        refuse((), "wrong-pair", message, "Give the stiffness in one of these ways.")
-
 
 Hinge = Annotated[
     Annotated[Name, Tag("text")] | Annotated[Coordinates, Tag("list")], Discriminator(shape_of)
@@ -61,6 +51,10 @@ class BeamSection(_StructureBase):
     turn freely where they are not clamped, and two structures that meet are joined by a hinge.
     Forces are per metre out of plane or of circumference. Changes of temperature do not strain it.
     """
+
+    one_of = (
+        Alternatives("E thickness nu?", "EA EI", hint="Give the stiffness in one of these ways."),
+    )
 
     kind: Literal["beam"]
     on: Name = Field(description="Group of lines of the mesh on which it is built.")
@@ -98,7 +92,6 @@ class BeamSection(_StructureBase):
 
     @model_validator(mode="after")
     def _one_way(self) -> BeamSection:
-        self._require_one_of(("E", "thickness"), ("E", "thickness", "nu"), ("EA", "EI"))
         faults = SectionFaults()
         if self.density is not None and (self.weight is not None or self.thickness is None):
             other = "no thickness" if self.thickness is None else "weight"
@@ -144,6 +137,10 @@ class BeamSection(_StructureBase):
 class _BarSection(_StructureBase):
     """What all bars have in common."""
 
+    one_of = (
+        Alternatives("E diameter", "E area", "EA", hint="Give the stiffness in one of these ways."),
+    )
+
     ends: list[Line] = Field(
         min_length=1,
         description="The two end points of every bar.",
@@ -174,7 +171,6 @@ class _BarSection(_StructureBase):
 
     @model_validator(mode="after")
     def _one_way(self) -> _BarSection:
-        self._require_one_of(("E", "diameter"), ("E", "area"), ("EA",))
         faults = SectionFaults()
         for n, (first, second) in enumerate(self.ends):
             if _place(first) == _place(second):

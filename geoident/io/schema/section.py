@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, NoReturn
+from typing import Any, ClassVar, NoReturn
 
 from pydantic import BaseModel, ConfigDict, ValidationInfo, model_validator
 from pydantic_core import PydanticCustomError
@@ -17,10 +17,73 @@ SECTION_FAULTS = "section_faults"
 """Type of the pydantic error that carries several faults of one section."""
 
 
+class Alternatives:
+    """Ways to say one thing, of which a section takes exactly one; the order of keys is free.
+
+    Args:
+        ways: names of the keys of each way, those that may be left out with a question mark, such
+            as ``dip dip_direction?``; empty where nothing needs to be said.
+        hint: the remedy where the keys given are none of the ways.
+    """
+
+    def __init__(self, *ways: str, hint: str) -> None:
+        self.hint = hint
+        keys = [way.split() for way in ways]
+        self._needed = [[key for key in way if not key.endswith("?")] for way in keys]
+        self._optional = [[key[:-1] for key in way if key.endswith("?")] for way in keys]
+
+    @property
+    def keys(self) -> list[str]:
+        """Names of all keys, each once."""
+        ways = zip(self._needed, self._optional, strict=True)
+        return list(dict.fromkeys(key for way in ways for key in (*way[0], *way[1])))
+
+    @property
+    def nothing(self) -> str:
+        """What is found where no key is given."""
+        return "neither" if len(self._needed) == 2 else "none of them"
+
+    def fits(self, given: Sequence[str]) -> bool:
+        """Whether the keys given are those of one way."""
+        ways = zip(self._needed, self._optional, strict=True)
+        return any(set(must) <= set(given) <= {*must, *may} for must, may in ways)
+
+    def words(self, mark: str = "") -> str:
+        """The ways in words.
+
+        Args:
+            mark: around the names of keys.
+        """
+        ways = []
+        for must, may in zip(self._needed, self._optional, strict=True):
+            more = f" (with {_listed(may, mark)})" if may else ""
+            ways.append(f"{_listed(must, mark)}{more}" if must else "none of them")
+        return ", or ".join(ways)
+
+
+def _listed(keys: Sequence[str], mark: str) -> str:
+    *first, last = (f"{mark}{key}{mark}" for key in keys)
+    return f"{', '.join(first)} and {last}" if first else last
+
+
+def _describe_ways(schema: dict[str, Any], section: type[Section]) -> None:
+    """Name the ways of a section in the schema, and so on the page of keys."""
+    ways = "".join(f"\n\nExactly one of: {one.words('`')}." for one in section.one_of)
+    if ways:
+        schema["description"] = schema.get("description", "") + ways
+
+
 class Section(BaseModel):
     """A mapping of the case file. Unknown keys are refused, after noting those that are known."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True, defer_build=True)
+    model_config = ConfigDict(
+        extra="forbid",
+        frozen=True,
+        populate_by_name=True,
+        defer_build=True,
+        json_schema_extra=_describe_ways,
+    )
+    one_of: ClassVar[tuple[Alternatives, ...]] = ()
 
     @model_validator(mode="before")
     @classmethod
@@ -30,6 +93,19 @@ class Section(BaseModel):
             known = tuple(f.alias or name for name, f in cls.model_fields.items())
             info.context[id(data)] = known
         return data
+
+    @model_validator(mode="after")
+    def _in_one_way(self) -> Section:
+        """Refuse keys that are none of the ways in which something can be said."""
+        faults = SectionFaults()
+        for one in self.one_of:
+            given = [key for key in one.keys if getattr(self, key) is not None]
+            if not one.fits(given):
+                found = _listed(given, "") if given else one.nothing
+                message = f"found {found}; expected is {one.words()}"
+                faults.add((), "wrong-pair", message, one.hint)
+        faults.raise_any()
+        return self
 
     @property
     def numbers(self) -> list[Given]:
@@ -139,24 +215,3 @@ def refuse(path: KeyPath, code: str, message: str, hint: str = "") -> NoReturn:
     """
     fault = SectionFault(path, code, message, hint)
     raise PydanticCustomError(SECTION_FAULTS, "faults in a section", {"found": [fault]})
-
-
-def require_one_of(
-    section: Section, ways: Sequence[Sequence[str]], expected: str, hint: str
-) -> None:
-    """Refuse a section whose keys are none of the ways in which something can be said.
-
-    Args:
-        section: the section.
-        ways: sets of keys, in the order of the section.
-        expected: what is expected, ending with its verb.
-        hint: the remedy.
-
-    Raises:
-        PydanticCustomError: the keys given are another set.
-    """
-    known = dict.fromkeys(name for way in ways for name in way)
-    given = [name for name in known if getattr(section, name) is not None]
-    if given not in [list(way) for way in ways]:
-        message = f"found {' and '.join(given) or 'no constants'}; {expected} expected"
-        refuse((), "wrong-pair", message, hint)

@@ -29,6 +29,7 @@ from geoident.model.parameter import Scalar
 from geoident.units import (
     DIMENSIONLESS,
     DIMENSIONS,
+    LARGEST,
     NUMBER_PATTERN,
     UNITS,
     UnitError,
@@ -53,6 +54,9 @@ _EXAMPLES: Mapping[str | None, str] = {
     "unit weight": "26 kN/m3",
     "acceleration": "9.81 m/s2",
     "velocity": "0.5 mm/month",
+    "pressure rate": "2 kPa/month",
+    "angle rate": "0.01 mrad/month",
+    "strain rate": "5 microstrain/month",
     "time": "10 days",
     "force": "100 kN",
     "line load": "100 kN/m",
@@ -189,7 +193,7 @@ class Of:
         text = require_text(value, self.words())
         tie = _TIE.fullmatch(text.strip()) if len(text) <= _LONGEST else None
         if tie is not None and self.tied:
-            factor = float(tie[1] or (-1.0 if tie[2] else 1.0))
+            factor = _factor(tie[1] or ("-1" if tie[2] else "1"), text)
             return Given(text, factor, tie[3], self.dimension or "")
         if text.strip().startswith("$") or tie is not None:
             raise self._refuse_tie(text, well_formed=tie is not None)
@@ -222,6 +226,9 @@ class Of:
         return Refusal("bad-tie", message, "Write the number itself.")
 
     def _in_range(self, given: Given) -> Given:
+        if self.tied and self.above == 0.0 and 0.0 < given.factor < 1.0 / LARGEST:
+            message = f"'{given.text}' is too small to be computed with"
+            raise Refusal("out-of-range", message, "Check its exponent.")
         if self.above is not None and not given.factor > self.above:
             if self.below is None:
                 limit = (
@@ -282,6 +289,25 @@ class Of:
         si = DIMENSIONS.get(self.dimension or "", "")
         text = f"{self.words()}{f' (SI: {si})' if si else ''}"
         return f"{text}, or $parameter with or without a factor" if self.tied else text
+
+
+_LEAST_FACTOR, _MOST_FACTOR = 1e-12, 1e12
+
+
+def _factor(number: str, text: str) -> float:
+    """The factor of a tie.
+
+    Raises:
+        Refusal: it leaves nothing of its parameter, or no one can mean it.
+    """
+    factor = float(number)
+    if factor == 0.0:
+        message = f"'{shorten(text)}' is zero, whatever the parameter is"
+        raise Refusal("out-of-range", message, "Write the number itself, or another factor.")
+    if not _LEAST_FACTOR <= abs(factor) <= _MOST_FACTOR:
+        message = f"'{shorten(text)}': a factor from {_LEAST_FACTOR:g} to {_MOST_FACTOR:g} is "
+        raise Refusal("out-of-range", f"{message}expected", "Check its exponent.")
+    return factor
 
 
 def _require_angle(given: Given) -> None:

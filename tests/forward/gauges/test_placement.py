@@ -152,7 +152,7 @@ HINT = ("set 'zero' to 'put', which places that ground, or to 'dig' before it: t
         (displacement("d", (5.5, 0.5), (1.0, 0.0)),
          "point (5.5, 0.5) m of gauge 'd' stands in 'never', which is not there at stage 'virgin', "
          "where the gauge is zeroed",
-         "set 'zero' to a stage at which that ground is present, or correct the point"),
+         "correct the point, or let it be there: 'install' it"),
         (gauge("stress", "s", (5.5, 0.5), "xx"),
          "point (5.5, 0.5) m of gauge 's' stands in 'never', which is never there",
          "correct the point"),

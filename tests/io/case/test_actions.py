@@ -151,7 +151,7 @@ FAULTS = {
         "in_situ.groups.bnch",
         ["mean 'bench'?"],
     ),
-    "no load": (LOAD, "{on: left}", "loads.water", ["no kind of load", "seismic"]),
+    "no load": (LOAD, "{on: left}", "loads.water", ["found none of them", "seismic"]),
     "pressure at a point": (
         LOAD,
         "{at: [1, 2 m], pressure: 1 MPa}",

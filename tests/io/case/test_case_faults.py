@@ -149,7 +149,7 @@ FAULTS = {
     "nu": ("0.25", "«0.5", "materials.rock.nu", ["between -1 and 0.5"]),
     "E": ("$E_rock,", "«-1 GPa,", "materials.rock.E", None),
     "G": ("6 GPa", "«0 GPa", "materials.shotcrete.G", ["must be positive"]),
-    "mixed pair": (", K: 8", ", E: 8", "materials.shotcrete", ["found E and G", "K with G"]),
+    "mixed pair": (", K: 8", ", E: 8", "materials.shotcrete", ["found E and G", "K and G"]),
     "negative density": ("2650", "«-2650", "materials.rock.density", ["negative"]),
     "unknown material": ("bench: rock", "bench: «rok", "groups.bench", ["mean 'rock'?"]),
     "unknown installed material": (
@@ -241,7 +241,7 @@ FAULTS = {
         EX1,
         "  EX1: {kind: displacement, point: [0, 0 m], accuracy: 1 mm}",
         "gauges.EX1",
-        ["found neither", "component or direction"],
+        ["found neither", "component, or direction"],
     ),
     "direction of zero": (
         EX1,

@@ -250,7 +250,7 @@ def test_line_of_sight(project, changed):
         ),
         (
             "«{kind: inclinometer, casing: [[1, 0 m], [1, -9 m]], accuracy: 1 mm}»",
-            "found neither; either depths or interval is expected",
+            "found neither; expected is depths, or interval",
             "Give exactly one of them.",
         ),
         (
@@ -270,8 +270,10 @@ def test_line_of_sight(project, changed):
         ),
         (
             "{kind: tilt, point: [0, 3 m], drift: «1 mm/year», accuracy: 1 mrad}",
-            "a drift in time is a length by a time; this gauge reads angles",
-            "Use 'drift_per_stage'.",
+            "'1 mm/year' is a velocity; an angle rate is expected",
+            "Its units: mrad/month, rad/month, urad/month, deg/month, arcsec/month, mrad/year, "
+            "rad/year, urad/year, deg/year, arcsec/year, mrad/day, rad/day, urad/day, deg/day, "
+            "arcsec/day, mrad/week, rad/week and 13 more.",
         ),
         (
             "{kind: levelling, points: {a: [0, 0 m], b: [1, 0 m]}, relative_to: «c»,"
@@ -287,7 +289,7 @@ def test_line_of_sight(project, changed):
         ),
         (
             "«{kind: line-of-sight, point: [0, 0 m], accuracy: 1 mm}»",
-            "found no direction; one of direction, sensor and incidence is expected",
+            "found none of them; expected is direction, or sensor, or incidence (with azimuth)",
             "Give one of them.",
         ),
         (
@@ -345,9 +347,9 @@ def test_a_tilt_sits_on_a_structure_that_the_case_has(project, changed):
     gauge = "{kind: tilt, on: «wall, point: [1, 0 m], accuracy: 0.1 mrad}"
     fault = project.only_fault(plane(changed, gauge))
     assert fault.message == "there is no structure 'wall'"
-    gauge = "{kind: tilt, on: «wall, between: [[1, 0 m], [1, 2 m]], accuracy: 0.1 mrad}"
+    gauge = "«{kind: tilt, on: wall, between: [[1, 0 m], [1, 2 m]], accuracy: 0.1 mrad}"
     fault = project.only_fault(plane(changed, gauge))
-    assert fault.message == "'on' goes with a point: two points have a rotation without it"
+    assert fault.message == "found on and between; expected is point (with on), or between"
 
 
 def test_rings_are_read_by_another_probe(project, changed):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import permutations
 from math import cos, pi, radians, sin
 
 import numpy as np
@@ -105,6 +106,71 @@ def test_three_axes_by_angles_or_by_two_vectors(rock):
     assert elastic.frame == Axes((0.6, 0.8, 0.0), (-0.8, 0.6, 0.0))
 
 
+def axes_of_a_compass(dip: float, azimuth: float, rotation: float) -> np.ndarray:
+    """Axes 1, 2, 3 as columns in east, north, up, from the words of the manual.
+
+    1 down the dip, 3 along the normal, upwards, 2 along the strike so that they are right-handed;
+    `rotation` turns 1 and 2 about 3 (Rodrigues' formula).
+    """
+    down = np.array([cos(dip) * sin(azimuth), cos(dip) * cos(azimuth), -sin(dip)])
+    normal = np.array([sin(dip) * sin(azimuth), sin(dip) * cos(azimuth), cos(dip)])
+    turned = [
+        cos(rotation) * v + sin(rotation) * np.cross(normal, v)
+        for v in (down, np.cross(normal, down))
+    ]
+    return np.column_stack([*turned, normal])
+
+
+def stiffness_along(axes: np.ndarray) -> np.ndarray:
+    """E (6, 6) of `THREE` with these axes: the compliance inverted, the tensor turned, Pa.
+
+    Rows and columns xx, yy, zz, xy, yz, xz.
+    """
+    E, G, nu = (15e9, 9e9, 7e9), (4e9, 2e9, 3e9), {(0, 1): 0.2, (0, 2): 0.2, (1, 2): 0.1}
+    S = np.diag([1 / x for x in (*E, *G)])
+    for (i, j), ratio in nu.items():
+        S[i, j] = S[j, i] = -ratio / E[i]
+    C, pairs = np.linalg.inv(S), [(0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2)]
+    tensor = np.zeros((3, 3, 3, 3))
+    for a, (i, j) in enumerate(pairs):
+        for b, (k, m) in enumerate(pairs):
+            for one in {(i, j), (j, i)}:
+                for other in {(k, m), (m, k)}:
+                    tensor[(*one, *other)] = C[a, b]
+    turned = np.einsum("ia,jb,kc,md,abcd->ijkm", axes, axes, axes, axes, tensor)
+    return np.array([[turned[(*one, *other)] for other in pairs] for one in pairs])
+
+
+@pytest.mark.parametrize("keys", list(permutations(["dip", "dip_direction", "rotation"])))
+def test_axes_by_dip_direction_and_rotation_lie_as_the_manual_says(rock, keys):
+    """An independent turn of the tensor of stiffness; the order of the keys does not matter."""
+    angles = {"dip": 35.0, "dip_direction": 120.0, "rotation": 25.0}
+    written = ", ".join(f"{key}: {angles[key]} deg" for key in keys)
+    found = moduli_at(rock(f"{THREE}, {written}", solid=True), {"E_rock": 15e9}, 6)
+    axes = axes_of_a_compass(*(radians(angles[key]) for key in angles))
+    np.testing.assert_allclose(found, stiffness_along(axes), atol=1e-9 * 15e9)
+
+
+@pytest.mark.parametrize("keys", list(permutations(["dip", "dip_direction", "rotation"])))
+def test_axes_in_a_section_lie_as_in_a_solid_seen_looking_north(rock, keys):
+    """x is east, y up, z south: the turned stiffness of the solid with these components."""
+    angles = {"dip": 35.0, "dip_direction": 90.0, "rotation": 90.0}
+    written = ", ".join(f"{key}: {angles[key]} deg" for key in keys)
+    found = moduli_at(rock(f"{THREE}, {written}"), {"E_rock": 15e9}, 4)
+    seen = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])  # x, y, z of the section
+    axes = seen @ axes_of_a_compass(*(radians(angles[key]) for key in angles))
+    np.testing.assert_allclose(found, stiffness_along(axes)[:4, :4], atol=1e-9 * 15e9)
+
+
+@pytest.mark.parametrize("keys", list(permutations(["dip", "dip_direction", "rotation"])))
+def test_axes_of_a_field_take_the_angles_in_any_order(rock, keys):
+    angles = {"dip": 35.0, "dip_direction": 120.0, "rotation": 25.0}
+    along = ", ".join(f"{key}: {angles[key]} deg" for key in keys)
+    field = "{field: {mean: $E_rock, sd: 30 %, length: [9 m, 5 m, 2 m], along: {" + along + "}}}"
+    frame = rock(f"E: {field}, nu: 0.2", solid=True).fields[0].frame
+    assert frame == Attitude(*(Scalar(radians(angle)) for angle in angles.values()))
+
+
 def test_entries_of_a_general_matrix(rock):
     elastic = rock(f"{ENTRIES}, c14: -1 GPa").elastic
     assert isinstance(elastic, Anisotropic)
@@ -158,7 +224,7 @@ def test_a_fault_is_told_at_its_place(fault, text, words):
 @pytest.mark.parametrize(
     ("text", "solid", "words"),
     [
-        (STRATA + ", dip: 0 deg", False, ["found E_p and nu_p and E_n and nu_np", "G_np"]),
+        (STRATA + ", dip: 0 deg", False, ["found E_p, nu_p, E_n and nu_np", "G_np"]),
         (STRATA + ", G_np: 3 GPa", False, ["dip (with dip_direction), or normal"]),
         (STRATA + ", G_np: 3 GPa, dip: 5 deg, normal: [0, 1]", False, ["dip and normal"]),
         (STRATA + ", G_np: 3 GPa, dip: 5 deg", True, ["direction of the dip is missing"]),

@@ -58,7 +58,7 @@ def test_stages_are_those_of_the_face_and_what_is_resolved_is_the_same_law(tmp_p
         (", zero: first}\n  V", "}\n  V", "gauges.H", "since its first reading",
          "Add 'zero: STAGE'"),
         ("n: $n", "n: 0.5", "parameters.n", "nothing depends on it", "Write $n"),
-        ("  T: $T\n  n: $n\n", "  n: $n\n", "model", "T is missing", "Give all three"),
+        ("  T: $T\n  n: $n\n", "  n: $n\n", "model", "m, T and n, or none", "Give all three"),
         ("excavated: 2024-03-01", "gauges: [H]", "gauges.V", "belongs to no section", "Add it"),
         ("excavated: 2024-03-01", "gauges: [H, V, W]", "model.sections.A.gauges[2]", "'W'", ""),
     ],

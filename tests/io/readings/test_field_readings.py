@@ -454,7 +454,7 @@ def test_gauges_may_have_offset_and_drift_with_units(project, changed):
     [
         ("drift: 1 mm/month", "", "the stage 'bench 1' has no date"),
         ("drift: 1 mm", "{heading: 2024-03-01, bench 1: 2024-04-01}", "a velocity is expected"),
-        ("drift: 1 mm/day, drift_per_stage: 1 mm", "", "one of them is expected"),
+        ("drift: 1 mm/day, drift_per_stage: 1 mm", "", "expected is drift, or drift_per_stage"),
         ("offset: $E_rock", "", "a length is expected"),
     ],
 )
@@ -477,3 +477,22 @@ def test_a_new_format_needs_a_reader_and_a_line_in_the_table_of_formats(read, mo
     monkeypatch.setitem(FORMATS, ".log", Format(lines_of_a_logger))
     case = read("readings: site.log", files={"site.log": "CV1 heading 0.002\n"})
     assert values(case) == [("CV1", "heading", 2.0)]
+
+
+@pytest.mark.parametrize(
+    ("cell", "words"),
+    [
+        ("accuracy: 2 kN, offset: $E_rock", "'$E_rock' is a pressure (start: 15 GPa); a force is"),
+        ("accuracy: 2 kN, drift: $E_rock", "a force rate is expected"),
+        ("accuracy: 2 kN, drift: 2 kN", "'2 kN' is a force; the accuracy says that a force is"),
+        ("accuracy: 2 kN/m, drift: 2 kN/month", "'2 kN/month' is a force rate; the accuracy says"),
+    ],
+)
+def test_what_is_added_to_a_load_cell_is_a_force(project, changed, cell, words):
+    """A load cell may read N or N/m, so its accuracy says which; ties are held against it too."""
+    gauge = f"gauges:\n  L: {{kind: load-cell, structure: bolts, {cell}}}\n"
+    bolts = (
+        "structures: {bolts: {kind: bolt, ends: [[[3, 0 m], [7, 0 m]]], EA: 9 MN, spacing: 1 m}}"
+    )
+    faults = project.faults(changed("gauges:\n", f"{bolts}\n{gauge}"))
+    assert any(words in fault.message for fault in faults), faults

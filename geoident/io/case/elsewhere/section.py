@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 from pydantic import BeforeValidator, Discriminator, Field, Tag, WithJsonSchema, model_validator
 
 from geoident.io.case.readings import Date
-from geoident.io.schema.section import Section, SectionFaults, refuse
+from geoident.io.schema.section import Alternatives, Section, SectionFaults, refuse
 from geoident.io.schema.values import (
     Coefficient,
     Count,
@@ -381,6 +381,10 @@ class ConvergenceLawSection(Section):
     growth in time.
     """
 
+    one_of = (
+        Alternatives("m T n", "", hint="Give all three, or none where nothing grows in time."),
+    )
+
     kind: Literal["convergence-law"]
     face: dict[Name, Length] = Field(
         min_length=1,
@@ -404,16 +408,6 @@ class ConvergenceLawSection(Section):
     n: ExponentConstant | None = Field(
         None, description="Exponent of the growth in time, often 0.3.", examples=["0.3"]
     )
-
-    @model_validator(mode="after")
-    def _time_is_whole(self) -> ConvergenceLawSection:
-        missing = [name for name in ("m", "T", "n") if getattr(self, name) is None]
-        if 0 < len(missing) < 3:
-            message = f"of m, T and n, which belong together, {' and '.join(missing)} "
-            message += "is missing" if len(missing) == 1 else "are missing"
-            hint = "Give all three, or none for convergence that does not grow in time."
-            refuse((), "wrong-pair", message, hint)
-        return self
 
 
 ElsewhereSection = Annotated[

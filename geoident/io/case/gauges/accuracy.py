@@ -90,15 +90,24 @@ _EXAMPLES = {"angle": "0.05 mrad", "pressure": "10 kPa", "strain": "5 microstrai
 """Dimension to an accuracy that is usual; a length where it is not here."""
 
 
+UNKNOWN_SIZE = (
+    "nothing is known of the usual accuracy of a plain reading",
+    "Give a size, and 'accuracies: estimate' under 'fit' to have it estimated from there.",
+)
+"""What is wrong with an accuracy to be estimated of a gauge that may read anything; the remedy."""
+
+
 @dataclass(frozen=True)
 class StandardDeviationOf(Of):
     """Annotation of a `Given`: a standard deviation, or ``estimate``, which has no dimension.
 
     Args:
         per_root_length: as it adds up along a casing, as in ``0.2 mm/sqrt(m)``.
+        usual: its usual size is known, from which it may be estimated.
     """
 
     per_root_length: bool = False
+    usual: bool = True
 
     def parse(self, value: object) -> Given:
         """The size that a text says.
@@ -111,6 +120,8 @@ class StandardDeviationOf(Of):
             return value
         text = require_text(value, self.words())
         if text.strip() == ESTIMATE:
+            if not self.usual:
+                raise Refusal("no-size", *UNKNOWN_SIZE)
             return Given(ESTIMATE, math.nan, None, self.dimension or ESTIMATE)
         given = self._along(text) if self.per_root_length else super().parse(text)
         if not given.factor >= 0.0:
@@ -132,6 +143,8 @@ class StandardDeviationOf(Of):
         self, schema: CoreSchema, handler: GetJsonSchemaHandler
     ) -> dict[str, Any]:
         described = super().__get_pydantic_json_schema__(schema, handler)
+        if not self.usual:
+            return described
         if self.per_root_length:
             size = quantity_pattern(UNITS).removesuffix("?") + r"\s*/\s*sqrt\([A-Za-z]+\)"
             described["pattern"] = rf"^\s*({size})\s*$"
@@ -174,7 +187,8 @@ AccuracyPart = Annotated[Given, StandardDeviationOf(None)]
 class ErrorsSection(Section):
     """What the errors of readings are made of, as standard deviations; 0 for none.
 
-    What is left out has the size that is usual for the kind of gauge. Each may be `estimate`.
+    What is left out has the size that is usual for the kind of gauge. Each may be `estimate`,
+    but of a plain reading, of which nothing is usual.
     """
 
     reading: AccuracyPart | None = Field(

@@ -16,6 +16,7 @@ from geoident.io.case.gauges.accuracy import (
 from geoident.io.case.gauges.gauge import point_of
 from geoident.io.case.gauges.on_structure import TOWARDS, on_structure
 from geoident.io.case.gauges.value import (
+    DRIFT,
     StressComponent,
     ValueGauge,
     has_component,
@@ -24,7 +25,7 @@ from geoident.io.case.gauges.value import (
     unit_direction,
 )
 from geoident.io.schema.estimated import ESTIMATE
-from geoident.io.schema.section import Context, SectionFaults
+from geoident.io.schema.section import Alternatives, Context, SectionFaults
 from geoident.io.schema.values import (
     Coordinates,
     Count,
@@ -35,12 +36,13 @@ from geoident.io.schema.values import (
     Of,
 )
 from geoident.model.gauges import Channel, Reads
-from geoident.units import unit_list, with_article
 
 Principal = Literal["major", "intermediate", "minor", "plane-major", "plane-minor"]
 
 PressureOffset = Annotated[Given, Of("pressure", tied=True)]
+PressureRate = Annotated[Given, Of("pressure rate", tied=True)]
 ForceOffset = Annotated[Given, Of(None, tied=True)]
+ForceRate = ForceOffset
 
 
 class StressGaugeSection(ValueGauge):
@@ -52,11 +54,17 @@ class StressGaugeSection(ValueGauge):
     plane-minor of those in the section of a plane model, or in the horizontal plane of a solid.
     """
 
+    one_of = (
+        *ValueGauge.one_of,
+        Alternatives("components", "principal", "direction", hint="Give exactly one of them."),
+    )
+
     kind: Literal["stress"]
     accuracy: PressureAccuracy = Field(
         description="Standard deviation of one reading.", examples=["0.3 MPa"]
     )
     offset: PressureOffset | None = Field(None, description="Added to all readings.")
+    drift: PressureRate | None = Field(None, description=DRIFT)
     drift_per_stage: PressureOffset | None = Field(None, description="Drift per stage.")
     point: Coordinates = Field(description="Where it is read.")
     components: list[StressComponent] | None = Field(
@@ -85,13 +93,7 @@ class StressGaugeSection(ValueGauge):
 
     @model_validator(mode="after")
     def _one_way(self) -> StressGaugeSection:
-        ways = ("components", "principal", "direction")
-        given = [way for way in ways if getattr(self, way) is not None]
         faults = SectionFaults()
-        if len(given) != 1:
-            message = f"found {' and '.join(given) or 'none of them'}; one of components, "
-            message += "principal and direction is expected"
-            faults.add((), "wrong-pair", message, "Give exactly one of them.")
         if self.state == "virgin" and "zero" in self.model_fields_set:
             message = "found 'zero' of a stress in the virgin state, which does not change"
             faults.add(("zero",), "wrong-pair", message, "Remove 'zero' or 'state: virgin'.")
@@ -142,11 +144,17 @@ class PressureCellSection(ValueGauge):
     the plane; on a beam (`on`) it is read across the beam, in the ground beside it.
     """
 
+    one_of = (
+        *ValueGauge.one_of,
+        Alternatives("normal", "on towards?", hint="'towards' tells the sides of a beam apart."),
+    )
+
     kind: Literal["pressure-cell"]
     accuracy: PressureAccuracy = Field(
         description="Standard deviation of one reading.", examples=["10 kPa"]
     )
     offset: PressureOffset | None = Field(None, description="Added to all readings.")
+    drift: PressureRate | None = Field(None, description=DRIFT)
     drift_per_stage: PressureOffset | None = Field(None, description="Drift per stage.")
     point: Coordinates = Field(description="Where it is read.")
     normal: DirectionVector | None = Field(
@@ -158,13 +166,6 @@ class PressureCellSection(ValueGauge):
     @model_validator(mode="after")
     def _one_plane(self) -> PressureCellSection:
         faults = SectionFaults()
-        if (self.normal is None) == (self.on is None):
-            found = "neither" if self.on is None else "both"
-            message = f"found {found}; either normal or on is expected"
-            faults.add((), "wrong-pair", message, "Give exactly one of them.")
-        elif self.towards is not None and self.on is None:
-            message = "'towards' tells the sides of a beam apart, and none is given"
-            faults.add(("towards",), "wrong-pair", message, "Remove it, or give 'on'.")
         refuse_no_direction("normal", self.normal, faults)
         faults.raise_any()
         return self
@@ -196,6 +197,7 @@ class PiezometerSection(ValueGauge):
         description="Standard deviation of one reading.", examples=["2 kPa"]
     )
     offset: PressureOffset | None = Field(None, description="Added to all readings.")
+    drift: PressureRate | None = Field(None, description=DRIFT)
     drift_per_stage: PressureOffset | None = Field(None, description="Drift per stage.")
     point: Coordinates = Field(description="Where it is read.")
 
@@ -221,6 +223,7 @@ class LoadCellSection(ValueGauge):
         examples=["5 kN"],
     )
     offset: ForceOffset | None = Field(None, description="Added to all readings.")
+    drift: ForceRate | None = Field(None, description=DRIFT)
     drift_per_stage: ForceOffset | None = Field(None, description="Drift per stage.")
     structure: Name = Field(description="The structure whose force is read.")
     bar: Annotated[int, Count()] | None = Field(
@@ -247,22 +250,13 @@ class LoadCellSection(ValueGauge):
     @model_validator(mode="after")
     def _forces(self) -> LoadCellSection:
         faults = SectionFaults()
-        numbers = {"accuracy": self.accuracy, "offset": self.offset}
-        numbers["drift_per_stage"] = self.drift_per_stage
-        for key, given in numbers.items():
-            if not isinstance(given, Given) or given.parameter is not None:
-                continue
-            if given.text == ESTIMATE:
-                continue
-            if given.dimension not in FORCES:
-                message = f"'{given.text}' is no force, line load or moment per length"
-                hint = "Forces of one bar in kN; N and Q of a beam in kN/m, M in kNm/m."
-                faults.add((key,), "unit", message, hint)
-            elif given.dimension != self.dimension and self.dimension in FORCES:
-                message = f"'{given.text}' is {with_article(given.dimension)}; the accuracy says "
-                message += f"that {with_article(self.dimension)} is read"
-                hint = f"Its units: {unit_list(self.dimension)}."
-                faults.add((key,), "unit", message, hint)
+        if self.dimension in FORCES:
+            self.note_other_dimensions(faults)
+        else:
+            assert isinstance(self.accuracy, Given)
+            message = f"'{self.accuracy.text}' is no force, line load or moment per length"
+            hint = "Forces of one bar in kN; N and Q of a beam in kN/m, M in kNm/m."
+            faults.add(("accuracy",), "unit", message, hint)
         if self.sign is not None and self.quantity != "N":
             message = f"'sign' is that of the axial force; {self.quantity} is read"
             faults.add(("sign",), "wrong-pair", message, "Remove it; 'towards' turns moments.")

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import (
@@ -28,7 +28,7 @@ from geoident.io.case.gauges.accuracy import (
     unit_shown,
 )
 from geoident.io.schema.estimated import ESTIMATE
-from geoident.io.schema.section import Context, Section, refuse
+from geoident.io.schema.section import Alternatives, Context, Section
 from geoident.io.schema.values import (
     Coordinates,
     Drift,
@@ -50,6 +50,10 @@ Motion = tuple[str, Vector | None, Vector, Vector]
 
 class GaugeBase(Section):
     """What every kind of gauge says beside its place."""
+
+    one_of: ClassVar[tuple[Alternatives, ...]] = (
+        Alternatives("drift", "drift_per_stage", "", hint="Give one of them, or none."),
+    )
 
     accuracy: LengthAccuracy = Field(
         description="Standard deviation of one reading, whose errors are then independent; or what "
@@ -84,13 +88,6 @@ class GaugeBase(Section):
     @model_validator(mode="after")
     def _sizes_of_errors(self) -> GaugeBase:
         check_parts(self.accuracy, self.dimension, self.kind_name)
-        return self
-
-    @model_validator(mode="after")
-    def _one_drift(self) -> GaugeBase:
-        if self.drift is not None and self.drift_per_stage is not None:
-            message = "found drift and drift_per_stage; one of them is expected"
-            refuse((), "wrong-pair", message, "Give exactly one of them.")
         return self
 
     @model_serializer(mode="wrap")

@@ -20,7 +20,7 @@ from geoident.io.case.gauges.gauge import (
     point_of,
     unit_vector,
 )
-from geoident.io.schema.section import Context, SectionFaults
+from geoident.io.schema.section import Alternatives, Context, SectionFaults
 from geoident.io.schema.values import (
     Coordinates,
     DirectionVector,
@@ -45,6 +45,11 @@ class InclinometerSection(GaugeBase):
     magnetic rings add GAUGE.S12.5, the settlement along the casing. Axis B is a quarter turn
     clockwise from A, seen from above.
     """
+
+    one_of = (
+        *GaugeBase.one_of,
+        Alternatives("depths", "interval", hint="Give exactly one of them."),
+    )
 
     kind: Literal["inclinometer"]
     casing: list[Coordinates] = Field(
@@ -87,10 +92,6 @@ class InclinometerSection(GaugeBase):
     @model_validator(mode="after")
     def _consistent(self) -> InclinometerSection:
         faults = SectionFaults()
-        if (self.depths is None) == (self.interval is None):
-            found = "neither" if self.depths is None else "both"
-            message = f"found {found}; either depths or interval is expected"
-            faults.add((), "wrong-pair", message, "Give exactly one of them.")
         if (self.ring_accuracy is None) == bool(self.rings):
             message = "found one of rings and ring_accuracy; both or none are expected"
             hint = "Rings are read by another probe: add 'ring_accuracy: 1 mm' to 'rings'."

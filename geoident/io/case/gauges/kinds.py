@@ -28,7 +28,7 @@ from geoident.io.case.gauges.on_structure import on_structures
 from geoident.io.case.gauges.reading import PlainReadingSection
 from geoident.io.case.gauges.strain import StrainSection
 from geoident.io.case.gauges.target import TargetSection
-from geoident.io.schema.section import Context, SectionFaults
+from geoident.io.schema.section import Alternatives, Context, SectionFaults
 from geoident.io.schema.values import Coordinates, DirectionVector, Line, Name
 from geoident.model.arrays import Vector
 from geoident.model.gauges import Channel
@@ -80,6 +80,11 @@ class ConvergenceSection(GaugeBase):
 class DisplacementSection(GaugeBase):
     """Displacement of a point in a direction, relative to the ground or to another point."""
 
+    one_of = (
+        *GaugeBase.one_of,
+        Alternatives("component", "direction", hint="Give exactly one of them."),
+    )
+
     kind: Literal["displacement"]
     point: Coordinates = Field(description="The point whose motion is read.")
     relative_to: Reference = Field("ground", description="A point, or fixed ground.")
@@ -91,10 +96,6 @@ class DisplacementSection(GaugeBase):
     @model_validator(mode="after")
     def _one_direction(self) -> DisplacementSection:
         faults = SectionFaults()
-        if (self.component is None) == (self.direction is None):
-            found = "neither" if self.component is None else "both"
-            message = f"found {found}; either component or direction is expected"
-            faults.add((), "wrong-pair", message, "Give exactly one of them.")
         if self.direction is not None and not any(x.factor for x in self.direction):
             faults.add(("direction",), "zero-direction", "the direction has length zero")
         faults.raise_any()

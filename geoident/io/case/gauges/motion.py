@@ -21,7 +21,7 @@ from geoident.io.case.gauges.gauge import (
     refuse_one_point,
     unit_vector,
 )
-from geoident.io.schema.section import Context, SectionFaults, refuse
+from geoident.io.schema.section import Alternatives, Context, SectionFaults
 from geoident.io.schema.values import (
     Coordinates,
     DirectionVector,
@@ -35,6 +35,7 @@ from geoident.model.arrays import Vector
 from geoident.model.gauges import Channel
 
 AngleOffset = Annotated[Given, Of("angle", tied=True)]
+AngleRate = Annotated[Given, Of("angle rate", tied=True)]
 
 _ON_LINE = 1e-9
 """Lengths below this part of a distance count as zero."""
@@ -47,16 +48,12 @@ class _AngleGauge(GaugeBase):
         description="Standard deviation of one reading.", examples=["0.05 mm/m"]
     )
     offset: AngleOffset | None = Field(None, description="Added to all readings after the zero.")
+    drift: AngleRate | None = Field(
+        None, description="Drift of the gauge with time since its zero; needs dates."
+    )
     drift_per_stage: AngleOffset | None = Field(
         None, description="Drift of the gauge per stage since its zero."
     )
-
-    @model_validator(mode="after")
-    def _no_drift(self) -> _AngleGauge:
-        if self.drift is not None:
-            message = "a drift in time is a length by a time; this gauge reads angles"
-            refuse(("drift",), "wrong-dimension", message, "Use 'drift_per_stage'.")
-        return self
 
 
 class TiltSection(_AngleGauge):
@@ -65,6 +62,11 @@ class TiltSection(_AngleGauge):
     Positive where the top leans towards a direction. At a point it is the rotation of the ground
     there, without its distortion; of two points that of the line from one to the other.
     """
+
+    one_of = (
+        *_AngleGauge.one_of,
+        Alternatives("point on?", "between", hint="Two points have a rotation without a beam."),
+    )
 
     kind: Literal["tilt"]
     point: Coordinates | None = Field(None, description="The point whose rotation is read.")
@@ -82,17 +84,6 @@ class TiltSection(_AngleGauge):
     def structure(self) -> str | None:
         """The beam on which it sits, if it does."""
         return self.on
-
-    @model_validator(mode="after")
-    def _one_place(self) -> TiltSection:
-        if (self.point is None) == (self.between is None):
-            found = "neither" if self.point is None else "both"
-            message = f"found {found}; either point or between is expected"
-            refuse((), "wrong-pair", message, "Give exactly one of them.")
-        if self.on is not None and self.point is None:
-            message = "'on' goes with a point: two points have a rotation without it"
-            refuse(("on",), "wrong-pair", message, "Give 'point', or remove 'on'.")
-        return self
 
     def channels(self, name: str, context: Context) -> list[Channel]:
         """The one channel."""
@@ -269,6 +260,12 @@ class LineOfSightSection(GaugeBase):
     One channel named as the gauge for one point, or GAUGE.POINT for several.
     """
 
+    one_of = (
+        *GaugeBase.one_of,
+        Alternatives("point", "points", hint="Give exactly one of them."),
+        Alternatives("direction", "sensor", "incidence azimuth?", hint="Give one of them."),
+    )
+
     kind: Literal["line-of-sight"]
     point: Coordinates | None = Field(None, description="The point whose motion is read.")
     points: dict[Name, Coordinates] | None = Field(
@@ -292,24 +289,6 @@ class LineOfSightSection(GaugeBase):
         "towards", description="Which motion counts as positive: towards the sensor or away."
     )
     relative_to: Reference = Field("ground", description="A reference point, or fixed ground.")
-
-    @model_validator(mode="after")
-    def _consistent(self) -> LineOfSightSection:
-        faults = SectionFaults()
-        if (self.point is None) == (self.points is None):
-            found = "neither" if self.point is None else "both"
-            message = f"found {found}; either point or points is expected"
-            faults.add((), "wrong-pair", message, "Give exactly one of them.")
-        ways = ("direction", "sensor", "incidence")
-        given = [key for key in ways if getattr(self, key) is not None]
-        if len(given) != 1:
-            message = f"found {' and '.join(given) or 'no direction'}; one of direction, sensor "
-            faults.add((), "wrong-pair", message + "and incidence is expected", "Give one of them.")
-        if self.azimuth is not None and self.incidence is None:
-            message = "an azimuth goes with an incidence"
-            faults.add(("azimuth",), "wrong-pair", message, "Add 'incidence', or remove it.")
-        faults.raise_any()
-        return self
 
     def channel_names(self, name: str) -> list[str]:
         """One name for every point."""

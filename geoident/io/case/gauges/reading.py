@@ -7,18 +7,20 @@ from typing import Annotated, Literal
 
 from pydantic import Field, Tag, model_validator
 
-from geoident.io.case.gauges.accuracy import ACCURACY, AS_PARTS, StandardDeviationOf
-from geoident.io.case.gauges.value import ValueGauge
+from geoident.io.case.gauges.accuracy import ACCURACY, AS_PARTS, UNKNOWN_SIZE, StandardDeviationOf
+from geoident.io.case.gauges.value import DRIFT, ValueGauge
 from geoident.io.schema.estimated import ESTIMATE
 from geoident.io.schema.section import Context, SectionFaults
 from geoident.io.schema.values import Given, Of
 from geoident.model.gauges import PARTS, Channel
-from geoident.units import DIMENSIONLESS, unit_list, with_article
+from geoident.units import DIMENSIONLESS
 
 OfAnyDimension = Annotated[
-    Annotated[Given, StandardDeviationOf(None, above=0.0), Tag("text")] | AS_PARTS, ACCURACY
+    Annotated[Given, StandardDeviationOf(None, above=0.0, usual=False), Tag("text")] | AS_PARTS,
+    ACCURACY,
 ]
 PlainOffset = Annotated[Given, Of(None, tied=True)]
+PlainRate = PlainOffset
 
 
 class PlainReadingSection(ValueGauge):
@@ -36,31 +38,18 @@ class PlainReadingSection(ValueGauge):
     )
 
     offset: PlainOffset | None = Field(None, description="Added to all readings.")
+    drift: PlainRate | None = Field(None, description=DRIFT)
     drift_per_stage: PlainOffset | None = Field(None, description="Drift per stage.")
 
     @model_validator(mode="after")
     def _sizes_are_given(self) -> PlainReadingSection:
         given = self.accuracy
         faults = SectionFaults()
-        message = "nothing is known of the usual accuracy of a plain reading"
-        hint = (
-            "Give a size, and 'accuracies: estimate' under 'fit' to have it estimated from there."
-        )
-        if isinstance(given, Given):
-            if given.text == ESTIMATE:
-                faults.add(("accuracy",), "no-size", message, hint)
-        else:
-            for name in PARTS:
-                part: Given | None = getattr(given, name)
-                if part is not None and part.text == ESTIMATE:
-                    faults.add(("accuracy", name), "no-size", message, hint)
-        for key, added in (("offset", self.offset), ("drift_per_stage", self.drift_per_stage)):
-            if added is None or added.parameter is not None:
-                continue
-            if added.dimension != self.dimension:
-                message = f"'{added.text}' is {with_article(added.dimension)}; the accuracy says "
-                message += f"that {with_article(self.dimension)} is read"
-                faults.add((key,), "unit", message, f"Its units: {unit_list(self.dimension)}.")
+        for name in () if isinstance(given, Given) else PARTS:
+            part: Given | None = getattr(given, name)
+            if part is not None and part.text == ESTIMATE:
+                faults.add(("accuracy", name), "no-size", *UNKNOWN_SIZE)
+        self.note_other_dimensions(faults)
         faults.raise_any()
         return self
 

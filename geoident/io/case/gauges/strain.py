@@ -15,13 +15,14 @@ from geoident.io.case.gauges.accuracy import StrainAccuracy
 from geoident.io.case.gauges.gauge import GivenLength, distance, point_of, unit_vector
 from geoident.io.case.gauges.on_structure import TOWARDS, on_structure
 from geoident.io.case.gauges.value import (
+    DRIFT,
     StressComponent,
     ValueGauge,
     has_component,
     refuse_no_direction,
     unit_direction,
 )
-from geoident.io.schema.section import Context, SectionFaults
+from geoident.io.schema.section import Alternatives, Context, SectionFaults
 from geoident.io.schema.values import (
     Coordinates,
     Count,
@@ -37,6 +38,7 @@ from geoident.model.arrays import Vector
 from geoident.model.gauges import Channel, MovingPoint, Reads
 
 StrainOffset = Annotated[Given, Of("strain", tied=True)]
+StrainRate = Annotated[Given, Of("strain rate", tied=True)]
 Stations = Annotated[list[Length], SharesUnit()]
 
 _MOST_STATIONS = 10_000
@@ -54,11 +56,26 @@ class StrainSection(ValueGauge):
     Of the ground it is the change since `zero`; of a structure the value since it was built.
     """
 
+    one_of = (
+        *ValueGauge.one_of,
+        Alternatives(
+            "point direction",
+            "point component",
+            "between",
+            "along every base?",
+            "along at base",
+            "structure bar?",
+            "structure point fibre depth? towards?",
+            hint="Give the keys of one of these ways.",
+        ),
+    )
+
     kind: Literal["strain"]
     accuracy: StrainAccuracy = Field(
         description="Standard deviation of one reading.", examples=["5 microstrain"]
     )
     offset: StrainOffset | None = Field(None, description="Added to all readings.")
+    drift: StrainRate | None = Field(None, description=DRIFT)
     drift_per_stage: StrainOffset | None = Field(None, description="Drift per stage.")
     point: Coordinates | None = Field(None, description="Where it is read.")
     direction: DirectionVector | None = Field(None, description="Along which it is read.")
@@ -94,12 +111,7 @@ class StrainSection(ValueGauge):
 
     @model_validator(mode="after")
     def _one_way(self) -> StrainSection:
-        given = {key for key in _STRAIN_KEYS if getattr(self, key) is not None}
         faults = SectionFaults()
-        if not any(needed <= given <= needed | more for needed, more in _STRAIN_WAYS):
-            named = " and ".join(key for key in _STRAIN_KEYS if key in given)
-            message = f"found {named or 'no place'}; expected is one of: {_STRAIN_WORDS}"
-            faults.add((), "wrong-pair", message, "Give the keys of one of these ways.")
         refuse_no_direction("direction", self.direction, faults)
         faults.raise_any()
         return self
@@ -209,26 +221,6 @@ class StrainSection(ValueGauge):
         depth = None if self.depth is None else self.depth.factor
         on, fibre = self.structure or "", self.fibre or ""
         return [replace(c, structure=on, quantity=fibre, fibre=depth) for c in found]
-
-
-_STRAIN_WAYS: Sequence[tuple[set[str], set[str]]] = (
-    ({"point", "direction"}, set()),
-    ({"point", "component"}, set()),
-    ({"between"}, set()),
-    ({"along", "every"}, {"base"}),
-    ({"along", "at", "base"}, set()),
-    ({"structure"}, {"bar"}),
-    ({"structure", "point", "fibre"}, {"depth", "towards"}),
-)
-"""Keys that are needed, and those that may be given with them."""
-_STRAIN_KEYS = (
-    "point", "direction", "component", "between", "along", "every", "at", "base", "structure",
-    "bar", "fibre", "depth", "towards",
-)  # fmt: skip
-_STRAIN_WORDS = (
-    "point and direction; point and component; between; along and every; along, at and base; "
-    "structure (and bar); structure, point and fibre"
-)
 
 
 def _mean_strain(line: Sequence[Vector]) -> tuple[MovingPoint, ...]:

@@ -17,7 +17,7 @@ from geoident.io.case.gauges.gauge import (
     refuse_one_point,
     unit_vector,
 )
-from geoident.io.schema.section import Context, SectionFaults
+from geoident.io.schema.section import Alternatives, Context, SectionFaults
 from geoident.io.schema.values import (
     Coordinates,
     DirectionVector,
@@ -42,6 +42,15 @@ class TargetSection(GaugeBase):
     One channel per component, named GAUGE.COMPONENT: along, across (to the right, looking along)
     and up; or x, y and z.
     """
+
+    one_of = (
+        *GaugeBase.one_of,
+        Alternatives(
+            "point along?",
+            "chainage alignment beside",
+            hint="Give 'point'; an alignment has a direction itself.",
+        ),
+    )
 
     kind: Literal["target"]
     point: Coordinates | None = Field(None, description="Coordinates of the target.")
@@ -72,16 +81,6 @@ class TargetSection(GaugeBase):
     @model_validator(mode="after")
     def _consistent(self) -> TargetSection:
         faults = SectionFaults()
-        placed = (self.chainage, self.alignment, self.beside)
-        if self.point is None and None in placed:
-            message = "the place is missing; either point, or chainage, alignment and beside are "
-            faults.add((), "wrong-pair", message + "expected", "Give 'point'.")
-        if self.point is not None and any(key is not None for key in placed):
-            message = "found point and a place on an alignment; one of them is expected"
-            faults.add((), "wrong-pair", message, "Give exactly one of them.")
-        if self.alignment is not None and self.along is not None:
-            message = "found along and alignment, which has a direction itself"
-            faults.add(("along",), "wrong-pair", message, "Remove 'along'.")
         chosen = self.components or []
         for n, component in enumerate(chosen):
             if component in chosen[:n]:

@@ -9,14 +9,20 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from geoident.io.case.gauges.gauge import GaugeBase, point_of, unit_vector
-from geoident.io.schema.section import Context, SectionFaults, refuse
+from geoident.io.schema.section import Context, SectionFaults
 from geoident.io.schema.values import Given, Name
 from geoident.model.arrays import Vector
 from geoident.model.case import VIRGIN
 from geoident.model.gauges import Channel, Reads
+from geoident.units import rate_of, unit_list, with_article
+
+DRIFT = (
+    "Drift of the gauge with time since its zero, without `zero` since the date of 'virgin'; "
+    "needs dates."
+)
 
 StressComponent = Literal["xx", "yy", "zz", "xy", "yz", "xz"]
 
@@ -31,12 +37,21 @@ class ValueGauge(GaugeBase):
 
     zero: Name = Field(VIRGIN, description=_ZERO)
 
-    @model_validator(mode="after")
-    def _no_drift_in_time(self) -> ValueGauge:
-        if self.drift is not None:
-            message = "'drift' in time is there for gauges of lengths only"
-            refuse(("drift",), "no-drift", message, "Give 'drift_per_stage', or an 'offset'.")
-        return self
+    def note_other_dimensions(self, faults: SectionFaults) -> None:
+        """Note what is added to readings, where it is no quantity like them.
+
+        Args:
+            faults: takes what is wrong.
+        """
+        read = self.dimension
+        for key, wanted in (("offset", read), ("drift", rate_of(read)), ("drift_per_stage", read)):
+            given: Given | None = getattr(self, key)
+            if given is None or given.parameter is not None or given.dimension == wanted:
+                continue
+            message = f"'{given.text}' is {with_article(given.dimension)}; the accuracy says that "
+            message += f"{with_article(read)} is read"
+            hint = f"Its units: {unit_list(wanted)}." if wanted else "Use 'drift_per_stage'."
+            faults.add((key,), "unit", message, hint)
 
     @property
     def made_of(self) -> Reads:

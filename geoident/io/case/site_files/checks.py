@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 from geoident.errors import Fault, Location
 from geoident.io.case.case import CaseSection
@@ -31,6 +31,7 @@ class ReadingChecks:
 
     def __init__(self, section: CaseSection, calendar: Calendar, faults: Faults) -> None:
         self.section = section
+        self.calendar = calendar
         self.faults = faults
         self.zeros = calendar.zeros
         self.dimensions = calendar.dimensions
@@ -42,7 +43,6 @@ class ReadingChecks:
             for channel in gauge.channel_names(name)
         }
         self.seen: dict[tuple[str, str], Reading] = {}
-        self.undated: set[tuple[str, str]] = set()
         self.hints: dict[tuple[str, str], str] = {}
 
     def all(self, readings: Iterable[Reading], *, alone: bool) -> None:
@@ -50,7 +50,6 @@ class ReadingChecks:
         for reading in readings:
             self._gauge(reading)
             self._stage(reading)
-            self._drift(reading)
             known = reading.channel in self.zeros and (reading.stage or VIRGIN) in self.order
             if known and not reading.bad:
                 self._twice(reading, alone=alone)
@@ -81,6 +80,43 @@ class ReadingChecks:
             message = f"'{reading.channel}' was not read at its zero, '{zero}'{since}"
             hint = "Correct the gauge's 'zero' or the dates, or leave out 'rezero'."
             self._refuse(reading, "no-zero-reading", message, hint)
+
+    def drifts(self, readings: Sequence[Reading]) -> list[str]:
+        """What is to be known of gauges that drift in time at stages without a date.
+
+        Without the date of its zero nothing of such a gauge can be computed, with readings or
+        without: a fault. So is a reading whose time is not known. At other stages without a date
+        it is not computed.
+        """
+        notes: dict[str, dict[str, None]] = {}
+        refused: set[tuple[KeyPath, str]] = set()
+        read: dict[str, list[Reading]] = {}
+        for reading in readings:
+            read.setdefault(reading.channel, []).append(reading)
+        for channel, section in self.calendar.channels.items():
+            if section.drift is None:
+                continue
+            gauge, zero = self.owners[channel], self.zeros[channel]
+            own = ("distortions",) if section.kind_name == "distortion" else ()
+            mine = [r for r in read.get(channel, ()) if r.value is not None]
+            needed = {zero, *(r.stage or VIRGIN for r in mine if r.time is None)}
+            for stage in sorted(needed - self.dates.keys()):
+                path: KeyPath = ("gauges", gauge, *own, "drift")
+                if (path, stage) in refused:
+                    continue
+                refused.add((path, stage))
+                message = f"'{gauge}' drifts in time, but the stage '{stage}' has no date"
+                hint = f"Add it: dates: {{{stage}: 2024-03-01}}; or use drift_per_stage."
+                self.faults.add(path, "missing-dates", message, hint)
+            known = {*self.dates, *needed, *(r.stage for r in mine)}
+            for stage, n in self.order.items():
+                if stage not in known and n > self.order.get(zero, 0):
+                    notes.setdefault(gauge, {})[stage] = None
+        return [
+            f"'{gauge}' drifts in time and is not computed at stages without a date: "
+            + listing(map(repr, stages))
+            for gauge, stages in notes.items()
+        ]
 
     def bad(self) -> None:
         """The gauges and stages that are said to be bad exist."""
@@ -131,20 +167,6 @@ class ReadingChecks:
         else:
             return
         self._refuse(placed, code, message, hint, key="stage")
-
-    def _drift(self, placed: Reading) -> None:
-        """The times of a gauge that drifts are known."""
-        gauge = self.owners.get(placed.channel, "")
-        if not gauge or self.section.gauges[gauge].drift is None:
-            return
-        needed = {self.zeros.get(placed.channel, VIRGIN)}
-        needed |= {placed.stage or VIRGIN} if placed.time is None else set()
-        for stage in sorted(needed - self.dates.keys()):
-            if (gauge, stage) not in self.undated:
-                self.undated.add((gauge, stage))
-                message = f"'{gauge}' drifts in time, but the stage '{stage}' has no date"
-                hint = f"Add it: dates: {{{stage}: 2024-03-01}}; or use drift_per_stage."
-                self.faults.add(("gauges", gauge, "drift"), "missing-dates", message, hint)
 
     def _twice(self, placed: Reading, *, alone: bool) -> None:
         """No channel is read twice at a stage, unless one file says what that means."""

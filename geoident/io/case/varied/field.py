@@ -15,8 +15,8 @@ from pydantic import (
     model_validator,
 )
 
-from geoident.io.case.frames import attitude, axes_along
-from geoident.io.schema.section import Context, Section, refuse, require_one_of
+from geoident.io.case.frames import ATTITUDE_OR_AXES, attitude, axes_along
+from geoident.io.schema.section import Alternatives, Context, Section, refuse
 from geoident.io.schema.values import (
     Angle,
     AnyQuantity,
@@ -50,6 +50,8 @@ class AlongSection(Section):
     Axis 1 goes down the dip, 2 along the strike, 3 along the normal; `rotation` turns 1 and 2.
     """
 
+    one_of = (Alternatives(*ATTITUDE_OR_AXES, hint="Along the model's axes: leave out 'along'."),)
+
     dip: GivenAngle | None = Field(
         None, description="Inclination of axis 1; in 2-D it falls towards +x.", examples=["30 deg"]
     )
@@ -65,14 +67,6 @@ class AlongSection(Section):
     axis_2: DirectionVector | None = Field(
         None, description="Axis 2, at a right angle to 1, in x, y, z."
     )
-
-    @model_validator(mode="after")
-    def _one_way(self) -> AlongSection:
-        ways = [("dip",), ("dip", "rotation"), ("dip", "dip_direction"), ("axis_1", "axis_2")]
-        ways += [("dip", "dip_direction", "rotation")]
-        expected = "dip (with dip_direction and rotation), or axis_1 with axis_2, is"
-        require_one_of(self, ways, expected, "Along the model's axes: leave out 'along'.")
-        return self
 
     def frame(self, context: Context) -> Attitude | Axes:
         """The axes for the model."""

@@ -8,9 +8,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import nan
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
-from geoident.io.schema.section import Section, require_one_of
+from geoident.io.schema.section import Alternatives, Section
 from geoident.io.schema.values import Coefficient, Given, Modulus, Multiple, scalar_of
 from geoident.model.empirical.rock_mass import RockMassModulus
 from geoident.model.parameter import Scalar
@@ -24,6 +24,15 @@ class HoekDiederichsSection(Section):
     From the modulus of intact rock, Ei or MR times sigci; with neither, the simplified form, which
     knows GSI and D only.
     """
+
+    one_of = (
+        Alternatives(
+            "Ei",
+            "MR sigci",
+            "",
+            hint="Write one modulus of intact rock; without any E follows from GSI and D alone.",
+        ),
+    )
 
     Ei: Modulus | None = Field(
         None, description="Young's modulus of intact rock.", examples=["20 GPa", "$E_intact"]
@@ -40,13 +49,6 @@ class HoekDiederichsSection(Section):
     D: Coefficient | None = Field(
         None, description="Disturbance by blasting and relaxation, 0 to 1; 0 if missing."
     )
-
-    @model_validator(mode="after")
-    def _one_way(self) -> HoekDiederichsSection:
-        expected = "Ei, or MR with sigci, or neither, is"
-        hint = "Write one modulus of intact rock; without any E follows from GSI and D alone."
-        require_one_of(self, [(), ("Ei",), ("MR", "sigci")], expected, hint)
-        return self
 
     def modulus(self) -> RockMassModulus:
         """For the model."""

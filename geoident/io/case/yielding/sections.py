@@ -10,12 +10,12 @@ from collections.abc import Mapping, Sequence
 from math import hypot
 from typing import Annotated, Any, Literal
 
-from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic import Discriminator, Field, Tag
 
 from geoident.io.case.frames import strata
 from geoident.io.case.parameters import ParameterSection, start_values
 from geoident.io.case.varied.number import FieldAngle, FieldStrength, fields_in
-from geoident.io.schema.section import Context, Section, require_one_of
+from geoident.io.schema.section import Alternatives, Context, Section
 from geoident.io.schema.values import (
     Angle,
     Coefficient,
@@ -163,17 +163,13 @@ class _CoulombBase(SurfaceBase):
 class TrescaSection(_CoulombBase):
     """Tresca: the shear stress is limited, whatever the pressure."""
 
+    one_of = (Alternatives("strength", "cohesion", hint="Give the shear strength once."),)
+
     type: Literal["tresca"] = Field(description="Kind of yield surface.")
     strength: FieldStrength | None = Field(
         None, description="Shear strength: half the compressive one.", examples=["2 MPa"]
     )
     cohesion: FieldStrength | None = Field(None, description="Another name of the shear strength.")
-
-    @model_validator(mode="after")
-    def _one_strength(self) -> TrescaSection:
-        ways = [("strength",), ("cohesion",)]
-        require_one_of(self, ways, "strength is", "Give the shear strength once.")
-        return self
 
     def surface(self, context: Context) -> MohrCoulomb:
         """Mohr-Coulomb without friction."""
@@ -249,6 +245,10 @@ class WeakPlaneSection(SurfaceBase):
     transversely-isotropic material.
     """
 
+    one_of = (
+        Alternatives("dip dip_direction?", "normal", hint="Planes that lie flat: 'dip: 0 deg'."),
+    )
+
     type: Literal["weak-plane"] = Field(description="Kind of yield surface.")
     dip: Angle | None = Field(
         None,
@@ -271,13 +271,6 @@ class WeakPlaneSection(SurfaceBase):
         16, description="Sides of the polygon in place of the circle of shear stress in a solid."
     )
 
-    @model_validator(mode="after")
-    def _one_attitude(self) -> WeakPlaneSection:
-        ways = [("dip",), ("dip", "dip_direction"), ("normal",)]
-        hint = "Planes that lie flat: 'dip: 0 deg'."
-        require_one_of(self, ways, "dip (with dip_direction), or normal, is", hint)
-        return self
-
     def surface(self, context: Context) -> WeakPlane:
         """The planes; their number counts in a solid only."""
         if context.dim == 3:
@@ -292,6 +285,16 @@ class HoekBrownSection(SurfaceBase):
 
     By mi, GSI and D of intact rock and rock mass, or by mb, s and a directly.
     """
+
+    one_of = (
+        Alternatives("mi GSI D?", "mb s a", hint="Give all constants of one set."),
+        Alternatives(
+            "dilation",
+            "flow",
+            hint="Flow without change of volume: 'flow: none'; along the normals: "
+            "'flow: associated'.",
+        ),
+    )
 
     type: Literal["hoek-brown"] = Field(description="Kind of yield surface.")
     sigci: FieldStrength = Field(
@@ -332,16 +335,6 @@ class HoekBrownSection(SurfaceBase):
         description="Tensile strength: largest principal stress, lower than s sigci / mb, which "
         "limits it if missing.",
     )
-
-    @model_validator(mode="after")
-    def _one_set(self) -> HoekBrownSection:
-        ways = [("mi", "GSI"), ("mi", "GSI", "D"), ("mb", "s", "a")]
-        expected = "mi with GSI (and D), or mb, s and a, are"
-        require_one_of(self, ways, expected, "Give all constants of one set.")
-        expected = "dilation, or flow, is"
-        hint = "Flow without change of volume: 'flow: none'; along the normals: 'flow: associated'."
-        require_one_of(self, [("dilation",), ("flow",)], expected, hint)
-        return self
 
     def surface(self, context: Context) -> HoekBrown:
         """The surface; a tie has its own number for each constant."""
