@@ -13,7 +13,7 @@ from geoident.io.schema.values import Count, Flag, Name, Text
 CHOICES = ("address", "local", "slurm", "pbs", "lsf", "sge")
 _QUEUE = (
     "Jobs of {0}: the keys of {1} of dask-jobqueue, such as `cores`, `processes`, `memory`, "
-    "`queue`, `walltime`, `job_script_prologue`. Asked for before they are submitted (`--trust`)."
+    "`queue`, `walltime`, `job_script_prologue`. They need trust before they are submitted."
 )
 _EXAMPLE = {"queue": "normal", "cores": 16, "processes": 16, "memory": "64 GB"}
 _Jobs = dict[Name, Any]
@@ -32,8 +32,8 @@ class ClusterSection(Section):
 
     address: Text | None = Field(
         None,
-        description="Address of a scheduler that runs, which can run any program here as you: "
-        "asked for before it is connected to (`--trust`).",
+        description="Address of a scheduler that runs, which can run any program here as you; "
+        "it needs trust before it is connected to.",
         examples=["tcp://node1:8786"],
     )
     local: Flag = Field(False, description="A scheduler and workers on this machine.")
