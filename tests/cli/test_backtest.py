@@ -5,6 +5,7 @@ import io
 import json
 
 import h5py
+import numpy as np
 import pytest
 
 from geoident.io.result.file import read_result
@@ -221,3 +222,49 @@ def test_in_sd_is_of_the_band_that_predicted_it_in_all_forms(tested, run, run_js
     assert "in standard deviations of that prediction" in " ".join(said.split())
     assert rms(result) == pytest.approx(result.backtest.next.rms)
     assert "errors of the predictions of the next stage" in " ".join(outcome_sentences(result))
+
+
+OPENING = """\
+format: geoident-case/1
+analysis: plane-strain
+parameters: {S: {start: 9 MPa, bounds: [1 MPa, 40 MPa]}}
+materials: {rock: {elastic: isotropic, E: 5 GPa, nu: 0.25}}
+groups: {rock: rock, tunnel: rock}
+in_situ: {model: heim, vertical: $S, K0: 1.0}
+stages:
+  - {name: half, excavate: [tunnel], release: {tunnel: 0.5}}
+  - {name: whole, release: {tunnel: 1.0}}
+gauges:
+  A: {kind: convergence, between: [[-2 m, 0 m], [2 m, 0 m]], accuracy: 1 mm}
+  B: {kind: convergence, between: [[0 m, -2 m], [0 m, 2 m]], accuracy: 2 mm}
+  C: {kind: convergence, between: [[-1.2 m, -1.6 m], [1.2 m, 1.6 m]], accuracy: 2 mm}
+  D: {kind: convergence, between: [[1.2 m, -1.6 m], [-1.2 m, 1.6 m]], accuracy: 2 mm}
+readings:
+  - {gauge: A, stage: half, value: -5 mm}
+  - {gauge: B, stage: whole, value: -14 mm}
+  - {gauge: C, stage: whole, value: -15 mm}
+  - {gauge: D, stage: whole, value: -6 mm}
+fit: {method: closed-form, model_error: none, closed-form: {centre: [0, 0 m], radius: 2 m}}
+"""
+
+
+def test_how_odd_the_errors_are_is_that_of_predictions_with_one_error_in_common(
+    tmp_path, run_json
+):
+    """Walls come together by 2 (1 + nu) a S / E: the error of S is common to B, C and D.
+
+    The stress is known from A alone. Each prediction has half its variance from that, so that
+    errors are correlated by 0.5: their chance is drawn here without the program.
+    """
+    (tmp_path / "case.yaml").write_text(OPENING)
+    (found,) = run_json("backtest", str(tmp_path / "case.yaml"))
+    motion = 2 * 1.25 * 2.0 / 5e3 * 1e3  # mm per MPa, all released
+    stress, sd = 5.0 / (0.5 * motion), 1.0 / (0.5 * motion)
+    common, own = (motion * sd) ** 2, 2.0**2
+    z = (np.array([14.0, 15.0, 6.0]) - motion * stress) / np.sqrt(common + own)
+    assert found["backtest"]["next"]["rms"] == pytest.approx(np.sqrt(np.mean(z**2)), rel=1e-6)
+    random = np.random.default_rng(7)
+    drawn = np.sqrt(common) * random.standard_normal((200_000, 1))
+    drawn = (drawn + np.sqrt(own) * random.standard_normal((200_000, 3))) / np.sqrt(common + own)
+    far = np.mean((drawn**2).sum(axis=1) >= (z**2).sum())
+    assert found["backtest"]["chance_of_so_large_errors"] == pytest.approx(far, abs=0.008)

@@ -19,7 +19,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from geoident.io.result.hdf5 import TableReader, TableWriter
+from geoident.io.result.hdf5 import TableReader, TableWriter, refusal
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.gauges import PARTS, ErrorParts, ReadingTable
 from geoident.model.results.result import DIAGNOSTIC_COLUMNS, AccuracyTable, Diagnostics, GaugeTable
@@ -226,9 +226,16 @@ def read_gauges(file: h5py.File, n: int) -> GaugeTable:
     group = TableReader(file, "gauges")
     channels = _channels(group)
     m = len(channels["channels"])
+    readings = read_readings(file, n)
+    unknown = {*readings.channel} - {*channels["channels"]} or {*readings.stage} - {
+        *channels["stages"]
+    }
+    if unknown:
+        message = f"/readings speaks of '{min(unknown)}', which /gauges does not have"
+        raise refusal(file.filename, "damaged-result", message)
     return GaugeTable(
         **channels,
-        readings=read_readings(file, n),
+        readings=readings,
         gauges=group.texts("instrument", m),
         dimensions=group.texts("dimension", m),
         units=group.texts("display_unit", m),
