@@ -46,7 +46,8 @@ def points_in_boxes(points: Floats, low: Floats, high: Floats) -> tuple[Ints, In
     dim = points.shape[1]
     origin, size = points.min(axis=0), np.maximum(np.ptp(points, axis=0), 1e-300)
     usual = max(float(np.median((high - low).max(axis=1))), 1e-300)
-    wanted = min(_IN_A_BOX * size.max() / usual, _FINE * len(points) ** (1 / max(1, dim - 1)))
+    most = _FINE * len(points) ** (1 / max(1, dim - 1))
+    wanted = min(_IN_A_BOX * min(float(size.max()) / usual, most), most)
     n = int(np.clip(np.ceil(wanted), 1, _CELLS[dim]))
 
     def cells(x: Floats) -> Ints:

@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 
 from geoident.io.result.file import read_result
+from geoident.report.drawing.backtest import settling_figure
 from geoident.report.text.gauges import reading_table
 from geoident.report.text.residuals import rms
 from geoident.report.text.result import outcome_sentences
 from tests.support.lifts import LIFTS, SAME, TWO_ROCKS, readings_of, write_case, write_readings
+from tests.support.pictures import laid_out
 
 
 def write_pit(folder):
@@ -68,6 +70,17 @@ def test_json_has_all_of_it(pit, run_json):
     assert {one["unit"] for one in ahead} == {"m"}
     assert all(one["lower95"] < one["mean"] < one["upper95"] for one in ahead)
     assert told["fits"][0]["parameters"]["E"]["unit"] == "Pa"
+
+
+def test_the_picture_of_what_settles_is_in_the_unit_that_it_names(tested, run):
+    result = read_result("case.backtest.h5")
+    figure = laid_out(lambda: settling_figure(result, result.backtest))
+    (axes,) = [one for one in figure.axes if one.get_title(loc="left") == "E (GPa)"]
+    (told,) = [json.loads(run("show", "--json", "case.backtest.h5").stdout)]
+    fits = [fit["parameters"]["E"] for fit in told["backtest"]["fits"]]
+    np.testing.assert_allclose(axes.get_lines()[0].get_ydata(), [1e-9 * f["value"] for f in fits])
+    bars = np.array(axes.collections[0].get_segments())[:, :, 1]
+    np.testing.assert_allclose(bars, [[1e-9 * f["lower95"], 1e-9 * f["upper95"]] for f in fits])
 
 
 def test_show_has_tables_of_fits_scores_and_errors(tested, run):
@@ -248,9 +261,7 @@ fit: {method: closed-form, model_error: none, closed-form: {centre: [0, 0 m], ra
 """
 
 
-def test_how_odd_the_errors_are_is_that_of_predictions_with_one_error_in_common(
-    tmp_path, run_json
-):
+def test_how_odd_the_errors_are_is_that_of_predictions_with_one_error_in_common(tmp_path, run_json):
     """Walls come together by 2 (1 + nu) a S / E: the error of S is common to B, C and D.
 
     The stress is known from A alone. Each prediction has half its variance from that, so that

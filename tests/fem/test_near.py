@@ -7,6 +7,13 @@ from scipy.spatial import cKDTree
 from geoident.fem.near import pairs_within, points_in_boxes
 
 
+def test_points_far_off_are_in_no_box_without_an_overflow():
+    """A coordinate in a wrong unit; warnings are errors here."""
+    low = np.array([[0.0, 0.0]])
+    row, box = points_in_boxes(np.array([[1e308, 0.5], [0.5, 0.5]]), low, low + 1.0)
+    assert (row.tolist(), box.tolist()) == ([1], [0])
+
+
 def compared(points, low, high):
     inside = np.all((points[:, None] >= low) & (points[:, None] <= high), axis=2)
     return {(int(p), int(b)) for p, b in np.argwhere(inside)}

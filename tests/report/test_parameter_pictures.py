@@ -12,6 +12,7 @@ from scipy.stats import chi2, norm
 
 from geoident.model.parameter import Prior
 from geoident.model.results.result import Grid
+from geoident.model.results.rivals import Rivals
 from geoident.report.drawing.parameters.corner import (
     corner_figure,
     draws_density,
@@ -132,6 +133,15 @@ def test_pairs_have_the_ellipse_of_their_covariance_on_their_scales():
     assert pair_pictures(alone) == ()
 
 
+def test_other_minima_are_crosses_at_their_values_in_the_units_of_the_axes():
+    values = np.array([correlated().parameters.values, [1.3e10, 6.5e6, 1.4]])
+    rivals = Rivals(values, np.ones(2), np.full(2, 0.5), np.zeros((2, 3, 3)))
+    figure = laid_out(lambda: pair_figure(replace(correlated(), rivals=rivals)))
+    (panel,) = [one for one in figure.axes if one.get_ylabel() == "K0" and one.get_visible()]
+    (cross,) = [line for line in panel.get_lines() if line.get_marker() == "x"]
+    np.testing.assert_allclose(cross.get_xydata(), [[13.0, 1.4]])
+
+
 def test_densities_on_the_diagonal_are_those_of_estimate_and_prior():
     """Normal ones, by their largest value; of what is found on the logarithm, in that."""
     figure = laid_out(lambda: pair_figure(correlated()))
@@ -160,7 +170,9 @@ def test_densities_on_the_diagonal_are_those_of_estimate_and_prior():
     (panel,) = [one for one in below.axes if one.get_ylabel() == "K0" and one.get_visible()]
     limits = sorted(float(line.get_xdata()[0]) for line in panel.get_lines()
                     if line.get_linestyle() == "--")  # fmt: skip
-    assert limits == pytest.approx(12.5 * np.exp(1.96 * np.array([-1, 1]) * 1e8 / 1.25e10), rel=1e-4)
+    assert limits == pytest.approx(
+        12.5 * np.exp(1.96 * np.array([-1, 1]) * 1e8 / 1.25e10), rel=1e-4
+    )
 
 
 def drawn_posterior():

@@ -248,6 +248,12 @@ def test_a_node_far_from_its_edge_is_refused_by_element(tmp_path):
     assert "element 1" in fault.message
 
 
+def test_an_edge_without_length_is_refused_whatever_the_size_of_the_mesh(tmp_path):
+    points = np.array([[0, 0], [0, 0], [0, 1e10], [5e9, 0], [5e9, 0.5], [0, 5e9]])
+    path = written(tmp_path / "m.xdmf", points, [("triangle6", [[0, 1, 2, 3, 4, 5]])])
+    assert fault_of(path).code == "mesh-mid-node"
+
+
 def test_a_vtk_cell_that_would_be_dropped_is_refused(tmp_path):
     voxel = tmp_path / "voxel.vtk"
     cells = "CELLS 2 14\n8 0 1 2 3 4 5 6 7\n4 0 1 2 5\nCELL_TYPES 2\n11\n10\n"
