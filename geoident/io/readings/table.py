@@ -153,11 +153,13 @@ class Cell:
         text: that it shows.
         column: from 1: of its first character in a text, of the cell in a sheet.
         value: number or date that the cell of a sheet holds; None for a text.
+        joined: it is one with other cells of the sheet.
     """
 
     text: str
     column: int
     value: float | datetime | None = None
+    joined: bool = False
 
 
 Row = tuple[int, list[Cell]]
@@ -253,6 +255,15 @@ class Table:
             at = match.end()
             if match[3] == "":
                 return cells
+
+    def measured(self, number: int, cell: Cell) -> float | None:
+        """What was read once, so in a cell of its own; else as `number`."""
+        if cell.joined and cell.text:
+            message = f"the reading '{shorten(cell.text)}' stands in a cell that joins several"
+            hint = "Unmerge them, and leave it where it was read."
+            self.refuse((number, cell.column), "joined-cell", message, hint)
+            return None
+        return self.number(number, cell)
 
     def number(self, number: int, cell: Cell) -> float | None:
         """The number in a cell, None where it is blank or, with a fault, none."""
