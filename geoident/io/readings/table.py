@@ -5,6 +5,7 @@ What differs from one file to the next is declared by the user (`Layout`); nothi
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -267,7 +268,7 @@ class Table:
 
     def number(self, number: int, cell: Cell) -> float | None:
         """The number in a cell, None where it is blank or, with a fault, none."""
-        if isinstance(cell.value, float):
+        if isinstance(cell.value, float) and math.isfinite(cell.value):
             return cell.value
         if not cell.text or self._refused_of_a_sheet(number, cell):
             return None

@@ -32,7 +32,7 @@ MAX_JOINED = 200_000
 _OLD = b"\xd0\xcf\x11\xe0"
 _RANGE = re.compile(r"([A-Za-z]{1,3})([1-9][0-9]{0,6}):([A-Za-z]{1,3})([1-9][0-9]{0,6})")
 _MERGED = re.compile(
-    rb'mergeCell [^>]*ref="([A-Za-z]{1,3})([0-9]{1,7}):([A-Za-z]{1,3})([0-9]{1,7})"'
+    rb"mergeCell [^>]*ref=[\"']([A-Za-z]{1,3})([0-9]{1,7}):([A-Za-z]{1,3})([0-9]{1,7})"
 )
 _BROKEN = (
     zipfile.BadZipFile, zlib.error, struct.error, ParseError, LookupError, ValueError, TypeError,

@@ -165,13 +165,24 @@ def saved(book):
     return found.getvalue()
 
 
-def test_a_workbook_that_joins_all_its_cells_is_refused_at_once(refused):
+@pytest.mark.parametrize("quote", [b'"', b"'"])
+def test_a_workbook_that_joins_all_its_cells_is_refused_at_once(refused, quote):
     """openpyxl makes each of them: a file of 5 kB took 4 GB and minutes."""
     joins = b'</sheetData><mergeCells><mergeCell ref="A1:XFD1048576"/></mergeCells>'
+    joins = joins.replace(b'"', quote)
     book = changed_sheet(saved(workbook(LONG)), lambda old: old.replace(b"</sheetData>", joins))
     (fault,) = refused("readings: r.xlsx", book)
     assert fault.code == "too-large"
     assert fault.message == "a sheet joins 17,179,869,184 cells, more than 200,000"
+
+
+def test_a_number_beyond_all_numbers_is_no_reading(refused):
+    """A workbook can hold 1e999, which was read as infinite."""
+    data = saved(workbook(LONG))
+    found = changed_sheet(data, lambda old: old.replace(b"<v>1.25</v>", b"<v>1e999</v>"))
+    (fault,) = refused("readings: r.xlsx", found)
+    assert str(fault.location).endswith("r.xlsx:Readings!C2")
+    assert fault.code == "bad-number"
 
 
 def test_a_cell_far_down_costs_nothing(read):
