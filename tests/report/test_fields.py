@@ -144,6 +144,10 @@ def test_scales_of_colours_are_in_the_units_that_they_name():
     unit = "principal stress (MPa, tension positive)"
     assert scale_of(laid_out(least.draw), f"minimum {unit}") == pytest.approx((-3, -3), abs=1e-4)
     assert scale_of(laid_out(largest.draw), f"maximum {unit}") == pytest.approx((-2, -2), abs=1e-4)
+    turned = scene_with([-2.5e6, -2.5e6, -2e6, 1.5e6], [0, 0, 0])  # -1 and -4 MPa at 45 degrees
+    least, largest, _ = stress_pictures(turned, turned.sheets[0], "", "")
+    assert scale_of(laid_out(least.draw), f"minimum {unit}") == pytest.approx((-4, -4), abs=1e-4)
+    assert scale_of(laid_out(largest.draw), f"maximum {unit}") == pytest.approx((-1, -1), abs=1e-4)
     strength = 2 * C * np.cos(PHI) / (1 - np.sin(PHI))
     used = scene_with([0.0, -0.5 * strength, 0.0, 0.0], [0, 0, 0])
     _, last = scale_of(laid_out(lambda: utilisation_figure(used, used.sheets[0])), "utilisation (%")

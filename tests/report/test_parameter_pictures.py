@@ -90,6 +90,8 @@ def test_an_interval_is_drawn_on_the_scale_of_its_parameter_with_prior_bounds_an
     (prior,) = [patch for patch in rock.patches if patch.get_alpha() == 0.35]
     ends = prior.get_extents().transformed(rock.transData.inverted())
     assert np.sqrt(ends.x0 * ends.x1) == pytest.approx(14.0, rel=1e-6)  # its median
+    (start,) = [line for line in rock.get_lines() if line.get_marker() == "|"]
+    assert start.get_xdata()[0] == pytest.approx(parameters().start[0] / 1e9)
     names = {text.get_text() for text in figure.legends[0].get_texts()}
     assert names == {"estimate, 95 %", "prior, 95 %", "start", "bound"}
 
