@@ -83,6 +83,15 @@ def test_the_picture_of_what_settles_is_in_the_unit_that_it_names(tested, run):
     np.testing.assert_allclose(bars, [[1e-9 * f["lower95"], 1e-9 * f["upper95"]] for f in fits])
 
 
+@pytest.mark.usefixtures("tested")
+def test_a_backtest_up_to_a_stage_that_is_not_there_is_damaged(run):
+    with h5py.File("case.backtest.h5", "r+") as file:
+        file["backtest/last"][0] = 99
+    refused = run("show", "case.backtest.h5")
+    assert refused.exit_code == 3
+    assert "names a stage that is not there" in refused.stderr
+
+
 def test_show_has_tables_of_fits_scores_and_errors(tested, run):
     shown = run("show", "case.backtest.h5").stdout
     assert "Fits of the first stages" in shown

@@ -110,7 +110,8 @@ def open_sheet(path: str, layout: Layout) -> WorkbookSheet:
         cells = []
         for column in range(box[1], box[3] + 1):
             first = first_of.get((row, column))
-            cell = _cell(sheet, formulas, *(first or (row, column)), column)
+            top, left = first or (row, column)
+            cell = _cell(sheet, formulas, top, left, column)
             cells.append(cell if first is None else replace(cell, joined=True))
         table.append((row, cells))
     return WorkbookSheet(sheet.title, table)

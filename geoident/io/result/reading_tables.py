@@ -222,7 +222,11 @@ def reading_unit(table: GaugeTable) -> str:
 
 
 def read_gauges(file: h5py.File, n: int) -> GaugeTable:
-    """Channels and readings; n is the number of parameters."""
+    """Channels and readings; n is the number of parameters.
+
+    Raises:
+        InputError: readings of a channel or stage that is not there.
+    """
     group = TableReader(file, "gauges")
     channels = _channels(group)
     m = len(channels["channels"])
