@@ -385,6 +385,10 @@ def read_quantity(text: str, dimension: str = "") -> Quantity:
     if match is None or match[2].startswith((",", "'", "_", ".")):
         raise _not_a_quantity(text)
     unit = normal_unit(match[2], dimension)
+    behind = text[match.end(1) :]
+    if behind and not unit and not re.fullmatch(r"\s+-", behind):
+        message = f"'{text}' has '{match[2]}' behind its number"
+        raise UnitError(message, "A sign stands before a number; remove marks of footnotes.")
     dimension, factor = UNITS[unit]
     value = float(match[1]) * factor
     if not abs(value) <= LARGEST:

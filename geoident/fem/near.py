@@ -44,13 +44,16 @@ def points_in_boxes(points: Floats, low: Floats, high: Floats) -> tuple[Ints, In
     if not len(points) or not len(low):
         return np.empty(0, np.int64), np.empty(0, np.int64)
     dim = points.shape[1]
-    origin, size = points.min(axis=0), np.maximum(np.ptp(points, axis=0), 1e-300)
+    origin, size = points.min(axis=0), np.ptp(points, axis=0)
+    size = np.where(size > 0.0, size, 1.0)
     usual = max(float(np.median((high - low).max(axis=1))), 1e-300)
-    wanted = min(_IN_A_BOX * size.max() / usual, _FINE * len(points) ** (1 / max(1, dim - 1)))
+    most = _FINE * len(points) ** (1 / max(1, dim - 1))
+    wanted = min(_IN_A_BOX * min(float(size.max()) / usual, most), most)
     n = int(np.clip(np.ceil(wanted), 1, _CELLS[dim]))
 
     def cells(x: Floats) -> Ints:
-        return np.asarray(np.clip((x - origin) / size * n, 0, n - 1), dtype=np.int64)
+        with np.errstate(over="ignore"):  # of what is far off, which is clipped
+            return np.asarray(np.clip((x - origin) / size * n, 0, n - 1), dtype=np.int64)
 
     flat = np.ravel_multi_index(tuple(cells(points).T), (n,) * dim)
     held = np.bincount(flat, minlength=n**dim)

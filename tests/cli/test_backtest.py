@@ -5,13 +5,16 @@ import io
 import json
 
 import h5py
+import numpy as np
 import pytest
 
 from geoident.io.result.file import read_result
+from geoident.report.drawing.backtest import settling_figure
 from geoident.report.text.gauges import reading_table
 from geoident.report.text.residuals import rms
 from geoident.report.text.result import outcome_sentences
 from tests.support.lifts import LIFTS, SAME, TWO_ROCKS, readings_of, write_case, write_readings
+from tests.support.pictures import laid_out
 
 
 def write_pit(folder):
@@ -67,6 +70,26 @@ def test_json_has_all_of_it(pit, run_json):
     assert {one["unit"] for one in ahead} == {"m"}
     assert all(one["lower95"] < one["mean"] < one["upper95"] for one in ahead)
     assert told["fits"][0]["parameters"]["E"]["unit"] == "Pa"
+
+
+def test_the_picture_of_what_settles_is_in_the_unit_that_it_names(tested, run):
+    result = read_result("case.backtest.h5")
+    figure = laid_out(lambda: settling_figure(result, result.backtest))
+    (axes,) = [one for one in figure.axes if one.get_title(loc="left") == "E (GPa)"]
+    (told,) = [json.loads(run("show", "--json", "case.backtest.h5").stdout)]
+    fits = [fit["parameters"]["E"] for fit in told["backtest"]["fits"]]
+    np.testing.assert_allclose(axes.get_lines()[0].get_ydata(), [1e-9 * f["value"] for f in fits])
+    bars = np.array(axes.collections[0].get_segments())[:, :, 1]
+    np.testing.assert_allclose(bars, [[1e-9 * f["lower95"], 1e-9 * f["upper95"]] for f in fits])
+
+
+@pytest.mark.usefixtures("tested")
+def test_a_backtest_up_to_a_stage_that_is_not_there_is_damaged(run):
+    with h5py.File("case.backtest.h5", "r+") as file:
+        file["backtest/last"][0] = 99
+    refused = run("show", "case.backtest.h5")
+    assert refused.exit_code == 3
+    assert "names a stage that is not there" in refused.stderr
 
 
 def test_show_has_tables_of_fits_scores_and_errors(tested, run):
@@ -221,3 +244,47 @@ def test_in_sd_is_of_the_band_that_predicted_it_in_all_forms(tested, run, run_js
     assert "in standard deviations of that prediction" in " ".join(said.split())
     assert rms(result) == pytest.approx(result.backtest.next.rms)
     assert "errors of the predictions of the next stage" in " ".join(outcome_sentences(result))
+
+
+OPENING = """\
+format: geoident-case/1
+analysis: plane-strain
+parameters: {S: {start: 9 MPa, bounds: [1 MPa, 40 MPa]}}
+materials: {rock: {elastic: isotropic, E: 5 GPa, nu: 0.25}}
+groups: {rock: rock, tunnel: rock}
+in_situ: {model: heim, vertical: $S, K0: 1.0}
+stages:
+  - {name: half, excavate: [tunnel], release: {tunnel: 0.5}}
+  - {name: whole, release: {tunnel: 1.0}}
+gauges:
+  A: {kind: convergence, between: [[-2 m, 0 m], [2 m, 0 m]], accuracy: 1 mm}
+  B: {kind: convergence, between: [[0 m, -2 m], [0 m, 2 m]], accuracy: 2 mm}
+  C: {kind: convergence, between: [[-1.2 m, -1.6 m], [1.2 m, 1.6 m]], accuracy: 2 mm}
+  D: {kind: convergence, between: [[1.2 m, -1.6 m], [-1.2 m, 1.6 m]], accuracy: 2 mm}
+readings:
+  - {gauge: A, stage: half, value: -5 mm}
+  - {gauge: B, stage: whole, value: -14 mm}
+  - {gauge: C, stage: whole, value: -15 mm}
+  - {gauge: D, stage: whole, value: -6 mm}
+fit: {method: closed-form, model_error: none, closed-form: {centre: [0, 0 m], radius: 2 m}}
+"""
+
+
+def test_how_odd_the_errors_are_is_that_of_predictions_with_one_error_in_common(tmp_path, run_json):
+    """Walls come together by 2 (1 + nu) a S / E: the error of S is common to B, C and D.
+
+    The stress is known from A alone. Each prediction has half its variance from that, so that
+    errors are correlated by 0.5: their chance is drawn here without the program.
+    """
+    (tmp_path / "case.yaml").write_text(OPENING)
+    (found,) = run_json("backtest", str(tmp_path / "case.yaml"))
+    motion = 2 * 1.25 * 2.0 / 5e3 * 1e3  # mm per MPa, all released
+    stress, sd = 5.0 / (0.5 * motion), 1.0 / (0.5 * motion)
+    common, own = (motion * sd) ** 2, 2.0**2
+    z = (np.array([14.0, 15.0, 6.0]) - motion * stress) / np.sqrt(common + own)
+    assert found["backtest"]["next"]["rms"] == pytest.approx(np.sqrt(np.mean(z**2)), rel=1e-6)
+    random = np.random.default_rng(7)
+    drawn = np.sqrt(common) * random.standard_normal((200_000, 1))
+    drawn = (drawn + np.sqrt(own) * random.standard_normal((200_000, 3))) / np.sqrt(common + own)
+    far = np.mean((drawn**2).sum(axis=1) >= (z**2).sum())
+    assert found["backtest"]["chance_of_so_large_errors"] == pytest.approx(far, abs=0.008)

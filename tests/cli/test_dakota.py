@@ -128,6 +128,9 @@ def test_a_model_without_solution_is_a_failure_that_dakota_captures(trench, run)
         (STANDARD, " 2 variables\n 5 E\n", "the file ends after 1 of 2 variables"),
         (STANDARD, " 1 variables\n 5 E\n", "ends where the number of functions is expected"),
         (STANDARD, "E=5\n", "params.in:1:1: 'E=5' is no line of a file of parameters of Dakota"),
+        ("2 variables", f"{2**63} variables", "the number of variables is expected"),
+        ("2 variables", "\u00b2 variables", "the number of variables is expected"),
+        ("3 ASV_1", "\u00b2 ASV_1", "'\u00b2' is no entry of the active set vector"),
         (STANDARD, "", "ends where the number of variables is expected"),
     ],
 )

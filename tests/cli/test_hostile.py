@@ -189,6 +189,17 @@ def test_pipes_and_devices_are_no_files(tmp_path, monkeypatch, run):
         assert f"is a {folder.name.split()[0]}, not a file" in said
 
 
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="pipes with names are of POSIX")
+def test_readings_are_not_written_into_a_pipe(tmp_path, run):
+    """What stands there was read first, without end."""
+    write_case(tmp_path)
+    os.mkfifo(tmp_path / "r.csv")
+    with at_most(60):
+        refused = run("simulate", tmp_path / "case.yaml", "-o", tmp_path / "r.csv")
+    assert refused.exit_code == 6
+    assert "not a regular file" in refused.stderr
+
+
 @pytest.mark.slow
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="pipes with names are of POSIX")
 def test_pipes_and_devices_do_not_hang(tmp_path):

@@ -7,6 +7,21 @@ from scipy.spatial import cKDTree
 from geoident.fem.near import pairs_within, points_in_boxes
 
 
+def test_points_far_off_are_in_no_box_without_an_overflow():
+    """A coordinate in a wrong unit; warnings are errors here."""
+    low = np.array([[0.0, 0.0]])
+    row, box = points_in_boxes(np.array([[1e308, 0.5], [0.5, 0.5]]), low, low + 1.0)
+    assert (row.tolist(), box.tolist()) == ([1], [0])
+
+
+def test_points_on_one_level_among_boxes_far_above_it():
+    """A mesh whose coordinates are 1e12 m, by a wrong unit: its section is one level."""
+    points = np.array([[0.0, 0.0], [1e12, 0.0]])
+    low = np.array([[-1.0, -1.0], [-1.0, 1e30]])
+    row, box = points_in_boxes(points, low, low + 2.0)
+    assert (row.tolist(), box.tolist()) == ([0], [0])
+
+
 def compared(points, low, high):
     inside = np.all((points[:, None] >= low) & (points[:, None] <= high), axis=2)
     return {(int(p), int(b)) for p, b in np.argwhere(inside)}

@@ -5,21 +5,28 @@ from functools import partial
 
 import numpy as np
 import pytest
-from matplotlib.collections import LineCollection
+from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.quiver import Quiver
 
 from geoident.model.case import Material, Stage
 from geoident.model.ground import Isotropic
 from geoident.model.parameter import Scalar
 from geoident.model.results.result import FieldSeries
+from geoident.model.results.varied import FieldEstimate
 from geoident.model.yielding import MohrCoulomb
 from geoident.report.drawing.fields.motion import vector_figure
 from geoident.report.drawing.fields.panels import ColouredField, table_figure
-from geoident.report.drawing.fields.strength import plastic_strain, utilisation
-from geoident.report.drawing.fields.stress import cross_figure, stress_unit
+from geoident.report.drawing.fields.strength import (
+    plastic_strain,
+    utilisation,
+    utilisation_figure,
+    yielded_figure,
+)
+from geoident.report.drawing.fields.stress import cross_figure, stress_pictures, stress_unit
 from geoident.report.drawing.raster import raster_of
 from geoident.report.drawing.scene import Scene, Window
 from geoident.report.drawing.style import drawing_style
+from geoident.report.drawing.varied import varied_figure
 from geoident.report.saving.figure_file import lay_out
 from geoident.report.saving.lean_axes import lean_axes
 from geoident.report.saving.svg_writer import SvgCanvas
@@ -122,6 +129,55 @@ def test_stresses_of_soils_are_shown_in_kilopascal():
     hard = scene_with([-2e6, -2e6, -2e6, 0], [0, 0, 0])
     assert stress_unit(soft, soft.sheets[0]) == (1e3, "kPa")
     assert stress_unit(hard, hard.sheets[0]) == (1e6, "MPa")
+
+
+def scale_of(figure, label):
+    """First and last value of a scale of colours."""
+    (axes,) = [each for each in figure.axes if each.get_xlabel().startswith(label)]
+    return axes.get_xlim()
+
+
+def test_scales_of_colours_are_in_the_units_that_they_name():
+    """2 and 3 MPa of compression, 62.5 % of the strength, 1.5 % of plastic strain."""
+    even = scene_with([-2e6, -3e6, -2e6, 0], [0, 0, 0])
+    least, largest, _ = stress_pictures(even, even.sheets[0], "", "")
+    unit = "principal stress (MPa, tension positive)"
+    assert scale_of(laid_out(least.draw), f"minimum {unit}") == pytest.approx((-3, -3), abs=1e-4)
+    assert scale_of(laid_out(largest.draw), f"maximum {unit}") == pytest.approx((-2, -2), abs=1e-4)
+    turned = scene_with([-2.5e6, -2.5e6, -2e6, 1.5e6], [0, 0, 0])  # -1 and -4 MPa at 45 degrees
+    least, largest, _ = stress_pictures(turned, turned.sheets[0], "", "")
+    assert scale_of(laid_out(least.draw), f"minimum {unit}") == pytest.approx((-4, -4), abs=1e-4)
+    assert scale_of(laid_out(largest.draw), f"maximum {unit}") == pytest.approx((-1, -1), abs=1e-4)
+    strength = 2 * C * np.cos(PHI) / (1 - np.sin(PHI))
+    used = scene_with([0.0, -0.5 * strength, 0.0, 0.0], [0, 0, 0])
+    _, last = scale_of(laid_out(lambda: utilisation_figure(used, used.sheets[0])), "utilisation (%")
+    assert 62.5 < last < 75.0
+    flowed = scene_with([0, 0, 0, 0], [1.5e-2 * np.sqrt(0.75), -1.5e-2 * np.sqrt(0.75), 0])
+    flowed.fields.yielded[1:] = True
+    label = "equivalent plastic strain (%)"
+    _, last = scale_of(laid_out(lambda: yielded_figure(flowed, flowed.sheets[0])), label)
+    assert 1.5 <= last < 2.0 or 4.5 <= last < 6.0  # of the state with three times the motion
+
+
+def test_a_field_that_varies_is_drawn_in_its_unit_with_parts_in_percent():
+    scene = scene_with([-2e6, -3e6, -2e6, 0], [0, 0, 0])
+    n = scene.fields.mesh.n_elements
+    step = np.linspace(0.0, 1.0, n)
+    found = FieldEstimate(
+        "rock.E", "rock", "E", "pressure", "GPa", np.arange(n), np.zeros((n, 2)),
+        (2 + step) * 1e9, 0.1 + 0.1 * step, np.full(n, 0.3), 0.4 + 0.2 * step, 3, 0.9,
+    )  # fmt: skip
+    figure = laid_out(lambda: varied_figure(scene, scene.sheets[0], found))
+    ends = {
+        axes.get_title(loc="left") or axes.get_title(): np.ptp(mesh.get_array()) * 1j
+        + mesh.get_array().min()
+        for axes in figure.axes
+        for mesh in axes.collections
+        if isinstance(mesh, PolyCollection) and mesh.get_array() is not None
+    }
+    assert ends["E (GPa)"] == pytest.approx(2.0 + 1.0j)
+    assert ends["standard deviation (%)"] == pytest.approx(10.0 + 10.0j)
+    assert ends["variance reduction (%)"] == pytest.approx(40.0 + 20.0j)
 
 
 def test_an_image_holds_linear_fields_and_nothing_outside():

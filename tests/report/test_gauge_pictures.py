@@ -137,6 +137,28 @@ def test_instruments_of_one_quantity_share_their_scale_and_nothing_is_cut(trough
     assert max(panels[0].get_ylim()) < 40.0
 
 
+def reach_of_bars(axes):
+    """Half lengths of all bars of errors, in the unit of the picture."""
+    bars = [each.lines[2][0] for each in axes.containers]
+    return np.concatenate([
+        0.5 * np.ptp(np.array(bar.get_segments()), axis=1).max(axis=1) for bar in bars
+    ])  # fmt: skip
+
+
+def test_bars_at_readings_are_half_their_95_percent_interval(trough):
+    """1.96 standard deviations of 0.2 mm, over stages, at dates and along a line."""
+    dated = replace(trough, case_resolved=DATES + trough.case_resolved)
+    for result in (trough, dated):
+        (axes, *_) = laid_out(reading_pictures(result)[0].draw).axes
+        found = reach_of_bars(axes)
+        assert len(found)
+        np.testing.assert_allclose(found, 1.96 * 0.2, rtol=1e-4)
+    (picture,) = profile_pictures(trough)
+    found = np.concatenate([reach_of_bars(axes) for axes in laid_out(picture.draw).axes])
+    assert len(found)
+    np.testing.assert_allclose(found, 1.96 * 0.2, rtol=1e-4)
+
+
 def test_dated_readings_stand_at_their_dates_and_stages_where_they_are_complete(trough):
     given = replace(trough, case_resolved=DATES + trough.case_resolved)
     axis = stage_axis(given)

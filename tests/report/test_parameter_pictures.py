@@ -1,15 +1,20 @@
 """Parameters drawn: on their scales, in pairs with ellipses, and scans without false islands."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from matplotlib.path import Path
 from scipy.interpolate import RegularGridInterpolator
 from scipy.ndimage import label
-from scipy.stats import chi2
+from scipy.stats import chi2, norm
 
+from geoident.model.parameter import Prior
 from geoident.model.results.result import Grid
+from geoident.model.results.rivals import Rivals
 from geoident.report.drawing.parameters.corner import (
+    corner_figure,
     draws_density,
     ellipse,
     pair_figure,
@@ -85,6 +90,8 @@ def test_an_interval_is_drawn_on_the_scale_of_its_parameter_with_prior_bounds_an
     (prior,) = [patch for patch in rock.patches if patch.get_alpha() == 0.35]
     ends = prior.get_extents().transformed(rock.transData.inverted())
     assert np.sqrt(ends.x0 * ends.x1) == pytest.approx(14.0, rel=1e-6)  # its median
+    (start,) = [line for line in rock.get_lines() if line.get_marker() == "|"]
+    assert start.get_xdata()[0] == pytest.approx(parameters().start[0] / 1e9)
     names = {text.get_text() for text in figure.legends[0].get_texts()}
     assert names == {"estimate, 95 %", "prior, 95 %", "start", "bound"}
 
@@ -126,6 +133,86 @@ def test_pairs_have_the_ellipse_of_their_covariance_on_their_scales():
     assert 0.3 <= low < 1.5 < high <= 3.0  # not beyond the bounds
     alone = replace(result, parameters=parameters().picked(np.array([0])))
     assert pair_pictures(alone) == ()
+
+
+def test_other_minima_are_crosses_at_their_values_in_the_units_of_the_axes():
+    values = np.array([correlated().parameters.values, [1.3e10, 6.5e6, 1.4]])
+    rivals = Rivals(values, np.ones(2), np.full(2, 0.5), np.zeros((2, 3, 3)))
+    figure = laid_out(lambda: pair_figure(replace(correlated(), rivals=rivals)))
+    (panel,) = [one for one in figure.axes if one.get_ylabel() == "K0" and one.get_visible()]
+    (cross,) = [line for line in panel.get_lines() if line.get_marker() == "x"]
+    np.testing.assert_allclose(cross.get_xydata(), [[13.0, 1.4]])
+
+
+def test_densities_on_the_diagonal_are_those_of_estimate_and_prior():
+    """Normal ones, by their largest value; of what is found on the logarithm, in that."""
+    figure = laid_out(lambda: pair_figure(correlated()))
+    rock = next(axes for axes in figure.axes if axes.get_visible())
+    density, prior = (line for line in rock.get_lines() if len(line.get_xdata()) == 301)
+    mean, sd = np.log(12.34), 4e8 / 1.234e10
+    x, height = np.log(density.get_xdata()), density.get_ydata()
+    np.testing.assert_allclose(height, norm.pdf(x, mean, sd) / norm.pdf(mean, mean, sd), atol=1e-9)
+    before = parameters().priors[0]
+    wide = before.sd / before.mean
+    np.testing.assert_allclose(
+        prior.get_ydata(), np.sqrt(2 * np.pi) * wide * norm.pdf(x, np.log(14.0), wide), atol=1e-9
+    )
+    assert np.sum(height > 0.01) > 100  # and it is seen
+    ends = sorted(
+        float(line.get_xdata()[0])
+        for line in rock.get_lines()
+        if line.get_linestyle() == ":" and len(line.get_xdata()) == 2
+    )
+    assert ends == pytest.approx([11.6, 13.1])
+    # below: the 95 % interval of the prior, where it lies inside the axis
+    wider = replace(parameters(), priors=(Prior(1.25e10, 1e8, "lognormal"), None, None))
+    below = laid_out(lambda: pair_figure(replace(correlated(), parameters=replace(
+        wider, values=correlated().parameters.values, covariance=correlated().parameters.covariance
+    ))))  # fmt: skip
+    (panel,) = [one for one in below.axes if one.get_ylabel() == "K0" and one.get_visible()]
+    limits = sorted(float(line.get_xdata()[0]) for line in panel.get_lines()
+                    if line.get_linestyle() == "--")  # fmt: skip
+    assert limits == pytest.approx(
+        12.5 * np.exp(1.96 * np.array([-1, 1]) * 1e8 / 1.25e10), rel=1e-4
+    )
+
+
+def drawn_posterior():
+    """2,000 draws of E_rock (GPa, normal) and K0 with a correlation of 0.6."""
+    result = example_result(2)
+    z = np.random.default_rng(4).standard_normal((2000, 2))
+    E, K0 = 10e9 + 1e9 * z[:, 0], 1.5 + 0.1 * (0.6 * z[:, 0] + 0.8 * z[:, 1])
+    draws = np.stack([E, K0], axis=-1)
+    found = SimpleNamespace(names=("E_rock", "K0"), flat=draws, least_effective=2000.0)
+    prior = Prior(12e9, 2e9)
+    priors = tuple(prior if n == "E_rock" else None for n in result.parameters.names)
+    table = replace(result.parameters, priors=priors)
+    case = "parameters: {E_rock: {start: 10 GPa}, K0: {start: 1}}"
+    return replace(result, parameters=table, case_resolved=case), found
+
+
+def test_draws_have_their_quantiles_their_prior_and_contours_that_hold_their_parts():
+    result, found = drawn_posterior()
+    figure = laid_out(lambda: corner_figure(result, found))
+    rock, panel = figure.axes[0], figure.axes[2]
+    E, K0 = found.flat[:, 0] / 1e9, found.flat[:, 1]
+    upright = sorted(
+        float(line.get_xdata()[0]) for line in rock.get_lines() if len(line.get_xdata()) == 2
+    )
+    np.testing.assert_allclose(upright, np.quantile(E, [0.025, 0.5, 0.975]), rtol=1e-9)
+    (prior,) = [line for line in rock.get_lines() if len(line.get_xdata()) > 2]
+    np.testing.assert_allclose(prior.get_ydata(), norm.pdf(prior.get_xdata(), 12.0, 2.0))
+    (bars,) = rock.patches
+    counts, edges, _ = bars.get_data()
+    assert np.sum(counts * np.diff(edges)) == pytest.approx(1.0)  # on one scale with the prior
+    ellipse95 = next(line for line in panel.get_lines() if line.get_linestyle() == ":")
+    assert 0.93 < np.mean(Path(ellipse95.get_xydata()).contains_points(np.stack([E, K0], 1))) < 0.97
+    (contours,) = panel.collections
+    for path, share in zip(contours.get_paths(), (0.95, 0.5), strict=True):
+        inside = np.zeros(len(E), dtype=bool)
+        for ring in path.to_polygons():
+            inside |= Path(ring).contains_points(np.stack([E, K0], axis=1))
+        assert np.mean(inside) == pytest.approx(share, abs=0.03)
 
 
 def test_contours_of_draws_hold_their_parts_close_and_follow_a_narrow_valley():

@@ -76,6 +76,12 @@ def test_bands_show_what_lies_outside(result):
         figure = bands_figure([[wrong, *rows[1:]]])
     circled = [line for line in figure.axes[0].lines if line.get_markersize() == 9]
     assert len(circled) == 1
+    read = [line.get_xdata()[0] for line in figure.axes[0].lines if line.get_marker() == "x"]
+    in_mm = [1e3 * row.measured for row in (wrong, *rows[1:])]
+    np.testing.assert_allclose(read, in_mm)
+    bars = [band.get_segments()[0][:, 0] for band in figure.axes[0].collections]
+    np.testing.assert_allclose(bars[0], [1e3 * wrong.lower95, 1e3 * wrong.upper95])
+    assert "(mm)" in figure.axes[0].get_xlabel()
     assert len(reading_pictures(rows, "predicted", "Predicted")) == 1
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from matplotlib.text import Text
 
-from geoident.model.actions import Traction
+from geoident.model.actions import PointForce, Traction
 from geoident.model.case import Stage, Support
 from geoident.model.parameter import Scalar
 from geoident.model.results.result import MemberForces
@@ -104,6 +104,35 @@ def test_forces_along_the_wall_and_in_bars_are_drawn(members):
     np.testing.assert_array_equal(drawn[2:], [-100, -200])
 
 
+def test_the_moments_of_a_wall_are_those_of_a_cantilever_in_kilonewtons():
+    """8 m of a wall in ground as soft as air, 10 kN/m to the left at its head: M = 10 kN/m h."""
+    mesh = regroup(box("quad8", (4, 6), size=(16.0, 24.0)), above=lambda x: x[:, 1] > 16)
+    here = np.flatnonzero((np.abs(mesh.points[:, 0] - 8) < 1e-9) & (mesh.points[:, 1] > 7.9))
+    y = here[np.argsort(mesh.points[here, 1])]
+    mesh = with_lines(mesh, "wall", np.stack([y[:-2:2], y[2::2], y[1::2]], axis=1))
+    pull = {"pull": PointForce((8.0, 24.0), (Scalar(-1e4), Scalar(0.0)))}
+    wall = model(
+        mesh,
+        materials={"soil": material("soil", 5e7, 0.3), "air": material("air", 1e2, 0.3)},
+        groups={"rock": "soil", "above": "air"},
+        supports=(Support("x0", (0,)), Support("y0", (0, 1))),
+        structures={"wall": Beam("wall", EA=Scalar(1e10), EI=Scalar(5e8))},
+        stages=(Stage("wall", build=("wall",)), Stage("pull", loads=pull)),
+        channels=(displacement("d", (8.0, 24.0), (1.0, 0.0)),),
+    )
+    found = wall.survey(np.empty(0), fields=False).members
+    (picture,) = structure_pictures(SimpleNamespace(members=found))
+    moments, axial, shear = laid_out(picture.draw).axes
+    height = np.linspace(20.0, 24.0, 5)  # above the ground by half of it, or more
+    for panel, right in ((moments, 10.0 * (24.0 - height)), (axial, 0.0), (shear, None)):
+        drawn = panel.get_lines()[-1]  # of the last stage
+        order = np.argsort(drawn.get_ydata(), kind="stable")
+        seen = np.interp(height, drawn.get_ydata()[order], drawn.get_xdata()[order])
+        # to the left at the head: tension on the right when one goes upwards
+        np.testing.assert_allclose(np.abs(seen) if right is None else seen,
+                                   10.0 if right is None else right, atol=0.02)  # fmt: skip
+
+
 def test_the_force_of_the_jack_stands_in_the_tables(members):
     table = force_table(members)
     assert table.header[-1] == "stressed to"
@@ -191,6 +220,10 @@ def test_bars_stand_where_they_are_as_wide_as_their_force(members):
         if len(line.get_xdata()) == 2
     }  # fmt: skip
     assert wide[12.0, 22.0, 0.0, 22.0] > wide[12.0, 21.0, 17.0, 20.0]
+    pieces = [line for line in lines if len(line.get_xdata()) == 2][8:]  # after those of the wall
+    style = {tuple(line.get_xydata()[0]): line.get_linestyle() for line in pieces}
+    assert style[12.0, 22.0] == "--"  # the strut is pressed
+    assert style[12.0, 19.0] == "-"  # the anchor is pulled
 
 
 def test_a_caption_says_which_stages_are_drawn_only_where_these_are_not_all():

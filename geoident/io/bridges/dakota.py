@@ -26,6 +26,7 @@ VALUE, GRADIENT, HESSIAN = 1, 2, 4
 """What is asked for of a response, added up."""
 _APREPRO = re.compile(r"\{\s*(\S+)\s*=\s*(.*?)\s*\}\s*$")
 _STANDARD = re.compile(r"(\S+)\s+(\S+)\s*$")
+_COUNT = re.compile("[0-9]{1,9}")
 _COUNTS = ("DAKOTA_VARS", "DAKOTA_FNS", "DAKOTA_DER_VARS")
 _WORDS = ("variables", "functions", "derivative_variables")
 
@@ -93,7 +94,7 @@ def read_request(path: str) -> DakotaRequest:
     )
     asked, faults = [], list[Fault]()
     for one in _block(left, 1, path):
-        parts = int(one.text) if one.text.isdigit() else -1
+        parts = int(one.text) if _COUNT.fullmatch(one.text) else -1
         name = one.name.partition(":")[2]
         if not 0 <= parts <= VALUE + GRADIENT + HESSIAN:
             message = f"'{shorten(one.text)}' is no entry of the active set vector"
@@ -139,7 +140,7 @@ def _block(entries: Iterator[_Entry], kind: int, path: str) -> list[_Entry]:
     if head is None:
         message = f"the file ends where {expected} is expected"
         raise InputError([Fault("cut-short", message, "", Location(path))])
-    if head.name not in (_COUNTS[kind], _WORDS[kind]) or not head.text.isdigit():
+    if head.name not in (_COUNTS[kind], _WORDS[kind]) or not _COUNT.fullmatch(head.text):
         message = f"found '{shorten(head.text)} {shorten(head.name)}'; {expected} is expected"
         hint = "Is this the file of parameters that Dakota writes (standard or aprepro)?"
         raise InputError([Fault("bad-line", message, hint, head.number_at)])

@@ -165,7 +165,8 @@ def _of_file(
     """The readings of a file, each with its stage, and whether one a stage is expected."""
     find, calendar, checks = tools
     faults = checks.faults
-    described = ReadingsFileSection(file=entry) if isinstance(entry, str) else entry
+    # what a file must declare by its format is asked for where it is read
+    described = ReadingsFileSection.model_construct(file=entry) if isinstance(entry, str) else entry
     before = len(faults.found)
     key = path if isinstance(entry, str) else (*path, "file")
     paths = [find(name, key) for name in described.paths]

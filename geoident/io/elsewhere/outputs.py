@@ -32,6 +32,8 @@ from geoident.model.elsewhere import (
     TableCell,
 )
 
+_INDEX = re.compile("[0-9]{1,18}")
+
 LARGEST = 500 * 10**6
 """Bytes of a file of text that are read at most."""
 
@@ -160,7 +162,7 @@ def _pointed(data: Any, file: str, how: JsonValue) -> Any:
         key = part.replace("~1", "/").replace("~0", "~")
         if isinstance(node, dict) and key in node:
             node = node[key]
-        elif isinstance(node, list) and key.isdigit() and int(key) < len(node):
+        elif isinstance(node, list) and _INDEX.fullmatch(key) and int(key) < len(node):
             node = node[int(key)]
         else:
             raise NotFound(f"{file} has nothing at '{how.pointer}': '{key}' is not there")

@@ -14,6 +14,7 @@ import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -141,6 +142,8 @@ class _Reader:
             if not cell.text or name == NAME_COLUMN or {name, cell.text} & set(ignore):
                 continue
             column = self._column(number, cell, name, unit)
+            if len(self.faults) > _MOST_FAULTS:
+                return found
             if column is None:
                 continue
             key = column.holds.parameter or repr(column.holds.place)
@@ -200,20 +203,20 @@ class _Reader:
 
     def _meant(self, name: str, gauge: str) -> str:
         """What a column may stand for: a misspelt name has no column of its own."""
-        heads = {name.rpartition("@")[0].strip() or name for name in self._heads}
         known = [*self.parameters, *self._rows]
-        absent = [one for one in known if one not in heads]
+        absent = [one for one in known if one not in self._heads]
         what = "Without a column" if absent else "Known"
         hint = did_you_mean(gauge, absent or known, what=what)
         return f"{hint} A column that is not wanted is named under 'ignore' of the case."
 
-    @property
-    def _heads(self) -> list[str]:
-        """The names of the columns, without their units."""
+    @cached_property
+    def _heads(self) -> frozenset[str]:
+        """The parameters and gauges that the columns are named after, known or not."""
         cells = cells_of(self.rows[0][1], self.delimiter)
-        return [match[1] for cell in cells if (match := _UNIT.fullmatch(cell.text))]
+        names = [match[1] for cell in cells if (match := _UNIT.fullmatch(cell.text))]
+        return frozenset(name.rpartition("@")[0].strip() or name for name in names)
 
-    @property
+    @cached_property
     def _rows(self) -> dict[str, int]:
         return {channel.name: n for n, channel in enumerate(self.channels)}
 

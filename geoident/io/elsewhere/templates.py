@@ -23,7 +23,7 @@ from geoident.units import UnitError, normal_unit, size_in, unit_list, with_arti
 MAX_BYTES = 200 * 10**6
 _FIELD = re.compile(r"\{\{(.*?)\}\}", re.DOTALL)
 _INSIDE = re.compile(r"\s*([A-Za-z_]\w*)\s*(?:\[([^\]]*)\]\s*)?(?::([^\n]*))?")
-_FORM = re.compile(r"\s*([<>^=]?[+\- ]?0?(\d*)(?:\.\d+)?[eEfFgG])\s*")
+_FORM = re.compile(r"\s*([<>^=]?[+\- ]?0?([0-9]{0,3})(?:\.[0-9]{1,3})?[eEfFgG])\s*")
 
 
 def read_template(

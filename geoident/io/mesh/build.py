@@ -215,7 +215,8 @@ def _offsets(kind: str, nodes: Ints, points: Floats) -> Floats:
     start, end = points[nodes[:, edges[:, 0]]], points[nodes[:, edges[:, 1]]]
     away = np.linalg.norm(points[nodes[:, corners:]] - 0.5 * (start + end), axis=2)
     length = np.linalg.norm(end - start, axis=2)
-    ratio: Floats = away / np.maximum(length, np.finfo(float).tiny)
+    least = max(np.finfo(float).tiny, 1e-300 * float(np.max(away, initial=0.0)))
+    ratio: Floats = away / np.maximum(length, least)
     return ratio
 
 

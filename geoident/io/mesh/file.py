@@ -106,6 +106,10 @@ def _check_file(path: Path, dim: int | None) -> None:
         raise Refused("mesh-file", f"the mesh is {what}", "give the mesh file itself")
     if path.stat().st_size == 0:
         raise Refused("mesh-empty", "the mesh file is empty", "make or copy it again")
+    for name in mesh_files(str(path))[1:]:
+        if Path(name).exists() and not Path(name).is_file():
+            message = f"the mesh names '{name}', which is not an ordinary file"
+            raise Refused("mesh-file", message, "name the file that holds the rest of the mesh")
     _check_suffix(path, dim)
 
 

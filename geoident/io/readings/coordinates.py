@@ -90,7 +90,7 @@ class CoordinateReader:
         targets = [self._target(number, point, gauge) for gauge in gauges]
         time = table.date(number, when) if self.dated and gauges else None
         before = len(table.faults)
-        given = [table.number(number, row[key]) for key in _AXES] if gauges else []
+        given = [table.measured(number, row[key]) for key in _AXES] if gauges else []
         if not gauges or len(table.faults) > before or (self.dated and time is None):
             return []  # a point that is not asked for, or a fault
         found = [

@@ -299,7 +299,7 @@ class _LongReader:
             return []  # of an instrument that is not asked for
         time = table.date(number, row["date"]) if "date" in self.required else None
         scale = self._scale(number, row, origin, table.layout.dimension(channel))
-        value = table.number(number, row["value"])
+        value = table.measured(number, row["value"])
         accuracy = table.accuracy(number, row.get("accuracy"))
         calibration = origin.calibration
         warmth = None

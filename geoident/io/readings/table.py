@@ -5,6 +5,7 @@ What differs from one file to the next is declared by the user (`Layout`); nothi
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -153,11 +154,13 @@ class Cell:
         text: that it shows.
         column: from 1: of its first character in a text, of the cell in a sheet.
         value: number or date that the cell of a sheet holds; None for a text.
+        joined: it is one with other cells of the sheet.
     """
 
     text: str
     column: int
     value: float | datetime | None = None
+    joined: bool = False
 
 
 Row = tuple[int, list[Cell]]
@@ -254,9 +257,18 @@ class Table:
             if match[3] == "":
                 return cells
 
+    def measured(self, number: int, cell: Cell) -> float | None:
+        """What was read once, so in a cell of its own; else as `number`."""
+        if cell.joined and cell.text:
+            message = f"the reading '{shorten(cell.text)}' stands in a cell that joins several"
+            hint = "Unmerge them, and leave it where it was read."
+            self.refuse((number, cell.column), "joined-cell", message, hint)
+            return None
+        return self.number(number, cell)
+
     def number(self, number: int, cell: Cell) -> float | None:
         """The number in a cell, None where it is blank or, with a fault, none."""
-        if isinstance(cell.value, float):
+        if isinstance(cell.value, float) and math.isfinite(cell.value):
             return cell.value
         if not cell.text or self._refused_of_a_sheet(number, cell):
             return None

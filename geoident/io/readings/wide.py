@@ -173,7 +173,7 @@ class WideReader:
 
     def _value(self, number: int, cells: list[Cell], column: _Column) -> float | None:
         """The reading of a column, SI; None where it is missing or, with a fault, wrong."""
-        value = self.table.number(number, cells[column.at])
+        value = self.table.measured(number, cells[column.at])
         if value is None or column.scale is None:
             return None
         warmth, calibration = None, column.origin.calibration

@@ -14,7 +14,7 @@ import warnings
 import zipfile
 import zlib
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import date, datetime
 from typing import Any
 from xml.etree.ElementTree import ParseError
@@ -26,13 +26,18 @@ from geoident.io.text.text_file import read_bytes
 from geoident.io.text.wording import did_you_mean, listing
 
 MAX_BYTES = 100_000_000
-MAX_UNPACKED = 1_000_000_000
+MAX_UNPACKED = 300_000_000
 MAX_CELLS = 5_000_000
+MAX_JOINED = 200_000
 _OLD = b"\xd0\xcf\x11\xe0"
 _RANGE = re.compile(r"([A-Za-z]{1,3})([1-9][0-9]{0,6}):([A-Za-z]{1,3})([1-9][0-9]{0,6})")
+_MERGED = re.compile(
+    rb"mergeCell [^>]*ref=[\"']([A-Za-z]{1,3})([0-9]{1,7}):([A-Za-z]{1,3})([0-9]{1,7})"
+)
 _BROKEN = (
     zipfile.BadZipFile, zlib.error, struct.error, ParseError, LookupError, ValueError, TypeError,
-    AttributeError, ArithmeticError, OSError, EOFError, NotImplementedError,
+    AttributeError, ArithmeticError, OSError, EOFError, NotImplementedError, MemoryError,
+    RecursionError,
 )  # fmt: skip
 """What openpyxl raises on files that are none."""
 
@@ -43,19 +48,15 @@ class WorkbookSheet:
 
     Args:
         name: of the sheet.
-        table: rows of cells, in the range that was asked for; the first one is that of ``top``.
-        top: row of the first.
-        left: column of the first cell of each.
+        table: rows of cells, in the range that was asked for, of which any has a cell.
     """
 
     name: str
-    table: list[list[Cell]]
-    top: int
-    left: int
+    table: list[Row]
 
     def rows(self, first: int = 0) -> Iterator[Row]:
         """The rows that hold something, from a row on."""
-        for number, cells in enumerate(self.table, self.top):
+        for number, cells in self.table:
             if number >= first and any(cell.text for cell in cells):
                 yield number, cells
 
@@ -91,23 +92,29 @@ def open_sheet(path: str, layout: Layout) -> WorkbookSheet:
     if data.startswith(_OLD):
         hint = "Remove its password, or save it as 'Excel Workbook (.xlsx)'."
         raise _refused(path, "bad-workbook", "the workbook is encrypted or of the old .xls", hint)
+    has_formulas = _looked_through(data, path)
     sheet = _find(_open(data, path, values=True), layout, path)
     _require_size(sheet, path)
-    merged = {
+    first_of = {
         (row, span.min_col): (span.min_row, span.min_col)
         for span in sheet.merged_cells.ranges
-        for row in range(span.min_row + 1, span.max_row + 1)
+        for row in range(span.min_row, span.max_row + 1)
     }
     box = _box(layout.cells, sheet)
     formulas = sheet
-    if _has_formulas(data):
+    if has_formulas:
         formulas = _find(_open(data, path, values=False), layout, path)
-    table = [
-        [_cell(sheet, formulas, *merged.get((row, column), (row, column)), column)
-         for column in range(box[1], box[3] + 1)]
-        for row in range(box[0], box[2] + 1)
-    ]  # fmt: skip
-    return WorkbookSheet(sheet.title, table, box[0], box[1])
+    written = sorted({row for row, _ in sheet._cells if box[0] <= row <= box[2]})
+    table = []
+    for row in written:  # others would be made by asking for their cells
+        cells = []
+        for column in range(box[1], box[3] + 1):
+            first = first_of.get((row, column))
+            top, left = first or (row, column)
+            cell = _cell(sheet, formulas, top, left, column)
+            cells.append(cell if first is None else replace(cell, joined=True))
+        table.append((row, cells))
+    return WorkbookSheet(sheet.title, table)
 
 
 def _open(data: bytes, path: str, *, values: bool) -> Any:
@@ -115,23 +122,43 @@ def _open(data: bytes, path: str, *, values: bool) -> Any:
     import openpyxl  # noqa: PLC0415 - a fifth of a second, for workbooks only
 
     try:
-        with zipfile.ZipFile(io.BytesIO(data)) as archive:
-            unpacked = sum(part.file_size for part in archive.infolist())
-        if unpacked > MAX_UNPACKED:
-            raise _refused(path, "too-large", "the workbook is larger than 1 GB, unpacked")
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of what a workbook has besides cells
             return openpyxl.load_workbook(io.BytesIO(data), data_only=values, keep_links=False)
     except _BROKEN as error:
-        message = f"not a readable Excel workbook: {error or type(error).__name__}"
-        hint = "Open it in Excel and save it again as 'Excel Workbook (.xlsx)'."
-        raise _refused(path, "bad-workbook", " ".join(message.split()), hint) from error
+        raise _no_workbook(path, error) from error
 
 
-def _has_formulas(data: bytes) -> bool:
-    with zipfile.ZipFile(io.BytesIO(data)) as archive:
-        sheets = [name for name in archive.namelist() if name.startswith("xl/worksheets/")]
-        return any(b"<f" in archive.read(name) for name in sheets)
+def _no_workbook(path: str, error: BaseException) -> InputError:
+    message = f"not a readable Excel workbook: {error or type(error).__name__}"
+    hint = "Open it in Excel and save it again as 'Excel Workbook (.xlsx)'."
+    return _refused(path, "bad-workbook", " ".join(message.split()), hint)
+
+
+def _looked_through(data: bytes, path: str) -> bool:
+    """Whether a sheet has formulas; refuses one that joins more cells than there is memory for."""
+    formulas = False
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            if sum(part.file_size for part in archive.infolist()) > MAX_UNPACKED:
+                message = f"the workbook is larger than {MAX_UNPACKED // 10**6} MB, unpacked"
+                raise _refused(path, "too-large", message)
+            for name in archive.namelist():
+                if not name.startswith("xl/worksheets/"):
+                    continue
+                text = archive.read(name)
+                formulas |= b"<f" in text
+                spans = [[part.decode() for part in m.groups()] for m in _MERGED.finditer(text)]
+                joined = sum(
+                    (_column(right) - _column(left) + 1) * (int(bottom) - int(top) + 1)
+                    for left, top, right, bottom in spans
+                )
+                if joined > MAX_JOINED:
+                    message = f"a sheet joins {joined:,} cells, more than {MAX_JOINED:,}"
+                    raise _refused(path, "too-large", message, "Join only cells that are needed.")
+    except _BROKEN as error:
+        raise _no_workbook(path, error) from error
+    return formulas
 
 
 def _find(book: Any, layout: Layout, path: str) -> Any:

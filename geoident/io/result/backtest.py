@@ -12,7 +12,7 @@ from dataclasses import fields
 import h5py
 import numpy as np
 
-from geoident.io.result.hdf5 import TableReader, TableWriter
+from geoident.io.result.hdf5 import TableReader, TableWriter, refusal
 from geoident.io.result.reading_tables import reading_unit
 from geoident.io.result.tables import COUNTS, read_counts
 from geoident.model.arrays import Floats
@@ -109,6 +109,9 @@ def read_backtest(file: h5py.File, gauges: GaugeTable, n: int) -> Backtest:
 def _read_steps(group: TableReader, gauges: GaugeTable, k: int, n: int) -> tuple[BacktestStep, ...]:
     wide = (k, *gauges.computed.shape)
     last, readings = (group.ints(name, k).tolist() for name in ("last", "readings"))
+    if not {*last} <= {*range(len(gauges.stages))}:
+        message = f"{group.name}/last names a stage that is not there"
+        raise refusal(group.group.file.filename, "damaged-result", message)
     status, reason = (group.texts(name, k) for name in ("status", "reason"))
     counts = np.stack([read_counts(group, name, k) for name in COUNTS], axis=1)
     columns = {f: group.floats(f"parameter_{name}", k, n) for name, f in _PARAMETERS.items()}

@@ -34,7 +34,12 @@ from geoident.errors import Fault, InputError, Location, Term
 from geoident.io.text.head import said_format
 from geoident.model.arrays import Bools, Floats, Ints
 
-_READ_ERRORS = (OSError, KeyError, RuntimeError, ValueError, TypeError, MemoryError)
+_READ_ERRORS = (
+    OSError, LookupError, RuntimeError, ArithmeticError, ValueError, TypeError, AttributeError,
+    MemoryError,
+)  # fmt: skip
+"""What h5py raises of damaged files, and what parts of a wrong shape or kind lead to."""
+
 _T = TypeVar("_T", str, float)
 _AGAIN = "run the command that wrote it again"
 
@@ -211,11 +216,30 @@ def _open(path: str | Path) -> h5py.File:
     if not Path(path).is_file():
         raise refusal(path, "not-a-result", "not a file", "give the path of a result file")
     try:
+        _refuse_other_length(path)
         return h5py.File(path, "r", locking=False)
     except PermissionError as error:
         raise refusal(path, "no-result", "no permission to read it", "") from error
     except OSError as error:
         raise _unreadable(path, str(error)) from error
+
+
+_SIGNATURE = b"\x89HDF\r\n\x1a\n"
+_END_AT = {0: 40, 1: 44, 2: 28, 3: 28}
+"""Version of an HDF5 file to where it says its length, with addresses of 8 bytes."""
+
+
+def _refuse_other_length(path: str | Path) -> None:
+    """Refuse an HDF5 file that is longer than it says: something was put in on its way here.
+
+    HDF5 itself refuses shorter ones, and may search a longer one without end.
+    """
+    with Path(path).open("rb") as file:
+        head = file.read(64)
+        length = file.seek(0, io.SEEK_END)
+    at = _END_AT.get(head[8]) if head.startswith(_SIGNATURE) and len(head) == 64 else None
+    if at is not None and length > int.from_bytes(head[at : at + 8], "little"):
+        raise refusal(path, "damaged-result", "damaged: it is longer than it was written")
 
 
 _COMPUTED = {"geoident-case": "a case", "geoident-project": "a project of several sections"}

@@ -19,7 +19,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from geoident.io.result.hdf5 import TableReader, TableWriter
+from geoident.io.result.hdf5 import TableReader, TableWriter, refusal
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.gauges import PARTS, ErrorParts, ReadingTable
 from geoident.model.results.result import DIAGNOSTIC_COLUMNS, AccuracyTable, Diagnostics, GaugeTable
@@ -222,13 +222,24 @@ def reading_unit(table: GaugeTable) -> str:
 
 
 def read_gauges(file: h5py.File, n: int) -> GaugeTable:
-    """Channels and readings; n is the number of parameters."""
+    """Channels and readings; n is the number of parameters.
+
+    Raises:
+        InputError: readings of a channel or stage that is not there.
+    """
     group = TableReader(file, "gauges")
     channels = _channels(group)
     m = len(channels["channels"])
+    readings = read_readings(file, n)
+    unknown = {*readings.channel} - {*channels["channels"]} or {*readings.stage} - {
+        *channels["stages"]
+    }
+    if unknown:
+        message = f"/readings speaks of '{min(unknown)}', which /gauges does not have"
+        raise refusal(file.filename, "damaged-result", message)
     return GaugeTable(
         **channels,
-        readings=read_readings(file, n),
+        readings=readings,
         gauges=group.texts("instrument", m),
         dimensions=group.texts("dimension", m),
         units=group.texts("display_unit", m),

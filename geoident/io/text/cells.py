@@ -6,6 +6,8 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+_QUOTED = re.compile(r'"((?:[^"]|"")*)"\s*')
+
 
 @dataclass(frozen=True)
 class TextCell:
@@ -50,8 +52,10 @@ def cells_of(line: str, delimiter: str) -> list[TextCell]:
     cells: list[TextCell] = []
     at = 0
     while True:
-        start = at + len(line[at:]) - len(line[at:].lstrip(" "))
-        quoted = re.compile(r'"((?:[^"]|"")*)"\s*').match(line, start)
+        start = at
+        while line.startswith(" ", start):
+            start += 1
+        quoted = _QUOTED.match(line, start)
         if quoted and (quoted.end() == len(line) or line[quoted.end()] == delimiter):
             end, text = quoted.end(), quoted[1].replace('""', '"')
         else:

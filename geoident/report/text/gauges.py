@@ -29,6 +29,9 @@ from geoident.report.text.residuals import (
 from geoident.units import in_unit, shown_unit
 
 _FINER = 1e5
+_FARTHEST = 2.5e11
+"""Seconds from 1970 to the year 9892: what is farther is damage, and NaN is no time."""
+
 """Times an accuracy is larger than the last digit of a simulated reading."""
 
 
@@ -284,12 +287,12 @@ def each_reading(gauges: GaugeTable) -> list[dict[str, Any]]:
 
 
 def moment_text(seconds: float) -> str | None:
-    """Date and time (ISO 8601) of seconds since 1970; None for NaN.
+    """Date and time (ISO 8601) of seconds since 1970; None for NaN and what is no date.
 
     >>> moment_text(86400.0)
     '1970-01-02T00:00:00'
     """
-    if math.isnan(seconds):
+    if not abs(seconds) < _FARTHEST:
         return None
     moment = datetime(1970, 1, 1, tzinfo=UTC) + timedelta(seconds=seconds)
     return moment.replace(tzinfo=None).isoformat(timespec="seconds")

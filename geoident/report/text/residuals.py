@@ -71,7 +71,8 @@ def standardized(result: Result) -> Floats:
         computed[predicted] = result.prediction.mean[predicted]
     known = np.isfinite(sd) & (sd > 0)
     residual = table.measured - computed
-    found = np.divide(residual, sd, out=np.full(sd.shape, np.nan), where=known)
+    with np.errstate(over="ignore"):  # by a standard deviation of a damaged result
+        found = np.divide(residual, sd, out=np.full(sd.shape, np.nan), where=known)
     if _errors_shared(result) and result.diagnostics is not None:
         wide = result.diagnostics.wide(table).standardized
         found = np.where(np.isfinite(wide), wide, found)

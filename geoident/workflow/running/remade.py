@@ -83,7 +83,7 @@ def _form(path: str) -> str:
 def _present(path: str) -> bytes | None:
     """What a file holds; None where there is none, or where what stands there cannot be read."""
     try:
-        return Path(path).read_bytes()
+        return Path(path).read_bytes() if Path(path).is_file() else None  # a pipe never ends
     except OSError:
         return None  # writing says what is in the way
 

@@ -70,6 +70,7 @@ def test_they_are_taken_to_si(folder):
         ("t.csv", TableCell("u", (("stage", "one"),)), "2 rows with stage = one; one is expected"),
         ("t.csv", TableCell("gauge", 1), "'A' is no number"),
         ("t.json", JsonValue("/a~1b/1/u"), "'1' is not there"),
+        ("t.json", JsonValue("/a~1b/\u00b2/u"), "'\u00b2' is not there"),
         ("t.json", JsonValue("/t"), "is no number"),
         ("t.h5", Hdf5Value("v", ()), "no dataset 'v'"),
         ("t.h5", Hdf5Value("u/two", (2, 0)), "is 2 x 2"),

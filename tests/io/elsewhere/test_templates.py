@@ -42,6 +42,8 @@ def test_without_form_no_digit_is_lost(tmp_path):
         ("{{E [mm]}}", 1, 1, "unit", "'mm' is no unit of a pressure"),
         ("{{E [Gpx]}}", 1, 1, "unit", "no unit 'Gpx'"),
         ("{{E:10d}}", 1, 1, "bad-form", "'10d' is no form of a number"),
+        ("{{E:.99999999999f}}", 1, 1, "bad-form", "is no form of a number"),
+        ("{{E:99999999999f}}", 1, 1, "bad-form", "is no form of a number"),
         ("{{E + 1}}", 1, 1, "bad-field", "is not a field"),
         ("no field", 0, 0, "no-field", "has no field"),
     ],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import random
 from pathlib import Path
 
@@ -52,6 +53,28 @@ def test_files_that_are_no_files_are_refused(tmp_path):
     assert fault_of("x" * 5000).code == "mesh-file"
     (tmp_path / "empty.msh").touch()
     assert "empty" in fault_of(tmp_path / "empty.msh").message
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="pipes with names are of POSIX")
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("m.inp", "*INCLUDE, INPUT=pipe\n*NODE\n1, 0, 0\n"),
+        (
+            "m.xdmf",
+            '<Xdmf Version="3.0"><Domain><Grid Name="G"><Geometry GeometryType="XY">'
+            '<DataItem DataType="Float" Dimensions="4 2" Format="HDF" Precision="8">\npipe:/d\n'
+            "</DataItem></Geometry></Grid></Domain></Xdmf>\n",
+        ),
+    ],
+)
+def test_a_mesh_that_names_a_pipe_is_refused(name, text, tmp_path):
+    """It was waited for without end."""
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / name).write_text(text)
+    fault = fault_of(tmp_path / name)
+    assert fault.code == "mesh-file"
+    assert "pipe', which is not an ordinary file" in fault.message
 
 
 def test_a_file_without_permission_is_refused(tmp_path, monkeypatch):
@@ -246,6 +269,12 @@ def test_a_node_far_from_its_edge_is_refused_by_element(tmp_path):
     fault = fault_of(path)
     assert fault.code == "mesh-mid-node"
     assert "element 1" in fault.message
+
+
+def test_an_edge_without_length_is_refused_whatever_the_size_of_the_mesh(tmp_path):
+    points = np.array([[0, 0], [0, 0], [0, 1e10], [5e9, 0], [5e9, 0.5], [0, 5e9]])
+    path = written(tmp_path / "m.xdmf", points, [("triangle6", [[0, 1, 2, 3, 4, 5]])])
+    assert fault_of(path).code == "mesh-mid-node"
 
 
 def test_a_vtk_cell_that_would_be_dropped_is_refused(tmp_path):

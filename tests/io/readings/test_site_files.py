@@ -464,6 +464,14 @@ def test_rows_of_ags_files_must_be_of_one_instrument(refused, channel, text, wor
     assert any(words in f.message and hint in f.hint for f in faults), faults
 
 
+def test_an_ags_file_named_alone_is_asked_what_is_whose(refused):
+    """It ended in a traceback: a file by its name was held against what only a section can say."""
+    pytest.importorskip("python_ags4", reason="needs pip install --no-deps python-ags4")
+    (fault,) = refused("readings: m.ags", files={"m.ags": AGS.encode()})
+    assert fault.code == "no-channels"
+    assert "channels: {CHANNEL: {MONG_ID: ...}}" in fault.hint
+
+
 # Whatever the cells are
 
 cells = st.text(max_size=6) | st.sampled_from(

@@ -2,6 +2,7 @@
 
 import contextlib
 import io
+import time
 import zipfile
 from datetime import date, datetime
 from pathlib import Path
@@ -132,6 +133,78 @@ def test_a_cell_that_joins_rows_holds_for_each_of_them(read):
     ]
     case = read(DATES + "{file: r.xlsx}", workbook(rows, merged=["B2:B3"]))
     assert values(case) == [("EX1.a5", "heading", 0.5), ("CV1", "heading", 0.1)]
+
+
+@pytest.mark.parametrize("merged", ["B2:B3", "B2:C2", "B2:C3"])
+def test_a_reading_in_a_cell_that_joins_several_is_nobodys(refused, merged):
+    """It was taken for a reading of each row, and of the first of several columns."""
+    rows = [
+        ["date", "EX1.a5 (mm)", "CV1 (mm)"],
+        [datetime(2024, 3, 2), 0.5, 1.5],
+        [datetime(2024, 4, 2), 2.5, 3.5],
+    ]
+    faults = refused(DATES + "{file: r.xlsx, layout: wide}", workbook(rows, merged=[merged]))
+    assert {fault.code for fault in faults} == {"joined-cell"}
+    assert "the reading '0.5' stands in a cell that joins several" in faults[0].message
+    assert faults[0].location.cell == "B2"
+
+
+def changed_sheet(data, change):
+    """The same workbook with another text of its sheet."""
+    found = io.BytesIO()
+    with zipfile.ZipFile(io.BytesIO(data)) as old, zipfile.ZipFile(found, "w") as new:
+        for name in old.namelist():
+            part = old.read(name)
+            new.writestr(name, change(part) if name == "xl/worksheets/sheet1.xml" else part)
+    return found.getvalue()
+
+
+def saved(book):
+    found = io.BytesIO()
+    book.save(found)
+    return found.getvalue()
+
+
+@pytest.mark.parametrize("quote", [b'"', b"'"])
+def test_a_workbook_that_joins_all_its_cells_is_refused_at_once(refused, quote):
+    """openpyxl makes each of them: a file of 5 kB took 4 GB and minutes."""
+    joins = b'</sheetData><mergeCells><mergeCell ref="A1:XFD1048576"/></mergeCells>'
+    joins = joins.replace(b'"', quote)
+    book = changed_sheet(saved(workbook(LONG)), lambda old: old.replace(b"</sheetData>", joins))
+    (fault,) = refused("readings: r.xlsx", book)
+    assert fault.code == "too-large"
+    assert fault.message == "a sheet joins 17,179,869,184 cells, more than 200,000"
+
+
+def test_a_number_beyond_all_numbers_is_no_reading(refused):
+    """A workbook can hold 1e999, which was read as infinite."""
+    data = saved(workbook(LONG))
+    found = changed_sheet(data, lambda old: old.replace(b"<v>1.25</v>", b"<v>1e999</v>"))
+    (fault,) = refused("readings: r.xlsx", found)
+    assert str(fault.location).endswith("r.xlsx:Readings!C2")
+    assert fault.code == "bad-number"
+
+
+def test_a_cell_far_down_costs_nothing(read):
+    """A blank left there by somebody: all cells above it were made, 105 s."""
+    book = workbook(LONG)
+    book.active["A900000"] = " "
+    begun = time.process_time()
+    assert len(read("readings: r.xlsx", book).readings) == 2
+    assert time.process_time() - begun < 2.0
+
+
+def test_a_sheet_that_unpacks_to_more_than_it_can_hold_is_refused(refused, monkeypatch):
+    monkeypatch.setattr("geoident.io.readings.workbook.MAX_UNPACKED", 10_000)
+    (fault,) = refused("readings: r.xlsx", workbook([*LONG, *[LONG[1]] * 100]))
+    assert fault.code == "too-large"
+
+
+@pytest.mark.parametrize("cell", ["1.5-", "1.5*", "1.5 *"])
+def test_marks_behind_a_number_are_not_left_out(refused, cell):
+    """Some programs write the sign there: 1.5- is -1.5, and was read as 1.5."""
+    (fault,) = refused("readings: r.xlsx", workbook([*LONG, ["CV1", "heading", cell, "mm", None]]))
+    assert "behind its number" in fault.message
 
 
 @pytest.mark.parametrize(

@@ -389,6 +389,39 @@ def test_pieces_of_another_shape_or_type_are_named(written: Path) -> None:
     assert "/readings/sd holds object" in refused(written)
 
 
+@pytest.mark.parametrize(
+    ("name", "change", "said"),
+    [
+        ("gauges/gauge", lambda old: old[None], "damaged"),
+        ("readings/channel", lambda old: np.full(old.shape, "XX", dtype=object), "speaks of 'XX'"),
+        ("readings/stage", lambda old: np.full(old.shape, "XX", dtype=object), "speaks of 'XX'"),
+        ("VTKHDF/NumberOfPoints", lambda old: np.zeros(0, dtype=np.int64), "damaged"),
+    ],
+)
+def test_parts_that_do_not_go_together_are_refused(
+    written: Path, name: str, change: Callable[[Any], Any], said: str
+) -> None:
+    with h5py.File(written, "a") as file:
+        old = file[name][()]
+        del file[name]
+        file[name] = change(old)
+    assert said in refused(written)
+
+
+def test_a_number_that_is_none_is_refused(written: Path) -> None:
+    with h5py.File(written, "a") as file:
+        file.attrs["exit_code"] = np.inf
+    assert "damaged" in refused(written)
+
+
+def test_a_file_into_which_something_was_put_is_refused(written: Path) -> None:
+    """HDF5 searched some such files without end, and could not be interrupted."""
+    whole = written.read_bytes()
+    for place in (70, len(whole) // 2, len(whole)):
+        written.write_bytes(whole[:place] + b"\xfa" + whole[place:])
+        assert "it is longer than it was written" in refused(written)
+
+
 @pytest.mark.parametrize("count", [8, pytest.param(150, marks=pytest.mark.slow)])
 def test_flipped_bytes_are_refused_or_read_but_never_crash(written: Path, count: int) -> None:
     path, whole = written, written.read_bytes()

@@ -3,6 +3,7 @@
 import csv
 import json
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,10 +11,14 @@ import pytest
 from geoident.errors import Fault, InputError, Location
 from geoident.model.gauges import Reading
 from geoident.model.results.comparison import Amount, Comparison, Difference, Place
-from geoident.model.results.result import MemberForces
+from geoident.model.results.mesh_error import MeshError
+from geoident.model.results.posterior import PosteriorDraws
+from geoident.model.results.result import MemberForces, SupportReactions
 from geoident.model.results.summary import Identifiability
+from geoident.model.results.varied import FieldEstimate
 from geoident.report.text.comparison import comparison_object, comparison_text
 from geoident.report.text.csv_tables import csv_tables, csv_text
+from geoident.report.text.errors.mesh_error import mesh_error_table
 from geoident.report.text.json import (
     dumps,
     failure_object,
@@ -21,7 +26,13 @@ from geoident.report.text.json import (
     result_object,
     simulation_object,
 )
-from tests.io.result.conftest import make_advance
+from geoident.report.text.posterior import posterior_table
+from geoident.report.text.structures import force_table
+from geoident.report.text.varied import varied_table
+from geoident.units import in_unit
+from geoident.workflow.estimating.diagnosis import why_poor
+from geoident.workflow.estimating.wrong_readings import gross_findings
+from tests.io.result.conftest import make_advance, make_reaction
 from tests.support.cases import displacement
 from tests.support.results import example_result, small_result
 
@@ -240,3 +251,75 @@ def test_a_face_that_goes_on_is_in_tables_and_json(result):
     assert result_object(replace(result, advance=never), case="", output="")["face"]["lost"] is None
     assert "face" not in result_object(result, case="", output="")
     assert not {"face", "face-profile"} & set(csv_tables(result))
+
+
+def test_reactions_and_the_curve_of_an_opening_are_in_the_units_of_their_columns():
+    forces = np.array([[[-12500.0, 3e6], [NAN, NAN]]])
+    found = replace(
+        small_result(),
+        reactions=SupportReactions(("left",), ("virgin", "drift"), forces),
+        reaction=make_reaction(),
+    )
+    tables = csv_tables(found)
+    header, rows = tables["reactions"].header, tables["reactions"].rows
+    assert header[2:4] == ("R_x (kN)", "R_y (kN)")
+    assert rows[0][:4] == ("left", "virgin", -12.5, 3000.0)
+    curve = tables["ground-reaction"]
+    row = dict(zip(curve.header, curve.rows[-1], strict=True))
+    assert row["pressure (MPa)"] == 0.0
+    assert row["wall_inwards (mm)"] == pytest.approx(9.0)
+
+
+def test_parts_of_accuracies_variances_and_motions_are_percent():
+    mesh = MeshError(
+        "refinement", ("CV",), ("drift",), np.array([[1e-2]]), np.array([[1e-4]]),
+        np.array([[2e-4]]), np.array([8e-4]), ("mm",), ("length",), 2.0, (10, 40),
+    )  # fmt: skip
+    (row,) = mesh_error_table(mesh).rows
+    assert tuple(row) == ("CV", "drift", "10", "0.1", "0.2", "0.8", "mm", "25 %")
+    field = FieldEstimate(
+        "rock.E", "rock", "E", "pressure", "GPa", np.arange(2), np.zeros((2, 2)),
+        np.array([2e9, 3e9]), np.full(2, 0.1), np.full(2, 0.3), np.array([0.2, 0.62]), 3, 0.9,
+    )  # fmt: skip
+    assert "62 %" in varied_table([field]).rows[0]
+    error = SimpleNamespace(kind="estimated", size=2.0, lower95=1.3, upper95=3.8, large=True)
+    calm = SimpleNamespace(above=1.0, misfit=1.0)
+    said = why_poor(calm, np.zeros(0, dtype=int), error)
+    assert "200 % of the computed motion (95 %: 130 to 380 %)" in said
+
+
+def test_draws_have_their_mean_and_deviation_in_the_unit():
+    values = 1e10 + 2e9 * np.random.default_rng(3).standard_normal((1, 4000, 1))
+    draws = PosteriorDraws(
+        ("E_rock",), ("",), values, np.zeros((1, 4000)), "importance", 0.1, np.array([4000.0]),
+        np.array([NAN]), 0.9, 5000, (), (), np.zeros((1, 1, 0)), np.zeros(1, dtype=int),
+    )  # fmt: skip
+    table = posterior_table(replace(example_result(2), posterior=draws))
+    row = dict(zip(table.header, table.rows[0], strict=True))
+    assert (float(row["mean"]), float(row["sd"])) == pytest.approx((10.0, 2.0), rel=0.02)
+    assert row["unit"] == "GPa"
+
+
+def test_forces_of_shells_go_from_the_least_to_the_largest():
+    hoop = np.array([[-3e5], [1e5]])
+    members = MemberForces(
+        ("shell", "shell"), np.array([1, 2]), ("drift",), np.zeros((2, 2, 2)), hoop,
+        np.zeros((2, 2, 1)), np.zeros((2, 1)), np.array([True, True]), hoop, np.full((2, 1), NAN),
+    )  # fmt: skip
+    table = force_table(members)
+    row = dict(zip(table.header, table.rows[0], strict=True))
+    assert (row["N from"], row["N to"]) == ("-300", "100")
+    assert (row["hoop N from"], row["hoop N to"]) == ("-300", "100")
+
+
+def test_a_grossly_wrong_reading_is_said_as_it_was_written():
+    channel = displacement("CV", (0.0, 0.0), (1.0, 0.0))
+    case = SimpleNamespace(
+        channels=(channel,),
+        readings=(Reading("CV", "drift", -0.25, location=Location("r.csv", 3, 1)),),
+    )
+    table = SimpleNamespace(channel=("CV",), stage=("drift",), value=np.array([-0.25]))
+    (said,) = gross_findings(np.array([0]), table, case)
+    shown = in_unit(-0.25, channel.unit, channel.dimension)
+    assert f"CV at drift (r.csv:3:1: {shown:.4g} {channel.unit})" in said
+    assert "-" in f"{shown:.4g}"

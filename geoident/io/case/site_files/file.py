@@ -98,7 +98,12 @@ class ReadingsFileSection(Section):
     encoding: TextEncoding | None = Field(
         None, description="Of a text; UTF-8 if missing. Excel's CSV is mostly windows-1252."
     )
-    sheet: Text = Field("", description="Excel: name of the sheet, where there are several.")
+    sheet: Text = Field(
+        "",
+        description="Excel: name of the sheet, where there are several. Hidden rows and columns "
+        "are read as well; cells that join rows give their name or date to each of them, and are "
+        "refused for a reading.",
+    )
     range: Cells | None = Field(None, description="Excel: cells of the table with its header.")
     header_row: HeaderRow = Field(
         0, description="Line or row of the header; the first that holds something if missing."
