@@ -104,9 +104,8 @@ def open_sheet(path: str, layout: Layout) -> WorkbookSheet:
     formulas = sheet
     if has_formulas:
         formulas = _find(_open(data, path, values=False), layout, path)
-    written = sorted({row for row, _ in sheet._cells if box[0] <= row <= box[2]})
     table = []
-    for row in written:  # others would be made by asking for their cells
+    for row in _written(data, path, sheet.title, box):
         cells = []
         for column in range(box[1], box[3] + 1):
             first = first_of.get((row, column))
@@ -125,6 +124,22 @@ def _open(data: bytes, path: str, *, values: bool) -> Any:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of what a workbook has besides cells
             return openpyxl.load_workbook(io.BytesIO(data), data_only=values, keep_links=False)
+    except _BROKEN as error:
+        raise _no_workbook(path, error) from error
+
+
+def _written(data: bytes, path: str, name: str, box: tuple[int, int, int, int]) -> list[int]:
+    """Numbers of the rows that hold something: asking for cells of others would make these."""
+    import openpyxl  # noqa: PLC0415 - see `_open`
+
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            book = openpyxl.load_workbook(io.BytesIO(data), read_only=True)
+        top, left, bottom, right = box
+        book[name].reset_dimensions()  # files may state them wrongly
+        rows = book[name].iter_rows(top, bottom, left, right, values_only=True)
+        return [row for row, cells in enumerate(rows, top) if any(c is not None for c in cells)]
     except _BROKEN as error:
         raise _no_workbook(path, error) from error
 
