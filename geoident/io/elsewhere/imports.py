@@ -29,8 +29,8 @@ def words_of(argument: str) -> tuple[str, ...]:
 
     >>> words_of("--deck=a.inp")
     ('--deck=a.inp', '--deck', 'a.inp', 'deck=a.inp')
-    >>> words_of("python3 'a b.py'; ls")[-3:]
-    ('a b.py', ';', 'ls')
+    >>> "a b.py" in words_of("python3 'a b.py'; ls > log"), "log" in words_of("ls > log")
+    (True, False)
 
     Args:
         argument: of a command.
@@ -85,6 +85,8 @@ def imported_files(path: str) -> tuple[str, ...]:
 
 def _is_python(path: Path) -> bool:
     """By its suffix, by its first line, or possibly, as a small file without suffix."""
+    if not path.is_file():  # a pipe would be waited for
+        return False
     if path.suffix in (".py", ".pyw"):
         return True
     try:

@@ -162,6 +162,15 @@ def values(E): return Readings({{g: {{"half": E, "open": 2 * E}} for g in "HVD"}
     assert first_reading(case, "--trust") == pytest.approx(6e12)
 
 
+def test_a_function_in_a_pipe_is_refused_and_not_waited_for(tmp_path):
+    case = case_of(tmp_path, FORMULA)
+    (case.parent / "opening.py").unlink()
+    os.mkfifo(case.parent / "opening.py")
+    refused = run_command("check", case)
+    assert refused.exit_code == ExitCode.INVALID_INPUT
+    assert "opening.py" in refused.output
+
+
 def test_an_object_that_only_the_function_knows_is_a_failed_run(tmp_path):
     case = case_of(tmp_path, "class Answer: pass\ndef values(E): return Answer()")
     failed = simulated(case, "--trust")
