@@ -8,16 +8,22 @@ open by themselves (HDF5) is not, nor what programs read that the function start
 from __future__ import annotations
 
 import errno
+import json
 import os
 import sys
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
+from importlib.metadata import distributions
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlsplit
+from urllib.request import url2pathname
 
 import geoident
 from geoident.io.elsewhere.imports import is_program, words_of
+from geoident.workflow.executing.processes import path_without_here
 
 _STARTS = ("subprocess.Popen", "os.system", "os.exec", "os.posix_spawn")
 """Events of programs that are started."""
@@ -27,9 +33,19 @@ def _installed() -> tuple[str, ...]:
     """Where Python finds modules, but for the current folder and that of a script."""
     script = getattr(sys.modules.get("__main__"), "__file__", None) or ""
     own = {Path.cwd(), Path(script).resolve().parent}
-    found = [Path(path).resolve() for path in (*sys.path, sys.prefix, sys.base_prefix) if path]
+    given = (*sys.path, sys.prefix, sys.base_prefix, *_editable())
+    found = [Path(path).resolve() for path in given if path]
     package = Path(geoident.__file__).resolve().parent
     return tuple(map(str, dict.fromkeys([*(one for one in found if one not in own), package])))
+
+
+def _editable() -> Iterator[str]:
+    """Folders that are installed where they lie (PEP 610): not all of them are on the path."""
+    for installed in distributions(path=path_without_here()):
+        with suppress(OSError, ValueError, KeyError, TypeError):
+            said = json.loads(installed.read_text("direct_url.json") or "")
+            if said["dir_info"]["editable"] and said["url"].startswith("file:"):
+                yield url2pathname(urlsplit(said["url"]).path)
 
 
 @dataclass(frozen=True)

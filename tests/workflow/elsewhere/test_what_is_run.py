@@ -1,7 +1,9 @@
 """What a model elsewhere really imports, reads and runs is part of it and never changes unseen."""
 
+import json
 import os
 import py_compile
+import shutil
 import subprocess
 import sys
 import zipfile
@@ -360,6 +362,28 @@ here = pathlib.Path(__file__).parent
     )
     refused = simulated(case, "--trust")  # the folder of runs may come with the case
     assert "reads 'case.runs/left.py', which the case does not name" in refused.output
+
+
+def test_what_is_installed_where_it_lies_is_not_of_the_case(tmp_path, monkeypatch):
+    """As ``pip install -e`` has it, by a finder and not by a folder on the path."""
+    project, site = tmp_path / "my project", tmp_path / "site"
+    said = site / "physics-1.dist-info" / "direct_url.json"
+    said.parent.mkdir(parents=True)
+    project.mkdir()
+    (project / "ground.py").write_text(FORMULA)
+    (site / "physics.py").write_text(
+        "import importlib.util as u\n"
+        f"spec = u.spec_from_file_location('ground', {str(project / 'ground.py')!r})\n"
+        "ground = u.module_from_spec(spec)\nspec.loader.exec_module(ground)\nvalues = ground.values"
+    )
+    monkeypatch.syspath_prepend(site)
+    case = case_of(tmp_path, "from physics import values")
+    refused = simulated(case, "--trust")
+    assert f"reads '{project / 'ground.py'}', which the case does not name" in refused.output
+    told = {"url": project.as_uri(), "dir_info": {"editable": True}}
+    said.write_text(json.dumps(told))
+    shutil.rmtree(case.with_name("case.runs"))  # which keeps failed runs, too
+    assert first_reading(case, "--trust") == pytest.approx(6e12)
 
 
 def test_a_folder_of_modules_that_holds_the_case_is_not_installed(tmp_path):
