@@ -93,6 +93,14 @@ def test_what_a_campaign_gives_to_a_queue_system_is_shown_and_not_given(here, ru
     assert run("batch", "campaign.yaml", "--dry-run").exit_code == ExitCode.DONE
 
 
+def test_options_of_the_scheduler_that_are_no_mapping_are_refused(here, run):
+    campaign(f"slurm: {{{SLURM}, scheduler_options: [--host, evil]}}")
+    refused = run("batch", "campaign.yaml")
+    assert "the jobs cannot be submitted: scheduler_options are no mapping" in refused.stderr
+    assert refused.exit_code == ExitCode.INVALID_INPUT
+    assert not here.exists()
+
+
 def test_jobs_are_trusted_until_they_change(here, run):
     given = f"slurm: {{{SLURM}, job_script_prologue: [echo harmless]}}"
     campaign(given)

@@ -1,10 +1,64 @@
-"""What a file of Python imports from beside it: part of the model, as the file itself is."""
+"""What a command names, and what a file of Python imports from beside it: parts of the model."""
 
 from __future__ import annotations
 
 import ast
+import os
+import re
+import shlex
 from collections.abc import Iterator
+from contextlib import suppress
+from itertools import pairwise
 from pathlib import Path
+
+SCRIPTS = (".py", ".pyw", ".pyc", ".sh", ".bash", ".bat", ".cmd", ".ps1", ".pl", ".rb", ".tcl",
+           ".jl", ".R", ".m", ".lua")  # fmt: skip
+"""Suffixes of files that are run by a program which is given them."""
+
+_COMPILED = ("", ".exe", ".out", ".x", ".bin")
+"""Suffixes of those that are run themselves; where files have no rights, others look like these."""
+
+_MOST = 100_000
+"""Bytes of a file without suffix that may be one of Python, as `python3 FILE` runs it."""
+
+
+def words_of(argument: str) -> tuple[str, ...]:
+    """What an argument of a command may name, alone or in an option or a line for a shell.
+
+    Not what such a line writes: ``> FILE``.
+
+    >>> words_of("--deck=a.inp")
+    ('--deck=a.inp', '--deck', 'a.inp', 'deck=a.inp')
+    >>> "a b.py" in words_of("python3 'a b.py'; ls > log"), "log" in words_of("ls > log")
+    (True, False)
+
+    Args:
+        argument: of a command.
+    """
+    found = [argument, *re.split(r"[\s'\";&|<>()=,:@`]+", argument)]
+    written = set[str]()
+    if argument.startswith("-"):
+        found += [argument.partition("=")[2], argument[2:]]  # -fFILE
+    with suppress(ValueError):  # no line for a shell
+        line = shlex.shlex(argument, posix=True, punctuation_chars=True)
+        line.whitespace_split, line.commenters = True, ""
+        words = list(line)
+        found += [part for word in words for part in (word, word.partition("=")[2])]
+        written.update(word for before, word in pairwise(words) if before in (">", ">>", "&>"))
+    # no error where there is no such user
+    found += [os.path.expanduser(os.path.expandvars(w)) for w in found if w[:1] in ("~", "$")]  # noqa: PTH111
+    return tuple(dict.fromkeys(word for word in found if word and word not in written))
+
+
+def is_program(path: Path) -> bool:
+    """Whether a file may be there to be run, and not to be read or written.
+
+    Args:
+        path: of the file, or of something else.
+    """
+    if not path.is_file():
+        return False
+    return path.suffix in SCRIPTS or (path.suffix in _COMPILED and os.access(path, os.X_OK))
 
 
 def imported_files(path: str) -> tuple[str, ...]:
@@ -17,6 +71,8 @@ def imported_files(path: str) -> tuple[str, ...]:
     Args:
         path: of the file; one that is missing or no Python imports nothing.
     """
+    if not _is_python(Path(path)):
+        return ()
     folder, found, left = Path(path).parent, dict[str, None](), [Path(path)]
     while left:
         for name in _imports(left.pop()):
@@ -25,6 +81,24 @@ def imported_files(path: str) -> tuple[str, ...]:
                     found[str(file)] = None
                     left.append(file)
     return tuple(found)
+
+
+def _is_python(path: Path) -> bool:
+    """By its suffix, by its first line, or possibly, as a small file without suffix."""
+    if not path.is_file():  # a pipe would be waited for
+        return False
+    if path.suffix in (".py", ".pyw"):
+        return True
+    try:
+        with path.open("rb") as file:
+            begins = file.readline(200)
+        return (
+            b"python" in begins
+            if begins[:2] == b"#!"
+            else (not path.suffix and path.stat().st_size < _MOST)
+        )
+    except OSError:
+        return False
 
 
 def _imports(path: Path) -> Iterator[str]:

@@ -201,7 +201,7 @@ def rendered(template: JinjaTemplate, values: Mapping[str, float]) -> str:
                  if "__jinja_exception__" in frame.f_globals]  # fmt: skip
         line = lines[-1] if lines else getattr(error, "lineno", 0) or 0
         place = Location(template.source, line, 1)
-        raise CannotRender(f"{place}: {error or type(error).__name__}") from error
+        raise CannotRender(f"{place}: {str(error) or type(error).__name__}") from error
 
 
 def smallest_change(template: JinjaTemplate, values: Mapping[str, float], name: str) -> float:

@@ -94,11 +94,14 @@ def _options(cluster: Cluster) -> dict[str, Any]:
     """
     options = dict(cluster.options)
     ours = {"dashboard_address": ":0"}
+    of_scheduler = options.get("scheduler_options") or {}
+    if not isinstance(of_scheduler, dict):
+        raise TypeError("scheduler_options are no mapping")
     python = options.get("python") or dask.config.get(f"jobqueue.{cluster.queue}.python", None)
     return {
         **options,
         "python": f"{python or sys.executable} -P",
-        "scheduler_options": ours | options.get("scheduler_options", {}),
+        "scheduler_options": ours | of_scheduler,
     }
 
 
@@ -132,8 +135,8 @@ def job_script(cluster: Cluster) -> str:
 
     of_scheduler = set(inspect.signature(JobQueueCluster.__init__).parameters)
     apart = of_scheduler - {"interface", "protocol"} | {"log_directory"}  # which would be made
-    of_job = {name: value for name, value in _options(cluster).items() if name not in apart}
     try:
+        of_job = {name: value for name, value in _options(cluster).items() if name not in apart}
         script = kind.job_cls("tcp://SCHEDULER:PORT", name="NAME", **of_job).job_script()
     except (TypeError, ValueError) as error:
         raise _wrong(cluster, error) from error

@@ -6,9 +6,11 @@ import hashlib
 import os
 import shutil
 from collections.abc import Iterable, Sequence
+from itertools import chain
 from pathlib import Path
 
 from geoident.errors import Fault, InputError, Location
+from geoident.io.elsewhere.imports import imported_files, words_of
 from geoident.model.elsewhere import Elsewhere, ExternalProgram
 
 
@@ -27,10 +29,25 @@ def model_files(given: Elsewhere) -> tuple[str, ...]:
     Args:
         given: the model.
     """
-    if not isinstance(given, ExternalProgram) or is_beside(given):
+    if not isinstance(given, ExternalProgram):
         return given.inputs
-    path = executable(given)
-    return given.inputs if path is None else tuple(dict.fromkeys((*given.inputs, path)))
+    words = [word for argument in given.command[1:] for word in words_of(argument)]
+    programs = [shutil.which(word) for word in words if Path(word).name == word]  # mpirun PROGRAM
+    if not is_beside(given):
+        programs.insert(0, executable(given))
+    with_imports = ((path, *imported_files(path)) for path in programs if path is not None)
+    return tuple(dict.fromkeys(chain(given.inputs, *with_imports)))
+
+
+def names_of(given: Elsewhere, folder: Path) -> list[str]:
+    """What the files of a model are called: another name may make another model of them.
+
+    Args:
+        given: the model.
+        folder: from which they are seen; of what lies outside of it only the last part counts.
+    """
+    names = [Path(os.path.relpath(file, folder)) for file in given.inputs]
+    return [name.name if ".." in name.parts else name.as_posix() for name in names]
 
 
 def is_beside(program: ExternalProgram) -> bool:
@@ -78,7 +95,10 @@ class ModelFiles:
                 continue
             if _hashed(path) != content:
                 message = "the file of the model has changed since it was looked at"
-                hint = "Begin again: runs of its new state are other runs."
+                hint = (
+                    "Begin again: runs of its new state are other runs. What the model writes "
+                    "itself belongs in the folder of its run."
+                )
                 fault = Fault("changed-file", message, hint, Location(path))
                 raise InputError([fault])
             self._known[path] = now, content

@@ -18,7 +18,7 @@ from geoident.model.case import Case
 from geoident.model.elsewhere import PythonFunction
 from geoident.workflow.executing.executor import SetUp
 from geoident.workflow.executing.parcel import relative
-from geoident.workflow.programs.digest import ModelFiles
+from geoident.workflow.programs.digest import ModelFiles, names_of
 from geoident.workflow.programs.guard import Readable
 from geoident.workflow.programs.logged_runs import LoggedRuns, MadeThere, RunItem, made_there
 from geoident.workflow.programs.program import executed
@@ -57,6 +57,7 @@ class FunctionRuns(LoggedRuns, RunsOfAllDigits):
         self.given: Bools = np.ones((len(case.stages), len(case.channels)), dtype=bool)
         channels = [channel.name for channel in case.channels]
         said = [function.name, function.jacobian, repr(case.stage_names), repr(channels)]
+        said.append(repr(names_of(function, Path(function.path).parent)))
         files = ModelFiles(function.inputs)
         digest = files.digest(said, function.inputs)
         execution = Execution(executed(function), digest, digest)

@@ -8,26 +8,44 @@ open by themselves (HDF5) is not, nor what programs read that the function start
 from __future__ import annotations
 
 import errno
+import json
 import os
 import sys
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
+from importlib.metadata import distributions
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlsplit
+from urllib.request import url2pathname
 
 import geoident
+from geoident.io.elsewhere.imports import is_program, words_of
+from geoident.workflow.executing.processes import path_without_here
 
-_CODE = (".py", ".pyc", ".pyw")
+_STARTS = ("subprocess.Popen", "os.system", "os.exec", "os.posix_spawn")
+"""Events of programs that are started."""
 
 
 def _installed() -> tuple[str, ...]:
     """Where Python finds modules, but for the current folder and that of a script."""
     script = getattr(sys.modules.get("__main__"), "__file__", None) or ""
     own = {Path.cwd(), Path(script).resolve().parent}
-    found = [Path(path).resolve() for path in (*sys.path, sys.prefix, sys.base_prefix) if path]
+    given = (*sys.path, sys.prefix, sys.base_prefix, *_editable())
+    found = [Path(path).resolve() for path in given if path]
     package = Path(geoident.__file__).resolve().parent
     return tuple(map(str, dict.fromkeys([*(one for one in found if one not in own), package])))
+
+
+def _editable() -> Iterator[str]:
+    """Folders that are installed where they lie (PEP 610): not all of them are on the path."""
+    for installed in distributions(path=path_without_here()):
+        with suppress(OSError, ValueError, KeyError, TypeError):
+            said = json.loads(installed.read_text("direct_url.json") or "")
+            if said["dir_info"]["editable"] and said["url"].startswith("file:"):
+                yield url2pathname(urlsplit(said["url"]).path)
 
 
 @dataclass(frozen=True)
@@ -72,19 +90,32 @@ class Guard:
             PermissionError: that.
             FileNotFoundError: it was compiled beside a case, where nobody sees what it does.
         """
-        if event == "open" and not given[2] & (os.O_WRONLY | os.O_RDWR):
-            self._require(given[0])
+        if event == "open":
+            made = given[2] & (os.O_CREAT | os.O_TRUNC)
+            if not given[2] & os.O_WRONLY and not (given[2] & os.O_RDWR and made):
+                self._require(given[0])
         elif event == "import" and given[1] is not None:  # a compiled extension
             self._require(given[1], code=True)
+        elif event == "import":
+            for place in given[2] or ():
+                self._require(place, code=True)  # an archive of modules, if it is a file
         elif event == "ctypes.dlopen":
             self._require(given[0])
-        elif event == "subprocess.Popen":
-            program, arguments, folder, _ = given
-            folder = os.curdir if folder is None else os.fsdecode(folder)
-            self._require(program, folder)
-            for one in [] if isinstance(arguments, str | bytes) else arguments:
-                if isinstance(one, str | bytes | os.PathLike) and os.fsdecode(one).endswith(_CODE):
-                    self._require(one, folder)
+        elif event in _STARTS:
+            folder = given[2] if event == "subprocess.Popen" else None
+            self._require_started(event, given, os.curdir if folder is None else folder)
+
+    def _require_started(self, event: str, given: tuple[Any, ...], folder: Any) -> None:
+        """Refuse programs, and those among their arguments, also in lines for a shell."""
+        folder = os.fsdecode(folder)
+        if event != "os.system":
+            self._require(given[0], folder)
+        arguments = given[0] if event == "os.system" else given[1]
+        for one in [arguments] if isinstance(arguments, str | bytes) else arguments or ():
+            if isinstance(one, str | bytes | os.PathLike):
+                for word in words_of(os.fsdecode(one)):
+                    if is_program(Path(folder) / word):
+                        self._require(word, folder)
 
     def _require(self, given: Any, folder: str = os.curdir, *, code: bool = False) -> None:
         """Refuse a file of the case that the case does not name, and code from elsewhere."""
@@ -99,7 +130,7 @@ class Guard:
         installed = (r for r in self._installed if not _holds_one(r, of_case))
         if any(real.is_relative_to(root) for root in installed):
             return
-        if not (code or real.suffix in _CODE):
+        if not (code or real.suffix in (".py", ".pyc", ".pyw")):
             # a case may lie in somebody's home: what is hidden there is not of the case
             shown = any("." not in {p[0] for p in path.relative_to(f).parts} for f in of_case)
             if not shown or path.is_relative_to(self._runs):

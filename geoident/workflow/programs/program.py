@@ -50,7 +50,13 @@ from geoident.model.elsewhere import (
 from geoident.workflow.executing.executor import SetUp
 from geoident.workflow.executing.parcel import relative
 from geoident.workflow.executing.processes import environment_of_programs
-from geoident.workflow.programs.digest import ModelFiles, executable, is_beside, model_files
+from geoident.workflow.programs.digest import (
+    ModelFiles,
+    executable,
+    is_beside,
+    model_files,
+    names_of,
+)
 from geoident.workflow.programs.guard import Readable
 from geoident.workflow.programs.logged_runs import LoggedRuns, MadeThere, RunItem, made_there
 from geoident.workflow.programs.run_folders import new_folder
@@ -140,7 +146,11 @@ class ProgramRuns(LoggedRuns):
             self.given[output.stage, output.channel] = True
         files = ModelFiles(model_files(program))
         said = [repr([_named(output) for output in program.outputs]), repr(case.stage_names)]
-        said += [repr([c.name for c in case.channels]), repr([t.pieces for t in program.templates])]
+        said += [
+            repr([c.name for c in case.channels]),
+            repr([(t.target, t.pieces) for t in program.templates]),
+        ]
+        said.append(repr(names_of(program, Path(program.folder))))
         # one beside the case is known by its content, wherever the case lies
         first = program.command[0] if is_beside(program) else path
         digest = files.digest([repr((first, *program.command[1:])), *said], model_files(program))
@@ -150,7 +160,8 @@ class ProgramRuns(LoggedRuns):
         log = RunLog(folder, digest, again=again)
         super().__init__(program, folder, files, log, permission)
         self._readable = Readable(program.inputs, str(folder))
-        in_place = any(f.endswith(".py") for f in program.code if f not in program.files)
+        run = set(model_files(program)).difference(program.files)
+        in_place = any(file.endswith(".py") for file in run)
         self._compiled = mkdtemp(prefix="geoident-") if in_place else ""
         weakref.finalize(self, shutil.rmtree, self._compiled, ignore_errors=True)
         self._fields: dict[str, list[TemplateField]] = {}

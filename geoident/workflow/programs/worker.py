@@ -13,7 +13,7 @@ import pickle
 import subprocess
 import sys
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from importlib.machinery import ModuleSpec, PathFinder
 from pathlib import Path
@@ -77,6 +77,9 @@ class Worker:
             if late.is_set():
                 return FailedRun(f"'{name}' took longer than {limit:g} s")
             return FailedRun(f"'{name}' ended its process ({_ending(process.returncode)})")
+        except (ImportError, AttributeError) as error:
+            self.end()  # who knows where its answer would go on
+            return FailedRun(f"'{name}' gave an object of a class that only its file has: {error}")
         finally:
             if timer is not None:
                 timer.cancel()
@@ -116,7 +119,7 @@ def serve() -> None:
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
     requests, modules = sys.stdin.buffer, dict[str, ModuleType]()
-    guards = dict[str, Guard]()
+    guards, begun = dict[str, Guard](), Path.cwd()
     while True:
         try:
             path, name, arguments, readable = pickle.load(requests)
@@ -124,9 +127,14 @@ def serve() -> None:
             return
         try:
             if path not in guards:
+                os.chdir(begun)
                 guards[path] = Guard(path, name, readable)
                 sys.addaudithook(guards[path])
-            answer = (True, _function(modules, path, name, readable.files)(*arguments))
+            os.chdir((begun / path).parent)  # what it names lies beside it, wherever we began
+            if path not in modules:
+                files = [str(begun / file) for file in readable.files]
+                modules[path] = _loaded(str(begun / path), files)
+            answer = (True, _plain(getattr(modules[path], name)(*arguments)))
             data = pickle.dumps(answer)
         except BaseException as error:  # whatever it is, the run has failed
             data = pickle.dumps((False, f"{type(error).__name__}: {error}"))
@@ -136,23 +144,27 @@ def serve() -> None:
         answers.flush()
 
 
-def _function(
-    modules: dict[str, ModuleType], path: str, name: str, files: Sequence[str]
-) -> Callable[..., Any]:
-    if path not in modules:
-        folder = str(Path(path).resolve().parent)
-        sys.meta_path.insert(0, _Beside(path, files))
-        sys.path.append(folder)
-        sys.dont_write_bytecode = True  # it would not be read
-        spec = importlib.util.spec_from_file_location(Path(path).stem, path)
-        assert spec is not None
-        assert spec.loader is not None
-        module = importlib.util.module_from_spec(spec)
-        sys.modules[spec.name] = module
-        spec.loader.exec_module(module)
-        modules[path] = module
-    found: Callable[..., Any] = getattr(modules[path], name)
-    return found
+def _loaded(path: str, files: Sequence[str]) -> ModuleType:
+    folder = str(Path(path).resolve().parent)
+    sys.meta_path.insert(0, _Beside(path, files))
+    sys.path.append(folder)
+    sys.dont_write_bytecode = True  # it would not be read
+    spec = importlib.util.spec_from_file_location(Path(path).stem, path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+def _plain(answer: Any) -> Any:
+    """Mappings and rows of classes of the file, which nobody else knows, as Python's own."""
+    if isinstance(answer, Mapping):
+        return {key: _plain(value) for key, value in answer.items()}
+    if isinstance(answer, list | tuple):
+        return [_plain(value) for value in answer]
+    return answer
 
 
 class _Beside:

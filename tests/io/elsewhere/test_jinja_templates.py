@@ -146,6 +146,7 @@ def test_what_no_template_may_ask_for_is_a_fault_of_the_case(tmp_path, text):
         ("{{ 'a'.encode('no') }}", "unknown encoding"),
         ("{{ '{2}'.format(E) }}", "index out of range"),
         ("{{ '%d %d' | format(E) }}", "not enough arguments"),
+        ("{{ 'x'.ljust(10 ** 17) }}", "MemoryError"),
         ("{{ E.nothing.more }}", "has no attribute 'nothing'"),
     ],
 )  # fmt: skip

@@ -1,9 +1,12 @@
 """What a model elsewhere really imports, reads and runs is part of it and never changes unseen."""
 
+import json
 import os
 import py_compile
+import shutil
 import subprocess
 import sys
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -83,6 +86,13 @@ def test_what_is_imported_is_asked_for_again_when_it_changes(tmp_path, first, pl
         ("import runpy\nvalues = runpy.run_path(HERE + '/physics.py')['values']", "physics.py"),
         ("import sys\nsys.path.append(HERE + '/../elsewhere')\nfrom physics import values",
          "../elsewhere/physics.py"),
+        ("import numpy\ndef values(E): return [[E * numpy.memmap(HERE + '/one.bin')[0], E]] * 3",
+         "one.bin"),
+        ("import os\nos.system(HERE + '/run.sh')\ndef values(E): return [[E, E]] * 3", "run.sh"),
+        ("import subprocess\nsubprocess.run(['sh', HERE + '/run.sh'])\n"
+         "def values(E): return [[E, E]] * 3", "run.sh"),
+        ("import subprocess\nsubprocess.run('./run.sh', cwd=HERE, shell=True)\n"
+         "def values(E): return [[E, E]] * 3", "run.sh"),
         ("try:\n    exec(open(HERE + '/physics.py').read())\nexcept OSError:\n    values = 0",
          "physics.py"),
         ("import subprocess, sys\nsubprocess.run([sys.executable, HERE + '/physics.py'])\n"
@@ -95,7 +105,9 @@ def test_what_the_case_does_not_name_is_not_run_until_it_is_listed(tmp_path, fir
     module = case.parent / place
     module.parent.mkdir(exist_ok=True)
     ran = tmp_path / "ran"
-    module.write_text(FORMULA + f"open({str(ran)!r}, 'w').close()\n")
+    text = {".sh": f"#!/bin/sh\ntouch '{ran}'\n", ".bin": "\1"}
+    module.write_text(text.get(module.suffix, FORMULA + f"open({str(ran)!r}, 'w').close()\n"))
+    module.chmod(0o755)
     refused = simulated(case, "--trust")
     shown = place if ".." not in place else str(tmp_path / "elsewhere" / "physics.py")
     assert f"reads '{shown}', which the case does not name" in refused.output
@@ -107,11 +119,65 @@ def test_what_the_case_does_not_name_is_not_run_until_it_is_listed(tmp_path, fir
     listed = case.read_text().replace('readings"}', f'readings", files: [{place}]}}')
     case.write_text(listed)
     assert first_reading(case, "--trust") == pytest.approx(6e12)
-    assert ran.exists()
-    if "subprocess" not in first:
+    assert ran.exists() or place == "one.bin"
+    if module.suffix not in text and "subprocess" not in first:
         module.write_text(FORMULA.replace("[E,", "[3 * E,"))
         assert simulated(case).exit_code == ExitCode.INVALID_INPUT
         assert first_reading(case, "--trust") == pytest.approx(18e12)
+
+
+def test_modules_in_an_archive_that_is_not_installed_are_refused(tmp_path):
+    head = "import os, sys\nHERE = os.path.dirname(os.path.abspath(__file__))\n"
+    case = case_of(
+        tmp_path, head + "sys.path.insert(0, HERE + '/../a.zip')\nfrom physics import values"
+    )
+    with zipfile.ZipFile(tmp_path / "a.zip", "w") as archive:
+        archive.writestr("physics.py", FORMULA)
+    refused = simulated(case, "--trust")
+    assert f"reads '{tmp_path / 'a.zip'}', which the case does not name" in refused.output
+
+
+def test_a_function_works_in_its_own_folder(tmp_path, monkeypatch):
+    """Not in that of another case, which may have a file of the same name."""
+    script = "def values(E): return [[E * float(open('factor.txt').read()), E]] * 3"
+    case = case_of(tmp_path, script, files="factor.txt")
+    (case.parent / "factor.txt").write_text("2.0")
+    (tmp_path / "factor.txt").write_text("7.0")
+    monkeypatch.chdir(tmp_path)
+    assert first_reading(case, "--trust") == pytest.approx(12e12)
+
+
+@pytest.mark.parametrize("made", [
+    "type('Readings', (dict,), {'__module__': __name__})",
+    "lambda rows: [Row(*row.values()) for row in rows.values()]",
+])  # fmt: skip
+def test_a_function_may_answer_with_classes_of_its_own(tmp_path, made):
+    case = case_of(
+        tmp_path,
+        f"""
+from collections import namedtuple
+Row = namedtuple("Row", "half open")
+Readings = {made}
+def values(E): return Readings({{g: {{"half": E, "open": 2 * E}} for g in "HVD"}})
+""",
+    )
+    assert first_reading(case, "--trust") == pytest.approx(6e12)
+
+
+def test_a_function_in_a_pipe_is_refused_and_not_waited_for(tmp_path):
+    case = case_of(tmp_path, FORMULA)
+    (case.parent / "opening.py").unlink()
+    os.mkfifo(case.parent / "opening.py")
+    refused = run_command("check", case)
+    assert refused.exit_code == ExitCode.INVALID_INPUT
+    assert "opening.py" in refused.output
+
+
+def test_an_object_that_only_the_function_knows_is_a_failed_run(tmp_path):
+    case = case_of(tmp_path, "class Answer: pass\ndef values(E): return Answer()")
+    failed = simulated(case, "--trust")
+    assert "'readings' gave an object of a class that only its file has" in failed.output
+    assert failed.exit_code == ExitCode.NO_SOLUTION
 
 
 def test_a_table_that_a_function_reads_is_listed_and_what_it_writes_is_its_own(tmp_path):
@@ -181,23 +247,75 @@ def test_a_module_named_as_one_that_a_library_imports_is_not_run(tmp_path):
         ("PYTHON, -S, HERE/elsewhere/prog.py", "elsewhere/ground.py"),
         ("PYTHON, -S, ../../prog.py", "case/prog.py"),
         ("sh, -c, 'cat opening.in>copy; PYTHON -S HERE/case/prog.py'", "case/prog.py"),
+        ("./prog.py", "case/ground.py"),
+        ("./prog", "case/ground.py"),
+        ("HERE/elsewhere/prog.py", "elsewhere/ground.py"),
+        ("env, A=1, PYTHON, -S, HERE/elsewhere/prog.py", "elsewhere/ground.py"),
+        ("env, solver", "bin/ground.py"),
+        ("PYTHON, -S, HERE/elsewhere", "elsewhere/ground.py"),
+        ("""sh, -c, 'PYTHON -S "HERE/a b/prog.py" > HERE/log'""", "a b/ground.py"),
+        ("sh, -c, 'P=HERE/elsewhere/prog.py; PYTHON -S $P'", "elsewhere/ground.py"),
+        ("sh, -c, 'PYTHON -S $PLACE/prog.py'", "elsewhere/ground.py"),
+        ("env, PYTHONPATH=HERE/elsewhere, PYTHON, -S, -m, prog", "elsewhere/ground.py"),
+        ("sh, -c, 'D=$PWD; cp opening.in HERE/elsewhere; cd HERE/elsewhere && "
+            "PYTHON -S prog.py && cp out.csv $D'",
+         "elsewhere/prog.py"),
     ],
-)
-def test_a_program_among_the_arguments_is_part_of_the_model(tmp_path, command, changed):
-    command = command.replace("PYTHON", sys.executable).replace("HERE", str(tmp_path))
+)  # fmt: skip
+def test_a_program_among_the_arguments_is_part_of_the_model(
+    tmp_path, monkeypatch, command, changed
+):
+    monkeypatch.setenv("PLACE", str(tmp_path / "elsewhere"))
+    monkeypatch.setenv("PATH", f"{tmp_path / 'bin'}{os.pathsep}{os.environ['PATH']}")
+    command = command.replace("PYTHON,", f"{sys.executable},").replace(
+        "PYTHON ", f"{sys.executable} "
+    )
+    command = command.replace("HERE", str(tmp_path))
     model = EXTERNAL.replace(f"{sys.executable}, -S, opening.py", command)
     case = write_case(tmp_path / "case", model.replace("  files: [opening.py]\n", ""))
-    (tmp_path / "elsewhere").mkdir()
-    program = PROGRAM.replace("nu=0.25", "nu=NU")
-    (tmp_path / "elsewhere" / "prog.py").write_text(f"from ground import NU\n{program}")
-    (tmp_path / "elsewhere" / "ground.py").write_text("NU = 0.25\n")
-    (tmp_path / "case" / "prog.py").write_text(f"NU = 0.25\n{program}")
+    program = f"#!{sys.executable} -S\nfrom ground import NU\n" + PROGRAM.replace(
+        "nu=0.25", "nu=NU"
+    )
+    for place in ("case", "elsewhere", "a b", "bin"):
+        folder = tmp_path / place
+        folder.mkdir(exist_ok=True)
+        for name in ("prog.py", "prog", "solver", "__main__.py"):
+            (folder / name).write_text(program)
+            (folder / name).chmod(0o755)
+        (folder / "ground.py").write_text("NU = 0.25\n")
     before = first_reading(case, "--trust")
+    assert first_reading(case) == before
     file = tmp_path / changed
-    file.write_text(file.read_text().replace("NU = 0.25", "NU = 0.4") + "\n")
+    number = "NU = 0.4" if file.name == "ground.py" else "NU = 0.4\n#"
+    file.write_text(
+        file.read_text().replace("from ground import NU", number).replace("NU = 0.25", number)
+    )
     assert simulated(case).exit_code == ExitCode.INVALID_INPUT
-    after = first_reading(case, "--trust")
-    assert (after == before) == (changed == "elsewhere/prog.py")
+    assert first_reading(case, "--trust") == pytest.approx(before * 1.12)
+
+
+def test_another_name_of_a_file_is_another_model(tmp_path):
+    program = PROGRAM.replace(
+        "\nE, K =", "\nimport os\nif os.path.exists('dry.txt'): STAGES['half'] = 0.9\nE, K ="
+    )
+    model = EXTERNAL.replace("[opening.py]", "[opening.py, wet.txt]")
+    case = write_case(tmp_path / "case", model, script=program)
+    (case.parent / "wet.txt").touch()
+    before = first_reading(case, "--trust")
+    (case.parent / "wet.txt").rename(case.parent / "dry.txt")
+    case.write_text(case.read_text().replace("wet.txt", "dry.txt"))
+    assert simulated(case).exit_code == ExitCode.INVALID_INPUT
+    assert first_reading(case, "--trust") == pytest.approx(1.8 * before)
+
+
+def test_a_text_that_was_listed_is_no_module_because_it_is_called_so(tmp_path):
+    first = "try:\n    from physics import values\nexcept ImportError:\n    "
+    case = case_of(tmp_path, first + FORMULA.replace("\n", "\n    "), files="notes.txt")
+    (case.parent / "notes.txt").write_text(FORMULA.replace("[E,", "[3 * E,"))
+    assert first_reading(case, "--trust") == pytest.approx(6e12)
+    (case.parent / "notes.txt").rename(case.parent / "physics.py")
+    case.write_text(case.read_text().replace(", files: [notes.txt]", ""))
+    assert simulated(case).exit_code == ExitCode.INVALID_INPUT
 
 
 def test_another_program_of_the_same_name_is_asked_for(tmp_path, monkeypatch):
@@ -244,6 +362,28 @@ here = pathlib.Path(__file__).parent
     )
     refused = simulated(case, "--trust")  # the folder of runs may come with the case
     assert "reads 'case.runs/left.py', which the case does not name" in refused.output
+
+
+def test_what_is_installed_where_it_lies_is_not_of_the_case(tmp_path, monkeypatch):
+    """As ``pip install -e`` has it, by a finder and not by a folder on the path."""
+    project, site = tmp_path / "my project", tmp_path / "site"
+    said = site / "physics-1.dist-info" / "direct_url.json"
+    said.parent.mkdir(parents=True)
+    project.mkdir()
+    (project / "ground.py").write_text(FORMULA)
+    (site / "physics.py").write_text(
+        "import importlib.util as u\n"
+        f"spec = u.spec_from_file_location('ground', {str(project / 'ground.py')!r})\n"
+        "ground = u.module_from_spec(spec)\nspec.loader.exec_module(ground)\nvalues = ground.values"
+    )
+    monkeypatch.syspath_prepend(site)
+    case = case_of(tmp_path, "from physics import values")
+    refused = simulated(case, "--trust")
+    assert f"reads '{project / 'ground.py'}', which the case does not name" in refused.output
+    told = {"url": project.as_uri(), "dir_info": {"editable": True}}
+    said.write_text(json.dumps(told))
+    shutil.rmtree(case.with_name("case.runs"))  # which keeps failed runs, too
+    assert first_reading(case, "--trust") == pytest.approx(6e12)
 
 
 def test_a_folder_of_modules_that_holds_the_case_is_not_installed(tmp_path):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -23,7 +22,7 @@ from geoident.io.case.elsewhere.section import (
 )
 from geoident.io.case.elsewhere.surroundings import Surroundings
 from geoident.io.case.elsewhere.table import build_table
-from geoident.io.elsewhere.imports import imported_files
+from geoident.io.elsewhere.imports import imported_files, is_program, words_of
 from geoident.io.elsewhere.templates import MAX_BYTES, read_template
 from geoident.io.text.faults import Faults
 from geoident.model.case import KeyPath
@@ -103,7 +102,7 @@ def _program(
     if ("/" in local or "\\" in local) and not Path(local).is_absolute():
         place = around.folder / local
         if place.is_file():
-            code.append(str(place))
+            code += [str(place), *imported_files(str(place))]
     code.extend(_run_by(section.command[1:], around.folder))
     return ExternalProgram(
         command=tuple(section.command),
@@ -124,14 +123,23 @@ def _run_by(arguments: Sequence[str], folder: Path) -> Iterator[str]:
         arguments: as a shell or an option may have them, too: ``--deck=FILE``.
         folder: of the case, below which is that of the runs, in which each has its own.
     """
-    for argument in arguments:
-        words = [argument, argument.partition("=")[2], *re.split(r"[\s'\";&|<>()]+", argument)]
-        for word in dict.fromkeys(filter(None, words)):
-            for place in (folder / word, Path(os.path.normpath(folder / "case.runs/run" / word))):
-                with suppress(OSError, ValueError):  # too long or strange for a name
-                    if place.is_file():
-                        yield str(place)
-                        yield from imported_files(str(place)) if place.suffix == ".py" else ()
+    words = list(dict.fromkeys(word for one in arguments for word in words_of(one)))
+    seen_from = [folder, folder / "case.runs" / "run"]
+    named = [place for word in words for place in _places(seen_from, word) if place.is_dir()]
+    for word in words:
+        found = [place for place in _places(seen_from, word) if place.is_file()]
+        for name in (word, f"{word}.py", f"{word}/__main__.py"):  # cd FOLDER && ./PROGRAM
+            found += [place for place in _places(named, name) if is_program(place)]
+        for place in found:
+            yield from (str(place), *imported_files(str(place)))
+
+
+def _places(folders: Sequence[Path], name: str) -> list[Path]:
+    """What is there of a name, seen from several folders."""
+    places = dict.fromkeys(Path(os.path.normpath(folder / name)) for folder in folders)
+    with suppress(OSError, ValueError):  # too long or strange for a name
+        return [place for place in places if place.exists()]
+    return []
 
 
 def _jinja(source: str, target: str, around: Surroundings) -> tuple[AnyTemplate, list[Fault]]:
