@@ -26,7 +26,7 @@ from geoident.model.gauges import Channel, Reading, ReadingTable
 from geoident.model.ground import Field
 from geoident.model.results.bands import Prediction
 from geoident.model.results.result import ParameterTable, Provenance, Result
-from geoident.workflow.estimating.accuracies import Possible
+from geoident.workflow.estimating.accuracies import Possible, with_found, with_scatter
 from geoident.workflow.estimating.diagnosis import at_used
 from geoident.workflow.estimating.estimate import later_errors, look, predicted
 from geoident.workflow.estimating.fields import require_same_modes
@@ -379,6 +379,8 @@ def _placed(channel: Channel) -> Channel:
 def _with_gauges_of_fit(inputs: Inputs, origin: Inputs, fit: Result) -> Inputs:
     """A case with the gauges of a fit, with the accuracies that this has found.
 
+    Gauges that the fit does not have are as accurate as it found those of their kind.
+
     Args:
         inputs: of the case.
         origin: of the case of the fit.
@@ -386,7 +388,10 @@ def _with_gauges_of_fit(inputs: Inputs, origin: Inputs, fit: Result) -> Inputs:
     """
     case, fitted = inputs.case, {channel.name: channel for channel in origin.case.channels}
     same_mesh = inputs.mesh_sha256 == fit.provenance.mesh_sha256
-    factor = 1.0 if fit.model_error is None else fit.model_error.factor
+    if fit.model_error is not None:
+        case = with_scatter(case, fit.model_error.factor, fit.model_error.zero)
+    if fit.accuracies is not None:
+        case = with_found(case, fit.accuracies)
 
     def as_fitted(channel: Channel) -> Channel:
         before = fitted.get(channel.name)
@@ -397,11 +402,7 @@ def _with_gauges_of_fit(inputs: Inputs, origin: Inputs, fit: Result) -> Inputs:
             errors = replace(errors, mesh=())
         return replace(channel, accuracy=before.accuracy, errors=errors)
 
-    readings = (
-        r if r.accuracy is None else replace(r, accuracy=factor * r.accuracy) for r in case.readings
-    )
-    channels = tuple(as_fitted(channel) for channel in case.channels)
-    case = replace(case, channels=channels, readings=tuple(readings))
+    case = replace(case, channels=tuple(as_fitted(channel) for channel in case.channels))
     return replace(inputs, loaded=replace(inputs.loaded, case=case))
 
 
