@@ -119,6 +119,16 @@ def test_the_same_section_with_later_readings_keeps_the_zeros_of_its_gauges(fitt
     assert "its gauges are" not in said
 
 
+def test_the_error_of_a_zero_that_a_gauge_of_values_states_is_shared(tmp_path, monkeypatch):
+    """Such as that of a pressure cell before it was built in: it has no stage, and is in all."""
+    monkeypatch.chdir(tmp_path)
+    write_section(tmp_path, "a", A, READ | LATER, SECTION.replace("zero: begin, ", ""))
+    assert run_command("fit", "a.yaml", "--trust", "-q").exit_code in (0, 4)
+    bands, _, _ = predicted()
+    for place, (mean, sd) in expected(A, LATER, same_zeros=True).items():
+        assert bands[place] == pytest.approx((mean, sd), rel=1e-6), place
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [
