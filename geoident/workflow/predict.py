@@ -617,7 +617,10 @@ def _result(task: Task, known: Known, survey: Survey, model: CaseModel) -> Resul
     prediction = predict_stages(
         survey, known.assessment, accuracies(case), stages, errors, known.bends
     )
-    found = (*_whose_gauges(task), *collapse_findings(survey), *without_collapses(fit.findings))
+    inherited = without_collapses(fit.findings)
+    if task.others:  # its gauges may have the same names
+        inherited = tuple(f"Of the fit: {text}" for text in of_fit)
+    found = (*_whose_gauges(task), *collapse_findings(survey), *inherited)
     others, left_out = _others(task, known, model, stages)
     if fit.rivals is not None and others:
         prediction = mixed_prediction(fit.rivals.odds, [prediction, *others])

@@ -102,6 +102,10 @@ def test_another_section_takes_over_no_error_of_a_gauge_of_the_same_name(fitted)
     assert not any(row["used"] for row in found["gauges"])
     assert "no error of a gauge is taken over from the fit" in said
     assert "P at one" in said
+    # what the fit says of its own readings is not said of those of the same names
+    before = json.loads(run_command("show", "a.fit.h5", "--json").stdout)["findings"]
+    assert any("most influential reading" in text for text in before)
+    assert found["findings"][1:] == [f"Of the fit: {text}" for text in before]
 
 
 def test_the_same_section_with_later_readings_keeps_the_zeros_of_its_gauges(fitted):
