@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import isclose
 from typing import Any
@@ -595,14 +595,23 @@ def _readings(task: Task, known: Known) -> ReadingTable:
     if task.request.case is None:
         return known.readings
     case, table = task.inputs.case, known.readings
-    used = set() if task.others else set(table.used_pairs)
-    return reading_table(case, [_why_unused(reading, used) for reading in case.readings])
+    left: dict[tuple[str, str], list[float]] = {}
+    if not task.others:
+        for k in np.flatnonzero(table.used).tolist():
+            left.setdefault((table.channel[k], table.stage[k]), []).append(float(table.value[k]))
 
+    def why_unused(reading: Reading) -> str:
+        """Why the fit did not use it; empty if it did."""
+        useless, values = why_useless(reading), left.get((reading.channel, reading.stage), [])
+        if useless:
+            return useless
+        for value in values:
+            if isclose(value, reading.value or 0.0, rel_tol=1e-9):
+                values.remove(value)
+                return ""
+        return "the fit has not used it"
 
-def _why_unused(reading: Reading, used: Collection[tuple[str, str]]) -> str:
-    """Why the fit did not use a reading of another case; empty if it did."""
-    taken = (reading.channel, reading.stage) in used
-    return why_useless(reading) or ("" if taken else "the fit has not used it")
+    return reading_table(case, [why_unused(reading) for reading in case.readings])
 
 
 def _result(task: Task, known: Known, survey: Survey, model: CaseModel) -> Result:
@@ -619,7 +628,7 @@ def _result(task: Task, known: Known, survey: Survey, model: CaseModel) -> Resul
     )
     inherited = without_collapses(fit.findings)
     if task.others:  # its gauges may have the same names
-        inherited = tuple(f"Of the fit: {text}" for text in of_fit)
+        inherited = tuple(f"Of the fit: {text}" for text in inherited)
     found = (*_whose_gauges(task), *collapse_findings(survey), *inherited)
     others, left_out = _others(task, known, model, stages)
     if fit.rivals is not None and others:

@@ -153,6 +153,22 @@ def test_what_makes_gauges_others_is_said(fitted, change, words):
         assert bands[place] == pytest.approx((mean, sd), rel=0.03), place
 
 
+def test_a_further_reading_of_a_stage_that_was_fitted_is_not_said_to_be_used(fitted):
+    write_section(fitted, "b", A, READ | LATER)
+    with (fitted / "b.csv").open("a") as file:
+        file.write("P,two,25,mm\n")
+    text = (fitted / "b.yaml").read_text()
+    text = text.replace("readings: b.csv", "readings: {file: b.csv, several: all}")
+    (fitted / "b.yaml").write_text(text)
+    _, found, said = predicted("--case", "b.yaml")
+    assert "its gauges are those of the fit" in said
+    (further,) = [row for row in found["readings"] if row["value"] == 25e-3]
+    assert further["reason"] == "the fit has not used it"
+    assert sum(row["used"] for row in found["readings"]) == len(READ)
+    (row,) = [r for r in found["gauges"] if (r["gauge"], r["stage"]) == ("P", "two")]
+    assert 1e3 * row["measured"] == pytest.approx(READ["P", "two"])
+
+
 def test_a_corrected_reading_makes_the_case_another(fitted):
     write_section(fitted, "b", A, READ | LATER | {("Q", "two"): 39.4})
     _, found, said = predicted("--case", "b.yaml")
