@@ -262,7 +262,8 @@ class Reading:
 def taken_together(channel: Channel, readings: Sequence[Reading]) -> Reading:
     """The weighted mean of readings of a channel in one stage, as one reading.
 
-    What they share, such as a zero, does not average out; of set-ups it is the number of days.
+    What they share, such as a zero, does not average out; of set-ups it is the number of days. It
+    is as accurate as the gauge unless one of them says its own accuracy.
 
     Args:
         channel: of all of them.
@@ -277,7 +278,7 @@ def taken_together(channel: Channel, readings: Sequence[Reading]) -> Reading:
     return replace(
         readings[-1],
         value=value,
-        accuracy=accuracy,
+        accuracy=None if all(reading.accuracy is None for reading in readings) else accuracy,
         time=sum(times) / len(times) if dated else None,
         count=sum(reading.count for reading in readings),
         epochs=len({time // DAY for time in times}) if dated else 1,

@@ -36,6 +36,7 @@ from geoident.model.results.summary import (
 )
 from geoident.model.results.surface import SurfaceTable
 from geoident.workflow.estimating.setup import require_possible
+from geoident.workflow.running.computed import silent_gauges
 from geoident.workflow.running.cost import estimate_cost, evaluations_text
 from geoident.workflow.running.jobs import Inputs, build_model, load_inputs, start_values
 from geoident.workflow.running.plausible import plausible_notes
@@ -115,7 +116,7 @@ def summarize(inputs: Inputs, model: CaseModel, readings: ReadingTable) -> CaseS
     costs = () if solves is None else (_field_cost(model, *solves),)
     columns = None if solves is None else solves[0] / max(len(case.stages), 1)
     cost = estimate_cost(staged, solver=staged.solver_name, columns=columns) if staged else None
-    doubtful = (*plausible_notes(case), *_unit_notes(model, readings, cost), *_silent(model))
+    doubtful = (*plausible_notes(case), *_unit_notes(model, readings, cost), *silent_gauges(model))
     kept = _keeping_notes(staged) if case.fit.keep_reduced else ()
     notes = (*doubtful, *case.notes, *model.notes, *virgin, *costs, *kept, *bad_notes(readings))
     return CaseSummary(
@@ -182,21 +183,6 @@ def _unit_notes(
         return ()
     computed = computed_at_start(case, model, readings)
     return () if computed is None else unit_doubts(case, readings, computed)
-
-
-def _silent(model: CaseModel) -> tuple[str, ...]:
-    """Gauges that nobody can read, such as those in ground that the only stage takes away."""
-    case, silent = model.case, dict[str, list[str]]()
-    for channel in case.channels:
-        later = case.stages[case.zero_of(channel) :]  # states count from the virgin one
-        reasons = [model.unreadable(channel.name, stage.name) for stage in later]
-        if None not in reasons:
-            why = next((why for why in reasons if why), "it is zeroed at the last stage")
-            silent.setdefault(why, []).append(channel.name)
-    return tuple(
-        f"can be read at no stage after the zero: {named_channels(names)}, as {why}"
-        for why, names in silent.items()
-    )
 
 
 def _right_hand_sides(model: CaseModel, readings: ReadingTable) -> tuple[int, str] | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import isclose
 from typing import Any
@@ -26,7 +26,7 @@ from geoident.model.gauges import Channel, Reading, ReadingTable
 from geoident.model.ground import Field
 from geoident.model.results.bands import Prediction
 from geoident.model.results.result import ParameterTable, Provenance, Result
-from geoident.workflow.estimating.accuracies import Possible
+from geoident.workflow.estimating.accuracies import Possible, with_found, with_scatter
 from geoident.workflow.estimating.diagnosis import at_used
 from geoident.workflow.estimating.estimate import later_errors, look, predicted
 from geoident.workflow.estimating.fields import require_same_modes
@@ -379,6 +379,8 @@ def _placed(channel: Channel) -> Channel:
 def _with_gauges_of_fit(inputs: Inputs, origin: Inputs, fit: Result) -> Inputs:
     """A case with the gauges of a fit, with the accuracies that this has found.
 
+    Gauges that the fit does not have are as accurate as it found those of their kind.
+
     Args:
         inputs: of the case.
         origin: of the case of the fit.
@@ -386,7 +388,10 @@ def _with_gauges_of_fit(inputs: Inputs, origin: Inputs, fit: Result) -> Inputs:
     """
     case, fitted = inputs.case, {channel.name: channel for channel in origin.case.channels}
     same_mesh = inputs.mesh_sha256 == fit.provenance.mesh_sha256
-    factor = 1.0 if fit.model_error is None else fit.model_error.factor
+    if fit.model_error is not None:
+        case = with_scatter(case, fit.model_error.factor, fit.model_error.zero)
+    if fit.accuracies is not None:
+        case = with_found(case, fit.accuracies)
 
     def as_fitted(channel: Channel) -> Channel:
         before = fitted.get(channel.name)
@@ -397,11 +402,7 @@ def _with_gauges_of_fit(inputs: Inputs, origin: Inputs, fit: Result) -> Inputs:
             errors = replace(errors, mesh=())
         return replace(channel, accuracy=before.accuracy, errors=errors)
 
-    readings = (
-        r if r.accuracy is None else replace(r, accuracy=factor * r.accuracy) for r in case.readings
-    )
-    channels = tuple(as_fitted(channel) for channel in case.channels)
-    case = replace(case, channels=channels, readings=tuple(readings))
+    case = replace(case, channels=tuple(as_fitted(channel) for channel in case.channels))
     return replace(inputs, loaded=replace(inputs.loaded, case=case))
 
 
@@ -594,14 +595,23 @@ def _readings(task: Task, known: Known) -> ReadingTable:
     if task.request.case is None:
         return known.readings
     case, table = task.inputs.case, known.readings
-    used = set() if task.others else set(table.used_pairs)
-    return reading_table(case, [_why_unused(reading, used) for reading in case.readings])
+    left: dict[tuple[str, str], list[float]] = {}
+    if not task.others:
+        for k in np.flatnonzero(table.used).tolist():
+            left.setdefault((table.channel[k], table.stage[k]), []).append(float(table.value[k]))
 
+    def why_unused(reading: Reading) -> str:
+        """Why the fit did not use it; empty if it did."""
+        useless, values = why_useless(reading), left.get((reading.channel, reading.stage), [])
+        if useless:
+            return useless
+        for value in values:
+            if isclose(value, reading.value or 0.0, rel_tol=1e-9):
+                values.remove(value)
+                return ""
+        return "the fit has not used it"
 
-def _why_unused(reading: Reading, used: Collection[tuple[str, str]]) -> str:
-    """Why the fit did not use a reading of another case; empty if it did."""
-    taken = (reading.channel, reading.stage) in used
-    return why_useless(reading) or ("" if taken else "the fit has not used it")
+    return reading_table(case, [why_unused(reading) for reading in case.readings])
 
 
 def _result(task: Task, known: Known, survey: Survey, model: CaseModel) -> Result:
@@ -616,7 +626,10 @@ def _result(task: Task, known: Known, survey: Survey, model: CaseModel) -> Resul
     prediction = predict_stages(
         survey, known.assessment, accuracies(case), stages, errors, known.bends
     )
-    found = (*_whose_gauges(task), *collapse_findings(survey), *without_collapses(fit.findings))
+    inherited = without_collapses(fit.findings)
+    if task.others:  # its gauges may have the same names
+        inherited = tuple(f"Of the fit: {text}" for text in inherited)
+    found = (*_whose_gauges(task), *collapse_findings(survey), *inherited)
     others, left_out = _others(task, known, model, stages)
     if fit.rivals is not None and others:
         prediction = mixed_prediction(fit.rivals.odds, [prediction, *others])

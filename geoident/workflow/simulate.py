@@ -25,6 +25,7 @@ from geoident.model.gauges import Reading, named_channels
 from geoident.model.results.costs import Counts
 from geoident.model.results.result import FieldSeries
 from geoident.model.results.yielded import Mechanism
+from geoident.workflow.running.computed import silent_gauges
 from geoident.workflow.running.jobs import (
     NO_READINGS,
     Inputs,
@@ -167,7 +168,7 @@ def simulate(
     readings = _readings(inputs.case, computed)
     if noise is Noise.ACCURACY:
         readings = with_noise(inputs.case, readings, seed=seed)
-    notes = _undated(model, computed)
+    notes = [*silent_gauges(model), *_undated(model, computed)]
     if isinstance(model, ReducedCaseModel) and by.reduced is not None:
         notes.append(answer_note(model, by.reduced))
     counts = replace(model.counts, evaluations=max(1, model.counts.evaluations))

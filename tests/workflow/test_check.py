@@ -9,6 +9,7 @@ from geoident.fem import stiffness
 from geoident.forward.march import systems
 from geoident.workflow import check as module
 from geoident.workflow.check import check
+from tests.support.commands import run_command
 
 HEAVY = ("gravity=[0, -10 m/s2]", "materials.rock.density=2700 kg/m3")
 
@@ -61,6 +62,15 @@ def test_nothing_is_made_for_stages_that_are_not_solved(case, monkeypatch):
     summary = check(case).summary
     assert len(patterns) == len({tuple(stage.leaves) for stage in summary.stages})
     assert all(stage.dofs > 0 for stage in summary.stages)
+
+
+def test_simulate_says_which_gauge_it_can_compute_nowhere(case):
+    silent = "gauges.core={kind: settlement, point: [3 m, 3.5 m], accuracy: 1 mm}"
+    done = run_command("simulate", case, "--set", silent)
+    assert done.exit_code == 0
+    assert "core" not in done.stdout
+    assert "can be read at no stage after the zero: core, as" in " ".join(done.stderr.split())
+    assert "at no stage" not in run_command("simulate", case).stderr
 
 
 def test_a_gauge_that_nobody_can_read_is_said(case):

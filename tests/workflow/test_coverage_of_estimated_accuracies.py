@@ -101,6 +101,67 @@ def test_one_unknown_accuracy_gives_the_intervals_of_the_textbooks(tmp_path):
     np.testing.assert_allclose(again.upper95, bands.upper95, rtol=1e-12)
 
 
+def textbook(x, y, new):
+    """Predicted a + b x and half the width of its band of 95 %, by Student's t."""
+    A, B = (np.column_stack([np.ones(len(at)), at]) for at in (x, new))
+    p, (rss,), *_ = np.linalg.lstsq(A, y, rcond=None)
+    spread = np.sqrt(1.0 + np.einsum("ij,jk,ik->i", B, np.linalg.inv(A.T @ A), B))
+    t = stats.t.ppf(0.975, len(y) - 2)
+    return B @ p, t * np.sqrt(rss / (len(y) - 2)) * spread
+
+
+@pytest.mark.parametrize("several", ["all", "mean"])
+def test_bands_of_readings_that_were_taken_are_as_wide_as_of_others(tmp_path, several):
+    """Also where they are several, and as the fit has them or another case."""
+    n = 6
+    line = Line(tmp_path, n)
+    y = line.now @ TRUTH + 4.0 * np.random.default_rng(8).standard_normal(n)
+    path = line.case(y, fit=", stages: [now]")
+    rows = [f"G{i},now,{v!r},mm\n" for i, v in enumerate(y.tolist())]
+    later = [f"G{i},later,{v},mm\n" for i in range(3) for v in (1.0, 2.0)]
+    (tmp_path / "read.csv").write_text("gauge,stage,value,unit\n" + "".join(rows + later))
+    head, _, rest = path.read_text().partition("readings:")
+    end = rest[rest.index("fit:") :]
+    path.write_text(f"{head}readings: {{file: read.csv, several: {several}}}\n{end}")
+    found = geoident.fit(path)
+    centre, half = textbook(line.now[:, 1], y, line.later[:, 1])
+    A, B = line.now, line.later[:3]
+    leverage = np.einsum("ij,jk,ik->i", B, np.linalg.inv(A.T @ A), B)
+    half[:3] *= np.sqrt((0.5 + leverage) / (1.0 + leverage))  # the mean of two readings
+    copy = tmp_path / "copy.yaml"
+    copy.write_text(path.read_text())
+    copied = geoident.predict(found.path, case=copy, output=tmp_path / "copy.h5")
+    for one in (found, geoident.predict(found.path), copied):
+        bands = one.data.prediction
+        np.testing.assert_allclose(1e3 * bands.mean[:, 1], centre, rtol=1e-6)
+        width = 1e3 * (bands.upper95 - bands.lower95)[:, 1]
+        np.testing.assert_allclose(width, 2.0 * half, rtol=1e-3)
+
+
+def test_a_gauge_that_another_case_adds_is_as_accurate_as_the_fit_found_its_kind(tmp_path):
+    """As in a fit of that case, which tells its kind from the same readings."""
+    n = 6
+    line = Line(tmp_path, n)
+    y = line.now @ TRUTH + 4.0 * np.random.default_rng(8).standard_normal(n)
+    wide = line.case(y).read_text().replace("- {gauge: G5", "# {gauge: G5")
+    (tmp_path / "wide.yaml").write_text(wide)
+    gauge = "  G5: {kind: reading, accuracy: {reading: 1 mm}}\n"
+    few = tmp_path / "few.yaml"
+    cells = [row.split(",") for row in (tmp_path / "runs.csv").read_text().splitlines()]
+    kept = [k for k, name in enumerate(cells[0]) if not name.startswith("G5")]
+    (tmp_path / "few.csv").write_text(
+        "\n".join(",".join(row[k] for k in kept) for row in cells) + "\n"
+    )
+    few.write_text(wide.replace(gauge, "").replace("runs.csv", "few.csv"))
+    centre, half = textbook(line.now[:5, 1], y[:5], line.later[:, 1])
+    known = geoident.predict(geoident.fit(few).path, case=tmp_path / "wide.yaml")
+    for one in (geoident.fit(tmp_path / "wide.yaml"), known):
+        bands = one.data.prediction
+        np.testing.assert_allclose(1e3 * bands.mean[:, 1], centre, rtol=1e-6)
+        width = 1e3 * (bands.upper95 - bands.lower95)[:, 1]
+        np.testing.assert_allclose(width, 2.0 * half, rtol=1e-3)
+
+
 @pytest.mark.slow  # the density of the draws, at the accuracies in use: `test_posterior.py`
 def test_draws_have_the_quantiles_of_students_t(tmp_path):
     n = 8
@@ -170,8 +231,8 @@ def coverage(n, sizes, repeats, *, prior=False):
     J, later = (np.column_stack([np.ones(n), x + add]) for add in (0.0, 1.0))
     channels = tuple(gauge(i, KINDS[k]) for i, k in enumerate(of.tolist()))
     stages = tuple(SimpleNamespace(name=name) for name in ("now", "later"))
-    case = CaseLike(channels, stages)
     rows = [(channel, Reading(channel.name, "now", None)) for channel in channels]
+    case = CaseLike(channels, stages, tuple(reading for _, reading in rows))
     structure, used = error_structure(rows), np.ones(n, dtype=bool)
     computed, wanted = np.full((n, 2), np.nan), np.array([False, True])
     right, plain = [], []
@@ -185,7 +246,7 @@ def coverage(n, sizes, repeats, *, prior=False):
         problem = Problem(Linear(J), y, structure.sd, unknown)
         found = weighed(problem, structure, solved(problem), solved)
         p, problem = found.outcome.values, found.problem
-        table = accuracy_table(case, structure, found.components, used)
+        table = accuracy_table(case, structure.names, found.components)
         sized = with_accuracies(case, dict(zip(table.names, table.values, strict=True)))
         rows = [(c, r) for c, (_, r) in zip(sized.channels, rows, strict=True)]
         possible = Possible.of(table, used)
@@ -211,6 +272,7 @@ def coverage(n, sizes, repeats, *, prior=False):
 class CaseLike:
     channels: tuple
     stages: tuple
+    readings: tuple
 
     def reading_at(self, channel, stage):
         return Reading(channel.name, stage, None)

@@ -102,6 +102,10 @@ def test_another_section_takes_over_no_error_of_a_gauge_of_the_same_name(fitted)
     assert not any(row["used"] for row in found["gauges"])
     assert "no error of a gauge is taken over from the fit" in said
     assert "P at one" in said
+    # what the fit says of its own readings is not said of those of the same names
+    before = json.loads(run_command("show", "a.fit.h5", "--json").stdout)["findings"]
+    assert any("most influential reading" in text for text in before)
+    assert found["findings"][1:] == [f"Of the fit: {text}" for text in before]
 
 
 def test_the_same_section_with_later_readings_keeps_the_zeros_of_its_gauges(fitted):
@@ -117,6 +121,16 @@ def test_the_same_section_with_later_readings_keeps_the_zeros_of_its_gauges(fitt
     alone, _, said = predicted()
     assert alone == bands
     assert "its gauges are" not in said
+
+
+def test_the_error_of_a_zero_that_a_gauge_of_values_states_is_shared(tmp_path, monkeypatch):
+    """Such as that of a pressure cell before it was built in: it has no stage, and is in all."""
+    monkeypatch.chdir(tmp_path)
+    write_section(tmp_path, "a", A, READ | LATER, SECTION.replace("zero: begin, ", ""))
+    assert run_command("fit", "a.yaml", "--trust", "-q").exit_code in (0, 4)
+    bands, _, _ = predicted()
+    for place, (mean, sd) in expected(A, LATER, same_zeros=True).items():
+        assert bands[place] == pytest.approx((mean, sd), rel=1e-6), place
 
 
 @pytest.mark.parametrize(
@@ -137,6 +151,22 @@ def test_what_makes_gauges_others_is_said(fitted, change, words):
         return
     for place, (mean, sd) in expected(A, LATER, same_zeros=False).items():
         assert bands[place] == pytest.approx((mean, sd), rel=0.03), place
+
+
+def test_a_further_reading_of_a_stage_that_was_fitted_is_not_said_to_be_used(fitted):
+    write_section(fitted, "b", A, READ | LATER)
+    with (fitted / "b.csv").open("a") as file:
+        file.write("P,two,25,mm\n")
+    text = (fitted / "b.yaml").read_text()
+    text = text.replace("readings: b.csv", "readings: {file: b.csv, several: all}")
+    (fitted / "b.yaml").write_text(text)
+    _, found, said = predicted("--case", "b.yaml")
+    assert "its gauges are those of the fit" in said
+    (further,) = [row for row in found["readings"] if row["value"] == 25e-3]
+    assert further["reason"] == "the fit has not used it"
+    assert sum(row["used"] for row in found["readings"]) == len(READ)
+    (row,) = [r for r in found["gauges"] if (r["gauge"], r["stage"]) == ("P", "two")]
+    assert 1e3 * row["measured"] == pytest.approx(READ["P", "two"])
 
 
 def test_a_corrected_reading_makes_the_case_another(fitted):

@@ -102,9 +102,9 @@ class ParameterTable:
 class GaugeTable:
     """The channels of the gauges: what was read of them, and what the model says at all stages.
 
-    The wide tables (n_channels, n_stages) are views of the readings: of several good readings of a
-    channel in a stage they hold the weighted mean; a bad one only where there is no good one. NaN
-    where there is none.
+    The wide tables (n_channels, n_stages) are views of the readings: of several readings of a
+    channel in a stage they hold the weighted mean of those used, else of the good ones; a bad one
+    only where there is no good one. NaN where there is none.
 
     Args:
         channels: names of the channels.
@@ -190,12 +190,12 @@ class GaugeTable:
         """Row and column of the wide tables to the (m,) readings that count there."""
         found: dict[tuple[int, int], list[int]] = {}
         taken = np.flatnonzero(np.isfinite(self.readings.value))
-        bad = self.readings.bad
-        for k in taken[np.argsort(bad[taken], kind="stable")].tolist():
+        rank = np.where(self.readings.used, 0, np.where(self.readings.bad, 2, 1))
+        for k in taken[np.argsort(rank[taken], kind="stable")].tolist():
             place = self.place(k)
             if place is not None:
                 group = found.setdefault(place, [])
-                if not group or not bad[k] or bad[group[0]]:
+                if not group or rank[k] == rank[group[0]]:
                     group.append(k)
         return {place: np.array(group, dtype=np.int64) for place, group in found.items()}
 

@@ -127,6 +127,25 @@ def _sized(channel: Channel, factors: Mapping[str, float]) -> Channel:
     return replace(channel, errors=sized, accuracy=sized.total(channel.along))
 
 
+def with_found(case: Case, table: AccuracyTable) -> Case:
+    """A case with gauges of the kinds whose accuracies were estimated from other readings.
+
+    Args:
+        case: as it was written.
+        table: what was estimated.
+    """
+    known = list(zip(table.names, table.parts, table.values.tolist(), strict=True))
+
+    def sized(channel: Channel) -> Channel:
+        parts = channel.errors
+        if parts is None:
+            return channel
+        before = {name: getattr(parts, part) if part else 1.0 for name, part, _ in known}
+        return _sized(channel, {name: v / before[name] for name, _, v in known if before[name]})
+
+    return replace(case, channels=tuple(sized(channel) for channel in case.channels))
+
+
 def with_scatter(case: Case, factor: float, zero: float) -> Case:
     """A case whose gauges have errors beside what it states.
 
@@ -159,19 +178,22 @@ def with_scatter(case: Case, factor: float, zero: float) -> Case:
 
 
 def accuracy_table(
-    case: Case, structure: ErrorStructure, components: VarianceComponents, used: Bools
+    case: Case, names: Sequence[str], components: VarianceComponents
 ) -> AccuracyTable:
     """What was estimated, in standard deviations.
 
     Args:
         case: before the estimation.
-        structure: the errors of the readings that are used.
+        names: of the components.
         components: what is known of them.
-        used: (k,) which of the readings these are.
     """
-    names, possible = structure.names, components.possible
-    of_reading = np.full(len(used), -1, dtype=np.int64)
-    of_reading[used] = structure.component
+    possible = components.possible
+    numbers = {name: number for number, name in enumerate(names)}
+    own = {c.name: c.errors.component("reading") for c in case.channels if c.errors is not None}
+    of_reading = [
+        numbers.get(own.get(r.channel) or "", -1) if r.accuracy is None else -1
+        for r in case.readings
+    ]
     beside = {} if possible is None else possible._asdict()
     owners = [_owner(case, name) for name in names]
     base = np.array([size for _, _, size in owners], dtype=np.float64)
@@ -186,7 +208,7 @@ def accuracy_table(
         parts=tuple(part for _, part, _ in owners),
         dimensions=tuple(c.dimension if part else DIMENSIONLESS for c, part, _ in owners),
         units=tuple(c.unit if part else "" for c, part, _ in owners),
-        of_reading=of_reading,
+        of_reading=np.array(of_reading, dtype=np.int64),
         **beside,
     )
 

@@ -374,5 +374,5 @@ def _sized(setup: Setup, structure: ErrorStructure, found: VarianceComponents) -
         setup,
         case=sized,
         readings=reading_table(sized, setup.readings.reason),
-        accuracies=accuracy_table(setup.case, structure, found, setup.readings.used),
+        accuracies=accuracy_table(setup.case, structure.names, found),
     )

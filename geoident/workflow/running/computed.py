@@ -13,7 +13,7 @@ from geoident.identify.problem.problem import Problem
 from geoident.identify.problem.responses import HasIncrements
 from geoident.model.arrays import Floats, Ints
 from geoident.model.case import Case
-from geoident.model.gauges import ReadingTable
+from geoident.model.gauges import ReadingTable, named_channels
 from geoident.model.results.result import GaugeTable
 
 
@@ -126,3 +126,18 @@ def accuracies(case: Case) -> Floats:
     ]
     at_zero = np.array(zero, dtype=np.bool_).reshape(case.accuracies.shape)
     return np.where(at_zero, np.nan, case.accuracies)
+
+
+def silent_gauges(model: CaseModel) -> tuple[str, ...]:
+    """Gauges that nobody can read, such as those in ground that the only stage takes away."""
+    case, silent = model.case, dict[str, list[str]]()
+    for channel in case.channels:
+        later = case.stages[case.zero_of(channel) :]  # states count from the virgin one
+        reasons = [model.unreadable(channel.name, stage.name) for stage in later]
+        if None not in reasons:
+            why = next((why for why in reasons if why), "it is zeroed at the last stage")
+            silent.setdefault(why, []).append(channel.name)
+    return tuple(
+        f"can be read at no stage after the zero: {named_channels(names)}, as {why}"
+        for why, names in silent.items()
+    )

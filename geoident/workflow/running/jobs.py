@@ -210,10 +210,19 @@ def _as_fitted(case: Case, result: Result, source: Source) -> Case:
         if parts is not None and c.errors is not None:
             parts = replace(parts, found=c.errors.estimated)
         channels.append(replace(c, accuracy=known.get(c.name, c.accuracy), errors=parts))
+    readings = readings_of(gauges.readings)
+    found, sd = result.accuracies, gauges.readings.own_sd
+    if found is not None and sd is not None and len(found.of_reading) == len(readings):
+        # those with an estimated accuracy have none of their own
+        own = {c.name: c.own_accuracy for c in channels}
+        readings = tuple(
+            r if k < 0 else replace(r, accuracy=None, count=round((own[r.channel] / size) ** 2))
+            for r, k, size in zip(readings, found.of_reading.tolist(), sd.tolist(), strict=True)
+        )
     return replace(
         case,
         parameters=(*case.parameters, *mode_parameters(case, result.parameters.names)),
-        readings=readings_of(gauges.readings),
+        readings=readings,
         channels=tuple(channels),
         source=source,
     )

@@ -197,7 +197,7 @@ class ErrorsSection(Section):
     zero: AccuracyPart | None = Field(
         None,
         description="Of the zero, which all later readings of a channel share; without it that of "
-        "one reading.",
+        "one reading, of a gauge that reads a value none.",
         examples=["0.1 mm"],
     )
     head: AccuracyPart | None = Field(

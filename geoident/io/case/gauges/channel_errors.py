@@ -51,7 +51,12 @@ def described_channels(
         message += "large residuals by wrong readings, an estimated accuracy by the gauge"
         hint = "Find the wrong readings first, list them under 'bad', and use 'loss: squared'."
         faults.add(("fit", "loss"), "contradiction", message, hint)
-    return _one_set_up(tuple(c if c.errors is None else _complete(c, c.errors) for c in found))
+    return _one_set_up(
+        tuple(
+            c if c.errors is None else _complete(c, c.errors, stated=said[c.name].states_zero)
+            for c in found
+        )
+    )
 
 
 def _one_set_up(channels: tuple[Channel, ...]) -> tuple[Channel, ...]:
@@ -81,9 +86,9 @@ def _with_epoch(parts: ErrorParts, name: str) -> ErrorParts:
     return replace(parts, estimated=tuple(estimated.items()))
 
 
-def _complete(channel: Channel, parts: ErrorParts) -> Channel:
-    """A channel with its total accuracy; without the error of a zero where it has no zero."""
-    if not channel.is_zeroed:
+def _complete(channel: Channel, parts: ErrorParts, *, stated: bool) -> Channel:
+    """A channel with its total accuracy; a value has the error of a zero only if that is stated."""
+    if not channel.is_zeroed and not stated:
         kept = tuple(pair for pair in parts.estimated if pair[0] != "zero")
         parts = replace(parts, zero=0.0, zero_surveyed=0.0, estimated=kept)
     return _with_parts(channel, parts)
