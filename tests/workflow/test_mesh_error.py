@@ -148,7 +148,7 @@ def test_a_square_hole_converges_slowly_and_that_is_said():
 @pytest.mark.parametrize(("kind", "n"), [("tri3", 4), ("tri3", 8), ("quad4", 4), ("quad4", 8)])
 def test_jumps_of_the_stress_tell_about_the_same(kind, n, monkeypatch):
     staged, exact = excavated(kind, n)
-    monkeypatch.setattr(module, "_free_memory", lambda: 1e6)
+    monkeypatch.setattr(module, "free_memory", lambda: 1e6)
     found = mesh_error(staged, staged.case, NOTHING)
     assert found.how == "recovery"
     assert found.notes[0].startswith("One refinement needs about 0.1 GB of memory")
@@ -192,7 +192,7 @@ def test_where_halving_is_too_large_in_space_second_order_may_not_be(monkeypatch
     assert second.memory < fine.memory
     between = 0.5 * (second.memory + fine.memory) / module.SHARE_OF_MEMORY
     whole = mesh_error(staged, staged.case, NOTHING)
-    monkeypatch.setattr(module, "_free_memory", lambda: between)
+    monkeypatch.setattr(module, "free_memory", lambda: between)
     found = mesh_error(staged, staged.case, NOTHING)
     assert (whole.how, found.how) == ("refinement", "order")
     assert found.elements == (64, 64)
@@ -201,7 +201,7 @@ def test_where_halving_is_too_large_in_space_second_order_may_not_be(monkeypatch
     np.testing.assert_allclose(found.error, found.change / (1.0 - left))
     true = cube(16).computed(NOTHING) - found.computed
     assert 0.4 < np.linalg.norm(found.error) / np.linalg.norm(true) < 1.3
-    monkeypatch.setattr(module, "_free_memory", lambda: 1e6)
+    monkeypatch.setattr(module, "free_memory", lambda: 1e6)
     assert mesh_error(staged, staged.case, NOTHING).how == "recovery"
 
 

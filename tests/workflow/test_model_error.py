@@ -84,6 +84,33 @@ def test_readings_of_one_place_have_one_error():
     np.testing.assert_allclose(columns, columns[0, 0])
 
 
+def test_of_many_readings_the_columns_leave_out_what_they_tell(monkeypatch):
+    """Of points along a line the covariance less that of the columns, among others its diagonal."""
+    rng = np.random.default_rng(2)
+    n = 90
+    every = [channel(f"c{k}", (x, 0.0)) for k, x in enumerate(np.sort(rng.uniform(0, 30, n)))]
+    every += [channel("far", (500.0, 0.0))]
+    steps = 1e-3 * rng.uniform(1.0, 2.0, (n + 1, 2))
+    rows = ReadingSteps(tuple(every), ("s1", "s2"), steps, 0.1 * steps)
+    exact = shared_columns([rows], LENGTH).toarray()
+    whole = exact @ exact.T
+    monkeypatch.setattr(model_error_covariance, "MOST_MODES", 30)
+    modes = model_error_covariance.ErrorModes()
+    columns = shared_columns([rows], LENGTH, modes).toarray()
+    assert columns.shape == (n + 1, 30)
+    left = whole - columns @ columns.T
+    assert np.linalg.eigvalsh(left).min() > -1e-9 * whole.max()
+    told = modes.left**2 / ((n + 1) / 30)
+    np.testing.assert_allclose(told, np.diag(left), atol=1e-9 * whole.max())
+    assert np.diag(left).sum() < 0.2 * np.diag(whole).sum()
+    assert n in modes.rows  # what stands alone is not forgotten
+    before = modes.rows
+    other = replace(rows, steps=steps * rng.uniform(0.5, 2.0, (n + 1, 1)))
+    again = shared_columns([other], LENGTH, modes).toarray()
+    assert again.shape == columns.shape  # after the same rows, so that it is no other approximation
+    assert set(modes.rows.tolist()) == set(before.tolist())
+
+
 # Through the commands ----------------------------------------------------------------------------
 
 GAUGES = """\

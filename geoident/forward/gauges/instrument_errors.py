@@ -52,11 +52,12 @@ class ReadingPlaces:
             pairs: channel and stage of every reading.
             times: when each was read; None for what is known of its stage; empty for all None.
         """
-        channels, stages = [channel.name for channel in case.channels], case.stage_names
+        channels = {channel.name: k for k, channel in enumerate(case.channels)}
+        stages = {stage: k for k, stage in enumerate(case.stage_names)}
         given = [np.nan if time is None else time for time in times or [None] * len(pairs)]
         return cls(
-            np.array([channels.index(c) for c, _ in pairs], dtype=np.int64),
-            np.array([stages.index(s) for _, s in pairs], dtype=np.int64),
+            np.array([channels[c] for c, _ in pairs], dtype=np.int64),
+            np.array([stages[s] for _, s in pairs], dtype=np.int64),
             np.array(given, dtype=np.float64),
         )
 

@@ -14,6 +14,7 @@ the parameters, gives its rows G' for that; any other has none, and these method
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -250,9 +251,13 @@ class Observation:
                 return f"gauge '{name}' reads something else than displacements"
         return None
 
+    @cached_property
+    def _number(self) -> dict[str, int]:
+        return {channel: k for k, channel in enumerate(self.channels)}
+
     def unreadable(self, channel: str, state: int) -> str | None:
         """Why a channel can't be read at a state, or None if it can."""
-        row = self.channels.index(channel)
+        row = self._number[channel]
         if state < self.zero[row] and self.weights[1, row] < 0:
             return "it is zeroed only at a later stage"
         if not self.readable[state, row]:

@@ -41,6 +41,7 @@ import numpy as np
 from geoident.identify.assessment.uncertainty import Assessment
 from geoident.identify.problem.problem import Problem, own_residuals, robust_scale, weights
 from geoident.model.arrays import Floats, Ints
+from geoident.model.methods import SquaredOptions
 
 ALONE = 1.0 - 1e-9
 """Leverage from which on a reading decides alone."""
@@ -77,8 +78,14 @@ def effective_sd(problem: Problem, readings: Floats) -> Floats:
         problem: readings and loss.
         readings: (g,) v at the estimate, SI.
     """
-    w = weights(problem.loss, own_residuals(problem, readings)[0])
-    return np.asarray(problem.sd / np.sqrt(w), dtype=np.float64)
+    return np.asarray(problem.sd / np.sqrt(_weights(problem, readings)), dtype=np.float64)
+
+
+def _weights(problem: Problem, readings: Floats) -> Floats:
+    """What the loss leaves of each reading (g,)."""
+    if isinstance(problem.loss, SquaredOptions):
+        return np.ones(len(readings))
+    return weights(problem.loss, own_residuals(problem, readings)[0])
 
 
 def diagnose(
@@ -100,10 +107,7 @@ def diagnose(
     B = jacobian * assessment.slope * (np.sqrt(w) / problem.sd)[:, None]
     C = assessment.held_covariance_x
     leverage = np.einsum("gi,ij,gj->g", B, C, B)
-    influence, distance = np.zeros((len(e), C.shape[0])), np.zeros(len(e))
-    for rows in _members(sets):
-        squares, pull = B[rows].T @ B[rows], B[rows].T @ (np.sqrt(w[rows]) * e[rows])
-        influence[rows], distance[rows] = _removed(squares, pull, C)
+    influence, distance = _removed(B, np.column_stack([B, np.sqrt(w) * e]), sets, C)
     spare = np.where(leverage < ALONE, 1.0 - leverage, np.nan)
     return ReadingInfluence(
         standardized=e,
@@ -121,19 +125,20 @@ def _diagnose_correlated(
 ) -> ReadingInfluence:
     """The same where readings share errors."""
     gap = problem.measured - readings
-    w = weights(problem.loss, own_residuals(problem, readings)[0])
+    w = _weights(problem, readings)
     weighted = replace(problem, sd=problem.sd / np.sqrt(w))
     assert weighted.covariance is not None
     covariance, C = weighted.covariance, assessment.held_covariance_x
     pull = covariance.solve(jacobian * assessment.slope)
     force, own = covariance.solve(gap), covariance.inverse_diagonal
     left = np.maximum(own - np.einsum("gi,ij,gj->g", pull, C, pull), 0.0) / own
-    influence, distance = np.zeros((len(gap), C.shape[0])), np.zeros(len(gap))
+    # errors of a set, given those of all others, weigh what it tells
+    moved = np.column_stack([pull, force]) / own[:, None]
     for rows in _members(sets):
-        # errors of the set, given those of all others, weigh what it tells
-        moved = covariance.without_others(rows, np.column_stack([pull[rows], force[rows]]))
-        both = pull[rows].T @ moved
-        influence[rows], distance[rows] = _removed(both[:, :-1], both[:, -1], C)
+        if len(rows) > 1:
+            told = np.column_stack([pull[rows], force[rows]])
+            moved[rows] = covariance.without_others(rows, told)
+    influence, distance = _removed(pull, moved, sets, C)
     e = force / own / np.sqrt(1.0 / own + problem.sd**2 - weighted.sd**2)
     spare = np.where(left > 1.0 - ALONE, left, np.nan)
     return ReadingInfluence(
@@ -153,25 +158,50 @@ def _members(sets: Ints) -> Iterator[Ints]:
     yield from np.split(order, np.flatnonzero(np.diff(sets[order])) + 1)
 
 
-def _removed(squares: Floats, pull: Floats, C: Floats) -> tuple[Floats, float]:
-    """What the removal of a set of readings does: the changes (n,) and Cook's distance.
+def _removed(pull: Floats, moved: Floats, sets: Ints, C: Floats) -> tuple[Floats, Floats]:
+    """What the removal of the set of each reading does: changes (g, n), Cook's distances (g,).
 
-    With its weighted rows B_I and residuals e_I, and C = F F^T, everything that it takes is of the
-    size of the parameters, however many readings it has: C B_I^T (1 - B_I C B_I^T)^-1 e_I is
-    F (1 - F^T B_I^T B_I F)^-1 F^T B_I^T e_I, and both inverses have the same eigenvalues.
+    With the weighted rows B_I and residuals e_I of a set, and C = F F^T, everything that it takes
+    is of the size of the parameters, however many readings it has: C B_I^T (1 - B_I C B_I^T)^-1 e_I
+    is F (1 - F^T B_I^T B_I F)^-1 F^T B_I^T e_I, and both inverses have the same eigenvalues.
 
     Args:
-        squares: (n, n) B_I^T B_I.
-        pull: (n,) B_I^T e_I.
+        pull: (g, n) rows B.
+        moved: (g, n + 1) B and e; with the pull of a set they give B_I^T B_I and B_I^T e_I.
+        sets: (g,) number of the set, from 0, of each.
         C: (n, n) covariance of the parameters.
     """
+    n = len(C)
     sd = np.sqrt(np.diag(C))
     size, vectors = np.linalg.eigh(C)
     F = vectors * np.sqrt(np.maximum(size, 0.0))
-    H = F.T @ squares @ F
-    if np.linalg.eigvalsh(H).max(initial=0.0) >= ALONE:
-        moved = np.sqrt(np.maximum(np.diag(C @ squares @ C), 0.0)) > 1e-9 * sd
-        return np.where(moved, np.inf, 0.0), np.inf
-    step = np.linalg.solve(np.eye(len(H)) - H, F.T @ pull)
-    change = np.divide(F @ step, sd, out=np.zeros_like(sd), where=sd > 0.0)
-    return change, float(step @ step) / max(1, int(np.count_nonzero(sd)))
+    order = np.argsort(sets, kind="stable")
+    begins = np.flatnonzero(np.diff(sets[order], prepend=-1))
+    change, distance = np.zeros((len(begins), n)), np.zeros(len(begins))
+    some = max(1, _TOGETHER // max(1, n) ** 2)
+    for slab in np.split(np.arange(len(begins)), np.arange(some, len(begins), some)):
+        if not len(slab):
+            continue
+        end = begins[slab[-1] + 1] if slab[-1] + 1 < len(begins) else len(order)
+        rows = order[begins[slab[0]] : end]
+        both = np.add.reduceat(
+            pull[rows][:, :, None] * moved[rows][:, None, :], begins[slab] - begins[slab[0]]
+        )
+        squares, told = both[:, :, :-1], both[:, :, -1]
+        H = F.T @ squares @ F
+        alone = np.linalg.eigvalsh(H).max(axis=1, initial=0.0) >= ALONE
+        step = np.zeros_like(told)
+        spare = np.eye(n) - H[~alone]
+        step[~alone] = np.linalg.solve(spare, (told[~alone] @ F)[:, :, None])[:, :, 0]
+        found = np.divide(step @ F.T, sd, out=np.zeros_like(told), where=sd > 0.0)
+        reached = np.einsum("ij,sjk,ki->si", C, squares[alone], C)
+        seen = np.sqrt(np.maximum(reached, 0.0)) > 1e-9 * sd
+        found[alone] = np.where(seen, np.inf, 0.0)
+        change[slab] = found
+        distance[slab] = np.sum(step**2, axis=1) / max(1, int(np.count_nonzero(sd)))
+        distance[slab[alone]] = np.inf
+    return change[sets], distance[sets]
+
+
+_TOGETHER = 1_000_000
+"""Entries of the matrices of sets that are made at once."""

@@ -31,6 +31,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
+from scipy.linalg import solve_triangular
 
 from geoident.identify.assessment.unknown_variances import with_possible
 from geoident.identify.assessment.variance_components import (
@@ -41,7 +42,7 @@ from geoident.identify.assessment.variance_components import (
     estimate_components,
     likeliest_factors,
 )
-from geoident.identify.problem.errors import Covariance, SharedErrors
+from geoident.identify.problem.errors import SharedErrors, scaled_rows
 from geoident.model.arrays import Floats
 
 PRIOR_SD = 0.3
@@ -180,17 +181,23 @@ def weigh_sizes(likelihood: Likelihood, start: Floats) -> SizeWeights:
 
 
 def weigh_all(
-    likelihood: RestrictedLikelihood, zeros: sp.csr_array | None, *, free: bool
+    likelihood: RestrictedLikelihood,
+    columns: sp.csr_array,
+    zeros: sp.csr_array | None,
+    *,
+    free: bool,
 ) -> SizeWeights:
     """The weights of the sizes of the model error, of the scatter, and of the errors of zeros.
 
     Args:
-        likelihood: of two components: all errors of the gauges as stated; the model error at one.
+        likelihood: of all errors of the gauges as stated, without model error.
+        columns: (g, r) of the model error at eta = 1, SI.
         zeros: (g, k) errors of zeros as large as the accuracies; None where they are known.
         free: whether scatter and zeros may be other than stated; else they are looked at, no more.
     """
     sizes = ZEROS if zeros is not None else ZEROS[:1]
-    spectra = [_Spectrum(likelihood, zeros, z) for z in sizes.tolist()]
+    sums = _Sums(likelihood, columns, zeros)
+    spectra = [_Spectrum(sums, z) for z in sizes.tolist()]
     values = np.stack([spectrum.values(SIZES, FACTORS) for spectrum in spectra], axis=2)
     prior = np.zeros((len(FACTORS), len(sizes)))
     prior[0, 0] = 1.0
@@ -202,7 +209,7 @@ def weigh_all(
     unknown = VarianceComponents(empty, np.zeros((0, 0)), empty, empty, np.nan)
     found = SizeWeights(joint, values, prior, unknown)
     factor, zero = np.array([found.factor]), found.zero
-    used = _Spectrum(likelihood, zeros, zero).values(np.array([found.size]), factor)
+    used = _Spectrum(sums, zero).values(np.array([found.size]), factor)
     roots = [*factor, factor[0] * max(zero, _NOTHING)][: len(sizes[:2])] if free else []
     t = 2.0 * np.log(np.array(roots))
     at_used = VarianceComponents(t, np.zeros((len(t), len(t))), t, t, float(used[0, 0]))
@@ -245,35 +252,102 @@ def _held(likelihood: Likelihood, eta: float) -> HeldLast:
     return HeldLast(likelihood, 2.0 * np.log(eta), ACCURACY_SPREAD)
 
 
+class _Sums:
+    """Sums over the readings that give the spectrum at every error of the zeros.
+
+    With F = [W, B, J, y] in own standard deviations, W being what many readings share and C what
+    few do, A = 1 + C^T C falls into small blocks and
+
+        F^T (1 + C C^T)^-1 F = F^T F - (F^T C) A^-1 (C^T F) ,
+
+    in which the error of the zeros is a factor on columns of C or of W: readings are gone through
+    once.
+
+    Args:
+        likelihood: of all errors of the gauges as stated, without model error.
+        columns: (g, r) of the model error at eta = 1, SI.
+        zeros: (g, k) errors of zeros as large as the accuracies; None where they are known.
+    """
+
+    def __init__(
+        self,
+        likelihood: RestrictedLikelihood,
+        columns: sp.csr_array,
+        zeros: sp.csr_array | None,
+    ) -> None:
+        structure = likelihood.structure
+        stated = structure.columns
+        gauges = stated if zeros is None else sp.csr_array(sp.hstack([stated, zeros]))
+        self._of_zero = np.arange(gauges.shape[1]) >= stated.shape[1]
+        blocks, self._wide = SharedErrors(sp.csr_array(gauges)).parts
+        jacobian, self.given, prior = _seen(likelihood)
+        self.modes = columns.shape[1]
+        own = 1.0 / structure.sd
+        F = np.hstack([
+            each.toarray() if sp.issparse(each) else each
+            for each in (gauges[:, self._wide], columns, jacobian, likelihood.gap[:, None])
+        ])  # fmt: skip
+        F *= own[:, None]
+        C = sp.csr_array(scaled_rows(own, sp.csr_array(gauges)))
+        self._whole = F.T @ F
+        self._blocks = []
+        for _, shared in blocks:
+            some = C[:, shared.ravel()]
+            squares = sp.csr_array(some.T @ some).tocoo()
+            k = shared.shape[1]
+            stacked = np.zeros((len(shared), k, k))
+            stacked[squares.row // k, squares.row % k, squares.col % k] = squares.data
+            mixed = np.asarray(some.T @ F).reshape(*shared.shape, F.shape[1])
+            self._blocks.append((shared, stacked, mixed))
+        self.readings = len(F)
+        self._constant = 2.0 * float(np.log(structure.sd).sum()) + prior
+
+    def at(self, zero: float) -> tuple[Floats, float]:
+        """Products of the inverse of the errors of the gauges, and -2 l's constant.
+
+        Args:
+            zero: error of the zeros, in accuracies.
+
+        Returns:
+            (q, q) of [B, J, y], and the logarithm of the determinant with what priors say of
+            directions that no reading sees.
+        """
+        size = np.where(self._of_zero, zero, 1.0)
+        found, log_root = self._whole.copy(), 0.0
+        for shared, squares, mixed in self._blocks:
+            scale = size[shared]
+            A = np.eye(shared.shape[1]) + scale[:, :, None] * squares * scale[:, None, :]
+            L = np.linalg.cholesky(A)
+            less = (np.linalg.inv(L) @ (scale[:, :, None] * mixed)).reshape(-1, len(found))
+            found -= less.T @ less
+            log_root += float(np.log(np.diagonal(L, axis1=1, axis2=2)).sum())
+        w, scale = len(self._wide), size[self._wide]
+        found[:w] *= scale[:, None]
+        found[:, :w] *= scale
+        L = np.linalg.cholesky(np.eye(w) + found[:w, :w])
+        less = solve_triangular(L, found[:w, w:], lower=True)
+        log_root += float(np.log(np.diag(L)).sum())
+        return found[w:, w:] - less.T @ less, self._constant + 2.0 * log_root
+
+
 class _Spectrum:
     """-2 l of eta and s, by the eigenvalues of the model error among the errors of the gauges.
 
     Args:
-        likelihood: of two components: all errors of the gauges as stated; the model error at one.
-        zeros: (g, k) errors of zeros as large as the accuracies; None where they are known.
-        zero: their size z.
+        sums: of the readings.
+        zero: error of the zeros, in accuracies.
     """
 
-    def __init__(
-        self, likelihood: RestrictedLikelihood, zeros: sp.csr_array | None, zero: float
-    ) -> None:
-        structure = likelihood.structure
-        of_model = structure.column_component == 1
-        shared = structure.columns[:, np.flatnonzero(~of_model)]
-        if zeros is not None and zero > 0.0:
-            shared = sp.csr_array(sp.hstack([shared, zero * zeros]))
-        covariance = Covariance(structure.sd, SharedErrors(shared))
-        jacobian, rows, prior = _seen(likelihood)
-        columns = structure.columns[:, np.flatnonzero(of_model)].toarray()
-        U, root, _ = np.linalg.svd(covariance.whiten(columns), full_matrices=False)
-        white = covariance.whiten(np.column_stack([jacobian, likelihood.gap]))
-        self._along = U.T @ white
-        across = white - U @ self._along
-        self._across = across.T @ across
-        self._rest = len(white) - len(root)
-        self._lambda = root**2
-        self._given = rows
-        self._constant = covariance.log_determinant() + prior
+    def __init__(self, sums: _Sums, zero: float) -> None:
+        found, self._constant = sums.at(zero)
+        r = sums.modes
+        value, vectors = np.linalg.eigh(found[:r, :r])
+        kept = value > _NO_MODE * value.max(initial=0.0)
+        self._lambda = value[kept]
+        self._along = (vectors[:, kept].T @ found[:r, r:]) / np.sqrt(self._lambda)[:, None]
+        self._across = found[r:, r:] - self._along.T @ self._along
+        self._rest = sums.readings - len(self._lambda)
+        self._given = sums.given
 
     def values(self, sizes: Floats, factors: Floats) -> Floats:
         """-2 l at sizes (m,) and factors (f,), (m, f)."""
@@ -304,7 +378,8 @@ def _seen(likelihood: RestrictedLikelihood) -> tuple[Floats, Floats, float]:
         directions and the residual, and the constant part of -2 l.
     """
     J, R, prior = likelihood.jacobian, likelihood.prior_rows, likelihood.prior
-    _, size, Vt = np.linalg.svd(J, full_matrices=True)
+    upper = J if len(J) <= J.shape[1] else np.linalg.qr(J, mode="r")
+    _, size, Vt = np.linalg.svd(upper, full_matrices=True)
     seen = int(np.count_nonzero(size > _UNSEEN * size.max(initial=0.0)))
     rows = np.column_stack([R @ Vt.T, -prior])
     squares = rows.T @ rows
@@ -317,6 +392,9 @@ def _seen(likelihood: RestrictedLikelihood) -> tuple[Floats, Floats, float]:
     left = squares[np.ix_(inner, inner)] - mixed.T @ np.linalg.solve(of_hidden, mixed)
     return J @ Vt[:seen].T, left, float(np.linalg.slogdet(of_hidden)[1])
 
+
+_NO_MODE = 1e-14
+"""Part of the largest eigenvalue below which one is rounding."""
 
 _UNSEEN = 1e-12
 """Singular values below this part of the largest are those of directions not seen."""

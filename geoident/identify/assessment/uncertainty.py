@@ -39,7 +39,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy.linalg import solve_triangular
+import scipy.sparse as sp
 
 from geoident.identify.assessment.conflicts import (
     conflict_sentences,
@@ -50,6 +50,7 @@ from geoident.identify.assessment.findings import Knowledge, describe_gaps, join
 from geoident.identify.assessment.posterior import NormalMixture, Posterior, cut_normal
 from geoident.identify.assessment.spectrum import SingularDirections
 from geoident.identify.assessment.unknown_variances import OverAccuracies
+from geoident.identify.problem.errors import Covariance, SharedErrors
 from geoident.identify.problem.problem import Problem
 from geoident.identify.problem.scaling import Scaling
 from geoident.model.arrays import Bools, Floats
@@ -247,8 +248,8 @@ def _knowledge(
     if not named.all():
         rows = np.abs(P[:, ~named]).max(axis=1, initial=0.0) > 0.0
         scaled = B[:, ~named] / np.abs(P[rows][:, ~named]).max(axis=0)
-        lower = np.linalg.cholesky(np.eye(len(B)) + scaled @ scaled.T)
-        B, P = solve_triangular(lower, B[:, named], lower=True), P[~rows][:, named]
+        modes = Covariance(np.ones(len(B)), SharedErrors(sp.csr_array(scaled)))
+        B, P = modes.whiten(B[:, named]), P[~rows][:, named]
     taken, varies = np.flatnonzero(named), width[named] > 0.0
     return Knowledge(
         tuple(parameters[i] for i in taken),

@@ -35,6 +35,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -43,7 +44,6 @@ from scipy.linalg import cho_solve
 
 from geoident.identify.problem.errors import (
     FEW,
-    Columns,
     Covariance,
     ErrorStructure,
     SharedErrors,
@@ -194,14 +194,19 @@ class RestrictedLikelihood:
         self.prior_rows = prior_rows
         self._few = len(gap) <= FEW
         self._unshared = SharedErrors(structure.columns)  # where there are no columns
-        if self._few:
-            self._parts = [_part(structure, c) for c in range(len(structure.names))]
-        else:
-            self._sums = _sums(structure, np.column_stack([jacobian, gap]))
+
+    @cached_property
+    def _parts(self) -> list[_Part]:
+        return [_part(self.structure, c) for c in range(len(self.structure.names))]
+
+    @cached_property
+    def _sums(self) -> _Sums:
+        return _sums(self.structure, np.column_stack([self.jacobian, self.gap]))
 
     def value(self, t: Floats) -> float:
         """-2 l at t (c,)."""
-        return self._densely(t)[0] if self._few else self._solved(t).value
+        by_itself = self._few or self.structure.columns.shape[1] > _MANY_SHARED
+        return self._densely(t)[0] if by_itself else self._solved(t).value
 
     def terms(self, t: Floats) -> LikelihoodTerms:
         """-2 l at t (c,) with its derivatives."""
@@ -351,20 +356,31 @@ class _Sums:
 
 def _sums(structure: ErrorStructure, more: Floats) -> _Sums:
     """The sums, with the columns (g, n + 1) that stand beside those of shared errors."""
-    g, k = structure.columns.shape
-    whole: Columns
-    if g * (k + more.shape[1]) <= _SMALL:
-        whole = np.hstack([structure.columns.toarray(), more])
-    else:
-        whole = sp.csr_array(sp.hstack([structure.columns, sp.csr_array(more)]))
     weight = structure.sd**-2.0
     numbers = [*range(len(structure.names)), -1]
     return _Sums(
-        [products(whole, np.where(structure.component == c, weight, 0.0)) for c in numbers],
+        [_products(structure.columns, more, weight * (structure.component == c)) for c in numbers],
         np.array([np.count_nonzero(structure.component == c) for c in numbers], dtype=np.float64),
         2.0 * float(np.log(structure.sd).sum()),
     )
 
+
+def _products(columns: sp.csr_array, more: Floats, weight: Floats) -> Floats:
+    """[B, M]^T diag(weight) [B, M] of B (g, k) and M (g, n), dense some rows at a time."""
+    k, g = columns.shape[1] + more.shape[1], len(weight)
+    if columns.nnz < _SPARSE * columns.shape[0] * columns.shape[1]:
+        return products(sp.csr_array(sp.hstack([columns, sp.csr_array(more)])), weight)
+    found = np.zeros((k, k))
+    for rows in np.array_split(np.arange(g), max(1, -(-g * k // _SMALL))):
+        found += products(np.hstack([columns[rows].toarray(), more[rows]]), weight[rows])
+    return found
+
+
+_MANY_SHARED = 2000
+"""Shared errors from which on sums of their products cost more than to solve with all readings."""
+
+_SPARSE = 0.1
+"""Part of the entries below which a matrix is taken as sparse."""
 
 _SMALL = 4_000_000
 """Entries of a matrix that is made dense."""

@@ -22,7 +22,7 @@ once.
 
 from __future__ import annotations
 
-from copy import copy
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Protocol
@@ -46,15 +46,15 @@ class SharedErrors:
     def __init__(self, columns: sp.csr_array) -> None:
         self._unsized = sp.csr_array(columns)
         self._size: Floats | None = None
+        self._known: SharedErrors | None = None  # knows what hangs together, of any size
 
     def __len__(self) -> int:
         return int(self._unsized.shape[1])
 
     def sized(self, factor: Floats) -> SharedErrors:
         """The same with each of them times a factor (K,); what hangs together is found once."""
-        _ = self.blocks, self._whole  # the copy takes them along
-        found = copy(self)
-        found.__dict__.pop("columns", None)
+        found = SharedErrors(self._unsized)
+        found._known = self._known or self
         found._size = factor if self._size is None else self._size * factor
         return found
 
@@ -73,17 +73,41 @@ class SharedErrors:
     @cached_property
     def blocks(self) -> tuple[tuple[Ints, Ints], ...]:
         """Readings (m,) and shared errors (k,) that hang together; readings without any: none."""
-        g = self._unsized.shape[0]
-        entries = self._unsized.tocoo()
-        size = g + self._unsized.shape[1]
-        link = sp.csr_array(
-            (np.ones(entries.nnz), (entries.row, g + entries.col)), shape=(size, size)
-        )
-        _, label = connected_components(link, directed=False)
-        order = np.argsort(label, kind="stable")
-        groups = np.split(order, np.flatnonzero(np.diff(label[order])) + 1)
-        found = ((members[members < g], members[members >= g] - g) for members in groups)
-        return tuple((rows, shared) for rows, shared in found if len(rows) and len(shared))
+        if self._known is not None:
+            return self._known.blocks
+        return _hang_together(self._unsized, np.arange(len(self)))
+
+    @cached_property
+    def parts(self) -> tuple[tuple[tuple[Ints, Ints], ...], Ints]:
+        """Blocks that are small once the errors that many readings share are taken out of them.
+
+        Errors of zeros alone make a block of each channel; that of a set-up beside makes one block
+        of all. Which errors count as those of many is a matter of cost alone, and blocks of up to
+        `FEW` readings are never cut.
+
+        Returns:
+            Blocks of equal size together, readings (b, m) and shared errors (b, k), and the
+            numbers (w,) of the errors that are taken out.
+        """
+        if self._known is not None:
+            return self._known.parts
+        g, K = self._unsized.shape
+        if g <= FEW or K == 0:
+            return _of_equal_size(self.blocks), np.zeros(0, dtype=np.int64)
+        support = np.bincount(self._unsized.indices, minlength=K)
+        best, least = None, np.inf
+        limit = max(g // 2, 1)
+        while limit >= 1:
+            wide = np.flatnonzero(support > limit)
+            blocks = _hang_together(self._unsized, np.flatnonzero(support <= limit))
+            cost = float(g) * len(wide) ** 2 + sum(_cost(len(m), len(k)) for m, k in blocks)
+            if cost < least:
+                best, least = (blocks, wide), cost
+            if all(len(m) <= FEW for m, _ in blocks):
+                break  # smaller ones save nothing
+            limit //= 2
+        assert best is not None
+        return _of_equal_size(best[0]), best[1]
 
     def block(self, rows: Ints, shared: Ints) -> Columns:
         """A block (m, k) of B, dense where that is small or most of it is not zero."""
@@ -97,12 +121,50 @@ class SharedErrors:
     @cached_property
     def _whole(self) -> Floats | None:
         """B, not sized, as a dense matrix where it is small: much faster to take blocks from."""
+        if self._known is not None:
+            return self._known._whole
         small = self._unsized.shape[0] * self._unsized.shape[1] <= _SMALL
         return np.asarray(self._unsized.toarray()) if small else None
 
 
+def _hang_together(columns: sp.csr_array, chosen: Ints) -> tuple[tuple[Ints, Ints], ...]:
+    """Readings (m,) and shared errors (k,), of those chosen, that hang together."""
+    g = columns.shape[0]
+    entries = _chosen(columns, chosen).tocoo()
+    size = g + len(chosen)
+    link = sp.csr_array((np.ones(entries.nnz), (entries.row, g + entries.col)), shape=(size, size))
+    _, label = connected_components(link, directed=False)
+    order = np.argsort(label, kind="stable")
+    groups = np.split(order, np.flatnonzero(np.diff(label[order])) + 1)
+    found = ((members[members < g], chosen[members[members >= g] - g]) for members in groups)
+    return tuple((rows, shared) for rows, shared in found if len(rows) and len(shared))
+
+
+def _of_equal_size(blocks: Sequence[tuple[Ints, Ints]]) -> tuple[tuple[Ints, Ints], ...]:
+    """Blocks of few readings and equal size together: readings (b, m), shared errors (b, k)."""
+    sizes: dict[tuple[int, int, int], list[tuple[Ints, Ints]]] = {}
+    for n, (rows, shared) in enumerate(blocks):
+        alone = n if len(rows) > _STACKED else -1
+        sizes.setdefault((len(rows), len(shared), alone), []).append((rows, shared))
+    return tuple(
+        (np.array([rows for rows, _ in each]), np.array([shared for _, shared in each]))
+        for each in sizes.values()
+    )
+
+
+def _cost(m: int, k: int) -> float:
+    """Operations, about, for a block of m readings with k shared errors."""
+    return float(m) ** 3 if m <= max(FEW, k) else float(m) * k**2 + float(k) ** 3
+
+
 Columns = Floats | sp.csr_array
 """A matrix of shared errors (m, k), dense or sparse."""
+
+FEW = 300
+"""Readings of a block up to which its covariance is factorized as it is."""
+
+_STACKED = 40
+"""Readings of a block up to which those of equal size are factorized together."""
 
 _SMALL = 4_000_000
 """Entries of a matrix that is kept dense (32 MB)."""
@@ -116,75 +178,82 @@ def scaled_rows(scale: Floats, columns: Columns) -> Columns:
 
 
 def products(columns: Columns, weight: Floats) -> Floats:
-    """C^T diag(weight) C, (k, k), of C (m, k) for a weight (m,)."""
-    found = columns.T @ scaled_rows(weight, columns)
-    return np.asarray(found if isinstance(found, np.ndarray) else found.toarray())
+    """C^T diag(weight) C, (k, k), of C (m, k) for a weight (m,), not negative."""
+    if isinstance(columns, np.ndarray):
+        scaled = columns if np.all(weight == 1.0) else np.sqrt(weight)[:, None] * columns
+        return np.asarray(scaled.T @ scaled)
+    return np.asarray(sp.csr_array(columns.T @ scaled_rows(weight, columns)).toarray())
 
 
 class _Block(Protocol):
-    """Readings that hang together, in own standard deviations: 1 + C C^T of rows (m,)."""
+    """Readings that hang together, in own standard deviations: b times 1 + C C^T of rows (b, m)."""
 
     rows: Ints
     shared: Ints
 
     @property
     def conditional(self) -> Floats:
-        """Covariance (k, k) of z, given the readings."""
+        """Covariance (b, k, k) of z, given the readings."""
 
     def white(self, own: Floats) -> Floats:
-        """L^-1 of values (m, ...)."""
+        """L^-1 of values (b, m, n)."""
 
-    def solved(self, own: Floats) -> Floats:
-        """The inverse times values (m, ...)."""
+    def back(self, white: Floats) -> Floats:
+        """L^-T of values (b, m, n): the inverse times what was whitened."""
 
-    def given(self, own: Floats) -> Floats:
-        """The z (k, ...) to be expected, of values (m, ...)."""
+    def given(self, white: Floats) -> Floats:
+        """The z (b, k, n) to be expected, of values (b, m, n) that were whitened."""
+
+    def inverse(self, block: int, rows: Ints) -> Floats:
+        """Part (r, r) of the inverse of one block, of some of its rows."""
 
     def diagonal(self) -> Floats:
-        """Diagonal (m,) of the inverse."""
+        """Diagonal (b, m) of the inverse."""
 
     def log_root(self) -> float:
-        """Half of the logarithm of the determinant."""
-
-
-FEW = 300
-"""Readings of a block up to which its covariance is factorized as it is."""
+        """Half of the logarithm of the determinant, of all b."""
 
 
 class _FewReadings:
-    """A block of few readings: a dense Cholesky factor, exact however large the shared errors."""
+    """Blocks of few readings: dense Cholesky factors, exact however large the shared errors."""
 
-    def __init__(self, rows: Ints, shared: Ints, C: Columns) -> None:
+    def __init__(self, rows: Ints, shared: Ints, C: Floats) -> None:
         self.rows, self.shared = rows, shared
-        self._C = np.asarray(C if isinstance(C, np.ndarray) else C.toarray())
-        L = np.linalg.cholesky(np.eye(len(rows)) + self._C @ self._C.T)
-        self._log_root = float(np.log(np.diag(L)).sum())
-        self._inverse = np.asarray(dtrtri(L, lower=1)[0])
+        L = np.linalg.cholesky(np.eye(rows.shape[1]) + C @ C.swapaxes(1, 2))
+        self._log_root = float(np.log(np.diagonal(L, axis1=1, axis2=2)).sum())
+        self._inverse = np.stack([dtrtri(one, lower=1)[0] for one in L])
+        self._back = self._inverse.swapaxes(1, 2)
+        self._seen = self._inverse @ C
 
     @cached_property
     def conditional(self) -> Floats:
-        """Covariance (k, k) of z, given the readings."""
-        seen = self._inverse @ self._C
-        return np.asarray(np.eye(len(self.shared)) - seen.T @ seen)
+        """Covariance (b, k, k) of z, given the readings."""
+        one = np.eye(self.shared.shape[1])
+        return np.asarray(one - self._seen.swapaxes(1, 2) @ self._seen)
 
     def white(self, own: Floats) -> Floats:
-        """L^-1 of values (m, ...)."""
+        """L^-1 of values (b, m, n)."""
         return np.asarray(self._inverse @ own)
 
-    def solved(self, own: Floats) -> Floats:
-        """The inverse times values (m, ...)."""
-        return np.asarray(self._inverse.T @ (self._inverse @ own))
+    def back(self, white: Floats) -> Floats:
+        """L^-T of values (b, m, n)."""
+        return np.asarray(self._back @ white)
 
-    def given(self, own: Floats) -> Floats:
-        """The z (k, ...) to be expected, of values (m, ...)."""
-        return np.asarray(self._C.T @ self.solved(own))
+    def given(self, white: Floats) -> Floats:
+        """The z (b, k, n) to be expected, of values (b, m, n) that were whitened."""
+        return np.asarray(self._seen.swapaxes(1, 2) @ white)
+
+    def inverse(self, block: int, rows: Ints) -> Floats:
+        """Part (r, r) of the inverse of one block, of some of its rows."""
+        some = self._inverse[block][:, rows]
+        return np.asarray(some.T @ some)
 
     def diagonal(self) -> Floats:
-        """Diagonal (m,) of the inverse."""
-        return np.asarray(np.sum(self._inverse**2, axis=0))
+        """Diagonal (b, m) of the inverse."""
+        return np.asarray(np.sum(self._inverse**2, axis=1))
 
     def log_root(self) -> float:
-        """Half of the logarithm of the determinant."""
+        """Half of the logarithm of the determinant, of all b."""
         return self._log_root
 
 
@@ -192,48 +261,85 @@ class _ManyReadings:
     """A block of many readings: the factor R of A = 1 + C^T C, of the size of what is shared."""
 
     def __init__(self, rows: Ints, shared: Ints, C: Columns) -> None:
-        self.rows, self.shared, self._C = rows, shared, C
-        A = products(C, np.ones(len(rows)))
-        A[np.diag_indices_from(A)] += 1.0
-        self._R = np.asarray(np.linalg.cholesky(A))
+        self.rows, self.shared, self._C = rows[None], shared[None], C
+        self._R = np.asarray(np.linalg.cholesky(np.eye(len(shared)) + _squares(C)))
+        self._plus = self._R + np.eye(len(shared))
 
     @cached_property
     def conditional(self) -> Floats:
-        """Covariance (k, k) of z, given the readings."""
-        return np.asarray(cho_solve((self._R, True), np.eye(len(self._R))))
+        """Covariance (1, k, k) of z, given the readings."""
+        return np.asarray(cho_solve((self._R, True), np.eye(len(self._R))))[None]
 
     def white(self, own: Floats) -> Floats:
-        """L^-1 of values (m, ...)."""
-        inner = solve_triangular(self._R, self._C.T @ own, lower=True)
-        plus = self._R + np.eye(len(self._R))
-        pulled = solve_triangular(plus, inner, lower=True, trans="T")
-        return np.asarray(own - self._C @ pulled)
+        """L^-1 of values (1, m, n)."""
+        inner = solve_triangular(self._R, self._C.T @ own[0], lower=True)
+        pulled = solve_triangular(self._plus, inner, lower=True, trans="T")
+        return np.asarray(own[0] - self._C @ pulled)[None]
 
-    def solved(self, own: Floats) -> Floats:
-        """The inverse times values (m, ...)."""
-        return np.asarray(own - self._C @ self.given(own))
+    def back(self, white: Floats) -> Floats:
+        """L^-T of values (1, m, n)."""
+        inner = solve_triangular(self._plus, self._C.T @ white[0], lower=True)
+        pulled = solve_triangular(self._R, inner, lower=True, trans="T")
+        return np.asarray(white[0] - self._C @ pulled)[None]
 
-    def given(self, own: Floats) -> Floats:
-        """The z (k, ...) to be expected, of values (m, ...)."""
-        return np.asarray(cho_solve((self._R, True), self._C.T @ own))
+    def given(self, white: Floats) -> Floats:
+        """The z (1, k, n) to be expected, (L^-1 C)^T of values (1, m, n) that were whitened."""
+        inner = solve_triangular(self._plus, self._C.T @ white[0], lower=True)
+        return np.asarray(inner + solve_triangular(self._R, inner, lower=True, trans="T"))[None]
+
+    def inverse(self, block: int, rows: Ints) -> Floats:
+        """Part (r, r) of the inverse, of some of its rows."""
+        C = self._C[rows]
+        return np.asarray(np.eye(len(rows)) - C @ (C @ self.conditional[block]).T)
 
     def diagonal(self) -> Floats:
-        """Diagonal (m,) of the inverse."""
+        """Diagonal (1, m) of the inverse."""
         least = np.finfo(np.float64).eps  # what rounding leaves where shared errors are all
-        return np.maximum(1.0 - row_squares(self._C, self.conditional), least)
+        return np.maximum(1.0 - row_squares(self._C, self.conditional[0]), least)[None]
+
+    @property
+    def factor(self) -> Floats:
+        """R, (k, k)."""
+        return self._R
+
+    def root(self) -> Floats:
+        """C R^-T, (m, k): the inverse is 1 less it times its transposed."""
+        return np.asarray(solve_triangular(self._R, np.asarray(self._C.T), lower=True).T)
 
     def log_root(self) -> float:
         """Half of the logarithm of the determinant."""
         return float(np.log(np.diag(self._R)).sum())
 
 
-def _block(rows: Ints, shared: Ints, C: Columns) -> _Block:
-    few = len(rows) <= max(FEW, len(shared))
-    return _FewReadings(rows, shared, C) if few else _ManyReadings(rows, shared, C)
+def _squares(C: Columns) -> Floats:
+    """C^T C, (k, k), of C (m, k)."""
+    return products(C, np.ones(C.shape[0]))
+
+
+def _block(rows: Ints, shared: Ints, errors: SharedErrors, sd: Floats) -> _Block:
+    b, m, k = *rows.shape, shared.shape[1]
+    if b == 1:
+        C = scaled_rows(1.0 / sd[rows[0]], errors.block(rows[0], shared[0]))
+        if m > max(FEW, k):
+            return _ManyReadings(rows[0], shared[0], C)
+        return _FewReadings(
+            rows, shared, np.asarray(C if isinstance(C, np.ndarray) else C.toarray())[None]
+        )
+    entries = errors.columns[rows.ravel()][:, shared.ravel()].tocoo()
+    stacked = np.zeros((b, m, k))
+    stacked[entries.row // m, entries.row % m, entries.col % k] = entries.data
+    return _FewReadings(rows, shared, stacked / sd[rows][:, :, None])
 
 
 class Covariance:
     """Sigma = diag(s^2) + B B^T and its factor.
+
+    Of few readings, or of readings that share little, Sigma falls into blocks, each with a factor
+    L_1 of its own. Errors W that many readings share go on top of these,
+
+        Sigma = L_1 (1 + V V^T) L_1^T ,   V = L_1^-1 W ,
+
+    of which 1 + V V^T is as 1 + C C^T above.
 
     Args:
         sd: (g,) standard deviations s of what each reading has by itself, SI, positive.
@@ -243,28 +349,40 @@ class Covariance:
     def __init__(self, sd: Floats, shared: SharedErrors) -> None:
         self.sd = sd
         self.shared = shared
-        self._blocks = tuple(
-            _block(rows, columns, scaled_rows(1.0 / sd[rows], shared.block(rows, columns)))
-            for rows, columns in shared.blocks
-        )
+        blocks, self._wide = shared.parts
+        self._blocks = tuple(_block(rows, columns, shared, sd) for rows, columns in blocks)
+        V = np.asarray(_chosen(shared.columns, self._wide).toarray())
+        V /= sd[:, None]
+        self._V = self._whitened_in_blocks(V)
+        every = np.arange(len(sd))[None]
+        self._top = _ManyReadings(every[0], self._wide, self._V)
+
+    def _whitened_in_blocks(self, own: Floats) -> Floats:
+        """L_1^-1 of values (g, n) in own standard deviations, in their place."""
+        for block in self._blocks:
+            own[block.rows] = block.white(own[block.rows])
+        return own
+
+    def _back_in_blocks(self, white: Floats) -> Floats:
+        """L_1^-T of values (g, n), in their place."""
+        for block in self._blocks:
+            white[block.rows] = block.back(white[block.rows])
+        return white
 
     def whiten(self, values: Floats) -> Floats:
         """L^-1 of values (g,) or (g, k)."""
-        white = values / _column(self.sd, values)
-        for block in self._blocks:
-            white[block.rows] = block.white(white[block.rows])
-        return np.asarray(white)
+        white = self._whitened_in_blocks(_table(values) / self.sd[:, None])
+        return np.asarray(self._top.white(white[None])[0]).reshape(values.shape)
 
     def solve(self, values: Floats) -> Floats:
         """Sigma^-1 of values (g,) or (g, k)."""
-        own = values / _column(self.sd, values)
-        for block in self._blocks:
-            own[block.rows] = block.solved(own[block.rows])
-        return np.asarray(own / _column(self.sd, values))
+        white = self._whitened_in_blocks(_table(values) / self.sd[:, None])
+        found = self._back_in_blocks(self._top.back(self._top.white(white[None]))[0])
+        return np.asarray(found / self.sd[:, None]).reshape(values.shape)
 
     def log_determinant(self) -> float:
         """Logarithm of the determinant of Sigma."""
-        more = sum(block.log_root() for block in self._blocks)
+        more = sum(block.log_root() for block in self._blocks) + self._top.log_root()
         return 2.0 * (float(np.log(self.sd).sum()) + more)
 
     @cached_property
@@ -273,46 +391,79 @@ class Covariance:
         return self.solve(np.eye(len(self.sd)))
 
     @cached_property
+    def _taken(self) -> Floats:
+        """What W takes of the inverse of the blocks in own standard deviations, T T^T: T (g, w)."""
+        return self._back_in_blocks(self._top.root())
+
+    @cached_property
     def inverse_diagonal(self) -> Floats:
         """Diagonal (g,) of Sigma^-1."""
         found = np.ones(len(self.sd))
         for block in self._blocks:
             found[block.rows] = block.diagonal()
+        least = np.finfo(np.float64).eps * found
+        found = np.maximum(found - np.sum(self._taken**2, axis=1), least)
         return np.asarray(found / self.sd**2)
 
     def expected_shared(self, values: Floats) -> Floats:
         """The z (K, ...) to be expected, B^T Sigma^-1 of errors (g, ...), SI."""
-        own = values / _column(self.sd, values)
-        z = np.zeros((len(self.shared), *values.shape[1:]))
+        own = _table(values) / self.sd[:, None]
+        white = self._top.white(self._whitened_in_blocks(own)[None])
+        z = np.zeros((len(self.shared), own.shape[1]))
+        z[self._wide] = self._top.given(white)[0]
+        left = self._top.back(white)[0]
         for block in self._blocks:
-            z[block.shared] = block.given(own[block.rows])
-        return z
+            z[block.shared] = block.given(left[block.rows])
+        return np.asarray(z).reshape(len(self.shared), *values.shape[1:])
+
+    @cached_property
+    def _given_wide(self) -> Floats:
+        """What each of the wide errors makes others expect, with its sign turned: (K, w).
+
+        Rows of the wide ones themselves are those of a unit matrix, so that rows of B times it are
+        what is left to the wide errors.
+        """
+        found = np.zeros((len(self.shared), len(self._wide)))
+        for block in self._blocks:
+            found[block.shared] = -block.given(self._V[block.rows])
+        found[self._wide] = np.eye(len(self._wide))
+        return found
+
+    @cached_property
+    def _conditional_in_blocks(self) -> sp.csr_array:
+        """Covariance (K, K) of the errors that are not wide, given the readings and the wide."""
+        K = len(self.shared)
+        outside = np.ones(K, dtype=np.bool_)
+        outside[self._wide] = False
+        row, column, size = list[Ints](), list[Ints](), list[Floats]()
+        for block in self._blocks:
+            outside[block.shared] = False
+            there = np.broadcast_to(block.shared[:, :, None], block.conditional.shape)
+            row.append(there.ravel())
+            column.append(there.swapaxes(1, 2).ravel())
+            size.append(block.conditional.ravel())
+        alone = np.flatnonzero(outside)  # no reading has to do with them
+        at = np.concatenate([*row, alone]), np.concatenate([*column, alone])
+        return sp.csr_array((np.concatenate([*size, np.ones(len(alone))]), at), shape=(K, K))
 
     def conditional_variance(self, columns: sp.csr_array) -> Floats:
         """Variance (l,) that rows (l, K) of shared errors keep, given the g readings."""
-        found = np.asarray(columns.power(2).sum(axis=1), dtype=np.float64).ravel()
-        for block in self._blocks:
-            part = sp.csr_array(columns[:, block.shared])
-            rows = np.flatnonzero(np.diff(part.indptr))
-            if len(rows):
-                less = block.conditional - np.eye(len(block.shared))
-                found[rows] += row_squares(sp.csr_array(part[rows]), less)
-        return found
+        left = solve_triangular(self._top.factor, (columns @ self._given_wide).T, lower=True)
+        found = columns.multiply(columns @ self._conditional_in_blocks).sum(axis=1)
+        return np.asarray(np.ravel(found) + np.sum(left**2, axis=0), dtype=np.float64)
 
     def conditional_covariance(self, columns: sp.csr_array) -> Floats:
         """Covariance (l, l) of what rows (l, K) of shared errors keep, given the g readings."""
-        found = np.asarray((columns @ columns.T).toarray(), dtype=np.float64)
-        for block in self._blocks:
-            part = sp.csr_array(columns[:, block.shared])
-            less = block.conditional - np.eye(len(block.shared))
-            found += part @ np.asarray((part @ less).T)
-        return found
+        left = solve_triangular(self._top.factor, (columns @ self._given_wide).T, lower=True)
+        found = (columns @ self._conditional_in_blocks) @ columns.T
+        return np.asarray(found.toarray() + left.T @ left)
 
     def without_others(self, rows: Ints, values: Floats) -> Floats:
         """The inverse of the block (m, m) of Sigma^-1 that belongs to rows (m,), times values.
 
         It is the covariance of their errors given all others, D + B (T^-1 - C^T C)^-1 B^T with T
-        the part of A^-1 of the errors that they share: of the size of what is shared, not of m.
+        the covariance of the errors that they share, given all readings: of the size of what is
+        shared, not of m.
 
         Args:
             rows: (m,) numbers of readings.
@@ -321,22 +472,41 @@ class Covariance:
         Returns:
             (m, ...) SI.
         """
+        sd = self.sd[rows]
         if len(rows) <= FEW:
-            unit = np.zeros((len(self.sd), len(rows)))
-            unit[rows, np.arange(len(rows))] = 1.0
-            return np.asarray(np.linalg.solve(self.solve(unit)[rows], values))
-        found = _column(self.sd[rows] ** 2, values) * values
-        for block in self._blocks:
-            inside = np.isin(rows, block.rows)
-            if not inside.any():
-                continue
-            columns = sp.csr_array(self.shared.columns[rows[inside]][:, block.shared])
-            touched = np.flatnonzero(np.diff(columns.tocsc().indptr))
-            B = np.asarray(columns[:, touched].toarray())
-            C = B / self.sd[rows[inside], None]
-            others = np.linalg.inv(block.conditional[np.ix_(touched, touched)]) - C.T @ C
-            found[inside] += B @ np.linalg.solve(others, B.T @ values[inside])
-        return np.asarray(found)
+            scale = sd.reshape(-1, *(1,) * (values.ndim - 1))
+            return np.asarray(np.linalg.solve(self._part(rows), scale * values) * scale)
+        some = sp.csr_array(self.shared.columns[rows])
+        touched = np.unique(some.indices)
+        unit = sp.csr_array(
+            (np.ones(len(touched)), (np.arange(len(touched)), touched)),
+            shape=(len(touched), len(self.shared)),
+        )
+        B = np.asarray(some[:, touched].toarray())
+        C = B / sd[:, None]
+        others = np.linalg.inv(self.conditional_covariance(unit)) - C.T @ C
+        own = (values.T * sd**2).T
+        return np.asarray(own + B @ np.linalg.solve(others, B.T @ values))
+
+    def _part(self, rows: Ints) -> Floats:
+        """Part (m, m) of the inverse that belongs to some readings, in own standard deviations."""
+        found = np.eye(len(rows))
+        kind, number, place = self._places[:, rows]
+        for which in np.unique(kind[kind >= 0]).tolist():
+            for one in np.unique(number[kind == which]).tolist():
+                here = np.flatnonzero((kind == which) & (number == one))
+                found[np.ix_(here, here)] = self._blocks[which].inverse(one, place[here])
+        taken = self._taken[rows]
+        return np.asarray(found - taken @ taken.T)
+
+    @cached_property
+    def _places(self) -> Ints:
+        """Which blocks a reading belongs to, which of these, and where in it: (3, g); or -1."""
+        found = np.full((3, len(self.sd)), -1, dtype=np.int64)
+        for which, block in enumerate(self._blocks):
+            number, place = np.indices(block.rows.shape)
+            found[:, block.rows] = np.stack([np.full_like(number, which), number, place])
+        return found
 
 
 def row_squares(columns: Columns, matrix: Floats) -> Floats:
@@ -351,9 +521,16 @@ def row_squares(columns: Columns, matrix: Floats) -> Floats:
     return found
 
 
-def _column(scale: Floats, values: Floats) -> Floats:
-    """A scale (g,) as it divides values (g,) or (g, k)."""
-    return scale if values.ndim == 1 else scale[:, None]
+def _table(values: Floats) -> Floats:
+    """Values (g,) or (g, n) as (g, n)."""
+    return values[:, None] if values.ndim == 1 else values
+
+
+def _chosen(columns: sp.csr_array, chosen: Ints) -> sp.csr_array:
+    """Some of the columns (g, K), which may be all."""
+    if len(chosen) and len(chosen) == chosen[-1] + 1 - chosen[0]:  # one after the other
+        return sp.csr_array(columns[:, int(chosen[0]) : int(chosen[-1]) + 1])
+    return sp.csr_array(columns[:, chosen])
 
 
 @dataclass(frozen=True)

@@ -22,10 +22,14 @@ from geoident.model.case import KeyPath, format_path
 Position = tuple[int, int]
 Node: TypeAlias = "dict[str, Node] | list[Node] | str | None"
 
-MAX_BYTES = 5_000_000
+MAX_BYTES = 25_000_000
 _MAX_DEPTH = 32
-_MAX_NODES = 200_000
+_MAX_NODES = 1_500_000
 _MOST_FAULTS = 100
+_LARGE = (
+    f"A file holds at most {_MAX_NODES} keys and values: 100 000 gauges, about. Take a part of the "
+    "points, or means of neighbouring ones."
+)
 _NULLS = {"", "~", "null", "Null", "NULL"}
 _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
@@ -211,7 +215,8 @@ class _Builder:
             self._refuse_alias(event, path)
         if len(path) > _MAX_DEPTH or len(self.values) > _MAX_NODES:
             what = "nested too deeply" if len(path) > _MAX_DEPTH else "too large"
-            self.refuse(event, path[:3], "too-deep", f"the file is {what} for a case", "")
+            hint = "" if len(path) > _MAX_DEPTH else _LARGE
+            self.refuse(event, path[:3], "too-deep", f"the file is {what} for a case", hint)
             raise InputError(self.faults)
 
     def refuse(self, event: yaml.Event, path: KeyPath, code: str, message: str, hint: str) -> None:

@@ -79,9 +79,11 @@ class MeshError:
         own, mean = DOUBT[self.how]
         known = np.isfinite(self.error)
         error = np.where(known, self.error, 0.0)
-        kinds = np.array([[a == b for b in self.dimensions] for a in self.dimensions], dtype=float)
-        count = np.maximum(kinds @ known, 1.0)
-        typical = np.sqrt(kinds @ error**2 / count)
+        typical = np.zeros_like(error)
+        for kind in dict.fromkeys(self.dimensions):
+            rows = np.array([other == kind for other in self.dimensions])
+            count = np.maximum(np.count_nonzero(known[rows], axis=0), 1)
+            typical[rows] = np.sqrt(np.sum(error[rows] ** 2, axis=0) / count)
         size = np.hypot(own * error, mean * typical)
         return np.asarray(np.where(known, np.copysign(size, error), 0.0))
 

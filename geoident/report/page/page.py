@@ -36,7 +36,7 @@ from geoident.report.text import (
 )
 from geoident.report.text.case import case_entries, case_title
 from geoident.report.text.errors import model_error, surface
-from geoident.report.text.gauges import reading_table, unit_title
+from geoident.report.text.gauges import few_of, read_or_predicted, reading_table, unit_title
 from geoident.report.text.inputs.construction import construction_table
 from geoident.report.text.inputs.materials import ground_sentences, materials_table
 from geoident.report.text.inputs.numbers import SaidNumbers, entries
@@ -179,7 +179,14 @@ def _parts(result: Result) -> tuple[PagePart, ...]:
         ),
         section(
             "All readings",
-            TitledTable(unit_title("Readings", result.gauges), reading_table(result)),
+            TitledTable(
+                unit_title(
+                    "Readings",
+                    result.gauges,
+                    few_of(int(read_or_predicted(result).sum())),
+                ),
+                reading_table(result),
+            ),
             _in_sd(result),
             closed=True,
         ),

@@ -142,13 +142,47 @@ def by_stage(shown: Bools) -> list[tuple[int, int]]:
     return [(i, j) for j, i in np.argwhere(shown.T).tolist()]
 
 
+MOST_SHOWN = 300
+"""Readings of a table on the screen or a page; the result file and exported tables have all."""
+
+
+def _farthest(shown: Bools, result: Result) -> list[tuple[int, int]]:
+    """Entries that are shown (n_channels, n_stages), stage by stage; of many the farthest off.
+
+    Args:
+        shown: which there are.
+        result: says how far readings are from the model; predictions that were not read count as
+            near.
+    """
+    if np.count_nonzero(shown) <= MOST_SHOWN:
+        return by_stage(shown)
+    off = np.where(shown, np.abs(np.nan_to_num(standardized(result))), -1.0)
+    kept = np.zeros_like(shown)
+    kept.flat[np.argsort(-off, axis=None, kind="stable")[:MOST_SHOWN]] = True
+    return by_stage(kept)
+
+
+def few_of(count: int) -> str:
+    """What a title says where a table shows some of its readings; empty where it shows all."""
+    if count <= MOST_SHOWN:
+        return ""
+    return f"the {MOST_SHOWN} of {count} that are farthest off; the result file has all"
+
+
+def _fitted(result: Result) -> Bools:
+    """(n_channels, n_stages) readings that do not stand among the predictions."""
+    gauges = result.gauges
+    return np.isfinite(gauges.measured) & (gauges.used | ~has_prediction(result))
+
+
 def fit_title(result: Result) -> str:
     """How many readings were used, and the misfit; of a backtest what they stand beside."""
     if as_predicted(result) is not result:
         return unit_title("Readings, each beside its prediction by the fit before", result.gauges)
     used = np.count_nonzero(result.gauges.used)
     phi = "" if math.isnan(result.objective) else f", misfit {number(result.objective)}"
-    return unit_title("Readings", result.gauges, f"{used} used{phi}")
+    few = few_of(int(np.count_nonzero(_fitted(result))))
+    return unit_title("Readings", result.gauges, f"{used} used{phi}", few)
 
 
 def fit_table(result: Result) -> TextTable:
@@ -159,10 +193,9 @@ def fit_table(result: Result) -> TextTable:
     if as_predicted(result) is not result:
         return reading_table(result)
     gauges = result.gauges
-    shown = np.isfinite(gauges.measured) & (gauges.used | ~has_prediction(result))
     residual = standardized(result)
     rows = []
-    for i, j in by_stage(shown):
+    for i, j in _farthest(_fitted(result), result):
         measured, computed = float(gauges.measured[i, j]), float(gauges.computed[i, j])
         three = (measured, computed, measured - computed)
         texts = [reading_text(gauges, i, value) for value in three]
@@ -190,8 +223,10 @@ def _use(gauges: GaugeTable, i: int, j: int) -> str:
 
 def prediction_title(result: Result) -> str:
     """What the table of predictions shows."""
-    unit = result.gauges.common_unit
-    return f"Predictions ({unit}, 95 % band)" if unit else "Predictions (95 % band)"
+    few = few_of(int(np.count_nonzero(has_prediction(result))))
+    said = (result.gauges.common_unit, "95 % band")
+    title = f"Predictions ({', '.join(text for text in said if text)})"
+    return f"{title}: {few}" if few else title
 
 
 def prediction_table(result: Result) -> TextTable:
@@ -201,7 +236,8 @@ def prediction_table(result: Result) -> TextTable:
     if prediction is None:
         return TextTable(header, ())
     rows = [
-        _prediction_row(result, prediction, *place) for place in by_stage(has_prediction(result))
+        _prediction_row(result, prediction, *place)
+        for place in _farthest(has_prediction(result), result)
     ]
     return _reading_table(result.gauges, header, rows, "llrrrrl")
 
@@ -223,15 +259,19 @@ def _mark(measured: float, low: float, high: float) -> str:
     return "inside" if low <= measured <= high else "outside"
 
 
+def read_or_predicted(result: Result) -> Bools:
+    """(n_channels, n_stages) readings that are measured or predicted."""
+    return np.isfinite(result.gauges.measured) | has_prediction(as_predicted(result))
+
+
 def reading_table(result: Result) -> TextTable:
-    """Every reading that is measured or predicted."""
+    """Every reading that is measured or predicted; of many those that are farthest off."""
     result = as_predicted(result)
-    shown = np.isfinite(result.gauges.measured) | has_prediction(result)
     residual = standardized(result)
     predicted = beside_prediction(result)
     rows = [
         _reading_row(result, i, j, float(residual[i, j]), predicted=bool(predicted[i, j]))
-        for i, j in by_stage(shown)
+        for i, j in _farthest(read_or_predicted(result), result)
     ]
     header = ("gauge", "stage", "measured", "computed", "95 % band", "residual", "in sd", "")
     return _reading_table(result.gauges, header, rows, "llrrrrrl")

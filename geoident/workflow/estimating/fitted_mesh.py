@@ -240,7 +240,8 @@ def judged_mesh(
         ModelError: the model has no solution there.
     """
     _, jacobian = problem.response.evaluate(outcome.values)
-    i = np.array([found.channels.index(channel) for channel, _ in pairs], dtype=np.int64)
+    number = {channel: k for k, channel in enumerate(found.channels)}
+    i = np.array([number[channel] for channel, _ in pairs], dtype=np.int64)
     j = np.array([found.stages.index(stage) for _, stage in pairs], dtype=np.int64)
     used = np.zeros(found.error.shape, dtype=np.bool_)
     used[i, j] = True

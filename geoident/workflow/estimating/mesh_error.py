@@ -10,7 +10,6 @@ stress between elements.
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -31,7 +30,12 @@ from geoident.model.results.mesh_error import MATTERS, NOTICED, MeshError
 from geoident.model.results.summary import CostEstimate
 from geoident.units import in_unit, shown_unit
 from geoident.workflow.estimating.recovery import EnergyError
-from geoident.workflow.running.cost import estimate_cost, order_step_cost, refinement_cost
+from geoident.workflow.running.cost import (
+    estimate_cost,
+    free_memory,
+    order_step_cost,
+    refinement_cost,
+)
 from geoident.workflow.running.readings import times_of
 
 SHARE_OF_MEMORY = 0.6
@@ -115,7 +119,7 @@ def _too_large(cost: CostEstimate, plain: CostEstimate, patience: int | None) ->
         plain: of one of the model.
         patience: evaluations of the model for as long as which it may take.
     """
-    free = _free_memory()
+    free = free_memory()
     if free is not None and cost.memory > SHARE_OF_MEMORY * free:
         return (
             f"One refinement needs about {cost.memory / 1e9:.1f} GB of memory, of which "
@@ -127,14 +131,6 @@ def _too_large(cost: CostEstimate, plain: CostEstimate, patience: int | None) ->
             "'geoident check --mesh-error' makes it."
         )
     return None
-
-
-def _free_memory() -> float | None:
-    """Bytes of memory that are free; None where the system does not tell."""
-    try:
-        return float(os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
-    except (AttributeError, OSError, ValueError):
-        return None
 
 
 @dataclass(frozen=True)

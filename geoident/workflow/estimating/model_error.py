@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.sparse as sp
 
+from geoident.errors import InputError
 from geoident.identify.assessment.findings import join
 from geoident.identify.assessment.model_error import SIZES, SizeWeights
 from geoident.identify.problem.errors import ErrorStructure
@@ -15,15 +16,24 @@ from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case
 from geoident.model.elsewhere import ConvergenceLaw
 from geoident.model.gauges import Channel, ReadingTable
-from geoident.model.methods import ComplementarityOptions, MethodOptions, ScanOptions
+from geoident.model.methods import (
+    ComplementarityOptions,
+    MethodOptions,
+    ScanOptions,
+    SquaredOptions,
+)
 from geoident.model.results.model_error import USUAL, ModelErrorTable
 from geoident.units import in_unit, shown_unit
 from geoident.workflow.estimating.model_error_covariance import (
+    MOST_ENTRIES,
+    MOST_MODES,
     ReadingSteps,
     family,
+    most_modes,
     shared_columns,
 )
-from geoident.workflow.running.readings import ChannelReading
+from geoident.workflow.running.cost import free_memory
+from geoident.workflow.running.readings import ChannelReading, error_structure, used_rows
 
 ENOUGH = 5
 """Readings more than parameters that can tell how large the model error is."""
@@ -63,6 +73,60 @@ def no_model_error(
         f"describes the ground ({ENOUGH} more than parameters would do): intervals and bands are "
         "those of a model without error. 'model_error: 15 %' under 'fit' takes one for granted."
     )
+
+
+def require_room(case: Case, readings: ReadingTable, methods: Sequence[MethodOptions]) -> None:
+    """Refuse readings whose errors need more memory than there is, or that are too many for them.
+
+    Args:
+        case: with its parameters and gauges.
+        readings: of which some are used.
+        methods: by which it is fitted.
+
+    Raises:
+        InputError: says what is needed, and what to do.
+    """
+    count = int(np.count_nonzero(readings.used))
+    if count <= MOST_MODES:
+        return
+    asked = no_model_error(case, readings, methods) is None
+    modes = most_modes(count) if asked else 0
+    structure = error_structure(used_rows(case, readings.used))
+    robust = not isinstance(case.fit.loss, SquaredOptions)
+    together = structure.columns.shape[1] + modes if robust or structure.names else 0
+    memory = 16.0 * 8.0 * count * modes + 6.0 * 8.0 * together**2 + _BESIDE * count
+    seconds = 7.5e-9 * count * modes**2 + 2e-8 * float(together) ** 3
+    free = free_memory()
+    channels = len({channel for channel, _ in readings.used_pairs})
+    if modes >= _FEWEST_MODES or not asked:
+        if free is None or memory <= free:
+            return
+        what = f"about {memory / 1e9:.1f} GB of memory, of which {free / 1e9:.1f} GB are free,"
+    else:
+        what = f"more than {_MOST_READINGS} readings allow, about {memory / 1e9:.1f} GB of memory"
+    hint = "Take a part of the points (every tenth, say), or means of neighbouring ones"
+    if together:
+        hint += ", or 'loss: squared' and given accuracies"
+    if asked:
+        hint += ", or write 'model_error: none' under 'fit'"
+    raise InputError([
+        case.source.fault(
+            ("fit",),
+            code="too-many-readings",
+            message=f"{count} readings of {channels} channels need {what} and "
+            f"{max(1.0, seconds / 60.0):.0f} min for what their errors have in common",
+            hint=f"{hint}.",
+        )
+    ])  # fmt: skip
+
+
+_FEWEST_MODES = 100
+"""Columns of a model error below which it would no longer be that of the ground."""
+
+_MOST_READINGS = MOST_ENTRIES // _FEWEST_MODES
+
+_BESIDE = 6000.0
+"""Bytes of a reading beside its errors: what is said of it, in memory and in the file."""
 
 
 def _not_asked(case: Case, methods: Sequence[MethodOptions]) -> str | None:

@@ -16,11 +16,12 @@ both are one.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 import scipy.sparse as sp
+from scipy.linalg import solve_triangular
 
 from geoident.forward.gauges.kinds import reads_displacements
 from geoident.forward.protocols import CaseModel
@@ -117,8 +118,7 @@ def _floors(channels: Sequence[Channel], increments: Floats, length: float) -> F
     """
     floors = np.zeros_like(increments)
     for members in _families(channels):
-        _, between = _correlations([channels[k] for k in members], length)
-        size = np.sqrt(np.maximum(np.diag(between), 0.0))
+        size = _Kernel([channels[k] for k in members], length).size
         steps = increments[:, members]
         felt = np.divide(steps, size, out=np.zeros_like(steps), where=size > 0.0)
         moved = felt != 0.0
@@ -135,56 +135,97 @@ def family(channel: Channel) -> str:
 
 def _families(channels: Sequence[Channel]) -> list[Ints]:
     """Numbers of the channels of each family."""
-    names = [family(channel) for channel in channels]
-    return [
-        np.flatnonzero([other == name for other in names]).astype(np.int64)
-        for name in dict.fromkeys(names)
-    ]
+    names = np.array([family(channel) for channel in channels])
+    return [np.flatnonzero(names == name) for name in dict.fromkeys(names.tolist())]
 
 
-def _correlations(channels: Sequence[Channel], length: float) -> tuple[Floats, Floats]:
-    """Of m channels of one family: R of relative errors, and M of errors of their points (m, m).
+class _Kernel:
+    """Of channels of one family: R of relative errors, and M of errors of their points.
 
     The kernel is exp(-distance / length) of two points, its mean over the points of two channels,
     normalised; half of it only as far as they move in one direction. M is what a field of
     displacements with that kernel, alike in all directions, makes of the motions of a channel; of
-    other readings the kernel itself.
+    other readings the kernel itself. Of n channels only those parts are made that are asked for.
+
+    Args:
+        channels: of one family.
+        length: over which the error is correlated, m.
     """
-    if family(channels[0]) != "motion":
-        points = np.array([channel.second for channel in channels], dtype=np.float64)
-        kernel = np.exp(-_distances(points) / length)
-        kinds = [(channel.quantity, channel.kind) for channel in channels]
-        same = np.array([[a == b for b in kinds] for a in kinds], dtype=np.float64)
-        return kernel * (1.0 - ALIGNED + ALIGNED * same), kernel * same
-    motions = [(k, *motion) for k, c in enumerate(channels) for motion in c.motions]
-    owner = np.array([k for k, _, _ in motions])
-    points, point = np.unique(
-        np.array([place for _, place, _ in motions]), axis=0, return_inverse=True
-    )
-    vector = np.array([v for _, _, v in motions], dtype=np.float64)
-    size = np.linalg.norm(vector, axis=1)
-    unit = vector / np.where(size > 0.0, size, 1.0)[:, None]
-    kernel = np.exp(-_distances(points) / length)
-    shape = (len(channels), len(points))
 
-    def together(weight: Floats) -> Floats:
-        """Of two channels the sum of weight times kernel times weight over their points (m, m)."""
-        spread = sp.csr_array((weight, (owner, point.ravel())), shape=shape)
-        return np.asarray(spread @ kernel @ spread.T)
+    def __init__(self, channels: Sequence[Channel], length: float) -> None:
+        self._length = length
+        self._motions = family(channels[0]) == "motion"
+        if self._motions:
+            motions = [(k, *motion) for k, c in enumerate(channels) for motion in c.motions]
+            owner = np.array([k for k, _, _ in motions])
+            self._points, point = np.unique(
+                np.array([place for _, place, _ in motions]), axis=0, return_inverse=True
+            )
+            vector = np.array([v for _, _, v in motions], dtype=np.float64)
+            size = np.linalg.norm(vector, axis=1)
+            unit = vector / np.where(size > 0.0, size, 1.0)[:, None]
+            axes = range(vector.shape[1])
+            shape = (len(channels), len(self._points))
 
-    axes = range(vector.shape[1])
-    relative = (1.0 - ALIGNED) * together(np.ones(len(owner)))
-    for p in axes:
-        for q in axes:
-            relative = relative + ALIGNED * together(unit[:, p] * unit[:, q])
-    root = np.sqrt(np.diag(relative))
-    between = np.sum([together(vector[:, p]) for p in axes], axis=0)
-    return relative / np.outer(root, root), np.asarray(between)
+            def spread(weight: Floats) -> sp.csr_array:
+                return sp.csr_array((weight, (owner, point.ravel())), shape=shape)
+
+            self._between = [spread(vector[:, p]) for p in axes if vector[:, p].any()]
+            pairs = [unit[:, p] * unit[:, q] for p in axes for q in axes]
+            aligned = [ALIGNED**0.5 * spread(pair) for pair in pairs if pair.any()]
+            self._relative = [(1.0 - ALIGNED) ** 0.5 * spread(np.ones(len(owner))), *aligned]
+        else:
+            self._points = np.array([channel.second for channel in channels], dtype=np.float64)
+            kinds: dict[tuple[str, str], int] = {}
+            kind = [kinds.setdefault((c.quantity, c.kind), len(kinds)) for c in channels]
+            self._kind = np.array(kind)
+        parts = [
+            np.arange(k, min(k + _TOGETHER, len(channels)))
+            for k in range(0, len(channels), _TOGETHER)
+        ]
+        squares = [[np.diag(each) for each in self._plain(part, part)] for part in parts]
+        relative, between = (np.concatenate(each) for each in zip(*squares, strict=True))
+        self._root = np.sqrt(relative)
+        self.size = np.sqrt(np.maximum(between, 0.0))
+
+    def parts(self, one: Ints, other: Ints) -> tuple[Floats, Floats]:
+        """Of R and M those (m, n) of some channels (m,) with others (n,)."""
+        relative, between = self._plain(one, other)
+        return relative / np.outer(self._root[one], self._root[other]), between
+
+    def _plain(self, one: Ints, other: Ints) -> tuple[Floats, Floats]:
+        """The same, R not normalised."""
+        if not self._motions:
+            kernel = self._kernel(self._points[one], self._points[other])
+            same = self._kind[one][:, None] == self._kind[other]
+            return kernel * (1.0 - ALIGNED + ALIGNED * same), kernel * same
+        lines, near = (np.unique(self._between_points(rows)) for rows in (one, other))
+        kernel = self._kernel(self._points[lines], self._points[near])
+
+        def together(spreads: Sequence[sp.csr_array]) -> Floats:
+            """Sums of weight times kernel times weight over the points of two channels (m, n)."""
+            found = np.zeros((len(one), len(other)))
+            for spread in spreads:
+                left, right = spread[one][:, lines], spread[other][:, near]
+                found += left @ np.asarray((right @ kernel.T).T)
+            return found
+
+        return together(self._relative), together(self._between)
+
+    def _between_points(self, channels: Ints) -> Ints:
+        """Numbers of the points of some channels."""
+        return np.asarray(self._relative[0][channels].indices)
+
+    def _kernel(self, points: Floats, others: Floats) -> Floats:
+        """(m, n) of points (m, dim) and others (n, dim), m."""
+        square = sum(
+            (one[:, None] - other) ** 2 for one, other in zip(points.T, others.T, strict=True)
+        )
+        return np.asarray(np.exp(np.sqrt(square) / -self._length))
 
 
-def _distances(points: Floats) -> Floats:
-    """(k, k) of points (k, dim), m."""
-    return np.asarray(np.linalg.norm(points[:, None] - points[None], axis=2))
+_TOGETHER = 256
+"""Channels of which the kernel is made at once where each is looked at by itself."""
 
 
 def correlation_length(case: Case, options: ModelErrorOptions) -> float:
@@ -209,7 +250,27 @@ def correlation_length(case: Case, options: ModelErrorOptions) -> float:
     return max(spread, 1e-6)
 
 
-def shared_columns(parts: Sequence[ReadingSteps], length: float) -> sp.csr_array:
+@dataclass
+class ErrorModes:
+    """What the columns of a model error were made after, and what they leave out.
+
+    The next columns are made after the same rows: so what is left out, where there are many
+    readings, changes as little as the readings do.
+
+    Args:
+        rows: numbers of the pivots.
+        left: (g,) own standard deviation that each reading takes at eta = 1 for what the columns
+            leave out, SI; zeros unless there are more readings than `MOST_MODES`. What is left out
+            is alike in the readings around a pivot, so that their mean must keep it.
+    """
+
+    rows: Ints = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    left: Floats = field(default_factory=lambda: np.zeros(0))
+
+
+def shared_columns(
+    parts: Sequence[ReadingSteps], length: float, modes: ErrorModes | None = None
+) -> sp.csr_array:
     """Columns (g, K) of shared errors at eta = 1, for readings of several parts, one below another.
 
     Readings of one channel at one stage have one row, however many there are.
@@ -217,6 +278,8 @@ def shared_columns(parts: Sequence[ReadingSteps], length: float) -> sp.csr_array
     Args:
         parts: the readings used, and later ones, maybe of another case.
         length: over which it is correlated, m.
+        modes: of columns made before for the same readings at other parameters; it is told those
+            of these.
     """
     states = tuple(dict.fromkeys(state for part in parts for state in part.states))
     steps, floors = (
@@ -224,24 +287,56 @@ def shared_columns(parts: Sequence[ReadingSteps], length: float) -> sp.csr_array
         for name in ("steps", "floors")
     )
     channels: dict[Channel, int] = {}
-    owner = np.array(
-        [channels.setdefault(c, len(channels)) for part in parts for c in part.channels]
-    )
+    alike: dict[int, int] = {}  # to compare channels takes long where there are many
+    every = [c for part in parts for c in part.channels]
+    for channel in {id(c): c for c in every}.values():
+        alike[id(channel)] = channels.setdefault(channel, len(channels))
+    owner = np.array([alike[id(c)] for c in every], dtype=np.int64)
     table = np.column_stack([owner, steps, floors])
     _, first, place = np.unique(table, axis=0, return_index=True, return_inverse=True)
     order = np.argsort(np.argsort(first))  # places in the order in which they come
     first, place = np.sort(first), order[place.ravel()]
     steps, floors, owner = steps[first], floors[first], owner[first]
-    whole = np.zeros((len(first), len(first)))
     known = tuple(channels)
+    kernels = list[_Kernel]()
+    number, kind = np.zeros((2, len(known)), dtype=np.int64)
     for members in _families(known):
-        mine = np.flatnonzero(np.isin(owner, members))
-        relative, between = _correlations([known[k] for k in members], length)
-        number = np.searchsorted(members, owner[mine])
-        at = np.ix_(number, number)
-        found = _over_stages(steps[mine]) * relative[at] + _over_stages(floors[mine]) * between[at]
-        whole[np.ix_(mine, mine)] = found
-    return sp.csr_array(_root(whole)[place])
+        number[members], kind[members] = np.arange(len(members)), len(kernels)
+        kernels.append(_Kernel([known[k] for k in members], length))
+    number, kind = number[owner], kind[owner]
+
+    def part(one: Ints, other: Ints) -> Floats:
+        """The covariance (m, n) of some rows (m,) with others (n,)."""
+        found = np.zeros((len(one), len(other)))
+        for k, kernel in enumerate(kernels):
+            here, there = (np.flatnonzero(kind[rows] == k) for rows in (one, other))
+            a, b = one[here], other[there]
+            (channels_a, at_a), (channels_b, at_b) = (
+                np.unique(number[rows], return_inverse=True) for rows in (a, b)
+            )
+            relative, between = kernel.parts(channels_a, channels_b)
+            at = np.ix_(at_a, at_b)
+            found[np.ix_(here, there)] = (
+                _over_stages(steps[a], steps[b]) * relative[at]
+                + _over_stages(floors[a], floors[b]) * between[at]
+            )
+        return found
+
+    size = np.array([kernels[f].size[n] for f, n in zip(kind, number, strict=True)])
+    diagonal = _own(steps) + _own(floors) * size**2
+    accuracy = np.array([known[k].accuracy for k in owner])
+    modes = modes or ErrorModes()
+    root = _root(part, diagonal, accuracy, modes)
+    modes.left = modes.left[place] * np.sqrt(len(place) / max(1, root.shape[1]))
+    return _as_sparse(root if len(place) == len(root) else root[place])
+
+
+def _as_sparse(dense: Floats) -> sp.csr_array:
+    """A matrix (m, n) most of which is not zero."""
+    m, n = dense.shape
+    column = np.tile(np.arange(n, dtype=np.int32), m)
+    begin = np.arange(0, m * n + 1, max(n, 1)) if n else np.zeros(m + 1, dtype=np.int64)
+    return sp.csr_array((dense.ravel(), column, begin), shape=dense.shape)
 
 
 def _by_state(values: Floats, states: Sequence[str], wanted: Sequence[str]) -> Floats:
@@ -251,22 +346,106 @@ def _by_state(values: Floats, states: Sequence[str], wanted: Sequence[str]) -> F
     return found
 
 
-def _over_stages(steps: Floats) -> Floats:
-    """(g, g) of steps (g, J): errors of one stage, and what is alike in all."""
-    whole = steps.sum(axis=1)
-    return (1.0 - PERSISTENT) * (steps @ steps.T) + PERSISTENT * np.outer(whole, whole)
+def _own(steps: Floats) -> Floats:
+    """(m,) the diagonal of `_over_stages`."""
+    alike = steps.sum(axis=1) ** 2
+    return np.asarray((1.0 - PERSISTENT) * np.sum(steps**2, axis=1) + PERSISTENT * alike)
 
 
-def _root(matrix: Floats) -> Floats:
-    """A root (k, r) of a semidefinite matrix (k, k): matrix = root root^T."""
-    scale = np.sqrt(np.diag(matrix))
-    here = np.flatnonzero(scale > 0.0)
-    inner = matrix[np.ix_(here, here)] / np.outer(scale[here], scale[here])
-    size, vectors = np.linalg.eigh(inner)
-    kept = size > _NOTHING * size.max(initial=0.0)
-    root = np.zeros((len(matrix), int(np.count_nonzero(kept))))
-    root[here] = scale[here, None] * vectors[:, kept] * np.sqrt(size[kept])
-    return root
+def _over_stages(steps: Floats, others: Floats) -> Floats:
+    """(m, n) of steps (m, J) and others (n, J): errors of one stage, and what is alike in all."""
+    alike = np.outer(steps.sum(axis=1), others.sum(axis=1))
+    return (1.0 - PERSISTENT) * (steps @ others.T) + PERSISTENT * alike
 
+
+MOST_MODES = 800
+"""Columns of the model error at most; so many distinct readings have it as theory says."""
+
+MOST_ENTRIES = 16_000_000
+"""Of all columns together (200 MB): of more readings than 20,000 there are fewer columns."""
+
+
+def most_modes(readings: int) -> int:
+    """How many columns the model error of so many readings has at most."""
+    return max(1, min(readings, MOST_MODES, MOST_ENTRIES // max(readings, 1)))
+
+
+def _root(
+    part: Callable[[Ints, Ints], Floats], diagonal: Floats, accuracy: Floats, kept: ErrorModes
+) -> Floats:
+    """A root (k, r) of a semidefinite matrix (k, k): matrix = root root^T.
+
+    Cholesky's, with pivots where what is left is largest beside the accuracy, up to as many as
+    `most_modes` allows: of more readings what is left then is far below their accuracy, since the
+    error is alike where gauges are near to each other. Pivots are taken some at a time, from those
+    with at least half as much left as the largest has.
+
+    Args:
+        part: the matrix (m, n) of some rows (m,) and columns (n,).
+        diagonal: (k,) of it.
+        accuracy: (k,) standard deviations beside which it counts.
+        kept: has the pivots that are taken, and then those that were.
+    """
+    k, most = len(diagonal), most_modes(len(diagonal))
+    root, taken = np.zeros((k, most)), np.zeros(0, dtype=np.int64)
+    left, least = diagonal.copy(), _NOTHING * diagonal
+    known = kept.rows if most < k else taken  # of all rows any order says the same
+    while (r := len(taken)) < most:
+        weight = np.where(left > least, left / accuracy**2, 0.0)
+        pool = known[r : r + _BLOCK] if r < len(known) else _candidates(weight)
+        pool = pool[weight[pool] > 0.0]
+        if not len(pool):
+            if not len(known):
+                break
+            known = known[:0]  # what is left is told of by others now
+            continue
+        inner = part(pool, pool) - root[pool, :r] @ root[pool, :r].T
+        chosen = _pivots(inner, least[pool], accuracy[pool], most - r, all_of=r < len(known))
+        pivots = pool[chosen]
+        L = np.linalg.cholesky(inner[np.ix_(chosen, chosen)])
+        new = slice(r, r + len(pivots))
+        for rows in np.array_split(np.arange(k), -(-k // _ROWS)):
+            columns = part(rows, pivots) - root[rows, :r] @ root[pivots, :r].T
+            root[rows, new] = solve_triangular(L, columns.T, lower=True).T
+        left -= np.sum(root[:, new] ** 2, axis=1)
+        left[pivots] = 0.0
+        taken = np.concatenate([taken, pivots])
+    kept.rows, kept.left = taken, np.sqrt(np.where(left > least, left, 0.0))
+    return root[:, : len(taken)]
+
+
+def _candidates(weight: Floats) -> Ints:
+    """Rows (m,) of which pivots may be taken: those of the largest weights, and some of the others.
+
+    Args:
+        weight: (k,) what is left of each row beside its accuracy; 0 for nothing.
+    """
+    order = np.argsort(-weight, kind="stable")
+    order = order[: np.count_nonzero(weight > 0.5 * weight[order[0]])]
+    others = order[_FIRST:]
+    return np.concatenate([order[:_FIRST], others[:: max(1, -(-len(others) // _POOL))]])
+
+
+def _pivots(inner: Floats, least: Floats, accuracy: Floats, most: int, *, all_of: bool) -> Ints:
+    """Pivots (p,) of a matrix (m, m), each where most is left, down to half of the first or all."""
+    left, root, chosen = np.diag(inner).copy(), np.zeros((len(inner), 0)), list[int]()
+    first = 0.0
+    while len(chosen) < min(most, _BLOCK):
+        weight = np.where(left > least, left / accuracy**2, 0.0)
+        k = int(weight.argmax())
+        first = max(first, float(weight[k]))
+        if weight[k] <= (0.0 if all_of else 0.5 * first):
+            break
+        column = (inner[:, k] - root @ root[k]) / np.sqrt(left[k])
+        root = np.column_stack([root, column])
+        left -= column**2
+        left[k] = 0.0
+        chosen.append(k)
+    return np.array(chosen, dtype=np.int64)
+
+
+_FIRST, _POOL, _BLOCK, _ROWS = 100, 900, 128, 8192
+"""Candidates with most left, further ones, pivots taken at a time, rows made at a time."""
 
 _NOTHING = 1e-12
+"""Part of the error of a reading below which nothing of it is left."""

@@ -40,7 +40,11 @@ from geoident.model.methods import ModelErrorOptions
 from geoident.model.results.result import STOPPED
 from geoident.workflow.estimating.accuracies import after
 from geoident.workflow.estimating.model_error import NAME, FittedModelError, percent
-from geoident.workflow.estimating.model_error_covariance import ReadingSteps, shared_columns
+from geoident.workflow.estimating.model_error_covariance import (
+    ErrorModes,
+    ReadingSteps,
+    shared_columns,
+)
 
 ROUNDS = 12
 """At most so many times parameters and size of the model error take turns."""
@@ -112,16 +116,20 @@ class ModelErrorSearch:
         used = self._steps(problem, outcome.values)
         if not used.any():
             return None
+        modes = ErrorModes()
+        columns = shared_columns([used], self.length, modes)
         size, given = PRIOR_SD, self.options.kind == "given"
         if given:
             size = self.options.size
         elif self.plain:
-            weighed = self._weighed(problem, outcome, used, t)
+            weighed = self._weighed(problem, outcome, columns, t)
             size, t = weighed.size, weighed.components.log_factor
         for _ in range(ROUNDS):
-            problem, outcome = self._again(problem, outcome, used, t, size)
+            problem, outcome = self._again(problem, outcome, columns, modes, t, size)
             now = self._steps(problem, outcome.values)
-            weighed = self._weighed(problem, outcome, now, t, size if given else None)
+            columns = shared_columns([now], self.length, modes)
+            held = size if given else None
+            weighed = self._weighed(problem, outcome, columns, t, held)
             known = FittedModelError(used, size, self.length, None if given else weighed)
             factor, zero = self._gauges(t)
             known = replace(known, factor=factor, zero=zero)
@@ -132,12 +140,12 @@ class ModelErrorSearch:
             if outcome.status == STOPPED or (
                 rest and _alike(now, used) and _close(weighed.components.log_factor, t)
             ):
-                return self._explained(found)
+                return self._explained(found, modes)
             used, t = now, weighed.components.log_factor
             size = size if given else weighed.size
         remark = f"parameters and model error did not come to rest in {ROUNDS} rounds"
         found = replace(found, outcome=replace(outcome, remarks=(*outcome.remarks, remark)))
-        return self._explained(found)
+        return self._explained(found, modes)
 
     @cached_property
     def scatters(self) -> bool:
@@ -161,9 +169,15 @@ class ModelErrorSearch:
         root = np.exp(0.5 * t) if self.scatters else np.ones(1)
         return float(root[0]), float(root[1] / root[0]) if len(root) > 1 else 0.0
 
-    def _explained(self, found: WithModelError) -> WithModelError:
-        """The same with sentences on what explains the residuals as well."""
-        said = explanations(found.found)
+    def _explained(self, found: WithModelError, modes: ErrorModes) -> WithModelError:
+        """The same with sentences on what explains the residuals as well, and on what is left out.
+
+        Args:
+            found: at the end of the turns.
+            modes: of the model error.
+        """
+        wider = found.found.size * modes.left / found.problem.sd
+        said = (*explanations(found.found), *too_dense(wider))
         return replace(found, found=replace(found.found, findings=said))
 
     def _steps(self, problem: Problem, values: Floats) -> ReadingSteps:
@@ -171,24 +185,18 @@ class ModelErrorSearch:
         assert isinstance(problem.response, HasIncrements)
         return self.steps_at(problem.response.increments(values))
 
-    def _structure(self, used: ReadingSteps) -> ErrorStructure:
-        """The errors of the readings, the model error last."""
-        return self.structure.with_component(shared_columns([used], self.length), NAME)
-
     def _weighed(
         self,
         problem: Problem,
         outcome: Outcome,
-        used: ReadingSteps,
+        columns: sp.csr_array,
         t: Floats,
         size: float | None = None,
     ) -> SizeWeights:
         """What the residuals say of the sizes; of the accuracies alone where the size is given."""
-        columns = sp.csr_array(shared_columns([used], self.length))
         if size is None and not self.stated.names:
-            whole = self.stated.with_one_factor(SCATTER).with_component(columns, NAME)
-            likelihood = self._likelihood(problem, outcome, whole)
-            return weigh_all(likelihood, self.zeros, free=self.scatters)
+            likelihood = self._likelihood(problem, outcome, self.stated)
+            return weigh_all(likelihood, columns, self.zeros, free=self.scatters)
         whole = self.structure.with_component(columns, NAME)
         likelihood = self._likelihood(problem, outcome, whole)
         if size is None:
@@ -224,11 +232,18 @@ class ModelErrorSearch:
         return sp.csr_array((size, (zeroed, at)), shape=(len(channels), len(number)))
 
     def _again(
-        self, problem: Problem, outcome: Outcome, used: ReadingSteps, t: Floats, size: float
+        self,
+        problem: Problem,
+        outcome: Outcome,
+        columns: sp.csr_array,
+        modes: ErrorModes,
+        t: Floats,
+        size: float,
     ) -> tuple[Problem, Outcome]:
         """The problem with these accuracies (c,) and this size, and its solution."""
         factors = np.append(t, 2.0 * np.log(max(size, SIZES[0])))
-        sd, shared = self._structure(used).at(factors)
+        sd, shared = self.structure.with_component(columns, NAME).at(factors)
+        sd = np.hypot(sd, size * modes.left)
         problem = replace(problem, sd=sd, shared=shared).begun_at(outcome.values)
         return problem, after(outcome, self.search(problem))
 
@@ -291,6 +306,26 @@ def explanations(found: FittedModelError) -> tuple[str, ...]:
         )
     return ()
 
+
+def too_dense(part: Floats) -> tuple[str, ...]:
+    """A sentence where so many readings were taken so densely that a model error is approximated.
+
+    Args:
+        part: (g,) of the own error of each reading that stands for what was left out.
+    """
+    square = float(np.mean(part**2))
+    if square <= _DENSE:
+        return ()
+    return (
+        f"{len(part)} readings stand too densely for all of the model error between them: what "
+        f"is left out counts as {percent(np.sqrt(1.0 / (1.0 - square)) - 1.0)} less accuracy of "
+        "each. A part of the points (every fifth, say), or means of neighbouring ones, tell as "
+        "much, and need no such approximation.",
+    )
+
+
+_DENSE = 0.05
+"""Part of the variance of the readings that may stand for what was left out without a word."""
 
 _REMEDY = (
     "'accuracies: estimate' under 'fit' lets the residuals say how accurate the gauges are; "

@@ -28,6 +28,7 @@ from geoident.workflow.estimating.fitted_mesh import FittedMesh
 from geoident.workflow.estimating.model_error import (
     FittedModelError,
     of_result,
+    require_room,
 )
 from geoident.workflow.executing.looking_ahead import ResponseBeside
 from geoident.workflow.running.control import Control
@@ -114,6 +115,7 @@ def prepare(job: Job) -> Setup:
     case = model.case
     readings = select_readings(case, model)
     require_enough(case, readings)
+    require_room(case, readings, job.methods)
     require_possible(model, case, job.methods)
     given = job.request.reduced
     kept = None if given is None else restored_for(given, job.inputs)

@@ -128,10 +128,15 @@ def opposite_findings(gauges: GaugeTable) -> tuple[str, ...]:
     measured = np.where(used, gauges.measured, 0.0) / accuracy
     computed = np.where(used, gauges.computed, 0.0)
     dimensions = np.array(gauges.dimensions)
-    largest = {one: np.abs(computed[dimensions == one]).max(initial=0.0) for one in dimensions}
+    largest = {
+        one: np.abs(computed[dimensions == one]).max(initial=0.0)
+        for one in dict.fromkeys(gauges.dimensions)
+    }
+    rows_of: dict[str, list[int]] = {}
+    for row, name in enumerate(gauges.gauges):
+        rows_of.setdefault(name, []).append(row)
     turned, count, most = [], 0, 0.0
-    for name in dict.fromkeys(gauges.gauges):
-        rows = np.array([own == name for own in gauges.gauges])
+    for name, rows in rows_of.items():
         read, said = measured[rows], (computed / accuracy)[rows]
         clear = np.linalg.norm(read) > _CLEAR
         part = np.abs(computed[rows]).max() / max(largest[dimensions[rows][0]], 1e-300)

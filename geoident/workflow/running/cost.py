@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 
 from geoident.fem.refinement.finer import n_raised
 from geoident.fem.solvers import AUTO, BEYOND, LARGE, picked
@@ -267,3 +269,20 @@ def _nonzeros(model: StagedModel, state: int) -> int:
 def _pattern_bytes(model: StagedModel, state: int) -> int:
     pattern = model.systems[state].pattern
     return pattern.lower.indices.nbytes + sum(a.nbytes for a in pattern.above.values())
+
+
+def free_memory() -> float | None:
+    """Bytes of memory that are free; None where the system does not tell.
+
+    Of Linux with what it has lent to files and takes back.
+    """
+    try:
+        for line in Path("/proc/meminfo").read_text().splitlines():
+            if line.startswith("MemAvailable:"):
+                return 1024.0 * float(line.split()[1])
+    except (OSError, ValueError, IndexError):
+        pass
+    try:
+        return float(os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
+    except (AttributeError, OSError, ValueError):
+        return None

@@ -93,8 +93,9 @@ class PartialFit:
         gauges: what was read and computed.
         step: what is kept of it.
         bands: of the readings that were predicted, (n_channels, n_stages).
-        correlation: (l, l) of the errors of the predictions of the next stage that was read.
-        next: (n_channels, n_stages) which these are.
+        correlation: (l, l) of the errors of those predictions that are judged.
+        next: (n_channels, n_stages) predictions of the next stage that was read.
+        judged: (n_channels, n_stages) those of them by which it is judged what chance would do.
         extrapolates: sentences on stresses that fitted stages did not reach.
     """
 
@@ -106,6 +107,7 @@ class PartialFit:
     bands: Bands
     correlation: Floats
     next: Bools
+    judged: Bools
     extrapolates: tuple[str, ...]
 
 
@@ -194,6 +196,7 @@ def tried(
     measured = measured_of(setup, gauges)
     bands = Bands(measured, prediction.mean, prediction.lower95, prediction.upper95)
     ahead = next_read(bands)
+    judged = _some_of(ahead & bands.scored)
     states = np.concatenate([[False], later])
     table = opened(
         parameter_table(setup.case.parameters, outcome.values, found.assessment),
@@ -221,12 +224,25 @@ def tried(
         gauges,
         step,
         bands,
-        correlations(
-            found.survey, found.assessment, prediction, ahead & bands.scored, found.errors
-        ),
+        correlations(found.survey, found.assessment, prediction, judged, found.errors),
         ahead,
+        judged,
         extrapolation_findings(levels, setup.case, last + 1, states),
     )
+
+
+_MOST_JUDGED = 1000
+"""Predictions by which it is judged what chance would do: more say no more, as they hang together,
+and their correlations would fill the memory."""
+
+
+def _some_of(places: Bools) -> Bools:
+    """Of some predictions (n_channels, n_stages) as many as are judged, evenly chosen."""
+    found = np.zeros_like(places)
+    every = np.flatnonzero(places)
+    step = -(-len(every) // _MOST_JUDGED) or 1
+    found.flat[every[::step]] = True
+    return found
 
 
 def hand_on(before: PartialFit, setup: Setup, last: int, log: Log) -> None:
@@ -336,7 +352,7 @@ def variances(trials: Sequence[PartialFit]) -> Floats:
 
 def _innovations(trial: PartialFit) -> Innovations:
     """The errors of the predictions of the next stage."""
-    places = trial.next & trial.bands.scored
+    places = trial.judged
     z = trial.bands.z[places]
     estimated = trial.setup.accuracies
     if estimated is None:

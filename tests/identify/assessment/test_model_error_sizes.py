@@ -34,15 +34,16 @@ def model_covariance():
 
 
 def likelihood(gap, *, parameters=2, priors=0, seed=0):
-    """Of readings with accuracies of one, some of them shared, and the model error."""
+    """Of readings with accuracies of one, some of them shared, without model error."""
     generator = np.random.default_rng(seed)
-    root = sp.csr_array(np.linalg.cholesky(model_covariance()))
-    shared = sp.csr_array(np.hstack([0.3 * np.ones((G, 1)), root.toarray()]))
-    of = np.concatenate([[0], np.ones(G, dtype=int)])
-    structure = ErrorStructure(np.ones(G), np.zeros(G, dtype=int), shared, of, ("all", "model"))
+    shared, none = sp.csr_array(0.3 * np.ones((G, 1))), np.full(G, -1)
+    structure = ErrorStructure(np.ones(G), none, shared, none[:1], ())
     J = generator.normal(size=(G, parameters))
     rows = np.eye(parameters)[:priors] + 0.1 * generator.normal(size=(priors, parameters))
     return RestrictedLikelihood(structure, gap, J, generator.normal(size=priors), rows)
+
+
+ROOT = sp.csr_array(np.linalg.cholesky(model_covariance()))
 
 
 def zeros():
@@ -61,7 +62,7 @@ def noise(*, scatter=1.0, zero=0.0, eta=0.0, seed=1):
 def test_minus_two_l_is_that_of_dense_matrices(parameters, priors):
     """With and without priors, and with more parameters than readings."""
     given = likelihood(noise(eta=0.1), parameters=parameters, priors=priors)
-    found = weigh_all(given, zeros(), free=True)
+    found = weigh_all(given, ROOT, zeros(), free=True)
     Z, J, R = zeros().toarray(), given.jacobian, given.prior_rows
 
     def minus_two_l(eta, s, z):
@@ -86,7 +87,9 @@ def test_minus_two_l_is_that_of_dense_matrices(parameters, priors):
 
 def median(of, **kind):
     """Of what five draws of readings make of a size."""
-    draws = [weigh_all(likelihood(noise(**kind, seed=k)), zeros(), free=True) for k in range(5)]
+    draws = [
+        weigh_all(likelihood(noise(**kind, seed=k)), ROOT, zeros(), free=True) for k in range(5)
+    ]
     return [np.median([getattr(found, name) for found in draws]) for name in of]
 
 
@@ -104,10 +107,10 @@ def test_the_readings_tell_scatter_zeros_and_model_error_apart():
 
 def test_what_is_not_free_is_looked_at_and_not_used():
     given = likelihood(noise(scatter=3.0))
-    found = weigh_all(given, zeros(), free=False)
+    found = weigh_all(given, ROOT, zeros(), free=False)
     assert (found.factor, found.zero, len(found.components.log_factor)) == (1.0, 0.0, 0)
     assert found.minus_two_l[0, :, 0].argmin() > 3
-    free = weigh_all(given, None, free=True)
+    free = weigh_all(given, ROOT, None, free=True)
     assert free.joint.shape[2] == 1
     assert free.zero == 0.0
     assert free.factor > 1.8
@@ -115,7 +118,7 @@ def test_what_is_not_free_is_looked_at_and_not_used():
 
 
 def test_quantiles_are_those_of_the_weights():
-    found = weigh_all(likelihood(noise(scatter=3.0, zero=2.0)), zeros(), free=True)
+    found = weigh_all(likelihood(noise(scatter=3.0, zero=2.0)), ROOT, zeros(), free=True)
     low, high = (found.factor_quantile(part) for part in (0.025, 0.975))
     assert 1.0 < low < found.factor < high < 8.0
     inside = (low <= FACTORS) & (high >= FACTORS)
@@ -126,7 +129,7 @@ def test_quantiles_are_those_of_the_weights():
 
 def test_the_evidence_integrates_over_all_that_is_weighed():
     """By hand: with a constant -2 l the gain is the whole prior, one, but for what lies above 1."""
-    found = weigh_all(likelihood(noise()), zeros(), free=True)
+    found = weigh_all(likelihood(noise()), ROOT, zeros(), free=True)
     flat = np.zeros_like(found.minus_two_l)
     known = model_error.VarianceComponents(*[np.zeros(0)] * 4, 0.0)
     gain = model_error.SizeWeights(found.joint, flat, found.prior, known).log_gain
@@ -263,12 +266,12 @@ def test_a_size_with_no_accuracies_has_its_likelihood_alone():
 def test_zeros_that_are_next_to_nothing_keep_a_finite_logarithm():
     """Where no zero error is likely, its logarithm is that of a ten-thousandth."""
     given = likelihood(noise())
-    joint = weigh_all(given, zeros(), free=True)
+    joint = weigh_all(given, ROOT, zeros(), free=True)
     assert joint.components.log_factor[1] == pytest.approx(
         2.0 * np.log(joint.factor * max(joint.zero, 1e-4))
     )
     assert joint.components.lower.tolist() == joint.components.log_factor.tolist()
     assert joint.components.covariance.tolist() == [[0.0, 0.0], [0.0, 0.0]]
-    held = weigh_all(given, zeros(), free=False)
+    held = weigh_all(given, ROOT, zeros(), free=False)
     np.testing.assert_array_equal(np.argwhere(held.prior), [[0, 0]])
     assert held.joint[:, 1:].sum() == held.joint[:, :, 1:].sum() == 0.0

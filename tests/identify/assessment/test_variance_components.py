@@ -368,7 +368,8 @@ OWN = ErrorStructure(
 @pytest.mark.parametrize("dense", [True, False])
 def test_information_and_gradient_are_those_of_dense_matrices(y, monkeypatch, dense):
     """tr(P V_c P V_d) / 2 and tr P V_c - q^T V_c q, with P and q from Sigma itself."""
-    monkeypatch.setattr(variance_components, "_SMALL", 4_000_000 if dense else 0)
+    monkeypatch.setattr(variance_components, "_SPARSE", 0.0 if dense else 2.0)
+    monkeypatch.setattr(variance_components, "_SMALL", 100)  # some rows at a time
     given = likelihood_with_all(y)
     structure, J, R, prior = given.structure, given.jacobian, given.prior_rows, given.prior
     t = np.array([0.3, -0.4, 0.2])

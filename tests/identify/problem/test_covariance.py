@@ -81,11 +81,11 @@ def test_what_others_leave_of_some_readings(rows):
 def test_a_few_rows_are_taken_from_the_inverse_itself(monkeypatch, limit, inverted):
     found = covariance()
     asked = []
-    solve = found.solve
-    found.solve = lambda values: asked.append(values.shape) or solve(values)
+    part = found._part
+    found._part = lambda rows: asked.append(rows.tolist()) or part(rows)
     monkeypatch.setattr(errors, "FEW", limit)
     found.without_others(np.array([3, 6]), TABLE[:2])
-    assert asked == [(7, 2)] * inverted
+    assert asked == [[3, 6]] * inverted
 
 
 def test_blocks_are_what_hangs_together():
@@ -108,6 +108,7 @@ def test_sizes_multiply_and_nothing_is_found_again():
     both = one.sized(second)
     np.testing.assert_allclose(both.columns.toarray(), B * first * second)
     np.testing.assert_array_equal(plain.columns.toarray(), B)
+    assert both.parts is plain.parts
     assert both.blocks is plain.blocks
     sigma = np.diag(SD**2) + (B * first * second) @ (B * first * second).T
     np.testing.assert_allclose(
@@ -152,7 +153,8 @@ def test_row_squares_are_the_same_however_many_rows_are_taken_at_a_time(monkeypa
 def test_few_readings_have_a_factor_of_their_own_size(monkeypatch, limit, count, kind):
     """Up to FEW of them, or while they are no more than what they share (2)."""
     monkeypatch.setattr(errors, "FEW", limit)
-    found = errors._block(np.arange(count), np.arange(2), np.ones((count, 2)))
+    shared = SharedErrors(sp.csr_array(np.ones((count, 2))))
+    found = errors._block(np.arange(count)[None], np.arange(2)[None], shared, np.ones(count))
     assert type(found).__name__ == kind
 
 
@@ -227,3 +229,56 @@ def test_structures_are_made_of_others():
     np.testing.assert_allclose(sd, STRUCTURE.at(LOG)[0][rows])
     np.testing.assert_allclose(shared.columns.toarray(), (B * [1.0, 0.5, 3.0, 2.0])[rows])
     assert some.names == STRUCTURE.names
+
+
+# Many readings: small blocks, and what many of them share on top -------------------------------
+
+CHANNELS, STAGES = 40, 12
+
+
+@pytest.fixture(scope="module")
+def many():
+    """Zeros of channels, set-ups of stages, and a model error of a few columns in all readings."""
+    rng = np.random.default_rng(5)
+    g = CHANNELS * STAGES + 3  # three more of the first channel at the first stage
+    channel = np.append(np.repeat(np.arange(CHANNELS), STAGES), [0] * 3)
+    stage = np.append(np.tile(np.arange(STAGES), CHANNELS), [0] * 3)
+    zero, epoch = np.eye(CHANNELS)[channel], np.eye(STAGES)[stage]
+    two = zero * rng.uniform(0.1, 0.4, g)[:, None]  # another error of each channel
+    columns = np.hstack([0.5 * zero, 0.3 * epoch, two, rng.normal(size=(g, 7))])
+    order = rng.permutation(columns.shape[1])
+    sd = rng.uniform(0.2, 0.6, g)
+    return sd, columns[:, order], np.diag(sd**2) + columns @ columns.T
+
+
+def test_many_readings_are_treated_as_dense_matrices_say(way, many):
+    sd, columns, sigma = many
+    g, K = columns.shape
+    shared = SharedErrors(sp.csr_array(columns))
+    found, inverse = Covariance(sd, shared), np.linalg.inv(sigma)
+    values = np.random.default_rng(6).normal(size=(g, 3))
+    np.testing.assert_allclose(found.solve(values), inverse @ values, atol=1e-9)
+    white = found.whiten(values)
+    np.testing.assert_allclose(white.T @ white, values.T @ inverse @ values, rtol=1e-10)
+    assert found.log_determinant() == pytest.approx(np.linalg.slogdet(sigma)[1], rel=1e-12)
+    np.testing.assert_allclose(found.inverse_diagonal, np.diag(inverse), rtol=1e-9)
+    expected = columns.T @ inverse @ values
+    np.testing.assert_allclose(found.expected_shared(values), expected, atol=1e-9)
+    rows = np.random.default_rng(7).normal(size=(5, K)) * (np.arange(K) % 3 == 0)
+    left = rows @ (np.eye(K) - columns.T @ inverse @ columns) @ rows.T
+    given = sp.csr_array(rows)
+    np.testing.assert_allclose(found.conditional_covariance(given), left, atol=1e-9)
+    np.testing.assert_allclose(found.conditional_variance(given), np.diag(left), rtol=1e-9)
+    for some in ([7], [0, 480, 481, 482], [3, 14, 200]):
+        block = inverse[np.ix_(some, some)]
+        others = found.without_others(np.array(some), values[some])
+        np.testing.assert_allclose(others, np.linalg.solve(block, values[some]), atol=1e-9)
+
+
+def test_what_few_readings_share_is_kept_apart_from_what_all_do(many):
+    """A block for each channel, with set-ups and model error on top."""
+    _, columns, _ = many
+    blocks, wide = SharedErrors(sp.csr_array(columns)).parts
+    assert len(wide) == STAGES + 7
+    assert sum(len(rows) for rows, _ in blocks) == CHANNELS
+    assert {shared.shape[1] for _, shared in blocks} == {2}

@@ -3,6 +3,7 @@
 import pytest
 
 from geoident.errors import InputError
+from geoident.io.text import yaml_reader
 from geoident.io.text.text_file import decode
 from geoident.io.text.yaml_reader import parse_yaml
 
@@ -70,6 +71,14 @@ def test_traps_are_refused_where_they_stand(content, code, place):
     assert faults[0].code == code
     if place:
         assert (faults[0].location.line, faults[0].location.column) == place
+
+
+def test_a_file_of_too_many_points_says_what_to_do(monkeypatch):
+    monkeypatch.setattr(yaml_reader, "_MAX_NODES", 1000)
+    points = "\n".join(f"  P{k}: [{k} m, 0 m]" for k in range(400))
+    (fault,) = refused(f"points:\n{points}\n")
+    assert fault.message == "the file is too large for a case"
+    assert "Take a part of the points" in fault.hint
 
 
 def test_a_tab_is_named():
