@@ -18,7 +18,7 @@ from geoident.identify.assessment.model_error import (
 )
 from geoident.identify.problem.problem import Discrepancy
 from geoident.model.gauges import Channel
-from geoident.workflow.estimating import model_error_covariance
+from geoident.workflow.estimating import model_error_covariance, model_error_search
 from geoident.workflow.estimating.model_error import FittedModelError, model_error_findings
 from geoident.workflow.estimating.model_error_covariance import ReadingSteps, shared_columns
 from geoident.workflow.estimating.setup import problem_of_result
@@ -232,6 +232,21 @@ def test_the_size_is_estimated_and_bands_grow_with_it(site, plain):
     assert inside[0] < 0.5
     assert inside[1] > 0.9
     assert right.model_error is None
+
+
+def test_turns_that_go_half_of_the_way_end_at_the_same_answer(site, plain, monkeypatch):
+    """They are for parameters and model errors that swing between two states."""
+    monkeypatch.setattr(model_error_search, "EAGER", 0)
+    found = site().data
+    sd = plain.parameters.sd
+    assert np.all(np.abs(found.parameters.values - plain.parameters.values) < 0.02 * sd)
+    assert found.model_error.size == pytest.approx(plain.model_error.size, rel=0.01)
+
+
+def test_turns_that_do_not_come_to_rest_are_said(site, monkeypatch):
+    monkeypatch.setattr(model_error_search, "ROUNDS", 1)
+    findings = site().data.findings
+    assert any("did not come to rest in 1 rounds" in finding for finding in findings)
 
 
 def inside_later(found):

@@ -46,8 +46,12 @@ from geoident.workflow.estimating.model_error_covariance import (
     shared_columns,
 )
 
-ROUNDS = 12
+ROUNDS = 20
 """At most so many times parameters and size of the model error take turns."""
+
+EAGER = 4
+"""Rounds after which the model error goes half of the way to that of the new parameters: they may
+swing between two states, each the answer to the other."""
 
 AT_REST = 0.002
 """Change of the logarithm of the size that ends it."""
@@ -124,10 +128,11 @@ class ModelErrorSearch:
         elif self.plain:
             weighed = self._weighed(problem, outcome, columns, t)
             size, t = weighed.size, weighed.components.log_factor
-        for _ in range(ROUNDS):
+        for turn in range(ROUNDS):
             problem, outcome = self._again(problem, outcome, columns, modes, t, size)
             now = self._steps(problem, outcome.values)
-            columns = shared_columns([now], self.length, modes)
+            following = now if turn < EAGER else _halfway(used, now)
+            columns = shared_columns([following], self.length, modes)
             held = size if given else None
             weighed = self._weighed(problem, outcome, columns, t, held)
             known = FittedModelError(used, size, self.length, None if given else weighed)
@@ -141,11 +146,14 @@ class ModelErrorSearch:
                 rest and _alike(now, used) and _close(weighed.components.log_factor, t)
             ):
                 return self._explained(found, modes)
-            used, t = now, weighed.components.log_factor
+            used, t = following, weighed.components.log_factor
             size = size if given else weighed.size
-        remark = f"parameters and model error did not come to rest in {ROUNDS} rounds"
-        found = replace(found, outcome=replace(outcome, remarks=(*outcome.remarks, remark)))
-        return self._explained(found, modes)
+        said = (
+            f"Parameters and model error did not come to rest in {ROUNDS} rounds: others, "
+            "with the model error that follows from them, meet the readings as well. State the "
+            "model error ('fit: {model_error: ...}')."
+        )
+        return self._explained(found, modes, said)
 
     @cached_property
     def scatters(self) -> bool:
@@ -169,15 +177,16 @@ class ModelErrorSearch:
         root = np.exp(0.5 * t) if self.scatters else np.ones(1)
         return float(root[0]), float(root[1] / root[0]) if len(root) > 1 else 0.0
 
-    def _explained(self, found: WithModelError, modes: ErrorModes) -> WithModelError:
+    def _explained(self, found: WithModelError, modes: ErrorModes, *said: str) -> WithModelError:
         """The same with sentences on what explains the residuals as well, and on what is left out.
 
         Args:
             found: at the end of the turns.
             modes: of the model error.
+            said: what else is to be said.
         """
         wider = found.found.size * modes.left / found.problem.sd
-        said = (*explanations(found.found), *too_dense(wider))
+        said = (*said, *explanations(found.found), *too_dense(wider))
         return replace(found, found=replace(found.found, findings=said))
 
     def _steps(self, problem: Problem, values: Floats) -> ReadingSteps:
@@ -248,9 +257,18 @@ class ModelErrorSearch:
         return problem, after(outcome, self.search(problem))
 
 
+_LEAST = 0.01
+"""Size of the model error below which nothing changes any more: one per cent of the motion."""
+
+
 def _near(size: float, other: float) -> bool:
-    least = 0.01  # below one per cent of the motion nothing changes any more
-    return bool(abs(np.log(max(size, least) / max(other, least))) <= AT_REST)
+    return bool(abs(np.log(max(size, _LEAST) / max(other, _LEAST))) <= AT_REST)
+
+
+def _halfway(used: ReadingSteps, now: ReadingSteps) -> ReadingSteps:
+    """Between two of the same readings."""
+    steps, floors = 0.5 * (used.steps + now.steps), 0.5 * (used.floors + now.floors)
+    return replace(now, steps=steps, floors=floors)
 
 
 def _alike(now: ReadingSteps, before: ReadingSteps) -> bool:
