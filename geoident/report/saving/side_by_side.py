@@ -7,6 +7,9 @@ fork would cut off, figures are drawn one after the other. The bytes are the sam
 
 from __future__ import annotations
 
+import os
+import threading
+import time
 import warnings
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -39,10 +42,25 @@ def side_by_side(draw: Callable[[_Item], bytes], items: Sequence[_Item]) -> list
         with warnings.catch_warnings(), older_left_alone():
             # Threads of libraries of linear algebra, which know how to survive a fork.
             warnings.simplefilter("ignore", DeprecationWarning)
-            with ProcessPoolExecutor(processes, get_context("fork")) as pool:
+            context = get_context("fork")
+            with ProcessPoolExecutor(processes, context, _end_with, (os.getpid(),)) as pool:
                 return list(pool.map(_draw, range(len(items))))
     finally:
         _drawn.clear()
+
+
+def _end_with(parent: int) -> None:
+    """End this process soon after its parent, which tells nobody when it is killed.
+
+    Its pipes stay open then, since each process of the pool holds those of the others.
+    """
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(0.5)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
 
 
 def _draw(k: int) -> bytes:
