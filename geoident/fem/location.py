@@ -22,6 +22,12 @@ REACH = 0.1
 
 _NEWTON_STEPS = 25
 
+_MET = 1e-13
+"""Error of a mapped point, in sizes of the element, that is rounding."""
+
+_AT_LAST = 1e-9
+"""The same after the last step, where rounding of large coordinates keeps it from being smaller."""
+
 _FAR = 10.0
 """Reference coordinates beyond which Newton's method gives up."""
 
@@ -98,7 +104,7 @@ def _sites(
     """
     reference = reference_element(block.kind)
     corners = mesh.points[block.nodes[rows]]
-    xi = _inverse_maps(reference, corners, x)
+    xi = reference_coordinates(reference, corners, x)
     outside = (reference.walls[:, :-1] @ xi[..., None])[..., 0] + reference.walls[:, -1]
     outside = outside.max(axis=1, initial=-np.inf)
     within = np.flatnonzero(outside <= REACH)  # not where it is NaN
@@ -111,15 +117,19 @@ def _sites(
         yield int(k), Site(first + e, block.nodes[e], shapes[n], gradients[n], float(outside[k]))
 
 
-def _inverse_maps(reference: ReferenceElement, corners: Floats, x: Floats) -> Floats:
-    """Reference coordinates (n, dim) by Newton's method, to rounding; NaN where it does not end.
+def reference_coordinates(reference: ReferenceElement, corners: Floats, x: Floats) -> Floats:
+    """Reference coordinates (n, dim) of points, each in an element of its own, by Newton's method.
 
     Each point has products of its own, so that the bits do not depend on what else is looked for.
 
     Args:
         reference: the kind of all elements.
-        corners: (n, n_a, dim) nodes of the element in which each point is looked for, m.
+        corners: (n, n_a, dim) nodes of the element of each point, m.
         x: (n, dim) the points, m.
+
+    Returns:
+        They map to the point within `_MET` of the size of the element, within `_AT_LAST` after the
+        last step; NaN where they do not, far outside an element or where it is folded.
     """
     start = reference.nodes[: reference.cell.n_corners].mean(axis=0)
     found = np.full(x.shape, np.nan)
@@ -128,7 +138,7 @@ def _inverse_maps(reference: ReferenceElement, corners: Floats, x: Floats) -> Fl
     for step in range(_NEWTON_STEPS):
         error = (reference.shapes(xi) @ corners[open_])[:, 0] - x[open_]
         off = np.abs(error).max(axis=1, initial=0.0)
-        met = off <= 1e-13 * size[open_]
+        met = off <= _MET * size[open_]
         found[open_[met]] = xi[met, 0]
         jacobian = corners[open_].swapaxes(1, 2) @ reference.gradients(xi)[:, 0]
         stays = ~met & (np.abs(np.linalg.det(jacobian)) > 0.0)
@@ -137,35 +147,8 @@ def _inverse_maps(reference: ReferenceElement, corners: Floats, x: Floats) -> Fl
         near = np.abs(xi).max(axis=(1, 2), initial=0.0) <= _FAR
         open_, xi, off = open_[near], xi[near], off[stays][near]
         if step + 1 == _NEWTON_STEPS:
-            last = off <= 1e-9 * size[open_]
+            last = off <= _AT_LAST * size[open_]
             found[open_[last]] = xi[last, 0]
-        if not len(open_):
-            break
-    return found
-
-
-def reference_coordinates(reference: ReferenceElement, x: Floats, points: Floats) -> Floats:
-    """Reference coordinates (n, dim) of points, each in an element of its own; NaN for none.
-
-    Args:
-        reference: the kind of all elements.
-        x: (n, n_a, dim) their nodes, m.
-        points: (n, dim) m.
-    """
-    start = reference.nodes[: reference.cell.n_corners].mean(axis=0)
-    found = np.full(points.shape, np.nan)
-    size = np.ptp(x, axis=1).max(axis=1)
-    open_, xi = np.arange(len(points)), np.tile(start, (len(points), 1))
-    for _ in range(_NEWTON_STEPS):
-        error = np.einsum("na,nai->ni", reference.shapes(xi), x[open_]) - points[open_]
-        met = np.abs(error).max(axis=1) <= 1e-9 * size[open_]
-        found[open_[met]] = xi[met]
-        jacobian = np.einsum("nai,naj->nij", x[open_], reference.gradients(xi))
-        stays = ~met & (np.abs(np.linalg.det(jacobian)) > 0.0)
-        open_, xi, error, jacobian = open_[stays], xi[stays], error[stays], jacobian[stays]
-        xi = xi - np.linalg.solve(jacobian, error[..., None])[..., 0]
-        near = np.abs(xi).max(axis=1, initial=0.0) <= _FAR
-        open_, xi = open_[near], xi[near]
         if not len(open_):
             break
     return found

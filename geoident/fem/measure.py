@@ -30,15 +30,12 @@ def coinciding_nodes(mesh: Mesh) -> Ints:
         edges = np.array(CELLS[block.kind].shape.edges)
         ends = mesh.points[block.nodes[:, edges]]
         shortest = min(shortest, np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2).min())
-    found = pairs_within(mesh.points[used], _ONE_PLACE * shortest, _CELL * shortest)
+    found = pairs_within(mesh.points[used], _ONE_PLACE * shortest)
     return np.asarray(used[found], dtype=np.int64)
 
 
 _ONE_PLACE = 1e-3
 """Distance of nodes, in parts of the shortest edge, up to which they stand at one place."""
-
-_CELL = 0.25
-"""Size of the cells in which nodes are compared, in parts of the shortest edge."""
 
 
 def suspected_unit(low: Sequence[float], high: Sequence[float]) -> str:

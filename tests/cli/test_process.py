@@ -47,7 +47,7 @@ def test_help_imports_nothing_heavy(arguments):
 
 
 NEEDLESS = (
-    "scipy.spatial", "scipy.optimize", "scipy.interpolate", "scipy.stats",
+    "scipy.optimize", "scipy.interpolate", "scipy.stats",
     "numpy.f2py.f2py2e", "numpy.testing._private", "unittest",
     "meshio", "openpyxl", "matplotlib", "rich", "arviz", "distributed",
     "geoident.identify.assessment.uncertainty", "geoident.workflow.programs.program",

@@ -36,6 +36,10 @@ class NoProjection(ArithmeticError):
         self.points = points
 
 
+class NoReturn(ArithmeticError):
+    """No set of yield planes with flow of their own brings a stress back (non-associated flow)."""
+
+
 def empty_domain(normals: Floats, distances: Floats) -> tuple[int, ...] | None:
     """Planes that contradict each other, none to spare, or None where a stress satisfies all.
 

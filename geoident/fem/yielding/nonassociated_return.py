@@ -15,6 +15,7 @@ from itertools import combinations
 
 import numpy as np
 
+from geoident.fem.yielding.domain import NoReturn
 from geoident.fem.yielding.planes import ActiveSets, ScaledPlanes
 from geoident.fem.yielding.sorted_planes import Images
 from geoident.model.arrays import Floats, Ints
@@ -98,7 +99,7 @@ class ActiveSetSearch:
         """The apex (q,): where the hydrostatic axis first leaves the surface.
 
         Raises:
-            ArithmeticError: no set brings a stress back that does not lie beyond the apex.
+            NoReturn: no set brings a stress back that does not lie beyond the apex.
         """
         upright = np.flatnonzero(self._images.upright)
         faces = np.zeros(len(excess), dtype=np.int64)
@@ -110,7 +111,7 @@ class ActiveSetSearch:
             coupling = self._system.coupling[np.ix_(planes, planes)]
             volume = np.linalg.solve(coupling, excess[faces == face][:, planes].T).sum(axis=0)
             if not planes or volume.min() < 0.0:
-                raise ArithmeticError("no set of yield planes with their flow brings a stress back")
+                raise NoReturn("no set of yield planes with their flow brings a stress back")
         return faces
 
     def _owned(self, owner: Ints) -> Ints:

@@ -80,7 +80,7 @@ class Ground:
             viscosity: part of the overstress s* - P(s*) that is kept (`viscous_path`).
 
         Raises:
-            ArithmeticError: flow that is not associated leads nowhere.
+            NoReturn: flow that is not associated leads nowhere.
             NoProjection: a projection does not end.
         """
         mine = self.points

@@ -16,7 +16,7 @@ import numpy as np
 from geoident.fem.patches import Patch
 from geoident.fem.solvers.conjugate_gradients import Product
 from geoident.fem.solvers.direct import Factor, NotPositiveDefinite
-from geoident.fem.yielding.domain import NoProjection
+from geoident.fem.yielding.domain import NoReturn
 from geoident.forward.march.constitutive import Flow, Ground
 from geoident.model.arrays import Floats, Ints
 
@@ -249,9 +249,7 @@ class StageEquations:
         """How one material flows; its stress in place."""
         try:
             return ground.bear(stress, strain, self.viscosity)
-        except NoProjection:
-            raise
-        except ArithmeticError as error:  # flow that is not associated may lead nowhere
+        except NoReturn as error:
             raise NoEquilibrium(None) from error
 
     def elastic_forces(self, free: Floats) -> Floats:

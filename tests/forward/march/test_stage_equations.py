@@ -14,7 +14,7 @@ from support.plastic import Planes, definite, polyhedral, projection_by_piqp, ra
 from geoident.fem.elasticity import UniformModuli
 from geoident.fem.patches import Patch
 from geoident.fem.solvers.direct import NotPositiveDefinite
-from geoident.fem.yielding.domain import NoProjection
+from geoident.fem.yielding.domain import NoProjection, NoReturn
 from geoident.forward.march.constitutive import Flow, Ground, ReachedPlanes
 from geoident.forward.march.stage_equations import (
     ELASTIC_PARTS,
@@ -304,7 +304,12 @@ def test_the_part_of_a_ground_among_some_points_bears_what_it_bears_there(index)
 
 
 def test_what_leads_nowhere_is_no_equilibrium_and_what_does_not_end_is_told():
-    for error, told in ((ArithmeticError("?"), NoEquilibrium), (NoProjection(3), NoProjection)):
+    for error, told in (
+        (NoReturn("?"), NoEquilibrium),
+        (NoProjection(3), NoProjection),
+        (ZeroDivisionError("a bug"), ZeroDivisionError),
+        (FloatingPointError("a bug"), FloatingPointError),
+    ):
 
         def fail(trial, hardened, error=error):
             raise error
