@@ -370,7 +370,7 @@ class StagedResponse(ModelResponse):
 
     def starts(self) -> WarmStart:
         """From where evaluations may begin now, without factors."""
-        return self._marches.march.warm.without_factors()
+        return self._marches.march.warm.copy()
 
     def begin_from(self, starts: object) -> None:
         """Begin the next evaluation from what was known then.

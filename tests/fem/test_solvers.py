@@ -16,6 +16,7 @@ from geoident.fem.solvers import (
     LARGE,
     SMALL,
     SOLVERS,
+    SolverCounts,
     auto,
     cholmod,
     direct,
@@ -252,6 +253,35 @@ def test_splu_finds_a_loose_body_without_reading_a_large_factor(monkeypatch):
     solver.analyse(held[0]).factorize(held[1])
     with pytest.raises(NotPositiveDefinite):
         solver.analyse(loose[0]).factorize(loose[1])
+
+
+def general(matrix):
+    """A factor of a matrix on a symmetric pattern, and the counts it was made with."""
+    pattern, below = lower(matrix)
+    _, above = lower(matrix.T)
+    return splu.GeneralFactor(pattern, below, above, SolverCounts())
+
+
+def unsymmetric(ground, seed=0):
+    """A stiffness of springs whose pattern is symmetric and whose values are not."""
+    matrix = sp.coo_array(truss(4, ground=ground))
+    factors = np.random.default_rng(seed).uniform(0.7, 1.3, matrix.shape[0])
+    return sp.csr_array(sp.diags_array(factors) @ sp.csr_array(matrix))
+
+
+@pytest.mark.parametrize("readable", [splu.READABLE, 0])
+def test_a_general_matrix_is_solved_or_refused_where_it_is_singular(monkeypatch, readable):
+    monkeypatch.setattr(splu, "READABLE", readable)
+    held = unsymmetric(1.0)
+    rhs = np.random.default_rng(1).normal(size=(held.shape[0], 3))
+    np.testing.assert_allclose(
+        general(held).solve(rhs), np.linalg.solve(held.toarray(), rhs), rtol=1e-7
+    )
+    little = unsymmetric(1e-6)
+    np.testing.assert_allclose(little @ general(little).solve(rhs), rhs, atol=1e-3)
+    for seed in range(5):
+        with pytest.raises(NotPositiveDefinite):
+            general(unsymmetric(0.0, seed))
 
 
 def test_small_systems_go_to_the_first_installed_solver_and_large_ones_to_ours(monkeypatch):

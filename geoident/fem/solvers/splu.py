@@ -113,6 +113,27 @@ def _check(lu: Any, diagonal: Floats) -> None:
         raise NotPositiveDefinite(worst)
 
 
+def _refuse_singular(lu: Any, scale: Floats) -> None:
+    """Raise `NotPositiveDefinite` where a factorized general matrix is singular to rounding.
+
+    Where the factor is too large to be copied, the solution for a random right-hand side stands in:
+    it is as large as the inverse, as far as that right-hand side has a part in its direction.
+
+    Args:
+        lu: the factorization.
+        scale: (n,) largest entry of each column of the matrix.
+    """
+    if lu.nnz <= READABLE:
+        pivots = np.abs(lu.U.diagonal())[lu.perm_c]
+        small = np.flatnonzero(~(pivots > SINGULAR * scale))
+    else:
+        probe = np.random.default_rng(0).normal(size=scale.size)
+        size = np.abs(lu.solve(probe * scale))
+        small = np.flatnonzero(~(size < 1.0 / SINGULAR))
+    if small.size:
+        raise NotPositiveDefinite(int(small[0]))
+
+
 def solve_in_blocks(lu: Any, rhs: Floats) -> Floats:
     """Solutions in the place of right-hand sides (n, k) in Fortran order."""
     for start in range(0, rhs.shape[1], BLOCK):
@@ -152,6 +173,8 @@ class GeneralFactor:
             self._lu = splu(matrix, permc_spec="NATURAL", diag_pivot_thresh=0.01)
         except RuntimeError as error:
             raise NotPositiveDefinite from error
+        scale = np.maximum.reduceat(np.abs(matrix.data), matrix.indptr[:-1])
+        _refuse_singular(self._lu, scale)
 
     @property
     def valid(self) -> bool:

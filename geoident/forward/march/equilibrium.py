@@ -18,9 +18,7 @@ In a large model a few places, corners mostly, are far from equilibrium long aft
 a step that is right for the ground around is then far too long there. So the worst places after a
 step are brought to equilibrium by themselves, all else kept (`fem.patches`): nonlinear elimination
 (Lanzkron, Rose & Wilkes 1996, SIAM J. Sci. Comput. 17, 538-559). It lowers Pi, and takes factors of
-a few hundred unknowns. Near the end the last factor serves a further step. Steps in between are led
-by the last factor that was made, in this march or the one before, through conjugate gradients on
-their own tangent.
+a few hundred unknowns.
 
 Flow that is not associated has no potential; its steps are judged by the next ones, and where
 they are lost a path of viscous grounds leads to the solution (`viscous_path`).
@@ -29,8 +27,7 @@ A load beyond collapse has no minimum: Pi falls without end along a mechanism d.
 by the slope of Pi far out along the steps (the kinematic theorem of limit analysis): if it is
 still falling there, d dissipates less than the loads give, and no equilibrium exists.
 
-Cost: one factorization for every step, one for the derivatives if the last was made elsewhere; a
-third to none of that in large models, and far fewer in space (`inexact_newton`).
+Cost: one factorization for every step, one for the derivatives if the last was made elsewhere.
 """
 
 from __future__ import annotations
@@ -41,7 +38,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from geoident.fem.solvers.direct import Factor
-from geoident.forward.march.inexact_newton import MOST_FAR, Directions, SecantSteps
 from geoident.forward.march.stage_equations import (
     ELASTIC_PARTS,
     EvenFlow,
@@ -98,29 +94,6 @@ _HARDLY_RISEN = 0.3
 _QUICK = 0.1
 """Part of the out-of-balance force that a good step leaves."""
 
-_CLOSE = 0.01
-"""The same of a step whose factor is tried once more."""
-
-_SURE = 1e-4
-"""Out-of-balance force of the last guess below which the others are not looked at."""
-
-_NEAR = 1e-3
-"""Out-of-balance force of a guess below which the factor of another march is tried."""
-
-_IN_REACH = 3e-3
-"""The same, below which it may lead the first step."""
-
-_WORTH = 10
-"""Iterations of conjugate gradients that cost about as much as a factorization in the plane."""
-
-_GOOD = 0.5
-"""Part of the out-of-balance force that a step on a factor of another tangent leaves at most, where
-another one is to follow on it; and one far from equilibrium, where less of the elastic stiffness
-is to be kept in the next tangent."""
-
-_PIECES_KNOWN = 1e-6
-"""Out-of-balance force at which the pieces are mostly those of equilibrium."""
-
 _WORST = (0.03, 0.1, 0.3)
 """Parts of the largest out-of-balance force from which on places are solved by themselves."""
 
@@ -166,171 +139,46 @@ def solve(
     *,
     even_only: bool = False,
     effort: Effort | None = None,
-    slopes: bool = False,
 ) -> Balance:
     """The equilibrium of a stage.
 
     Args:
         equations: of the stage.
-        guesses: (n_dofs,) displacement steps, the best of which is likely to be the last; the
-            nearest one is the start (`distance`).
+        guesses: (n_dofs,) displacement steps; the nearest one is the start (`distance`).
         even_only: without potential, no flow in bands of shear is looked for.
         effort: steps that are left where there is no potential; None for a search of its own.
-        slopes: derivatives are wanted at the end, and the factor that they need is to be made.
 
     Raises:
         NoEquilibrium: see there.
         NotPositiveDefinite: the elastic stiffness itself is singular.
     """
-    *others, last = guesses
-    trials = [equations.at(last)]
-    if not (equations.associated and equations.large and trials[0].error <= _SURE):
-        trials = [*(equations.at(other) for other in others), *trials]
-    if not equations.associated:
-        ways = WAYS[:1] if even_only else WAYS
-        start = min(trials, key=equations.distance)
-        return _without_potential(equations, start, ways, effort or Effort(SEARCH))
-    if equations.at_hand is None:
-        return _by_potential(equations, min(trials, key=equations.distance), slopes=slopes)
-    directions = Directions(equations, equations.at_hand, BALANCED)
-    if len(trials) > 1:
-        trials.append(equations.at(directions.guess()))
-    return _on_held_factors(equations, directions, min(trials, key=equations.distance))
+    start = min((equations.at(guess) for guess in guesses), key=equations.distance)
+    if equations.associated:
+        return _by_potential(equations, start)
+    return _without_potential(
+        equations, start, WAYS[:1] if even_only else WAYS, effort or Effort(SEARCH)
+    )
 
 
-def _by_potential(equations: StageEquations, trial: Trial, *, slopes: bool) -> Balance:
-    """Newton's method along the slope of Pi.
-
-    Far from equilibrium whole Newton steps are mostly lost in a large model: tangents keep a part
-    of the elastic stiffness there.
-
-    Args:
-        equations: of the stage.
-        trial: where to begin.
-        slopes: derivatives are wanted at the end.
-    """
-    leading = _LeadingFactors(equations, slopes)
-    trial = leading.begun(trial)
-    least = _STIFFER if equations.large and trial.error > _NEAR else 0
-    most = MOST_STEPS + MOST_FAR if equations.large else MOST_STEPS
-    for step in range(most):
+def _by_potential(equations: StageEquations, trial: Trial) -> Balance:
+    """Newton's method along the slope of Pi, from a trial."""
+    factor: Factor | None = None
+    made_at: Trial | None = None
+    least = 0
+    for step in range(MOST_STEPS):
         if trial.error <= BALANCED:
-            return Balance(trial, step, leading.own, leading.made_at)
-        before = trial.error
-        d = leading.direction(trial, least)
+            return Balance(trial, step, factor, made_at)
+        factor, level = equations.factor(trial, least=least)
+        made_at = trial if level == 0 else None
+        d = equations.spread(factor.solve(trial.residual[:, None])[:, 0])
         following, share = _stepped(equations, trial, d)
-        if following.error >= before and before <= ROUNDING:
-            return Balance(trial, step + 1, leading.own, leading.made_at)
+        if following.error >= trial.error and trial.error <= ROUNDING:
+            return Balance(trial, step + 1, factor, made_at)
         if step >= _SUSPICIOUS and share == 1.0:
             _refuse_mechanism(equations, following, d)
-        slow = equations.large and following.error > max(_NEAR, _GOOD * before)
-        if not (slow and share == 1.0 and least == _STIFFER):
-            least = _next_level(least, share)
-        trial = leading.after(before, following)
-    raise NoEquilibrium(trial.du)
-
-
-@dataclass
-class _LeadingFactors:
-    """The factors on which the steps of one solution are made.
-
-    In a large model the factor that the last march has left leads the first steps, by conjugate
-    gradients on the tangent, and every factor that is made leads those after it, as long as a few
-    iterations are enough. Near the end every factor serves as many steps as are good ones. Where
-    derivatives are wanted, which need the factor of the last pieces, it is made as soon as these
-    are likely to be known.
-
-    Args:
-        equations: of the stage.
-        slopes: derivatives are wanted at the end.
-        own: the last factor that was made on the way, or None.
-        made_at: where, if its tangent was that of there.
-        lead: what the next step is tried on, or None.
-        led: the last step was made on that.
-    """
-
-    equations: StageEquations
-    slopes: bool
-    own: Factor | None = None
-    made_at: Trial | None = None
-    lead: Factor | None = None
-    led: bool = False
-
-    def begun(self, trial: Trial) -> Trial:
-        """Where the steps begin in place of a trial.
-
-        Beside equilibrium that is beyond those on the factor of the last march that are good; far
-        from it at the elastic step where that has the lower Pi, as in ground that is stronger than
-        any known: elastic factors are held, and lead from there.
-        """
-        equations, held = self.equations, self.equations.held
-        if not equations.large or held is None:
-            return trial
-        if trial.error > _IN_REACH:
-            elastic = equations.at(Directions(equations, held, BALANCED).guess())
-            if equations.distance(elastic) >= equations.distance(trial):
-                return trial
-            self.lead = held.elastic()
-            return elastic
-        self.lead = held.last()
-        if self.lead is None or trial.error > _NEAR:
-            return trial
-        return _by_secants(equations, trial, self.lead)
-
-    def direction(self, trial: Trial, least: int) -> Floats:
-        """The next step (n_dofs,).
-
-        Args:
-            trial: where from.
-            least: level of `ELASTIC_PARTS` in its tangent at least.
-        """
-        held, lead = self.equations.held, self.lead
-        ending = self.slopes and trial.error <= _PIECES_KNOWN
-        if lead is not None and lead.valid and held is not None and not ending:
-            directions = Directions(self.equations, held, BALANCED)
-            found = directions.step_on(lead, trial, _WORTH, least)
-            if found is not None:
-                self.led = True
-                return self.equations.spread(found)
-        factor, level = self.equations.factor(trial, least=least)
-        self.own, self.led = factor, False
-        self.made_at = trial if level == 0 else None
-        self.lead = factor if self.equations.large else None
-        return self.equations.spread(_solved(factor, trial))
-
-    def after(self, before: float, trial: Trial) -> Trial:
-        """Where the steps go on after one was made.
-
-        Args:
-            before: out-of-balance force where it began.
-            trial: where it ended.
-        """
-        if self.led and trial.error > _GOOD * before:
-            self.lead = None
-            return trial
-        last = self.lead if self.led else self.own
-        whole = self.led or self.made_at is not None
-        if last is None or not whole or trial.error > _CLOSE * before:
-            return trial
-        return _by_secants(self.equations, trial, last)
-
-
-def _by_secants(equations: StageEquations, trial: Trial, factor: Factor) -> Trial:
-    """Goes on with one factor as long as its steps are good ones."""
-    steps = SecantSteps(factor)
-    while trial.error > BALANCED:
-        d = steps.direction(trial.residual)
-        following = equations.at(trial.du + equations.spread(d))
-        if following.error > _QUICK * trial.error:
-            break
-        steps.learn(d, trial.residual - following.residual)
+        least = _next_level(least, share)
         trial = following
-    return trial
-
-
-def _solved(factor: Factor, trial: Trial) -> Floats:
-    """(n,) the step to equilibrium."""
-    return factor.solve(trial.residual[:, None])[:, 0]
+    raise NoEquilibrium(trial.du)
 
 
 def _stepped(equations: StageEquations, trial: Trial, d: Floats) -> tuple[Trial, float]:
@@ -380,28 +228,6 @@ def _settled(equations: StageEquations, trial: Trial) -> Trial | None:
     du = trial.du.copy()
     du[patch.dofs] = here.du
     return equations.at(du)
-
-
-def _on_held_factors(equations: StageEquations, directions: Directions, trial: Trial) -> Balance:
-    """The same with directions of descent of what is at hand (`inexact_newton`)."""
-    least, whole = 0, 0
-    for step in range(MOST_STEPS + MOST_FAR):
-        if trial.error <= BALANCED:
-            return Balance(trial, step, None, None)
-        free, level = directions.at(trial, least)
-        d = equations.spread(free)
-        following, share = follow_slope(equations, trial, d)
-        if following.error >= trial.error and trial.error <= ROUNDING:
-            return Balance(trial, step + 1, None, None)
-        if not directions.cut:
-            whole += 1
-            if whole > _SUSPICIOUS and share == 1.0:
-                _refuse_mechanism(equations, following, d)
-            least = _next_level(max(least, level), share)
-        else:
-            least = 0
-        trial = following
-    raise NoEquilibrium(trial.du)
 
 
 def _without_potential(

@@ -383,9 +383,6 @@ class Run:
         stepped = bool(imbalance.max() > NEGLIGIBLE_IMBALANCE)  # it may come as K0 changes
         du = np.zeros(len(forces))
         if stepped:
-            factor, analysis = self._plastic.virgin_factor(task), self._systems.analysis(system)
-            if factor is not None and analysis is not None:
-                self.factors.keep(task.state, factor, analysis, 0)
             du = elastic_step(task, self._systems, self.factors)[:, 0]
         if self._options.traced:
             trace = ElasticTrace(task, du, self._slopes, {}, given[..., 1:], stepped)

@@ -19,11 +19,9 @@ import numpy as np
 from geoident.forward.actions.thermal import NORMAL_COMPONENTS
 from geoident.forward.march.constitutive import Flow
 from geoident.forward.march.equilibrium import Balance
-from geoident.forward.march.inexact_newton import Directions
 from geoident.forward.march.stage import StageTask, add_moduli_slopes
 from geoident.forward.march.stage_equations import StageEquations, Trial
 from geoident.forward.march.systems import StageSystems
-from geoident.forward.march.viscous_path import BALANCED
 from geoident.model.arrays import Floats
 
 _SAME_TANGENT = 1e-7
@@ -31,9 +29,6 @@ _SAME_TANGENT = 1e-7
 
 _SAME_GENERAL_TANGENT = 1e-11
 """The same without potential, where eigenvalues may be a ten thousandth of the elastic ones."""
-
-_FEW = 6
-"""Steps of conjugate gradients for all derivatives together that cost less than a factorization."""
 
 _DERIVATIVES = slice(1, None)
 """Columns of what the march carries; column 0 is the state."""
@@ -108,24 +103,11 @@ def _add_multipliers(task: StageTask, flow: Flow, more: Floats) -> None:
 
 
 def _solved(equations: StageEquations, balance: Balance, rest: Floats) -> Floats:
-    """Solutions (n, k) with the tangent at the end.
-
-    The last factor serves as it is where it was made on the same pieces. In a large model it leads
-    a few steps of conjugate gradients where it was made near by.
-    """
-    if equations.associated and equations.at_hand is not None:
-        return Directions(equations, equations.at_hand, BALANCED).solve(balance.trial, rest)
-    factor, trial = balance.factor, balance.trial
-    if factor is not None and _is_exact(equations, balance):
-        return factor.solve(rest)
-    if equations.associated and equations.held is not None and equations.large:
-        near = factor if factor is not None else equations.held.last()
-        if near is not None and near.valid:
-            directions = Directions(equations, equations.held, BALANCED)
-            found = directions.solved_on(near, trial, rest, _FEW)
-            if found is not None:
-                return found
-    return equations.factor(trial)[0].solve(rest)
+    """Solutions (n, k) with the tangent at the end; the last factor serves on the same pieces."""
+    factor = balance.factor
+    if factor is None or not _is_exact(equations, balance):
+        factor, _ = equations.factor(balance.trial)
+    return factor.solve(rest)
 
 
 def _is_exact(equations: StageEquations, balance: Balance) -> bool:

@@ -19,14 +19,13 @@ import numpy as np
 
 from geoident.errors import ModelError
 from geoident.fem.location import format_point
-from geoident.fem.solvers.direct import Factor, NotPositiveDefinite
+from geoident.fem.solvers.direct import NotPositiveDefinite
 from geoident.fem.yielding.domain import EmptyDomain, NoProjection
 from geoident.forward.ground.elasticity import ModuliAt
 from geoident.forward.march.bands import band_at
 from geoident.forward.march.collapse import collapse_error, describe_mechanism, limit_of
 from geoident.forward.march.constitutive import Ground, ReachedPlanes, grounds_of
 from geoident.forward.march.equilibrium import Balance, solve
-from geoident.forward.march.held_factors import ElasticByHeld, HeldFactors, StageTangents
 from geoident.forward.march.plastic_derivatives import plastic_derivatives
 from geoident.forward.march.stage import (
     LastEquilibrium,
@@ -40,6 +39,7 @@ from geoident.forward.march.stage_equations import (
     Trial,
 )
 from geoident.forward.march.systems import StageSystems
+from geoident.forward.march.tangents import StageTangents
 from geoident.forward.march.viscous_path import Effort
 from geoident.forward.stages import ConstructionState, numbers
 from geoident.forward.yielding.surfaces import YieldLaws
@@ -84,16 +84,14 @@ class _Known:
 class WarmStart:
     """Displacement steps at parameter vectors that are known, to start Newton's method from.
 
-    With the factors of the tangents there. It is shared by all marches of a model: what one leaves
-    helps the next to converge, and changes its numbers no further than the tolerance of
-    equilibrium.
+    It is shared by all marches of a model: what one leaves helps the next to converge, and changes
+    its numbers no further than the tolerance of equilibrium.
     """
 
     def __init__(self) -> None:
         self._known: dict[int, deque[_Known]] = {}
-        self.factors = HeldFactors()
 
-    def without_factors(self) -> WarmStart:
+    def copy(self) -> WarmStart:
         """What is known now; what comes to be known later of one is not known of the other."""
         other = WarmStart()
         other._known = {stage: deque(kept) for stage, kept in self._known.items()}
@@ -247,19 +245,6 @@ class PlasticSteps:
                 proven=error.limit, ended=even, band=band, reached=reached,
             ) from error  # fmt: skip
 
-    def virgin_factor(self, task: StageTask) -> Factor | None:
-        """The elastic stiffness of the virgin state where something yields, on what is held.
-
-        Raises:
-            ModelError: it is not positive definite.
-        """
-        if not self.yields(task.state) or not task.system.pattern.lower.n:
-            return None
-        tangents = StageTangents(self.systems, task, task.elasticity(), self.warm.factors)
-        with self._told(task):
-            tangents.elastic()
-        return ElasticByHeld(tangents)
-
     def refuse_virgin(self, task: StageTask) -> None:
         """Refuse an in-situ stress outside a yield surface, with place and factor.
 
@@ -373,7 +358,7 @@ class PlasticSteps:
                 return self.systems.structures.nodal_forces(total)[:, 0]
 
         moduli = {ground.name: ground.elasticity for ground in grounds}
-        tangents = StageTangents(self.systems, task, moduli, self.warm.factors)
+        tangents = StageTangents(self.systems, task, moduli)
         return StageEquations(
             self.systems.discretization.points,
             volume=task.system.volume,
@@ -383,8 +368,6 @@ class PlasticSteps:
             forces=task.forces[:, 0],
             tangents=tangents,
             members=members,
-            at_hand=tangents if tangents.most else None,
-            held=tangents,
             patches=tangents,
         )
 
@@ -394,8 +377,7 @@ class PlasticSteps:
         """Equilibrium, or the reason why there is none."""
         try:
             starts = [np.zeros_like(equations.forces), *guesses]
-            slopes = task.forces.shape[1] > 1
-            found = solve(equations, starts, even_only=self.even_only, slopes=slopes)
+            found = solve(equations, starts, even_only=self.even_only)
             if self._means_nothing(equations, found):
                 raise NoEquilibrium(found.trial.du)
             return found

@@ -14,7 +14,6 @@ from typing import Protocol
 import numpy as np
 
 from geoident.fem.patches import Patch
-from geoident.fem.solvers.conjugate_gradients import Product
 from geoident.fem.solvers.direct import Factor, NotPositiveDefinite
 from geoident.fem.yielding.domain import NoReturn
 from geoident.forward.march.constitutive import Flow, Ground
@@ -62,23 +61,6 @@ class Patches(Protocol):
 
     def within(self, patch: Patch) -> Tangents:
         """What makes factors of the stiffness of a patch."""
-
-
-class FactorsAtHand(Protocol):
-    """Factors of the stiffness of a stage that were made before, and products with it."""
-
-    @property
-    def most(self) -> int:
-        """Steps of conjugate gradients that cost about as much as a factorization."""
-
-    def elastic(self) -> Factor:
-        """Factor of the elastic K, perhaps of moduli of other parameters."""
-
-    def last(self) -> Factor | None:
-        """Factor of the last tangent of this ground, if it is still there."""
-
-    def product(self, points: Ints, change: Floats) -> Product:
-        """Products of the elastic K plus symmetric changes (q, s, s) at points (q,), as above."""
 
 
 @dataclass(frozen=True)
@@ -150,8 +132,6 @@ class StageEquations:
         forces: (n_dofs,) f.
         tangents: makes factors.
         members: nodal forces (n_dofs,) of linings and bolts at a displacement step, or None.
-        at_hand: factors that were made before, to lead everywhere; None: most steps make theirs.
-        held: the same, to begin and to end with.
         viscosity: part of the overstress s* - P(s*) that is kept (`viscous_path`).
         patches: parts that can be solved by themselves; None for none.
     """
@@ -164,8 +144,6 @@ class StageEquations:
     forces: Floats
     tangents: Tangents
     members: Callable[[Floats], Floats] | None = None
-    at_hand: FactorsAtHand | None = None
-    held: FactorsAtHand | None = None
     viscosity: float = 0.0
     patches: Patches | None = None
 

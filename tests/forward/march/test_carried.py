@@ -9,13 +9,7 @@ import pytest
 
 from geoident.fem.elasticity import PointwiseModuli, UniformModuli
 from geoident.fem.solvers.direct import DirectFactor
-from geoident.forward.march import held_factors, plastic_step
-from geoident.forward.march.held_factors import (
-    ElasticByHeld,
-    HeldFactors,
-    steps_worth,
-    symmetric_product,
-)
+from geoident.forward.march import plastic_step
 from geoident.forward.march.lasting import LastingGround, solve_still
 from geoident.forward.march.plastic_step import WarmStart
 from geoident.forward.march.stage import (
@@ -272,82 +266,6 @@ def test_modes_whose_columns_stand_together_are_one_run(names, columns, runs):
 # --- held factors ---
 
 
-def test_what_a_factorization_is_worth_begins_at_twelve_steps():
-    """0.02 n^(2/3): 12 from n = 600^1.5 on, 40 from 2000^1.5."""
-    least, most = round(600**1.5), round(2000**1.5)
-    assert [steps_worth(n, 3) for n in (least - 5, least + 5)] == [0, 12]
-    assert [steps_worth(n, 3) for n in (most - 50, most + 50, 10 * most)] == [39, 40, 40]
-    assert steps_worth(most, 2) == 0
-
-
-def test_products_are_those_of_the_whole_symmetric_matrix():
-    half = RNG.normal(size=(5, 5))
-    matrix = half + half.T
-    matrix[3, 0] = matrix[0, 3] = 0.0
-    rows = [np.flatnonzero(np.tril(matrix)[:, k]) for k in range(5)]
-    values = np.concatenate([matrix[r, k] for k, r in enumerate(rows)])
-    ends = np.cumsum([0, *map(len, rows)])
-    lower = SimpleNamespace(n=5, indptr=ends, indices=np.concatenate(rows))
-    x = RNG.normal(size=(5, 3))
-    np.testing.assert_allclose(symmetric_product(lower, values)(x), matrix @ x, rtol=1e-12)
-
-
-def test_room_is_made_by_what_was_held_last_of_other_ground():
-    held, factors = HeldFactors(entries=25), {name: Kept() for name in "abcd"}
-    for name, size in (("a", 10), ("b", 5), ("c", 6)):
-        held.keep(name, "elastic", factors[name], size)
-    held.make_room("d", "tangent", 4)  # 21 + 4 are 25
-    assert all(held.find(name, "elastic") for name in "abc")
-    held.make_room("d", "tangent", 5)
-    assert [held.find(name, "elastic") is not None for name in "abc"] == [True, True, False]
-    held.keep("d", "elastic", factors["d"], 1)
-    held.make_room("d", "tangent", 12)  # one's own of the other kind stays; b goes, a would too
-    assert [held.find(n, "elastic") is not None for n in "abd"] == [True, False, True]
-
-
-class Tangents:
-    """Products with K; a factor of a near matrix, or one that is far off, and of K again."""
-
-    def __init__(self, off):
-        self.K = np.diag([2.0, 3.0, 5.0]) + 0.3
-        self.off, self.asked, self.made = off, [], []
-
-    def product(self, points, change):
-        self.asked.append((points.shape, points.dtype, change.shape))
-        return lambda x: self.K @ x
-
-    def elastic(self, *, again=False):
-        self.made.append(again)
-        matrix = self.K if again else self.K + self.off
-        return SimpleNamespace(solve=lambda rhs: np.linalg.solve(matrix, rhs))
-
-
-@pytest.mark.parametrize(("size", "again"), [(1.0, [False]), (1e9, [False, True])])
-def test_elastic_states_are_solved_on_a_factor_that_is_held(size, again, monkeypatch):
-    """Of moduli of another size one step is enough; where the steps are not, a factor is made."""
-    tangents = Tangents(size * np.diag([0.0, 1.0, 2.0]))
-    if size > 1.0:
-        monkeypatch.setattr(held_factors, "FEWEST", 1)
-    rhs = RNG.normal(size=(3, 2))
-    factor = ElasticByHeld(tangents)
-    assert factor.valid
-    np.testing.assert_allclose(factor.solve(rhs), np.linalg.solve(tangents.K, rhs), rtol=1e-11)
-    assert tangents.made == again
-    assert tangents.asked == [((0,), np.int64, (0, 0, 0))]
-
-
-def test_elastic_factors_are_asked_for_twelve_steps_and_all_digits(monkeypatch):
-    asked = []
-
-    def fake(product, rhs, solve, *, tolerance, most):
-        asked.append((tolerance, most))
-        return SimpleNamespace(reached=True, x=rhs)
-
-    monkeypatch.setattr(held_factors, "conjugate_gradients", fake)
-    ElasticByHeld(Tangents(1.0)).solve(np.ones((3, 1)))
-    assert asked == [(1e-13, 12)]
-
-
 # --- where Newton's method starts ---
 
 
@@ -399,16 +317,6 @@ def test_at_least_four_parameter_vectors_are_kept(monkeypatch):
         known = [one.du[0] for one in warm._known[1]]
         assert known == [float(k) for k in range(50 - most, 50)]
     assert plastic_step._FEWEST == 4
-
-
-def test_what_is_known_is_handed_on_without_factors():
-    warm = WarmStart()
-    warm.keep(task(1, E=1.0, c=1.0), np.ones((6, 3)))
-    other = warm.without_factors()
-    assert other.factors is not warm.factors
-    other.keep(task(1, E=5.0, c=1.0), np.full((6, 3), 2.0))
-    assert warm.guesses(task(1, E=5.0, c=1.0))[0][0] == 1.0
-    assert other.guesses(task(1, E=5.0, c=1.0))[0][0] == 2.0
 
 
 # --- ground that lasts ---

@@ -220,8 +220,8 @@ def balanced(steps, found, equations=None, columns=3, guesses=((1.0, 2.0),)):
     """What is asked of the solver, and what comes of its answer."""
     asked = []
 
-    def solve(equations, starts, *, even_only, slopes):
-        asked.append(([start.tolist() for start in starts], even_only, slopes))
+    def solve(equations, starts, *, even_only):
+        asked.append(([start.tolist() for start in starts], even_only))
         if isinstance(found, Exception):
             raise found
         return found
@@ -240,10 +240,10 @@ def test_a_stage_starts_from_rest_and_from_what_is_known(steps):
     found = balance([0.01, 0.0])
     asked, answer = balanced(steps, found)
     assert answer is found
-    assert asked == [([[0.0, 0.0], [1.0, 2.0]], False, True)]
+    assert asked == [([[0.0, 0.0], [1.0, 2.0]], False)]
     steps.even_only = True
     asked, _ = balanced(steps, found, columns=1, guesses=())
-    assert asked == [([[0.0, 0.0]], True, False)]
+    assert asked == [([[0.0, 0.0]], True)]
 
 
 @pytest.mark.parametrize("met", ["the stage", "what is left of it", "a part of its load"])

@@ -1,4 +1,7 @@
-"""Conjugate gradients that stop when the error in energy is known to be small.
+"""Conjugate gradients (Hestenes & Stiefel 1952) that stop when the error in energy is known small.
+
+Each column has its own iteration; products with the matrix and solves of the preconditioner are
+made for all columns that still need them together.
 
 With M the preconditioner and the eigenvalues of M^-1 K not below m,
 
@@ -15,13 +18,16 @@ not positive definite, is found whatever loads follow.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
-from geoident.fem.solvers.conjugate_gradients import ConjugateDirections, Product
 from geoident.fem.solvers.direct import NotPositiveDefinite
-from geoident.model.arrays import Floats
+from geoident.model.arrays import Bools, Floats, Ints
+
+Product = Callable[[Floats], Floats]
+"""K x (n, k) of x (n, k), or the solutions M^-1 r of a preconditioner."""
 
 ENERGY = 1e-10
 """Largest error in energy norm, relative to the solution."""
@@ -37,6 +43,56 @@ NEARLY_SINGULAR = 1e-9
 
 MOST = 400
 """Steps until a matrix is given up."""
+
+
+class ConjugateDirections:
+    """The iteration of K x = b, column by column; columns that are zero have none.
+
+    One step is `curvature`, `advance`, and `turn`; `keep` between them drops columns that are done.
+
+    Args:
+        product: K x.
+        precondition: M^-1 r.
+        rhs: (n, k) right-hand sides b.
+
+    Attributes:
+        x: (n, k) what was found so far.
+        going: columns that go on, of which are
+        r: (n, g) residuals,
+        d: (n, g) directions,
+        rz: (g,) r^T M^-1 r.
+    """
+
+    def __init__(self, product: Product, precondition: Product, rhs: Floats) -> None:
+        self._product, self._precondition = product, precondition
+        self.x, self.going = np.zeros_like(rhs), np.flatnonzero(rhs.any(axis=0))
+        self.r = rhs[:, self.going]
+        self.d = precondition(self.r) if self.going.size else self.r
+        self.rz = (self.r * self.d).sum(axis=0)
+        self._q = self.d
+
+    def curvature(self) -> Floats:
+        """The product with the matrix; d^T K d (g,)."""
+        self._q = self._product(self.d)
+        return np.asarray((self.d * self._q).sum(axis=0))
+
+    def advance(self, length: Floats) -> None:
+        """Go along the directions, so far (g,)."""
+        self.x[:, self.going] += length * self.d
+        self.r = self.r - length * self._q
+
+    def keep(self, on: Bools | Ints) -> None:
+        """Go on with some of the columns (g,) alone."""
+        self.going, self.rz = self.going[on], self.rz[on]
+        self.r, self.d = self.r[:, on], self.d[:, on]
+
+    def turn(self) -> Floats:
+        """The solve of the preconditioner: new directions; r^T M^-1 r by that of before (g,)."""
+        z = self._precondition(self.r)
+        following = (self.r * z).sum(axis=0)
+        ratio = following / self.rz
+        self.d, self.rz = z + ratio * self.d, following
+        return np.asarray(ratio)
 
 
 class Stagnates(ArithmeticError):
