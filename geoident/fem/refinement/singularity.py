@@ -14,7 +14,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy.optimize import brentq
 
 from geoident.fem.faces import FaceTable
 from geoident.model.arrays import Bools, Floats, Ints
@@ -39,6 +38,8 @@ def exponent(opening: float) -> float:
     if opening <= np.pi + _STRAIGHT:
         return np.inf
     # It is 1/2 for a slit, with room for rounding there, and nears 1 for a straight side.
+    from scipy.optimize import brentq  # Takes long to import, and few runs refine meshes.
+
     root = brentq(lambda x: math.sin(x * opening) + x * math.sin(opening), 0.5 - 1e-9, 1.0)
     return float(root)
 
