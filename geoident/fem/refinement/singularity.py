@@ -38,7 +38,7 @@ def exponent(opening: float) -> float:
     if opening <= np.pi + _STRAIGHT:
         return np.inf
     # It is 1/2 for a slit, with room for rounding there, and nears 1 for a straight side.
-    from scipy.optimize import brentq  # Takes long to import, and few runs refine meshes.
+    from scipy.optimize import brentq  # noqa: PLC0415 - 0.3 s, and few runs refine meshes
 
     root = brentq(lambda x: math.sin(x * opening) + x * math.sin(opening), 0.5 - 1e-9, 1.0)
     return float(root)
