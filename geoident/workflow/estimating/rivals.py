@@ -19,8 +19,8 @@ from geoident.identify.assessment.laplace import (
     laplace_mass,
     log_normalisation,
     log_prior_volume,
-    mixture_interval,
 )
+from geoident.identify.assessment.normal_mixture import mixture_interval
 from geoident.identify.least_squares.acceptance import Iterate
 from geoident.identify.least_squares.several_starts import RIVAL, Angles, distinct_minima
 from geoident.identify.problem.outcome import LocalMinimum, Outcome
