@@ -53,7 +53,8 @@ class LaplaceMass:
 
     Args:
         log_mass: logarithm of M.
-        covariance_x: (n, n) H^-1 in the scaled parameters, before the bounds.
+        covariance_x: (n, n) H^-1 in the scaled parameters, before the bounds; zero for parameters
+            whose bounds coincide, which take no part.
     """
 
     log_mass: float
@@ -68,9 +69,10 @@ def laplace_mass(at: Linearization, x: Floats, scaling: Scaling) -> LaplaceMass:
         x: (n,) scaled parameters.
         scaling: of them.
     """
-    J, r, n = at.jacobian, at.residual, len(x)
-    width = scaling.upper - scaling.lower
-    width = np.where(np.isfinite(width) & (width > 0.0), width, UNBOUNDED_RANGE)
+    free = np.flatnonzero(scaling.upper > scaling.lower)
+    lower, upper, n = scaling.lower[free], scaling.upper[free], len(free)
+    J, r = at.jacobian[:, free], at.residual
+    width = np.where(np.isfinite(upper - lower), upper - lower, UNBOUNDED_RANGE)
     A = np.concatenate([J * width, np.eye(n) / FLAT])  # in ranges, for the numbers' sake
     _, S, Vt = np.linalg.svd(A, full_matrices=False)
     inverse = (Vt.T / S**2) @ Vt
@@ -79,10 +81,12 @@ def laplace_mass(at: Linearization, x: Floats, scaling: Scaling) -> LaplaceMass:
     lowest = at.objective - float(change @ change)
     covariance = inverse * np.outer(width, width)
     log_root = float(np.log(S).sum() - np.log(width).sum())
-    mean = x + width * to_mean
-    inside = log_probability_within(mean, covariance, scaling.lower, scaling.upper)
+    mean = x[free] + width * to_mean
+    inside = log_probability_within(mean, covariance, lower, upper)
     log_mass = -0.5 * lowest + 0.5 * n * _LOG_2PI - log_root + inside
-    return LaplaceMass(log_mass, covariance)
+    covariance_x = np.zeros((len(x), len(x)))
+    covariance_x[np.ix_(free, free)] = covariance
+    return LaplaceMass(log_mass, covariance_x)
 
 
 def log_prior_volume(parameters: tuple[Parameter, ...]) -> float:

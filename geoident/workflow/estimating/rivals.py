@@ -146,7 +146,8 @@ def _evidence(
 def stand_apart(rivals: Rivals) -> Bools:
     """Parameters (n,) of which the minima that matter say different things."""
     sd = np.sqrt(np.diagonal(rivals.covariance, axis1=1, axis2=2))
-    distance = np.abs(rivals.values - rivals.values[0]) / np.sqrt(sd**2 + sd[0] ** 2)
+    apart = np.sqrt(sd**2 + sd[0] ** 2)  # zero where bounds coincide, and with them the values
+    distance = np.abs(rivals.values - rivals.values[0]) / np.maximum(apart, 1e-300)
     counts = rivals.odds >= min(0.5 * (1.0 - SETTLED), float(rivals.odds[0]))
     return np.asarray((distance > APART)[counts].any(axis=0), dtype=np.bool_)
 

@@ -129,7 +129,7 @@ def test_shared_errors_under_a_robust_loss_are_counted_as_under_the_squared_one(
 
 
 def test_the_covariance_of_a_minimum_is_that_of_the_readings_and_a_hundred_ranges():
-    """Ranges of a parameter between bounds, and ten of one that has none or is held."""
+    """Ranges of a parameter between bounds, and ten of one that has none; of one held, nothing."""
     parameters = (
         Parameter("a", 2.0, 1.0, 4.0),
         Parameter("b", 3.0, -np.inf, np.inf),
@@ -141,14 +141,30 @@ def test_the_covariance_of_a_minimum_is_that_of_the_readings_and_a_hundred_range
     scaling = Scaling(parameters)
     x = scaling.to_scaled(np.array([2.5, 4.0, 5.0, 3.0]))
     found = laplace_mass(Linearization(r, J), x, scaling)
-    width = np.array([3.0 / 2.0, 10.0, 10.0, np.log(8.0)])
-    curvature = J.T @ J + np.diag((100.0 * width) ** -2.0)
-    np.testing.assert_allclose(found.covariance_x, np.linalg.inv(curvature), rtol=1e-6)
-    lowest = r @ r - (J.T @ r) @ np.linalg.solve(curvature, J.T @ r)
-    mean = x - np.linalg.solve(curvature, J.T @ r)
-    inside = log_probability_within(mean, found.covariance_x, scaling.lower, scaling.upper)
-    expected = -0.5 * lowest + 2.0 * np.log(2.0 * np.pi) - 0.5 * np.linalg.slogdet(curvature)[1]
+    some = [0, 1, 3]
+    width = np.array([3.0 / 2.0, 10.0, np.log(8.0)])
+    curvature = J[:, some].T @ J[:, some] + np.diag((100.0 * width) ** -2.0)
+    covariance = found.covariance_x[np.ix_(some, some)]
+    np.testing.assert_allclose(covariance, np.linalg.inv(curvature), rtol=1e-6)
+    assert not found.covariance_x[2].any()
+    assert not found.covariance_x[:, 2].any()
+    gradient = J[:, some].T @ r
+    step = np.linalg.solve(curvature, gradient)
+    bounds = scaling.lower[some], scaling.upper[some]
+    inside = log_probability_within(x[some] - step, covariance, *bounds)
+    lowest = r @ r - gradient @ step
+    expected = -0.5 * lowest + 1.5 * np.log(2.0 * np.pi) - 0.5 * np.linalg.slogdet(curvature)[1]
     assert found.log_mass == pytest.approx(expected + inside, abs=1e-6)
+
+
+def test_a_parameter_that_is_held_is_the_same_as_none(make_problem):
+    """Its mass was zero, and so the evidence of every model with one."""
+    A = np.array([[1.0, 0.5], [0.3, 2.0]])
+    free, held = Parameter("a", 1.0, 0.0, 5.0), Parameter("b", 2.0, 2.0, 2.0)
+    y = A @ [1.1, 2.0]
+    both = make_problem(lambda p: A @ p, [free, held], y, 0.3)
+    alone = make_problem(lambda p: A @ np.append(p, 2.0), [free], y, 0.3)
+    assert _mass(both, [1.0, 2.0]) == pytest.approx(_mass(alone, [1.0]), abs=1e-9)
 
 
 def test_volumes_of_priors_and_widths_multiply():
