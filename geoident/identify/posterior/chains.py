@@ -134,6 +134,7 @@ def crank_nicolson(
     variance, axes = np.linalg.eigh(root @ root.T)
     variance = np.clip(variance, 0.0, 1.0)
     t = ((_starting_points(begin, rng, CHAINS) - centre) / sd) @ axes
+    log_pi = np.full(CHAINS, -np.inf)
     b, accepted, tried = 0.5, 0, 0
 
     def coordinates(t: Floats) -> Floats:

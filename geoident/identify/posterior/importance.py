@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from scipy.special import logsumexp
@@ -228,9 +229,10 @@ class Proposal:
         """Log density (k,) at x (k, m) inside the bounds, up to one constant."""
         from scipy.stats import multivariate_t  # noqa: PLC0415 - a quarter of a second
 
+        degrees: Any = self.degrees  # scipy's stubs want whole ones
         parts = np.empty((len(self.weights) + 1, len(x)))
         for k, (centre, root) in enumerate(zip(self.centres, self.roots, strict=True)):
-            parts[k] = multivariate_t.logpdf(x, centre, root @ root.T, self.degrees)
+            parts[k] = multivariate_t.logpdf(x, centre, root @ root.T, degrees)
             parts[k] += np.log(self.weights[k])
         with np.errstate(divide="ignore"):  # no uniform component where a bound is infinite
             parts[-1] = np.log(self.uniform / np.prod(self.upper - self.lower))
@@ -269,7 +271,13 @@ class WeightedDraws:
     def more(
         self, density: PosteriorDensity, rng: np.random.Generator, count: int
     ) -> WeightedDraws:
-        """With so many further draws of the proposal."""
+        """With further draws of the proposal.
+
+        Args:
+            density: of the posterior.
+            rng: of random numbers.
+            count: how many.
+        """
         x = self.proposal.draw(rng, count)
         return WeightedDraws(
             self.proposal,
