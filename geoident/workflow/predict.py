@@ -460,7 +460,7 @@ def what_is_known(
 
 
 def _followed(task: Task, known: Known, survey: Survey, model: CaseModel) -> Known:
-    """With what a bound leaves open, as the fit has it; not for another case than that of the fit.
+    """With the posterior where a bound truncates it, as the fit has it; not for another case.
 
     Args:
         task: the prediction.

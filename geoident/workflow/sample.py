@@ -224,7 +224,7 @@ def sample(task: SampleTask, control: Control) -> Finished:
 
 
 def _drawn(task: SampleTask, density: PosteriorDensity, control: Control) -> Draws:
-    """Draws, by the first sampler that can be believed.
+    """Draws, by the first sampler that is reliable.
 
     Raises:
         Interrupted: the time was up before there were any.

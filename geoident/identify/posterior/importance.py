@@ -17,10 +17,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
-from scipy.special import logsumexp
+from scipy.special import gammaln, logsumexp
 
 from geoident.errors import ModelError
 from geoident.identify.posterior.density import PosteriorDensity
@@ -227,13 +226,16 @@ class Proposal:
 
     def logarithms(self, x: Floats) -> Floats:
         """Log density (k,) at x (k, m) inside the bounds, up to one constant."""
-        from scipy.stats import multivariate_t  # noqa: PLC0415 - a quarter of a second
-
-        degrees: Any = self.degrees  # scipy's stubs want whole ones
+        m, nu = x.shape[1], self.degrees
         parts = np.empty((len(self.weights) + 1, len(x)))
         for k, (centre, root) in enumerate(zip(self.centres, self.roots, strict=True)):
-            parts[k] = multivariate_t.logpdf(x, centre, root @ root.T, degrees)
-            parts[k] += np.log(self.weights[k])
+            distance = np.sum(np.linalg.solve(root, (x - centre).T) ** 2, axis=0)
+            size = np.log(self.weights[k]) - np.sum(np.log(np.diag(root)))
+            if np.isfinite(nu):
+                size += gammaln(0.5 * (nu + m)) - gammaln(0.5 * nu) - 0.5 * m * np.log(nu * np.pi)
+                parts[k] = size - 0.5 * (nu + m) * np.log1p(distance / nu)
+            else:
+                parts[k] = size - 0.5 * m * np.log(2.0 * np.pi) - 0.5 * distance
         with np.errstate(divide="ignore"):  # no uniform component where a bound is infinite
             parts[-1] = np.log(self.uniform / np.prod(self.upper - self.lower))
         return np.asarray(logsumexp(parts, axis=0))
@@ -370,10 +372,11 @@ class ImportanceSampler:
         return drawn
 
     def adapted(self) -> Proposal:
-        """The most efficient proposal of some rounds, each of kernels at all draws so far."""
+        """The most efficient proposal of some rounds, each of kernels at the draws before."""
         first, begun = self.rounds[0].proposal, len(self.rounds)
         while len(self.rounds) < begun + ROUNDS and not self.stopped:
-            kernels = first.kernels_at(*_pooled(self.rounds), self._rng)
+            recent = self.rounds[:1] + self.rounds[1:][-ROUNDS:]
+            kernels = first.kernels_at(*_pooled(recent), self._rng)
             self.rounds.append(self._more(WeightedDraws.none_of(kernels), FIRST, ADAPTING))
             if self.rounds[-1].reliable(WORTH_ADAPTING):
                 break

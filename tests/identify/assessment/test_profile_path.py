@@ -221,6 +221,31 @@ def test_one_parameter_has_its_posterior_as_far_as_the_model_has_a_solution(make
     np.testing.assert_allclose(found, [low, high], atol=0.02 * (high - low))
 
 
+def test_where_the_others_are_known_ever_better_there_is_less_of_the_posterior(make_problem):
+    """A reading b exp(c): given c, b is known to exp(-c). The judge is the posterior on a grid."""
+    two = (Parameter("c", 0.5, 0.0, 4.0), Parameter("b", 1.0, -60.0, 60.0))
+    at, sd = np.array([0.0, 3.0]), np.array([1.5, 1.0])
+
+    def v(p):
+        return np.array([p[0], p[1] * np.exp(p[0])])
+
+    def slope(p):
+        return np.array([[1.0, 0.0], [p[1] * np.exp(p[0]), np.exp(p[0])]])
+
+    def readings(p):
+        return PathReadings(v(p), slope(p), v(p), slope(p))
+
+    problem = make_problem(v, two, at, sd)
+    linear = assess(problem, at, slope(at), v(at))
+    known, path = with_profile(linear, problem, at, readings(at), readings)
+    assert path is not None
+    c = np.linspace(0.0, 4.0, 4000)
+    low, high = shortest(c, np.exp(-0.5 * (c / 1.5) ** 2 - c))
+    ends = known.posterior.summary(np.eye(2)[:1], limits=(np.zeros(1), np.full(1, 8.0)))
+    found = 0.5 * np.concatenate([ends.lower95, ends.upper95])  # the reference of c is its start
+    np.testing.assert_allclose(found, [low, high], atol=0.03 * high)
+
+
 def test_readings_deviate_as_the_model_does_and_where_it_has_none_not_at_all(make_problem):
     def partly(p):
         return np.array([np.nan, saturating(p)[0]])

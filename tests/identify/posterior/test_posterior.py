@@ -289,6 +289,13 @@ def test_crank_nicolson_does_not_depend_on_the_number_of_modes(monkeypatch, n, e
     np.testing.assert_allclose(w.std(axis=0), sd, rtol=0.3)
 
 
+def test_modes_of_fields_take_crank_nicolson_steps_where_importance_sampling_fails():
+    problem, _ = many(20, bend=1.2)
+    fit = identify(problem, (GaussNewtonOptions(),), lambda iteration: None)
+    found, _, _ = drawn(problem, fit.values, draws=60, effective=60, evaluations=1500)
+    assert found.sampler == "preconditioned Crank-Nicolson"
+
+
 def test_where_there_is_no_solution_there_are_no_draws():
     class Half(Line):
         def readings(self, p):
