@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import chdtr, chdtrc
 
-from geoident.identify.assessment.posterior import NormalMixture
+from geoident.identify.assessment.normal_mixture import mixture_interval
 from geoident.identify.hierarchical.arrangement import SectionReadings, of_bounds
 from geoident.identify.hierarchical.restricted import (
     GivenScatter,
@@ -196,10 +196,9 @@ def _interval(
     cut: bool = True,
 ) -> Interval95:
     """Values p (l,) with intervals, from deviations (J, l) on their scales and variances."""
-    sd = np.sqrt(np.maximum(variance, 0.0))
-    mixture = NormalMixture(np.ascontiguousarray(mean.T), np.ascontiguousarray(sd.T), weights)
-    reach = 10.0 * mixture.sd.max(axis=1) + np.abs(mixture.mean).max(axis=1)
-    low, high = (mixture.quantile(np.full(len(p), tail), -reach, reach) for tail in (0.025, 0.975))
+    variance = np.maximum(variance, 0.0)
+    rms = np.sqrt(weights @ (mean**2 + variance))
+    low, high = mixture_interval(weights, mean, np.sqrt(variance))
     low, high = np.minimum(low, 0.0), np.maximum(high, 0.0)  # the estimate is among them
     if cut:
         lower, upper = scaling.away(p, low), scaling.away(p, high)
@@ -209,7 +208,7 @@ def _interval(
                 np.where(scaling.log, p * np.exp(step), p + step * scaling.reference)
                 for step in (low, high)
             )
-    return Interval95(p, mixture.rms * scaling.slope(p), lower, upper)
+    return Interval95(p, rms * scaling.slope(p), lower, upper)
 
 
 @dataclass(frozen=True)
