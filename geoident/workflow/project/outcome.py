@@ -12,8 +12,8 @@ import numpy as np
 
 from geoident.errors import ExitCode, ModelError
 from geoident.identify.assessment.uncertainty import assess
-from geoident.identify.hierarchical.joint_problem import SectionReadings
 from geoident.identify.hierarchical.bands import ReadingBands, reading_bands
+from geoident.identify.hierarchical.joint_problem import SectionReadings
 from geoident.identify.hierarchical.knowledge import (
     Interval95,
     SectionMisfit,
