@@ -184,6 +184,14 @@ def minimise(
         value = float(objective(x.copy()))
         return np.inf if np.isnan(value) else value
 
+    x = np.array(x0, dtype=np.float64)[None, :]
+    values = np.array([phi(x[0])])
+    if not np.isfinite(values[0]):
+        raise ModelError(
+            "The model has no solution at the start of the simplex search.",
+            "Give start values at which the model can be computed.",
+        )
+
     def size(x: Floats) -> float:
         return float(np.max(np.abs(x - x[0]), initial=0.0))
 
@@ -207,13 +215,6 @@ def minimise(
                 return "stopped"
         return "converged"
 
-    x = np.array(x0, dtype=np.float64)[None, :]
-    values = np.array([phi(x[0])])
-    if not np.isfinite(values[0]):
-        raise ModelError(
-            "The model has no solution at the start of the simplex search.",
-            "Give start values at which the model can be computed.",
-        )
     ending = descended(options.size)
     for number in range(1, options.restarts + 1):
         if ending in ("evaluations", "stopped"):
