@@ -39,7 +39,6 @@ import numpy as np
 
 from geoident.fem.solvers.direct import Factor
 from geoident.forward.march.stage_equations import (
-    ELASTIC_PARTS,
     Balance,
     NoEquilibrium,
     StageEquations,
@@ -100,9 +99,6 @@ _PATCH_STEPS = 10
 _SETTLED = 1e-3
 """Part of the out-of-balance force that is left there."""
 
-_STIFFER = 6
-"""Level from which a tangent whose step was too long is made stiffer."""
-
 
 def solve(
     equations: StageEquations,
@@ -133,11 +129,10 @@ def _by_potential(equations: StageEquations, trial: Trial) -> Balance:
     """Newton's method along the slope of Pi, from a trial."""
     factor: Factor | None = None
     made_at: Trial | None = None
-    least = 0
     for step in range(MOST_STEPS):
         if trial.error <= BALANCED:
             return Balance(trial, factor, made_at)
-        factor, level = equations.factor(trial, least=least)
+        factor, level = equations.factor(trial)
         made_at = trial if level == 0 else None
         d = equations.spread(factor.solve(trial.residual[:, None])[:, 0])
         following, share = _stepped(equations, trial, d)
@@ -145,7 +140,6 @@ def _by_potential(equations: StageEquations, trial: Trial) -> Balance:
             return Balance(trial, factor, made_at)
         if step >= _SUSPICIOUS and share == 1.0:
             _refuse_mechanism(equations, following, d)
-        least = _next_level(least, share)
         trial = following
     raise NoEquilibrium(trial.du)
 
@@ -186,14 +180,12 @@ def _settled(equations: StageEquations, trial: Trial) -> Trial | None:
         return None
     own = equations.within(patch, patches.within(patch), trial.du)
     here = own.at(trial.du[patch.dofs])
-    least = 0
     for _ in range(_PATCH_STEPS):
         if np.abs(here.residual).max() <= _SETTLED * worst:
             break
-        factor, _ = own.factor(here, least=least)
+        factor, _ = own.factor(here)
         d = own.spread(factor.solve(here.residual[:, None])[:, 0])
-        here, share = follow_slope(own, here, d)
-        least = _next_level(least, share)
+        here, _ = follow_slope(own, here, d)
     du = trial.du.copy()
     du[patch.dofs] = here.du
     return equations.at(du)
@@ -235,15 +227,6 @@ def _without_potential(
     if trial.error > _UNBALANCED * at_rest:
         raise refused
     return Balance(trial, None, None, unbalanced=trial.error / at_rest)
-
-
-def _next_level(level: int, share: float) -> int:
-    """How much of the elastic stiffness the next tangent keeps, after a share of a step."""
-    if share < 0.3:
-        return min(max(level + 1, _STIFFER), len(ELASTIC_PARTS) - 2)
-    if share < 0.9:
-        return level
-    return level - 1 if level > _STIFFER else 0
 
 
 def follow_slope(
