@@ -219,7 +219,7 @@ class StagedModel(Marches):
         else:
             self.count_evaluation()
             ways, observed = self._readings_until(until), []
-            backwards = ways.cost_less(len(self.names)) and not self.is_lent(p)
+            backwards = ways.cost_less(len(self.names))
             back = ways if backwards else None
             run = self.at(p, RunOptions(partial=partial, last=last, traced=back is not None))
             for end in run.states():

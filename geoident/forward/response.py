@@ -23,7 +23,7 @@ from geoident.forward.gauges.adjoints import AdjointTable, ReadingAdjoints
 from geoident.forward.gauges.instrument_errors import InstrumentErrors, ReadingPlaces
 from geoident.forward.gauges.observation import MarchState, Observation
 from geoident.forward.ground.elasticity import inadmissible_moduli
-from geoident.forward.march.march import KnownMotion, March, Run, RunOptions
+from geoident.forward.march.march import March, Run, RunOptions
 from geoident.forward.march.plastic_step import WarmStart
 from geoident.forward.march.stage import StageEnd, UnitForces
 from geoident.forward.march.systems import StageSystems
@@ -31,7 +31,6 @@ from geoident.forward.model_response import ModelResponse
 from geoident.forward.openings.face import advancing_face
 from geoident.forward.openings.model import OpeningResponse, opening_in_mesh
 from geoident.forward.openings.site import Circle
-from geoident.forward.reduced.reduction import Reduction
 from geoident.forward.staged_system import StagedSystem, bilinear
 from geoident.forward.stages import CaseOnMesh
 from geoident.model.arrays import Floats
@@ -146,7 +145,6 @@ class Marches:
         self._kept: KeptMarch | None = None
         self._paid: tuple[bytes | None, int] = None, -1
         self._free = Counts()
-        self._lent: tuple[bytes, KnownMotion] | None = None
 
     @property
     def counts(self) -> Counts:
@@ -200,23 +198,7 @@ class Marches:
             p: (n,) parameters.
             options: how to march.
         """
-        lent = self._lent
-        if lent is not None and lent[0] == p.tobytes() and options.unit_forces is None:
-            options = replace(options, known=lent[1], traced=False)
         return Run(self.march, ParameterPoint(self.values(p), self.names), options, self._tell)
-
-    def lend(self, p: Floats, known: KnownMotion) -> None:
-        """Displacements at p (n,) are known; marches there need not solve for them.
-
-        Args:
-            p: (n,) parameters.
-            known: the displacements.
-        """
-        self._lent = p.tobytes(), known
-
-    def is_lent(self, p: Floats) -> bool:
-        """Whether displacements at p (n,) are known."""
-        return self._lent is not None and self._lent[0] == p.tobytes()
 
     @property
     def keeps_march(self) -> bool:
@@ -279,7 +261,7 @@ class Marches:
         """Begin the next march as a new model does: of earlier ones only analyses stay."""
         self.march.forget()
         self.face.forget()
-        self.last_adjoints = self._kept = self._lent = None
+        self.last_adjoints = self._kept = None
         self._paid = None, -1
 
     def _set_free(self, before: Counts) -> None:
@@ -318,10 +300,6 @@ class StagedResponse(ModelResponse):
         marches: of the case.
         pairs: channel and stage of every reading.
         times: when each was read; None for what is known of its stage.
-
-    Attributes:
-        reduction: is given the marches with derivatives, for a reduced model; None for none.
-        learns: whether it is given the next one, too.
     """
 
     def __init__(
@@ -340,8 +318,6 @@ class StagedResponse(ModelResponse):
         self._places = ReadingPlaces.of(marches.case, pairs, times)
         self._row, self._state = self._places.rows, self._places.states
         self._last = int(self._state.max(initial=0))
-        self.reduction: Reduction | None = None
-        self.learns = True
 
     def readings(self, p: Floats) -> Floats:
         """v(p), (g,), m."""
@@ -353,10 +329,8 @@ class StagedResponse(ModelResponse):
 
     @property
     def backwards(self) -> bool:
-        """Whether derivatives come by adjoints: not while marches are kept."""
-        if not self.adjoints.cost_less(len(self.names)):
-            return False
-        return self.reduction is None or not self.reduction.covers()
+        """Whether derivatives come by adjoints."""
+        return self.adjoints.cost_less(len(self.names))
 
     def remembers(self, p: Floats) -> None:
         """The answer at p (n,) with derivatives is known and was counted, from an earlier run."""
@@ -382,17 +356,8 @@ class StagedResponse(ModelResponse):
         self._marches.march.warm = starts
 
     def by_tangents(self, p: Floats) -> tuple[Floats, Floats]:
-        """v(p), (g,), and its Jacobian, (g, n): one column a parameter through the stages.
-
-        A march that is kept goes as far as the reduced model is to go.
-        """
-        reduction = self.reduction if self.learns else None
-        recorder = None if reduction is None or reduction.knows(p) else reduction.recorder(p)
-        if reduction is None or recorder is None:
-            table = self._run(p, derivatives=True)
-        else:
-            table = self._run(p, derivatives=True, last=reduction.last, tell=recorder.add)
-            reduction.add(recorder.snapshot)
+        """v(p), (g,), and its Jacobian, (g, n): one column a parameter through the stages."""
+        table = self._run(p, derivatives=True)
         return table[:, 0], table[:, 1:]
 
     def increments(self, p: Floats) -> Floats:

@@ -198,8 +198,8 @@ def _keeping_notes(model: StagedModel | None) -> tuple[str, ...]:
     if model is None:
         return ("no reduced model will be kept: the case is a closed form, which costs nothing",)
     response = model.response(())
-    response.keep_marches(economical=False)
-    why = response.reduction_obstacle()
+    response.record(economical=False)
+    why = response.surrogate_obstacle()
     if why is not None:
         return (f"no reduced model will be kept: {why}",)
     observation = model.observation

@@ -15,7 +15,6 @@ from geoident.errors import CollapseError, ModelError
 from geoident.forward import model as models
 from geoident.forward import response as responses
 from geoident.forward.march.march import RunOptions
-from geoident.forward.march.stage import UnitForces
 from geoident.forward.model import (
     StageByStage,
     StagedModel,
@@ -441,37 +440,3 @@ def test_a_march_that_failed_is_not_gone_on_with():
     assert again is not kept
     assert [end.state for end in again.ends] == [0, 1, 2, 3]
     np.testing.assert_allclose(again.ends[3].u, staged().march_to(P, 3).ends[3].u, rtol=1e-9)
-
-
-def test_displacements_that_are_lent_are_not_solved_for():
-    """At their parameters alone, and not where unit forces act as well; until all is forgotten."""
-    one = staged()
-    moved = [end.u.copy() for end in one.at(P).states()]
-    asked = []
-
-    def known(state):
-        asked.append(state)
-        return moved[state]
-
-    one.lend(P, known)
-    assert one.is_lent(P)
-    assert not one.is_lent(THERE)
-    before = one.counts
-    again = [
-        (end.u.copy(), end.stress.copy()) for end in one.at(P, RunOptions(traced=True)).states()
-    ]
-    assert one.counts.solves == before.solves
-    assert one.counts.factorizations == before.factorizations
-    assert sorted(set(asked)) == [1, 2, 3, 4]
-    for (u, stress), end in zip(again, staged().at(P).states(), strict=True):
-        np.testing.assert_allclose(u, end.u, rtol=1e-9, atol=1e-15)
-        np.testing.assert_allclose(stress, end.stress, rtol=1e-9, atol=1e-3)
-    asked.clear()
-    forces = np.zeros((len(moved[0]), 1))
-    push = UnitForces(forces, np.ones((5, 1)))
-    list(one.at(P, RunOptions(unit_forces=push)).states())
-    list(one.at(THERE).states())
-    one.forget()
-    assert not one.is_lent(P)
-    list(one.at(P).states())
-    assert asked == []

@@ -47,7 +47,7 @@ def solved(measured, log, *, reduced, stop=10**9):
     staged = plane()
     inner = staged.response(PAIRS_PLANE)
     if reduced:
-        inner.keep_marches(economical=False)
+        inner.record(economical=False)
     left = [stop]
 
     def before():

@@ -10,8 +10,6 @@ alone. So the reduced model decides only which points are looked at.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import partial
-from hashlib import sha256
 
 import numpy as np
 
@@ -20,7 +18,7 @@ from geoident.identify.least_squares.acceptance import Iterate, Step
 from geoident.identify.least_squares.trust_region import TrustBox, bounded_least_squares
 from geoident.identify.problem.problem import Discrepancy, Linearization
 from geoident.model.arrays import Floats
-from geoident.model.response import CertifiedResponse, HasReducedModel
+from geoident.model.response import HasSurrogate, Surrogate
 
 TRUSTED = 0.1
 """Bound of the relative error in energy up to which the reduced model leads the way."""
@@ -55,30 +53,28 @@ class Leap:
             radius: length at most.
         """
         response = self.discrepancy.problem.response
-        if not isinstance(response, HasReducedModel):
+        if not isinstance(response, HasSurrogate):
             return None
-        key = sha256(point.model.residual.tobytes() + np.array(radius).tobytes()).digest()
-        found = response.leap(point.p, key, partial(self._lowest, point, radius))
-        if found is None:
+        try:
+            surrogate = response.surrogate(response.visited())
+        except ModelError:  # such as no time for an evaluation
             return None
-        step, phi = found[:-1] - point.x, float(found[-1])
+        if surrogate is None:
+            return None
+        problem = replace(self.discrepancy.problem, response=surrogate)
+        lower, upper = self.box.sides(point.x, radius)
+        x, phi = self._descend(
+            Discrepancy(problem), surrogate, point, point.x + lower, point.x + upper
+        )
+        step = x - point.x
         if not phi < point.phi or not step.any():
             return None
         return Step(step, self.box.length(point.x, step), point.phi - phi)
 
-    def _lowest(self, point: Iterate, radius: float, reduced: CertifiedResponse) -> Floats:
-        """The lowest point of the reduced model and phi there, (n + 1,)."""
-        problem = replace(self.discrepancy.problem, response=reduced)
-        lower, upper = self.box.sides(point.x, radius)
-        x, phi = self._descend(
-            Discrepancy(problem), reduced, point, point.x + lower, point.x + upper
-        )
-        return np.append(x, phi)
-
     def _descend(
         self,
         reduced: Discrepancy,
-        response: CertifiedResponse,
+        response: Surrogate,
         point: Iterate,
         lower: Floats,
         upper: Floats,
@@ -104,9 +100,7 @@ class Leap:
                 radius = 0.3 * length
         return x, model.objective
 
-    def _look(
-        self, reduced: Discrepancy, response: CertifiedResponse, x: Floats
-    ) -> Linearization | None:
+    def _look(self, reduced: Discrepancy, response: Surrogate, x: Floats) -> Linearization | None:
         """The reduced model at x (n,); None where it is not trusted, or has no answer."""
         p = reduced.scaling.to_natural(x)
         try:

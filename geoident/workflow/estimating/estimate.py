@@ -43,7 +43,7 @@ from geoident.workflow.estimating.search import estimated
 from geoident.workflow.estimating.setup import Setup, prepare, with_workers
 from geoident.workflow.running.computed import accuracies, survey_of_used, with_computed
 from geoident.workflow.running.control import Control
-from geoident.workflow.running.evaluation_log import Log, known_nearly, led, lent
+from geoident.workflow.running.evaluation_log import Log, led
 from geoident.workflow.running.jobs import Job
 from geoident.workflow.running.readings import unused_by_stage, used_rows
 
@@ -62,8 +62,6 @@ def surveyed(
     """
     model, p = setup.model, outcome.values
     before = model.counts
-    if known_nearly(problem.response, p):
-        lent(problem.response, p)
     try:
         survey = model.survey(p, fields=fields, partial=True, last=last)
     except TimeIsUp:

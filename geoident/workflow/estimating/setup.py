@@ -185,7 +185,7 @@ def problem_of(setup: Setup, log: Log, control: Control) -> Problem:
     response: Response = staged
     if isinstance(staged, ReducibleResponse):
         if case.fit.reduced:
-            staged.keep_marches()
+            staged.record()
         pairs, times = _asked(setup)
         where = None if setup.workers is None else ResponseBeside(setup.workers, pairs, times)
         response = Remembered(staged, log, before=control.stop.check, elsewhere=where)

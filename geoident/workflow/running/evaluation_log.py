@@ -12,7 +12,7 @@ largest count that any process saw is kept.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import replace
 from hashlib import sha256
 from typing import Protocol, runtime_checkable
@@ -32,10 +32,10 @@ from geoident.identify.problem.responses import (
 from geoident.model.arrays import Bools, Floats
 from geoident.model.response import (
     BilinearSystem,
-    CertifiedResponse,
     Condensed,
-    HasReducedModel,
+    HasSurrogate,
     Response,
+    Surrogate,
 )
 from geoident.model.results.costs import Counts
 from geoident.model.yielding import Activity
@@ -68,16 +68,10 @@ class Log(Protocol):
 
 
 EXACT = 1e-6
-"""Bound of the relative error in energy up to which the reduced model answers for the model.
+"""Error in energy, relative, up to which the surrogate answers for the model.
 
 Where the model is asked once more at the end. What is found by it (weights of readings, and where
 to look at the model itself) is known to 0.2 % at best."""
-
-CERTAIN = 1e-9
-"""Bound up to which its answer is that of the model, for all that is said of a fit.
-
-Derivatives are less exact than states, and intervals are made of them: they agree to about 1e-6.
-"""
 
 
 def carry_over(
@@ -110,29 +104,11 @@ def carry_over(
 
 
 @runtime_checkable
-class KeepsMarches(HasReducedModel, Protocol):
-    """A model whose reduced one is made of marches."""
-
-    def march_again(self, visited: Sequence[Floats]) -> None:
-        """Have it made of the marches at some parameter vectors (n,), in that order."""
-
-    def expect_march(self, number: int, *, learns: bool = True) -> None:
-        """The next march is the one of a number in a search, from 0.
-
-        Args:
-            number: of the march.
-            learns: whether it is kept for the reduced model.
-        """
-
-    def lend(self, p: Floats) -> None:
-        """Let the model take its displacements at p (n,) from the reduced one."""
+class CountsOnce(Response, Protocol):
+    """A model that does not count again what it computes again."""
 
     def remembers(self, p: Floats) -> None:
         """The answer at p (n,) with derivatives is known and was counted, from an earlier run."""
-
-    @property
-    def has_reduced_model(self) -> bool:
-        """Whether there may be one."""
 
 
 class Staged(AffineElastic, YieldSystem, HasOpening, Protocol):
@@ -202,8 +178,7 @@ class Remembered:
         self._metric = ""  # of the first condensation
         self._visited: list[Floats] = []  # where it was evaluated with derivatives
         self._led = 0.0
-        self._near: set[bytes] = set()  # where the reduced model has answered
-        self._certain: set[bytes] = set()  # where it was as good as the model
+        self._near: set[bytes] = set()  # where the surrogate has answered
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -244,27 +219,24 @@ class Remembered:
         if near is not None:
             return np.array(near["v"]), np.array(near["dv_dp"])
         inner = self._inner
-        learns = p.tobytes() not in self._certain  # else the reduced model knows it well enough
-        if isinstance(inner, KeepsMarches):
-            inner.expect_march(len(self._visited), learns=learns)
         known = self._known("evaluate", p, lambda: self._evaluate(p))
-        if isinstance(inner, KeepsMarches):
+        if isinstance(inner, CountsOnce):
             inner.remembers(p)
         # what another fit has evaluated costs nothing, and no march is made for it
-        for other in known.get("visited", p[None] if learns else p[None][:0]):
+        for other in known.get("visited", p[None]):
             if not any(np.array_equal(other, before) for before in self._visited):
                 self._visited.append(other.copy())
         return np.array(known["v"]), np.array(known["dv_dp"])
 
     @contextmanager
     def led(self, exact: float = EXACT) -> Iterator[None]:
-        """Meanwhile the reduced model answers wherever it is proven to be close enough.
+        """Meanwhile the surrogate answers wherever it is close enough by its own estimate.
 
         For searches whose weights are not yet those of the end: there the model is to be asked
         once more.
 
         Args:
-            exact: bound of the relative error in energy.
+            exact: its error in energy, relative, at most.
         """
         before, self._led = self._led, exact
         try:
@@ -273,65 +245,27 @@ class Remembered:
             self._led = before
 
     def knows_nearly(self, p: Floats) -> bool:
-        """Whether at p (n,) the reduced model has answered, and not the model."""
+        """Whether at p (n,) the surrogate has answered, and not the model."""
         return p.tobytes() in self._near and ("evaluate", p.tobytes()) not in self._seen
 
     def answer(self, p: Floats) -> EvaluationArrays | None:
-        """Readings, derivatives and increments at p (n,), where they are known; else None.
-
-        Of the model, or of the reduced model that is `CERTAIN` there.
-        """
-        known = self._log.find("evaluate", p)
-        if known is None and self.knows_certainly(p):
-            with self.led():
-                known = self._instead(p)
-        return known
-
-    def lend(self, p: Floats) -> bool:
-        """Have marches at p (n,) take the displacements of the reduced model that is `CERTAIN`.
-
-        Returns:
-            Whether they do.
-        """
-        inner = self._inner
-        if p.tobytes() not in self._certain or not isinstance(inner, KeepsMarches):
-            return False
-        try:
-            inner.march_again(self._visited)
-            inner.lend(p)
-        except ModelError:  # such as no time for a march
-            return False
-        return True
-
-    def knows_certainly(self, p: Floats) -> bool:
-        """Whether the reduced model has answered at p (n,), as certainly as the model would."""
-        return p.tobytes() in self._certain
+        """Readings, derivatives and increments at p (n,), where they are known; else None."""
+        return self._log.find("evaluate", p)
 
     def _instead(self, p: Floats) -> EvaluationArrays | None:
-        """What the reduced model says at p (n,); None where it is not asked or not close."""
-        inner, exact = self._inner, self._led
-        if not exact or ("evaluate", p.tobytes()) in self._seen:
+        """What the surrogate says at p (n,); None where it is not asked or not close."""
+        if not self._led or ("evaluate", p.tobytes()) in self._seen or not self._visited:
             return None
-        if not (self._visited and isinstance(inner, KeepsMarches)):
-            return None
-
-        def find(reduced: CertifiedResponse) -> Floats:
-            error = reduced.error(p)
-            if not error <= exact:
-                return np.zeros(0)
-            (v, dv_dp), steps = reduced.evaluate(p), reduced.increments(p)
-            return np.concatenate([[error, len(v), len(steps)], v, dv_dp.ravel(), steps.ravel()])
-
-        found = self.leap(p, sha256(f"in place of the model {exact:g}".encode()).digest(), find)
-        if found is None:
+        try:
+            surrogate = self.surrogate(self._visited)
+            if surrogate is None or not surrogate.error(p) <= self._led:
+                return None
+            v, dv_dp = surrogate.evaluate(p)
+            increments = surrogate.increments(p)
+        except ModelError:  # such as no time for an evaluation
             return None
         self._near.add(p.tobytes())
-        if found[0] <= CERTAIN:
-            self._certain.add(p.tobytes())
-        g, states = map(int, found[1:3])
-        v, dv_dp, steps = np.split(found[3:], np.cumsum([g, g * len(p)]))
-        increments = steps.reshape(states, -1)
-        return {"v": v, "dv_dp": dv_dp.reshape(g, len(p)), "increments": increments}
+        return {"v": v, "dv_dp": dv_dp, "increments": increments}
 
     @property
     def at_once(self) -> int:
@@ -341,8 +275,7 @@ class Remembered:
     @property
     def may_be_led(self) -> bool:
         """Whether descents are led by what others have evaluated, by a reduced model."""
-        inner = self._inner
-        return isinstance(inner, KeepsMarches) and inner.has_reduced_model
+        return self.surrogate_obstacle() is None
 
     @contextmanager
     def turns(self, looks: Sequence[Look]) -> Iterator[Turn]:
@@ -403,7 +336,7 @@ class Remembered:
         return tuple(self._evaluated)
 
     def visited(self) -> Sequence[Floats]:
-        """Parameter vectors (n,) of whose marches the reduced model is made, in their order."""
+        """Parameter vectors (n,) of which the surrogate is made, in their order."""
         return tuple(self._visited)
 
     def increments(self, p: Floats) -> Floats:
@@ -416,35 +349,23 @@ class Remembered:
             known = self._compute("increments", p, lambda: self._seen_at(p))
         return np.array(known["increments"])
 
-    def leap(
-        self, p: Floats, key: bytes, find: Callable[[CertifiedResponse], Floats]
-    ) -> Floats | None:
-        """What is found with the reduced model, (k,); None where there is none. Logged.
+    def surrogate_obstacle(self) -> str | None:
+        """Why the model has no surrogate, a clause, or None if it may have one."""
+        inner = self._inner
+        if not isinstance(inner, HasSurrogate):
+            return "the model has none"
+        return inner.surrogate_obstacle()
 
-        What marches leave for the reduced model is not: a run that goes on makes the marches again
-        that the next question needs. They do not count, since they do not in a run that was never
-        interrupted.
+    def surrogate(self, visited: Sequence[Floats]) -> Surrogate | None:
+        """The surrogate that some evaluations make, whose answers are logged; None for none.
 
         Args:
-            p: (n,) where the search is.
-            key: tells this question from others that are asked there.
-            find: looks for it.
+            visited: (n,) where.
         """
         inner = self._inner
-        if not isinstance(inner, HasReducedModel):
+        if not (visited and isinstance(inner, HasSurrogate)) or self.surrogate_obstacle():
             return None
-        kind = f"leap {key.hex()[:16]}"
-        known = self._log.find(kind, p)
-        if known is None:
-            try:
-                if isinstance(inner, KeepsMarches):
-                    inner.march_again(self._visited)
-                found = inner.leap(p, key, find) if self._visited else None
-            except ModelError:  # such as no time for a march
-                return None
-            known = {"found": np.zeros(0) if found is None else found}
-            self._log.add(kind, p, known)
-        return np.array(known["found"]) if known["found"].size else None
+        return LoggedSurrogate(inner, self._log, visited)
 
     def condense(self, p: Floats, measured: Floats, sd: Floats) -> Condensed:
         """Condensed equations at p for readings that are the same in the whole run.
@@ -560,6 +481,68 @@ class Remembered:
         )
 
 
+class LoggedSurrogate:
+    """A surrogate whose answers are logged: a run that goes on makes none to hear them again.
+
+    Args:
+        inner: the model.
+        log: of its evaluations.
+        visited: (n,) parameters of which the surrogate is made.
+    """
+
+    def __init__(self, inner: HasSurrogate, log: Log, visited: Sequence[Floats]) -> None:
+        self._inner, self._log, self._visited = inner, log, tuple(visited)
+        self._kind = f"surrogate {sha256(np.array(visited).tobytes()).hexdigest()[:16]}"
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the n parameters."""
+        return self._inner.names
+
+    @property
+    def counts(self) -> Counts:
+        """It costs nothing that is counted."""
+        return Counts()
+
+    def admissible(self, p: Floats) -> str | None:
+        """Why p (n,) is outside the domain, or None."""
+        return self._inner.admissible(p)
+
+    def readings(self, p: Floats) -> Floats:
+        """v(p), (g,)."""
+        return self.evaluate(p)[0]
+
+    def evaluate(self, p: Floats) -> tuple[Floats, Floats]:
+        """v(p), (g,), and its Jacobian, (g, n)."""
+        known = self._at(p)
+        return np.array(known["v"]), np.array(known["dv_dp"])
+
+    def error(self, p: Floats) -> float:
+        """Error of its stresses at p (n,) in energy, relative to their own; infinite for none."""
+        return float(self._at(p)["error"][0])
+
+    def increments(self, p: Floats) -> Floats:
+        """What the step of each state changes in what all channels see, (n_states, n_channels)."""
+        return np.array(self._at(p)["increments"])
+
+    def _at(self, p: Floats) -> EvaluationArrays:
+        known = self._log.find(self._kind, p)
+        if known is None:
+            surrogate = self._inner.surrogate(self._visited)
+            nothing = np.zeros(0)
+            known = {"v": nothing, "dv_dp": nothing, "increments": nothing}
+            known["error"] = np.array([np.inf])
+            if surrogate is not None:
+                with suppress(ModelError):
+                    v, dv_dp = surrogate.evaluate(p)
+                    increments, error = surrogate.increments(p), np.array([surrogate.error(p)])
+                    known = {"v": v, "dv_dp": dv_dp, "increments": increments, "error": error}
+            self._log.add(self._kind, p, known)
+        if not len(known["v"]):
+            raise ModelError("the surrogate has no answer")
+        return known
+
+
 @contextmanager
 def led(response: Response, exact: float = EXACT) -> Iterator[None]:
     """Meanwhile a response that has a reduced model is answered by it; see `Remembered.led`."""
@@ -567,18 +550,8 @@ def led(response: Response, exact: float = EXACT) -> Iterator[None]:
         yield
 
 
-def lent(response: Response, p: Floats) -> bool:
-    """Have marches at p (n,) take what the reduced model is certain of; see `Remembered.lend`."""
-    return isinstance(response, Remembered) and response.lend(p)
-
-
-def known_certainly(response: Response, p: Floats) -> bool:
-    """Whether at p (n,) a reduced model has answered as certainly as the model would."""
-    return isinstance(response, Remembered) and response.knows_certainly(p)
-
-
 def known_nearly(response: Response, p: Floats) -> bool:
-    """Whether at p (n,) a reduced model has answered, and not the model."""
+    """Whether at p (n,) the surrogate has answered, and not the model."""
     return isinstance(response, Remembered) and response.knows_nearly(p)
 
 

@@ -101,14 +101,14 @@ def made_to_keep(
     assert isinstance(response, ReducibleResponse)
     training = spread_around(table, case.parameters)
     reduced = reduced_around(response, table.values, training, MARCHES, also=others)
-    if reduced is None or response.reduction is None:
+    if reduced is None:
         why = "no time was left to make it" if control.over() else "the model has no solution near"
-        return NONE.format(response.reduction_obstacle() or why)
+        return NONE.format(response.surrogate_obstacle() or why)
     return kept_model(
         reduced,
         model.observation,
         case,
-        marches=[snapshot.p for snapshot in response.reduction.snapshots],
+        marches=response.visited(),
         built_on=model.sequence.built_on,
     )
 

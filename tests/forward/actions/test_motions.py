@@ -18,7 +18,7 @@ from geoident.forward.actions.motions import _centroid as centroid
 from geoident.forward.actions.motions import closed_line, interpolated
 from geoident.forward.affine import affine_obstacle
 from geoident.forward.checks import check_on_mesh
-from geoident.forward.reduced.coverage import reduction_obstacle
+from geoident.forward.reduced.coverage import surrogate_obstacle
 from geoident.model.actions import Contraction, MotionField, Pressure
 from geoident.model.case import Analysis, Stage, Support
 from geoident.model.mesh import nodes_in
@@ -294,7 +294,7 @@ def test_who_does_not_cover_motions_says_so():
     response, _, _, staged = _problem()
     del response
     assert "the support 'x1' is moved" in (affine_obstacle(staged.march) or "")
-    assert reduction_obstacle(staged.march) == "the support 'x1' is moved"
+    assert surrogate_obstacle(staged.march) == "the support 'x1' is moved"
 
 
 GRID = tuple((float(x), float(y)) for x in range(3) for y in range(3))
