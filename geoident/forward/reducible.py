@@ -1,4 +1,4 @@
-"""The response of a staged model that may have a surrogate: the reduced model of its marches.
+"""The response of a staged model that may have a surrogate: the reduced model of its model.
 
 Marches with derivatives are recorded as they are made (`snapshots`), by their parameters. The
 surrogate of some parameter vectors is a function of these alone: what is not recorded is marched.
@@ -7,20 +7,24 @@ surrogate of some parameter vectors is a function of these alone: what is not re
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
 
 from geoident.forward.gauges.observation import MarchState
 from geoident.forward.march.march import RunOptions
+from geoident.forward.observed import Query
 from geoident.forward.reduced.duals.basis import DualBasis
 from geoident.forward.reduced.duals.bounds import ReadingDuals
 from geoident.forward.reduced.model import ReducedModel
 from geoident.forward.reduced.reduction import Reduction
 from geoident.forward.reduced.response import ReadingsAsked, ReducedResponse
 from geoident.forward.reduced.stress_rows import beyond_reduction
-from geoident.forward.response import Marches, StagedResponse
+from geoident.forward.response import StagedResponse
+from geoident.forward.staged import StagedKernel
 from geoident.model.arrays import Floats
+from geoident.model.response import Evaluation
 
 NOT_RECORDED = "no marches are recorded for one"
 
@@ -42,7 +46,7 @@ class ReducibleResponse(StagedResponse):
     It evaluates as a `StagedResponse` does. Fulfils also the protocol ``HasSurrogate``.
 
     Args:
-        marches: of the case.
+        model: of the case.
         shared: the marches of other responses.
         pairs: channel and stage of every reading.
         times: when each was read; None for what is known of its stage.
@@ -50,12 +54,12 @@ class ReducibleResponse(StagedResponse):
 
     def __init__(
         self,
-        marches: Marches,
+        model: StagedKernel,
         shared: SharedReduction,
         pairs: Sequence[tuple[str, str]],
         times: Sequence[float | None] = (),
     ) -> None:
-        super().__init__(marches, pairs, times)
+        super().__init__(model, pairs, times)
         self._shared = shared
         self.reduction: Reduction | None = None
 
@@ -66,7 +70,7 @@ class ReducibleResponse(StagedResponse):
             economical: only where it costs less than the marches that a search saves by it.
             most: of how many marches a surrogate is made at most, the last ones.
         """
-        marches = self._marches
+        model = self._model
         if self.reduction is not None or self._beyond is not None:
             return
         known = self._shared.reduction
@@ -74,7 +78,7 @@ class ReducibleResponse(StagedResponse):
             self.reduction = known  # that of another response goes as far
             return
         self.reduction = Reduction(
-            marches.march, marches.observation, self._last, most=most, economical=economical
+            model.march, model.observation, self._last, most=most, economical=economical
         )
         self._shared.reduction = self.reduction
 
@@ -87,26 +91,24 @@ class ReducibleResponse(StagedResponse):
     @cached_property
     def _beyond(self) -> str | None:
         """Why its readings have no reduced model, a clause, or None if they have."""
-        return beyond_reduction(self._marches.march, self._marches.observation, self._row)
+        return beyond_reduction(self._model.march, self._model.observation, self._places.rows)
 
-    @property
-    def backwards(self) -> bool:
-        """Whether derivatives come by adjoints: not while marches are recorded."""
-        recording = self.reduction is not None and self.reduction.covers()
-        return super().backwards and not recording
+    def evaluation(self, p: Floats, *, derivatives: bool = True) -> Evaluation:
+        """All that is known of the readings at p (n,).
 
-    def by_tangents(self, p: Floats) -> tuple[Floats, Floats]:
-        """v(p), (g,), and its Jacobian, (g, n): one column a parameter through the stages.
-
-        A march that is recorded goes as far as the surrogate is to go.
+        A march with derivatives that is recorded goes as far as the surrogate is to go.
         """
         reduction = self.reduction
-        recorder = None if reduction is None or reduction.knows(p) else reduction.recorder(p)
+        recorder = None
+        if derivatives and reduction is not None and not reduction.knows(p):
+            recorder = reduction.recorder(p)
         if reduction is None or recorder is None:
-            return super().by_tangents(p)
-        table = self._run(p, derivatives=True, last=reduction.last, tell=recorder.add)
+            return super().evaluation(p, derivatives=derivatives)
+        query = Query(self._places, max(self._last, reduction.last))
+        observed = self._model.observe(p, query, adjoints=False, tell=recorder.add)
         reduction.add(recorder.snapshot)
-        return table[:, 0], table[:, 1:]
+        observed = replace(observed, seen=observed.seen[: self._last + 1])
+        return self._model.evaluation_of(p, observed, self._places, derivatives=True)
 
     def visited(self) -> Sequence[Floats]:
         """Parameter vectors (n,) whose marches are recorded, in their order."""
@@ -131,7 +133,7 @@ class ReducibleResponse(StagedResponse):
         reduction.prefer(wanted)
         for p in wanted:
             if not reduction.knows(p):
-                self.by_tangents(p)
+                self.evaluation(p)
         return self._reduced(reduction, reduction.model(wanted), bounded=False)
 
     def bounded_surrogate(
@@ -156,16 +158,16 @@ class ReducibleResponse(StagedResponse):
     ) -> ReducedResponse | None:
         if made is None:
             return None
-        marches = self._marches
+        model = self._model
         duals, moved = self._bounded(reduction, made) if bounded else (None, np.zeros(0))
-        values = marches.values(made.reference)
-        added = marches.instrument_errors.added(values, self.names, self._places)
-        dimensions = [marches.case.channels[row].dimension for row in self._row]
+        values = model.values(made.reference)
+        added = model.instrument_errors.added(values, self.names, self._places)
+        dimensions = [model.case.channels[row].dimension for row in self._places.rows]
         response = ReducedResponse(
             made,
-            marches.observation,
-            ReadingsAsked(self._row, self._state, added, dimensions),
-            marches.sequence.bases,
+            model.observation,
+            ReadingsAsked(self._places.rows, self._places.states, added, dimensions),
+            model.sequence.bases,
             self.admissible,
             duals,
         )
@@ -174,19 +176,19 @@ class ReducibleResponse(StagedResponse):
 
     def _bounded(self, reduction: Reduction, made: ReducedModel) -> tuple[ReadingDuals, Floats]:
         """Adjoints of the readings, and what the march at the reference moves in them (g,)."""
-        marches, observation = self._marches, self._marches.observation
-        weights = observation.weights_of_states(self._row, self._state, self._last)
-        reads = reduction.reads(self._row, weights)
+        model, observation = self._model, self._model.observation
+        weights = observation.weights_of_states(self._places.rows, self._places.states, self._last)
+        reads = reduction.reads(self._places.rows, weights)
         by, bases = reduction.dual_derivatives(made), list[DualBasis]()
         at_reference = np.zeros(0)
         for place in reduction.dual_places(made):
-            run = marches.at(place, RunOptions(last=self._last, traced=True))
+            run = model.at(place, RunOptions(last=self._last, traced=True))
             seen = [
-                observation.values(MarchState(end, run.point, marches.structures))
+                observation.values(MarchState(end, run.point, model.structures))
                 for end in run.states()
             ]
             if not bases:
-                table = observation.readings(np.stack(seen), self._row, self._state)
+                table = observation.readings(np.stack(seen), self._places.rows, self._places.states)
                 at_reference = table[:, 0]
             bases += [reduction.dual_basis(run, place, by, read) for read in reads]
             run.factors.forget()

@@ -15,7 +15,7 @@ and lam the equations determine all other unknowns.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -23,6 +23,7 @@ import scipy.sparse as sp
 
 from geoident.model.arrays import Floats, Ints
 from geoident.model.results.costs import Counts
+from geoident.model.yielding import Activity
 
 
 @runtime_checkable
@@ -48,6 +49,24 @@ class Response(Protocol):
 
     def evaluate(self, p: Floats) -> tuple[Floats, Floats]:
         """v(p), (g,), and its exact Jacobian, (g, n)."""
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """What a model says of the readings at one parameter vector; it depends on that alone.
+
+    Args:
+        readings: (g,) v(p).
+        jacobian: (g, n) its derivatives; None where they were not asked for.
+        increments: (n_states, n_channels) what the step of each state changes in what all channels
+            see, SI.
+        activity: of the yield planes; None where nothing can yield.
+    """
+
+    readings: Floats
+    jacobian: Floats | None = None
+    increments: Floats = field(default_factory=lambda: np.zeros((0, 0)))
+    activity: Activity | None = None
 
 
 class Surrogate(Response, Protocol):

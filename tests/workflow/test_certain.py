@@ -3,6 +3,7 @@
 The model is v = 2 p; the surrogate says v = 3 p, so that it is seen who has answered.
 """
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,7 +11,12 @@ import pytest
 
 from geoident.workflow.estimating import search
 from geoident.workflow.estimating.search import SearchState
-from geoident.workflow.running.evaluation_log import EXACT, Remembered, known_nearly, led
+from geoident.workflow.running.cached_response import (
+    EXACT,
+    CachedResponse,
+    by_surrogate,
+    substituting,
+)
 
 from .test_remember import Notebook, Spring
 
@@ -22,8 +28,9 @@ class Replaceable(Spring):
         super().__init__()
         self.error = error
 
-    def increments(self, p):
-        return np.array([[0.0], [2.0 * p[0]]])
+    def evaluation(self, p, *, derivatives=True):
+        increments = np.array([[0.0], [2.0 * p[0]]])
+        return replace(super().evaluation(p, derivatives=derivatives), increments=increments)
 
     def surrogate_obstacle(self):
         return None
@@ -45,8 +52,8 @@ FIRST, P = np.array([1.0]), np.array([2.0])
 def begun(error):
     """A response that was evaluated once; before, there is no surrogate."""
     inner = Replaceable(error)
-    response = Remembered(inner, Notebook(), before=lambda: None)
-    with led(response):
+    response = CachedResponse(inner, Notebook(), before=lambda: None)
+    with substituting(response):
         assert response.evaluate(FIRST)[0] == 2.0
     return inner, response
 
@@ -62,30 +69,30 @@ def begun(error):
 )
 def test_its_error_tells_who_answers(error, exact, answers):
     inner, response = begun(error)
-    with led(response, exact):
+    with substituting(response, exact):
         v, dv_dp = response.evaluate(P)
         assert response.readings(P) == v
         assert response.increments(P).tolist() == ([[1.0], [5.0]] if answers else [[0.0], [4.0]])
     factor = 3.0 if answers else 2.0
     assert (v[0], dv_dp[0, 0]) == (factor * P[0], factor)
-    assert known_nearly(response, P) == answers
+    assert by_surrogate(response, P) == answers
     assert inner.counts.evaluations == (1 if answers else 2)
 
 
 def test_who_is_not_led_asks_the_model():
     _, response = begun(0.9e-9)
-    with led(response):
+    with substituting(response):
         response.evaluate(P)
     assert response.evaluate(P)[0] == 2.0 * P
-    assert not known_nearly(response, P)
-    with led(response):
+    assert not by_surrogate(response, P)
+    with substituting(response):
         assert response.evaluate(P)[0] == 2.0 * P  # the model has answered
 
 
 @pytest.mark.parametrize(("error", "asked"), [(0.9e-9, True), (0.9e-6, True), (1.1e-6, False)])
 def test_a_search_that_was_led_asks_the_model_at_its_end(monkeypatch, error, asked):
     _, response = begun(error)
-    with led(response):
+    with substituting(response):
         response.evaluate(P)
     made = search._Search((), None)
     problem = SimpleNamespace(response=response, begun_at=lambda p: p)

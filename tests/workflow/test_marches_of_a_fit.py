@@ -10,10 +10,8 @@ import pytest
 
 from geoident.errors import ExitCode, Interrupted
 from geoident.forward.reduced import reduction
-from geoident.workflow.estimating.setup import prepare, problem_of
 from geoident.workflow.fit import fit
 from geoident.workflow.running.control import Control, Silent
-from geoident.workflow.running.evaluation_log import Remembered
 from geoident.workflow.running.jobs import Request, plan_fit
 from geoident.workflow.simulate import simulate
 from tests.support.deck import write_deck
@@ -57,16 +55,6 @@ fit: {method: gauss-newton, stages: [one, two, three]}
 
 ROUNDS = 4
 FITTED = 3
-
-
-class NoLog:
-    """Keeps nothing."""
-
-    def find(self, kind, p):
-        return None
-
-    def add(self, kind, p, arrays):
-        pass
 
 
 def drift(n):
@@ -137,30 +125,9 @@ def test_a_fit_and_all_that_it_says_takes_fewer_evaluations(case, whole):
         assert np.all(np.abs(ours - theirs) <= 1e-4 * wide)
 
 
-@pytest.mark.slow  # answers of a reduced model close to those of the model: test_reduced_answers.py
-def test_it_says_what_the_model_alone_would(case, whole, monkeypatch):
-    """Weights are known to `AT_REST`: another way there changes answers by 1e-4 of an interval."""
-    plain = fitted("fit.reduced=false", "fit.backtest=false")
-    monkeypatch.setattr(Remembered, "_instead", lambda self, p: None)
-    unled = fitted("fit.backtest=false", output="unled.h5")
-    assert plain.counts.evaluations > 2 * whole.counts.evaluations
-    assert unled.counts.evaluations > whole.counts.evaluations
-    wide = whole.parameters.upper95 - whole.parameters.lower95
-    for name in ("values", "lower95", "upper95"):
-        ours, same, theirs = (getattr(r.parameters, name) for r in (whole, unled, plain))
-        np.testing.assert_allclose(ours, same, rtol=1e-6)
-        assert np.all(np.abs(ours - theirs) <= 1e-4 * wide)
-    assert whole.model_error.size == pytest.approx(unled.model_error.size, rel=1e-5)
-    for name in ("mean", "lower95", "upper95"):
-        ours, same = (getattr(found.prediction, name) for found in (whole, unled))
-        np.testing.assert_allclose(ours, same, rtol=1e-6)
-    np.testing.assert_allclose(whole.sensitivity, unled.sensitivity, rtol=1e-6)
-    np.testing.assert_allclose(whole.fields.stress, unled.fields.stress, rtol=1e-6, atol=1.0)
-
-
 @pytest.mark.slow  # a search by the reduced model, cut short: test_reduced_search.py
 @pytest.mark.parametrize("after", [2, 5])
-def test_one_that_was_cut_short_ends_with_the_same_numbers_and_counts(case, whole, after):
+def test_one_that_was_cut_short_ends_with_the_same_numbers(case, whole, after):
     class Stopping(Silent):
         steps = 0
 
@@ -176,38 +143,3 @@ def test_one_that_was_cut_short_ends_with_the_same_numbers_and_counts(case, whol
     np.testing.assert_array_equal(again.parameters.values, other.parameters.values)
     np.testing.assert_array_equal(again.sensitivity, other.sensitivity)
     np.testing.assert_array_equal(again.fields.displacement, other.fields.displacement)
-
-
-def test_a_march_that_waits_holds_its_states_and_no_factor(case):
-    setup = prepare(plan_fit(Request("case.yaml")))
-    problem = problem_of(setup, NoLog(), Control(Silent()))
-    problem.response.evaluate(problem.start)
-    model = setup.model
-    kept = model.march_to(problem.start, FITTED)
-    assert model.counts.factorizations == FITTED
-    assert kept.run.factors.find(model.sequence.states[FITTED]) is None
-    assert {end.stress.shape[2] for end in kept.ends} == {1}
-    found = model.survey(problem.start, fields=True)
-    assert model.counts.factorizations == ROUNDS
-    assert model.counts.evaluations == 1
-    alone = prepare(plan_fit(Request("case.yaml"))).model.survey(problem.start, fields=True)
-    np.testing.assert_allclose(found.computed, alone.computed, rtol=1e-9)
-    np.testing.assert_allclose(found.sensitivity, alone.sensitivity, rtol=1e-7)
-    np.testing.assert_allclose(found.fields.stress, alone.fields.stress, rtol=1e-9)
-    elsewhere = model.survey(0.9 * problem.start, fields=False)
-    assert model.counts.evaluations == 2
-    assert not np.allclose(elsewhere.computed, found.computed, rtol=1e-3)
-
-
-def test_one_march_is_enough_where_one_parameter_moves_the_moduli(case):
-    """E of the rock against a lining: near the model at a third more of all."""
-    setup = prepare(plan_fit(Request("case.yaml")))
-    pairs = [("roof", "three"), ("over.a", "two")]
-    response, alone = (setup.model.response(pairs) for _ in range(2))
-    response.record()
-    p = np.array([q.start for q in setup.case.parameters])
-    there, reduced = 1.3 * p, response.surrogate([p])
-    v, dv_dp = alone.evaluate(there)
-    ours, slopes = reduced.evaluate(there)
-    np.testing.assert_allclose(ours, v, rtol=1e-4)
-    np.testing.assert_allclose(slopes * there, dv_dp * there, atol=1e-3 * np.abs(v).max())

@@ -149,11 +149,6 @@ class LedReadings(LedByReduced):
         """How many parts of a search the model works on at a time."""
         return at_once(self.inner)
 
-    @property
-    def may_be_led(self) -> bool:
-        """Whether descents are led by a reduced model."""
-        return True
-
     @contextmanager
     def turns(self, looks: Sequence[Look]) -> Iterator[Turn]:
         """Have the model work on what the reduced one does not answer.
