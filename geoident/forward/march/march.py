@@ -67,7 +67,6 @@ from geoident.forward.march.stage import (
     UnitForces,
     elastic_step,
     factorize,
-    follow_motion,
 )
 from geoident.forward.march.systems import StageSystem, StageSystems
 from geoident.forward.stages import CaseOnMesh, ConstructionState
@@ -80,10 +79,6 @@ HELD_ENTRIES = 8_000_000
 
 Their factors have ten (in the plane) to fifty times as many: 1 to 3 GB.
 """
-
-
-KnownMotion = Callable[[int], Floats | None]
-"""Displacements (n_dofs, 1 + n) at the end of a state, or None where they are to be solved for."""
 
 
 @dataclass(frozen=True)
@@ -99,8 +94,6 @@ class RunOptions:
         even_only: no flow in bands of shear is looked for (`PlasticSteps`).
         traced: keep what adjoints need of every stage; without derivatives, and only where nothing
             yields.
-        known: displacements of states that are known: nothing is solved in these. Only where
-            nothing yields, the virgin ground rests, and temperatures and supports stay.
     """
 
     derivatives: bool = True
@@ -110,7 +103,6 @@ class RunOptions:
     partial: bool = False
     traced: bool = False
     even_only: bool = False
-    known: KnownMotion | None = None
 
 
 @dataclass(frozen=True)
@@ -347,12 +339,7 @@ class Run:
 
     def _elastic_step(self, task: StageTask, u: Floats) -> Floats:
         """Displacement steps (n_dofs, 1 + n + k) where nothing yields, after displacements u."""
-        systems, following, known = self._systems, self._following, self._options.known
-        motion = None if known is None else known(task.number)
-        if motion is not None:
-            step = motion[:, : u.shape[1]] - u
-            follow_motion(task, systems, step)
-            return step
+        systems, following = self._systems, self._following
         if following is None:
             return elastic_step(task, systems, self.factors)
         factor = factorize(task, systems, self.factors)
@@ -387,7 +374,7 @@ class Run:
         if self._options.traced:
             trace = ElasticTrace(task, du, self._slopes, {}, given[..., 1:], stepped)
             self.traces.append(trace)
-        if self._following is not None and self._options.known is None:
+        if self._following is not None:
             still = np.zeros(forces.shape)
             lasting = self._following.lasting
             lasting.begin(task, still) if stepped else lasting.begin_virgin(task, still)

@@ -92,12 +92,6 @@ class WarmStart:
     def __init__(self) -> None:
         self._known: dict[int, deque[_Known]] = {}
 
-    def copy(self) -> WarmStart:
-        """What is known now; what comes to be known later of one is not known of the other."""
-        other = WarmStart()
-        other._known = {stage: deque(kept) for stage, kept in self._known.items()}
-        return other
-
     def guesses(self, task: StageTask) -> list[Floats]:
         """Displacement steps (n_dofs,) to try: what near parameters needed, and its slope there."""
         kept = self._known.get(task.number)
