@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from geoident.fem.elasticity import Moduli
-from geoident.fem.yielding.law import Projection, YieldLaw
+from geoident.fem.yielding.law import ReturnStep, YieldLaw
 from geoident.fem.yielding.localisation import may_localise
 from geoident.forward.march.stage import StageTask
 from geoident.forward.stages import Index, numbers
@@ -134,7 +134,7 @@ class Flow:
     """
 
     ground: Ground
-    projection: Projection
+    projection: ReturnStep
     n_points: int
 
     @cached_property
@@ -177,8 +177,8 @@ class Flow:
 
     def derivatives(
         self, trial: Floats, before: Floats | None = None, *, of_law: bool, viscosity: float
-    ) -> tuple[Floats, Floats]:
-        """Derivatives of stress (s, q, n) and multipliers (y, q, n), as in `Projection`.
+    ) -> tuple[Floats, Floats | None]:
+        """Derivatives of stress (s, q, n) and multipliers (y, q, n), as in `ReturnStep`.
 
         Args:
             trial: (s, q, n) of the trial stress.

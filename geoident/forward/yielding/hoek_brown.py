@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from geoident.fem.yielding.curved_return import HoekBrownConstants, bracketed
+from geoident.fem.yielding.hoek_brown import HoekBrownConstants, bracketed
 from geoident.model.arrays import Floats
 from geoident.model.dual import ParameterPoint
 from geoident.model.yielding import HoekBrown

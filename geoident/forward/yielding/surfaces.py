@@ -29,12 +29,10 @@ from typing import Literal
 import numpy as np
 
 from geoident.fem.elasticity import ScaledModuli
-from geoident.fem.yielding.curved_return import HoekBrownConstants
-from geoident.fem.yielding.hoek_brown import HoekBrownLaw
+from geoident.fem.yielding.hoek_brown import HoekBrownConstants, HoekBrownLaw
 from geoident.fem.yielding.law import YieldLaw
+from geoident.fem.yielding.plane_laws import PolyhedralLaw, PrincipalLaw
 from geoident.fem.yielding.planes import YieldPlanes, common_inside
-from geoident.fem.yielding.polyhedral import PolyhedralLaw
-from geoident.fem.yielding.principal import PrincipalLaw
 from geoident.fem.yielding.scaled_law import ScaledLaw
 from geoident.forward.ground.elasticity import ModuliAt, material_axes
 from geoident.forward.stages import Index, numbers

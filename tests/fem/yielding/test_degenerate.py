@@ -15,14 +15,10 @@ from support.plastic import (
     polyhedral,
     principal,
     projection_by_piqp,
-    random_planes,
 )
 
-from geoident.fem.yielding import planes as system
-from geoident.fem.yielding import polyhedral as dual
 from geoident.fem.yielding.domain import (
     EmptyDomain,
-    NoProjection,
     empty_domain,
     empty_principal_domain,
 )
@@ -153,21 +149,6 @@ def test_nearly_parallel_planes():
         check(definite(rng, 3), planes, 3 * rng.normal(size=(3, 50)), scale=1e3)
 
 
-def test_the_number_of_steps_stays_far_below_its_bound(monkeypatch):
-    steps = []
-    advance = dual._advance
-
-    def counted(work, rays):
-        steps.append(work.point.size)
-        advance(work, rays)
-
-    monkeypatch.setattr(dual, "_advance", counted)
-    rng = np.random.default_rng(0)
-    law = polyhedral(definite(rng, 6), random_planes(rng, 100, 6))
-    law.project(1e6 * rng.normal(size=(6, 400)))
-    assert len(steps) < 0.05 * dual.step_limit(100)
-
-
 @pytest.mark.parametrize("size", [3, pytest.param(4, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("miss", [0.0, 1e-15, 1e-14, 1e-13, 1e-12, 1e-11, 1e-9, 1e-6])
 def test_a_crowded_vertex_whose_planes_miss_each_other_by_little(size, miss):
@@ -180,30 +161,6 @@ def test_a_crowded_vertex_whose_planes_miss_each_other_by_little(size, miss):
     trial[1, :1000] = trial[0, :1000]
     trial[2, :500] = trial[0, :500]
     check(isotropic(1.3, 0.9, 4)[:size, :size], planes, trial)
-
-
-def test_points_that_would_take_turns_for_ever_are_asked_for_less(monkeypatch):
-    """With next to no tolerance rounding alone takes planes of a crowded vertex in and out."""
-    monkeypatch.setattr(system, "_ROUNDING", 1e-18)
-    test_a_crowded_vertex_whose_planes_miss_each_other_by_little(size=4, miss=1e-14)
-
-
-def test_points_that_never_end_are_refused_and_not_accepted_with_a_violation(monkeypatch):
-    """Each plane that is taken in is thrown out again and violated by as much as before."""
-    seen = []
-
-    def round_and_round(work, rays):
-        seen.append((work.tolerance.copy(), work.excess.max()))
-        work.plane[:] = -1
-
-    monkeypatch.setattr(dual, "_advance", round_and_round)
-    law = polyhedral(np.eye(3), Planes(np.eye(3), np.ones(3)))
-    trial = np.array([[1.0 + 1e-6], [0.0], [0.0]])
-    with pytest.raises(NoProjection, match="of 1 points"):
-        law.project(trial)
-    assert len(seen) == dual.step_limit(3)
-    assert seen[-1][0].max() / seen[0][0].max() == pytest.approx(1e5)
-    assert seen[-1][0].max() < 1e-7 < seen[-1][1]
 
 
 @settings(max_examples=20, deadline=None)

@@ -15,7 +15,8 @@ from support.meshes import box
 from support.yielding import NOTHING, Cavity, constant, given, marched, mohr, parameters, rock
 
 from geoident.errors import CollapseError, ModelError
-from geoident.fem.yielding import polyhedral
+from geoident.fem.yielding.domain import NoProjection
+from geoident.fem.yielding.plane_laws import PolyhedralLaw
 from geoident.forward.march import plastic_step
 from geoident.forward.march.collapse import collapse_error
 from geoident.forward.march.march import RunOptions
@@ -267,15 +268,15 @@ def test_planes_that_contradict_each_other_are_named_with_a_remedy():
 def test_planes_that_nearly_coincide_are_told_with_a_remedy(monkeypatch):
     """No case is known in which the projection does not end: it is kept from ending."""
 
-    def round_and_round(work, rays):
-        work.plane[:] = -1
+    def without_end(law, trial, hardened=None):
+        raise NoProjection(trial.shape[1])
 
-    monkeypatch.setattr(polyhedral, "_advance", round_and_round)
+    monkeypatch.setattr(PolyhedralLaw, "project", without_end)
     with pytest.raises(ModelError) as caught:
         pulled(3e6, mohr(1e6, 0.0, planes=8)).survey(NOTHING, fields=False)
     assert not isinstance(caught.value, CollapseError)
     assert re.fullmatch(
-        r"at stage 'second' the projection of \d+ points on the yield planes did not end: planes "
+        r"at stage 'first' the projection of \d+ points on the yield planes did not end: planes "
         "of a material that nearly coincide",
         caught.value.message,
     )

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from support.yielding import Cavity, hoek
 
-from geoident.fem.yielding.curved_return import HoekBrownConstants
+from geoident.fem.yielding.hoek_brown import HoekBrownConstants
 from geoident.forward.yielding.equivalent import RockMassStrength, equivalent_notes
 from geoident.forward.yielding.hoek_brown import hoek_brown, hoek_brown_share
 from geoident.model.case import Material
