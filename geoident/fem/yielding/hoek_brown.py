@@ -262,7 +262,7 @@ class HoekBrownLaw:
 
         def equation(w: Floats) -> tuple[Floats, Floats]:
             y = w ** (1.0 / k)
-            return self.unbalanced(y, upper, lower, n_upper, n_lower)
+            return self.unbalanced(y, upper, lower, n_upper, n_lower)[:2]
 
         begin = np.maximum(self.y_of(upper), self.y_cut)
         low = begin**k
@@ -281,8 +281,8 @@ class HoekBrownLaw:
 
     def unbalanced(
         self, y: Floats, upper: Floats, lower: Floats, n_upper: int | Ints, n_lower: int | Ints
-    ) -> tuple[Floats, Floats]:
-        """What is left of L (k,) where U is brought to sigma_1(y), Pa, and its slope by w."""
+    ) -> tuple[Floats, Floats, Floats]:
+        """What is left of L (k,) where U is brought to sigma_1(y), Pa; its slopes by w and -U."""
         g, d = self.flow(y)
         first_slope, width_slope, z_slope = self.slopes(y)
         volume, fall = self.lame * (g - d), upper - self.largest(y)
@@ -290,7 +290,7 @@ class HoekBrownLaw:
         ratio = (volume - self.twice_shear * d / n_lower) / upper_rate
         turned = -(1.0 / n_lower + ratio / n_upper) * self.twice_shear / upper_rate * z_slope
         rest = lower - ratio * fall - self.largest(y) + self.width(y)
-        return rest, (ratio - 1.0) * first_slope + width_slope - turned * fall
+        return rest, (ratio - 1.0) * first_slope + width_slope - turned * fall, ratio
 
 
 def bracketed(
@@ -414,27 +414,15 @@ class HoekBrownReturn(ReturnStep):
         shears = -(e * self._lower).sum(axis=0)
         pairs = shears / np.where(shears == 0.0, 1.0, d)
         cut = np.where(self.place < CUT_1, 0.0, (e * self._upper).sum(axis=0) - g * pairs)
-        if self._natural:
-            at_tip = self.place == APEX
-            pairs, cut = np.where(at_tip, np.abs(e).sum(axis=0), pairs), np.zeros_like(cut)
+        if self._natural:  # the tip is a part of the surface
+            pairs = np.where(self.place == APEX, np.abs(e).sum(axis=0), pairs)
+            cut = np.zeros_like(cut)
         return np.stack([pairs, cut], axis=1)
-
-    @cached_property
-    def _both_active(self) -> Bools:
-        """(q, 2) whether the surface is active, of which the tip is a part, and the cut-off."""
-        if self._natural:
-            return np.tile([True, False], (len(self.place), 1))
-        return np.stack([self._n_lower > 0, self.place >= CUT_1], axis=1)
 
     @property
     def multipliers(self) -> Floats:
         """(q, y)."""
         return np.maximum(self._both_multipliers[:, : len(self._law.planes)], 0.0)
-
-    @property
-    def active(self) -> Bools:
-        """(q, y)."""
-        return self._both_active[:, : len(self._law.planes)]
 
     @cached_property
     def biactive(self) -> Bools:
@@ -442,8 +430,10 @@ class HoekBrownReturn(ReturnStep):
         law, stress = self._law, self._end
         near = _REACHED * (np.abs(self.start).max(axis=0, initial=0.0) + law.sigci * 1e-6)
         on = stress[0] - stress[2] - law.width(law.y_of(stress[0])) >= -near
-        cut = np.zeros_like(on) if self._natural else stress[0] - law.cut >= -near
-        reached = np.stack([on, cut], axis=1) | self._both_active
+        cut = stress[0] - law.cut >= -near
+        if self._natural:
+            on, cut = np.ones_like(on), np.zeros_like(cut)
+        reached = np.stack([on | (self._n_lower > 0), cut], axis=1)
         size = np.abs(self._plastic).max(axis=0, initial=0.0)[:, None]
         working = np.abs(self._both_multipliers) > 1e-11 * size  # a return adds up some roundings
         return np.asarray((reached & ~working)[:, : len(law.planes)])
@@ -480,10 +470,7 @@ class HoekBrownReturn(ReturnStep):
         n_upper, n_lower = self._n_upper[at], self._n_lower[at]
         U = (self.start * self._upper).sum(axis=0)[at] / n_upper
         L = (self.start * self._lower).sum(axis=0)[at] / n_lower
-        _, slope = law.unbalanced(y[at], U, L, n_upper, n_lower)
-        g, d = law.flow(y[at])
-        volume = law.lame * (g - d)
-        ratio = (volume - law.twice_shear * d / n_lower) / (volume + law.twice_shear * g / n_upper)
+        _, slope, ratio = law.unbalanced(y[at], U, L, n_upper, n_lower)
         unbalanced = (start * self._lower[..., None]).sum(axis=0)[at] / n_lower[:, None]
         unbalanced -= (ratio / n_upper)[:, None] * (start * self._upper[..., None]).sum(axis=0)[at]
         if n:

@@ -95,7 +95,10 @@ class ReturnStep(ABC):
     @property
     @abstractmethod
     def end_by_start(self) -> Floats:
-        """(q, d, d) derivatives of the end by the start, on the active planes."""
+        """(q, d, d) derivatives of the end by the start, on the active planes.
+
+        These are linearly independent, with dlam >= 0.
+        """
 
     @abstractmethod
     def end_derivatives(
@@ -107,11 +110,6 @@ class ReturnStep(ABC):
     @abstractmethod
     def multipliers(self) -> Floats:
         """(q, y) plastic multipliers dlam >= 0 of this step."""
-
-    @property
-    @abstractmethod
-    def active(self) -> Bools:
-        """(q, y) planes on which the derivatives are taken: linearly independent, dlam >= 0."""
 
     @property
     @abstractmethod

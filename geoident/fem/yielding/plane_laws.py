@@ -203,7 +203,6 @@ class PlaneReturn(ReturnStep):
         super().__init__(trial, yielded, spectral)
         self._system, self._hardened = system, hardened
         used, self._place = np.unique(faces, return_inverse=True)
-        self._members = [sets.members[face] for face in used.tolist()]
         self._face_planes, self._face_inverse = sets.compact(used.tolist())
         self._planes = self._face_planes[self._place]
         self._inverse = self._face_inverse[self._place]
@@ -231,14 +230,6 @@ class PlaneReturn(ReturnStep):
     def end(self) -> Floats:
         """(d, q) admissible stress."""
         return np.asarray(self.start - self._system.moved @ self._scaled.T)
-
-    @cached_property
-    def active(self) -> Bools:
-        """(q, y) stated planes on which, or on images of which, the derivatives are taken."""
-        table = np.zeros((len(self._members), len(self._system.scale)))
-        for row, members in enumerate(self._members):
-            table[row, list(members)] = 1.0
-        return np.asarray(self._stated(table)[self._place] > 0.0)
 
     @cached_property
     def biactive(self) -> Bools:

@@ -92,11 +92,6 @@ class ScaledReturn(ReturnStep):
         return self._unit.multipliers * (self._strength / self._stiffness)[:, None]
 
     @property
-    def active(self) -> Bools:
-        """(q, y)."""
-        return self._unit.active
-
-    @property
     def biactive(self) -> Bools:
         """(q, y)."""
         return self._unit.biactive
