@@ -232,10 +232,8 @@ class ReachedPlanes:
         self._margin[rows] = np.maximum(self._margin[rows], excess.max(axis=1, initial=-np.inf))
         return excess
 
-    def activity(self) -> Activity | None:
-        """Which planes were reached, with slopes by all parameters; None where none is."""
-        if not self._planes:
-            return None
+    def activity(self) -> Activity:
+        """Which planes were reached, with slopes by all parameters."""
         distances = np.concatenate([p.distances.columns for p in self._planes.values()])
         return Activity(
             planes=tuple(f"{m}: {name}" for m, p in self._planes.items() for name in p.names),
