@@ -36,10 +36,14 @@ from geoident.fem.yielding.planes import YieldPlanes, common_inside
 from geoident.fem.yielding.scaled_law import ScaledLaw
 from geoident.forward.ground.elasticity import ModuliAt, material_axes
 from geoident.forward.stages import Index, numbers
-from geoident.forward.yielding.even_directions import spread_deviators
+from geoident.forward.yielding.facets import (
+    deviator_basis,
+    polygon_shrinkage,
+    shrinkage,
+    spread_deviators,
+)
 from geoident.forward.yielding.hoek_brown import hoek_brown
 from geoident.forward.yielding.mohr_coulomb import cut_off, mohr_coulomb, smooth_mohr_coulomb
-from geoident.forward.yielding.smooth_distance import deviator_basis, polygon_shrinkage, shrinkage
 from geoident.model.arrays import Floats
 from geoident.model.case import Material
 from geoident.model.dual import Dual, ParameterPoint, stacked

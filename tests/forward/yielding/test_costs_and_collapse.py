@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from support.cases import displacement, material, model, rollers
 from support.meshes import box
-from support.yielding import NOTHING, Cavity, constant, given, marched, mohr, parameters, rock
+from support.yielding import NOTHING, Cavity, given, marched, mohr, parameters, rock
 
 from geoident.errors import CollapseError, ModelError
 from geoident.fem.yielding.domain import NoProjection
@@ -41,26 +41,6 @@ ORDINARY = {
 }
 
 
-@pytest.mark.parametrize(
-    "sides",
-    [
-        pytest.param((-10e6, -10e6), id="K0 = 1", marks=pytest.mark.slow),
-        pytest.param((-6e6, -10e6), id="K0 = 0.6"),
-    ],
-)
-@pytest.mark.parametrize("name", ORDINARY)
-def test_a_stage_takes_few_steps(name, sides):
-    mesh = CAVITY.mesh("quad8", n=4, layers=20, reach=12)
-    in_situ = constant(*sides, -9e6)
-    staged = CAVITY.staged(mesh, ORDINARY[name], stages=STAGES, in_situ=in_situ)
-    spent, yielded = [staged.counts.factorizations], 0
-    for standing in staged.at(NOTHING).states():
-        spent.append(staged.counts.factorizations)
-        yielded += standing.yielded.sum()
-    assert yielded > 100
-    assert np.diff(spent).max() <= 40  # a method that is lost takes hundreds
-
-
 def parametric(surface, c: float = 1.5e6) -> tuple:
     mesh = CAVITY.mesh("quad8", n=3, layers=14, reach=10)
     ground = replace(rock(Scalar(1.0, "E"), 0.3, surface))
@@ -74,20 +54,12 @@ def parametric(surface, c: float = 1.5e6) -> tuple:
     return staged, staged.response([("g", stage.name) for stage in STAGES])
 
 
-def test_elastic_range_costs_one_factorization_a_stage():
-    staged, response = parametric(mohr(Scalar(1.0, "c"), 0.5))
-    response.evaluate(np.array([2e9, 100e6]))
-    assert staged.counts.factorizations <= len(STAGES)
-
-
 @pytest.mark.parametrize("planes", [None, 16])
-def test_second_evaluation_at_the_same_place_costs_one_factorization_a_stage(planes):
-    staged, response = parametric(mohr(Scalar(1.0, "c"), 0.5, planes=planes))
+def test_second_evaluation_at_the_same_place_is_the_first(planes):
+    _, response = parametric(mohr(Scalar(1.0, "c"), 0.5, planes=planes))
     p = np.array([2e9, 1.5e6])
     first = response.evaluate(p)
-    before = staged.counts.factorizations
     second = response.evaluate(p)
-    assert staged.counts.factorizations - before <= len(STAGES)
     for one, other in zip(first, second, strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-7, atol=1e-9 * np.abs(one).max())
 
