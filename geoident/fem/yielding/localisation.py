@@ -27,10 +27,10 @@ def may_localise(tangents: Floats) -> Bools:
     """
     places = np.array(_PLACES[tangents.shape[1]])
     D = tangents[:, places[:, :, None, None], places[None, None]]  # (q, i, j, k, l)
-    found = np.zeros(len(tangents), dtype=np.bool_)
+    may = np.zeros(len(tangents), dtype=np.bool_)
     for n in _normals(len(places)):
-        found |= np.linalg.det(np.einsum("i,qijkl,l->qjk", n, D, n)) <= 0.0
-    return found
+        may |= np.linalg.det(np.einsum("i,qijkl,l->qjk", n, D, n)) <= 0.0
+    return may
 
 
 def _normals(dim: int) -> Floats:

@@ -18,7 +18,8 @@ from geoident.model.ground import Field, Growth, constants
 from geoident.model.parameter import Parameter, Values
 from geoident.model.yielding import GivenPlanes, WeakPlane, YieldSurface
 
-_NEGLIGIBLE = 1e-9
+_ROUNDED_NORMAL = 1e-9
+"""Of a unit normal: rounding of the turns of axes, below which a component is zero."""
 
 
 def n_strain_of(case: Case) -> int:
@@ -33,9 +34,9 @@ def yield_faults(case: Case) -> list[Fault]:
     if faults:
         return faults
     for material in _yielding(case):
-        found = _empty(case, material) or _stressed_from_the_start(case, material)
-        if found is not None:
-            faults.append(found)
+        fault = _empty(case, material) or _stressed_from_the_start(case, material)
+        if fault is not None:
+            faults.append(fault)
     return faults
 
 
@@ -137,10 +138,10 @@ def no_stress_left(case: Case, material: Material, values: Values) -> str | None
     planes = yield_planes(material, ParameterPoint(values, ()), n_strain_of(case))
     if planes.distances.value.min() >= 0.0:
         return None
-    found = empty_domain(planes.normals.value, planes.distances.value)
-    if found is None:
+    contradicting = empty_domain(planes.normals.value, planes.distances.value)
+    if contradicting is None:
         return None
-    names = " and ".join(f"'{planes.names[k]}'" for k in found)
+    names = " and ".join(f"'{planes.names[k]}'" for k in contradicting)
     return f"no stress satisfies the yield planes {names} of {material.name} together"
 
 
@@ -164,13 +165,13 @@ def _oblique(case: Case, material: Material) -> Iterator[Fault]:
         if not isinstance(surface, WeakPlane):
             continue
         normals = np.array([_normal(surface, values) for values in trials(case.parameters)])
-        if np.abs(normals[:, 2]).max() > _NEGLIGIBLE:
+        if np.abs(normals[:, 2]).max() > _ROUNDED_NORMAL:
             message = f"the weak planes of '{material.name}' are oblique to the section, or may "
             message += "turn so in the fit, so the ground would also slide out of the plane"
             hint = "Use analysis: solid, or give a strike normal to the section."
         elif (
             case.analysis is Analysis.AXISYMMETRIC
-            and np.abs(normals[:, 0] * normals[:, 1]).max() > _NEGLIGIBLE
+            and np.abs(normals[:, 0] * normals[:, 1]).max() > _ROUNDED_NORMAL
         ):
             message = f"weak planes of '{material.name}' that dip are not the same all around "
             message += "the axis"

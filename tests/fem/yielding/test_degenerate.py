@@ -17,6 +17,7 @@ from support.plastic import (
     projection_by_piqp,
 )
 
+from geoident.fem.yielding import planes as scaled
 from geoident.fem.yielding.domain import (
     EmptyDomain,
     empty_domain,
@@ -161,6 +162,12 @@ def test_a_crowded_vertex_whose_planes_miss_each_other_by_little(size, miss):
     trial[1, :1000] = trial[0, :1000]
     trial[2, :500] = trial[0, :500]
     check(isotropic(1.3, 0.9, 4)[:size, :size], planes, trial)
+
+
+def test_points_that_would_take_turns_for_ever_are_asked_for_less(monkeypatch):
+    """With next to no tolerance rounding alone takes planes of a crowded vertex in and out."""
+    monkeypatch.setattr(scaled, "_ON_PLANE", 1e-18)
+    test_a_crowded_vertex_whose_planes_miss_each_other_by_little(size=4, miss=1e-14)
 
 
 @settings(max_examples=20, deadline=None)

@@ -119,6 +119,22 @@ def test_stress_without_dilation_keeps_its_volume_but_at_the_apex():
     assert np.abs(projection.reduction[at_apex]).max() < 1e-12
 
 
+@pytest.mark.parametrize("swapped", [False, True])
+def test_of_two_cones_without_dilation_the_nearer_apex_counts(swapped):
+    cones = [coulomb(0.6, 0.8, dilation=0.0), coulomb(0.3, 0.3, dilation=0.0)]
+    one, other = reversed(cones) if swapped else cones
+    planes = Planes(
+        np.concatenate([one.normals, other.normals]),
+        np.concatenate([one.distances, other.distances]),
+        np.concatenate([one.flow, other.flow]),
+    )
+    trial = np.array([[4.0, 4.1, 3.9, 0.1]]).T
+    stress = principal(isotropic(LAME, SHEAR, 4), planes).project(trial).stress[:, 0]
+    apex = 0.3 / np.tan(0.3)
+    assert apex < 0.8 / np.tan(0.6)
+    np.testing.assert_allclose(stress, [apex, apex, apex, 0.0], atol=1e-12)
+
+
 @pytest.mark.parametrize("size", [4, 6])
 def test_tangent_is_symmetric_and_semidefinite(size):
     elasticity = isotropic(LAME, SHEAR, size)
@@ -215,12 +231,16 @@ def test_slopes_are_those_of_central_differences(size, dilation, cut, hardening)
             assert error.max() < 1e-6 * max(1.0, np.abs(expected).max()), name
 
 
+@pytest.mark.parametrize("cut", CUTS)
 @pytest.mark.parametrize("size", [4, 6])
 @pytest.mark.parametrize("dilation", FLOWS)
-def test_repeated_principal_values_have_the_tangent_of_their_limit(size, dilation):
-    law = principal(isotropic(LAME, SHEAR, size), coulomb(FRICTION, COHESION, dilation=dilation))
+def test_repeated_principal_values_have_the_tangent_of_their_limit(size, dilation, cut):
+    """On edges, and with a cut-off on a plane that does not tie the equal ones to each other."""
+    planes = coulomb(FRICTION, COHESION, dilation=dilation, tension=cut)
+    law = principal(isotropic(LAME, SHEAR, size), planes)
     shears = [0.0] * (size - 3)
     cases = np.array([[1.0, 1.0, -4.0], [1.0, -4.0, -4.0], [1.0, -4.0, 1.0], [-4.0, -4.0, 1.0]])
+    cases = np.concatenate([cases, [[0.9, -0.1, -0.1], [-0.1, -0.1, 0.9], [-0.1, 0.9, -0.1]]])
     cases = np.concatenate([cases, cases + 1e-13 * np.arange(3)])
     trial = np.array([[*case, *shears] for case in cases]).T
     rng = np.random.default_rng(0)
