@@ -280,6 +280,19 @@ def test_multipliers_are_the_plastic_strains_of_surface_and_cut_off(dilation, te
         assert stress[0, n] - stress[2, n] >= width(stress[0, n]) - within or pairs == 0.0
 
 
+@FLOWS
+def test_reached_without_flow_is_biactive(dilation):
+    """At the corner of surface and cut-off: flow of the cut-off alone, of pairs alone, of both."""
+    cut = ROCK["tension"]
+    up, down = flow_of_pair(cut, dilation)
+    corner = cut - np.array([0.0, 0.4, 1.0]) * width(cut)
+    plastic = 1e-4 * np.array([[1.0, 0.0, 0.0], [up, 0.0, -down], [1.0 + up, 0.0, -down]]).T
+    trial = np.pad(corner[:, None] + np.linalg.solve(COMPLIANCE, plastic), ((0, 1), (0, 0)))
+    step = law(dilation=dilation).project(trial)
+    np.testing.assert_allclose(step.stress[:3], corner[:, None] + 0.0 * plastic, atol=1e-6)
+    assert step.biactive.tolist() == [[True, False], [False, True], [False, False]]
+
+
 @pytest.mark.parametrize("s", [4e-3, 0.0])
 def test_excess_is_the_strength_that_a_stress_lacks(s):
     surface = law(6, s=s, dilation=None, tension=None)
