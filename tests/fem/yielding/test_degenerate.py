@@ -81,10 +81,12 @@ def test_planes_on_a_grid_through_which_many_pass_at_once(data):
     assert empty_domain(normals[some], distances[some]) is not None
 
 
+@pytest.mark.parametrize("missing", [0.0, 5e-12])
 @pytest.mark.parametrize("far", [0.0, 1e-9, 1.0, 1e6])
-def test_a_slab_without_thickness(far):
+def test_a_slab_without_thickness(far, missing):
+    """Or with less than none by rounding of its distances, which is no contradiction either."""
     normals = np.array([[1.0, 2.0, 0.0], [-1.0, -2.0, 0.0], [0.0, 0.0, 1.0]])
-    planes = Planes(normals, np.array([0.7, -0.7, 1.0]))
+    planes = Planes(normals, np.array([0.7, -0.7 - missing, 1.0]))
     trial = np.array([[1.0, 0.1, 0.7], [2.0, 0.3, 0.0], [5.0, -1.0, far]]) * (1.0 + far)
     check(definite(np.random.default_rng(1), 3), planes, trial)
 
