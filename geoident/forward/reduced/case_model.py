@@ -150,7 +150,7 @@ class ReducedCaseModel:
             return None
         response = restored.response(restored.pairs)
         try:
-            v, error = response.certified(p[None])
+            v, error = response.estimated(p[None])
             at, J = response.evaluate(p)
             increments = response.increments(p)
         except (ValueError, np.linalg.LinAlgError):

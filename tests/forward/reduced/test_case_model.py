@@ -11,7 +11,7 @@ from support.sums import summed_model
 
 from geoident.forward.gauges.observation import Observation
 from geoident.forward.reduced.case_model import ReducedCaseModel
-from geoident.forward.reduced.coverage import releases, surrogate_obstacle
+from geoident.forward.reduced.coverage import releases, reduction_obstacle
 from geoident.forward.reduced.kept import RestoredModel, _Blocks, _Packed
 from geoident.forward.reduced.stress_rows import StressRows
 from geoident.model.results.costs import Counts
@@ -233,7 +233,7 @@ def _state(**changes):
     ],
 )  # fmt: skip
 def test_why_a_march_has_no_reduced_model(changes, why):
-    assert surrogate_obstacle(_march(**changes)) == why
+    assert reduction_obstacle(_march(**changes)) == why
 
 
 def test_whether_any_stage_releases_in_part():
