@@ -301,7 +301,7 @@ def _values(end: StageEnd) -> StageEnd:
     return replace(
         end,
         u=end.u[:, :1].copy(),
-        stresses=end.stresses.values(),
+        stress=end.stress[..., :1].copy(),
         members=end.members[:, :1].copy(),
         yielded=end.yielded.copy(),
         forces=None if end.forces is None else end.forces[:, :1].copy(),

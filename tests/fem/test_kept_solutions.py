@@ -8,6 +8,7 @@ import pytest
 from geoident.fem.solvers import iterative, kept_solutions, pick_solver
 from geoident.fem.solvers.iterative import IterativeSolver
 from geoident.fem.solvers.kept_solutions import KeepsSolutions
+from geoident.fem.solvers.splu import SpluSolver
 from tests.fem.test_iterative import ground, loads, system
 
 
@@ -40,7 +41,7 @@ def solved(monkeypatch):
 
 
 def with_store(kept):
-    solver = IterativeSolver(few=0)
+    solver = IterativeSolver(SpluSolver, few=0)
     solver.keep_solutions(kept)
     return solver
 
@@ -48,7 +49,7 @@ def with_store(kept):
 def test_what_was_solved_before_is_found_bit_by_bit_with_its_counts(solved, monkeypatch):
     pattern, values = system(ground("tet10", 2))
     kept, rhs = Kept(), loads(pattern)
-    plain = IterativeSolver(few=0)
+    plain = IterativeSolver(SpluSolver, few=0)
     exact = plain.analyse(pattern).factorize(values).solve(rhs)
     first = with_store(kept)
     assert np.array_equal(first.analyse(pattern).factorize(values).solve(rhs), exact)
@@ -69,7 +70,7 @@ def test_nothing_is_taken_for_the_solution_of_something_else(solved):
     stiffer = 2.0 * values
     for v, b in ((values, other), (values, rhs[:, :2]), (stiffer, rhs)):
         found = with_store(kept).analyse(pattern).factorize(v).solve(b)
-        plain = IterativeSolver(few=0).analyse(pattern).factorize(v).solve(b)
+        plain = IterativeSolver(SpluSolver, few=0).analyse(pattern).factorize(v).solve(b)
         assert np.array_equal(found, plain)
     assert len(solved) == 1 + 2 * 3
 
@@ -88,4 +89,4 @@ def test_the_choice_among_solvers_passes_the_store_on():
     kept = Kept()
     solver.keep_solutions(kept)
     assert solver._beyond._kept.store is kept
-    assert not isinstance(pick_solver("multifrontal"), KeepsSolutions)
+    assert not isinstance(pick_solver("splu"), KeepsSolutions)

@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from importlib import import_module
+from importlib.metadata import PackageNotFoundError, version
 
 from geoident.errors import UsageError
-from geoident.fem.solvers.auto import LARGE_WORK, NOTHING, AutoSolver, FactorSize, is_beyond
+from geoident.fem.solvers.auto import AutoSolver
 from geoident.fem.solvers.direct import Solver, SolverCounts
 from geoident.fem.solvers.threads import granted_threads
 
 __all__ = [
     "AUTO",
     "BEYOND",
-    "LARGE",
-    "SMALL",
+    "DIRECT",
     "SOLVERS",
     "SolverCounts",
     "SolverInfo",
@@ -27,31 +28,17 @@ __all__ = [
 AUTO = "auto"
 """The name that leaves the choice to `pick_solver`."""
 
-_CLASSES = {
-    "cholmod": "CholmodSolver",
-    "iterative": "IterativeSolver",
-    "multifrontal": "MultifrontalSolver",
-    "pardiso": "PardisoSolver",
-    "splu": "SpluSolver",
-}
-_PACKAGES = {"cholmod": "cvxopt", "pardiso": "pypardiso"}
-
-SOLVERS = tuple(_CLASSES)
-"""Names of the solvers.
-
-In our elimination order CHOLMOD factorizes small matrices faster than PARDISO, and it gives the
-same bits in every run, which several threads of PARDISO do not. Large matrices, and stages that
-have most of their ground in common, are for our own solver.
-"""
-
-LARGE = "multifrontal"
-"""The solver of large matrices, and of small ones where neither of `SMALL` is installed."""
+DIRECT = ("pardiso", "cholmod", "splu")
+"""Solvers that factorize, the fastest first; the last is always there."""
 
 BEYOND = "iterative"
 """The solver where a factor would take too much time or memory."""
 
-SMALL = ("cholmod", "pardiso")
-"""Solvers of small matrices, the best first."""
+SOLVERS = (*DIRECT, BEYOND)
+"""Names of the solvers."""
+
+_CLASSES = {"pardiso": "PardisoSolver", "cholmod": "CholmodSolver", "splu": "SpluSolver"}
+_PACKAGES = {"cholmod": "cvxopt", "pardiso": "pypardiso"}
 
 
 @dataclass(frozen=True)
@@ -77,14 +64,14 @@ def pick_solver(name: str = AUTO) -> Solver:
     """A new solver with counts of its own.
 
     Args:
-        name: one of `SOLVERS`, or ``auto`` for the choice by the work that a matrix takes.
+        name: one of `SOLVERS`, or ``auto`` for the choice by what each matrix takes.
 
     Raises:
         UsageError: there is no solver of that name, or it is not installed.
     """
     if name == AUTO:
-        small = picked()
-        return AutoSolver(*(partial(_create, kind) for kind in (small, LARGE, BEYOND)))
+        counts = SolverCounts()
+        return AutoSolver(_create(picked(), counts), _create(BEYOND, counts))
     if name not in SOLVERS:
         raise UsageError(f"unknown solver {name!r}: choose from {', '.join((AUTO, *SOLVERS))}")
     try:
@@ -98,29 +85,25 @@ def solver_report() -> tuple[SolverInfo, ...]:
     return tuple(_info(name) for name in SOLVERS)
 
 
-def picked(size: FactorSize = NOTHING) -> str:
-    """Name of the solver that ``auto`` takes.
-
-    Args:
-        size: of the matrix.
-    """
-    if is_beyond(size):
-        return BEYOND
-    if size.lasting or size.work >= LARGE_WORK:
-        return LARGE
-    for name in SMALL:
+def picked() -> str:
+    """Name of the solver with which ``auto`` factorizes: the fastest that is installed."""
+    for name in DIRECT[:-1]:
         try:
             _create(name)
         except (ImportError, OSError):  # not installed, or its shared library does not load
             continue
         return name
-    return LARGE
+    return DIRECT[-1]
 
 
 def _create(name: str, counts: SolverCounts | None = None) -> Solver:
+    counts = SolverCounts() if counts is None else counts
     module = import_module(f"geoident.fem.solvers.{name}")
-    solver: Solver = getattr(module, _CLASSES[name])(counts)
-    return solver
+    if name == BEYOND:
+        iterative: Solver = module.IterativeSolver(partial(_create, picked()), counts)
+        return iterative
+    direct: Solver = getattr(module, _CLASSES[name])(counts)
+    return direct
 
 
 def _remedy(name: str, error: Exception) -> str:
@@ -133,21 +116,9 @@ def _info(name: str) -> SolverInfo:
         _create(name)
     except (ImportError, OSError) as error:
         return SolverInfo(name, False, "", 0, _remedy(name, error))
-    return SolverInfo(name, True, _package(name), _threads(name))
-
-
-def _package(name: str) -> str:
-    from importlib.metadata import PackageNotFoundError, version  # noqa: PLC0415 - for reports
-
     package = _PACKAGES.get(name, "scipy")
-    try:
-        return f"{package} {version(package)}"
-    except PackageNotFoundError:
-        return package
-
-
-def _threads(name: str) -> int:
-    """Threads that the environment grants; CHOLMOD and SuperLU have use for one only."""
-    if name == "pardiso":
-        return granted_threads("MKL_NUM_THREADS")
-    return granted_threads("OPENBLAS_NUM_THREADS") if name in (LARGE, BEYOND) else 1
+    with suppress(PackageNotFoundError):
+        package = f"{package} {version(package)}"
+    # CHOLMOD and SuperLU have use for one thread only.
+    threads = granted_threads("MKL_NUM_THREADS") if name == "pardiso" else 1
+    return SolverInfo(name, True, package, threads)

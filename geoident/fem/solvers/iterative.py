@@ -3,7 +3,7 @@
 A factor of a million unknowns in space takes 10 GB and grows with n^(4/3), the operations with n^2;
 the matrix and its levels take two, and everything grows with n. All right-hand sides go
 together: one product with the matrix for all (`multilevel.energy`). The coarsest level is
-factorized by our own solver in single precision (`multilevel.cycle`).
+factorized by a direct solver (`multilevel.cycle`).
 
 Where conjugate gradients do not come to the end (ground that is all but incompressible, slivers),
 the matrix is factorized if its factor fits the memory, and refused if not.
@@ -11,6 +11,7 @@ the matrix is factorized if its factor fits the memory, and refused if not.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property
 from time import monotonic
 
@@ -18,17 +19,18 @@ import numpy as np
 import scipy.sparse as sp
 
 from geoident.errors import ModelError
-from geoident.fem.solvers.auto import factor_bytes, fits, size_of
 from geoident.fem.solvers.direct import (
     DirectAnalysis,
     LowerPattern,
     NotPositiveDefinite,
     Solve,
+    Solver,
     SolverCounts,
     SymbolicFactorization,
 )
+from geoident.fem.solvers.factor_cost import factor_cost
 from geoident.fem.solvers.kept_solutions import KeptSolutions, SolutionStore
-from geoident.fem.solvers.multifrontal import MultifrontalSolver
+from geoident.fem.solvers.memory_limit import memory_limit
 from geoident.fem.solvers.multilevel.cycle import CycleLevel, Hierarchy
 from geoident.fem.solvers.multilevel.energy import Stagnates, solve_in_energy, spectrum
 from geoident.model.arrays import Floats
@@ -39,6 +41,9 @@ COLUMNS = 32
 FEW = 3_000
 """Unknowns up to which a matrix is factorized: levels would save nothing."""
 
+BYTES = 9.5
+"""Memory for an entry of a factor, with what goes with it."""
+
 
 class IterativeSolver:
     """Conjugate gradients on several levels as a `Solver`.
@@ -46,16 +51,23 @@ class IterativeSolver:
     Matrices without places in a mesh, and small ones, are factorized.
 
     Args:
+        direct: makes solvers that factorize, with the counts that it is given.
         counts: where to count; its own if not given.
         few: unknowns up to which a matrix is factorized.
     """
 
     name = "iterative"
-    keeps_from = float("inf")
 
-    def __init__(self, counts: SolverCounts | None = None, *, few: int = FEW) -> None:
+    def __init__(
+        self,
+        direct: Callable[[SolverCounts], Solver],
+        counts: SolverCounts | None = None,
+        *,
+        few: int = FEW,
+    ) -> None:
         self.counts = counts if counts is not None else SolverCounts()
-        self._few, self._direct = few, MultifrontalSolver(self.counts)
+        self._few, self._direct = few, direct(self.counts)
+        self._inner = direct(SolverCounts())  # of factors that nobody asked for
         self._kept = KeptSolutions()
 
     def keep_solutions(self, store: SolutionStore | None) -> None:
@@ -66,8 +78,8 @@ class IterativeSolver:
         """Prepare for matrices of this pattern."""
         if pattern.places is None or pattern.n <= self._few:
             return self._direct.analyse(pattern)
-        hierarchy = Hierarchy(pattern.places, self.counts)
-        return IterativeAnalysis(pattern, self.counts, hierarchy, self._kept)
+        hierarchy = Hierarchy(pattern.places, self._inner)
+        return IterativeAnalysis(pattern, self.counts, hierarchy, self._kept, self._inner)
 
 
 class IterativeAnalysis(DirectAnalysis):
@@ -78,6 +90,7 @@ class IterativeAnalysis(DirectAnalysis):
         counts: where to count.
         hierarchy: its levels.
         kept: solutions of before.
+        direct: factorizes where conjugate gradients do not come to the end.
     """
 
     def __init__(
@@ -86,11 +99,11 @@ class IterativeAnalysis(DirectAnalysis):
         counts: SolverCounts,
         hierarchy: Hierarchy,
         kept: KeptSolutions,
+        direct: Solver,
     ) -> None:
         super().__init__(pattern, counts)
-        self._hierarchy, self._kept = hierarchy, kept
-        self._direct: SymbolicFactorization | None = None
-        self._spent = SolverCounts()
+        self._hierarchy, self._kept, self._direct = hierarchy, kept, direct
+        self._instead: SymbolicFactorization | None = None
 
     def _release(self) -> None:
         """The levels die with their last user."""
@@ -99,7 +112,7 @@ class IterativeAnalysis(DirectAnalysis):
         if not np.isfinite(values).all():
             bad = int(np.argmax(~np.isfinite(values)))
             raise NotPositiveDefinite(int(np.searchsorted(self.pattern.indptr, bad, "right")) - 1)
-        if self._direct is not None:  # iterations would not come to the end this time either
+        if self._instead is not None:  # iterations would not come to the end this time either
             return self._factorized(values)
         matrix = whole_matrix(self.pattern, values)
         name = self._kept.name(self.pattern, values)
@@ -133,16 +146,14 @@ class IterativeAnalysis(DirectAnalysis):
         Raises:
             ModelError: it would not fit the memory.
         """
-        if self._direct is None:
-            size = size_of(self.pattern)
-            if not fits(size):
-                raise _too_hard(factor_bytes(size))
-            self._direct = MultifrontalSolver(self._spent).analyse(self.pattern)
-        before = self._spent.flops
-        try:
-            return self._direct.factorize(values).solve
-        finally:
-            self.counts.flops += self._spent.flops - before
+        if self._instead is None:
+            places = self.pattern.places
+            assert places is not None
+            cost = factor_cost(self.pattern, places.dofs // places.points.shape[1])
+            if cost.entries * BYTES > memory_limit():
+                raise _too_hard(cost.entries * BYTES)
+            self._instead = self._direct.analyse(self.pattern)
+        return self._instead.factorize(values).solve
 
 
 def _too_hard(needed: float) -> ModelError:

@@ -42,7 +42,6 @@ class SpluSolver:
     """
 
     name = "splu"
-    keeps_from = float("inf")
 
     def __init__(self, counts: SolverCounts | None = None) -> None:
         self.counts = counts if counts is not None else SolverCounts()

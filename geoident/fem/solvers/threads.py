@@ -3,7 +3,7 @@
 numpy and scipy come with an OpenBLAS each, whose threads wait for work by turning round and round:
 beside many small products that takes more time of processors than the products. So whoever computes
 long does it within `one_thread`, and what is large is divided into tasks by the program itself
-(`fronts.tasks`).
+(`tasks`).
 """
 
 from __future__ import annotations

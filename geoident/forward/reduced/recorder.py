@@ -29,7 +29,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from geoident.forward.gauges.observation import Observation
-from geoident.forward.march.lasting import solve_still
 from geoident.forward.march.march import Run
 from geoident.forward.march.stage import StageEnd
 from geoident.forward.reduced.affine_march import AffineMarch
@@ -199,7 +198,7 @@ class Recorder:
                 strains = self._known(number, u, slice(known, known + count))
                 forces = self._points.forces(strains, system)
                 dofs = system.pattern.dofs
-                found[dofs] = -solve_still(factor, forces[dofs])
+                found[dofs] = -factor.solve(forces[dofs])
             u, known = np.hstack([u, found]), known + count
         return u
 

@@ -14,13 +14,12 @@ import numpy as np
 import scipy.sparse as sp
 
 from geoident.fem.solvers.direct import (
+    Factor,
     LowerPattern,
     NotPositiveDefinite,
-    Solve,
-    SolverCounts,
+    Solver,
     UnknownPlaces,
 )
-from geoident.fem.solvers.multifrontal import MultifrontalAnalysis, MultifrontalSolver
 from geoident.fem.solvers.multilevel.coarser import Coarser, aggregates, corners
 from geoident.fem.solvers.multilevel.smoother import (
     Singles,
@@ -40,7 +39,6 @@ DAMPED = 4.0 / 3.0
 ROWS = 8
 """Parts in which the coarser matrix is made: bounds the memory."""
 
-
 FACTORIZED = 400_000
 """Unknowns of corners up to which they are the coarsest level."""
 
@@ -57,17 +55,17 @@ class Hierarchy:
 
     Args:
         places: of its unknowns in the mesh.
-        counts: where the operations of the factorization of the coarsest level are counted.
+        direct: factorizes the coarsest level.
     """
 
-    def __init__(self, places: UnknownPlaces, counts: SolverCounts) -> None:
-        self._places, self._counts = places, counts
+    def __init__(self, places: UnknownPlaces, direct: Solver) -> None:
+        self._places, self._direct = places, direct
         self._corners = corners(places)
         self._coarsest: _Coarsest | None = None
         self._below: Hierarchy | None = None
         if self._corners is not None and len(self._corners.point) > FACTORIZED:
             assert self._corners.places is not None
-            self._below = Hierarchy(self._corners.places, counts)
+            self._below = Hierarchy(self._corners.places, direct)
 
     def level(self, matrix: sp.csr_array) -> CycleLevel:
         """The finest level for a matrix (n, n).
@@ -91,7 +89,7 @@ class Hierarchy:
             if self._below is not None:
                 return self._below.level(found)
             if self._coarsest is None or not self._coarsest.serves(found):
-                self._coarsest = _Coarsest(found, coarser.point, self._counts)
+                self._coarsest = _Coarsest(found, coarser.point, self._direct)
             return self._coarsest.level(found)
         except NotPositiveDefinite as error:
             raise NotPositiveDefinite(_unknown(error.unknown, coarser)) from error
@@ -157,14 +155,12 @@ def _elimination_order(matrix: sp.csr_array, point: Floats) -> Ints:
 class _Coarsest:
     """The pattern of the coarsest level in the order of its elimination."""
 
-    def __init__(self, matrix: sp.csr_array, point: Floats, counts: SolverCounts) -> None:
+    def __init__(self, matrix: sp.csr_array, point: Floats, direct: Solver) -> None:
         self._indptr, self._indices = matrix.indptr, matrix.indices
         self._order = _elimination_order(matrix, point)
         lower = self._lower(matrix)
         pattern = LowerPattern(lower.indptr.astype(np.int64), lower.indices.astype(np.int64))
-        own = MultifrontalSolver(single=True)
-        self.analysis: MultifrontalAnalysis = own.analyse(pattern)
-        self._own, self._counts = own.counts, counts
+        self._analysis = direct.analyse(pattern)
 
     def serves(self, matrix: sp.csr_array) -> bool:
         """Whether a matrix has this pattern."""
@@ -174,16 +170,13 @@ class _Coarsest:
 
     def level(self, matrix: sp.csr_array) -> CycleLevel:
         """Factorize a matrix of this pattern."""
-        before = self._own.flops
         try:
-            solve = self.analysis.preconditioner(self._lower(matrix).data)
+            factor = self._analysis.factorize(self._lower(matrix).data)
         except NotPositiveDefinite as error:
             raise NotPositiveDefinite(
                 None if error.unknown is None else int(self._order[error.unknown])
             ) from error
-        finally:
-            self._counts.flops += self._own.flops - before
-        return _Factorized(self._order, solve)
+        return _Factorized(self._order, factor)
 
     def _lower(self, matrix: sp.csr_array) -> sp.csc_array:
         """The lower triangle in the order of elimination, by columns."""
@@ -195,11 +188,10 @@ class _Coarsest:
 class _Factorized:
     """The coarsest level."""
 
-    def __init__(self, order: Ints, solve: Solve) -> None:
-        self._order, self._solve = order, solve
+    def __init__(self, order: Ints, factor: Factor) -> None:
+        self._order, self._factor = order, factor
 
     def solve(self, rhs: Singles) -> Singles:
         x = np.empty_like(rhs)
-        right = np.array(rhs[self._order], dtype=np.float64, order="F")
-        x[self._order] = self._solve(right)
+        x[self._order] = self._factor.solve(rhs[self._order].astype(np.float64))
         return x

@@ -9,14 +9,8 @@ from functools import lru_cache
 
 from geoident.fem.solvers.threads import granted_threads
 
-Work = Callable[[], None]
 
-
-Runner = Callable[[Sequence[Work]], None]
-"""Does all tasks."""
-
-
-def run_tasks(tasks: Sequence[Work]) -> None:
+def run_tasks(tasks: Sequence[Callable[[], None]]) -> None:
     """Do all tasks, of which none needs what another makes; together where there are cores.
 
     Not from within a task: it would wait for the thread that it has itself.
@@ -26,19 +20,14 @@ def run_tasks(tasks: Sequence[Work]) -> None:
     """
     threads = granted_threads("OPENBLAS_NUM_THREADS")
     if threads == 1 or len(tasks) < 2:
-        run_alone(tasks)
+        for task in tasks:
+            task()
         return
     pool = _pool(threads, os.getpid())
     futures = [pool.submit(task) for task in tasks]
     wait(futures)
     for future in futures:
         future.result()
-
-
-def run_alone(tasks: Sequence[Work]) -> None:
-    """Do all tasks one after the other, as within a task."""
-    for task in tasks:
-        task()
 
 
 @lru_cache(maxsize=2)
