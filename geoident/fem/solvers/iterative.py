@@ -22,7 +22,6 @@ from geoident.errors import ModelError
 from geoident.fem.solvers.direct import (
     DirectAnalysis,
     LowerPattern,
-    NotPositiveDefinite,
     Solve,
     Solver,
     SolverCounts,
@@ -102,45 +101,21 @@ class IterativeAnalysis(DirectAnalysis):
         direct: Solver,
     ) -> None:
         super().__init__(pattern, counts)
-        self._hierarchy, self._kept, self._direct = hierarchy, kept, direct
+        self.hierarchy, self.kept, self._direct = hierarchy, kept, direct
         self._instead: SymbolicFactorization | None = None
 
     def _release(self) -> None:
         """The levels die with their last user."""
 
     def _factorize(self, values: Floats, diagonal: Floats) -> Solve:
-        if not np.isfinite(values).all():
-            bad = int(np.argmax(~np.isfinite(values)))
-            raise NotPositiveDefinite(int(np.searchsorted(self.pattern.indptr, bad, "right")) - 1)
-        if self._instead is not None:  # iterations would not come to the end this time either
-            return self._factorized(values)
-        matrix = whole_matrix(self.pattern, values)
-        name = self._kept.name(self.pattern, values)
-        iterations = _Iterations(matrix, name, self._kept, self.counts, self._hierarchy)
-        try:
-            iterations.prepare(diagonal)
-        except Stagnates as vain:
-            self.counts.iterations += vain.columns
-            return self._factorized(values)
-        instead: list[Solve] = []
+        if self._instead is None:  # else iterations would not come to the end this time either
+            try:
+                return _Iterations(self, values, diagonal)
+            except Stagnates as vain:
+                self.counts.iterations += vain.columns
+        return self.factorize_instead(values)
 
-        def some(rhs: Floats) -> Floats:
-            if not instead:
-                try:
-                    return iterations.solve(rhs)
-                except Stagnates as vain:
-                    self.counts.iterations += vain.columns
-                    instead.append(self._factorized(lower_values(matrix)))
-            return instead[0](rhs)
-
-        def solve(rhs: Floats) -> Floats:
-            for start in range(0, rhs.shape[1], COLUMNS):
-                rhs[:, start : start + COLUMNS] = some(rhs[:, start : start + COLUMNS])
-            return rhs
-
-        return solve
-
-    def _factorized(self, values: Floats) -> Solve:
+    def factorize_instead(self, values: Floats) -> Solve:
         """A factorization, where conjugate gradients do not come to the end.
 
         Raises:
@@ -150,82 +125,78 @@ class IterativeAnalysis(DirectAnalysis):
             places = self.pattern.places
             assert places is not None
             cost = factor_cost(self.pattern, places.dofs // places.points.shape[1])
-            if cost.entries * BYTES > memory_limit():
-                raise _too_hard(cost.entries * BYTES)
+            needed = cost.entries * BYTES
+            if needed > memory_limit():
+                msg = "conjugate gradients do not come to the solution: ground is all but "
+                msg += "incompressible, or elements are nearly flat; a factorization would take "
+                msg += f"{needed / 1e9:.1f} GB of memory"
+                hint = "look for moduli near a Poisson's ratio of 0.5 and for slivers in the mesh, "
+                raise ModelError(msg, hint + "or take a coarser mesh or more memory")
             self._instead = self._direct.analyse(self.pattern)
         return self._instead.factorize(values).solve
 
 
-def _too_hard(needed: float) -> ModelError:
-    msg = "conjugate gradients do not come to the solution: ground is all but incompressible, or "
-    msg += f"elements are nearly flat; a factorization would take {needed / 1e9:.1f} GB of memory"
-    hint = "look for moduli near a Poisson's ratio of 0.5 and for slivers in the mesh, or take a "
-    return ModelError(msg, hint + "coarser mesh or more memory")
-
-
 class _Iterations:
-    """Conjugate gradients with one matrix; what took long is kept and found again.
+    """Conjugate gradients with one matrix, as a `Solve`; what took long is kept and found again.
+
+    Iterations that are found again are counted, too, so that a run that goes on has the counts of
+    one that was never cut short.
 
     Args:
-        matrix: (n, n).
-        name: under which what is found with it is kept; empty for not at all.
-        kept: solutions of before.
-        counts: where to count: what is found again, too, so that a run that goes on has the counts
-            of one that was never cut short.
-        hierarchy: the levels of its pattern.
+        analysis: of its pattern.
+        values: (nnz,) of the lower triangle.
+        diagonal: (n,) of the matrix.
+
+    Raises:
+        NotPositiveDefinite: the matrix is not.
+        Stagnates: conjugate gradients do not come to the end.
     """
 
-    def __init__(
-        self,
-        matrix: sp.csr_array,
-        name: str,
-        kept: KeptSolutions,
-        counts: SolverCounts,
-        hierarchy: Hierarchy,
-    ) -> None:
-        self._matrix, self._name, self._kept = matrix, name, kept
-        self._counts, self._hierarchy = counts, hierarchy
-        self._least = 0.0
+    def __init__(self, analysis: IterativeAnalysis, values: Floats, diagonal: Floats) -> None:
+        self._analysis, self._kept = analysis, analysis.kept
+        self._matrix = whole_matrix(analysis.pattern, values)
+        self._name = self._kept.name(analysis.pattern, values)
+        self._instead: Solve | None = None
+        known = self._kept.find(self._name)
+        if known is None:
+            begun = monotonic()
+            extremes = spectrum(self._matrix.__matmul__, self._precondition, diagonal)
+            known = {"least": np.array(extremes.least), "steps": np.array(float(extremes.steps))}
+            self._kept.add(self._name, monotonic() - begun, known)
+        self._least = float(known["least"])
+        analysis.counts.iterations += int(known["steps"])
 
     @cached_property
     def _precondition(self) -> _Preconditioner:
         """Made when something must be solved."""
-        return _Preconditioner(self._hierarchy.level(self._matrix))
+        return _Preconditioner(self._analysis.hierarchy.level(self._matrix))
 
-    def prepare(self, diagonal: Floats) -> None:
-        """Find the least eigenvalue of M^-1 K.
+    def __call__(self, rhs: Floats) -> Floats:
+        """Solutions in the place of right-hand sides (n, k)."""
+        for start in range(0, rhs.shape[1], COLUMNS):
+            block = slice(start, start + COLUMNS)
+            rhs[:, block] = self._solve(rhs[:, block])
+        return rhs
 
-        Args:
-            diagonal: (n,) of K.
+    def _solve(self, rhs: Floats) -> Floats:
+        if self._instead is None:
+            try:
+                return self._iterate(rhs)
+            except Stagnates as vain:
+                self._analysis.counts.iterations += vain.columns
+                self._instead = self._analysis.factorize_instead(lower_values(self._matrix))
+        return self._instead(rhs)
 
-        Raises:
-            NotPositiveDefinite: K is not.
-            Stagnates: conjugate gradients do not come to the end.
-        """
-        known = self._kept.find(self._name)
-        if known is None:
-            begun = monotonic()
-            found = spectrum(self._matrix.__matmul__, self._precondition, diagonal)
-            known = {"least": np.array(found.least), "steps": np.array(float(found.steps))}
-            self._kept.add(self._name, monotonic() - begun, known)
-        self._least = float(known["least"])
-        self._counts.iterations += int(known["steps"])
-
-    def solve(self, rhs: Floats) -> Floats:
-        """Solutions (n, k) for right-hand sides (n, k).
-
-        Raises:
-            Stagnates: conjugate gradients do not come to the end.
-        """
+    def _iterate(self, rhs: Floats) -> Floats:
         name = self._kept.of(self._name, rhs)
         known = self._kept.find(name)
         if known is None:
             begun = monotonic()
             product = self._matrix.__matmul__
-            found = solve_in_energy(product, self._precondition, rhs, self._least)
-            known = {"x": found.x, "steps": np.array(float(found.columns))}
+            solution = solve_in_energy(product, self._precondition, rhs, self._least)
+            known = {"x": solution.x, "steps": np.array(float(solution.columns))}
             self._kept.add(name, monotonic() - begun, known)
-        self._counts.iterations += int(known["steps"])
+        self._analysis.counts.iterations += int(known["steps"])
         return known["x"]
 
 

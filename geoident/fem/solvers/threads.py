@@ -10,13 +10,14 @@ from __future__ import annotations
 
 import ctypes
 import os
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
+from contextlib import ContextDecorator
 from dataclasses import dataclass
 from functools import lru_cache
 from importlib import import_module
 from pathlib import Path
 from threading import Lock
+from typing import ClassVar
 
 
 def granted_threads(variable: str) -> int:
@@ -44,47 +45,33 @@ class Library:
     take: Callable[[int], None]
 
 
-@contextmanager
-def one_thread() -> Iterator[None]:
+class one_thread(ContextDecorator):  # noqa: N801  used as contextlib's own
     """Within, the BLAS of numpy and that of scipy take one thread each, where they can be told so.
 
     It may be entered again within, and by several threads at a time: the last that leaves
     gives back what was before. Also a decorator of functions.
     """
-    _STATE.enter()
-    try:
-        yield
-    finally:
-        _STATE.leave()
 
+    _lock = Lock()
+    _within = 0
+    _before: ClassVar[list[int]] = []
 
-class _State:
-    """How many are within, and what was before the first came."""
-
-    def __init__(self) -> None:
-        self._lock = Lock()
-        self._within = 0
-        self._before: list[int] = []
-
-    def enter(self) -> None:
-        """One more is within."""
-        with self._lock:
-            self._within += 1
-            if self._within == 1:
-                self._before = [library.threads() for library in libraries()]
+    def __enter__(self) -> None:
+        cls = one_thread
+        with cls._lock:
+            cls._within += 1
+            if cls._within == 1:
+                cls._before = [library.threads() for library in libraries()]
                 for library in libraries():
                     library.take(1)
 
-    def leave(self) -> None:
-        """One has left."""
-        with self._lock:
-            self._within -= 1
-            if not self._within:
-                for library, count in zip(libraries(), self._before, strict=True):
+    def __exit__(self, *error: object) -> None:
+        cls = one_thread
+        with cls._lock:
+            cls._within -= 1
+            if not cls._within:
+                for library, count in zip(libraries(), cls._before, strict=True):
                     library.take(count)
-
-
-_STATE = _State()
 
 
 @lru_cache(maxsize=1)
