@@ -346,7 +346,7 @@ def test_options_of_other_users_of_cvxopt_are_kept(monkeypatch):
 
 
 def test_a_large_factor_gives_its_memory_back_when_nobody_uses_it(monkeypatch, solver):
-    monkeypatch.setattr(direct, "LARGE", 1)
+    monkeypatch.setattr(direct, "RELEASED_ENTRIES", 1)
     released = []
     pattern, values = lower(laplacian(8))
     analysis = solver.analyse(pattern)
@@ -361,7 +361,7 @@ def test_a_large_factor_gives_its_memory_back_when_nobody_uses_it(monkeypatch, s
 
 
 def test_a_released_analysis_factorizes_again(monkeypatch, solver):
-    monkeypatch.setattr(direct, "LARGE", 1)
+    monkeypatch.setattr(direct, "RELEASED_ENTRIES", 1)
     pattern, values = lower(laplacian(8))
     analysis = solver.analyse(pattern)
     before = analysis.factorize(values).solve(np.ones((pattern.n, 1)))
@@ -370,7 +370,7 @@ def test_a_released_analysis_factorizes_again(monkeypatch, solver):
     assert solver.counts.analyses == 1
 
 
-MOST_THREADS = """
+ON_TWO_THREADS = """
 import hashlib, sys
 import numpy as np, scipy.sparse as sp
 from geoident.fem.solvers import pardiso, pick_solver
@@ -393,7 +393,7 @@ def test_pardiso_gives_the_same_bits_in_every_process():
     environment = {**os.environ, "MKL_NUM_THREADS": "2"}
     bits = {
         subprocess.run(
-            [sys.executable, "-c", MOST_THREADS, offset], env=environment, check=True,
+            [sys.executable, "-c", ON_TWO_THREADS, offset], env=environment, check=True,
             capture_output=True,
         ).stdout
         for offset in ("8", "1000", "123456")

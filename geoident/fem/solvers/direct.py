@@ -133,7 +133,7 @@ class NotPositiveDefinite(ArithmeticError):
 SINGULAR = 1e-13
 """A pivot below this part of the diagonal entry that it came from is rounding, not stiffness."""
 
-LARGE = 250_000
+RELEASED_ENTRIES = 250_000
 """Entries of a matrix from which on a factor's memory is given back as soon as nobody uses it.
 
 A staged model has one analysis for every stage; if each kept its last factor, the memory of a
@@ -151,7 +151,7 @@ class DirectFactor:
         self._analysis = analysis
         self._number = analysis.factorized
         self._solve = solve
-        if len(analysis.pattern.indices) >= LARGE:
+        if len(analysis.pattern.indices) >= RELEASED_ENTRIES:
             weakref.finalize(self, analysis.release, self._number).atexit = False
 
     @property

@@ -90,15 +90,15 @@ def _rows_below(indptr: Ints, nodes: Ints, size: Ints) -> Ints:
     column = tree.place[above]
     sequence = np.argsort(nodes * n + column)
     row, column = nodes[sequence], column[sequence]
-    follows = _like_the_one_before(row)
+    follows = _equals_previous(row)
     before = np.where(follows, np.concatenate([[-1], column[:-1]])[: len(column)], -1)
     is_leaf = tree.first[column] > before
     row, column = row[is_leaf], column[is_leaf]
     # Its size enters at every leaf, and leaves where two branches meet and at the row itself.
     change = np.bincount(column, weights=size[row], minlength=n)
-    another = np.flatnonzero(_like_the_one_before(row))
-    meeting = tree.meeting(column[another - 1], column[another])
-    change -= np.bincount(meeting, weights=size[row[another]], minlength=n)
+    repeated = np.flatnonzero(_equals_previous(row))
+    meeting = tree.meeting(column[repeated - 1], column[repeated])
+    change -= np.bincount(meeting, weights=size[row[repeated]], minlength=n)
     rows = np.unique(row)
     change -= np.bincount(tree.place[rows], weights=size[rows], minlength=n)
     total = np.concatenate([[0.0], np.cumsum(change)])
@@ -132,10 +132,8 @@ def _elimination_tree(above: Ints, below: Ints, n: int) -> Ints:
     return np.array(parent, dtype=np.int64)
 
 
-def _like_the_one_before(values: Ints) -> Bools:
-    found = np.zeros(len(values), dtype=bool)
-    found[1:] = values[1:] == values[:-1]
-    return found
+def _equals_previous(values: Ints) -> Bools:
+    return np.concatenate([[False], values[1:] == values[:-1]])[: len(values)]
 
 
 @dataclass(frozen=True)
@@ -189,11 +187,11 @@ class _Postorder:
         """
         n = len(self.depth)
         highest = self.depth * n + np.arange(n)
-        found = np.empty(len(low), dtype=np.int64)
+        top = np.empty(len(low), dtype=np.int64)
         level = np.frexp((high - low + 1).astype(np.float64))[1] - 1
         for j in range(int(level.max(initial=-1)) + 1):  # least of runs of 1, 2, 4, ... places
-            mine = level == j
-            a, b = highest[low[mine]], highest[high[mine] - (1 << j) + 1]
-            found[mine] = np.minimum(a, b) % n
+            run = level == j
+            a, b = highest[low[run]], highest[high[run] - (1 << j) + 1]
+            top[run] = np.minimum(a, b) % n
             highest = np.minimum(highest[: -(1 << j)], highest[1 << j :])
-        return self.parent[found]
+        return self.parent[top]

@@ -31,13 +31,13 @@ from geoident.fem.solvers.factor_cost import factor_cost
 from geoident.fem.solvers.kept_solutions import KeptSolutions, SolutionStore
 from geoident.fem.solvers.memory_limit import memory_limit
 from geoident.fem.solvers.multilevel.cycle import CycleLevel, Hierarchy
-from geoident.fem.solvers.multilevel.energy import Stagnates, solve_in_energy, spectrum
+from geoident.fem.solvers.multilevel.energy import Stagnation, solve_in_energy, spectrum
 from geoident.model.arrays import Floats
 
-COLUMNS = 32
+BLOCK = 32
 """Right-hand sides that go together; bounds the memory."""
 
-FEW = 3_000
+SMALL = 3_000
 """Unknowns up to which a matrix is factorized: levels would save nothing."""
 
 BYTES = 9.5
@@ -62,7 +62,7 @@ class IterativeSolver:
         direct: Callable[[SolverCounts], Solver],
         counts: SolverCounts | None = None,
         *,
-        few: int = FEW,
+        few: int = SMALL,
     ) -> None:
         self.counts = counts if counts is not None else SolverCounts()
         self._few, self._direct = few, direct(self.counts)
@@ -111,8 +111,8 @@ class IterativeAnalysis(DirectAnalysis):
         if self._instead is None:  # else iterations would not come to the end this time either
             try:
                 return _Iterations(self, values, diagonal)
-            except Stagnates as vain:
-                self.counts.iterations += vain.columns
+            except Stagnation as failure:
+                self.counts.iterations += failure.columns
         return self.factorize_instead(values)
 
     def factorize_instead(self, values: Floats) -> Solve:
@@ -149,7 +149,7 @@ class _Iterations:
 
     Raises:
         NotPositiveDefinite: the matrix is not.
-        Stagnates: conjugate gradients do not come to the end.
+        Stagnation: conjugate gradients do not come to the end.
     """
 
     def __init__(self, analysis: IterativeAnalysis, values: Floats, diagonal: Floats) -> None:
@@ -159,10 +159,10 @@ class _Iterations:
         self._instead: Solve | None = None
         known = self._kept.find(self._name)
         if known is None:
-            begun = monotonic()
+            start_time = monotonic()
             extremes = spectrum(self._matrix.__matmul__, self._precondition, diagonal)
             known = {"least": np.array(extremes.least), "steps": np.array(float(extremes.steps))}
-            self._kept.add(self._name, monotonic() - begun, known)
+            self._kept.add(self._name, monotonic() - start_time, known)
         self._least = float(known["least"])
         analysis.counts.iterations += int(known["steps"])
 
@@ -173,8 +173,8 @@ class _Iterations:
 
     def __call__(self, rhs: Floats) -> Floats:
         """Solutions in the place of right-hand sides (n, k)."""
-        for start in range(0, rhs.shape[1], COLUMNS):
-            block = slice(start, start + COLUMNS)
+        for start in range(0, rhs.shape[1], BLOCK):
+            block = slice(start, start + BLOCK)
             rhs[:, block] = self._solve(rhs[:, block])
         return rhs
 
@@ -182,8 +182,8 @@ class _Iterations:
         if self._instead is None:
             try:
                 return self._iterate(rhs)
-            except Stagnates as vain:
-                self._analysis.counts.iterations += vain.columns
+            except Stagnation as failure:
+                self._analysis.counts.iterations += failure.columns
                 self._instead = self._analysis.factorize_instead(lower_values(self._matrix))
         return self._instead(rhs)
 
@@ -191,11 +191,11 @@ class _Iterations:
         name = self._kept.of(self._name, rhs)
         known = self._kept.find(name)
         if known is None:
-            begun = monotonic()
+            start_time = monotonic()
             product = self._matrix.__matmul__
             solution = solve_in_energy(product, self._precondition, rhs, self._least)
             known = {"x": solution.x, "steps": np.array(float(solution.columns))}
-            self._kept.add(name, monotonic() - begun, known)
+            self._kept.add(name, monotonic() - start_time, known)
         self._analysis.counts.iterations += int(known["steps"])
         return known["x"]
 

@@ -84,8 +84,8 @@ class KeptSolutions:
 
 def _digest(*arrays: Floats | Ints) -> str:
     """Of the bits of arrays."""
-    found = blake2b(digest_size=16)
+    digest = blake2b(digest_size=16)
     for array in arrays:
-        found.update(repr(array.shape).encode())
-        found.update(np.ascontiguousarray(array).data)
-    return found.hexdigest()
+        digest.update(repr(array.shape).encode())
+        digest.update(np.ascontiguousarray(array).data)
+    return digest.hexdigest()

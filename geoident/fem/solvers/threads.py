@@ -38,11 +38,11 @@ class Library:
 
     Args:
         threads: tells how many threads it takes.
-        take: has it take so many.
+        set_threads: has it take so many.
     """
 
     threads: Callable[[], int]
-    take: Callable[[int], None]
+    set_threads: Callable[[int], None]
 
 
 class one_thread(ContextDecorator):  # noqa: N801  used as contextlib's own
@@ -63,7 +63,7 @@ class one_thread(ContextDecorator):  # noqa: N801  used as contextlib's own
             if cls._within == 1:
                 cls._before = [library.threads() for library in libraries()]
                 for library in libraries():
-                    library.take(1)
+                    library.set_threads(1)
 
     def __exit__(self, *error: object) -> None:
         cls = one_thread
@@ -71,35 +71,35 @@ class one_thread(ContextDecorator):  # noqa: N801  used as contextlib's own
             cls._within -= 1
             if not cls._within:
                 for library, count in zip(libraries(), cls._before, strict=True):
-                    library.take(count)
+                    library.set_threads(count)
 
 
 @lru_cache(maxsize=1)
 def libraries() -> tuple[Library, ...]:
     """Every OpenBLAS that comes with the wheels of numpy and scipy."""
-    found = []
+    opened = []
     for name in ("numpy", "scipy"):
         package = Path(str(import_module(name).__file__)).parent
         places = (package.parent / f"{name}.libs", package / ".dylibs")
         for path in (one for place in places for one in sorted(place.glob("*openblas*"))):
             library = _opened(path)
             if library is not None:
-                found.append(library)
-    return tuple(found)
+                opened.append(library)
+    return tuple(opened)
 
 
 def _opened(path: Path) -> Library | None:
     """The library in a file; None where it is another."""
     try:
-        opened = ctypes.CDLL(str(path))
+        library = ctypes.CDLL(str(path))
     except OSError:
         return None
     for ending in ("", "64_"):
         try:
-            ask = getattr(opened, f"scipy_openblas_get_num_threads{ending}")
-            tell = getattr(opened, f"scipy_openblas_set_num_threads{ending}")
+            get = getattr(library, f"scipy_openblas_get_num_threads{ending}")
+            put = getattr(library, f"scipy_openblas_set_num_threads{ending}")
         except AttributeError:
             continue
-        ask.restype, ask.argtypes, tell.argtypes = ctypes.c_int, [], [ctypes.c_int]
-        return Library(ask, tell)
+        get.restype, get.argtypes, put.argtypes = ctypes.c_int, [], [ctypes.c_int]
+        return Library(get, put)
     return None

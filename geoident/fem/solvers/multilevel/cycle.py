@@ -30,16 +30,16 @@ from geoident.fem.solvers.multilevel.smoother import (
 from geoident.fem.solvers.ordering import nested_dissection
 from geoident.model.arrays import Floats, Ints
 
-STEPS = 3
+SMOOTHING_STEPS = 3
 """Steps of the smoother before and after."""
 
-DAMPED = 4.0 / 3.0
+JACOBI_STEP = 4.0 / 3.0
 """Step of Jacobi that smooths motions of aggregates, in parts of 1 / largest eigenvalue."""
 
-ROWS = 8
+PROJECTED_PARTS = 8
 """Parts in which the coarser matrix is made: bounds the memory."""
 
-FACTORIZED = 400_000
+MOST_CORNERS = 400_000
 """Unknowns of corners up to which they are the coarsest level."""
 
 
@@ -63,7 +63,7 @@ class Hierarchy:
         self._corners = corners(places)
         self._coarsest: _Coarsest | None = None
         self._below: Hierarchy | None = None
-        if self._corners is not None and len(self._corners.point) > FACTORIZED:
+        if self._corners is not None and len(self._corners.point) > MOST_CORNERS:
             assert self._corners.places is not None
             self._below = Hierarchy(self._corners.places, direct)
 
@@ -79,18 +79,18 @@ class Hierarchy:
         largest = largest_eigenvalue(single, rough)
         coarser = self._corners
         if coarser is None:
-            coarser = aggregates(matrix, self._places, inverse * (DAMPED / largest))
+            coarser = aggregates(matrix, self._places, inverse * (JACOBI_STEP / largest))
         below = self._factorized(coarser, matrix)
-        return _Smoothed(single, Smoother(single, rough, largest, STEPS), coarser, below)
+        return _Smoothed(single, Smoother(single, rough, largest, SMOOTHING_STEPS), coarser, below)
 
     def _factorized(self, coarser: Coarser, matrix: sp.csr_array) -> CycleLevel:
-        found = projected(matrix, coarser.interpolation)
+        coarse = projected(matrix, coarser.interpolation)
         try:
             if self._below is not None:
-                return self._below.level(found)
-            if self._coarsest is None or not self._coarsest.serves(found):
-                self._coarsest = _Coarsest(found, coarser.point, self._direct)
-            return self._coarsest.level(found)
+                return self._below.level(coarse)
+            if self._coarsest is None or not self._coarsest.serves(coarse):
+                self._coarsest = _Coarsest(coarse, coarser.point, self._direct)
+            return self._coarsest.level(coarse)
         except NotPositiveDefinite as error:
             raise NotPositiveDefinite(_unknown(error.unknown, coarser)) from error
 
@@ -99,7 +99,7 @@ def projected(matrix: sp.csr_array, interpolation: sp.csr_array) -> sp.csr_array
     """P^T K P (m, m), some rows of K (n, n) at a time; P (n, m)."""
     n, m = interpolation.shape
     total = sp.csr_array((m, m))
-    ends = np.linspace(0, n, ROWS + 1).astype(np.int64)
+    ends = np.linspace(0, n, PROJECTED_PARTS + 1).astype(np.int64)
     for a, b in pairwise(ends):
         product = matrix[a:b] @ interpolation
         total = total + interpolation[a:b].T @ product

@@ -29,10 +29,10 @@ from geoident.model.arrays import Bools, Floats, Ints
 Product = Callable[[Floats], Floats]
 """K x (n, k) of x (n, k), or the solutions M^-1 r of a preconditioner."""
 
-ENERGY = 1e-10
+TOLERANCE = 1e-10
 """Largest error in energy norm, relative to the solution."""
 
-SHOWN = 1e-3
+REVEALING = 1e-3
 """Residual, times the root of n, at which a random right-hand side has shown the eigenvalues."""
 
 SAFE = 0.5
@@ -41,7 +41,7 @@ SAFE = 0.5
 NEARLY_SINGULAR = 1e-9
 """A least eigenvalue of M^-1 K below this is rounding, not stiffness."""
 
-MOST = 400
+MOST_STEPS = 400
 """Steps until a matrix is given up."""
 
 
@@ -57,7 +57,7 @@ class ConjugateDirections:
 
     Attributes:
         x: (n, k) what was found so far.
-        going: columns that go on, of which are
+        active: columns that go on, of which are
         r: (n, g) residuals,
         d: (n, g) directions,
         rz: (g,) r^T M^-1 r.
@@ -65,9 +65,9 @@ class ConjugateDirections:
 
     def __init__(self, product: Product, precondition: Product, rhs: Floats) -> None:
         self._product, self._precondition = product, precondition
-        self.x, self.going = np.zeros_like(rhs), np.flatnonzero(rhs.any(axis=0))
-        self.r = rhs[:, self.going]
-        self.d = precondition(self.r) if self.going.size else self.r
+        self.x, self.active = np.zeros_like(rhs), np.flatnonzero(rhs.any(axis=0))
+        self.r = rhs[:, self.active]
+        self.d = precondition(self.r) if self.active.size else self.r
         self.rz = (self.r * self.d).sum(axis=0)
         self._q = self.d
 
@@ -78,13 +78,13 @@ class ConjugateDirections:
 
     def advance(self, length: Floats) -> None:
         """Go along the directions, so far (g,)."""
-        self.x[:, self.going] += length * self.d
+        self.x[:, self.active] += length * self.d
         self.r = self.r - length * self._q
 
-    def keep(self, on: Bools | Ints) -> None:
+    def keep(self, unfinished: Bools | Ints) -> None:
         """Go on with some of the columns (g,) alone."""
-        self.going, self.rz = self.going[on], self.rz[on]
-        self.r, self.d = self.r[:, on], self.d[:, on]
+        self.active, self.rz = self.active[unfinished], self.rz[unfinished]
+        self.r, self.d = self.r[:, unfinished], self.d[:, unfinished]
 
     def turn(self) -> Floats:
         """The solve of the preconditioner: new directions; r^T M^-1 r by that of before (g,)."""
@@ -95,7 +95,7 @@ class ConjugateDirections:
         return np.asarray(ratio)
 
 
-class Stagnates(ArithmeticError):
+class Stagnation(ArithmeticError):
     """Conjugate gradients do not come to the end within reason.
 
     Args:
@@ -132,25 +132,25 @@ def spectrum(product: Product, precondition: Product, diagonal: Floats) -> Extre
 
     Raises:
         NotPositiveDefinite: K is indefinite, or singular to working precision.
-        Stagnates: they are too far apart, or M is not positive definite in its rounding.
+        Stagnation: they are too far apart, or M is not positive definite in its rounding.
     """
     n = len(diagonal)
     rhs = np.random.default_rng(0).normal(size=(n, 1)) * np.sqrt(diagonal)[:, None]
-    found = ConjugateDirections(product, precondition, rhs)
-    until, alphas, betas = (SHOWN**2 / n) * found.rz[0], list[float](), list[float]()
-    for step in range(MOST):
-        curvature, rz = float(found.curvature()[0]), float(found.rz[0])
+    cg = ConjugateDirections(product, precondition, rhs)
+    until, alphas, betas = (REVEALING**2 / n) * cg.rz[0], list[float](), list[float]()
+    for step in range(MOST_STEPS):
+        curvature, rz = float(cg.curvature()[0]), float(cg.rz[0])
         if curvature <= 0.0:
-            raise NotPositiveDefinite(int(np.argmax(np.abs(found.d[:, 0]))))
+            raise NotPositiveDefinite(int(np.argmax(np.abs(cg.d[:, 0]))))
         if not (rz > 0.0 and curvature > 0.0):  # no number, or K is lost in the rounding of M
-            raise Stagnates(step)
+            raise Stagnation(step)
         alphas.append(rz / curvature)
-        found.advance(np.array(alphas[-1:]))
-        before = found.d
-        betas.append(float(found.turn()[0]))
-        if abs(found.rz[0]) <= until:
+        cg.advance(np.array(alphas[-1:]))
+        before = cg.d
+        betas.append(float(cg.turn()[0]))
+        if abs(cg.rz[0]) <= until:
             return _extremes(alphas, betas, before)
-    raise Stagnates(MOST)
+    raise Stagnation(MOST_STEPS)
 
 
 def _extremes(alphas: list[float], betas: list[float], d: Floats) -> ExtremeEigenvalues:
@@ -160,10 +160,10 @@ def _extremes(alphas: list[float], betas: list[float], d: Floats) -> ExtremeEige
     main[1:] += b[:-1] / a[:-1]
     side = np.sqrt(np.maximum(b[:-1], 0.0)) / a[:-1]
     values = np.linalg.eigvalsh(np.diag(main) + np.diag(side, 1) + np.diag(side, -1))
-    found = ExtremeEigenvalues(float(values[0]), float(values[-1]), len(alphas))
-    if not found.least > NEARLY_SINGULAR * found.most:
+    extremes = ExtremeEigenvalues(float(values[0]), float(values[-1]), len(alphas))
+    if not extremes.least > NEARLY_SINGULAR * extremes.most:
         raise NotPositiveDefinite(int(np.argmax(np.abs(d[:, 0]))))
-    return found
+    return extremes
 
 
 @dataclass(frozen=True)
@@ -182,7 +182,12 @@ class EnergySolution:
 
 
 def solve_in_energy(
-    product: Product, precondition: Product, rhs: Floats, least: float, *, tolerance: float = ENERGY
+    product: Product,
+    precondition: Product,
+    rhs: Floats,
+    least: float,
+    *,
+    tolerance: float = TOLERANCE,
 ) -> EnergySolution:
     """Solve K x = b, each column to an error in energy norm.
 
@@ -195,26 +200,26 @@ def solve_in_energy(
 
     Raises:
         NotPositiveDefinite: a direction has no positive curvature.
-        Stagnates: the error does not become small, or M is not positive definite in its rounding.
+        Stagnation: the error does not become small, or M is not positive definite in its rounding.
     """
-    found = ConjugateDirections(product, precondition, rhs)
+    cg = ConjugateDirections(product, precondition, rhs)
     steps = columns = 0
-    energy = np.zeros(len(found.going))  # x^T K x
-    while found.going.size:
+    energy = np.zeros(len(cg.active))  # x^T K x
+    while cg.active.size:
         # negative, or no number: what is soft in K is lost in the rounding of M
-        if steps == MOST or not (found.rz > 0.0).all():
-            raise Stagnates(columns)
-        steps, columns = steps + 1, columns + len(found.going)
-        curvature = found.curvature()
+        if steps == MOST_STEPS or not (cg.rz > 0.0).all():
+            raise Stagnation(columns)
+        steps, columns = steps + 1, columns + len(cg.active)
+        curvature = cg.curvature()
         bad = np.flatnonzero(curvature <= 0.0)
         if bad.size:
-            raise NotPositiveDefinite(int(np.argmax(np.abs(found.d[:, bad[0]]))))
-        length = found.rz / curvature
-        found.advance(length)
-        energy += length * found.rz
-        found.turn()
-        on = ~(np.abs(found.rz) <= (SAFE * least) * tolerance**2 * energy)
-        if not on.all():
-            found.keep(on)
-            energy = energy[on]
-    return EnergySolution(found.x, steps, columns)
+            raise NotPositiveDefinite(int(np.argmax(np.abs(cg.d[:, bad[0]]))))
+        length = cg.rz / curvature
+        cg.advance(length)
+        energy += length * cg.rz
+        cg.turn()
+        unfinished = ~(np.abs(cg.rz) <= (SAFE * least) * tolerance**2 * energy)
+        if not unfinished.all():
+            cg.keep(unfinished)
+            energy = energy[unfinished]
+    return EnergySolution(cg.x, steps, columns)

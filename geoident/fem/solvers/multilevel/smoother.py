@@ -20,10 +20,10 @@ from geoident.model.arrays import Floats, Ints
 
 Singles = npt.NDArray[np.float32]
 
-POWERS = 12
+POWER_STEPS = 12
 """Steps of the power method for the largest eigenvalue."""
 
-ABOVE = 1.15
+MARGIN = 1.15
 """By how much the bound is above what the power method finds, which is too small."""
 
 
@@ -88,9 +88,9 @@ def node_blocks_inverse(matrix: sp.csr_array, node: Ints) -> sp.csr_array:
     _check_blocks(blocks, first)
     inverse = np.linalg.inv(blocks)
     columns = np.minimum(first[group][:, None] + np.arange(width), n - 1)
-    there = np.arange(width) < size[group][:, None]
+    in_node = np.arange(width) < size[group][:, None]
     indptr = np.concatenate([[0], np.cumsum(size[group])])
-    entries = inverse[group, number][there], columns[there], indptr
+    entries = inverse[group, number][in_node], columns[in_node], indptr
     return sp.csr_array(entries, shape=(n, n))
 
 
@@ -105,8 +105,8 @@ def largest_eigenvalue(matrix: sp.csr_array, inverse: sp.csr_array) -> float:
     """A number above the largest eigenvalue of D^-1 K, both (n, n) in single precision."""
     x = np.random.default_rng(0).normal(size=(matrix.shape[0], 1)).astype(np.float32)
     value = 0.0
-    for _ in range(POWERS):
+    for _ in range(POWER_STEPS):
         x /= np.float32(np.linalg.norm(x))
         x = np.asarray(inverse @ (matrix @ x))
         value = float(np.linalg.norm(x))
-    return ABOVE * value
+    return MARGIN * value
