@@ -14,7 +14,7 @@ from hypothesis import settings
 from manual.records import Recorder
 from support.pictures import draw_names_only
 
-from geoident import forked
+from geoident import processors
 
 # What has passed passes again; long runs of tests/fuzz look for what is new.
 settings.register_profile("tests", derandomize=not os.environ.get("GEOIDENT_FUZZ_EXAMPLES"))
@@ -72,15 +72,10 @@ def disk_that_is_not_waited_for() -> Generator[None]:
 
 
 @pytest.fixture(scope="session", autouse=True)
-def no_work_beside() -> Generator[None]:
-    """Cases are read, and figures drawn, in the process of the tests.
-
-    To fork it costs more than it saves here, where all is imported already. Processes that tests
-    start work beside as those of users do; `tests/io/test_read_beside.py` sees that nothing is
-    lost there.
-    """
+def no_forks() -> Generator[None]:
+    """Figures are drawn in the process of the tests: to fork it costs more than it saves here."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(forked, "may_fork", lambda: False)
+        patch.setattr(processors, "may_fork", lambda: False)
         yield
 
 

@@ -162,7 +162,7 @@ class SampleResult(ResultFile):
 
     @property
     def posterior(self) -> PosteriorDraws:
-        """The draws and how far they are to be believed."""
+        """The draws and how reliable they are."""
         assert self.data.posterior is not None
         return self.data.posterior
 

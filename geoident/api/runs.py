@@ -226,7 +226,7 @@ def sample(
     Args:
         fitted: what `fit` found, or the path of its result.
         draws: how many to write.
-        effective: how many independent draws they are to be worth.
+        effective: target effective sample size.
         output: file or existing folder of the result; beside the fit if None.
         seed: of random numbers.
         max_time: seconds after which sampling ends with what it has.

@@ -21,6 +21,7 @@ REACH = 0.1
 """How far outside an element a point may lie to be taken by it, in parts of its size."""
 
 _NEWTON_STEPS = 25
+"""Five are usual; folded elements, where Newton's method has no end, are given up after these."""
 
 _MET = 1e-13
 """Error of a mapped point, in sizes of the element, that is rounding."""

@@ -7,7 +7,7 @@ from scipy.spatial import KDTree
 
 from geoident.model.arrays import Floats, Ints
 
-_ROUNDING = 1e-12
+_MARGIN = 1e-12
 """By how much boxes are searched beyond half their size, in parts of the largest coordinate."""
 
 
@@ -27,8 +27,8 @@ def points_in_boxes(points: Floats, low: Floats, high: Floats) -> tuple[Ints, In
     if not len(points) or not len(low):
         return nothing, nothing
     tree, middle = KDTree(points), 0.5 * low + 0.5 * high
-    rounding = _ROUNDING * max(float(np.abs(points).max()), 1e-280)
-    reach = (0.5 * high - 0.5 * low).max(axis=1) + rounding
+    margin = _MARGIN * max(float(np.abs(points).max()), 1e-280)
+    reach = (0.5 * high - 0.5 * low).max(axis=1) + margin
     # Mostly few boxes hold a point, and only these are worth a list.
     nearest, _ = tree.query(middle, p=np.inf, distance_upper_bound=2.0 * reach.max())
     some = np.flatnonzero(nearest <= reach)

@@ -20,7 +20,7 @@ from geoident.model.cells import CELLS
 from geoident.model.mesh import ElementBlock, Mesh, spans
 
 _FLAT = 1e-12  # of the volume of a regular element: below this an element has no volume
-_SHOWN = 10
+_SHOWN = 10  # numbers in a message: enough to find the place
 
 
 def oriented(mesh: Mesh, kinematics: Kinematics) -> Mesh:

@@ -25,8 +25,8 @@ from geoident.fem.stiffness import StiffnessPattern
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.mesh import Mesh
 
-_SAME = 1e-14
-"""Difference of matrices of unit size that is rounding."""
+_SAME_LAW = 1e-14
+"""Difference of moduli, relative to E_11, up to which kept matrices of points serve again."""
 
 _CHUNK = 1_000_000  # entries of element matrices held at once
 
@@ -275,7 +275,7 @@ class PointwiseStiffness:
             return None
         law = moduli.matrix / moduli.matrix[0, 0]
         kept = self._units.get((name, block))
-        same = kept is not None and np.allclose(kept.law, law, rtol=0.0, atol=_SAME)
+        same = kept is not None and np.allclose(kept.law, law, rtol=0.0, atol=_SAME_LAW)
         if kept is None or not same or not np.isin(mine, kept.points).all():
             points = np.union1d(kept.points, mine) if kept is not None and same else mine
             kept = _UnitMatrices(law, points, self._unit_matrices(block, points, law))

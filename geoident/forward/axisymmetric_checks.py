@@ -23,7 +23,7 @@ from geoident.model.case import Analysis, Case, KeyPath
 from geoident.model.in_situ import InSitu
 from geoident.model.mesh import Mesh
 
-_SHOWN = 10
+_SHOWN = 10  # numbers in a message: enough to find the place
 _SOLID = "model it as a solid"
 
 

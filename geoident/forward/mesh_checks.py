@@ -15,7 +15,7 @@ from geoident.forward.stages import CaseOnMesh, element_number, used_groups
 from geoident.model.arrays import Bools, Ints
 from geoident.model.mesh import nodes_in, spans
 
-_NAMED = 5
+_NAMED = 5  # elements or pairs in a message: enough to find the place
 
 _overlapping_of = OfMesh[Ints]()
 _overlaps_of = OfMesh[Overlaps]()

@@ -28,7 +28,7 @@ from geoident.model.mesh import Mesh
 from geoident.model.parameter import Scalar
 from geoident.model.structures import Bars, Structure
 
-_SHOWN = 5
+_SHOWN = 5  # numbers in a message: enough to find the place
 
 Index = Ints | slice
 """Places in an array: their numbers, or a slice where they are one run (no copies)."""

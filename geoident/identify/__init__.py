@@ -10,7 +10,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from geoident.identify.assessment.uncertainty import Assessment, assess, predict_band
+    from geoident.identify.assessment.prediction_bands import predict_band
+    from geoident.identify.assessment.uncertainty import Assessment, assess
     from geoident.identify.problem.methods import (
         METHODS,
         Method,
@@ -38,7 +39,8 @@ __all__ = [
 ]
 
 _ROOMS = {
-    "assessment.uncertainty": ("Assessment", "assess", "predict_band"),
+    "assessment.prediction_bands": ("predict_band",),
+    "assessment.uncertainty": ("Assessment", "assess"),
     "problem.methods": ("METHODS", "Method", "descend", "identify", "refusal", "refusals"),
     "problem.outcome": ("Observer", "Outcome"),
     "problem.problem": ("Problem",),

@@ -100,8 +100,8 @@ class ClosedFormOptions:
     """Circular opening in elastic or Mohr-Coulomb ground, by formulas (Lame, Kirsch, Salencon).
 
     Args:
-        centre: centre of the opening; without it, that of the round ground that leaves the mesh.
-        radius: radius of the opening; without it, likewise.
+        centre: centre of the opening; None: not given, and the method refuses.
+        radius: radius of the opening; None likewise.
         starts: number of starts (the first is given, the others are spread over the bounds).
         tolerance: relative size of a step, or of the reduction it predicts, that ends the search.
         max_iterations: steps of a start at most.

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from geoident.fem.solvers.threads import one_thread
-from geoident.forked import WorkBeside
 from geoident.forward.elsewhere.table import TableModel
 from geoident.forward.gauges.placement import placements
 from geoident.forward.model import StagedModel
@@ -17,7 +16,6 @@ from geoident.forward.openings.model import OpeningModel
 from geoident.forward.protocols import CaseModel
 from geoident.forward.reduced.stress_rows import beyond_reduction
 from geoident.forward.stages import released_by
-from geoident.io.loaded import LoadedCase
 from geoident.model.actions import FaceDistance
 from geoident.model.case import Case
 from geoident.model.elsewhere import ConvergenceLaw, RunTable
@@ -69,7 +67,6 @@ def check(
     overrides: Sequence[str] = (),
     solver: str = "auto",
     text: str | None = None,
-    beside: WorkBeside[LoadedCase] | None = None,
 ) -> Checked:
     """Read a case and build its model.
 
@@ -81,13 +78,12 @@ def check(
         overrides: ``KEY=VALUE`` in place of what the case says.
         solver: name of the sparse solver, or ``auto``.
         text: of the case where it stands in no file.
-        beside: who reads the same case meanwhile; None for nobody.
 
     Raises:
         InputError: with all faults that are found in one go.
         ModelError: the model moves freely somewhere, or the virgin ground cannot bear its stress.
     """
-    inputs = load_inputs(path, overrides=overrides, text=text, beside=beside)
+    inputs = load_inputs(path, overrides=overrides, text=text)
     if inputs.case.fit.ladder:
         require_sound(path, overrides, inputs.case, text)
     model = build_model(inputs, solver=solver)

@@ -10,6 +10,7 @@ from importlib.metadata import PackageNotFoundError, version
 
 from geoident.fem.solvers import BEYOND, DIRECT, SolverInfo, picked, solver_report
 from geoident.fem.solvers.memory_limit import memory_limit
+from geoident.processors import processors
 from geoident.workflow.executing.versions import versions
 
 EXTRAS = {
@@ -79,7 +80,7 @@ def diagnose() -> Diagnosis:
     return Diagnosis(
         versions=versions(),
         platform=platform.platform(),
-        cores=_cores(),
+        cores=processors(),
         threads={name: os.environ[name] for name in THREAD_VARIABLES if name in os.environ},
         solvers=solvers,
         picked=taken,
@@ -95,12 +96,6 @@ def _extra(name: str, package: str, use: str) -> Extra:
     except PackageNotFoundError:
         found = ""
     return Extra(name, package, use, found, f'pip install "geoident[{name}]"')
-
-
-def _cores() -> int:
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 def _remedies(solvers: tuple[SolverInfo, ...], picked: str) -> tuple[str, ...]:

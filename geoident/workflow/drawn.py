@@ -8,10 +8,9 @@ import numpy as np
 
 from geoident.errors import ExitCode
 from geoident.identify.assessment.diagnostics import effective_sd
+from geoident.identify.assessment.later_readings import simulated_readings
 from geoident.identify.posterior.density import PosteriorDensity
 from geoident.identify.posterior.draws import Draws
-from geoident.identify.posterior.predictive import with_errors
-from geoident.identify.posterior.sampling import trustworthy
 from geoident.identify.problem.problem import Problem
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.parameter import Parameter
@@ -148,7 +147,7 @@ class DrawnPosterior:
         )
         if known.possible is None:
             problem, errors = known.with_later(self.places)
-            return with_errors(problem, used, later, errors, rng)
+            return simulated_readings(problem, used, later, errors, rng)
         # the accuracies that each draw makes likely
         weights = np.array([self.density.of_accuracies(v) for v in used])
         chosen = np.argmax(weights + rng.gumbel(size=weights.shape), axis=1)
@@ -156,7 +155,7 @@ class DrawnPosterior:
         for number in np.unique(chosen).tolist():
             rows = chosen == number
             problem, errors = known.at_possible(number, self.places)
-            predicted[rows] = with_errors(problem, used[rows], later[rows], errors, rng)
+            predicted[rows] = simulated_readings(problem, used[rows], later[rows], errors, rng)
         return predicted
 
     def _errors(self) -> KnownErrors | None:
@@ -244,7 +243,7 @@ def _ending(draws: Draws, posterior: PosteriorDraws, wanted: float) -> tuple[str
         said = f"{worth} (Pareto k {posterior.pareto_k:.2f})"
     else:
         said = f"{worth} (R-hat {posterior.largest_r_hat:.3f})"
-    good = trustworthy(draws, posterior.evaluations, wanted=wanted)
+    good = draws.reliable(posterior.evaluations, wanted=wanted)
     said += "." if good else ": do not rely on the ends of intervals."
     if draws.stopped:
         return "out-of-budget", f"{draws.stopped} {said}"

@@ -17,6 +17,7 @@ from geoident.forward.protocols import CaseModel, Survey
 from geoident.forward.reduced.case_model import ReducedCaseModel
 from geoident.identify import Assessment, Problem, assess
 from geoident.identify.assessment.diagnostics import effective_sd
+from geoident.identify.assessment.profile_path import Nonlinearity
 from geoident.identify.problem.outcome import Outcome
 from geoident.io.result.file import read_result
 from geoident.io.text.yaml_reader import parse_yaml
@@ -33,11 +34,10 @@ from geoident.workflow.estimating.fields import require_same_modes
 from geoident.workflow.estimating.finished import Finished, at_hand, write
 from geoident.workflow.estimating.model_error import FittedModelError
 from geoident.workflow.estimating.predictions import (
-    Bends,
     KnownErrors,
     chosen_stages,
     collapse_findings,
-    follow_open_bound,
+    follow_bound,
     predict_stages,
     predicted_stages,
     score,
@@ -113,7 +113,7 @@ class Known:
         problem: of the fit: its used readings with the accuracies that its loss leaves them.
         errors: what its readings tell of errors that later ones share; None where none do.
         model_error: of the fit; None for none.
-        bends: how readings deviate from linear where a bound leaves a parameter open, or None.
+        nonlinearity: how readings deviate from linear where a bound truncates a parameter, or None.
     """
 
     parameters: ParameterTable
@@ -122,7 +122,7 @@ class Known:
     problem: Problem
     errors: KnownErrors | None = None
     model_error: FittedModelError | None = None
-    bends: Bends | None = None
+    nonlinearity: Nonlinearity | None = None
 
 
 @dataclass(frozen=True)
@@ -460,7 +460,7 @@ def what_is_known(
 
 
 def _followed(task: Task, known: Known, survey: Survey, model: CaseModel) -> Known:
-    """With what a bound leaves open, as the fit has it; not for another case than that of the fit.
+    """With the posterior where a bound truncates it, as the fit has it; not for another case.
 
     Args:
         task: the prediction.
@@ -472,10 +472,10 @@ def _followed(task: Task, known: Known, survey: Survey, model: CaseModel) -> Kno
         return known
     case, p = task.inputs.case, known.parameters.values
     readings = with_computed(known.readings, case, model, survey, p)
-    assessment, bends = follow_open_bound(
+    assessment, nonlinearity = follow_bound(
         model, case, known.problem, p, survey, readings, known.assessment
     )
-    return replace(known, assessment=assessment, bends=bends)
+    return replace(known, assessment=assessment, nonlinearity=nonlinearity)
 
 
 def _at_rivals(task: Task, known: Known, model: CaseModel, stages: Bools) -> list[Prediction]:
@@ -624,7 +624,7 @@ def _result(task: Task, known: Known, survey: Survey, model: CaseModel) -> Resul
     stages = chosen_stages(gauges, names) if names else predicted_stages(gauges)
     errors = _with_later(known, model, case, survey)
     prediction = predict_stages(
-        survey, known.assessment, accuracies(case), stages, errors, known.bends
+        survey, known.assessment, accuracies(case), stages, errors, known.nonlinearity
     )
     inherited = without_collapses(fit.findings)
     if task.others:  # its gauges may have the same names

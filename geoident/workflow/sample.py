@@ -14,8 +14,14 @@ from geoident.fem.solvers.threads import one_thread
 from geoident.forward.model import StagedModel
 from geoident.forward.openings.model import OpeningModel
 from geoident.identify.posterior.density import PosteriorDensity
-from geoident.identify.posterior.diagnosis import library
-from geoident.identify.posterior.draws import Draws, SamplingProgress, SamplingWatch, Stopped, Wish
+from geoident.identify.posterior.draws import (
+    Draws,
+    SamplingProgress,
+    SamplingRequest,
+    SamplingWatch,
+    Stopped,
+    library,
+)
 from geoident.identify.posterior.importance import ADAPTING
 from geoident.identify.posterior.sampling import sample_posterior
 from geoident.identify.problem.problem import Problem
@@ -65,7 +71,7 @@ from geoident.workflow.running.result_files import case_path, files_of_result
 from geoident.workflow.running.workers import WORTH, ModelParts, as_many_as_fit, runs_on_cluster
 
 EFFECTIVE = 1000
-"""Effective size at which draws are enough, unless another one is asked for."""
+"""Target effective sample size, unless another one is asked for."""
 
 EVALUATIONS = 50_000
 """Evaluations of the model at most, unless another number is given."""
@@ -78,7 +84,7 @@ class SampleRequest:
     Args:
         result: path of a fit.
         draws: how many to write.
-        effective: effective size at which it is enough; at most ``draws``.
+        effective: target effective sample size; at most ``draws``.
         evaluations: of the model at most.
         output: a file or an existing folder; None for beside the result.
         seed: of random numbers.
@@ -98,9 +104,9 @@ class SampleRequest:
     fresh: bool = False
 
     @property
-    def wish(self) -> Wish:
+    def of_sampler(self) -> SamplingRequest:
         """What is asked of the sampler."""
-        return Wish(self.draws, float(min(self.effective, self.draws)), self.evaluations)
+        return SamplingRequest(self.draws, float(min(self.effective, self.draws)), self.evaluations)
 
 
 @dataclass(frozen=True)
@@ -135,8 +141,10 @@ def plan_sample(request: SampleRequest) -> SampleTask:
         library(name)
     fit, inputs = fit_and_inputs(request.result)
     place = target(request.result, "sample", output=request.output)
-    wish = request.wish
-    purpose = f"sample {fit.fingerprint} {wish.draws} {wish.effective} {wish.evaluations}"
+    asked_for = request.of_sampler
+    purpose = (
+        f"sample {fit.fingerprint} {asked_for.draws} {asked_for.effective} {asked_for.evaluations}"
+    )
     identity = inputs.identity(purpose, (), seed=request.seed)
     asked = Request(
         case=request.result,
@@ -206,7 +214,7 @@ def sample(task: SampleTask, control: Control) -> Finished:
                 answers,
                 asked.places,
                 request.seed,
-                request.wish.effective,
+                request.of_sampler.effective,
                 led,
             )
             found = drawn.result()
@@ -216,7 +224,7 @@ def sample(task: SampleTask, control: Control) -> Finished:
 
 
 def _drawn(task: SampleTask, density: PosteriorDensity, control: Control) -> Draws:
-    """Draws, by the first sampler that can be believed.
+    """Draws, by the first sampler that is reliable.
 
     Raises:
         Interrupted: the time was up before there were any.
@@ -225,7 +233,7 @@ def _drawn(task: SampleTask, density: PosteriorDensity, control: Control) -> Dra
         return sample_posterior(
             density,
             _minima(task.fit),
-            task.request.wish,
+            task.request.of_sampler,
             rng=np.random.default_rng(task.request.seed),
             watch=_watch(control),
         )

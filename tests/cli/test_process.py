@@ -84,26 +84,6 @@ def test_what_is_computed_without_a_fit_imports_nothing_needless(trench):
     assert int(left) > 50_000  # no search for garbage looks at what was imported
 
 
-@pytest.mark.slow
-def test_a_report_imports_nothing_that_computes():
-    """What solves equations takes as long to import as some figures to draw."""
-    code = (
-        "import sys, geoident.cli.app as app\n"
-        "from geoident import forked\n"
-        "forked.WorkBeside.found = lambda beside: {'': None}\n"
-        "from geoident.cli.commands.report import _import_drawing\n"
-        "import geoident.workflow.report, geoident.workflow.page_of_many\n"
-        "_import_drawing(())\n"
-        "print('|', *sys.modules)\n"
-    )
-    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    modules = set(told.stdout.rpartition("|")[2].split())
-    assert "matplotlib.figure" in modules
-    assert "geoident.report.page.page" in modules
-    assert not modules & {"scipy", "meshio", "geoident.fem.solvers", "geoident.forward.model"}
-    assert "geoident.io.case.case" not in modules  # what reads cases is another process's
-
-
 def wait_for(condition, process):
     for _ in range(3000):
         if condition():

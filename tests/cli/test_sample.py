@@ -151,7 +151,7 @@ def test_only_a_fit_is_sampled(sampled, run):
 
 
 def test_what_is_not_installed_is_named(fitted, run, monkeypatch):
-    from geoident.identify.posterior.diagnosis import library  # noqa: PLC0415
+    from geoident.identify.posterior.draws import library  # noqa: PLC0415
 
     library.cache_clear()
     monkeypatch.setitem(sys.modules, "emcee", None)

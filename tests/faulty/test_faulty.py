@@ -6,18 +6,18 @@ what has become of it: GEOIDENT_WRITE_EXPECTED=1 pytest tests/faulty; git diff t
 
 import ctypes
 import json
+import multiprocessing
 import os
 import re
 import shlex
 import shutil
 import subprocess
 import sys
+import warnings
 from pathlib import Path
 
 import pytest
 
-from geoident import forked
-from geoident.forked import WorkBeside
 from tests.support.commands import run_command
 
 FOLDER = Path(__file__).parent
@@ -89,24 +89,31 @@ def case(request, tmp_path, monkeypatch, full_disk):
     return here
 
 
-def run_here(name, words, monkeypatch):
+def run_here(name, words):
     """Exit code, stdout and stderr of a command."""
     if name not in LIMITS:
         told = run_command(*words)
         return told.exit_code, told.stdout, told.stderr
     if sys.platform != "linux":
         pytest.skip("needs limits of Linux, and a fork")
-    monkeypatch.setattr(forked, "processors", lambda: 2)
-    monkeypatch.setattr(forked, "may_fork", lambda: True)
     limit = LIMITS[name]
+
+    here, there = multiprocessing.Pipe(duplex=False)
 
     def limited():
         limit()
         told = run_command(*words)
-        return told.exit_code, told.stdout, told.stderr
+        there.send((told.exit_code, told.stdout, told.stderr))
 
-    with WorkBeside(limited) as beside:  # for what is taken away does not come back
-        return beside.found()
+    # A process of its own, for what is taken away does not come back.
+    process = multiprocessing.get_context("fork").Process(target=limited)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)  # threads of linear algebra
+        process.start()
+    there.close()
+    said = here.recv()
+    process.join()
+    return said
 
 
 def files(folder):
@@ -118,12 +125,12 @@ def files(folder):
 
 
 @pytest.mark.parametrize("case", CASES, indirect=True)
-def test_what_is_said(case, monkeypatch):
+def test_what_is_said(case):
     expected = (case / "expected.txt").read_text(encoding="utf-8")
     command = expected.partition("\n")[0]
     words = shlex.split(command.removeprefix("$ geoident"))
     before = files(case)
-    code, stdout, stderr = run_here(case.name, words, monkeypatch)
+    code, stdout, stderr = run_here(case.name, words)
     said = f"{command}\n{stderr}exit {code}\n"
     if os.environ.get("GEOIDENT_WRITE_EXPECTED"):
         (FOLDER / case.name / "expected.txt").write_text(said, encoding="utf-8")

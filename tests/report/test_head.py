@@ -14,7 +14,7 @@ pytest.importorskip("matplotlib", reason='reports need matplotlib: pip install "
 from click.testing import CliRunner
 from PIL import Image
 
-from geoident import forked
+from geoident import processors
 from geoident.cli.app import geoident
 from geoident.errors import InputError
 from geoident.io.case.file import parse_case
@@ -163,11 +163,11 @@ def test_flags_override_the_case_as_it_stands_today(tmp_path, monkeypatch):
     assert "<dd>Lower Valley</dd>" in (tmp_path / "pit.fit.html").read_text(encoding="utf-8")
 
 
-@pytest.mark.skipif(not forked.may_fork(), reason="forks on Linux only, of one thread")
+@pytest.mark.skipif(not processors.may_fork(), reason="forks on Linux only, of one thread")
 @pytest.mark.parametrize("elsewhere", [True, False])
 def test_figures_side_by_side_are_those_one_by_one(elsewhere, monkeypatch):
-    monkeypatch.setattr(forked, "processors", lambda: 3 if elsewhere else 1)
-    monkeypatch.setattr(forked, "may_fork", lambda: True)
+    monkeypatch.setattr(processors, "processors", lambda: 3 if elsewhere else 1)
+    monkeypatch.setattr(processors, "may_fork", lambda: True)
     drawn = side_by_side(_drawn, list(range(7)))
     assert [int(text.split()[0]) for text in drawn] == list(range(7))
     assert (str(os.getpid()) not in {text.split()[1].decode() for text in drawn}) == elsewhere

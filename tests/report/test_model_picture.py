@@ -1,6 +1,5 @@
 """The picture of a model: all that is in it, with names that can be read, colours for materials."""
 
-import sys
 from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
@@ -10,20 +9,14 @@ import pytest
 from matplotlib.colors import to_rgb
 from matplotlib.text import Text
 
-from geoident import forked
-from geoident.forked import WorkBeside
 from geoident.io.case.file import read_case
 from geoident.io.mesh.file import read_mesh
 from geoident.model.actions import Pressure, Water, WaterPressure
 from geoident.model.case import Stage, Support
 from geoident.model.parameter import Scalar
 from geoident.report.drawing.album import album
-from geoident.report.drawing.model import case as case_module
 from geoident.report.drawing.model.case import (
     case_of,
-    cases_of_texts,
-    remember,
-    texts_of_cases,
 )
 from geoident.report.drawing.model.construction import (
     construction_of,
@@ -46,7 +39,6 @@ SHOWN = [p.parent.name for p in sorted(CASES.glob("*/case.yaml")) if "\nmesh:" i
 
 QUICK = ("braced-pit", "cavern", "shaft")
 """The picture has structures, many gauges, an axis; of the other shipped cases it is slow."""
-MAY_FORK = forked.may_fork
 
 
 def drawn(case, mesh, found=None):
@@ -200,26 +192,3 @@ def test_a_figure_of_a_high_closer_view_is_not_a_tall_one():
     for name in ("shaft", "cavern"):
         width, height = shipped(name)[1].get_size_inches()
         assert height < width, name
-
-
-def test_cases_that_another_process_has_read_are_not_read_again(plane, monkeypatch):
-    monkeypatch.setattr(forked, "may_fork", MAY_FORK)
-    monkeypatch.setattr(case_module, "_known", {})
-    text = (CASES / "shaft" / "case.yaml").read_text(encoding="utf-8")
-    shaft = replace(plane, case_resolved=text)
-    texts = texts_of_cases((("a", shaft), ("b", shaft)))
-    assert texts == (text,)
-    with WorkBeside(partial(cases_of_texts, (*texts, "format: none"))) as beside:
-        found = beside.found() or cases_of_texts((*texts, "format: none"))
-    assert found["format: none"] is None
-    remember(found)
-    monkeypatch.setitem(sys.modules, "geoident.io.case.file", None)  # cannot be imported
-    assert case_of(shaft).channels == found[text].channels
-    assert case_of(replace(plane, case_resolved="format: none")) is None
-
-
-def test_few_cases_are_kept(monkeypatch):
-    monkeypatch.setattr(case_module, "_known", {})
-    for k in range(20):
-        remember({str(k): None})
-    assert list(case_module._known) == [str(k) for k in range(12, 20)]

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.stats import chisquare
 
 from geoident.identify import identify
-from geoident.identify.posterior.draws import Wish
+from geoident.identify.posterior.draws import SamplingRequest
 from geoident.identify.posterior.sampling import sample_posterior
 from geoident.identify.problem.problem import Problem
 from geoident.model.methods import GaussNewtonOptions
@@ -155,7 +155,7 @@ def ranks_of_truth(runs: int, *, density_of, sampler=sample_posterior, seed: int
         problem = Problem(model, v + sd * rng.normal(size=len(v)), sd, OPENING)
         fit = identify(problem, (GaussNewtonOptions(),), lambda iteration: None)
         density = density_of(problem)
-        wish = Wish(99, 400.0, 20_000)
+        wish = SamplingRequest(99, 400.0, 20_000)
         drawn = sampler(density, [fit.values], wish, rng=rng, watch=lambda progress: None)
         x = drawn.x.reshape(-1, drawn.x.shape[2])
         p = density.natural(x)

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from geoident.identify.hierarchical.arrangement import SectionReadings
+from geoident.identify.hierarchical.joint_problem import SectionReadings
 from geoident.model.parameter import Parameter
 from geoident.model.project.formulas import LawTerm
 from geoident.model.project.project import ParameterLaw, Scatter

@@ -10,8 +10,8 @@ from types import SimpleNamespace
 import numpy as np
 import scipy.sparse as sp
 
-from geoident.identify.hierarchical.arrangement import Arrangement, SectionReadings
-from geoident.identify.hierarchical.restricted import LinearSections
+from geoident.identify.hierarchical.joint_problem import JointUnknowns, SectionReadings
+from geoident.identify.hierarchical.restricted_likelihood import LinearSections
 from geoident.identify.hierarchical.search import HierarchicalFit
 from geoident.identify.problem.errors import SharedErrors
 from geoident.model.parameter import Parameter, Prior
@@ -56,7 +56,7 @@ def formula(matrix):
 
 
 class Site:
-    """The sections, the arrangement, a point and all that is linear there."""
+    """The sections, their unknowns, a point and all that is linear there."""
 
     def __init__(self, scattering=(True, True)):
         rng = np.random.default_rng(3)
@@ -80,14 +80,14 @@ class Site:
         self.sections = sections
         self.models = Formulas(tuple(functions))
         self.laws = (MODULUS, HEAD)
-        self.made = Arrangement(sections, ["K0"], self.laws, np.array(scattering))
+        self.joint = JointUnknowns(sections, ["K0"], self.laws, np.array(scattering))
         self.common = np.array([1.35, 1.4, 0.025, 3.0, 0.6])  # K0, a, b, m, n
-        self.values = self.made.joined(self.common, self.points)
-        self.linear = LinearSections.at(self.made, self.models, self.values)
+        self.values = self.joint.joined(self.common, self.points)
+        self.linear = LinearSections.at(self.joint, self.models, self.values)
 
     def fit(self, tau=TAU):
         outcome = SimpleNamespace(values=self.values)
-        return HierarchicalFit(self.made, None, outcome, tau, np.zeros(2, dtype=bool), self.linear)
+        return HierarchicalFit(self.joint, None, outcome, tau, np.zeros(2, dtype=bool), self.linear)
 
     def law(self, s, f):
         """The laws at a section on the scales of E and h, of the scaled common unknowns f (5,)."""

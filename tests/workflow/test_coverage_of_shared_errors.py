@@ -11,7 +11,8 @@ import pytest
 from geoident.fem.solvers import pick_solver
 from geoident.forward.model import staged_model
 from geoident.identify.assessment.later_readings import given_used
-from geoident.identify.assessment.uncertainty import assess, predict_band
+from geoident.identify.assessment.prediction_bands import predict_band
+from geoident.identify.assessment.uncertainty import assess
 from geoident.identify.least_squares.gauss_newton import gauss_newton
 from geoident.identify.problem.problem import Problem
 from geoident.io.case.file import read_case

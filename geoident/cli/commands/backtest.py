@@ -4,8 +4,6 @@
 
 from __future__ import annotations
 
-from functools import partial
-
 import click
 
 from geoident.cli.clusters import cluster_option
@@ -64,13 +62,9 @@ def command(cases: tuple[str, ...], cluster: str | None, options: Options) -> in
         from geoident.cli.several import run_cases
 
         return run_cases("backtest", cases, options, cluster=cluster)
-    from geoident.io.read_beside import case_read_beside
+    with without_search():
+        from geoident.cli.jobs import run_case
+        from geoident.workflow.backtest import backtest
+        from geoident.workflow.running.jobs import plan_backtest
 
-    with case_read_beside(cases[0], options.overrides) as beside:
-        with without_search():
-            from geoident.cli.jobs import run_case
-            from geoident.workflow.backtest import backtest
-            from geoident.workflow.running.jobs import plan_backtest
-
-        plan = partial(plan_backtest, beside=beside)
-        return run_case(cases[0], options, plan=plan, run=backtest, cluster=cluster)
+    return run_case(cases[0], options, plan=plan_backtest, run=backtest, cluster=cluster)

@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-from contextlib import nullcontext
 from importlib.util import find_spec
 
 import click
@@ -113,8 +112,7 @@ def command(
         return each(cases, lambda case: _mesh_error(case, options))
     if identifiability:
         return each(cases, lambda case: _identifiability(case, options))
-    alone = len(cases) == 1
-    return each(cases, lambda case: _check(case, picture, options, alone=alone))
+    return each(cases, lambda case: _check(case, picture, options))
 
 
 def _refuse_picture(cases: tuple[str, ...], picture: str, identifiability: bool) -> None:
@@ -161,24 +159,21 @@ def _mesh_error(case: str, options: Options) -> int:
     return 0
 
 
-def _check(case: str, picture: str | None, options: Options, *, alone: bool) -> int:
-    """Check a case or a project; of several cases the first imports what the others need."""
+def _check(case: str, picture: str | None, options: Options) -> int:
+    """Check a case or a project."""
     from geoident.io.project.head import is_project
-    from geoident.io.read_beside import case_read_beside
 
     if is_project(case):
         from geoident.cli.project import check_one_project
 
         return check_one_project(case, options)
-    reading = case_read_beside(case, options.overrides) if alone else nullcontext()
-    with reading as beside, failures_as_json(case, options):
+    with failures_as_json(case, options):
         with without_search():
             from geoident.report.text.case import case_text
             from geoident.report.text.json import dumps, summary_object
             from geoident.workflow.check import check
 
-        said, solver = options.overrides, options.solver
-        checked = check(case, overrides=said, solver=solver, beside=beside)
+        checked = check(case, overrides=options.overrides, solver=options.solver)
         if picture is not None and checked.mesh is None:
             message = f"--picture {picture}: the case has no mesh, so nothing to draw."
             raise click.UsageError(message)

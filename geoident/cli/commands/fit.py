@@ -4,8 +4,6 @@
 
 from __future__ import annotations
 
-from functools import partial
-
 import click
 
 from geoident.cli.clusters import cluster_option
@@ -85,13 +83,9 @@ def command(
         from geoident.cli.several import run_cases
 
         return run_cases("fit", cases, options, cluster=cluster)
-    from geoident.io.read_beside import case_read_beside
+    with without_search():
+        from geoident.cli.jobs import run_case
+        from geoident.workflow.fit import fit
+        from geoident.workflow.running.jobs import plan_fit
 
-    with case_read_beside(cases[0], options.overrides) as beside:
-        with without_search():
-            from geoident.cli.jobs import run_case
-            from geoident.workflow.fit import fit
-            from geoident.workflow.running.jobs import plan_fit
-
-        plan = partial(plan_fit, beside=beside)
-        return run_case(cases[0], options, plan=plan, run=fit, cluster=cluster)
+    return run_case(cases[0], options, plan=plan_fit, run=fit, cluster=cluster)

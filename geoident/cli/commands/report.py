@@ -14,11 +14,9 @@ import click
 
 from geoident.cli.options import Arguments, OneOf, Options, Steps, takes
 from geoident.errors import UsageError
-from geoident.forked import WorkBeside
 
 if TYPE_CHECKING:
     from geoident.model.results.head import ReportHead
-    from geoident.model.results.result import Labelled
 
 EPILOG = """\b
 Examples:
@@ -129,7 +127,8 @@ def _written(
 
     place = "" if no_page else page_path(results, output=options.output)
     read = read_results(results)
-    _import_drawing(read)
+    _require_matplotlib()
+    import_module("geoident.report.page.page")
     from geoident.report.drawing.album import figure_files
     from geoident.report.drawing.style import images
     from geoident.report.page.page import report_page
@@ -155,16 +154,6 @@ def _written(
             draw=lambda labelled: figure_files(labelled, suffixes or ("svg",)),
         )
     return written
-
-
-def _import_drawing(results: Labelled) -> None:
-    """Import what draws, and meanwhile have the cases of results read: that takes as long."""
-    from geoident.report.drawing.model.case import cases_of_texts, remember, texts_of_cases
-
-    with WorkBeside(partial(cases_of_texts, texts_of_cases(results))) as beside:
-        _require_matplotlib()
-        import_module("geoident.report.page.page")
-        remember(beside.found() or {})
 
 
 def _require_sense(

@@ -35,7 +35,7 @@ def _next(arguments: Arguments, options: Options) -> Steps:
 )  # fmt: skip
 @click.option(
     "--effective", type=click.IntRange(min=100), default=1000, show_default=True, metavar="N",
-    help="Number of independent draws that they are to be worth.",
+    help="Target effective sample size.",
 )  # fmt: skip
 @click.option(
     "--max-evaluations", type=click.IntRange(min=100), default=50_000, show_default=True,
@@ -62,8 +62,8 @@ def command(
     bounds do. Every evaluation computes the model, or a reduced one where that is proven to be as
     good; draws that are worth less than their number
     are told by their effective size. Samplers, from cheap to robust: importance sampling from the
-    normal approximation at the fit, the same from an adapted mixture, an affine-invariant ensemble;
-    preconditioned Crank-Nicolson steps for fields and many parameters.
+    normal approximation at the fit, the same from proposals adapted to the draws, an
+    affine-invariant ensemble; preconditioned Crank-Nicolson steps for fields and many parameters.
 
     Writes CASE.sample.h5, which `arviz.from_netcdf` opens, and prints its path.
 

@@ -267,11 +267,11 @@ def _template(kind: str, *, raises: bool) -> _Template:
         start += size
     shares = first.shapes(places)
     return _Template(
-        np.where(np.abs(shares) < _TINY, 0.0, shares), parent.shapes(places), tuple(found)
+        np.where(np.abs(shares) < _NO_SHARE, 0.0, shares), parent.shapes(places), tuple(found)
     )
 
 
-_TINY = 1e-9
+_NO_SHARE = 1e-9  # a shape function that is 0 at the place, but for rounding
 _Corners = tuple[tuple[float, ...], ...]
 
 

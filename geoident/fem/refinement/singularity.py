@@ -37,23 +37,11 @@ def exponent(opening: float) -> float:
     """
     if opening <= np.pi + _STRAIGHT:
         return np.inf
-    low, high = 0.5 - 1e-9, 1.0 - 1e-12
-    begins = _characteristic(low, opening) > 0.0
-    for _ in range(_HALVINGS):  # scipy's methods take 0.2 s to import
-        middle = 0.5 * (low + high)
-        if (_characteristic(middle, opening) > 0.0) == begins:
-            low = middle
-        else:
-            high = middle
-    return 0.5 * (low + high)
+    # It is 1/2 for a slit, with room for rounding there, and nears 1 for a straight side.
+    from scipy.optimize import brentq  # noqa: PLC0415 - 0.3 s, and few runs refine meshes
 
-
-def _characteristic(x: float, opening: float) -> float:
-    """What is zero at the exponent."""
-    return math.sin(x * opening) + x * math.sin(opening)
-
-
-_HALVINGS = 52
+    root = brentq(lambda x: math.sin(x * opening) + x * math.sin(opening), 0.5 - 1e-9, 1.0)
+    return float(root)
 
 
 def openings(mesh: Mesh, table: FaceTable, present: Bools) -> Floats:

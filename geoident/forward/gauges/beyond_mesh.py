@@ -18,8 +18,11 @@ from geoident.model.cells import CELLS
 from geoident.model.gauges import Channel
 from geoident.model.mesh import Mesh
 
-ROUNDING = 0.01
-"""Distance from the mesh, in parts of the length of the face there, that is mere rounding."""
+ALLOWED = 0.01
+"""Distance from the mesh, in parts of the length of the face there, up to which a point is on it.
+
+Coordinates of gauges are written with few digits.
+"""
 
 _BESIDE = 1e-6
 """How far outside an element a point is said to be beside it, in parts of its size."""
@@ -83,7 +86,7 @@ def allowed_distance(mesh: Mesh, outline: tuple[FacetPatch, ...], place: Floats)
             cosine = abs(float(normal @ _normal(mesh.points[other])))
             angle = float(np.arccos(min(1.0, cosine)))
             turns.append(angle if angle < _CORNER else 0.0)
-    return size * (ROUNDING + _ARC * max(turns))
+    return size * (ALLOWED + _ARC * max(turns))
 
 
 def _nearest(points: Floats, place: Floats) -> int:

@@ -51,7 +51,7 @@ BENDING = ("M", "inside", "outside")
 _TOGETHER = 32
 """Unit motions that are looked at together."""
 
-_SAME = 1e-6
+_EQUALLY_NEAR = 1e-6
 """Difference of distances, in parts of a piece, below which two pieces are equally near."""
 
 
@@ -149,7 +149,7 @@ def nearest(ends: Floats, point: Floats) -> _PlaceOnBeam:
     foot = ends[:, 0] + along[:, None] * span
     distance = np.linalg.norm(foot - point, axis=1)
     best = int(distance.argmin())
-    at = np.linalg.norm(foot - foot[best], axis=1) <= _SAME * length[best]
+    at = np.linalg.norm(foot - foot[best], axis=1) <= _EQUALLY_NEAR * length[best]
     here = np.flatnonzero(at)
     normals = np.stack([span[here, 1], -span[here, 0]], axis=1) / length[here, None]
     ones = np.ones(len(here))

@@ -18,7 +18,7 @@ from geoident.model.dual import ParameterPoint
 from geoident.model.ground import Anisotropic, Elastic, numbers_of
 from geoident.model.parameter import Parameter, Scalar, Values
 
-_NEGLIGIBLE = 1e-9
+_NEGLIGIBLE = 1e-9  # of the largest modulus: rounding of turned axes is 1e-16 of it
 _OUT_OF_PLANE = tuple(f"c{i}{j}" for i in range(1, 5) for j in (5, 6))
 _KEYS = ("dip_direction", "rotation", "normal", "axis_1", "dip")
 

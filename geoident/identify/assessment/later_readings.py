@@ -9,6 +9,11 @@ readings is
 
 Where nothing is shared these are v_l and the band of theory 6. (Best linear unbiased prediction,
 Goldberger 1962.)
+
+For a draw p of the posterior the same is drawn (theory 11.6, Matheron's rule): with the shared
+errors z and the own errors of used and later readings from their distributions,
+
+    y_l = v_l(p) + B_l z + s_l n + C Sigma^-1 (y - v(p) - B z - s n')        C = B_l B^T .
 """
 
 from __future__ import annotations
@@ -24,7 +29,7 @@ from geoident.model.arrays import Floats
 
 @dataclass(frozen=True)
 class LaterReadings:
-    """l later readings as the used ones let expect them.
+    """l later readings as the used ones imply them.
 
     Args:
         shift: (l,) what to add to the model's answers, SI.
@@ -59,11 +64,11 @@ def given_used(
         total = sd**2 + _squares(shared) if shared is not None else sd**2
         return LaterReadings(np.zeros(len(sd)), later_jacobian, np.sqrt(total))
     used, B = problem.covariance, shared.columns
-    found = sd**2 + used.conditional_variance(B)
+    variance = sd**2 + used.conditional_variance(B)
     return LaterReadings(
         np.asarray(B @ used.expected_shared(problem.measured - readings)),
         later_jacobian - B @ used.expected_shared(jacobian),
-        np.sqrt(np.maximum(found, sd**2)),
+        np.sqrt(np.maximum(variance, sd**2)),
     )
 
 
@@ -75,12 +80,42 @@ def later_covariance(problem: Problem, later: ErrorStructure) -> Floats:
         later: the errors of the later readings, with the shared errors of the used ones.
     """
     sd, shared = later.stated
-    found = np.array(np.diag(sd**2))
+    covariance = np.array(np.diag(sd**2))
     if shared is not None and problem.covariance is None:
-        found += (shared.columns @ shared.columns.T).toarray()
+        covariance += (shared.columns @ shared.columns.T).toarray()
     elif shared is not None and problem.covariance is not None:
-        found += problem.covariance.conditional_covariance(shared.columns)
-    return found
+        covariance += problem.covariance.conditional_covariance(shared.columns)
+    return covariance
+
+
+def simulated_readings(
+    problem: Problem,
+    answers: Floats,
+    later_answers: Floats,
+    later: ErrorStructure,
+    rng: np.random.Generator,
+) -> Floats:
+    """Later readings (k, m) with their errors, SI, one row for each draw of the parameters.
+
+    Args:
+        problem: the used readings, with their own standard deviations as the loss leaves them.
+        answers: (k, g) what the model says of the used readings at each draw, SI.
+        later_answers: (k, m) what it says of the later ones.
+        later: the errors of the later readings, with the shared errors of the used ones.
+        rng: of random numbers.
+    """
+    sd, shared = later.stated
+    drawn = np.asarray(later_answers + sd * rng.standard_normal(later_answers.shape))
+    if shared is None:
+        return drawn
+    z = rng.standard_normal((len(answers), len(shared)))
+    drawn += (shared.columns @ z.T).T
+    used = problem.covariance
+    if used is None:
+        return drawn
+    errors = (used.shared.columns @ z.T).T + problem.sd * rng.standard_normal(answers.shape)
+    known = used.expected_shared((problem.measured - answers - errors).T)
+    return np.asarray(drawn + (shared.columns @ known).T)
 
 
 def _squares(shared: SharedErrors) -> Floats:

@@ -26,7 +26,7 @@ OFF = 1.2
 
 
 @dataclass(frozen=True)
-class Ends:
+class IntervalEnds:
     """What the model says of the ends of an interval.
 
     Args:
@@ -46,7 +46,7 @@ class Ends:
         return not all(low <= rise <= high for rise in (self.below, self.above))
 
 
-def interval_ends(problem: Problem, assessment: Assessment, values: Floats) -> Ends | None:
+def interval_ends(problem: Problem, assessment: Assessment, values: Floats) -> IntervalEnds | None:
     """Phi at the ends of the interval of the least known parameter; the others follow it.
 
     None where that is known well enough, where a bound is near (`open_path` asks there), and with
@@ -73,4 +73,4 @@ def interval_ends(problem: Problem, assessment: Assessment, values: Floats) -> E
         discrepancy.objective(discrepancy.scaling.away(values, sign * step)) - here
         for sign in (-1.0, 1.0)
     )
-    return Ends(i, below, above)
+    return IntervalEnds(i, below, above)

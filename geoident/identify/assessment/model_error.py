@@ -35,7 +35,7 @@ from scipy.linalg import solve_triangular
 
 from geoident.identify.assessment.unknown_variances import with_possible
 from geoident.identify.assessment.variance_components import (
-    HeldLast,
+    ConditionalLikelihood,
     Likelihood,
     RestrictedLikelihood,
     VarianceComponents,
@@ -248,8 +248,8 @@ def at_size(likelihood: Likelihood, eta: float, start: Floats) -> VarianceCompon
     return VarianceComponents(nothing, np.zeros((0, 0)), nothing, nothing, held.value(nothing))
 
 
-def _held(likelihood: Likelihood, eta: float) -> HeldLast:
-    return HeldLast(likelihood, 2.0 * np.log(eta), ACCURACY_SPREAD)
+def _held(likelihood: Likelihood, eta: float) -> ConditionalLikelihood:
+    return ConditionalLikelihood(likelihood, 2.0 * np.log(eta), ACCURACY_SPREAD)
 
 
 class _Sums:

@@ -74,7 +74,7 @@ def _sizes(bands: Bands, kinds: Sequence[str]) -> Floats:
 
 
 @dataclass(frozen=True)
-class Chance:
+class PValue:
     """How often bands that hold would look as bad by chance.
 
     Args:
@@ -106,7 +106,7 @@ class Innovations:
     freedom: float = float("inf")
 
 
-def chance(groups: Sequence[Innovations]) -> Chance:
+def p_value(groups: Sequence[Innovations]) -> PValue:
     """How often bands that hold would look as bad as these.
 
     Errors of predictions made from one fit are correlated, since they share the errors of its
@@ -119,7 +119,7 @@ def chance(groups: Sequence[Innovations]) -> Chance:
     """
     groups = [one for one in groups if one.z.size]
     if not groups:
-        return Chance(1.0, 1.0)
+        return PValue(1.0, 1.0)
     random = np.random.default_rng(_SEED)
     inside, squares = np.zeros(DRAWS), np.zeros(DRAWS)
     for one in groups:
@@ -133,7 +133,7 @@ def chance(groups: Sequence[Innovations]) -> Chance:
     seen = np.count_nonzero(np.abs(errors) <= NORMAL_95)
     few = (1.0 + np.count_nonzero(inside <= seen)) / (1.0 + DRAWS)
     far = (1.0 + np.count_nonzero(squares >= np.sum(errors**2))) / (1.0 + DRAWS)
-    return Chance(float(few), float(far))
+    return PValue(float(few), float(far))
 
 
 def _root(R: Floats) -> Floats:

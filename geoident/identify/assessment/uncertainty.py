@@ -18,12 +18,12 @@ better known than that, its standard deviation below 0.95 of the prior's. What o
 lacks does not touch the number of another that has no part in it.
 
 **A bound limits, it does not inform.** Of a parameter on its bound only one side is unknown, not
-nothing. Intervals and bands are those of the normal posterior cut at the bounds (see `posterior`),
-with its mode where the estimate is: a parameter on a bound has the gradient of phi that holds it
-there. Its interval is one-sided, from the bound on, and what depends on it is as uncertain as that
-makes it. Whether parameters are determined is judged as if none was on a bound, or a bound would
-hide that two parameters cannot be told apart. (The influence of readings alone is judged with
-parameters on bounds held there: without a reading they would not move.)
+nothing. Intervals and bands are those of the normal posterior truncated at the bounds (see
+`truncated_normal`), with its mode where the estimate is: a parameter on a bound has the gradient of
+phi that holds it there. Its interval is one-sided, from the bound on, and what depends on it is as
+uncertain as that makes it. Whether parameters are determined is judged as if none was on a bound,
+or a bound would hide that two parameters cannot be told apart. (The influence of readings alone is
+judged with parameters on bounds held there: without a reading they would not move.)
 
 A prediction with Jacobian J_l is J_l dx with the error s_l of the gauge beside. Where the part of
 the undetermined directions is larger than all the rest, J_l cov J_l^T + s_l^2, the prediction is
@@ -47,8 +47,8 @@ from geoident.identify.assessment.conflicts import (
     tied_sentences,
 )
 from geoident.identify.assessment.findings import Knowledge, describe_gaps, join
-from geoident.identify.assessment.posterior import NormalMixture, Posterior, cut_normal
 from geoident.identify.assessment.spectrum import SingularDirections
+from geoident.identify.assessment.truncated_normal import Posterior, truncated_normal
 from geoident.identify.assessment.unknown_variances import OverAccuracies
 from geoident.identify.problem.errors import Covariance, SharedErrors
 from geoident.identify.problem.problem import Problem
@@ -123,21 +123,6 @@ class Assessment:
     wider: Floats
 
 
-@dataclass(frozen=True)
-class Band:
-    """Where l later readings are expected, from their predicted values, SI.
-
-    Args:
-        lower95: (l,) lower end of the 95 % band; -inf where not determined.
-        upper95: (l,) upper end; inf where not determined.
-        sd: (l,) root of the mean square deviation from the prediction; inf where not determined.
-    """
-
-    lower95: Floats
-    upper95: Floats
-    sd: Floats
-
-
 def assess(
     problem: Problem,
     values: Floats,
@@ -190,7 +175,7 @@ def assess(
         conflicts = conflict_sentences(found, problem.parameters, scaling.reference)
         pressed = _pressed(A.T @ r, problem.parameters, values, on_bound)
     mean, factor = _uncut(scaling, whole, width, pressed)
-    posterior = cut_normal(mean, factor, *_room(scaling, width, values))
+    posterior = truncated_normal(mean, factor, *_room(scaling, width, values))
     every_x, every_gap_x = _scaled(whole, width)
     # a prior is knowledge too: what is known from it alone has its number, and says so
     numbered = (determined | (known_enough & from_prior)) & varies
@@ -261,71 +246,6 @@ def _knowledge(
         SingularDirections.of(np.concatenate([B, P]), varies),
         SingularDirections.of(B, varies),
     )
-
-
-def predict_band(
-    assessment: Assessment,
-    jacobian: Floats,
-    sd: Floats,
-    bend: Bend | None = None,
-    wider: tuple[Floats, Floats] | None = None,
-) -> Band:
-    """Where later readings are expected, theory 6.
-
-    Args:
-        assessment: how well the parameters are known.
-        jacobian: (l, n) derivative of the later readings at the estimate, SI.
-        sd: (l,) accuracy of the later readings, SI.
-        bend: how they deviate from linear; None for not at all.
-        wider: factors (l,), (l,) by which the ends are farther out, as accuracies were estimated;
-            None where they are given.
-
-    Returns:
-        Infinite where the reading depends mainly on what is not determined.
-    """
-    rows = jacobian * assessment.slope
-    found = assessment.posterior.of(rows, sd)
-    loose = depends_on_gaps(assessment, rows, sd)
-    if bend is not None:
-        found = NormalMixture(found.mean + bend.deviation, found.sd, found.weight)
-        moved = (found.mean - found.centre[:, None]) ** 2 @ found.weight
-        loose |= bend.undetermined & (moved > found.sd[:, 0] ** 2)
-    lower95, upper95 = found.interval()
-    if wider is not None:
-        lower95, upper95 = lower95 * wider[0], upper95 * wider[1]
-    return Band(
-        np.where(loose, -np.inf, np.minimum(lower95, 0.0)),
-        np.where(loose, np.inf, np.maximum(upper95, 0.0)),
-        np.where(loose, np.inf, found.rms),
-    )
-
-
-@dataclass(frozen=True)
-class Bend:
-    """How l later readings deviate from linear where a bound leaves a parameter open.
-
-    Args:
-        deviation: (l, K) at the points of the posterior, SI.
-        undetermined: the parameter is not determined.
-    """
-
-    deviation: Floats
-    undetermined: bool
-
-
-def depends_on_gaps(assessment: Assessment, rows: Floats, sd: Floats) -> Bools:
-    """Whether linear functions of x (l, n), with an own error (l,), are not determined.
-
-    They are where the part of undetermined directions is larger than all the rest.
-
-    Args:
-        assessment: how well the parameters are known.
-        rows: (l, n) coefficients.
-        sd: (l,) standard deviation of the own errors.
-    """
-    known = np.sum((rows @ assessment.determined_x) ** 2, axis=1) + sd**2
-    undetermined = np.sum((rows @ assessment.gaps_x) ** 2, axis=1)
-    return np.asarray(undetermined > known, dtype=np.bool_)
 
 
 def _pressed(
@@ -455,8 +375,9 @@ def _ends(
     """
     n, x = len(values), scaling.to_scaled(values)
     first, last = scaling.lower - x, scaling.upper - x
-    low, high = posterior.of(np.eye(n), np.zeros(n)).interval(first, last)
-    low, high = np.maximum(low * wider[:, 0], first), np.minimum(high * wider[:, 1], last)
+    drawn = posterior.summary(np.eye(n), limits=(first, last))
+    low = np.maximum(drawn.lower95 * wider[:, 0], first)
+    high = np.minimum(drawn.upper95 * wider[:, 1], last)
     return np.minimum(low, 0.0), np.maximum(high, 0.0)
 
 

@@ -11,10 +11,10 @@ linear function of x, with an error of its own or without, is then a mixture of 
 unknown factor, no prior and g - n spare readings this is Student's t with g - n degrees of freedom,
 the interval of the textbooks.
 
-Bounds cut what is normal (see `posterior`), and that is done at the most likely accuracies. The
-ends of its intervals are then farther out by the factors by which the quantiles of the mixture are
-farther out than those of the normal. The degrees of freedom that are said are those of the t
-distribution whose 95 % interval is as much wider.
+Bounds truncate what is normal (see `truncated_normal`), and that is done at the most likely
+accuracies. The ends of its intervals are then farther out by the factors by which the quantiles of
+the mixture are farther out than those of the normal. The degrees of freedom that are said are those
+of the t distribution whose 95 % interval is as much wider.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from itertools import product
 import numpy as np
 from scipy.special import ndtri, stdtrit
 
-from geoident.identify.assessment.posterior import NormalMixture
+from geoident.identify.assessment.normal_mixture import mixture_interval
 from geoident.identify.assessment.variance_components import (
     HIGHEST,
     LOWEST,
@@ -34,8 +34,6 @@ from geoident.identify.assessment.variance_components import (
     VarianceComponents,
     VariancePoints,
 )
-from geoident.identify.least_squares.several_starts import radical_inverse
-from geoident.identify.primes import first_primes
 from geoident.identify.problem.problem import Problem
 from geoident.identify.problem.scaling import Scaling
 from geoident.model.arrays import Floats, Ints
@@ -150,9 +148,9 @@ def _lattice(ends: Floats) -> tuple[Floats, Floats]:
 
     Between ends far apart on both sides they are normal, else even.
     """
-    d = len(ends)
-    index = range(1, _LATTICE + 1)
-    u = np.array([[radical_inverse(i, base) for base in first_primes(d)] for i in index])
+    from scipy.stats import qmc  # noqa: PLC0415 - a quarter of a second, and few fits need it
+
+    u = qmc.Halton(len(ends), scramble=False).random(_LATTICE + 1)[1:]  # without the corner
     normal = ends[:, 0] < 0.0
     z = ends[:, 0] + u * (ends[:, 1] - ends[:, 0])
     deviates = ndtri(u[:, normal])
@@ -232,23 +230,18 @@ class OverAccuracies:
         variance = np.array([
             np.sum((a @ F) ** 2, axis=1) for a, F in zip(whole, self.factor, strict=True)
         ])  # fmt: skip
-        mean = np.einsum("kln,kn->lk", whole[1:], self.shift[1:])
+        mean = np.einsum("kln,kn->kl", whole[1:], self.shift[1:])
         if more is not None:
-            mean = mean + (more[1:] - more[0]).T
+            mean = mean + (more[1:] - more[0])
         if sd is not None:
             variance = variance + sd**2
         own = np.sqrt(variance[0])
         half = NORMAL_95 * np.where(own > 0.0, own, 1.0)
-        each = np.where(own > 0.0, np.sqrt(variance[1:]), 1.0).T
-        mean = np.where(own[:, None] > 0.0, mean, 0.0)
-        mixture = NormalMixture(mean, each, self.odds)
-        far = 10.0 * each.max(axis=1) + np.abs(mean).max(axis=1)
-        low, high = (mixture.quantile(np.full(len(own), p), -far, far) for p in _TAILS)
+        each = np.where(own > 0.0, np.sqrt(variance[1:]), 1.0)
+        mean = np.where(own > 0.0, mean, 0.0)
+        low, high = mixture_interval(self.odds, mean, each)
         factors = np.where(own > 0.0, np.array([-low, high]) / half, 1.0)
         return np.maximum(factors[0], 0.0), np.maximum(factors[1], 0.0)
-
-
-_TAILS = (0.025, 0.975)
 
 
 def freedom(wider: Floats) -> Floats:
@@ -258,5 +251,5 @@ def freedom(wider: Floats) -> Floats:
     array([10.])
     """
     log_nu = np.linspace(np.log(0.3), np.log(1e4), 600)
-    factor = stdtrit(np.exp(log_nu), _TAILS[1]) / NORMAL_95
+    factor = stdtrit(np.exp(log_nu), 0.975) / NORMAL_95
     return np.asarray(np.exp(np.interp(-wider, -factor, log_nu)))

@@ -134,7 +134,7 @@ class Likelihood(Protocol):
 
 
 @dataclass(frozen=True)
-class HeldLast:
+class ConditionalLikelihood:
     """The likelihood of the first c of c + 1 components, at a given factor of the last.
 
     A weak prior keeps the others near what is stated: what explains all residuals by itself would

@@ -36,13 +36,14 @@ from geoident.units import in_unit, shown_unit
 
 NAME = "ensemble-smoother"
 
-FAILED = 0.5
-"""Part of the ensemble without a solution from which on the search ends."""
+LEAST_SOLVED = 0.5
+"""Part of the ensemble that must have a solution: of less a sample says little."""
 
 KEPT = 0.999
-"""Part of the singular values of the ensemble's readings that an update keeps."""
+"""Part of the singular values of the ensemble's readings that an update keeps: the usual choice."""
 
 _EDGE = 1e-12
+"""Nearest to a bound, in parts of the width: the normal score of a bound itself is infinite."""
 
 
 class NormalScores:
@@ -62,12 +63,10 @@ class NormalScores:
         x = scaling.lower + (scaling.upper - scaling.lower) * ndtr(z)
         p = scaling.to_natural(x)
         for i, prior in scaling.priors:
-            relative = prior.sd / prior.mean if prior.kind == "lognormal" else 0.0
-            p[i] = (
-                prior.mean * np.exp(relative * z[i])
-                if prior.kind == "lognormal"
-                else prior.mean + prior.sd * z[i]
-            )
+            if prior.kind == "lognormal":
+                p[i] = prior.mean * np.exp(prior.sd / prior.mean * z[i])
+            else:
+                p[i] = prior.mean + prior.sd * z[i]
         lower = np.array([q.lower for q in self._parameters])
         upper = np.array([q.upper for q in self._parameters])
         return np.asarray(np.clip(p, lower, upper), dtype=np.float64)
@@ -96,90 +95,75 @@ def ensemble_smoother(
         options: size of the ensemble, steps and seed.
         observe: is told of every step.
     """
-    discrepancy, scores = Discrepancy(problem), NormalScores(problem.parameters)
+    phi, scores = Discrepancy(problem).objective, NormalScores(problem.parameters)
     history = History(NAME, problem.response, observe)
     generator = np.random.default_rng(options.seed)
-    ensemble = generator.standard_normal((len(problem.parameters), options.ensemble))
+    Z = generator.standard_normal((len(problem.parameters), options.ensemble))
     target = problem.whiten(problem.measured)
     smoother: Any = ESMDA(np.ones(len(target)), target, alpha=options.assimilations, seed=generator)
-    step, lost = 0.0, 0
+    step = 0.0
     for _ in range(options.assimilations):
-        readings, solved = _computed(problem, scores, ensemble)
-        lost += int(np.count_nonzero(~solved))
-        ensemble, readings = ensemble[:, solved], readings[:, solved]
-        if solved.mean() < FAILED:
-            break
-        middle = scores.values(ensemble.mean(axis=1))
-        history.record(middle, discrepancy.objective(middle), step=step, note="assimilated")
+        Y, solved = _white_readings(problem, scores, Z)
+        Z, Y = Z[:, solved], Y[:, solved]
+        if solved.mean() < LEAST_SOLVED:
+            middle = scores.values(Z.mean(axis=1)) if Z.size else problem.start
+            reason = (
+                f"Of {options.ensemble} members of the ensemble {options.ensemble - Z.shape[1]} "
+                "have no solution. Narrow the priors and bounds, so that the model stands within "
+                "them."
+            )
+            return history.outcome(middle, phi(middle), "not-converged", reason)
+        before = Z.mean(axis=1)
+        middle = scores.values(before)
+        history.record(middle, phi(middle), step=step, note="assimilated")
         if history.stop is not None:
-            return history.outcome(middle, discrepancy.objective(middle), "", "")
-        before = ensemble.mean(axis=1)
-        smoother.prepare_assimilation(Y=readings, truncation=KEPT)
-        ensemble = smoother.assimilate_batch(X=ensemble)
-        step = float(np.linalg.norm(ensemble.mean(axis=1) - before))
-    else:
-        return _outcome(problem, history, discrepancy, scores, ensemble, step, lost, options)
-    middle = scores.values(ensemble.mean(axis=1)) if ensemble.size else problem.start
-    reason = (
-        f"Of {options.ensemble} members of the ensemble {lost} have no solution. Narrow the priors "
-        "and bounds, so that the model stands within them."
-    )
-    return history.outcome(middle, discrepancy.objective(middle), "not-converged", reason)
-
-
-def _outcome(
-    problem: Problem,
-    history: History,
-    discrepancy: Discrepancy,
-    scores: NormalScores,
-    ensemble: Floats,
-    step: float,
-    lost: int,
-    options: EnsembleSmootherOptions,
-) -> Outcome:
-    """The mean of the last ensemble, and in words its intervals."""
-    middle = scores.values(ensemble.mean(axis=1))
-    objective = discrepancy.objective(middle)
+            return history.outcome(middle, phi(middle), "", "")
+        smoother.prepare_assimilation(Y=Y, truncation=KEPT)
+        Z = smoother.assimilate_batch(X=Z)
+        step = float(np.linalg.norm(Z.mean(axis=1) - before))
+    middle = scores.values(Z.mean(axis=1))
+    objective = phi(middle)
     history.record(middle, objective, step=step, note="mean of the ensemble")
-    members = np.stack([scores.values(z) for z in ensemble.T], axis=1)
     reason = (
-        f"An ensemble of {members.shape[1]} was moved to the readings in {options.assimilations} "
+        f"An ensemble of {Z.shape[1]} was moved to the readings in {options.assimilations} "
         "steps; the values are its mean."
     )
     status = "converged" if np.isfinite(objective) else "not-converged"
-    found = history.outcome(middle, objective, status, reason)
-    remarks = [_spread(problem.parameters, members)]
+    outcome = history.outcome(middle, objective, status, reason)
+    members = np.stack([scores.values(z) for z in Z.T], axis=1)
+    remarks = [_intervals(problem.parameters, members)]
+    lost = options.ensemble - Z.shape[1]
     if lost:
         remarks.append(f"{lost} members of the ensemble had no solution and were left out")
-    return replace(found, remarks=tuple(remark for remark in remarks if remark))
+    return replace(outcome, remarks=tuple(remark for remark in remarks if remark))
 
 
-def _computed(problem: Problem, scores: NormalScores, ensemble: Floats) -> tuple[Floats, Bools]:
+def _white_readings(problem: Problem, scores: NormalScores, Z: Floats) -> tuple[Floats, Bools]:
     """White readings (g, m) of the members (n, m) of an ensemble, and which have a solution."""
-    found = np.zeros((len(problem.measured), ensemble.shape[1]))
-    solved = np.zeros(ensemble.shape[1], dtype=np.bool_)
-    points = np.array([scores.values(z) for z in ensemble.T])
+    Y = np.zeros((len(problem.measured), Z.shape[1]))
+    solved = np.zeros(Z.shape[1], dtype=np.bool_)
+    points = np.array([scores.values(z) for z in Z.T])
     with asked_in_turns(problem, points) as turn:
         for k, p in enumerate(points):
             turn(k)
             if problem.response.admissible(p) is not None:
                 continue
             try:
-                found[:, k] = problem.whiten(problem.response.readings(p))
+                Y[:, k] = problem.whiten(problem.response.readings(p))
             except ModelError:
                 continue
-            solved[k] = bool(np.isfinite(found[:, k]).all())
-    return found, solved
+            solved[k] = bool(np.isfinite(Y[:, k]).all())
+    return Y, solved
 
 
-def _spread(parameters: tuple[Parameter, ...], members: Floats) -> str:
+def _intervals(parameters: tuple[Parameter, ...], members: Floats) -> str:
     """The 95 % intervals of the members (n, m) for the parameters that the case names."""
-    said = []
+    texts = []
     for q, values in zip(parameters, members, strict=True):
         if not q.field:
             low, high = (
                 in_unit(float(x), q.unit, q.dimension) for x in np.quantile(values, [0.025, 0.975])
             )
             unit = shown_unit(q.unit, q.dimension)
-            said.append(f"{q.name} {low:.4g} .. {high:.4g} {unit}".rstrip())
-    return f"95 % of the ensemble: {', '.join(said)}" if said else ""
+            texts.append(f"{q.name} {low:.4g} .. {high:.4g} {unit}".rstrip())
+    return f"95 % of the ensemble: {', '.join(texts)}" if texts else ""

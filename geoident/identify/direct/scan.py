@@ -25,11 +25,11 @@ from geoident.model.parameter import Parameter
 from geoident.model.results.result import Grid
 
 MOST_POINTS = 1_000_000
-"""More are a slip of the pen: they would take days, and their history more memory than there is."""
+"""More are a typing error: they would take days, and their history all memory."""
 
 
 def scan(problem: Problem, options: ScanOptions, observe: Observer) -> Outcome:
-    """Evaluates the discrepancy on a grid, theory 4.5.
+    """Evaluates the misfit on a grid, theory 4.5.
 
     Args:
         problem: readings, model and parameters.
@@ -59,7 +59,14 @@ def scan(problem: Problem, options: ScanOptions, observe: Observer) -> Outcome:
             history.record(p, float(phi[place]), step=0.0, note="grid")
             if history.stop is not None:
                 break
-    return _outcome(problem, Grid(tuple(axes), tuple(axes.values()), phi), history)
+    best = min(history.iterations, key=lambda entry: entry.objective)
+    status, values = "converged", best.values
+    reason = f"All {phi.size} points of the grid are computed."
+    if not np.isfinite(best.objective):
+        status, values = "not-converged", problem.start
+        reason = "The model has no solution at any point of the grid: move or refine the grid."
+    grid = Grid(tuple(axes), tuple(axes.values()), phi)
+    return replace(history.outcome(values, best.objective, status, reason), grid=grid)
 
 
 def grid_axes(parameters: tuple[Parameter, ...], options: ScanOptions) -> Mapping[str, Floats]:
@@ -73,7 +80,7 @@ def grid_axes(parameters: tuple[Parameter, ...], options: ScanOptions) -> Mappin
         for q in [q for q in parameters if not q.field][:2]
     }
     known = {q.name: q for q in parameters}
-    faults = [fault for name, axis in chosen.items() for fault in _faults(known, name, axis)]
+    faults = [fault for name, axis in chosen.items() for fault in _axis_faults(known, name, axis)]
     points = math.prod(axis.points for axis in chosen.values())
     if points > MOST_POINTS:
         message = f"the scan has {points:,} points; {MOST_POINTS:,} are the most"
@@ -84,10 +91,14 @@ def grid_axes(parameters: tuple[Parameter, ...], options: ScanOptions) -> Mappin
         faults.append(Fault("no-parameters", message, hint, path="fit.scan"))
     if faults:
         raise InputError(faults)
-    return {name: _values(known[name], axis) for name, axis in chosen.items()}
+    values = {}
+    for name, axis in chosen.items():
+        space = np.geomspace if known[name].scale == "log" else np.linspace
+        values[name] = np.asarray(space(axis.start, axis.stop, axis.points), dtype=np.float64)
+    return values
 
 
-def _faults(known: Mapping[str, Parameter], name: str, axis: ScanAxis) -> list[Fault]:
+def _axis_faults(known: Mapping[str, Parameter], name: str, axis: ScanAxis) -> list[Fault]:
     """What is wrong with an axis."""
     if name not in known:
         names = ", ".join(q.name for q in known.values() if not q.field)
@@ -98,19 +109,3 @@ def _faults(known: Mapping[str, Parameter], name: str, axis: ScanAxis) -> list[F
         what = f"scan over {name}: no grid from {axis.start:g} to {axis.stop:g}"
         return [Fault("scan-axis", f"{what} with {axis.points} points.", "Give finite ends.")]
     return []
-
-
-def _values(parameter: Parameter, axis: ScanAxis) -> Floats:
-    space = np.geomspace if parameter.scale == "log" else np.linspace
-    return np.asarray(space(axis.start, axis.stop, axis.points), dtype=np.float64)
-
-
-def _outcome(problem: Problem, grid: Grid, history: History) -> Outcome:
-    """The lowest point of the history, with the reason that fits."""
-    best = min(history.iterations, key=lambda entry: entry.objective)
-    status, reason = "converged", f"All {grid.objective.size} points of the grid are computed."
-    values = best.values
-    if not np.isfinite(best.objective):
-        status, values = "not-converged", problem.start
-        reason = "The model has no solution at any point of the grid: move or refine the grid."
-    return replace(history.outcome(values, best.objective, status, reason), grid=grid)

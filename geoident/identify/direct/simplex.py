@@ -31,7 +31,7 @@ Per iteration: one or two evaluations, n more for a shrink.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -47,10 +47,27 @@ Objective = Callable[[Floats], float]
 Watch = Callable[["SimplexMove"], bool]
 
 Vertices = tuple[Floats, Floats]
+"""(n+1, n) vertices and (n+1,) their values."""
+
 SimplexEnding = Literal["converged", "moved", "evaluations", "stopped"]
 
 HALVINGS = 20
 """How often an edge of a new simplex is halved in search of an admissible vertex."""
+
+_REASONS: dict[SimplexEnding, str] = {
+    "converged": (
+        "The simplex is small and the misfit is the same at its vertices (tolerance {delta:g})."
+    ),
+    "moved": (
+        "The last restart still found a clearly better point: raise restarts, or go on from "
+        "here with the method gauss-newton."
+    ),
+    "evaluations": (
+        "The search did not converge in {max_evaluations} evaluations: raise "
+        "max_evaluations, or go on from here with the method gauss-newton."
+    ),
+    "stopped": "",
+}
 
 
 @dataclass(frozen=True)
@@ -89,7 +106,7 @@ class Minimum:
 
 
 def simplex(problem: Problem, options: SimplexOptions, observe: Observer) -> Outcome:
-    """Minimises the discrepancy phi, theory [20] and 4.3, without derivatives.
+    """Minimises the misfit phi, theory [20] and 4.3, without derivatives.
 
     Args:
         problem: readings, model and parameters.
@@ -102,8 +119,8 @@ def simplex(problem: Problem, options: SimplexOptions, observe: Observer) -> Out
     Raises:
         ModelError: the model has no solution at the start.
     """
-    found = Discrepancy(problem)
-    scaling, history = found.scaling, History("simplex", problem.response, observe)
+    phi = Discrepancy(problem)
+    scaling, history = phi.scaling, History("simplex", problem.response, observe)
     free = scaling.lower < scaling.upper
 
     def natural(y: Floats) -> Floats:
@@ -113,7 +130,7 @@ def simplex(problem: Problem, options: SimplexOptions, observe: Observer) -> Out
 
     def objective(y: Floats) -> float:
         inside = np.all((y >= scaling.lower[free]) & (y <= scaling.upper[free]))
-        return found.objective(natural(y)) if inside else np.inf
+        return phi.objective(natural(y)) if inside else np.inf
 
     def watch(at: SimplexMove) -> bool:
         history.record(natural(at.x), at.value, step=at.size, note=at.note)
@@ -122,36 +139,17 @@ def simplex(problem: Problem, options: SimplexOptions, observe: Observer) -> Out
     start = scaling.start[free]
     try:
         minimum = minimise(objective, start, options=options, watch=watch)
-    except ModelError:
-        _say_why(problem, natural(start))
+    except ModelError:  # the model's own sentence, where it has one
+        why = problem.response.admissible(natural(start))
+        if why is not None:
+            raise ModelError(why) from None
+        problem.response.readings(natural(start))
         raise
-    return history.outcome(natural(minimum.x), minimum.value, *_ending(minimum, options))
-
-
-def _say_why(problem: Problem, p: Floats) -> None:
-    """Raises ModelError with the model's own sentence on p (n,), SI, where it has one."""
-    why = problem.response.admissible(p)
-    if why is not None:
-        raise ModelError(why)
-    problem.response.readings(p)
-
-
-def _ending(minimum: Minimum, options: SimplexOptions) -> tuple[str, str]:
-    """Status and reason, a sentence with the remedy where there is one."""
-    if minimum.ending == "converged":
-        return "converged", (
-            "The simplex is small and the misfit is the same at its vertices "
-            f"(tolerance {options.delta:g})."
-        )
-    if minimum.ending == "moved":
-        return "not-converged", (
-            "The last restart still found a clearly better point: raise restarts, or go on from "
-            "here with the method gauss-newton."
-        )
-    return "not-converged", (
-        f"The search did not converge in {options.max_evaluations} evaluations: raise "
-        "max_evaluations, or go on from here with the method gauss-newton."
+    reason = _REASONS[minimum.ending].format(
+        delta=options.delta, max_evaluations=options.max_evaluations
     )
+    status = "converged" if minimum.ending == "converged" else "not-converged"
+    return history.outcome(natural(minimum.x), minimum.value, status, reason)
 
 
 def minimise(
@@ -171,163 +169,119 @@ def minimise(
     Raises:
         ModelError: the objective is infinite at the start.
 
-    >>> found = minimise(lambda x: (x[0] - 3.0) ** 2, np.zeros(1), options=SimplexOptions())
-    >>> found.ending, bool(abs(found.x[0] - 3.0) < 1e-4)
+    >>> minimum = minimise(lambda x: (x[0] - 3.0) ** 2, np.zeros(1), options=SimplexOptions())
+    >>> minimum.ending, bool(abs(minimum.x[0] - 3.0) < 1e-4)
     ('converged', True)
     """
-    search = _Simplex(objective, options, watch)
-    search.open(np.asarray(x0, dtype=np.float64))
-    ending = search.descend(options.size)
+    evaluations, delta = 0, options.delta
+
+    def phi(x: Floats) -> float:
+        """The objective; infinite, without asking, once the evaluations are used up."""
+        nonlocal evaluations
+        if evaluations >= options.max_evaluations:
+            return np.inf
+        evaluations += 1
+        value = float(objective(x.copy()))
+        return np.inf if np.isnan(value) else value
+
+    x = np.array(x0, dtype=np.float64)[None, :]
+    values = np.array([phi(x[0])])
+    if not np.isfinite(values[0]):
+        raise ModelError(
+            "The model has no solution at the start of the simplex search.",
+            "Give start values at which the model can be computed.",
+        )
+
+    def size(x: Floats) -> float:
+        return float(np.max(np.abs(x - x[0]), initial=0.0))
+
+    def stopped(note: str) -> bool:
+        move = SimplexMove(x[0].copy(), float(values[0]), size(x), note)
+        return watch is not None and watch(move)
+
+    def descended(edge: float) -> SimplexEnding:
+        """Moves a new simplex around the best point until it rests, or may not go on."""
+        nonlocal x, values
+        if stopped("start" if len(x) == 1 else "restart"):
+            return "stopped"
+        x, values = _sorted(*first_simplex(phi, x[0], float(values[0]), edge))
+        while values[-1] - values[0] > delta * max(abs(values[0]), 1.0) or size(x) > math.sqrt(
+            delta
+        ):
+            if evaluations >= options.max_evaluations:
+                return "evaluations"
+            (x, values), note = moved(phi, x, values, options)
+            if stopped(note):
+                return "stopped"
+        return "converged"
+
+    ending = descended(options.size)
     for number in range(1, options.restarts + 1):
         if ending in ("evaluations", "stopped"):
             break
-        before = search.best
-        ending = search.descend(options.size * (-1.0) ** number)
-        if ending == "converged" and _clearly_better(search.best, before, options.delta):
+        before = float(values[0])
+        ending = descended(options.size * (-1.0) ** number)
+        # a gain clearly above the convergence tolerance
+        gain = before - values[0] > math.sqrt(delta) * max(abs(before), 1.0)
+        if ending == "converged" and gain:
             ending = "moved"
-    return Minimum(search.x[0], search.best, search.evaluations, ending)
+    return Minimum(x[0], float(values[0]), evaluations, ending)
 
 
-def first_simplex(objective: Objective, x0: Floats, value: float, edge: float) -> Vertices:
+def first_simplex(phi: Objective, x0: Floats, phi0: float, edge: float) -> Vertices:
     """A simplex around x0: a step from it along each axis.
 
     A step that leads to an inadmissible point is tried the other way, then halved towards x0.
 
     Args:
-        objective: infinite where a point is inadmissible.
+        phi: infinite where a point is inadmissible.
         x0: (n,) an admissible point.
-        value: the objective there.
+        phi0: the objective there.
         edge: length of the steps; its sign is the direction tried first.
 
     Returns:
-        (n+1, n) vertices, x0 the first, and (n+1,) their values.
+        The vertices, x0 the first, and their values.
     """
-    vertices = np.tile(x0, (len(x0) + 1, 1))
-    values = np.full(len(x0) + 1, value)
-    for axis, vertex in enumerate(vertices[1:]):
-        for step in _steps(edge):
+    x, values = np.tile(x0, (len(x0) + 1, 1)), np.full(len(x0) + 1, phi0)
+    for axis, vertex in enumerate(x[1:]):
+        for step in (sign * edge / 2.0**k for k in range(HALVINGS) for sign in (1.0, -1.0)):
             vertex[axis] = x0[axis] + step
-            values[axis + 1] = objective(vertex)
+            values[axis + 1] = phi(vertex)
             if np.isfinite(values[axis + 1]):
                 break
-    return vertices, values
+    return x, values
 
 
-def _steps(edge: float) -> Iterator[float]:
-    """There, back, and half of it, down to `HALVINGS` times."""
-    for halving in range(HALVINGS):
-        yield from (edge / 2.0**halving, -edge / 2.0**halving)
+def moved(phi: Objective, x: Floats, values: Floats, o: SimplexOptions) -> tuple[Vertices, str]:
+    """One iteration of the founding paper's figure 7, and what it did.
 
-
-def _clearly_better(value: float, before: float, delta: float) -> bool:
-    """A gain far above what the tolerance lets a search that rests leave."""
-    return before - value > math.sqrt(delta) * max(abs(before), 1.0)
-
-
-class _Simplex:
-    """The simplex and its moves: vertices (n+1, n) in ``x``, sorted by their ``values`` (n+1,)."""
-
-    def __init__(self, objective: Objective, options: SimplexOptions, watch: Watch | None) -> None:
-        self.x: Floats = np.zeros((0, 0))
-        self.values: Floats = np.zeros(0)
-        self.evaluations = 0
-        self.options = options
-        self._objective = objective
-        self._watch = watch
-
-    def value(self, x: Floats) -> float:
-        """The objective at x (n,); infinite, without asking, once the evaluations are used up."""
-        if self.spent:
-            return np.inf
-        self.evaluations += 1
-        value = float(self._objective(x.copy()))
-        return np.inf if np.isnan(value) else value
-
-    @property
-    def best(self) -> float:
-        """The objective at the best vertex."""
-        return float(self.values[0])
-
-    @property
-    def spent(self) -> bool:
-        """Whether all evaluations are used up."""
-        return self.evaluations >= self.options.max_evaluations
-
-    @property
-    def size(self) -> float:
-        """Largest distance of a vertex from the best, largest component."""
-        return float(np.max(np.abs(self.x - self.x[0]), initial=0.0))
-
-    @property
-    def rests(self) -> bool:
-        """Whether values and simplex are both small."""
-        delta = self.options.delta
-        flat = self.values[-1] - self.best <= delta * max(abs(self.best), 1.0)
-        return bool(flat and self.size <= math.sqrt(delta))
-
-    def open(self, x0: Floats) -> None:
-        """Evaluates the start x0 (n,); raises ModelError where it is inadmissible."""
-        self.x, self.values = x0[None, :].copy(), np.array([self.value(x0)])
-        if not np.isfinite(self.values[0]):
-            raise ModelError(
-                "The model has no solution at the start of the simplex search.",
-                "Give start values at which the model can be computed.",
-            )
-
-    def descend(self, edge: float) -> SimplexEnding:
-        """Builds a simplex around the best point and moves it until it rests, or may not go on."""
-        note = "start" if len(self.x) == 1 else "restart"
-        if self._stopped(note):
-            return "stopped"
-        self._sort(*first_simplex(self.value, self.x[0], self.best, edge))
-        while not self.rests:
-            if self.spent:
-                return "evaluations"
-            if self._stopped(self.move()):
-                return "stopped"
-        return "converged"
-
-    def move(self) -> str:
-        """One iteration of figure 7; returns what it did."""
-        o, x_h, phi_h = self.options, self.x[-1], self.values[-1]
-        c = self.x[:-1].mean(axis=0)
-        x_r = c + o.alpha * (c - x_h)
-        phi_r = self.value(x_r)
-        if phi_r < self.best:
-            return self._expand(x_r, phi_r, c + o.gamma * (x_r - c))
-        if phi_r < self.values[-2]:
-            return self._replace(x_r, phi_r, "reflected")
-        x_c = c + o.beta * ((x_r if phi_r < phi_h else x_h) - c)
-        phi_c = self.value(x_c)
-        if phi_c < min(phi_r, phi_h):
-            return self._replace(x_c, phi_c, "contracted")
-        return self._shrink()
-
-    def _expand(self, x_r: Floats, phi_r: float, x_e: Floats) -> str:
-        """The better of the reflected and the expanded point stays."""
-        phi_e = self.value(x_e)
+    Args:
+        phi: the objective.
+        x: (n+1, n) vertices, the best first.
+        values: (n+1,) of the objective there.
+        o: alpha, beta, gamma.
+    """
+    x_h, phi_l, phi_s, phi_h = x[-1], values[0], values[-2], values[-1]
+    c = x[:-1].mean(axis=0)
+    x_r = c + o.alpha * (c - x_h)
+    phi_r = phi(x_r)
+    x_new, phi_new, note = x_r, phi_r, "reflected"
+    if phi_r < phi_l:
+        x_e = c + o.gamma * (x_r - c)
+        phi_e = phi(x_e)
         if phi_e < phi_r:
-            return self._replace(x_e, phi_e, "expanded")
-        return self._replace(x_r, phi_r, "reflected")
+            x_new, phi_new, note = x_e, phi_e, "expanded"
+    elif not phi_r < phi_s:
+        x_c = c + o.beta * ((x_r if phi_r < phi_h else x_h) - c)
+        phi_c = phi(x_c)
+        if not phi_c < min(phi_r, phi_h):
+            x = x[0] + 0.5 * (x - x[0])
+            return _sorted(x, np.array([phi_l, *(phi(vertex) for vertex in x[1:])])), "shrunk"
+        x_new, phi_new, note = x_c, phi_c, "contracted"
+    return _sorted(np.vstack([x[:-1], x_new]), np.append(values[:-1], phi_new)), note
 
-    def _replace(self, x: Floats, value: float, note: str) -> str:
-        """Puts x (n,) in the place of the worst vertex."""
-        self._sort(np.vstack([self.x[:-1], x]), np.append(self.values[:-1], value))
-        return note
 
-    def _shrink(self) -> str:
-        """Draws all vertices half-way to the best, which stays."""
-        x = self.x[0] + 0.5 * (self.x - self.x[0])
-        values = np.array([self.best, *(self.value(vertex) for vertex in x[1:])])
-        self._sort(x, values)
-        return "shrunk"
-
-    def _sort(self, x: Floats, values: Floats) -> None:
-        """Takes over the vertices, best first; of equals the one that was there first."""
-        order = np.argsort(values, kind="stable")
-        self.x, self.values = x[order], values[order]
-
-    def _stopped(self, note: str) -> bool:
-        """Tells the watch; whether it wants the search to stop."""
-        at = SimplexMove(self.x[0].copy(), self.best, self.size, note)
-        return False if self._watch is None else self._watch(at)
+def _sorted(x: Floats, values: Floats) -> Vertices:
+    """The vertices, best first; of equals the one that was there first."""
+    order = np.argsort(values, kind="stable")
+    return x[order], values[order]

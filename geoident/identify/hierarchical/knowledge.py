@@ -1,8 +1,8 @@
 """What several sections tell of what is common, of each of them, and of further ones (theory 15).
 
 Everything is a mixture of normal distributions, one for each tau of the posterior of the scatter
-(`restricted`): intervals are wider than those at the most likely scatter, as they must be where few
-sections tell how large it is.
+(`restricted_likelihood`): intervals are wider than those at the most likely scatter, as they must
+be where few sections tell how large it is.
 """
 
 from __future__ import annotations
@@ -12,13 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import chdtr, chdtrc
 
-from geoident.identify.assessment.posterior import NormalMixture
-from geoident.identify.hierarchical.arrangement import SectionReadings, of_bounds
-from geoident.identify.hierarchical.restricted import (
-    GivenScatter,
+from geoident.identify.assessment.normal_mixture import mixture_interval
+from geoident.identify.hierarchical.joint_problem import SectionReadings, sd_of_bounds
+from geoident.identify.hierarchical.restricted_likelihood import (
     LinearSections,
     ScatterPosterior,
-    by_common,
     most_likely,
     scatter_posterior,
 )
@@ -27,7 +25,7 @@ from geoident.identify.problem.scaling import Scaling
 from geoident.model.arrays import Bools, Floats
 
 _SEEN = 1e-6
-"""Whitened derivative on a scale below which a section says nothing of a direction."""
+"""Whitened derivative on a scale below which readings do not see a direction."""
 
 
 @dataclass(frozen=True)
@@ -69,121 +67,104 @@ class FurtherSection:
 
 
 class SectionsKnowledge:
-    """What is known at the end of a search.
+    """Intervals of all that a search found.
 
     Args:
         fit: the search.
+        scatter: posterior of the scatter; None to compute it.
 
     Attributes:
         scatter: posterior of the scatter.
     """
 
-    def __init__(self, fit: HierarchicalFit) -> None:
-        self._fit = fit
-        self._made = fit.arrangement
-        self._values = fit.outcome.values
-        self.scatter: ScatterPosterior = scatter_posterior(fit.linear, fit.tau, fit.free)
-        self._given: tuple[GivenScatter, ...] = tuple(
-            fit.linear.given(t) for t in self.scatter.nodes
-        )
+    def __init__(self, fit: HierarchicalFit, scatter: ScatterPosterior | None = None) -> None:
+        self._fit, self._joint, self._values = fit, fit.joint, fit.outcome.values
+        self.scatter = scatter or scatter_posterior(fit.linear, fit.tau, fit.free)
+        given = [fit.linear.given(tau) for tau in self.scatter.nodes]
+        self._common = np.array([one.common for one in given])
+        self._common_covariances = np.array([one.common_covariance for one in given])
+        self._sections = np.array([one.sections for one in given]) - fit.linear.deviation
+        self._covariances = np.array([one.covariances for one in given])
 
     def common(self) -> Interval95:
-        """Shared parameters and constants of laws (n_common,)."""
-        made = self._made
-        scaling = Scaling(made.unknowns[: made.n_common])
-        mean = np.array([given.common for given in self._given])
-        var = np.array([np.diag(given.common_covariance) for given in self._given])
-        p = self._values[: made.n_common]
-        return _interval(scaling, p, mean, var, self.scatter.weights)
+        """Shared parameters and constants of laws (F,)."""
+        F = self._joint.n_common
+        variances = np.diagonal(self._common_covariances, axis1=1, axis2=2)
+        scaling = Scaling(self._joint.unknowns[:F])
+        return _interval(scaling, self._values[:F], self._common, variances, self.scatter.weights)
 
     def section(self, s: int) -> Interval95:
         """The parameters (n,) of a section, from its own readings and all others."""
-        p, _ = self._made.point(s, self._values)
-        n, gap = len(p), self._fit.linear.gap[s]
-        mean = np.array([given.sections[s] - gap for given in self._given])[:, :n]
-        var = np.array([np.diag(given.covariances[s]) for given in self._given])[:, :n]
-        return _interval(self._made.scalings[s], p, mean, var, self.scatter.weights)
+        p, _ = self._joint.point(s, self._values)
+        means = self._sections[:, s, : len(p)]
+        variances = np.diagonal(self._covariances[:, s], axis1=1, axis2=2)[:, : len(p)]
+        return _interval(self._joint.scalings[s], p, means, variances, self.scatter.weights)
 
     def section_covariance(self, s: int) -> Floats:
         """Of the parameters (n, n) of a section, SI, about the estimate."""
-        p, _ = self._made.point(s, self._values)
-        n, gap = len(p), self._fit.linear.gap[s]
-        found = np.zeros((n, n))
-        for weight, given in zip(self.scatter.weights, self._given, strict=True):
-            off = (given.sections[s] - gap)[:n]
-            found += weight * (given.covariances[s][:n, :n] + np.outer(off, off))
-        slope = self._made.scalings[s].slope(p)
-        return np.asarray(found * np.outer(slope, slope))
+        p, _ = self._joint.point(s, self._values)
+        n, means = len(p), self._sections[:, s]
+        C = second_moment(self.scatter.weights, means, self._covariances[:, s])[:n, :n]
+        slope = self._joint.scalings[s].slope(p)
+        return np.asarray(C * np.outer(slope, slope))
 
     def law(self, section: SectionReadings) -> Interval95:
         """The laws (K,) at a section, without its scatter about them."""
-        made = self._made
-        K, F = len(made.laws), made.n_common
-        slope = Scaling(made.unknowns[:F]).slope(self._values[:F])
-        x, Phi = np.zeros(K), np.zeros((K, F))
+        joint = self._joint
+        K, F = len(joint.laws), joint.n_common
+        slope = Scaling(joint.unknowns[:F]).slope(self._values[:F])
+        p, Phi = np.zeros(K), np.zeros((K, F))
         for k in range(K):
-            x[k], by = made.law(k, section.covariates, self._values)
-            where = made.constants_of(k)
-            Phi[k, where] = by * slope[where]
-        mean = np.array([Phi @ given.common for given in self._given])
-        spread = [np.einsum("kf,fg,kg->k", Phi, g.common_covariance, Phi) for g in self._given]
-        scaling = Scaling([made.templates[law.parameter] for law in made.laws])
-        p = np.array([made.law_value(k, x[k]) for k in range(K)])
-        return _interval(scaling, p, mean, np.array(spread), self.scatter.weights, cut=False)
+            x, by_constants = joint.law(k, section.covariates, self._values)
+            p[k] = joint.from_scale(k, x)
+            Phi[k, joint.constants[k]] = by_constants * slope[joint.constants[k]]
+        means = self._common @ Phi.T
+        variances = np.einsum("kf,jfg,kg->jk", Phi, self._common_covariances, Phi)
+        scaling = Scaling([joint.templates[law.parameter] for law in joint.laws])
+        return _interval(scaling, p, means, variances, self.scatter.weights, cut=False)
 
     def further(self, section: SectionReadings) -> FurtherSection:
         """The parameters of a section whose readings took no part.
 
         Args:
-            section: with the parameters and covariates of it; its readings do not count.
+            section: with its parameters and covariates; its readings do not count.
         """
-        return further_section(self._fit, section, self._given, self.scatter.weights)
+        joint, section = self._joint, self._joint.on_common_scale(section)
+        scaling = Scaling(section.parameters)
+        p = joint.expected_point(section, self._values)
+        Phi, Z, _ = joint.by_common(section, p, self._values, len(p))
+        own = np.zeros(len(p))  # variance of what is the section's own: its prior, or its bounds
+        rows = zip(scaling.priors, scaling.prior_jacobian(p), strict=True)
+        of_priors = {i: row[i] for (i, _), row in rows}
+        for i, q in enumerate(section.parameters):
+            if not joint.is_common(q.name):
+                own[i] = of_priors[i] ** -2 if i in of_priors else sd_of_bounds(q) ** 2
+        means = self._common @ Phi.T
+        covariances = Phi @ self._common_covariances @ Phi.T + np.diag(own)
+        covariances += (Z * self.scatter.nodes[:, None, :] ** 2) @ Z.T
+        variances, weights = np.diagonal(covariances, axis1=1, axis2=2), self.scatter.weights
+        interval = _interval(scaling, p, means, variances, weights)
+        return FurtherSection(p, interval, means, covariances, weights, scaling)
 
     def shrinkage(self, s: int) -> Floats:
-        """How much of what a section knows of its parameters (n,) comes from the others, 0 to 1.
+        """The part of what is known of the parameters (n,) of a section that comes from the others.
 
         It is one minus the part of the readings of the section in what is known: 0 where the
         section stands for itself, 1 where it only follows the law.
         """
         linear, tau = self._fit.linear, self._fit.tau
-        whole = linear.given(tau).covariances[s]
-        others = linear.without(s).given(tau).covariances[s]
-        n = len(self._made.sections[s].parameters)
+        n = len(self._joint.sections[s].parameters)
+        whole = np.diag(linear.given(tau).covariances[s])[:n]
+        others = np.diag(linear.without(s).given(tau).covariances[s])[:n]
         with np.errstate(divide="ignore", invalid="ignore"):
-            share = np.diag(whole)[:n] / np.diag(others)[:n]
+            share = whole / others
         return np.where(np.isfinite(share), np.clip(share, 0.0, 1.0), np.nan)
 
 
-def further_section(
-    fit: HierarchicalFit, section: SectionReadings, given: tuple[GivenScatter, ...], weights: Floats
-) -> FurtherSection:
-    """The parameters of a section whose readings took no part.
-
-    Args:
-        fit: of the others.
-        section: with its parameters and covariates.
-        given: the posterior at each tau.
-        weights: (J,) of these.
-    """
-    made, values = fit.arrangement, fit.outcome.values
-    F, section = made.n_common, made.scaled(section)
-    scaling = Scaling(section.parameters)
-    p = made.further_point(section, values)
-    slope = Scaling(made.unknowns[:F]).slope(values[:F])
-    n = len(p)
-    Phi, Z, _ = by_common(made, section, p, values, slope, n)
-    own = np.zeros((n, n))
-    known = {i: scaling.prior_jacobian(p)[row, i] for row, (i, _) in enumerate(scaling.priors)}
-    for i, q in enumerate(section.parameters):
-        if not made.is_common(q.name):
-            own[i, i] = known[i] ** -2 if i in known else of_bounds(q) ** 2
-    means = np.array([Phi @ one.common for one in given])
-    covariances = np.array(
-        [Phi @ one.common_covariance @ Phi.T + (Z * one.tau**2) @ Z.T + own for one in given]
-    )
-    var = np.diagonal(covariances, axis1=1, axis2=2)
-    interval = _interval(scaling, p, means, var, weights)
-    return FurtherSection(p, interval, means, covariances, weights, scaling)
+def second_moment(weights: Floats, means: Floats, covariances: Floats) -> Floats:
+    """Mean (n, n) of x x^T, of a mixture with weights (J,), means (J, n), covariances (J, n, n)."""
+    within = np.einsum("j,jab->ab", weights, covariances)
+    return np.asarray(within + np.einsum("j,ja,jb->ab", weights, means, means))
 
 
 def _interval(
@@ -195,26 +176,28 @@ def _interval(
     *,
     cut: bool = True,
 ) -> Interval95:
-    """Values p (l,) with intervals, from deviations (J, l) on their scales and variances."""
-    sd = np.sqrt(np.maximum(variance, 0.0))
-    mixture = NormalMixture(np.ascontiguousarray(mean.T), np.ascontiguousarray(sd.T), weights)
-    reach = 10.0 * mixture.sd.max(axis=1) + np.abs(mixture.mean).max(axis=1)
-    low, high = (mixture.quantile(np.full(len(p), tail), -reach, reach) for tail in (0.025, 0.975))
-    low, high = np.minimum(low, 0.0), np.maximum(high, 0.0)  # the estimate is among them
+    """Values p (l,) with intervals, from deviations (J, l) on their scales and variances.
+
+    The estimate is always inside; ``cut`` at the bounds.
+    """
+    variance = np.maximum(variance, 0.0)
+    rms = np.sqrt(weights @ (mean**2 + variance))
+    low, high = mixture_interval(weights, mean, np.sqrt(variance))
+    steps = np.minimum(low, 0.0), np.maximum(high, 0.0)
     if cut:
-        lower, upper = scaling.away(p, low), scaling.away(p, high)
+        lower, upper = (scaling.away(p, step) for step in steps)
     else:
-        with np.errstate(over="ignore"):  # beyond all numbers: too few sections tell nothing
+        with np.errstate(over="ignore"):  # infinite: too few sections for any upper end
             lower, upper = (
                 np.where(scaling.log, p * np.exp(step), p + step * scaling.reference)
-                for step in (low, high)
+                for step in steps
             )
-    return Interval95(p, mixture.rms * scaling.slope(p), lower, upper)
+    return Interval95(p, rms * scaling.slope(p), lower, upper)
 
 
 @dataclass(frozen=True)
 class SectionMisfit:
-    """What is left of the readings of a section.
+    """Residuals of a section, judged.
 
     Args:
         scale: size of the residuals by that of their errors; NaN where nothing can be said.
@@ -229,71 +212,61 @@ class SectionMisfit:
 
 
 def section_misfits(fit: HierarchicalFit) -> tuple[SectionMisfit, ...]:
-    """What is left of the readings of each section, and whether it is of the same ground.
-
-    Args:
-        fit: of all sections.
-    """
-    at_best = fit.linear.given(fit.tau)
+    """The residuals of each section, and whether it is of the same ground."""
     return tuple(
-        SectionMisfit(*_left(fit.linear, at_best, s), _outlying(fit.linear, fit.tau, fit.free, s))
-        for s in range(len(fit.linear.R))
+        SectionMisfit(*_judged(*moments), _outlying(fit.linear, fit.tau, fit.free, s))
+        for s, moments in enumerate(_residual_moments(fit))
     )
 
 
 def total_misfit(fit: HierarchicalFit) -> tuple[float, float]:
     """Size of all residuals by their errors, and the probability of at least as much by chance."""
-    at_best = fit.linear.given(fit.tau)
-    parts = [_squares(fit.linear, at_best, s) for s in range(len(fit.linear.R))]
-    squares, mean, spread = np.sum(np.array(parts).reshape(-1, 3), axis=0).tolist()
-    return _judged(squares, mean, spread)
+    squares, mean, half_variance = _residual_moments(fit).sum(axis=0).tolist()
+    return _judged(squares, mean, half_variance)
 
 
-def _left(linear: LinearSections, given: GivenScatter, s: int) -> tuple[float, float]:
-    return _judged(*_squares(linear, given, s))
+def _residual_moments(fit: HierarchicalFit) -> Floats:
+    """Of each section the squares of its residuals, their mean and half their variance, (S, 3).
+
+    Theory 6.5, with the part of the residuals that all unknowns together can explain.
+    """
+    linear, given = fit.linear, fit.linear.given(fit.tau)
+    hat = linear.R @ given.covariances @ linear.R.swapaxes(1, 2)
+    r = linear.q - np.einsum("sij,sj->si", linear.R, given.sections)
+    mean = linear.rows - np.trace(hat, axis1=1, axis2=2)
+    squares_of_hat = np.einsum("sij,sji->s", hat, hat)
+    half_variance = mean - np.trace(hat, axis1=1, axis2=2) + squares_of_hat
+    return np.stack([linear.rest + np.sum(r**2, axis=1), mean, half_variance], axis=1)
 
 
-def _squares(linear: LinearSections, given: GivenScatter, s: int) -> tuple[float, float, float]:
-    """Squares of what is left of a section, their mean and half their variance (theory 6.5)."""
-    R = linear.R[s]
-    hat = R @ given.covariances[s] @ R.T
-    left = linear.q[s] - R @ given.sections[s]
-    mean = float(linear.rows[s] - np.trace(hat))
-    spread = mean - float(np.trace(hat)) + float(np.sum(hat * hat.T))
-    return float(linear.rest[s] + left @ left), mean, spread
-
-
-def _judged(squares: float, mean: float, spread: float) -> tuple[float, float]:
-    if mean <= 0.5 or spread <= 0.0:
+def _judged(squares: float, mean: float, half_variance: float) -> tuple[float, float]:
+    """Scale and probability, by the chi-squared distribution of the same mean and variance."""
+    if mean <= 0.5 or half_variance <= 0.0:  # hardly a degree of freedom is left
         return float("nan"), 1.0
-    freedom = mean**2 / spread
-    above = float(chdtrc(freedom, min(squares * mean / spread, 1e300)))
+    freedom = mean**2 / half_variance
+    above = float(chdtrc(freedom, min(squares * mean / half_variance, 1e300)))
     return float(np.sqrt(squares / mean)), above
 
 
 def _outlying(linear: LinearSections, tau: Floats, free: Bools, s: int) -> float:
-    """Probability that a section of the same ground is at least as far from the others."""
+    """Probability that a section of the same ground is at least as far from the others.
+
+    Judged by the readings that the section's own parameters cannot explain, by chi-squared.
+    """
     others = linear.without(s)
-    beside = scatter_posterior(others, most_likely(others, tau, free), free)
-    weights, given = beside.weights, [others.given(node) for node in beside.nodes]
+    scatter = scatter_posterior(others, most_likely(others, tau, free), free)
+    given = [others.given(node) for node in scatter.nodes]
     means = np.array([one.sections[s] for one in given])
-    mean = weights @ means
-    moved = means - mean
-    C = np.einsum("j,jab->ab", weights, np.array([one.covariances[s] for one in given]))
-    C = C + np.einsum("j,ja,jb->ab", weights, moved, moved)
+    mean = scatter.weights @ means
+    covariances = np.array([one.covariances[s] for one in given])
+    C = second_moment(scatter.weights, means - mean, covariances)
     R, own = linear.R[s], linear.W[s].any(axis=1)
-    basis = _complement(R[:, own])  # what its own parameters explain says nothing
-    U, S, _ = np.linalg.svd(basis.T @ R[:, ~own], full_matrices=False)
-    seen = basis @ U[:, S > _SEEN]
+    U, S, _ = np.linalg.svd(R[:, own], full_matrices=True)
+    unexplained = U[:, int(np.count_nonzero(S > _SEEN)) :]
+    U, S, _ = np.linalg.svd(unexplained.T @ R[:, ~own], full_matrices=False)
+    seen = unexplained @ U[:, S > _SEEN]
     if not seen.shape[1]:
         return float("nan")
     d = seen.T @ (linear.q[s] - R @ mean)
     V = np.eye(len(d)) + seen.T @ R @ C @ R.T @ seen
     return float(1.0 - chdtr(len(d), float(d @ np.linalg.solve(V, d))))
-
-
-def _complement(columns: Floats) -> Floats:
-    """An orthonormal basis (n, m) of what is orthogonal to columns (n, k)."""
-    U, S, _ = np.linalg.svd(columns, full_matrices=True)
-    rank = int(np.count_nonzero(S > _SEEN))
-    return np.asarray(U[:, rank:])

@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from geoident.identify.hierarchical.arrangement import (
-    Arrangement,
+from geoident.identify.hierarchical.joint_problem import (
+    JointUnknowns,
     SectionModels,
     SectionReadings,
 )
-from geoident.identify.hierarchical.restricted import LinearSections, most_likely
+from geoident.identify.hierarchical.restricted_likelihood import LinearSections, most_likely
 from geoident.identify.least_squares.gauss_newton import gauss_newton_descent
 from geoident.identify.problem.outcome import History, Observer, Outcome
 from geoident.identify.problem.problem import Discrepancy, Problem
@@ -22,13 +22,15 @@ from geoident.model.project.project import ParameterLaw
 from geoident.model.results.result import Iteration
 
 _ROUNDS = 40
+"""Five are usual; a search that needs more goes round in circles."""
+
 _SETTLED = 1e-5
 """Relative change of a scatter that ends the rounds: a thousandth of what is known of it."""
 
 _ROUGH = 1e-8
 """Tolerance of descents as long as the scatter is not settled."""
 
-_BEGINNING = 0.25
+_FIRST_SCATTER = 0.25
 """Of the largest scatter: where the search for it begins."""
 
 
@@ -37,7 +39,7 @@ class HierarchicalFit:
     """Where the search ended.
 
     Args:
-        arrangement: of the unknowns, with the laws about which sections scatter.
+        joint: the unknowns, with the laws about which sections scatter.
         problem: of all sections at this scatter.
         outcome: of the last descent; its values are those of all unknowns.
         tau: (K,) scatter about the laws, on their scales.
@@ -45,7 +47,7 @@ class HierarchicalFit:
         linear: the sections there.
     """
 
-    arrangement: Arrangement
+    joint: JointUnknowns
     problem: Problem
     outcome: Outcome
     tau: Floats
@@ -81,6 +83,9 @@ def fit_sections(
 ) -> HierarchicalFit:
     """The most likely scatter of sections about laws, and all other unknowns at it.
 
+    Descents over all unknowns and maxima of the restricted likelihood alternate until the scatter
+    is settled (Lindstrom & Bates 1990); a last descent is then made to the full tolerance.
+
     Args:
         sections: with their readings.
         shared: names of parameters with one value for all.
@@ -97,39 +102,38 @@ def fit_sections(
     rough = replace(options, tolerance=max(options.tolerance, _ROUGH))
     begin = begin or SectionsStart()
     free = np.array([law.scatter.kind == "estimate" for law in laws], dtype=np.bool_)
-    made = Arrangement(sections, shared, laws, np.ones(len(laws), dtype=np.bool_))
-    tau = np.array([law.scatter.size for law in laws], dtype=np.float64) / made.reference
-    first = _BEGINNING * made.largest if begin.tau is None else begin.tau
-    tau = np.where(free, first, tau)
-    common = np.array([q.start for q in made.unknowns[: made.n_common]], dtype=np.float64)
-    common = common if begin.common is None else begin.common
-    points = tuple(made.further_point(one, common) for one in made.sections)
+    joint = JointUnknowns(sections, shared, laws, np.ones(len(laws), dtype=np.bool_))
+    given = np.array([law.scatter.size for law in laws], dtype=np.float64) / joint.reference
+    first = _FIRST_SCATTER * joint.largest if begin.tau is None else begin.tau
+    tau = np.where(free, first, given)
+    starts = np.array([q.start for q in joint.unknowns[: joint.n_common]], dtype=np.float64)
+    common = starts if begin.common is None else begin.common
+    points = [joint.expected_point(section, common) for section in joint.sections]
     if begin.points:
-        both = zip(begin.points, points, strict=True)
-        points = tuple(np.where(np.isnan(own), other, own) for own, other in both)
+        pairs = zip(begin.points, points, strict=True)
+        points = [np.where(np.isnan(own), expected, own) for own, expected in pairs]
     iterations: tuple[Iteration, ...] = ()
     last = not free.any()
     for _ in range(_ROUNDS):
-        made = Arrangement(sections, shared, laws, tau > 0.0)
-        problem = made.problem(models, tau).begun_at(made.joined(common, points))
-        found = _descended(problem, options if last else rough, observe)
+        joint = JointUnknowns(sections, shared, laws, tau > 0.0)
+        problem = joint.problem(models, tau).begun_at(joint.joined(common, points))
+        outcome = _descended(problem, options if last else rough, observe)
+        done = len(iterations)
         iterations += tuple(
-            replace(step, number=len(iterations) + n) for n, step in enumerate(found.iterations)
+            replace(step, number=done + n) for n, step in enumerate(outcome.iterations)
         )
-        common = found.values[: made.n_common]
-        points = tuple(made.point(s, found.values)[0] for s in range(len(sections)))
-        linear = LinearSections.at(made, models, found.values)
-        if last or found.status != "converged":
+        common = outcome.values[: joint.n_common]
+        points = list(joint.points(outcome.values).values())
+        linear = LinearSections.at(joint, models, outcome.values)
+        if last or outcome.status != "converged":
             break
-        again = most_likely(linear, tau, free)
-        # a scatter that is settled, and then one descent to the end
-        last = bool(np.all(np.abs(again - tau) <= _SETTLED * np.maximum(again, tau)))
-        tau = again
+        previous, tau = tau, most_likely(linear, tau, free)
+        last = bool(np.all(np.abs(tau - previous) <= _SETTLED * np.maximum(tau, previous)))
     else:
         reason = f"The scatter about the laws was not settled after {_ROUNDS} rounds."
-        found = replace(found, status="not-converged", reason=reason)
-    outcome = replace(found, iterations=iterations)
-    return HierarchicalFit(made, problem, outcome, tau, free, linear)
+        outcome = replace(outcome, status="not-converged", reason=reason)
+    outcome = replace(outcome, iterations=iterations)
+    return HierarchicalFit(joint, problem, outcome, tau, free, linear)
 
 
 def _descended(problem: Problem, options: GaussNewtonOptions, observe: Observer) -> Outcome:
@@ -139,5 +143,4 @@ def _descended(problem: Problem, options: GaussNewtonOptions, observe: Observer)
     point = descent.evaluator.evaluate(descent.evaluator.scaling.start)
     descent.evaluator.record(point.x, point, 0.0, "start")
     ending = descent.run(point)
-    best = ending.point
-    return history.outcome(best.p, best.phi, ending.status, ending.reason)
+    return history.outcome(ending.point.p, ending.point.phi, ending.status, ending.reason)

@@ -29,10 +29,10 @@ FIRST_RADIUS = 1.5
 """No parameter changes by more than a factor 4.5 in the first step."""
 
 NEARER = 0.9
-"""A correction shortened to this part makes up for a rise of phi."""
+"""A correction shortened to this part makes up for a rise of phi: less may be chance."""
 
 DETOUR = 2
-"""Steps above the best phi that are allowed in a row."""
+"""Steps above the best phi that are allowed in a row: the second mostly comes below it."""
 
 
 @dataclass(frozen=True)
@@ -102,10 +102,19 @@ class Acceptance(Generic[IterateT]):
         if trial is None:
             self._shorten(0.4 * step.length)
             return "rejected: no solution"
-        if trial.phi < self.point.phi:
-            self.radius = _next_radius(self.radius, step, self.point.phi - trial.phi)
+        gain = self.point.phi - trial.phi
+        if gain > 0.0:
+            ratio = gain / step.gain
+            if ratio < 0.25:
+                self.radius = 0.5 * step.length
+            elif ratio > 0.75 and step.length > 0.9 * self.radius:
+                self.radius *= 2.0
         elif self._detour >= DETOUR or not _nearer(self.point, step, trial):
-            self._shorten(_best_part(self.point, step, trial) * step.length)
+            # to where the parabola through phi, its slope and the trial is lowest
+            J, r = self.point.model.jacobian, self.point.model.residual
+            slope = 2.0 * float(r @ (J @ step.d))
+            part = float(np.clip(-0.5 * slope / (-gain - slope), 0.2, 0.5))
+            self._shorten(part * step.length)
             return "rejected"
         self._take(step, trial)
         return "accepted" if self._detour == 0 else "accepted: detour"
@@ -132,21 +141,6 @@ class Acceptance(Generic[IterateT]):
         self.radius = radius
         if self.point is not self.best:
             self.return_to_best()
-
-
-def _next_radius(radius: float, step: Step, gain: float) -> float:
-    """The radius after a step whose gain was positive."""
-    ratio = gain / step.gain
-    if ratio < 0.25:
-        return 0.5 * step.length
-    return 2.0 * radius if ratio > 0.75 and step.length > 0.9 * radius else radius
-
-
-def _best_part(point: Iterate, step: Step, trial: Iterate) -> float:
-    """Where along a rejected step the parabola through phi, its slope and the trial is lowest."""
-    slope = 2.0 * float(point.model.residual @ (point.model.jacobian @ step.d))
-    part = -0.5 * slope / (trial.phi - point.phi - slope)
-    return float(np.clip(part, 0.2, 0.5))
 
 
 def _nearer(point: Iterate, step: Step, trial: Iterate) -> bool:

@@ -89,6 +89,10 @@ SHORTENINGS = 10
 
 _FOLLOW = "go on from here with the method gauss-newton."
 _OTHERS = "Use the method gauss-newton or simplex."
+_NO_SOLUTION = (
+    "The condensed equations lead to parameters at which the model has no solution: "
+    f"give tighter bounds, or {_FOLLOW}"
+)
 
 
 def condensation_faults(
@@ -102,15 +106,18 @@ def condensation_faults(
         options: the weighting decides whether priors can be used.
     """
     faults = []
-    obstacle = _obstacle(response)
+    if isinstance(response, AffineElastic):
+        obstacle = response.obstacle()
+    else:
+        obstacle = "the model offers no equations that are affine in the parameters."
     if obstacle is not None:
         message = f"The method condensation is not possible: {obstacle}"
         faults.append(Fault("method-not-possible", message, _OTHERS))
-    believed = [parameter.name for parameter in parameters if parameter.prior is not None]
-    if options.weighting == "equation" and believed:
+    with_prior = [parameter.name for parameter in parameters if parameter.prior is not None]
+    if options.weighting == "equation" and with_prior:
         message = (
             "The method condensation with weighting: equation takes no priors "
-            f"({', '.join(believed)}): it measures errors in forces, which cannot be weighed "
+            f"({', '.join(with_prior)}): it measures errors in forces, which cannot be weighed "
             "against the standard deviation of a prior."
         )
         hint = "Use weighting: output, leave out the priors, or use the method gauss-newton."
@@ -118,13 +125,9 @@ def condensation_faults(
     return tuple(faults)
 
 
-def _obstacle(response: Response) -> str | None:
-    if not isinstance(response, AffineElastic):
-        return "the model offers no equations that are affine in the parameters."
-    return response.obstacle()
-
-
-def condensation(problem: Problem, options: CondensationOptions, observe: Observer) -> Outcome:
+def condensation(
+    problem: Problem, options: CondensationOptions, observe: Observer
+) -> Outcome:
     """Solves the condensed equations for the parameters, iterated, theory 4.1, [11-18].
 
     Args:
@@ -142,7 +145,129 @@ def condensation(problem: Problem, options: CondensationOptions, observe: Observ
     faults = condensation_faults(problem.response, problem.parameters, options)
     if faults or not isinstance(problem.response, AffineElastic):
         raise InputError(faults)
-    return _FixedPointIteration(problem, problem.response, options, observe).run()
+    equations = _CondensedEquations(problem, problem.response, options)
+    history = History("condensation", problem.response, observe)
+    points: list[_CondensedIterate] = []
+    changes: list[float] = []
+
+    def record(point: _CondensedIterate, change: float, note: str) -> None:
+        points.append(point)
+        changes.append(change)
+        history.record(point.p, point.phi, step=change, note=note)
+
+    record(equations.at(np.clip(problem.start, *problem.bounds)), 0.0, "start")
+    while history.stop is None:
+        point = points[-1]
+        q = equations.solution(point)
+        change = equations.change(point.p, q)
+        if change <= options.tolerance:
+            reason = (
+                "The next step would change no parameter by more than "
+                f"{options.tolerance:g}, relative."
+            )
+            return history.outcome(point.p, point.phi, "converged", reason)
+        if len(points) > 1 and changes[-1] <= change <= np.sqrt(options.tolerance):
+            reason = (
+                f"The changes do not fall below {change:.1e}, relative: what is left is rounding."
+            )
+            return history.outcome(point.p, point.phi, "converged", reason)
+        trouble = _trouble(equations, points, changes, options)
+        if trouble is None:
+            trouble, note = _NO_SOLUTION, "accepted"
+            for _ in range(SHORTENINGS):
+                try:
+                    record(equations.at(q), equations.change(point.p, q), note)
+                except ModelError:
+                    q, note = 0.5 * (point.p + q), "shortened: no solution"
+                else:
+                    trouble = None
+                    break
+        if trouble is not None:
+            break
+    else:
+        trouble = ""
+    lowest = min(points, key=lambda point: point.phi)
+    return history.outcome(lowest.p, lowest.phi, "not-converged", trouble)
+
+
+def _trouble(
+    equations: _CondensedEquations,
+    points: Sequence[_CondensedIterate],
+    changes: Sequence[float],
+    options: CondensationOptions,
+) -> str | None:
+    """Signs that the iteration will not come to rest, with the remedy."""
+    steps, last = len(points) - 1, points[-1].p
+    near = 1e-3 * changes[-1]  # the last iterate has come back to one before
+    if any(equations.change(one.p, last) < near for one in points[-1 - LONGEST_CYCLE : -2]):
+        return f"The iteration goes round in a cycle: {_FOLLOW}"
+    if steps > LONGEST_CYCLE and np.all(np.diff(changes[-LONGEST_CYCLE:]) > 0.0):
+        return f"The iteration diverges, each step is longer than the one before: {_FOLLOW}"
+    if steps >= options.max_iterations:
+        return (
+            f"The iteration did not converge in {steps} steps, the last changed a parameter by "
+            f"{changes[-1]:.1e}, relative: raise max_iterations, or {_FOLLOW}"
+        )
+    return None
+
+
+@dataclass(frozen=True)
+class _CondensedIterate:
+    """An iterate: p (n,) SI, the condensed equations and the discrepancy there."""
+
+    p: Floats
+    model: Condensed
+    phi: float
+
+
+class _CondensedEquations:
+    """The condensed equations of a problem, and their least-squares solution."""
+
+    def __init__(
+        self, problem: Problem, response: AffineElastic, options: CondensationOptions
+    ) -> None:
+        self._problem, self._response, self._options = problem, response, options
+        self._discrepancy = Discrepancy(problem)
+        self._scaling = self._discrepancy.scaling
+        self._box = TrustBox(self._scaling)
+        self._metric = problem.sd
+        if problem.shared is not None:
+            self._metric = problem.whiten(np.eye(len(problem.sd)))
+
+    def at(self, p: Floats) -> _CondensedIterate:
+        """The equations at p (n,), SI; raises ModelError where there is no solution."""
+        why = self._response.admissible(p)
+        if why is not None:
+            raise ModelError(why)
+        model = self._response.condense(p, self._problem.measured, self._metric)
+        phi = self._discrepancy.objective_of(p, model.readings)
+        if not (np.isfinite(phi) and np.all(np.isfinite(model.matrix))):
+            raise ModelError("The misfit is not a finite number here.", CHECK_UNITS)
+        return _CondensedIterate(p, model, phi)
+
+    def solution(self, point: _CondensedIterate) -> Floats:
+        """p_{j+1} (n,), SI: the linear least-squares problem [18] in the bounds.
+
+        Solved for the change from p_j in columns scaled to the size of the parameters.
+        """
+        p, model, (lower, upper) = point.p, point.model, self._problem.bounds
+        size = self._scaling.slope(p)
+        errors = np.column_stack([model.matrix * size, model.matrix @ p - model.vector])
+        if self._options.weighting == "equation":
+            errors = _in_forces(model.flexibility, errors)
+        else:
+            errors = self._problem.whiten(errors)
+        A = np.vstack([errors[:, :-1], self._scaling.prior_jacobian(p)])
+        b = np.concatenate([errors[:, -1], self._scaling.prior_residuals(p)])
+        low, high = (lower - p) / size, (upper - p) / size
+        d = bounded_least_squares(A, b, low, high)
+        q = np.where(d <= low, lower, np.where(d >= high, upper, p + size * d))
+        return np.clip(q, lower, upper)
+
+    def change(self, p: Floats, q: Floats) -> float:
+        """Largest change of a parameter from p to q (n,), SI, relative to its size."""
+        x, y = self._scaling.to_scaled(p), self._scaling.to_scaled(q)
+        return self._box.length(x, y - x)
 
 
 def independent_readings(flexibility: Floats) -> Ints:
@@ -179,152 +304,3 @@ def _in_forces(flexibility: Floats, errors: Floats) -> Floats:
             "gauges is singular.",
             "Use weighting: output.",
         ) from None
-
-
-@dataclass(frozen=True)
-class _CondensedIterate:
-    """An iterate: p (n,) SI, the condensed equations and the discrepancy there."""
-
-    p: Floats
-    model: Condensed
-    phi: float
-
-
-class _FixedPointIteration:
-    """One run of the method."""
-
-    def __init__(
-        self,
-        problem: Problem,
-        response: AffineElastic,
-        options: CondensationOptions,
-        observe: Observer,
-    ) -> None:
-        self.problem = problem
-        self.response = response
-        self.options = options
-        self.discrepancy = Discrepancy(problem)
-        self.scaling = self.discrepancy.scaling
-        self.box = TrustBox(self.scaling)
-        self.history = History("condensation", response, observe)
-        self.points: list[_CondensedIterate] = []
-        self.changes: list[float] = []
-        self.lower, self.upper = problem.bounds
-        self.metric = problem.sd
-        if problem.shared is not None:
-            self.metric = problem.whiten(np.eye(len(problem.sd)))
-
-    def run(self) -> Outcome:
-        """Iterates [18] until nothing changes, or it turns out that it will not come to rest."""
-        start = np.clip(self.problem.start, self.lower, self.upper)
-        self.record(self.evaluate(start), 0.0, "start")
-        while self.history.stop is None:
-            q = self.next()
-            change = self.change(self.points[-1].p, q)
-            rest = self.at_rest(change)
-            if rest is not None:
-                return self.outcome(self.points[-1], "converged", rest)
-            trouble = self.trouble() or self.advance(q)
-            if trouble is not None:
-                return self.outcome(self.lowest(), "not-converged", trouble)
-        return self.outcome(self.lowest(), "not-converged", "")
-
-    def evaluate(self, p: Floats) -> _CondensedIterate:
-        """The condensed equations at p (n,), SI; raises ModelError where there is no solution."""
-        why = self.response.admissible(p)
-        if why is not None:
-            raise ModelError(why)
-        model = self.response.condense(p, self.problem.measured, self.metric)
-        phi = self.discrepancy.objective_of(p, model.readings)
-        if not (np.isfinite(phi) and np.all(np.isfinite(model.matrix))):
-            raise ModelError("The misfit is not a finite number here.", CHECK_UNITS)
-        return _CondensedIterate(p, model, phi)
-
-    def next(self) -> Floats:
-        """p_{j+1} (n,), SI: the linear least-squares problem [18] in the bounds.
-
-        Solved for the change from p_j in columns scaled to the size of the parameters.
-        """
-        at, model = self.points[-1], self.points[-1].model
-        size = self.scaling.slope(at.p)
-        errors = np.column_stack([model.matrix * size, model.matrix @ at.p - model.vector])
-        errors = self.weighted(errors, model)
-        A = np.vstack([errors[:, :-1], self.scaling.prior_jacobian(at.p)])
-        b = np.concatenate([errors[:, -1], self.scaling.prior_residuals(at.p)])
-        low, high = (self.lower - at.p) / size, (self.upper - at.p) / size
-        d = bounded_least_squares(A, b, low, high)
-        q = np.where(d <= low, self.lower, np.where(d >= high, self.upper, at.p + size * d))
-        return np.clip(q, self.lower, self.upper)
-
-    def weighted(self, errors: Floats, model: Condensed) -> Floats:
-        """M times errors (g, k) in readings."""
-        if self.options.weighting == "equation":
-            return _in_forces(model.flexibility, errors)
-        return self.problem.whiten(errors)
-
-    def advance(self, q: Floats) -> str | None:
-        """Goes to q (n,), half-way again and again where q has no solution; or why it cannot."""
-        p = self.points[-1].p
-        note = "accepted"
-        for _ in range(SHORTENINGS):
-            try:
-                self.record(self.evaluate(q), self.change(p, q), note)
-            except ModelError:
-                q, note = 0.5 * (p + q), "shortened: no solution"
-            else:
-                return None
-        return (
-            "The condensed equations lead to parameters at which the model has no solution: "
-            f"give tighter bounds, or {_FOLLOW}"
-        )
-
-    def record(self, point: _CondensedIterate, change: float, note: str) -> None:
-        """Adds an iterate."""
-        self.points.append(point)
-        self.changes.append(change)
-        self.history.record(point.p, point.phi, step=change, note=note)
-
-    def change(self, p: Floats, q: Floats) -> float:
-        """Largest change of a parameter from p to q (n,), SI, relative to its size."""
-        x, y = self.scaling.to_scaled(p), self.scaling.to_scaled(q)
-        return self.box.length(x, y - x)
-
-    def at_rest(self, change: float) -> str | None:
-        """Why the next change is none; judged before paying for it."""
-        tolerance = self.options.tolerance
-        if change <= tolerance:
-            return f"The next step would change no parameter by more than {tolerance:g}, relative."
-        if len(self.points) > 1 and self.changes[-1] <= change <= np.sqrt(tolerance):
-            return (
-                f"The changes do not fall below {change:.1e}, relative: what is left is rounding."
-            )
-        return None
-
-    def trouble(self) -> str | None:
-        """Signs that the iteration will not come to rest, with the remedy."""
-        steps = len(self.points) - 1
-        if self.cycles():
-            return f"The iteration goes round in a cycle: {_FOLLOW}"
-        if steps > LONGEST_CYCLE and np.all(np.diff(self.changes[-LONGEST_CYCLE:]) > 0.0):
-            return f"The iteration diverges, each step is longer than the one before: {_FOLLOW}"
-        if steps >= self.options.max_iterations:
-            return (
-                f"The iteration did not converge in {steps} steps, the last changed a parameter by "
-                f"{self.changes[-1]:.1e}, relative: raise max_iterations, or {_FOLLOW}"
-            )
-        return None
-
-    def cycles(self) -> bool:
-        """Whether the last iterate has come back to one before, compared with its step."""
-        last = self.points[-1].p
-        earlier = self.points[-1 - LONGEST_CYCLE : -2]
-        near = 1e-3 * self.changes[-1]
-        return any(self.change(point.p, last) < near for point in earlier)
-
-    def lowest(self) -> _CondensedIterate:
-        """The iterate of lowest discrepancy."""
-        return min(self.points, key=lambda point: point.phi)
-
-    def outcome(self, point: _CondensedIterate, status: str, reason: str) -> Outcome:
-        """The answer."""
-        return self.history.outcome(point.p, point.phi, status, reason)

@@ -31,7 +31,6 @@ import numpy as np
 from geoident.errors import ModelError
 from geoident.identify.least_squares.acceptance import Iterate, Step
 from geoident.identify.least_squares.descent import Descent, Ending
-from geoident.identify.primes import first_primes
 from geoident.identify.problem.ahead import Look, in_turns, knows_nothing_of_others
 from geoident.identify.problem.outcome import LocalMinimum
 from geoident.identify.problem.scaling import Scaling
@@ -354,16 +353,12 @@ def spread(
     low, high = start_ranges(scaling)
     # the first primes are the most even ones: they belong to the angles
     order = sorted(which, key=lambda i: not np.isfinite(angles.period[i]))[:_MOST_SPREAD]
-    bases = first_primes(len(order))
-    index = 0
-    while True:
-        index += 1
+    for point in _halton(len(order)):
         x = given.copy()
-        for i, base in zip(order, bases, strict=True):
+        for i, u in zip(order, point.tolist(), strict=True):
             width = min(high[i] - low[i], angles.period[i])
-            share = radical_inverse(index, base)
-            if width >= _NEARLY_ALL * angles.period[i]:
-                share = (share + (given[i] - low[i]) / width) % 1.0
+            around = width >= _NEARLY_ALL * angles.period[i]
+            share = (u + (given[i] - low[i]) / width) % 1.0 if around else u
             x[i] = low[i] + share * width
         yield x
 
@@ -375,21 +370,14 @@ def halton_starts(scaling: Scaling, count: int) -> Iterator[Floats]:
     """
     lower = np.where(np.isfinite(scaling.lower), scaling.lower, scaling.start - 2.0)
     upper = np.where(np.isfinite(scaling.upper), scaling.upper, scaling.start + 2.0)
-    bases = first_primes(len(scaling))
-    for index in range(1, count + 1):
-        share = np.array([radical_inverse(index, base) for base in bases])
+    for share in islice(_halton(len(scaling)), count):
         yield lower + share * (upper - lower)
 
 
-def radical_inverse(index: int, base: int) -> float:
-    """The digits of ``index`` in a base, mirrored at the point (van der Corput).
+def _halton(d: int) -> Iterator[Floats]:
+    """Halton's points (d,) in the unit cube, without the first, which is a corner of it."""
+    from scipy.stats import qmc  # noqa: PLC0415 - a quarter of a second, and few fits need it
 
-    >>> [radical_inverse(i, 2) for i in (1, 2, 3)]
-    [0.5, 0.25, 0.75]
-    """
-    value, weight = 0.0, 1.0 / base
-    while index:
-        index, digit = divmod(index, base)
-        value += digit * weight
-        weight /= base
-    return value
+    points = qmc.Halton(d, scramble=False).fast_forward(1)
+    while True:
+        yield points.random()[0]

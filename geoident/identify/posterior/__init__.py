@@ -1,1 +1,1 @@
-"""Draws from the posterior: importance sampling, chains, and whether to believe them."""
+"""Draws from the posterior: importance sampling, chains, and whether they are reliable."""

@@ -1,12 +1,11 @@
-"""Markov chains where no approximation serves: an ensemble, or many dimensions (theory 11.4).
+"""Markov chains where Laplace's approximation does not serve (theory 11.4).
 
-Both work in rounds. After each the first half of what is there is left out, and the rest is
+Both samplers work in rounds. After each the first half of all draws is left out, and the rest is
 judged: R-hat and effective size of all chains. Chains begin spread out: at draws of the
 approximation, taken by the root of their weights.
 
-* The affine-invariant ensemble of Goodman & Weare (2010), by emcee: some ensembles that know
-  nothing of each other. Every walker is a chain; R-hat is that of the ensembles, since walkers are
-  many and short.
+* The affine-invariant ensemble of Goodman & Weare (2010), by emcee: some independent ensembles.
+  Every walker is a chain; R-hat is that of the ensembles, since walkers are many and short.
 * Preconditioned Crank-Nicolson steps (Cotter and others 2013; Rudolf & Sprungk 2018). In
   coordinates t in which the prior N(0, 1) of the modes is N(0, 1) and Laplace's covariance is
   diagonal, c_k,
@@ -21,280 +20,234 @@ approximation, taken by the root of their weights.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 
 from geoident.identify.posterior.density import PosteriorDensity
-from geoident.identify.posterior.diagnosis import MOST_R_HAT, diagnose_chains, library
 from geoident.identify.posterior.draws import (
+    MOST_R_HAT,
     OUT_OF_EVALUATIONS,
     Draws,
     SamplingProgress,
+    SamplingRequest,
     SamplingWatch,
     Stopped,
-    Wish,
+    diagnose_chains,
+    library,
 )
-from geoident.identify.posterior.importance import Weighted
+from geoident.identify.posterior.importance import WeightedDraws
 from geoident.model.arrays import Floats
 
-_ENSEMBLES = 4
-_CHAINS = 8  # of preconditioned Crank-Nicolson
-_ROUND = 100  # steps between two judgements
-_STEP = 10  # steps between two questions whether to go on
-_WARM_UP = 10  # rounds of `_TUNING` steps in which the step length is found
-_TUNING = 20
-_ACCEPTANCE = (0.2, 0.4)  # wanted share of accepted steps
+ENSEMBLES = 4
+"""Independent ensembles, as many as R-hat is usually made of."""
+
+CHAINS = 8
+"""Of preconditioned Crank-Nicolson steps: more would spend the budget on their beginnings."""
+
+ROUND = 100
+"""Steps between two judgements, at least; later a quarter of what is there."""
+
+_STEPS = 10
+"""Between two questions whether to go on."""
+
+_TUNING_ROUNDS, _TUNING_STEPS = 10, 20
+"""Of the warm-up in which the step length is found, by 160 trials each."""
+
+_ACCEPTANCE = (0.2, 0.4)
+"""Share of accepted steps, about the best one of random walks (0.234 in many dimensions)."""
+
+_SHORTER, _LONGER = 0.6, 1.5
+"""Factors on the step length in the warm-up."""
 
 Advance = Callable[[int], tuple[Floats, Floats]]
-"""Goes on by some steps: x (c, steps, m) and log density (c, steps) of these."""
-
-
-@dataclass
-class Chains:
-    """Chains as they grow.
-
-    Args:
-        name: of the sampler.
-        density: of the posterior.
-        wish: what is asked for.
-        watch: is told of the progress.
-        advance: goes on.
-        accepted: share of accepted steps so far.
-        groups: of how many chains that depend on each other the chains consist.
-        effective: size so far.
-    """
-
-    name: str
-    density: PosteriorDensity
-    wish: Wish
-    watch: SamplingWatch
-    advance: Advance
-    accepted: Callable[[], float]
-
-    groups: int
-    effective: float = 0.0
-
-    def run(self) -> Draws | None:
-        """Rounds until the chains have met and are long enough, or the budget is spent.
-
-        None where it was spent before there was anything.
-        """
-        parts: list[tuple[Floats, Floats]] = []
-        length = _ROUND
-        while True:
-            stopped = self._round(parts, length)
-            if stopped and len(parts) < 2:
-                return None
-            found = self._judged(parts, stopped)
-            if stopped or self._enough(found):
-                return found
-            length = max(_ROUND, len(parts) * _STEP // 4)
-
-    def _round(self, parts: list[tuple[Floats, Floats]], length: int) -> str:
-        """Go on by some steps; the reason for stopping meanwhile, or empty."""
-        for _ in range(length // _STEP):
-            if self.density.evaluations >= self.wish.evaluations:
-                return OUT_OF_EVALUATIONS
-            try:
-                parts.append(self.advance(_STEP))
-            except Stopped as stop:
-                return stop.reason
-            progress = SamplingProgress(
-                self.name, self.density.evaluations, self.effective, self.wish.effective
-            )
-            if reason := self.watch(progress):
-                return reason
-        return ""
-
-    def _judged(self, parts: list[tuple[Floats, Floats]], stopped: str) -> Draws:
-        x = np.concatenate([part for part, _ in parts], axis=1)
-        logarithms = np.concatenate([part for _, part in parts], axis=1)
-        half = x.shape[1] // 2
-        x, logarithms = x[:, half:], logarithms[:, half:]
-        effective, r_hat = diagnose_chains(x, groups=self.groups)
-        found = Draws(self.name, x, logarithms, effective, r_hat, np.nan, self.accepted(), stopped)
-        self.effective = found.least_effective
-        return found
-
-    def _enough(self, found: Draws) -> bool:
-        met = found.largest_r_hat <= MOST_R_HAT
-        long_enough = found.least_effective >= self.wish.effective
-        return met and long_enough and found.logarithms.size >= self.wish.draws
-
-
-def thinned(found: Draws, draws: int) -> Draws:
-    """About as many draws as are asked for, evenly spaced in each chain."""
-    chains, length = found.logarithms.shape
-    each = max(1, min(length, draws // chains))
-    taken = np.linspace(0, length - 1, each).round().astype(np.int64)
-    return Draws(
-        found.sampler, found.x[:, taken], found.logarithms[:, taken],
-        found.effective, found.r_hat, found.pareto_k, found.acceptance, found.stopped,
-    )  # fmt: skip
+"""Goes on by some steps: u (c, steps, m) and log density (c, steps) of these."""
 
 
 def ensemble(
     density: PosteriorDensity,
-    begin: Weighted,
+    begin: WeightedDraws,
+    request: SamplingRequest,
     rng: np.random.Generator,
-    wish: Wish,
     watch: SamplingWatch,
-) -> Draws | None:
+) -> Draws:
     """Draws by the affine-invariant ensemble.
 
     Args:
         density: of the posterior.
         begin: draws to begin from.
+        request: what is asked for.
         rng: of random numbers.
-        wish: what is asked for.
-        watch: is told of the progress.
+        watch: is shown the progress.
+
+    Raises:
+        Stopped: before there were enough to be judged.
     """
     emcee = library("emcee")
     m = len(density)
     walkers = 2 * max(m + 1, 4)
     moves = [(emcee.moves.StretchMove(), 0.5), (emcee.moves.DEMove(), 0.5)]
     samplers, states = [], []
-    for start in np.split(_starts(begin, rng, _ENSEMBLES * walkers), _ENSEMBLES):
-        sampler = emcee.EnsembleSampler(walkers, m, density.logarithms, vectorize=True, moves=moves)
+    for start in np.split(_starting_points(begin, rng, ENSEMBLES * walkers), ENSEMBLES):
+        samplers.append(
+            emcee.EnsembleSampler(walkers, m, density.logarithms, vectorize=True, moves=moves)
+        )
         state = np.random.RandomState(int(rng.integers(2**31))).get_state()
-        samplers.append(sampler)
         states.append(emcee.State(start, random_state=state))
 
     def advance(steps: int) -> tuple[Floats, Floats]:
-        found = []
+        u, logarithms = [], []
         for k, sampler in enumerate(samplers):
             before = sampler.iteration
             states[k] = sampler.run_mcmc(states[k], steps, skip_initial_state_check=True)
-            found.append(_of(sampler, before))
-        x, logarithms = (np.concatenate(part) for part in zip(*found, strict=True))
-        return x, logarithms
+            u.append(sampler.get_chain(discard=before).transpose(1, 0, 2))
+            logarithms.append(sampler.get_log_prob(discard=before).T)
+        return np.concatenate(u), np.concatenate(logarithms)
 
     def accepted() -> float:
-        return float(np.mean([np.mean(s.acceptance_fraction) for s in samplers]))
+        return float(np.mean([np.mean(sampler.acceptance_fraction) for sampler in samplers]))
 
-    return Chains("ensemble", density, wish, watch, advance, accepted, _ENSEMBLES).run()
-
-
-def _of(sampler: Any, before: int) -> tuple[Floats, Floats]:
-    """What an ensemble has done since a step: (walkers, steps, m) and (walkers, steps)."""
-    x = sampler.get_chain(discard=before)
-    logarithms = sampler.get_log_prob(discard=before)
-    return x.transpose(1, 0, 2).copy(), logarithms.T.copy()
-
-
-def _starts(begin: Weighted, rng: np.random.Generator, count: int) -> Floats:
-    """Different draws (count, m), likely by the root of their weights."""
-    chance = np.sqrt(begin.weights)
-    some = np.flatnonzero(chance > 0.0)
-    if len(some) < count:  # no weight left to most: those of the best density
-        order = np.argsort(-begin.logarithms)[: max(count, 1)]
-        some = order[np.isfinite(begin.logarithms[order])]
-        chance = np.ones(len(begin.x))
-    if not len(some):
-        return begin.mixture.draw(rng, count)
-    size, share = min(count, len(some)), chance[some] / chance[some].sum()
-    x = begin.x[rng.choice(some, size=size, replace=False, p=share)]
-    more = begin.mixture.draw(rng, count - size)
-    return np.asarray(rng.permutation(np.concatenate([x, more])))
+    return _until_mixed("ensemble", density, request, watch, advance, accepted, ENSEMBLES)
 
 
 def crank_nicolson(
     density: PosteriorDensity,
-    begin: Weighted,
+    begin: WeightedDraws,
+    request: SamplingRequest,
     rng: np.random.Generator,
-    wish: Wish,
     watch: SamplingWatch,
-) -> Draws | None:
-    """Draws by preconditioned Crank-Nicolson steps as long as Laplace's approximation is wide.
+) -> Draws:
+    """Draws by preconditioned Crank-Nicolson steps.
 
     Args:
         density: of the posterior.
-        begin: draws to begin from.
+        begin: draws to begin from; of its proposal the first component gives the steps.
+        request: what is asked for.
         rng: of random numbers.
-        wish: what is asked for.
-        watch: is told of the progress.
+        watch: is shown the progress.
+
+    Raises:
+        Stopped: before there were enough to be judged.
     """
-    chain = _CrankNicolson(density, begin, rng)
-    try:
-        chain.begin()
-        chain.tune(lambda: density.evaluations < wish.evaluations)
-    except Stopped:
-        return None
-    name = "preconditioned Crank-Nicolson"
-    advance, accepted = chain.advance, lambda: chain.acceptance
-    return Chains(name, density, wish, watch, advance, accepted, _CHAINS).run()
+    centre, sd = density.reference()
+    root = begin.proposal.roots[0] / sd[:, None]
+    variance, axes = np.linalg.eigh(root @ root.T)
+    variance = np.clip(variance, 0.0, 1.0)
+    t = ((_starting_points(begin, rng, CHAINS) - centre) / sd) @ axes
+    log_pi = np.full(CHAINS, -np.inf)
+    b, accepted, tried = 0.5, 0, 0
 
+    def coordinates(t: Floats) -> Floats:
+        return np.asarray(centre + (t @ axes.T) * sd)
 
-class _CrankNicolson:
-    """Chains of preconditioned Crank-Nicolson steps in lockstep."""
-
-    def __init__(
-        self, density: PosteriorDensity, begin: Weighted, rng: np.random.Generator
-    ) -> None:
-        self._density = density
-        self._rng = rng
-        self._centre, self._sd = density.reference()
-        root = begin.mixture.roots[0] / self._sd[:, None]
-        variance, self._axes = np.linalg.eigh(root @ root.T)
-        self._variance = np.clip(variance, 0.0, 1.0)
-        self._t = self._whitened(_starts(begin, rng, _CHAINS))
-        self._log = np.full(_CHAINS, -np.inf)
-        self._size = 0.5
-        self._accepted = self._steps = 0
-
-    @property
-    def acceptance(self) -> float:
-        """Share of accepted steps."""
-        return self._accepted / max(self._steps, 1)
-
-    def begin(self) -> None:
-        """The density where the chains begin."""
-        self._log = self._density.logarithms(self._coordinates(self._t))
-
-    def tune(self, go_on: Callable[[], bool]) -> None:
-        """Find the length of a step; the chains go on meanwhile."""
-        low, high = _ACCEPTANCE
-        for _ in range(_WARM_UP):
-            self._accepted = self._steps = 0
-            if not go_on():
-                return
-            self.advance(_TUNING)
-            if self.acceptance < low:
-                self._size *= 0.6
-            elif self.acceptance > high and self._size < 1.0:
-                self._size = min(1.0, 1.5 * self._size)
-            else:
-                break
-        self._accepted = self._steps = 0
-
-    def advance(self, steps: int) -> tuple[Floats, Floats]:
-        """Some steps: u (c, steps, m) and log density (c, steps)."""
+    def advance(steps: int) -> tuple[Floats, Floats]:
+        nonlocal t, log_pi, accepted, tried
         u, logarithms = [], []
         for _ in range(steps):
-            self._step()
-            u.append(self._coordinates(self._t))
-            logarithms.append(self._log.copy())
+            size = b**2 * variance
+            trial = np.sqrt(1.0 - size) * t + np.sqrt(size) * rng.standard_normal(t.shape)
+            log_trial = density.logarithms(coordinates(trial))
+            with np.errstate(invalid="ignore"):
+                gain = log_trial - log_pi + 0.5 * np.sum(trial**2 - t**2, axis=1)
+            gain = np.where(np.isfinite(log_pi), gain, np.inf)  # anything is better than nothing
+            gain = np.where(np.isfinite(log_trial), gain, -np.inf)
+            taken = np.log(rng.uniform(size=CHAINS)) < gain
+            t = np.where(taken[:, None], trial, t)
+            log_pi = np.where(taken, log_trial, log_pi)
+            accepted, tried = accepted + int(taken.sum()), tried + CHAINS
+            u.append(coordinates(t))
+            logarithms.append(log_pi)
         return np.stack(u, axis=1), np.stack(logarithms, axis=1)
 
-    def _step(self) -> None:
-        size = self._size**2 * self._variance
-        noise = self._rng.standard_normal(self._t.shape)
-        trial = np.sqrt(1.0 - size) * self._t + np.sqrt(size) * noise
-        found = self._density.logarithms(self._coordinates(trial))
-        with np.errstate(invalid="ignore"):
-            gain = found - self._log + 0.5 * np.sum(trial**2 - self._t**2, axis=1)
-        gain = np.where(np.isfinite(self._log), gain, np.inf)
-        gain = np.where(np.isfinite(found), gain, -np.inf)
-        taken = np.log(self._rng.uniform(size=len(trial))) < gain
-        self._t = np.where(taken[:, None], trial, self._t)
-        self._log = np.where(taken, found, self._log)
-        self._accepted += int(taken.sum())
-        self._steps += len(taken)
+    log_pi = density.logarithms(coordinates(t))
+    for _ in range(_TUNING_ROUNDS):
+        if density.evaluations >= request.evaluations:
+            break
+        accepted = tried = 0
+        advance(_TUNING_STEPS)
+        if accepted < _ACCEPTANCE[0] * tried:
+            b *= _SHORTER
+        elif accepted > _ACCEPTANCE[1] * tried and b < 1.0:
+            b = min(1.0, _LONGER * b)
+        else:
+            break
+    accepted = tried = 0
+    name = "preconditioned Crank-Nicolson"
+    return _until_mixed(
+        name, density, request, watch, advance, lambda: accepted / max(tried, 1), CHAINS
+    )
 
-    def _whitened(self, u: Floats) -> Floats:
-        return np.asarray(((u - self._centre) / self._sd) @ self._axes)
 
-    def _coordinates(self, t: Floats) -> Floats:
-        return np.asarray(self._centre + (t @ self._axes.T) * self._sd)
+def _until_mixed(
+    name: str,
+    density: PosteriorDensity,
+    request: SamplingRequest,
+    watch: SamplingWatch,
+    advance: Advance,
+    accepted: Callable[[], float],
+    groups: int,
+) -> Draws:
+    """Rounds of steps until chains have mixed and are long enough, or the budget is spent.
+
+    Args:
+        name: of the sampler.
+        density: of the posterior.
+        request: what is asked for.
+        watch: is shown the progress.
+        advance: goes on.
+        accepted: share of accepted steps so far.
+        groups: independent ones among the chains, for R-hat.
+    """
+    parts: list[tuple[Floats, Floats]] = []
+    effective, length = 0.0, ROUND
+    while True:
+        stopped = ""
+        for _ in range(length // _STEPS):
+            if density.evaluations >= request.evaluations:
+                stopped = OUT_OF_EVALUATIONS
+                break
+            try:
+                parts.append(advance(_STEPS))
+            except Stopped as stop:
+                stopped = stop.reason
+                break
+            progress = SamplingProgress(name, density.evaluations, effective, request.effective)
+            if reason := watch(progress):
+                stopped = reason
+                break
+        if stopped and len(parts) < 2:
+            raise Stopped(stopped)
+        u, logarithms = (np.concatenate(each, axis=1) for each in zip(*parts, strict=True))
+        half = u.shape[1] // 2
+        u, logarithms = u[:, half:], logarithms[:, half:]
+        size, r_hat = diagnose_chains(u, groups=groups)
+        draws = Draws(name, u, logarithms, size, r_hat, np.nan, accepted(), stopped)
+        effective = draws.least_effective
+        mixed = draws.largest_r_hat <= MOST_R_HAT and effective >= request.effective
+        if stopped or (mixed and logarithms.size >= request.draws):
+            return draws
+        length = max(ROUND, len(parts) * _STEPS // 4)
+
+
+def thinned(draws: Draws, count: int) -> Draws:
+    """About as many draws as are asked for, evenly spaced in each chain."""
+    chains, length = draws.logarithms.shape
+    each = max(1, min(length, count // chains))
+    taken = np.linspace(0, length - 1, each).round().astype(np.int64)
+    return replace(draws, x=draws.x[:, taken], logarithms=draws.logarithms[:, taken])
+
+
+def _starting_points(begin: WeightedDraws, rng: np.random.Generator, count: int) -> Floats:
+    """Different draws (count, m), likely by the root of their weights."""
+    likely = np.sqrt(begin.weights)
+    some = np.flatnonzero(likely > 0.0)
+    if len(some) < count:  # hardly any has a weight: those of the highest density
+        order = np.argsort(-begin.logarithms)[:count]
+        some = order[np.isfinite(begin.logarithms[order])]
+        likely = np.ones(len(begin.x))
+    size = min(count, len(some))
+    x = np.empty((0, begin.proposal.centres.shape[1]))
+    if size:
+        x = begin.x[rng.choice(some, size=size, replace=False, p=likely[some] / likely[some].sum())]
+    more = begin.proposal.draw(rng, count - size)
+    return np.asarray(rng.permutation(np.concatenate([x, more])))

@@ -18,7 +18,7 @@ systems only.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
@@ -70,19 +70,15 @@ class CondensedSystem:
     def only(self, kept: Ints) -> CondensedSystem:
         """The system in which only the pairs (k,) may be active: other multipliers are zero."""
         square = np.ix_(kept, kept)
-        return CondensedSystem(
-            self.slack[kept],
-            self.slack_by_p[kept],
-            self.slack_by_lam[square],
-            self.misfit,
-            self.misfit_by_p,
-            self.misfit_by_lam[:, kept],
-            {h: product[square] for h, product in self.products.items()},
-            self.lower,
-            self.upper,
-            self.reference,
-            self.work[kept],
-            self.multiplier_size[kept],
+        return replace(
+            self,
+            slack=self.slack[kept],
+            slack_by_p=self.slack_by_p[kept],
+            slack_by_lam=self.slack_by_lam[square],
+            misfit_by_lam=self.misfit_by_lam[:, kept],
+            products={h: product[square] for h, product in self.products.items()},
+            work=self.work[kept],
+            multiplier_size=self.multiplier_size[kept],
         )
 
 
@@ -112,20 +108,31 @@ def condensed(problem: Problem, system: BilinearSystem) -> CondensedSystem:
     """
     lower, upper = problem.bounds
     reference = np.maximum(np.maximum(abs(lower), abs(upper)), 1e-300)
-    n, equations = len(reference), system.equations
+    n, q, equations = len(reference), system.n_pairs, system.equations
+    # columns 1, p, lam of everything: unknowns x, slacks, misfits
     by_lam = equations.by_x[:, system.multipliers].toarray()
     right = np.column_stack([equations.constant, equations.by_p, by_lam])
     x = determined_unknowns(system, equations.by_x, right)
-    x[system.multipliers, 1 + n + np.arange(system.n_pairs)] = 1.0
+    x[system.multipliers, 1 + n + np.arange(q)] = 1.0
     size = sizes_of_kinds(system, np.abs(x[:, : 1 + n]) @ np.append(1.0, reference))
     slack_size = size[system.kind_of_slack]
     lam_size = slack_size / system.stiffness
     column_size = np.concatenate([[1.0], reference, lam_size])
-    slack = _columns(system.slacks, x) * column_size / slack_size[:, None]
-    misfit = _columns(system.readings, x)
+
+    def columns(values: Bilinear) -> Floats:
+        table = np.asarray(values.by_x @ x)
+        table[:, 0] += values.constant
+        table[:, 1 : 1 + n] += values.by_p
+        return table
+
+    slack = columns(system.slacks) * column_size / slack_size[:, None]
+    misfit = columns(system.readings)
     misfit[:, 0] -= problem.measured
-    misfit = np.vstack([problem.whiten(misfit), _priors(problem, system.n_pairs)])
-    misfit *= column_size
+    normal = [(h, a.prior) for h, a in enumerate(problem.parameters) if a.prior is not None]
+    priors = np.zeros((len(normal), 1 + n + q))
+    for row, (h, prior) in zip(priors, normal, strict=True):
+        row[0], row[1 + h] = -prior.mean / prior.sd, 1.0 / prior.sd
+    misfit = np.vstack([problem.whiten(misfit), priors]) * column_size
     products = {
         h: A[:, system.multipliers].toarray() / slack_size[:, None] * lam_size * reference[h]
         for h, A in system.slacks.products.items()
@@ -191,20 +198,3 @@ def sizes_of_kinds(system: BilinearSystem, x: Floats) -> Floats:
 def _inverse(size: Floats) -> Floats:
     """1 / size (m,), and 1 where it is zero."""
     return np.asarray(1.0 / np.where(size > 0.0, size, 1.0))
-
-
-def _columns(values: Bilinear, x: Floats) -> Floats:
-    """Values (m, 1 + n + q) in the columns 1, p, lam, for the unknowns x (N, 1 + n + q) in them."""
-    table = np.asarray(values.by_x @ x)
-    table[:, 0] += values.constant
-    table[:, 1 : 1 + values.by_p.shape[1]] += values.by_p
-    return table
-
-
-def _priors(problem: Problem, n_pairs: int) -> Floats:
-    """Rows (p - mean) / sd of the normal priors in the columns 1, p, lam: (k, 1 + n + q)."""
-    found = [(h, q.prior) for h, q in enumerate(problem.parameters) if q.prior is not None]
-    rows = np.zeros((len(found), 1 + len(problem.parameters) + n_pairs))
-    for row, (h, prior) in zip(rows, found, strict=True):
-        row[0], row[1 + h] = -prior.mean / prior.sd, 1.0 / prior.sd
-    return rows

@@ -42,7 +42,6 @@ from geoident.model.arrays import Floats
 from geoident.model.methods import (
     ComplementarityOptions,
     HuberOptions,
-    LossOptions,
     SquaredOptions,
     StudentOptions,
 )
@@ -107,92 +106,42 @@ def nonlinear_program(problem: Problem, system: BilinearSystem) -> Program:
     S = size[system.kind_of_slack]
     unit = size[system.kind_of_unknown]
     unit[system.multipliers] = S / system.stiffness  # of no kind themselves
-    z_p, z_x = ca.SX.sym("p", len(reference)), ca.SX.sym("x", len(x))
-    p, mu = z_p * reference, ca.SX.sym("mu")
+    z_p, z_x, mu = ca.SX.sym("p", len(reference)), ca.SX.sym("x", len(x)), ca.SX.sym("mu")
+    p = z_p * reference
 
-    def values(given: Bilinear, by: Floats) -> Expression:
-        """The values (m,) over ``by`` (m,), as expressions."""
-        total = _matrix(ca, given.by_x, unit, by) @ z_x
-        for h, product in given.products.items():
-            total += p[h] * (_matrix(ca, product, unit, by) @ z_x)
-        straight = ca.sparsify(ca.DM(given.by_p / by[:, None]))
-        return total + ca.DM(given.constant / by) + straight @ p
+    def values(bilinear: Bilinear, by: Floats) -> Expression:
+        """The values (m,) over ``by`` (m,), as expressions in scaled unknowns."""
 
+        def product(A: sp.csr_array) -> Expression:
+            return ca.DM(sp.csc_matrix(sp.diags_array(1.0 / by) @ A @ sp.diags_array(unit))) @ z_x
+
+        total = product(bilinear.by_x)
+        for h, A in bilinear.products.items():
+            total += p[h] * product(A)
+        straight = ca.sparsify(ca.DM(bilinear.by_p / by[:, None]))
+        return total + ca.DM(bilinear.constant / by) + straight @ p
+
+    # equations by the size of their kind; those of no kind by their largest terms
+    equation_size = size[system.kind_of_equation]
+    no_kind, free = system.kind_of_equation < 0, system.determined
+    terms = np.abs(constant[no_kind]), (abs(matrix[:, free]) @ unit[free])[no_kind]
+    equation_size[no_kind] = max(float(np.concatenate(terms).max(initial=0.0)), 1e-300)
     a, b = values(system.slacks, S), z_x[system.multipliers.tolist()]
-    paired = a + b - ca.sqrt(a**2 + b**2 + 2.0 * mu)
-    one = np.ones(len(problem.measured))
-    endless = np.full(len(x), np.inf)
+    complementarity = a + b - ca.sqrt(a**2 + b**2 + 2.0 * mu)
     robust = problem.shared is not None and not isinstance(problem.loss, SquaredOptions)
-    free = np.full(len(problem.shared) if problem.shared is not None and robust else 0, np.inf)
-    z_s = ca.SX.sym("s", len(free))
+    z_s = ca.SX.sym("s", len(problem.shared) if problem.shared is not None and robust else 0)
+    unbounded = np.full(len(x) + z_s.numel(), np.inf)
+    misfit = values(system.readings, np.ones(len(problem.measured))) - problem.measured
     return Program(
         ca.vertcat(z_p, z_x, z_s),
         mu,
-        _objective(ca, problem, values(system.readings, one), p, z_s),
-        ca.vertcat(
-            values(system.equations, _sizes_of_equations(system, size, start, unit)), paired
-        ),
-        np.concatenate([lower / reference, -endless, -free]),
-        np.concatenate([upper / reference, endless, free]),
-        np.concatenate([start / reference, x / unit, np.zeros(len(free))]),
+        _objective(ca, problem, misfit, p, z_s),
+        ca.vertcat(values(system.equations, equation_size), complementarity),
+        np.concatenate([lower / reference, -unbounded]),
+        np.concatenate([upper / reference, unbounded]),
+        np.concatenate([start / reference, x / unit, np.zeros(z_s.numel())]),
         reference,
     )
-
-
-def _sizes_of_equations(
-    system: BilinearSystem, size: Floats, start: Floats, unit: Floats
-) -> Floats:
-    """(N - q,) the size of their kind; of those without a kind, that of their largest terms.
-
-    Args:
-        system: the equations.
-        size: (n_kinds,) of unknowns.
-        start: (n,) parameters, SI.
-        unit: (N,) of unknowns.
-    """
-    found = size[system.kind_of_equation]
-    own = system.kind_of_equation < 0
-    constant, matrix = system.equations.at(start)
-    free = system.determined
-    terms = abs(matrix[:, free]) @ unit[free]
-    found[own] = max(
-        float(np.abs(constant[own]).max(initial=0.0)), float(terms[own].max(initial=0.0)), 1e-300
-    )
-    return found
-
-
-def _matrix(ca: Any, matrix: sp.csr_array, unit: Floats, by: Floats) -> Expression:
-    """A matrix (m, N) for scaled unknowns and values, as casadi keeps it."""
-    scaled = sp.diags_array(1.0 / by) @ matrix @ sp.diags_array(unit)
-    return ca.DM(sp.csc_matrix(scaled))
-
-
-def _objective(
-    ca: Any, problem: Problem, readings: Expression, p: Expression, z: Expression
-) -> Expression:
-    """Phi with the priors' part, as an expression.
-
-    Args:
-        ca: casadi.
-        problem: the measured readings.
-        readings: (g,) those of the model, as expressions.
-        p: (n,) parameters.
-        z: (K,) shared errors, unknowns of the program where the loss is robust; else none.
-    """
-    gap = readings - problem.measured
-    if problem.shared is None:
-        total = ca.sum1(_loss(ca, problem.loss, gap / problem.sd))
-    elif z.numel() == 0:
-        total = ca.sumsqr(ca.DM(problem.whiten(np.eye(len(problem.sd)))) @ gap)
-    else:
-        own = (gap - ca.DM(problem.shared.columns.toarray()) @ z) / problem.sd
-        total = ca.sum1(_loss(ca, problem.loss, own)) + ca.sumsqr(z)
-    for i, q in enumerate(problem.parameters):
-        if q.prior is not None and q.prior.kind == "normal":
-            total += ((p[i] - q.prior.mean) / q.prior.sd) ** 2
-        elif q.prior is not None:
-            total += (ca.log(p[i] / q.prior.mean) * q.prior.mean / q.prior.sd) ** 2
-    return total
 
 
 def _size(parameter: Parameter) -> float:
@@ -202,16 +151,42 @@ def _size(parameter: Parameter) -> float:
     return max(size, 0.1 * width) if np.isfinite(width) and width > 0.0 else size or 1.0
 
 
-def _loss(ca: Any, options: LossOptions, r: Expression) -> Expression:
-    """rho(r), the formulas of `discrepancy`."""
-    match options:
-        case HuberOptions(delta):
-            tail = 2.0 * delta * ca.fabs(r) - delta**2
-            return ca.if_else(ca.fabs(r) <= delta, r**2, tail)
-        case StudentOptions(nu):
-            return (nu + 1.0) * ca.log1p(r**2 / nu)
-        case _:
-            return r**2
+def _objective(
+    ca: Any, problem: Problem, misfit: Expression, p: Expression, z: Expression
+) -> Expression:
+    """Phi with the priors' part, as an expression (the formulas of `problem`).
+
+    Args:
+        ca: casadi.
+        problem: errors, loss and priors.
+        misfit: (g,) v - v*, SI.
+        p: (n,) parameters, SI.
+        z: (K,) shared errors, unknowns of the program where the loss is robust; else none.
+    """
+
+    def rho(r: Expression) -> Expression:
+        match problem.loss:
+            case HuberOptions(delta):
+                tail = 2.0 * delta * ca.fabs(r) - delta**2
+                return ca.if_else(ca.fabs(r) <= delta, r**2, tail)
+            case StudentOptions(nu):
+                return (nu + 1.0) * ca.log1p(r**2 / nu)
+            case _:
+                return r**2
+
+    if problem.shared is None:
+        total = ca.sum1(rho(misfit / problem.sd))
+    elif z.numel() == 0:
+        total = ca.sumsqr(ca.DM(problem.whiten(np.eye(len(problem.sd)))) @ misfit)
+    else:
+        own = (misfit - ca.DM(problem.shared.columns.toarray()) @ z) / problem.sd
+        total = ca.sum1(rho(own)) + ca.sumsqr(z)
+    for i, q in enumerate(problem.parameters):
+        if q.prior is not None and q.prior.kind == "normal":
+            total += ((p[i] - q.prior.mean) / q.prior.sd) ** 2
+        elif q.prior is not None:
+            total += (ca.log(p[i] / q.prior.mean) * q.prior.mean / q.prior.sd) ** 2
+    return total
 
 
 def full_space(problem: Problem, options: ComplementarityOptions, observe: Observer) -> Outcome:
@@ -232,124 +207,80 @@ def full_space(problem: Problem, options: ComplementarityOptions, observe: Obser
     why = formulation_obstacle(problem.response, "full-space")
     if why is not None:
         raise InputError([Fault("method-not-possible", f"This is not possible here: {why}.")])
-    return _Smoothing(problem, observe).run()
+    assert isinstance(problem.response, ComplementaritySystem)
+    discrepancy = Discrepancy(problem)
+    history = History("complementarity", problem.response, observe)
+    program = nonlinear_program(problem, problem.response.system())
+    mu = np.inf
+
+    def natural(z: Floats) -> Floats:
+        """Parameters (n,), SI, inside their bounds."""
+        return np.clip(z[: len(program.reference)] * program.reference, *problem.bounds)
+
+    def confirmed(p: Floats, note: str) -> tuple[Floats, float]:
+        """The parameters (n,) with the discrepancy of the model, infinite without a solution."""
+        phi = discrepancy.objective(p)
+        history.record(p, phi, step=0.0, note=note)
+        return p, phi
+
+    def watch(z: Floats, objective: float) -> bool:
+        history.record(natural(z), objective, step=0.0, note=f"smoothing {mu:.0e}")
+        return history.stop is not None
+
+    start = confirmed(problem.start, "start")
+    solve, solution = solver(program, watch), Solution(program.start, np.nan, False, "stopped")
+    for mu in _SMOOTHINGS:
+        if history.stop is not None:
+            break
+        solution = solve(solution.z, mu)
+    best = min(start, confirmed(natural(solution.z), "model"), key=lambda pair: pair[1])
+    status, reason = "not-converged", ""
+    if not solution.success:
+        reason = (
+            f"The nonlinear program was not solved ({solution.word}): use the formulation "
+            "implicit, or start nearer to the expected values."
+        )
+    elif abs(best[1] - solution.objective) > _AGREE * max(best[1], 1.0):
+        reason = (
+            f"The model gives a misfit of {best[1]:.6g} where the nonlinear program "
+            f"gives {solution.objective:.6g}: use the formulation implicit."
+        )
+    else:
+        status = "converged"
+        reason = (
+            "The nonlinear program in the full space is solved, with complementarity to "
+            f"{_SMOOTHINGS[-1]:.0e}, and the model confirms its misfit."
+        )
+    outcome = history.outcome(*best, status, reason)
+    proof = certificate_at(problem, best[0], history)
+    return replace(outcome, iterations=history.iterations, certificate=proof)
 
 
 @dataclass(frozen=True)
-class _Solution:
-    """Where the solver ended for one mu: x (N,), its discrepancy, its own word for the end."""
+class Solution:
+    """Where the solver ended for one mu: z (n + N + K,), its objective, its word for the end."""
 
-    x: Floats
+    z: Floats
     objective: float
     success: bool
     word: str
 
 
-class _Smoothing:
-    """The sequence of programs."""
-
-    def __init__(self, problem: Problem, observe: Observer) -> None:
-        assert isinstance(problem.response, ComplementaritySystem)
-        self.problem = problem
-        self.discrepancy = Discrepancy(problem)
-        self.history = History("complementarity", problem.response, observe)
-        self.program = nonlinear_program(problem, problem.response.system())
-        self.mu = np.inf
-
-    def run(self) -> Outcome:
-        """All smoothings, then the model."""
-        best = self.problem.start, self.confirm(self.problem.start, "start")
-        solve, found = solver(self.program, self.note), None
-        x = self.program.start
-        for mu in _SMOOTHINGS:
-            if self.history.stop is not None:
-                break
-            self.mu = mu
-            found = solve(x, mu)
-            x = found.x
-        p = self.natural(x)
-        best = min(best, (p, self.confirm(p, "model")), key=lambda pair: pair[1])
-        outcome = self.history.outcome(*best, *self.ending(found, best))
-        proof = certificate_at(self.problem, best[0], self.history)
-        return replace(outcome, iterations=self.history.iterations, certificate=proof)
-
-    def natural(self, x: Floats) -> Floats:
-        """Parameters (n,), SI, inside their bounds."""
-        reference = self.program.reference
-        return np.clip(x[: len(reference)] * reference, *self.problem.bounds)
-
-    def confirm(self, p: Floats, note: str) -> float:
-        """The discrepancy of the model at p (n,); infinite where it has no solution."""
-        phi = self.discrepancy.objective(p)
-        self.history.record(p, phi, step=0.0, note=note)
-        return phi
-
-    def note(self, x: Floats, objective: float) -> bool:
-        """Records an iterate of the solver; whether it is to stop."""
-        note = f"smoothing {self.mu:.0e}"
-        self.history.record(self.natural(x), objective, step=0.0, note=note)
-        return self.history.stop is not None
-
-    def ending(self, found: _Solution | None, best: tuple[Floats, float]) -> tuple[str, str]:
-        """Status and reason."""
-        if found is None or not found.success:
-            word = "stopped" if found is None else found.word
-            return "not-converged", (
-                f"The nonlinear program was not solved ({word}): use the formulation "
-                "implicit, or start nearer to the expected values."
-            )
-        if abs(best[1] - found.objective) > _AGREE * max(best[1], 1.0):
-            return "not-converged", (
-                f"The model gives a misfit of {best[1]:.6g} where the nonlinear program "
-                f"gives {found.objective:.6g}: use the formulation implicit."
-            )
-        return "converged", (
-            "The nonlinear program in the full space is solved, with complementarity to "
-            f"{_SMOOTHINGS[-1]:.0e}, and the model confirms its misfit."
-        )
-
-
 def solver(
     program: Program, watch: Callable[[Floats, float], bool]
-) -> Callable[[Floats, float], _Solution]:
-    """A function (x (N,), mu) -> solution that calls IPOPT, without a word on any screen.
+) -> Callable[[Floats, float], Solution]:
+    """A function (z, mu) -> solution that calls IPOPT without printing anything.
 
     Args:
         program: what to solve.
-        watch: is told x (N,) and the objective of every iteration; True stops the solver.
+        watch: is told z (n + N + K,) and the objective of every iteration; True stops the solver.
     """
     casadi: Any = import_module("casadi")
     n, m = program.variables.numel(), program.constraints.numel()
-    callback = _callback(casadi, n, m, watch)
-    nlp = {
-        "x": program.variables,
-        "p": program.mu,
-        "f": program.objective,
-        "g": program.constraints,
-    }
-    quiet = {"print_time": False, "show_eval_warnings": False, "error_on_fail": False}
-    ipopt = {"print_level": 0, "sb": "yes", "max_iter": _MOST_STEPS, "mu_strategy": "adaptive"}
-    options = {**quiet, "iteration_callback": callback, "ipopt": ipopt}
-    function = casadi.nlpsol("full_space", "ipopt", nlp, options)
-
-    def solve(x: Floats, mu: float) -> _Solution:
-        bounds = {"lbx": program.lower, "ubx": program.upper, "lbg": 0.0, "ubg": 0.0}
-        found = function(x0=x, p=mu, **bounds)
-        if callback.failure is not None:
-            raise callback.failure
-        stats = function.stats()
-        end = np.asarray(found["x"], dtype=np.float64).ravel()
-        return _Solution(
-            end, float(found["f"]), bool(stats["success"]), str(stats["return_status"])
-        )
-
-    return solve
-
-
-def _callback(casadi: Any, n: int, m: int, watch: Callable[[Floats, float], bool]) -> Any:
-    """What IPOPT calls after every iteration. An exception in it stops IPOPT and is kept."""
 
     class Callback(casadi.Callback):  # type: ignore[misc]
+        """What IPOPT calls after every iteration; an exception in it stops IPOPT and is kept."""
+
         def __init__(self) -> None:
             super().__init__()
             self.failure: BaseException | None = None
@@ -366,11 +297,32 @@ def _callback(casadi: Any, n: int, m: int, watch: Callable[[Floats, float], bool
             return casadi.Sparsity.dense(size[casadi.nlpsol_out(i)], 1)
 
         def eval(self, arguments: Any) -> list[int]:
-            x = np.asarray(arguments[0], dtype=np.float64).ravel()
+            z = np.asarray(arguments[0], dtype=np.float64).ravel()
             try:
-                return [int(watch(x, float(arguments[1])))]
+                return [int(watch(z, float(arguments[1])))]
             except BaseException as error:
                 self.failure = error
                 return [1]
 
-    return Callback()
+    callback = Callback()
+    nlp = {
+        "x": program.variables,
+        "p": program.mu,
+        "f": program.objective,
+        "g": program.constraints,
+    }
+    quiet = {"print_time": False, "show_eval_warnings": False, "error_on_fail": False}
+    ipopt = {"print_level": 0, "sb": "yes", "max_iter": _MOST_STEPS, "mu_strategy": "adaptive"}
+    options = {**quiet, "iteration_callback": callback, "ipopt": ipopt}
+    function = casadi.nlpsol("full_space", "ipopt", nlp, options)
+    bounds = {"lbx": program.lower, "ubx": program.upper, "lbg": 0.0, "ubg": 0.0}
+
+    def solve(z: Floats, mu: float) -> Solution:
+        end = function(x0=z, p=mu, **bounds)
+        if callback.failure is not None:
+            raise callback.failure
+        stats = function.stats()
+        z = np.asarray(end["x"], dtype=np.float64).ravel()
+        return Solution(z, float(end["f"]), bool(stats["success"]), str(stats["return_status"]))
+
+    return solve

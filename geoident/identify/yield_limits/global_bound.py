@@ -29,19 +29,10 @@ from geoident.identify.problem.methods import formulation_obstacle
 from geoident.identify.problem.outcome import History, Observer, Outcome
 from geoident.identify.problem.problem import Problem
 from geoident.identify.problem.responses import ComplementaritySystem
-from geoident.identify.yield_limits.condensed_system import (
-    CondensedSystem,
-    condensed,
-    condensing_obstacle,
-)
+from geoident.identify.yield_limits.condensed_system import condensed, condensing_obstacle
 from geoident.identify.yield_limits.implicit import implicit
 from geoident.identify.yield_limits.mixed_program import solve_box
-from geoident.identify.yield_limits.parameter_boxes import (
-    EnergyForm,
-    ParameterBox,
-    examined,
-    form_of,
-)
+from geoident.identify.yield_limits.parameter_boxes import ParameterBox, examined, form_of
 from geoident.model.arrays import Floats
 from geoident.model.methods import ComplementarityOptions, GaussNewtonOptions, loss_name
 from geoident.model.response import BilinearSystem
@@ -78,12 +69,95 @@ def global_bound(problem: Problem, options: ComplementarityOptions, observe: Obs
     why = formulation_obstacle(problem.response, "global") or _problem_obstacle(problem)
     _refuse(why)
     assert isinstance(problem.response, ComplementaritySystem)
-    system = problem.response.system()
-    _refuse(_system_obstacle(system))
-    first = implicit(problem, options, observe)
-    if first.status == STOPPED:
-        return first
-    return BranchAndBound(problem, options, observe, first).run(condensed(problem, system))
+    equations = problem.response.system()
+    _refuse(condensing_obstacle(equations) or _size_obstacle(equations))
+    best = implicit(problem, options, observe)
+    if best.status == STOPPED:
+        return best
+    first, system = best, condensed(problem, equations)
+    form = None if system.products else form_of(system.work[:, None] * system.slack_by_lam)
+    history = History("complementarity", problem.response, observe)
+    done, count = np.inf, 0  # lowest bound of the boxes that are done with, number of boxes
+    todo = [ParameterBox(system.lower, system.upper, 0.0, np.arange(system.n_pairs))]
+    while todo and history.stop is None and count < options.max_regions:
+        todo.sort(key=lambda box: box.bound)
+        allowed = options.gap * max(best.objective, 1.0)
+        goal, better = best.objective - allowed, max(best.objective, allowed)
+        if todo[0].bound >= goal:
+            break
+        box, closed = todo.pop(0), True
+        count += 1
+        smaller = examined(system, form, box, better)
+        if smaller is None:  # nothing below the best
+            done = min(done, best.objective)
+        elif smaller.bound >= goal:
+            box, done = smaller, min(done, smaller.bound)
+        else:
+            box, closed = smaller, False
+            if len(box.kept) <= FEW_PAIRS or box.size <= SMALL:
+                solved = solve_box(system, box, form, best=better, gap=0.5 * options.gap)
+                if solved.p is not None:
+                    best = _better_end(problem, options, solved.p * system.reference, best, goal)
+                if solved.complete or box.size <= SMALLEST:
+                    done, closed = min(done, solved.bound, best.objective), True
+                else:
+                    box = replace(box, bound=max(box.bound, solved.bound))
+        note = f"box {count}: bound {box.bound:.6g}, {len(box.kept)} pairs"
+        history.record(best.values, best.objective, step=box.size, note=note)
+        todo += [] if closed else box.halves()
+    bound = max(min([done, best.objective, *(box.bound for box in todo)]), 0.0)
+    best = replace(best, iterations=first.iterations + history.iterations)
+    return _judged(best, bound, count, options.gap, history.stop)
+
+
+def _judged(best: Outcome, bound: float, count: int, allowed: float, stop: str | None) -> Outcome:
+    """The best point with what the boxes prove of it."""
+    gap = (best.objective - bound) / max(best.objective, 1.0)
+    proven = gap <= 1.001 * allowed  # a thousandth for rounding
+    if proven:
+        status, reason = (
+            "converged",
+            (
+                f"The misfit {best.objective:.6g} is the lowest within the bounds: "
+                f"{bound:.6g} is a proven bound."
+            ),
+        )
+    elif stop is not None:
+        status, reason = STOPPED, stop
+    else:
+        status, reason = (
+            "not-converged",
+            (
+                f"After {count} boxes the proven bound is {bound:.6g}: raise max_regions or "
+                "give tighter bounds."
+            ),
+        )
+    proof = best.certificate
+    if proof is not None:
+        remark = (
+            f"No parameters within the bounds have a misfit below {bound:.6g}; "
+            f"{count} boxes of parameters were examined"
+        )
+        kind = "global" if proven else proof.kind
+        proof = replace(proof, kind=kind, bound=bound, gap=gap, remarks=(remark,))
+    return replace(best, status=status, reason=reason, certificate=proof)
+
+
+def _better_end(
+    problem: Problem, options: ComplementarityOptions, p: Floats, best: Outcome, goal: float
+) -> Outcome:
+    """The end of a descent of the model from p (n,), SI, if it is below the goal; else the best."""
+    try:
+        end = gauss_newton(problem.begun_at(p), GaussNewtonOptions(), _silent)
+    except ModelError:
+        return best
+    if end.objective >= goal:
+        return best
+    return implicit(problem.begun_at(end.values), replace(options, restarts=0), _silent)
+
+
+def _silent(entry: Iteration) -> str | None:
+    return None
 
 
 def _refuse(why: str | None) -> None:
@@ -105,145 +179,10 @@ def _problem_obstacle(problem: Problem) -> str | None:
     return None
 
 
-def _system_obstacle(system: BilinearSystem) -> str | None:
-    why = condensing_obstacle(system)
-    if why is None and system.n_pairs > MOST_PAIRS:
-        return (
-            f"{system.n_pairs} pairs of planes and multipliers are more than {MOST_PAIRS} "
-            "(planes times strain points times stages); use a coarser mesh or fewer planes"
-        )
-    return why
-
-
-class BranchAndBound:
-    """Branch and bound over boxes of parameters.
-
-    Args:
-        problem: readings, model and parameters with finite bounds.
-        options: gap and number of boxes.
-        observe: is told of every box; its reason to stop ends the search.
-        first: what the implicit method found.
-
-    Attributes:
-        best: the best point so far.
-        done: lowest bound of the boxes that are done with.
-        examined: number of boxes so far.
-        form: of the energy of all pairs, or None where parameters change it.
-    """
-
-    def __init__(
-        self,
-        problem: Problem,
-        options: ComplementarityOptions,
-        observe: Observer,
-        first: Outcome,
-    ) -> None:
-        self.problem, self.options = problem, options
-        self.history = History("complementarity", problem.response, observe)
-        self.best = first
-        self.before = first.iterations
-        self.done = np.inf
-        self.examined = 0
-        self.form: EnergyForm | None = None
-
-    def run(self, system: CondensedSystem) -> Outcome:
-        """All boxes, the most promising first."""
-        everything = np.arange(system.n_pairs)
-        if not system.products:
-            self.form = form_of(system.work[:, None] * system.slack_by_lam)
-        todo = [ParameterBox(system.lower, system.upper, 0.0, everything)]
-        while todo and self.history.stop is None and self.examined < self.options.max_regions:
-            todo.sort(key=lambda box: box.bound)
-            if todo[0].bound >= self.goal:
-                break
-            todo += self.visit(system, todo.pop(0))
-        return self.outcome(todo)
-
-    @property
-    def allowed(self) -> float:
-        """What the gap allows."""
-        return self.options.gap * max(self.best.objective, 1.0)
-
-    @property
-    def goal(self) -> float:
-        """A box with a bound of this is done with."""
-        return self.best.objective - self.allowed
-
-    def visit(self, system: CondensedSystem, box: ParameterBox) -> list[ParameterBox]:
-        """What is left to do of a box."""
-        self.examined += 1
-        better = max(self.best.objective, self.allowed)
-        found = examined(system, self.form, box, better)
-        if found is None:
-            self.close(self.best.objective)
-            return self.reported(box, [])
-        if found.bound >= self.goal:
-            self.close(found.bound)
-            return self.reported(found, [])
-        if len(found.kept) <= FEW_PAIRS or found.size <= SMALL:
-            solved = solve_box(system, found, self.form, best=better, gap=0.5 * self.options.gap)
-            if solved.p is not None:
-                self.improve(solved.p * system.reference)
-            if solved.complete or found.size <= SMALLEST:
-                self.close(min(solved.bound, self.best.objective))
-                return self.reported(found, [])
-            found = replace(found, bound=max(found.bound, solved.bound))
-        return self.reported(found, list(found.halves()))
-
-    def close(self, bound: float) -> None:
-        """Keeps the lowest bound of the boxes that are done with."""
-        self.done = min(self.done, bound)
-
-    def reported(self, box: ParameterBox, left: list[ParameterBox]) -> list[ParameterBox]:
-        """Tells the observer; returns what is left."""
-        note = f"box {self.examined}: bound {box.bound:.6g}, {len(box.kept)} pairs"
-        self.history.record(self.best.values, self.best.objective, step=box.size, note=note)
-        return left
-
-    def improve(self, p: Floats) -> None:
-        """Takes over a better point p (n,), SI, after a descent on the model from there."""
-        try:
-            found = gauss_newton(self.problem.begun_at(p), GaussNewtonOptions(), _silent)
-        except ModelError:
-            return
-        if found.objective < self.goal:
-            options = replace(self.options, restarts=0)
-            self.best = implicit(self.problem.begun_at(found.values), options, _silent)
-
-    def outcome(self, todo: list[ParameterBox]) -> Outcome:
-        """The best point with what is proven."""
-        bound = min([self.done, self.best.objective, *(box.bound for box in todo)])
-        bound = max(bound, 0.0)
-        gap = (self.best.objective - bound) / max(self.best.objective, 1.0)
-        proven = gap <= 1.001 * self.options.gap
-        proof = self.best.certificate
-        if proof is not None:
-            words = (
-                f"No parameters within the bounds have a misfit below {bound:.6g}; "
-                f"{self.examined} boxes of parameters were examined",
-            )
-            kind = "global" if proven else proof.kind
-            proof = replace(proof, kind=kind, bound=bound, gap=gap, remarks=words)
-        status, reason = self.ending(bound, proven)
-        iterations = self.before + self.history.iterations
-        return replace(
-            self.best, status=status, reason=reason, iterations=iterations, certificate=proof
-        )
-
-    def ending(self, bound: float, proven: bool) -> tuple[str, str]:
-        """Status and reason."""
-        if self.history.stop is not None and not proven:
-            return STOPPED, self.history.stop
-        if proven:
-            return "converged", (
-                f"The misfit {self.best.objective:.6g} is the lowest within the bounds: "
-                f"{bound:.6g} is a proven bound."
-            )
-        return "not-converged", (
-            f"After {self.examined} boxes the proven bound is {bound:.6g}: raise max_regions or "
-            "give tighter bounds."
-        )
-
-
-def _silent(entry: Iteration) -> str | None:
-    return None
+def _size_obstacle(system: BilinearSystem) -> str | None:
+    if system.n_pairs <= MOST_PAIRS:
+        return None
+    return (
+        f"{system.n_pairs} pairs of planes and multipliers are more than {MOST_PAIRS} "
+        "(planes times strain points times stages); use a coarser mesh or fewer planes"
+    )

@@ -9,7 +9,7 @@ Its discrepancy has many local minima. The way to the global one is
     restarts    descents from around the best point (`starts`), until the readings are met exactly
                 or some of them in a row found nothing better; one that has come as low as the best
                 point is left where its next step promises nothing better,
-    elsewhere   plain descents from other places where strengths ended unreached,
+    elsewhere   plain descents from other points where strengths ended unreached,
     certificate what kind of point it is (`stationarity`); on from there where a side of it is
                 lower.
 
@@ -24,7 +24,6 @@ there is better.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from copy import deepcopy
 from dataclasses import dataclass, replace
 from functools import partial
@@ -33,7 +32,7 @@ import numpy as np
 
 from geoident.errors import ModelError
 from geoident.identify.least_squares.acceptance import Iterate, Step
-from geoident.identify.least_squares.descent import Descent, Ending, Evaluator, Stopping
+from geoident.identify.least_squares.descent import Descent, Ending, Stopping
 from geoident.identify.least_squares.gauss_newton import gauss_newton_descent, gauss_newton_step
 from geoident.identify.least_squares.several_starts import halton_starts
 from geoident.identify.least_squares.trust_region import TrustBox
@@ -46,23 +45,21 @@ from geoident.identify.yield_limits.stationarity import (
     GLOBAL,
     NONE,
     StationarityCheck,
-    YieldIterate,
     certificate,
     check,
     open_above,
-    strengths,
-    yield_evaluator,
 )
-from geoident.model.arrays import Bools, Floats
+from geoident.identify.yield_limits.yield_points import YieldIterate, strengths, yield_evaluator
+from geoident.model.arrays import Floats
 from geoident.model.methods import ComplementarityOptions, GaussNewtonOptions
 from geoident.model.response import Response
 from geoident.model.yielding import Certificate
 
 EXACT = 1e-4
-"""Residuals below this part of the accuracies meet the readings exactly."""
+"""Residuals below this part of the standard deviations meet the readings exactly."""
 
 SAME = 1e-3
-"""A discrepancy lower by less than this part is no better one."""
+"""A misfit lower by less than this part is no better one: far below the scatter of phi."""
 
 _KINK = 1e-5
 """Steps shorter than this, relative, only go back and forth over a kink."""
@@ -84,6 +81,11 @@ _ROUNDS = 3
 _FALLBACKS = 8
 """Starts that are tried where neither the start nor the strongest ground has a solution."""
 
+_SPENT = (
+    "The search was not finished in {} evaluations: raise max_evaluations, start nearer to the "
+    "expected values or give tighter bounds."
+)
+
 _STALLED = (
     "The search ended at a kink of the response near which points are better: raise restarts or "
     "max_evaluations, or go on with the method simplex."
@@ -95,16 +97,8 @@ _AT_KINK = (
 )
 
 
-def _tried(descents: int) -> str:
-    """What further descents have shown, a sentence with a space before it; empty without any."""
-    if not descents:
-        return ""
-    count = "One further descent" if descents == 1 else f"{descents} further descents"
-    return f" {count} found nothing better."
-
-
 def implicit(problem: Problem, options: ComplementarityOptions, observe: Observer) -> Outcome:
-    """Minimises the discrepancy over the parameters, the stages solved for every trial.
+    """Minimises the misfit over the parameters, the stages solved for every trial.
 
     Args:
         problem: readings, a `YieldSystem`, and parameters.
@@ -148,43 +142,29 @@ def certificate_at(problem: Problem, p: Floats, history: History) -> Certificate
     Returns:
         The certificate; None where the model has no solution.
     """
-    model = _yield_system(problem)
+    model = problem.response
+    assert isinstance(model, YieldSystem)
     evaluator = yield_evaluator(Discrepancy(problem), history, model)
     point = evaluator.try_point(evaluator.scaling.to_scaled(p))
     if point is None:
         return None
-    exact = point.phi <= _exact(problem)
-    found = check(evaluator, point, exact=exact, spent=lambda: history.stop is not None)
-    return certificate(found, model.activity(point.p), model.names, exact=exact)
+    exact = point.phi <= EXACT**2 * len(problem.measured)
+    checked = check(evaluator, point, exact=exact, spent=lambda: history.stop is not None)
+    return certificate(checked, model.activity(point.p), model.names, exact=exact)
 
 
-def _yield_system(problem: Problem) -> YieldSystem:
-    assert isinstance(problem.response, YieldSystem)
-    return problem.response
-
-
-def _exact(problem: Problem) -> float:
-    """The discrepancy below which the readings are met exactly."""
-    return EXACT**2 * len(problem.measured)
-
-
-def is_better(found: Iterate, best: Iterate) -> bool:
+def is_better(point: Iterate, best: Iterate) -> bool:
     """A point is lower by more than what counts as the same."""
-    return found.phi < (1.0 - SAME) * best.phi
+    return point.phi < (1.0 - SAME) * best.phi
 
 
-def _waiting_step(box: TrustBox, point: YieldIterate, radius: float) -> Step:
-    """The best step; unreached planes stay where they are."""
-    return gauss_newton_step(box, point, radius)
-
-
-def _rising_step(box: TrustBox, point: YieldIterate, radius: float) -> Step:
-    """The best step; unreached planes rise out of its way.
+def _step(box: TrustBox, point: YieldIterate, radius: float, *, rising: bool) -> Step:
+    """The best step; unreached planes stay where they are, or rise out of its way.
 
     Where they all yield at once, the ground may collapse.
     """
     step = gauss_newton_step(box, point, radius)
-    if not point.unreached.any():
+    if not rising or not point.unreached.any():
         return step
     return replace(step, d=np.where(point.unreached, box.sides(point.x, ROOM)[1], step.d))
 
@@ -220,36 +200,32 @@ class ImplicitSearch:
         problem: readings, a `YieldSystem`, and parameters.
         options: restarts, tolerance, budget.
         observe: is told of every trial; its reason to stop ends the search.
-
-    Attributes:
-        evaluator: of all points.
-        descent: how to go down, as the last restart did.
-        tried: restarts so far.
     """
 
     def __init__(
         self, problem: Problem, options: ComplementarityOptions, observe: Observer
     ) -> None:
-        steps = GaussNewtonOptions(tolerance=options.tolerance)
+        assert isinstance(problem.response, YieldSystem)
+        self.problem, self.options, self.model = problem, options, problem.response
         discrepancy = Discrepancy(problem)
-        history = History("complementarity", problem.response, observe)
-        self.model = _yield_system(problem)
-        self.evaluator: Evaluator[YieldIterate] = yield_evaluator(discrepancy, history, self.model)
+        self.history = History("complementarity", problem.response, observe)
+        self.evaluator = yield_evaluator(discrepancy, self.history, self.model)
         self.scaling, box = self.evaluator.scaling, self.evaluator.box
+        steps = GaussNewtonOptions(tolerance=options.tolerance)
         stopping = Stopping(box, options.tolerance)
-        self.descents = [
-            Descent(self.evaluator, partial(step, box), stopping, steps.max_iterations)
-            for step in (_rising_step, _waiting_step)
-        ]
-        self.descent = self.descents[0]
-        self.plain: Descent[Iterate] = gauss_newton_descent(discrepancy, steps, history)
-        self.history = history
-        self.problem = problem
-        self.options = options
-        self.remarks: list[str] = []
-        self.exact = _exact(problem)
-        self.tried = 0
-        self._first = problem.response.counts.evaluations
+        self._rising, self._waiting = (
+            Descent(
+                self.evaluator, partial(_step, box, rising=rising), stopping, steps.max_iterations
+            )
+            for rising in (True, False)
+        )
+        self._descent = self._rising  # as the last restart went
+        self._plain: Descent[Iterate] = gauss_newton_descent(discrepancy, steps, self.history)
+        self._remarks: list[str] = []
+        self._exact = EXACT**2 * len(problem.measured)
+        self._freedom = max(len(problem.measured) - len(self.scaling), 1)
+        self._tried = 0
+        self._evaluated_before = problem.response.counts.evaluations
 
     def run(self) -> Outcome:
         """All of the module's head.
@@ -257,8 +233,8 @@ class ImplicitSearch:
         Raises:
             ModelError: no start has a solution.
         """
-        best, found = self.settled(self.from_elsewhere(self.improve(self.begin())))
-        return self.outcome(best, found)
+        best = self._from_elsewhere(self._improved(self._begin()))
+        return self._outcome(*self._settled(best))
 
     def descend(self) -> Outcome:
         """A descent from the start and its certificate.
@@ -268,130 +244,90 @@ class ImplicitSearch:
         """
         start = self.evaluator.evaluate(self.scaling.start)
         self.evaluator.record(self.scaling.start, start, 0.0, "start")
-        self.descent = self.descents[1]
-        best, found = self.settled(self.descent.run(start, self.stuck))
-        if found.lower is not None and not self.spent():  # changed weights make other kinks
-            best, found = self.settled(self.improve(found.lower))
-        return self.outcome(best, found)
+        self._descent = self._waiting
+        best, checked = self._settled(self._descent.run(start, self._stuck))
+        if checked.lower is not None and not self.spent():  # changed weights make other kinks
+            best, checked = self._settled(self._improved(checked.lower))
+        return self._outcome(best, checked)
 
-    def settled(self, best: Ending[YieldIterate]) -> tuple[Ending[YieldIterate], StationarityCheck]:
-        """An ending from which no side of a kink leads on, as far as a few rounds go."""
-        found = self.check(best)
-        for _ in range(_ROUNDS):
-            if found.lower is None or self.spent():
-                break
-            best = self.descent.run(found.lower, self.stuck)
-            found = self.check(best)
-        return best, found
+    def spent(self) -> bool:
+        """The evaluations are used up, or somebody stopped the search."""
+        used = self.model.counts.evaluations - self._evaluated_before
+        return used >= self.options.max_evaluations or self.history.stop is not None
 
-    def begin(self) -> YieldIterate:
+    def _begin(self) -> YieldIterate:
         """The given start or the best point of the scan, whichever is better.
+
+        Where the start has no solution: the strongest ground, or another point that has one, and
+        the start with its strengths raised until the ground stands. What was found with the
+        readings of fewer stages is often a little too weak for the later ones, and right in all
+        else.
 
         Raises:
             ModelError: no start has a solution.
         """
-        start, refused = None, None
+        scaling, evaluator = self.scaling, self.evaluator
+        start: YieldIterate | None = None
         try:
-            start = self.evaluator.evaluate(self.scaling.start)
+            point = start = evaluator.evaluate(scaling.start)
+            evaluator.record(scaling.start, start, 0.0, "start")
         except ModelError as error:
-            self.remarks.append(f"The search began elsewhere than at the start: {error.message}")
-            refused = error
-        note = "start" if start is not None else "start: no solution"
-        self.evaluator.record(self.scaling.start, start, 0.0, note)
-        point = start or self.fallback()
-        if point is None:
-            assert refused is not None
-            raise refused
-        strength = strengths(point.activity, self.scaling.slope(point.p))
-        if start is None and (start := self.retreat(strength)) is not None:
-            point = start
-        if not strength.any() or point.phi <= self.exact:
-            return point
-        return strength_scan(self.evaluator, strength, start) or point
-
-    def fallback(self) -> YieldIterate | None:
-        """Any point that has a solution, where the start has none: the strongest ground first."""
-        scaling = self.scaling
-        corner = np.where(np.isfinite(scaling.upper), scaling.upper, scaling.start)
-        places = (corner, *halton_starts(scaling, _FALLBACKS))
-        found = (self.evaluator.start(x, "rescue") for x in places)
-        return next((point for point in found if point is not None), None)
-
-    def retreat(self, strength: Bools) -> YieldIterate | None:
-        """The start with its strengths raised until the ground stands, or None.
-
-        What was found with the readings of fewer stages is often a little too weak for the later
-        ones, and right in all else.
-
-        Args:
-            strength: (n,) parameters that are raised together.
-        """
-        if not strength.any():
-            return None
-        for x in raised(self.scaling, strength):
-            if self.spent():
-                return None
-            point = self.evaluator.start(x, "stronger")
-            if point is not None:
-                return point
-        return None
-
-    def improve(self, start: YieldIterate) -> Ending[YieldIterate]:
-        """The best ending of a descent from a start and of restarts around it."""
-        self.descent = self.descents[0]
-        best = self.descent.run(start, self.stuck)
-        restarts = Restarts(self.strength_of(best.point), self.options.seed)
-        fruitless, left = 0, self.options.restarts
-        while left > 0 and not self.enough(best, fruitless):
-            most = min(left, self.patience(best) - fruitless)
-            for ending in self.restarted(restarts, best.point, most):
-                left -= 1
-                better = ending is not None and is_better(ending.point, best.point)
-                fruitless = 0 if better else fruitless + 1
-                lower = ending is not None and ending.point.phi < best.point.phi
-                if ending is not None and lower:
-                    best = ending
-                if lower or self.enough(best, fruitless):
+            self._remarks.append(f"The search began elsewhere than at the start: {error.message}")
+            evaluator.record(scaling.start, None, 0.0, "start: no solution")
+            strongest = np.where(np.isfinite(scaling.upper), scaling.upper, scaling.start)
+            for x in (strongest, *halton_starts(scaling, _FALLBACKS)):
+                rescue = evaluator.start(x, "rescue")
+                if rescue is not None:
                     break
-        return self.descent.run(best.point, self.stuck)
+            else:
+                raise
+            point = rescue
+        strength = strengths(point.activity, scaling.slope(point.p))
+        if start is None and strength.any():
+            for x in raised(scaling, strength):
+                start = None if self.spent() else evaluator.start(x, "stronger")
+                if start is not None or self.spent():
+                    break
+            point = start or point
+        if not strength.any() or point.phi <= self._exact:
+            return point
+        return strength_scan(evaluator, strength, start) or point
 
-    def enough(self, best: Ending[YieldIterate], fruitless: int) -> bool:
-        """No further restart is needed, or may be made."""
-        met = best.point.phi <= self.exact
-        return self.spent() or met or fruitless >= self.patience(best)
+    def _improved(self, start: YieldIterate) -> Ending[YieldIterate]:
+        """The best ending of a descent from a start and of restarts around it.
 
-    def restarted(
-        self, restarts: Restarts, best: YieldIterate, most: int
-    ) -> Iterator[Ending[YieldIterate] | None]:
-        """Descents from around the best point in turn; None where there is no solution.
-
-        Several are looked at ahead: they are the right ones as long as none of them is lower.
-
-        Args:
-            restarts: where they begin.
-            best: the best point.
-            most: how many at most.
+        Where there are several processes, restarts are computed ahead: they are the right ones as
+        long as none of them is lower.
         """
-        count = min(most, at_once(self.problem.response))
-        known = Iterate(best.x, best.p, best.model)
-        places, drawn = [], deepcopy(restarts)
-        for _ in range(count):
-            places.append(self.place(drawn, best))
-        looks = [
-            RestartLook(apart(self.problem), self.options, x, known, self.tried + k)
-            for k, x in enumerate(places)
-        ]
-        with in_turns(self.problem.response, looks) as turn:
-            for k in range(count):
-                turn(k)
-                x = self.place(restarts, best)
-                ending = self.restart(x, known, self.tried)
-                self.tried += 1
-                yield ending
-
-    def place(self, restarts: Restarts, best: YieldIterate) -> Floats:
-        """Where a restart begins, x (n,)."""
-        return self.scaling.clip(restarts.around(best, self.evaluator.box.unit(best.x)))
+        self._descent = self._rising
+        best = self._descent.run(start, self._stuck)
+        slope = self.scaling.slope(best.point.p)
+        restarts = Restarts(strengths(best.point.activity, slope), self.options.seed)
+        fruitless, left = 0, self.options.restarts
+        while left > 0 and not self._enough(best, fruitless):
+            most = min(left, self._patience(best) - fruitless)
+            around = best.point
+            known = Iterate(around.x, around.p, around.model)
+            drawn = deepcopy(restarts)
+            places = [self._place(drawn, around) for _ in range(min(most, at_once(self.model)))]
+            looks = [
+                RestartLook(apart(self.problem), self.options, x, known, self._tried + k)
+                for k, x in enumerate(places)
+            ]
+            with in_turns(self.model, looks) as turn:
+                for k in range(len(places)):
+                    turn(k)
+                    ending = self.restart(self._place(restarts, around), known, self._tried)
+                    self._tried += 1
+                    left -= 1
+                    lower = ending is not None and ending.point.phi < best.point.phi
+                    better = ending is not None and is_better(ending.point, best.point)
+                    fruitless = 0 if better else fruitless + 1
+                    if ending is not None and lower:
+                        best = ending
+                    if lower or self._enough(best, fruitless):
+                        break
+        return self._descent.run(best.point, self._stuck)
 
     def restart(self, x: Floats, best: Iterate, number: int) -> Ending[YieldIterate] | None:
         """One descent, left where it ends no lower than the best; None without a solution.
@@ -401,113 +337,108 @@ class ImplicitSearch:
             best: the best point.
             number: of the restart, from 0; every other one lets unreached planes rise.
         """
-        self.descent = self.descents[number % 2]
+        self._descent = self._waiting if number % 2 else self._rising
         start = self.evaluator.start(x, "restart")
 
         def give_up(steps: int, radius: float, lowest: float) -> bool:
             far = steps >= _SLOW and lowest > _FAR * best.phi
-            return far or steps >= _TRIAL_STEPS or self.stuck(steps, radius, lowest)
+            return far or steps >= _TRIAL_STEPS or self._stuck(steps, radius, lowest)
 
-        freedom = max(len(self.problem.measured) - len(self.scaling), 1)
-        beside = best.phi + _BESIDE * max(1.0, best.phi / freedom)
+        beside = best.phi + _BESIDE * max(1.0, best.phi / self._freedom)
 
         def returns(point: Iterate, full: Step) -> bool:
             promised = point.phi - full.gain
             no_lower = full.length <= _NEXT and promised >= (1.0 - _NO_LOWER) * best.phi
             return no_lower and best.phi <= point.phi <= beside
 
-        return None if start is None else self.descent.run(start, give_up, returns)
+        return None if start is None else self._descent.run(start, give_up, returns)
 
-    def from_elsewhere(self, best: Ending[YieldIterate]) -> Ending[YieldIterate]:
-        """Where strengths ended unreached: what a plain descent finds, if it is better.
+    def _place(self, restarts: Restarts, best: YieldIterate) -> Floats:
+        """Where a restart begins, x (n,)."""
+        return self.scaling.clip(restarts.around(best, self.evaluator.box.unit(best.x)))
 
-        With cohesion and friction both free, the ground may seem elastic with either far off; the
-        search then stays there, since what it knows of one strength holds only beside the other.
-        """
-        if not best.point.unreached.any() or best.point.phi <= self.exact or self.spent():
-            return best
-        for x in (self.scaling.start, self.weakened(best.point)):
-            start = self.plain.evaluator.start(x, "plain descent")
-            if start is None:
-                continue
-            found = self.plain.run(start, self.stuck)
-            if is_better(found.point, best.point):
-                best = self.improve(self.evaluator.evaluate(found.point.x))
-        return best
+    def _enough(self, best: Ending[YieldIterate], fruitless: int) -> bool:
+        """No further restart is needed, or may be made."""
+        met = best.point.phi <= self._exact
+        return self.spent() or met or fruitless >= self._patience(best)
 
-    def weakened(self, point: YieldIterate) -> Floats:
-        """A point (n,) like this one, with all that moves planes half way to the weak side."""
-        moves = np.any(point.activity.slopes != 0.0, axis=0)
-        start, lower = self.scaling.start, self.scaling.lower
-        half = 0.5 * (start + np.where(np.isfinite(lower), lower, start))
-        return np.where(moves, half, point.x)
-
-    def check(self, best: Ending[YieldIterate]) -> StationarityCheck:
-        """What one-sided derivatives say of the best ending.
-
-        Where few readings are met far better than their accuracies, there is a lower point beside
-        nearly every kink, by less than anybody will ever notice.
-        """
-        exact, least = best.point.phi <= self.exact, self.options.tolerance
-        return check(self.evaluator, best.point, exact=exact, spent=self.spent, least=least)
-
-    def stuck(self, number: int, radius: float, lowest: float) -> bool:
-        """The descent goes back and forth over a kink, or may cost no more.
-
-        Args:
-            number: of steps made.
-            radius: of the trust region.
-            lowest: phi so far; it plays no part.
-        """
-        return (number > 0 and radius <= _KINK) or self.spent()
-
-    def spent(self) -> bool:
-        """The evaluations are used up, or somebody stopped the search."""
-        used = self.model.counts.evaluations - self._first
-        return used >= self.options.max_evaluations or self.history.stop is not None
-
-    def patience(self, best: Ending[YieldIterate]) -> int:
+    def _patience(self, best: Ending[YieldIterate]) -> int:
         """Restarts in a row without a better point that end the search.
 
-        Few where what is left of the residuals is what the accuracies explain (chi-squared of the
+        Few where the residuals are explained by the errors of the readings (chi-squared of the
         degrees of freedom, three standard deviations to both sides); more where something is
         unexplained, or the readings are more exact than stated.
         """
         n = len(self.scaling)
-        freedom = max(len(self.problem.measured) - n, 1)
-        if abs(best.point.phi - freedom) <= 3.0 * np.sqrt(2.0 * freedom):
+        if abs(best.point.phi - self._freedom) <= 3.0 * np.sqrt(2.0 * self._freedom):
             return max(n, 2)
         return 3 * max(n * (n + 1) // 2, 2)
 
-    def strength_of(self, point: YieldIterate) -> Bools:
-        """Strengths (n,) at a point."""
-        return strengths(point.activity, self.scaling.slope(point.p))
+    def _from_elsewhere(self, best: Ending[YieldIterate]) -> Ending[YieldIterate]:
+        """Where strengths ended unreached: the end of a plain descent, if it is better.
 
-    def outcome(self, best: Ending[YieldIterate], found: StationarityCheck) -> Outcome:
-        """The best point with its certificate and the reason for stopping."""
-        point, exact = best.point, best.point.phi <= self.exact
-        above = () if exact else self.open_above(point)
-        proof = certificate(
-            found, self.model.activity(point.p), self.model.names, exact=exact, above=above
-        )
-        outcome = self.history.outcome(point.p, point.phi, *self.ending(best, proof))
-        return replace(outcome, remarks=tuple(self.remarks), certificate=proof)
+        With cohesion and friction both free, the ground may seem elastic with either far off; the
+        search then stays there, since what it knows of one strength holds only beside the other.
+        Plain descents begin at the start, and with all that moves planes half way to the weak side.
+        """
+        point = best.point
+        if not point.unreached.any() or point.phi <= self._exact or self.spent():
+            return best
+        moves = np.any(point.activity.slopes != 0.0, axis=0)
+        start, lower = self.scaling.start, self.scaling.lower
+        half = 0.5 * (start + np.where(np.isfinite(lower), lower, start))
+        for x in (start, np.where(moves, half, point.x)):
+            plain = self._plain.evaluator.start(x, "plain descent")
+            if plain is None:
+                continue
+            end = self._plain.run(plain, self._stuck).point
+            if is_better(end, best.point):
+                best = self._improved(self.evaluator.evaluate(end.x))
+        return best
 
-    def open_above(self, point: YieldIterate) -> list[str]:
-        """Strengths of which the readings do not exclude that no point reaches their planes."""
-        reached = self.strength_of(point) & ~point.unreached
-        found = open_above(self.evaluator, point, reached, spent=self.spent)
-        return [self.model.names[i] for i in np.flatnonzero(found)]
+    def _settled(
+        self, best: Ending[YieldIterate]
+    ) -> tuple[Ending[YieldIterate], StationarityCheck]:
+        """An ending from which no side of a kink leads on, as far as a few rounds go.
 
-    def ending(self, best: Ending[YieldIterate], proof: Certificate) -> tuple[str, str]:
-        """Status and reason."""
-        if proof.kind == GLOBAL:
-            return "converged", proof.remarks[0]
-        if self.spent():
-            return "not-converged", (
-                f"The search was not finished in {self.options.max_evaluations} evaluations: raise "
-                "max_evaluations, start nearer to the expected values or give tighter bounds."
+        Where few readings are met far better than their errors, there is a lower point beside
+        nearly every kink, by less than anybody will ever notice.
+        """
+        for rounds in range(_ROUNDS + 1):
+            checked = check(
+                self.evaluator,
+                best.point,
+                exact=best.point.phi <= self._exact,
+                spent=self.spent,
+                least=self.options.tolerance,
             )
-        if proof.kind == NONE:
-            return "not-converged", _STALLED
-        return "converged", f"{_AT_KINK if best.abandoned else best.reason}{_tried(self.tried)}"
+            if checked.lower is None or self.spent() or rounds == _ROUNDS:
+                break
+            best = self._descent.run(checked.lower, self._stuck)
+        return best, checked
+
+    def _stuck(self, number: int, radius: float, lowest: float) -> bool:
+        """After some steps, the descent goes back and forth over a kink, or may cost no more."""
+        return (number > 0 and radius <= _KINK) or self.spent()
+
+    def _outcome(self, best: Ending[YieldIterate], checked: StationarityCheck) -> Outcome:
+        """The best point with its certificate and the reason for stopping."""
+        point, names, exact = best.point, self.model.names, best.point.phi <= self._exact
+        above: list[str] = []
+        if not exact:
+            reached = strengths(point.activity, self.scaling.slope(point.p)) & ~point.unreached
+            flags = open_above(self.evaluator, point, reached, spent=self.spent)
+            above = [names[i] for i in np.flatnonzero(flags)]
+        proof = certificate(checked, self.model.activity(point.p), names, exact=exact, above=above)
+        status, reason = "converged", _AT_KINK if best.abandoned else best.reason
+        if proof.kind == GLOBAL:
+            reason = proof.remarks[0]
+        elif self.spent():
+            status, reason = "not-converged", _SPENT.format(self.options.max_evaluations)
+        elif proof.kind == NONE:
+            status, reason = "not-converged", _STALLED
+        elif self._tried:
+            descents = "One further descent" if self._tried == 1 else "{} further descents"
+            reason = f"{reason} {descents.format(self._tried)} found nothing better."
+        outcome = self.history.outcome(point.p, point.phi, status, reason)
+        return replace(outcome, remarks=tuple(self._remarks), certificate=proof)

@@ -18,6 +18,7 @@ import numpy as np
 
 from geoident.identify.yield_limits.condensed_system import CondensedSystem
 from geoident.identify.yield_limits.parameter_boxes import (
+    NEGLIGIBLE,
     EnergyForm,
     EnergyInequality,
     ParameterBox,
@@ -30,7 +31,7 @@ _MOST_NODES = 500
 
 @dataclass(frozen=True)
 class Solved:
-    """What branch and bound found out about a box.
+    """The result of branch and bound in a box.
 
     Args:
         bound: proven lower bound of the discrepancy; infinite where nothing is below the best.
@@ -55,73 +56,50 @@ def solve_box(
         best: the lowest discrepancy known; only what is below is of interest.
         gap: relative difference of bound and optimum that is near enough.
     """
-    model, p = _program(system, box, form, best)
+    scip: Any = import_module("pyscipopt")
+    model = scip.Model()
+    model.hideOutput()
+    part = system.only(box.kept)
+
+    def linear(constant: float, row: Floats, variables: list[Any]) -> Any:
+        some = np.flatnonzero(np.abs(row) > NEGLIGIBLE)
+        return scip.quicksum(float(row[j]) * variables[j] for j in some) + float(constant)
+
+    p = [model.addVar(lb=a, ub=b) for a, b in zip(box.lower, box.upper, strict=True)]
+    lam = [model.addVar(lb=0.0) for _ in box.kept]
+    rows = np.hstack([part.slack_by_p, part.slack_by_lam])
+    for i, (constant, row) in enumerate(zip(part.slack, rows, strict=True)):
+        value = linear(constant, row, p + lam)
+        for h, product in part.products.items():
+            if product[i].any():
+                value = value + p[h] * linear(0.0, product[i], lam)
+        slack = model.addVar(lb=0.0)
+        model.addCons(slack == value)
+        model.addConsSOS1([lam[i], slack], [1, 2])
+    edge = float(np.sqrt(best))
+    r = [model.addVar(lb=-edge, ub=edge) for _ in part.misfit]
+    rows = np.hstack([part.misfit_by_p, part.misfit_by_lam])
+    for variable, constant, row in zip(r, part.misfit, rows, strict=True):
+        model.addCons(variable == linear(constant, row, p + lam))
+    total = model.addVar(lb=0.0, ub=best)
+    model.addCons(scip.quicksum(x * x for x in r) <= total)
+    model.setObjective(total)
+    few = None if form is None else form.only(box.kept)
+    energy = EnergyInequality(part, few, box.lower, box.upper)
+    if energy.convex and lam:
+        size = float(np.abs(energy.linear).max(initial=0.0)) or 1.0
+        y = []
+        for row in np.linalg.qr(energy.root, mode="r") / np.sqrt(size):
+            y.append(model.addVar(lb=None))
+            model.addCons(y[-1] == linear(0.0, row, lam))
+        straight = linear(0.0, energy.linear / size, lam)
+        model.addCons(scip.quicksum(x * x for x in y) + straight <= 0.0)
     model.setParam("limits/nodes", _MOST_NODES)
     model.setParam("limits/gap", float(gap))
     model.optimize()
     status = model.getStatus()
     if status == "infeasible":
         return Solved(np.inf, None, True)
-    found = None
-    if model.getNSols():
-        found = np.array([model.getVal(x) for x in p])
+    point = np.array([model.getVal(x) for x in p]) if model.getNSols() else None
     bound = max(box.bound, float(model.getDualbound()))
-    return Solved(bound, found, status in ("optimal", "gaplimit"))
-
-
-def _program(
-    system: CondensedSystem, box: ParameterBox, form: EnergyForm | None, best: float
-) -> tuple[Any, list[Any]]:
-    scip: Any = import_module("pyscipopt")
-    model = scip.Model()
-    model.hideOutput()
-    part = system.only(box.kept)
-    p = [model.addVar(lb=a, ub=b) for a, b in zip(box.lower, box.upper, strict=True)]
-    lam = [model.addVar(lb=0.0) for _ in box.kept]
-    _complementarity(scip, model, part, p, lam)
-    edge = float(np.sqrt(best))
-    r = [model.addVar(lb=-edge, ub=edge) for _ in part.misfit]
-    rows = np.hstack([part.misfit_by_p, part.misfit_by_lam])
-    for variable, constant, row in zip(r, part.misfit, rows, strict=True):
-        model.addCons(variable == _linear(scip, constant, row, p + lam))
-    total = model.addVar(lb=0.0, ub=best)
-    model.addCons(scip.quicksum(x * x for x in r) <= total)
-    model.setObjective(total)
-    few = None if form is None else form.only(box.kept)
-    _energy(scip, model, EnergyInequality(part, few, box.lower, box.upper), lam)
-    return model, p
-
-
-def _complementarity(
-    scip: Any, model: Any, part: CondensedSystem, p: list[Any], lam: list[Any]
-) -> None:
-    grown = {
-        h: [_linear(scip, 0.0, row, lam) if row.any() else None for row in product]
-        for h, product in part.products.items()
-    }
-    rows = np.hstack([part.slack_by_p, part.slack_by_lam])
-    for i, (constant, row) in enumerate(zip(part.slack, rows, strict=True)):
-        slack = model.addVar(lb=0.0)
-        value = _linear(scip, constant, row, p + lam)
-        for h, terms in grown.items():
-            if terms[i] is not None:
-                value = value + p[h] * terms[i]
-        model.addCons(slack == value)
-        model.addConsSOS1([lam[i], slack], [1, 2])
-
-
-def _energy(scip: Any, model: Any, energy: EnergyInequality, lam: list[Any]) -> None:
-    if not energy.convex or not lam:
-        return
-    size = float(np.abs(energy.linear).max(initial=0.0)) or 1.0
-    y = []
-    for row in np.linalg.qr(energy.root, mode="r") / np.sqrt(size):
-        y.append(model.addVar(lb=None))
-        model.addCons(y[-1] == _linear(scip, 0.0, row, lam))
-    straight = _linear(scip, 0.0, energy.linear / size, lam)
-    model.addCons(scip.quicksum(x * x for x in y) + straight <= 0.0)
-
-
-def _linear(scip: Any, constant: float, row: Floats, variables: list[Any]) -> Any:
-    some = np.flatnonzero(np.abs(row) > 1e-11)
-    return scip.quicksum(float(row[j]) * variables[j] for j in some) + float(constant)
+    return Solved(bound, point, status in ("optimal", "gaplimit"))

@@ -25,12 +25,17 @@ import numpy as np
 from geoident.identify.yield_limits.condensed_system import CondensedSystem
 from geoident.model.arrays import Bools, Floats, Ints
 
-_RANK = 1e-10
-_ROUNDS = 25
-"""Tangents' turns for the edges of a box; its bound is worth more of them."""
+NEGLIGIBLE = 1e-11
+"""Entries of scaled rows below this are left out: solvers work to 1e-6 to 1e-9."""
 
-_MANY_ROUNDS = 200
-_CLOSE = 1e-5
+_RANK = 1e-10
+"""Eigenvalues of the energy below this part of the largest count as zero."""
+
+_EDGE_ROUNDS, _BOUND_ROUNDS = 25, 200
+"""Turns of tangents for an edge of a box, and for its bound, which is worth more of them."""
+
+_CUT = 1e-5
+"""Part of its terms by which a solution must break an inequality to get a tangent."""
 
 
 @dataclass(frozen=True)
@@ -123,11 +128,10 @@ class EnergyInequality:
         slack = system.slack + np.minimum(by_p * lower, by_p * upper).sum(axis=1)
         self.linear: Floats = system.work * slack
         if form is None:
-            grown = sum(
-                (lower[h] * product for h, product in system.products.items()),
-                system.slack_by_lam,
-            )
-            form = form_of(system.work[:, None] * grown)
+            hardened = system.slack_by_lam.copy()
+            for h, product in system.products.items():
+                hardened += lower[h] * product
+            form = form_of(system.work[:, None] * hardened)
         self.form = form
         self.root, self.convex = form.root, form.convex
 
@@ -185,89 +189,64 @@ def examined(
     part = system.only(box.kept)
     few = None if form is None else form.only(box.kept)
     energy = EnergyInequality(part, few, box.lower, box.upper)
-    may = energy.reachable()
-    relaxed = _Relaxation(part, energy, box, may, best)
-    bound = relaxed.bound()
-    if bound is None:
+    reachable = energy.reachable()
+    relaxation = _Relaxation(part, energy, box, reachable, best)
+    t = len(part.misfit) + relaxation.n + relaxation.q
+    x = relaxation.minimum(t, 1.0, rounds=_BOUND_ROUNDS)
+    if x is None and relaxation.lp.getDualRay() is not None:
         return None
-    lower, upper = relaxed.edges()
-    return ParameterBox(lower, upper, max(bound, box.bound), box.kept[may])
+    bound = box.bound if x is None else max(float(x[t]), box.bound)
+    lower, upper = box.lower.copy(), box.upper.copy()
+    room = 1e-6 * (upper - lower)  # for what the solver tolerates
+    for h in range(len(lower)):
+        low, high = relaxation.minimum(h, 1.0), relaxation.minimum(h, -1.0)
+        if low is not None and high is not None:
+            lower[h] = max(lower[h], low[h] - room[h])
+            upper[h] = min(upper[h], high[h] + room[h])
+    return ParameterBox(lower, upper, bound, box.kept[reachable])
 
 
 class _Relaxation:
-    """The linear program; columns are p, lam, the misfits r and t = sum r^2."""
+    """The linear program; columns are p (n), lam (q), the misfits r (g) and t >= sum r^2."""
 
     def __init__(
         self,
         part: CondensedSystem,
         energy: EnergyInequality,
         box: ParameterBox,
-        may: Bools,
+        reachable: Bools,
         best: float,
     ) -> None:
         from pyscipopt import LP  # noqa: PLC0415  (an extra)
 
-        self.part, self.energy, self.box = part, energy, box
-        n, q, g = len(box.lower), part.n_pairs, len(part.misfit)
-        self.n, self.q, self.g = n, q, g
+        self.energy = energy
+        self.n, self.q, g = len(box.lower), part.n_pairs, len(part.misfit)
         self.lp = LP()
-        infinity = self.lp.infinity()
-        edge = np.sqrt(best)
-        lower = [*box.lower, *np.zeros(q), *np.full(g, -edge), 0.0]
-        upper = [*box.upper, *np.where(may, infinity, 0.0), *np.full(g, edge), best]
-        count = n + q + g + 1
+        infinity, edge = self.lp.infinity(), np.sqrt(best)
+        lower = np.concatenate([box.lower, np.zeros(self.q), np.full(g, -edge), [0.0]])
+        most = np.where(reachable, infinity, 0.0)
+        upper = np.concatenate([box.upper, most, np.full(g, edge), [best]])
+        count = len(lower)
         self.lp.addCols(
-            [[] for _ in range(count)],
-            lbs=[float(x) for x in lower],
-            ubs=[float(x) for x in upper],
-            objs=[0.0] * count,
+            [[] for _ in range(count)], lbs=lower.tolist(), ubs=upper.tolist(), objs=[0.0] * count
         )
-        self.objective = np.zeros(count)
-        self._rows()
-
-    def _rows(self) -> None:
-        part, infinity = self.part, self.lp.infinity()
-        grown = part.slack_by_lam + sum(
-            (self.box.upper[h] * product for h, product in part.products.items()),
-            np.zeros_like(part.slack_by_lam),
-        )
-        for constant, row in zip(part.slack, np.hstack([part.slack_by_p, grown]), strict=True):
+        self._minimised: int | None = None
+        hardened = part.slack_by_lam.copy()
+        for h, product in part.products.items():
+            hardened += box.upper[h] * product
+        for constant, row in zip(part.slack, np.hstack([part.slack_by_p, hardened]), strict=True):
             self._add(row, -constant, infinity)
-        for a in range(self.g):
-            row = np.zeros(self.n + self.q + self.g)
-            row[: self.n], row[self.n : self.n + self.q] = (
-                part.misfit_by_p[a],
-                part.misfit_by_lam[a],
-            )
-            row[self.n + self.q + a] = -1.0
-            self._add(row, -part.misfit[a], -part.misfit[a])
-        self._add_for_lam(self.energy.linear, 0.0)
+        misfits = np.hstack([part.misfit_by_p, part.misfit_by_lam, -np.eye(g)])
+        for constant, row in zip(part.misfit, misfits, strict=True):
+            self._add(row, -constant, -constant)
+        self._add_for_lam(energy.linear, 0.0)
 
-    def bound(self) -> float | None:
-        """Lower bound of the discrepancy; None if the box is proven to be empty."""
-        x = self._minimise(self.n + self.q + self.g, 1.0, rounds=_MANY_ROUNDS)
-        if x is not None:
-            return float(x[-1])
-        return None if self.lp.getDualRay() is not None else self.box.bound
-
-    def edges(self) -> tuple[Floats, Floats]:
-        """(n,) and (n,): the smallest and largest parameters of the relaxation."""
-        lower, upper = self.box.lower.copy(), self.box.upper.copy()
-        slack = 1e-6 * (upper - lower)
-        for h in range(self.n):
-            low, high = self._minimise(h, 1.0), self._minimise(h, -1.0)
-            if low is not None and high is not None:
-                lower[h] = max(lower[h], low[h] - slack[h])
-                upper[h] = min(upper[h], high[h] + slack[h])
-        return lower, upper
-
-    def _minimise(self, column: int, sign: float, *, rounds: int = _ROUNDS) -> Floats | None:
+    def minimum(self, column: int, sign: float, *, rounds: int = _EDGE_ROUNDS) -> Floats | None:
         """The solution of the smallest sign times one column; None where there is none."""
-        for other in np.flatnonzero(self.objective):
-            self.lp.chgObj(int(other), 0.0)
-        self.objective[:] = 0.0
-        self.objective[column] = sign
+        if self._minimised is not None:
+            self.lp.chgObj(self._minimised, 0.0)
         self.lp.chgObj(column, sign)
+        self._minimised = column
         x: Floats | None = None
         for _ in range(rounds):
             self.lp.solve()
@@ -279,31 +258,26 @@ class _Relaxation:
         return x
 
     def _cut(self, x: Floats) -> bool:
-        """Adds tangents where a solution breaks the energy or the discrepancy."""
-        lam = x[self.n : self.n + self.q]
-        r, t = x[self.n + self.q : -1], x[-1]
-        y = self.energy.root @ lam
-        bent, straight = float(y @ y), float(self.energy.linear @ lam)
-        cut = False
-        if self.energy.convex and bent + straight > _CLOSE * (bent + abs(straight)) + 1e-12:
-            at = y * max(min(1.0, -straight / bent), 0.05)
-            self._add_for_lam(self.energy.linear + 2.0 * self.energy.root.T @ at, float(at @ at))
-            cut = True
-        if float(r @ r) > t + _CLOSE * max(float(r @ r), 1e-6):
-            row = np.zeros(self.n + self.q + self.g + 1)
-            row[self.n + self.q : -1] = 2.0 * r
-            row[-1] = -1.0
-            self._add(row, -self.lp.infinity(), float(r @ r))
-            cut = True
-        return cut
+        """Adds tangents where a solution breaks the energy or the discrepancy; whether it does."""
+        n, q, energy = self.n, self.q, self.energy
+        lam, r, t = x[n : n + q], x[n + q : -1], x[-1]
+        y = energy.root @ lam
+        bent, straight = float(y @ y), float(energy.linear @ lam)
+        breaks_energy = bent + straight > _CUT * (bent + abs(straight)) + 1e-12
+        if energy.convex and breaks_energy:
+            at = y * max(min(1.0, -straight / bent), 0.05)  # drawn back to the surface
+            self._add_for_lam(energy.linear + 2.0 * energy.root.T @ at, float(at @ at))
+        square = float(r @ r)
+        breaks_misfit = square > t + _CUT * max(square, 1e-6)
+        if breaks_misfit:
+            row = np.concatenate([np.zeros(n + q), 2.0 * r, [-1.0]])
+            self._add(row, -self.lp.infinity(), square)
+        return bool((energy.convex and breaks_energy) or breaks_misfit)
 
     def _add_for_lam(self, row: Floats, upper: float) -> None:
         size = float(np.abs(row).max(initial=0.0)) or 1.0
-        full = np.zeros(self.n + self.q)
-        full[self.n :] = row / size
-        self._add(full, -self.lp.infinity(), upper / size)
+        self._add(np.append(np.zeros(self.n), row / size), -self.lp.infinity(), upper / size)
 
     def _add(self, row: Floats, lower: float, upper: float) -> None:
-        some = np.flatnonzero(np.abs(row) > 1e-11)
-        entries = [(int(j), float(row[j])) for j in some]
+        entries = [(int(j), float(row[j])) for j in np.flatnonzero(np.abs(row) > NEGLIGIBLE)]
         self.lp.addRow(entries, lhs=float(lower), rhs=float(upper))

@@ -1,13 +1,14 @@
 """Where descents for yield limits begin: a scan of the strengths, restarts around the best point.
 
 **Scan.** Strong ground is cheap (few points yield, Newton converges at once) and has a solution;
-weak ground is dear and may collapse. So the scan begins with all strengths at their upper bounds,
-lowers them by a common factor of at most `STEP` between two points, geometrically between the
-bounds of each, and ends where the discrepancy has clearly begun to rise, is a small part of that of
-the strongest ground (`NEAR`), or the ground collapses. One parameter, whatever their number: what
-separates the strengths is left to the descent that follows. A given start that is as near needs no
-scan. Parameters that are no strengths (moduli, in-situ stress, friction angles) stay at their
-start, and a point is judged by what the linearised discrepancy would be after their best step.
+weak ground takes many iterations and may collapse. So the scan begins with all strengths at their
+upper bounds, lowers them by a common factor of at most `STEP` between two points, geometrically
+between the bounds of each, and ends where the discrepancy has clearly begun to rise, is a small
+part of that of the strongest ground (`NEAR`), or the ground collapses. One parameter, whatever
+their number: what separates the strengths is left to the descent that follows. A given start that
+is as near needs no scan. Parameters that are no strengths (moduli, in-situ stress, friction angles)
+stay at their start, and a point is judged by what the linearised discrepancy would be after their
+best step.
 
 **Retreat.** A given start at which the ground collapses, as the answer for fewer stages may be, has
 its strengths raised by `RAISE`, and by the square of the last factor each time that this is not
@@ -37,7 +38,7 @@ import numpy as np
 from geoident.identify.least_squares.descent import Evaluator
 from geoident.identify.least_squares.gauss_newton import phi_after_step
 from geoident.identify.problem.scaling import Scaling
-from geoident.identify.yield_limits.stationarity import YieldIterate
+from geoident.identify.yield_limits.yield_points import YieldIterate
 from geoident.model.arrays import Bools, Floats
 
 STEP = 1.5

@@ -3,7 +3,7 @@
 ``/posterior`` has one variable a parameter (chain, draw), in SI units; the modes of a field
 together (chain, draw, mode). ``/posterior_predictive`` has the predicted ``readings`` (chain, draw,
 reading), with ``channel`` and ``stage_name`` of each; where there are many, of every few draws.
-``/sample_stats`` has the log density ``lp``. How far the draws are to be believed stands in the
+``/sample_stats`` has the log density ``lp``. How reliable the draws are stands in the
 attributes of ``/posterior`` and in ``/posterior_summary``.
 """
 

@@ -257,7 +257,7 @@ def _surface(result: Result) -> tuple[Block, ...]:
 
 
 def _posterior(result: Result) -> tuple[Block, ...]:
-    """How far the draws are to be believed, and their table."""
+    """How reliable the draws are, and their table."""
     if result.posterior is None:
         return ()
     said = tag("p", posterior.cost_sentence(result.posterior))

@@ -17,7 +17,7 @@ from functools import partial
 from multiprocessing import get_context
 from typing import TypeVar
 
-from geoident import forked
+from geoident import processors
 from geoident.report.saving.collector import older_left_alone
 
 _Item = TypeVar("_Item")
@@ -34,8 +34,8 @@ def side_by_side(draw: Callable[[_Item], bytes], items: Sequence[_Item]) -> list
         draw: makes the file of an item.
         items: what to draw.
     """
-    processes = min(forked.processors(), _MOST, len(items))
-    if processes < 2 or len(items) < _FEW or not forked.may_fork():
+    processes = min(processors.processors(), _MOST, len(items))
+    if processes < 2 or len(items) < _FEW or not processors.may_fork():
         return [draw(item) for item in items]
     _drawn[:] = [partial(draw, item) for item in items]
     try:

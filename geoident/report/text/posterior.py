@@ -62,10 +62,10 @@ def cost_sentence(found: PosteriorDraws) -> str:
     drawn = f"{found.n_draws} draws"
     drawn += f" in {chains} chains of {length}" if chains > 1 else ""
     if math.isfinite(found.pareto_k):
-        judged = f"Pareto k {found.pareto_k:.2f} (to be believed up to 0.7)"
+        judged = f"Pareto k {found.pareto_k:.2f} (reliable up to 0.7)"
         share = f"{100 * found.acceptance:.0f} % of the evaluations count"
     else:
-        judged = f"largest R-hat {found.largest_r_hat:.3f} (to be believed up to 1.01)"
+        judged = f"largest R-hat {found.largest_r_hat:.3f} (reliable up to 1.01)"
         share = f"{100 * found.acceptance:.0f} % of the steps were accepted"
     return (
         f"{drawn} by {found.sampler} sampling, worth {found.least_effective:.0f} independent ones;"

@@ -136,7 +136,7 @@ def _parameters_in_words(result: Result) -> str:
 
 
 def _parameters(result: Result) -> str:
-    """The parameters under a heading, and how far draws of them are to be believed."""
+    """The parameters under a heading, and how reliable draws of them are."""
     said = _parameters_in_words(result)
     if result.posterior is None:
         return section("Parameters", said)

@@ -10,6 +10,7 @@ import numpy as np
 from geoident.errors import TimeIsUp
 from geoident.forward.protocols import CaseModel, Survey
 from geoident.identify.assessment.diagnostics import effective_sd
+from geoident.identify.assessment.profile_path import Nonlinearity
 from geoident.identify.assessment.uncertainty import Assessment
 from geoident.identify.assessment.unknown_variances import OverAccuracies
 from geoident.identify.problem.outcome import Outcome
@@ -33,9 +34,8 @@ from geoident.workflow.estimating.model_error_covariance import (
     reading_steps,
 )
 from geoident.workflow.estimating.predictions import (
-    Bends,
     KnownErrors,
-    follow_open_bound,
+    follow_bound,
     predict_stages,
 )
 from geoident.workflow.estimating.rivals import mixed_prediction, weighed_minima
@@ -85,7 +85,7 @@ class Estimate:
         survey: the model at the parameters.
         counts: of all.
         errors: what the used readings tell of those that later ones share; None where none do.
-        bends: how readings deviate from linear where a bound leaves a parameter open, or None.
+        nonlinearity: how readings deviate from linear where a bound truncates a parameter, or None.
         rivals: other minima, with the lowest; None where there are none.
         others: what is known at the rivals, in their order without the first.
         evidence: of the model, None where the search did not converge.
@@ -98,7 +98,7 @@ class Estimate:
     survey: Survey
     counts: Counts
     errors: KnownErrors | None = None
-    bends: Bends | None = None
+    nonlinearity: Nonlinearity | None = None
     rivals: Rivals | None = None
     others: tuple[Estimate, ...] = ()
     evidence: Evidence | None = None
@@ -123,13 +123,15 @@ def look(
     assessment = assess_robustly(problem, outcome.values, computed, jacobian, over)
     diagnostics = diagnostics_table(problem, readings, outcome.values, assessment)
     before = setup.model.counts
-    assessment, bends = follow_open_bound(
+    assessment, nonlinearity = follow_bound(
         setup.model, setup.case, problem, outcome.values, survey, readings, assessment
     )
     counts = further(counts, before, setup.model.counts)
     left = replace(problem, sd=effective_sd(problem, computed))
     known = known_errors(setup, left, survey, computed, jacobian)
-    found = Estimate(outcome, assessment, readings, diagnostics, survey, counts, known, bends)
+    found = Estimate(
+        outcome, assessment, readings, diagnostics, survey, counts, known, nonlinearity
+    )
     rivals, evidence = weighed_minima(problem, outcome, computed, jacobian)
     weighed = None if setup.model_error is None else setup.model_error.weighed
     if evidence is not None and weighed is not None:
@@ -236,7 +238,9 @@ def predicted(setup: Setup, found: Estimate, stages: Bools) -> Prediction:
         stages: (n_stages,) which.
     """
     sd = accuracies(setup.case)
-    first = predict_stages(found.survey, found.assessment, sd, stages, found.errors, found.bends)
+    first = predict_stages(
+        found.survey, found.assessment, sd, stages, found.errors, found.nonlinearity
+    )
     if found.rivals is None:
         return first
     others = [predicted(setup, other, stages) for other in found.others]

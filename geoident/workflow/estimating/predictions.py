@@ -11,8 +11,9 @@ from geoident.errors import ModelError
 from geoident.forward.protocols import CaseModel, Survey
 from geoident.identify.assessment.diagnostics import effective_sd
 from geoident.identify.assessment.later_readings import LaterReadings, given_used, later_covariance
-from geoident.identify.assessment.open_path import Answers, OpenPath, followed
-from geoident.identify.assessment.uncertainty import Assessment, Bend, predict_band
+from geoident.identify.assessment.prediction_bands import predict_band
+from geoident.identify.assessment.profile_path import Nonlinearity, PathReadings, with_profile
+from geoident.identify.assessment.uncertainty import Assessment
 from geoident.identify.problem.errors import ErrorStructure
 from geoident.identify.problem.problem import Problem
 from geoident.model.arrays import Bools, Floats, Ints
@@ -43,7 +44,7 @@ def predict_stages(
     accuracy: Floats,
     stages: Bools,
     known: KnownErrors | None = None,
-    bends: Bends | None = None,
+    nonlinearity: Nonlinearity | None = None,
 ) -> Prediction:
     """Bands of the computed readings at the given stages.
 
@@ -54,21 +55,21 @@ def predict_stages(
         stages: (n_stages,) the stages to predict.
         known: what the used readings tell of errors that later ones share; None where all are
             independent.
-        bends: how readings deviate from linear where a bound leaves a parameter open; None for not
-            at all.
+        nonlinearity: how the readings of all channels and stages, row by row, deviate from linear
+            where a bound truncates a parameter; None for not at all.
     """
     computed = survey.computed
     wanted = np.isfinite(computed) & np.isfinite(accuracy) & stages[None, :]
     mean = np.where(wanted, computed, np.nan)
     sensitivity = survey.sensitivity[wanted]
-    bend = None if bends is None else bends.of(wanted)
+    curved = None if nonlinearity is None else nonlinearity.of(wanted.ravel())
     if known is not None:
         later = known.of(np.argwhere(wanted), sensitivity)
         mean[wanted] += later.shift
         wider = known.wider(np.argwhere(wanted), sensitivity, assessment)
-        band = predict_band(assessment, later.jacobian, later.sd, bend, wider)
+        band = predict_band(assessment, later.jacobian, later.sd, curved, wider)
     else:
-        band = predict_band(assessment, sensitivity, accuracy[wanted], bend)
+        band = predict_band(assessment, sensitivity, accuracy[wanted], curved)
 
     def placed(values: Floats) -> Floats:
         table = np.full(computed.shape, np.nan)
@@ -264,36 +265,16 @@ def without_collapses(findings: Sequence[str]) -> tuple[str, ...]:
     return tuple(text for text in findings if not (text.startswith(begin) and text.endswith(end)))
 
 
-# What a bound leaves open, where the model is not linear (theory 6.3)
+# Where a bound truncates a parameter and the model is not linear there (theory 6.3)
 
 
-def _said(survey: Survey, readings: ReadingTable) -> Answers:
+def _path_readings(survey: Survey, readings: ReadingTable) -> PathReadings:
     """What a survey says of the used readings and of all channels and stages."""
     rows = survey.sensitivity.reshape(survey.computed.size, -1)
-    return Answers(*at_used(readings), survey.computed.ravel(), rows)
+    return PathReadings(*at_used(readings), survey.computed.ravel(), rows)
 
 
-@dataclass(frozen=True)
-class Bends:
-    """How all readings deviate from linear along what a bound leaves open.
-
-    Args:
-        path: its points, with the readings of all channels and stages, row by row.
-        t: (K,) where the points of the posterior lie on it.
-        undetermined: the open parameter is not determined.
-    """
-
-    path: OpenPath
-    t: Floats
-    undetermined: bool
-
-    def of(self, places: Bools) -> Bend:
-        """Of the readings at some places (n_channels, n_stages)."""
-        chosen = replace(self.path, bend=self.path.bend[:, places.ravel()])
-        return Bend(chosen.bent(self.t), self.undetermined)
-
-
-def follow_open_bound(
+def follow_bound(
     model: CaseModel,
     case: Case,
     problem: Problem,
@@ -301,8 +282,8 @@ def follow_open_bound(
     survey: Survey,
     readings: ReadingTable,
     assessment: Assessment,
-) -> tuple[Assessment, Bends | None]:
-    """The assessment and the readings along a parameter that its bound leaves open.
+) -> tuple[Assessment, Nonlinearity | None]:
+    """The assessment and the readings along the parameter that its bound truncates most.
 
     Costs nothing where no bound is near, and one evaluation where the model is linear there.
 
@@ -316,19 +297,16 @@ def follow_open_bound(
         assessment: of the linearised model.
     """
 
-    def evaluate(p: Floats) -> Answers | None:
+    def evaluate(p: Floats) -> PathReadings | None:
         try:
             if model.admissible(p) is not None:
                 return None
             there = model.survey(p, fields=False, partial=True)
         except ModelError:
             return None
-        return _said(there, with_computed(readings, case, model, there, p))
+        return _path_readings(there, with_computed(readings, case, model, there, p))
 
     weighted = replace(problem, sd=effective_sd(problem, readings.computed[readings.used]))
-    assessment, path = followed(assessment, weighted, values, _said(survey, readings), evaluate)
-    if path is None:
-        return assessment, None
-    i = path.parameter
-    known = assessment.determined[i] | assessment.from_prior[i]
-    return assessment, Bends(path, assessment.posterior.shift[i], not bool(known))
+    here = _path_readings(survey, readings)
+    assessment, path = with_profile(assessment, weighted, values, here, evaluate)
+    return assessment, None if path is None else Nonlinearity.along(path, assessment)

@@ -19,8 +19,8 @@ from geoident.identify.assessment.laplace import (
     laplace_mass,
     log_normalisation,
     log_prior_volume,
-    mixture_interval,
 )
+from geoident.identify.assessment.normal_mixture import mixture_interval
 from geoident.identify.least_squares.acceptance import Iterate
 from geoident.identify.least_squares.several_starts import RIVAL, Angles, distinct_minima
 from geoident.identify.problem.outcome import LocalMinimum, Outcome
@@ -146,7 +146,8 @@ def _evidence(
 def stand_apart(rivals: Rivals) -> Bools:
     """Parameters (n,) of which the minima that matter say different things."""
     sd = np.sqrt(np.diagonal(rivals.covariance, axis1=1, axis2=2))
-    distance = np.abs(rivals.values - rivals.values[0]) / np.sqrt(sd**2 + sd[0] ** 2)
+    apart = np.sqrt(sd**2 + sd[0] ** 2)  # zero where bounds coincide, and with them the values
+    distance = np.abs(rivals.values - rivals.values[0]) / np.maximum(apart, 1e-300)
     counts = rivals.odds >= min(0.5 * (1.0 - SETTLED), float(rivals.odds[0]))
     return np.asarray((distance > APART)[counts].any(axis=0), dtype=np.bool_)
 

@@ -13,6 +13,8 @@ from dataclasses import dataclass
 from types import TracebackType
 from typing import TYPE_CHECKING, Generic, Protocol, Self, TypeVar
 
+from geoident.processors import processors
+
 if TYPE_CHECKING:
     from geoident.workflow.executing.parcel import Parcel
 
@@ -193,9 +195,6 @@ CORES = "GEOIDENT_CORES"
 
 def usable_cores() -> int:
     """Cores that this process may use: those of the machine, or its share of them."""
-    try:
-        here = len(os.sched_getaffinity(0))
-    except AttributeError:  # not on every system
-        here = os.cpu_count() or 1
-    said = os.environ.get(CORES, "")
-    return max(1, min(here, int(said))) if said.isdecimal() else here
+    here = processors()
+    limit = os.environ.get(CORES, "")
+    return max(1, min(here, int(limit))) if limit.isdecimal() else here

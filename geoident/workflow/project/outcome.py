@@ -12,8 +12,8 @@ import numpy as np
 
 from geoident.errors import ExitCode, ModelError
 from geoident.identify.assessment.uncertainty import assess
-from geoident.identify.hierarchical.arrangement import SectionReadings
 from geoident.identify.hierarchical.bands import ReadingBands, reading_bands
+from geoident.identify.hierarchical.joint_problem import SectionReadings
 from geoident.identify.hierarchical.knowledge import (
     Interval95,
     SectionMisfit,
@@ -217,7 +217,7 @@ class _Tables:
     ) -> None:
         self._job, self._models, self._whole = job, models, whole
         self._knowledge = knowledge
-        self._fit, self._made = whole.fit, whole.fit.arrangement
+        self._fit, self._joint = whole.fit, whole.fit.joint
 
     def gaps(self) -> tuple[str, ...]:
         """What the sections together do not determine, in sentences."""
@@ -226,10 +226,10 @@ class _Tables:
         return assess(problem, values, J, v).findings
 
     def common(self) -> tuple[CommonParameter, ...]:
-        made, found = self._made, self._knowledge.common()
-        owner = {q.name: law.parameter for law in made.laws for q in law.constants}
+        joint, found = self._joint, self._knowledge.common()
+        owner = {q.name: law.parameter for law in joint.laws for q in law.constants}
         rows = []
-        for k, q in enumerate(made.unknowns[: made.n_common]):
+        for k, q in enumerate(joint.unknowns[: joint.n_common]):
             value, sd, low, high = _numbers(found, k)
             determined = _is_determined(q, value, sd)
             rows.append(
@@ -242,15 +242,15 @@ class _Tables:
         return tuple(rows)
 
     def laws(self) -> tuple[LawEstimate, ...]:
-        made, tau, scatter = self._made, self._fit.tau, self._knowledge.scatter
+        joint, tau, scatter = self._joint, self._fit.tau, self._knowledge.scatter
         rows = []
-        for k, law in enumerate(made.laws):
-            q, unit = made.templates[law.parameter], made.reference[k]
+        for k, law in enumerate(joint.laws):
+            q, unit = joint.templates[law.parameter], joint.reference[k]
             low, high = (tau[k], tau[k])
             if law.scatter.kind == "estimate":
                 ends = scatter.interval(k)
                 low, high = min(ends[0], tau[k]), max(ends[1], tau[k])
-            state = _scatter_state(law, float(tau[k]), float(high), float(made.largest[k]))
+            state = _scatter_state(law, float(tau[k]), float(high), float(joint.largest[k]))
             rows.append(
                 LawEstimate(
                     law.parameter, law.text, q.scale, float(tau[k] * unit), float(low * unit),
@@ -290,8 +290,8 @@ class _Tables:
     def notes(self) -> tuple[str, ...]:
         """What is to be known of the cases, and of priors that do not count."""
         said = [note for one in self._whole.prepared for note in one.notes]
-        for law in self._made.laws:
-            if self._made.templates[law.parameter].prior is not None:
+        for law in self._joint.laws:
+            if self._joint.templates[law.parameter].prior is not None:
                 said.append(
                     f"The prior of {law.parameter} in the cases does not count: the law takes its "
                     "place."
@@ -303,7 +303,7 @@ class _Tables:
         parameters: list[SectionParameter] = []
         readings: list[SectionReading] = []
         position = {n: k for k, n in enumerate(self._whole.numbers)}
-        points = {n: self._made.point(k, self._fit.outcome.values)[0] for n, k in position.items()}
+        points = {n: self._joint.point(k, self._fit.outcome.values)[0] for n, k in position.items()}
         shown = dict(zip(points, self._models.shown(list(points.items())), strict=True))
         for n, section in enumerate(self._job.project.sections):
             if section.predicted:
@@ -317,16 +317,16 @@ class _Tables:
 
     def _fitted_parameters(self, n: int, k: int) -> list[SectionParameter]:
         found = self._knowledge.section(k)
-        law = self._knowledge.law(self._made.sections[k])
+        law = self._knowledge.law(self._joint.sections[k])
         shrinkage = self._knowledge.shrinkage(k)
         alone = self._whole.prepared[n].alone
         rows = []
-        for i, q in enumerate(self._made.sections[k].parameters):
+        for i, q in enumerate(self._joint.sections[k].parameters):
             kind = _kind(self._whole, q.name)
-            at = self._made.law_of(q.name)
+            at = self._joint.law_of(q.name)
             rows.append(
                 _row(
-                    self._made.sections[k].name, q, kind, _numbers(found, i),
+                    self._joint.sections[k].name, q, kind, _numbers(found, i),
                     (float(alone[0, i]), float(alone[1, i]), float(alone[2, i])),
                     _law_numbers(law, at), _NAN if kind == SHARED else float(shrinkage[i]),
                 )
@@ -337,7 +337,7 @@ class _Tables:
         self, n: int, k: int, shown: tuple[Floats, Floats] | None
     ) -> list[SectionReading]:
         """Readings of a section: those of the fit, and others with bands."""
-        name = self._made.sections[k].name
+        name = self._joint.sections[k].name
         if shown is None:
             return []
         v, J = shown
@@ -364,7 +364,7 @@ class _Tables:
         """Each law along each of its covariates."""
         rows: list[LawPoint] = []
         sections = self._job.project.sections
-        for k, law in enumerate(self._made.laws):
+        for k, law in enumerate(self._joint.laws):
             constants = {q.name for q in law.constants}
             names = [n for n in dict.fromkeys(law.formula.names()) if n not in constants]
             for name in names:
@@ -382,7 +382,7 @@ class _Tables:
     def _point(
         self, k: int, law: ParameterLaw, name: str, covariates: dict[str, float]
     ) -> list[LawPoint]:
-        q = self._made.templates[law.parameter]
+        q = self._joint.templates[law.parameter]
         none = np.zeros(0)
         section = SectionReadings("", (q,), covariates, none, none)
         try:
@@ -415,7 +415,7 @@ def predicted_section(
     law = knowledge.law(section)
     rows = []
     for i, q in enumerate(section.parameters):
-        at = fitted.fit.arrangement.law_of(q.name)
+        at = fitted.fit.joint.law_of(q.name)
         alone = prepared.alone[:, i]
         rows.append(
             _row(
@@ -443,10 +443,10 @@ def predicted_section(
 
 
 def _kind(fitted: Fitted, name: str) -> str:
-    made = fitted.fit.arrangement
-    if name in made.shared:
+    joint = fitted.fit.joint
+    if name in joint.shared:
         return SHARED
-    return OWN if made.law_of(name) is None else LAW
+    return OWN if joint.law_of(name) is None else LAW
 
 
 def _row(

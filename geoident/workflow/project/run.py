@@ -10,7 +10,7 @@ import numpy as np
 
 from geoident.errors import ExitCode, InputError, Interrupted, ModelError, Term, TimeIsUp
 from geoident.fem.solvers.threads import one_thread
-from geoident.identify.hierarchical.arrangement import SectionReadings
+from geoident.identify.hierarchical.joint_problem import SectionReadings
 from geoident.identify.hierarchical.search import SectionsStart, fit_sections
 from geoident.io.result.checkpoint import EvaluationLog
 from geoident.io.result.file import read_identity
@@ -202,15 +202,15 @@ class _Fits:
                 return ()
             words = f"{position + 1} of {len(whole.numbers)} sections left out in turn"
             self._control.monitor.part(words, position / len(whole.numbers))
-            made, values = whole.fit.arrangement, whole.fit.outcome.values
+            joint, values = whole.fit.joint, whole.fit.outcome.values
             points = [
-                made.point(k, values)[0]
+                joint.point(k, values)[0]
                 for k, n in enumerate(whole.numbers) if n != number
             ]  # fmt: skip
             begin = SectionsStart(
-                values[: made.n_common],
+                values[: joint.n_common],
                 tuple(points),
-                np.where(whole.fit.tau > 0.0, whole.fit.tau, 0.02 * made.largest),
+                np.where(whole.fit.tau > 0.0, whole.fit.tau, 0.02 * joint.largest),
             )
             found.append(LeftOut(number, self.of(others, begin)))
         return tuple(found)

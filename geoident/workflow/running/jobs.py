@@ -9,20 +9,19 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from geoident import __version__
 from geoident.errors import Fault, InputError, Location, ModelError, Term
 from geoident.fem.solvers import pick_solver
-from geoident.forked import WorkBeside
 from geoident.forward.checks import faults_on_mesh
 from geoident.forward.elsewhere.model import ElsewhereModel
 from geoident.forward.ground.field import mode_parameters
 from geoident.forward.model import StagedModel, staged_model
 from geoident.forward.openings.model import OpeningModel, opening_model
 from geoident.forward.protocols import CaseModel
+from geoident.io.case.file import FaultyCase, PartOfCase, parse_case, read_case
 from geoident.io.loaded import LoadedCase
 from geoident.io.mesh.file import mesh_files, read_mesh
 from geoident.io.result.file import FORMAT
@@ -45,9 +44,6 @@ from geoident.workflow.running.outputs import (
     target,
 )
 from geoident.workflow.running.readings import readings_of
-
-if TYPE_CHECKING:
-    from geoident.io.case.file import PartOfCase
 
 NO_READINGS = "readings=[]"
 """Override for a case whose readings are not asked for; their file need not be there."""
@@ -117,7 +113,6 @@ def load_inputs(
     *,
     overrides: Sequence[str] = (),
     text: str | None = None,
-    beside: WorkBeside[LoadedCase] | None = None,
 ) -> Inputs:
     """Read a case (``-`` is stdin) with overrides such as ``parameters.E.start=9 GPa``.
 
@@ -128,19 +123,10 @@ def load_inputs(
         path: of the case.
         overrides: texts ``path=value`` in place of what it says.
         text: of the case where it stands in no file; its path need not be there then.
-        beside: who reads the same case meanwhile; None for nobody.
 
     Raises:
         InputError: with all faults of the case.
     """
-    if beside is not None and (read := beside.found()) is not None:
-        return _hashed(path, read)
-    from geoident.io.case.file import (  # noqa: PLC0415 - not needed where it was read beside
-        FaultyCase,
-        parse_case,
-        read_case,
-    )
-
     try:
         if text is not None:
             return _hashed(path, parse_case(text, path, overrides=tuple(overrides)))
@@ -176,8 +162,6 @@ def inputs_of_result(result: Result, path: str) -> Inputs:
     Raises:
         InputError: the case cannot be read as this version reads it.
     """
-    from geoident.io.case.file import parse_case  # noqa: PLC0415 - see `load_inputs`
-
     try:
         loaded = parse_case(result.case_resolved, path, overrides=[NO_READINGS])
     except InputError as error:
@@ -448,30 +432,28 @@ class Job:
         return self.found is Existing.UP_TO_DATE and not self.request.fresh
 
 
-def plan_fit(request: Request, *, beside: WorkBeside[LoadedCase] | None = None) -> Job:
+def plan_fit(request: Request) -> Job:
     """Read a case that is to be fitted, and look at what stands where its result goes.
 
     Args:
         request: what to do.
-        beside: who reads the case of the request meanwhile; None for nobody.
 
     Raises:
         InputError: the case is wrong.
         OutputError: the result could not be written, or another one would be lost.
     """
-    inputs = _inputs(request, beside)
+    inputs = _inputs(request)
     return _plan(request, inputs, "fit", inputs.case.fit.methods)
 
 
-def _inputs(request: Request, beside: WorkBeside[LoadedCase] | None) -> Inputs:
+def _inputs(request: Request) -> Inputs:
     """The case of a request as it is written."""
-    said, text = request.overrides, request.text
-    return load_inputs(request.case, overrides=said, text=text, beside=beside)
+    return load_inputs(request.case, overrides=request.overrides, text=request.text)
 
 
-def plan_backtest(request: Request, *, beside: WorkBeside[LoadedCase] | None = None) -> Job:
+def plan_backtest(request: Request) -> Job:
     """The same for a case that is to be fitted to ever more of its stages."""
-    inputs = _inputs(request, beside)
+    inputs = _inputs(request)
     return _plan(request, inputs, "backtest", inputs.case.fit.methods)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from geoident.forward.elsewhere.convergence import LawModel
 from geoident.forward.protocols import CaseModel
-from geoident.identify.assessment.uncertainty import predict_band
+from geoident.identify.assessment.prediction_bands import predict_band
 from geoident.model.dual import Dual
 from geoident.model.gauges import Channel
 from geoident.units import in_unit, shown_unit

@@ -12,7 +12,7 @@ import numpy as np
 
 from geoident.errors import InputError, ModelError
 from geoident.forward.ground.field import named_parameters
-from geoident.identify.assessment.scores import Innovations, chance, scores
+from geoident.identify.assessment.scores import Innovations, p_value, scores
 from geoident.identify.problem.ahead import begins_near
 from geoident.identify.problem.problem import Problem
 from geoident.identify.problem.scaling import Scaling
@@ -316,7 +316,7 @@ def backtest_of(setup: Setup, trials: Sequence[PartialFit], skipped: Sequence[Sk
     )
     accuracy = setup.as_stated().case.accuracies[:, None]  # whatever was fitted
     kinds = [channel.dimension for channel in setup.case.channels]
-    by_chance = chance([_innovations(trial) for trial in trials])
+    by_chance = p_value([_innovations(trial) for trial in trials])
     return Backtest(
         steps=tuple(trial.step for trial in trials),
         skipped=tuple(skipped),

@@ -5,8 +5,9 @@ import pytest
 from scipy.stats import norm
 
 from geoident.identify.assessment.findings import Direction
+from geoident.identify.assessment.prediction_bands import predict_band
 from geoident.identify.assessment.spectrum import SingularDirections, sparse_basis, without
-from geoident.identify.assessment.uncertainty import assess, predict_band
+from geoident.identify.assessment.uncertainty import assess
 from geoident.identify.problem.problem import Problem
 from geoident.model.parameter import Parameter, Prior
 

@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import quad
 from scipy.stats import binom, multivariate_normal, norm, t
 
-from geoident.identify.assessment.scores import Innovations, chance, changes, scores
+from geoident.identify.assessment.scores import Innovations, changes, p_value, scores
 from geoident.model.results.backtest import bands_of
 from geoident.model.results.bands import Bands, next_read
 
@@ -108,40 +108,40 @@ def test_log_scores_of_next_readings_add_up_to_the_density_of_all():
 class TestChance:
     def test_of_independent_errors_is_binomial(self):
         z = np.array([0.1, 2.5, -3.0, 0.4, 1.0, -0.3])  # four of six inside
-        assert chance([Innovations(z, np.eye(6))]).few == pytest.approx(
+        assert p_value([Innovations(z, np.eye(6))]).few == pytest.approx(
             binom.cdf(4, 6, 0.95), abs=0.004
         )
 
     def test_errors_that_are_one_are_all_outside_as_often_as_one(self):
         z, R = np.full(10, 2.5), np.ones((10, 10))
-        assert chance([Innovations(z, R)]).few == pytest.approx(0.05, abs=0.005)
-        assert chance([Innovations(z, np.eye(10))]).few < 1e-3
+        assert p_value([Innovations(z, R)]).few == pytest.approx(0.05, abs=0.005)
+        assert p_value([Innovations(z, np.eye(10))]).few < 1e-3
 
     def test_one_error_that_is_far_off_is_seen_among_many(self):
         z = np.zeros(20)
         z[3] = 9.0
-        found = chance([Innovations(z, np.eye(20))])
+        found = p_value([Innovations(z, np.eye(20))])
         assert found.few > 0.3
         assert found.far < 1e-3
         assert found.least == found.far
 
     def test_fits_count_as_independent(self):
         one = Innovations(np.array([2.5, 2.5]), np.ones((2, 2)))
-        assert chance([one]).few == pytest.approx(0.05, abs=0.005)
-        assert chance([one, one]).few == pytest.approx(0.05**2, abs=0.0015)
+        assert p_value([one]).few == pytest.approx(0.05, abs=0.005)
+        assert p_value([one, one]).few == pytest.approx(0.05**2, abs=0.0015)
 
     def test_estimated_accuracies_make_large_errors_less_rare(self):
         """One reading from an accuracy with 5 degrees of freedom: Student's distribution."""
         z, R = np.array([3.0]), np.ones((1, 1))
-        assert chance([Innovations(z, R, 5.0)]).far == pytest.approx(2 * t.sf(3.0, 5), abs=0.004)
-        assert chance([Innovations(z, R)]).far == pytest.approx(2 * norm.sf(3.0), abs=0.001)
+        assert p_value([Innovations(z, R, 5.0)]).far == pytest.approx(2 * t.sf(3.0, 5), abs=0.004)
+        assert p_value([Innovations(z, R)]).far == pytest.approx(2 * norm.sf(3.0), abs=0.001)
 
     def test_of_nothing(self):
-        assert chance([]).least == 1.0
+        assert p_value([]).least == 1.0
 
     def test_is_the_same_every_time(self):
         group = Innovations(np.array([2.5, 0.1]), np.array([[1.0, 0.5], [0.5, 1.0]]))
-        assert chance([group]) == chance([group])
+        assert p_value([group]) == p_value([group])
 
 
 def test_changes_of_a_mean_that_grows_are_independent_standard_normal():

@@ -3,8 +3,9 @@ import pytest
 from scipy.stats import norm, truncnorm
 
 from geoident.identify.assessment.findings import join
+from geoident.identify.assessment.prediction_bands import predict_band
 from geoident.identify.assessment.spectrum import sparse_basis
-from geoident.identify.assessment.uncertainty import assess, predict_band
+from geoident.identify.assessment.uncertainty import assess
 from geoident.identify.least_squares.gauss_newton import gauss_newton
 from geoident.identify.problem.problem import Problem
 from geoident.model.methods import GaussNewtonOptions

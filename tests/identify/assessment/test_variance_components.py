@@ -6,7 +6,7 @@ import scipy.sparse as sp
 
 from geoident.identify.assessment import variance_components
 from geoident.identify.assessment.variance_components import (
-    HeldLast,
+    ConditionalLikelihood,
     LikelihoodTerms,
     RestrictedLikelihood,
     _descended,
@@ -400,7 +400,7 @@ def test_information_and_gradient_are_those_of_dense_matrices(y, monkeypatch, de
 
 def test_the_last_of_the_components_may_be_held_with_a_weak_prior_of_the_others(y):
     whole = likelihood_with_all(y)
-    held = HeldLast(whole, 0.2, 1.7)
+    held = ConditionalLikelihood(whole, 0.2, 1.7)
     t = np.array([0.3, -0.4])
     at = np.array([0.3, -0.4, 0.2])
     prior = (0.15 / 1.7) ** 2 + (0.2 / 1.7) ** 2

@@ -11,15 +11,10 @@ from scipy.optimize import minimize
 
 from geoident.errors import ModelError
 from geoident.identify.direct.simplex import (
-    Minimum,
-    SimplexEnding,
     SimplexMove,
-    _clearly_better,
-    _ending,
-    _Simplex,
-    _steps,
     first_simplex,
     minimise,
+    moved,
     simplex,
 )
 from geoident.identify.problem.problem import Problem
@@ -120,19 +115,6 @@ def test_moves_are_those_of_scipy_step_by_step() -> None:
     assert np.allclose(ours[:55], asked[:55], rtol=0.0, atol=1e-12)
 
 
-def test_a_simplex_that_shrinks_keeps_its_best_vertex_and_halves_all_edges() -> None:
-    """A valley inside that is seen from nowhere: every trial point is worse than all vertices."""
-    vertices = np.array([[0.0, 0.0], [2.0, 0.0], [0.0, 4.0]])
-    halved = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 2.0]])
-    known = {tuple(x): value for x, value in zip(halved[1:].tolist(), (0.5, 0.25), strict=True)}
-    found = _Simplex(lambda x: known.get(tuple(x), 9.0), SHARP, None)
-    found.x, found.values = vertices.copy(), np.array([1.0, 2.0, 3.0])
-    assert found.move() == "shrunk"
-    assert found.evaluations == 4  # reflected, contracted, and two vertices
-    np.testing.assert_array_equal(found.x, halved[[2, 1, 0]])
-    np.testing.assert_array_equal(found.values, [0.25, 0.5, 1.0])
-
-
 def test_equal_values_around_a_minimum_do_not_end_the_search() -> None:
     found = minimise(
         lambda x: float(x[0] ** 2), np.array([-0.25]), options=SimplexOptions(size=0.5, restarts=0)
@@ -202,52 +184,6 @@ def test_inadmissible_neighbours_of_the_start_are_avoided() -> None:
     assert np.all(np.isfinite(values))
     found = minimise(objective, np.zeros(2), options=SimplexOptions(restarts=2))
     assert found.x == pytest.approx([-0.01, 0.7], abs=1e-4)
-
-
-def test_steps_go_there_and_back_and_are_halved_twenty_times() -> None:
-    found = list(_steps(-3.0))
-    assert len(found) == 40
-    assert found[0::2] == [-3.0 / 2**k for k in range(20)]
-    assert found[1::2] == [3.0 / 2**k for k in range(20)]
-
-
-@pytest.mark.parametrize(
-    ("best", "worst", "size", "rests"),
-    [
-        (0.5, 0.5 + 0.9e-6, 0.9e-3, True),
-        (0.5, 0.5 + 1.1e-6, 0.9e-3, False),
-        (0.5, 0.5 + 0.9e-6, 1.1e-3, False),
-        (20.0, 20.0 + 19e-6, 0.9e-3, True),
-        (20.0, 20.0 + 21e-6, 0.9e-3, False),
-        (-20.0, -20.0 + 19e-6, -0.9e-3, True),
-        (-20.0, -20.0 + 21e-6, -1.1e-3, False),
-    ],
-)
-def test_the_search_rests_when_values_and_simplex_are_both_small(
-    best: float, worst: float, size: float, rests: bool
-) -> None:
-    search = _Simplex(rosenbrock, SimplexOptions(delta=1e-6), None)
-    search.x = np.array([[7.0, 1.0], [7.0, 1.0 + 0.5 * size], [7.0 + size, 1.0]])
-    search.values = np.array([best, best, worst])
-    assert search.size == pytest.approx(abs(size))
-    assert search.rests == rests
-
-
-@pytest.mark.parametrize(
-    ("value", "before", "better"),
-    [
-        (0.5 - 1.1e-3, 0.5, True),
-        (0.5 - 0.9e-3, 0.5, False),
-        (20.0 - 0.021, 20.0, True),
-        (20.0 - 0.019, 20.0, False),
-        (-20.021, -20.0, True),
-        (-20.019, -20.0, False),
-    ],
-)
-def test_a_restart_is_clearly_better_by_the_root_of_the_tolerance(
-    value: float, before: float, better: bool
-) -> None:
-    assert _clearly_better(value, before, 1e-6) == better
 
 
 def test_new_simplexes_are_as_large_as_the_first_and_turned_the_other_way_each_time() -> None:
@@ -413,21 +349,6 @@ def test_an_observer_that_stops_at_the_start_pays_for_one_evaluation() -> None:
 
 
 @pytest.mark.parametrize(
-    ("ending", "status", "said"),
-    [
-        ("converged", "converged", "the same at its vertices (tolerance 1e-06)."),
-        ("moved", "not-converged", "The last restart still found a clearly better point"),
-        ("evaluations", "not-converged", "did not converge in 77 evaluations"),
-    ],
-)
-def test_every_ending_has_its_words(ending: SimplexEnding, status: str, said: str) -> None:
-    minimum = Minimum(np.zeros(1), 0.0, 5, ending)
-    found = _ending(minimum, SimplexOptions(delta=1e-6, max_evaluations=77))
-    assert found[0] == status
-    assert said in found[1]
-
-
-@pytest.mark.parametrize(
     ("answers", "note", "asked"),
     [
         # from the centre (1.5, -1) and the worst (2, 5)
@@ -454,13 +375,12 @@ def test_every_move_goes_where_its_coefficients_say(
         seen.append(x.tolist())
         return next(left)
 
-    search = _Simplex(objective, options, None)
-    search.x = np.array([[1.0, 0.0], [2.0, -2.0], [2.0, 5.0]])
-    search.values = np.array([1.0, 2.0, 3.0])
-    assert search.move() == note
+    x = np.array([[1.0, 0.0], [2.0, -2.0], [2.0, 5.0]])
+    (x, values), did = moved(objective, x, np.array([1.0, 2.0, 3.0]), options)
+    assert did == note
     np.testing.assert_allclose(seen, asked)
-    assert search.values[0] == min([1.0, *answers])
-    assert np.all(np.diff(search.values) >= 0.0)
+    assert values[0] == min([1.0, *answers])
+    assert np.all(np.diff(values) >= 0.0)
 
 
 def test_observer_stops_the_search_with_the_best_so_far() -> None:

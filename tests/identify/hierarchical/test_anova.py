@@ -42,7 +42,7 @@ def test_scatter_level_and_sections_are_those_of_the_closed_form():
     tau, m, z = by_hand(y)
     fit = fitted(y)
     assert fit.outcome.status == "converged"
-    np.testing.assert_allclose(fit.tau * fit.arrangement.reference, tau, rtol=1e-5)
+    np.testing.assert_allclose(fit.tau * fit.joint.reference, tau, rtol=1e-5)
     np.testing.assert_allclose(fit.outcome.values, [m, *z], rtol=1e-5)
 
 
@@ -52,7 +52,7 @@ def test_a_scatter_that_the_sections_do_not_show_is_zero():
     fit = fitted(y)
     assert by_hand(y)[0] == 0.0
     assert fit.tau[0] == 0.0
-    assert not fit.arrangement.scattering.any()
+    assert not fit.joint.scattering.any()
     np.testing.assert_allclose(fit.outcome.values, [y.mean()], rtol=1e-7)
     low, high = SectionsKnowledge(fit).scatter.interval(0)
     assert low == 0.0
@@ -71,7 +71,7 @@ def test_the_restricted_likelihood_is_that_of_the_layout():
         return (S - 1) * np.log(var) + np.sum((means - means.mean()) ** 2) / var
 
     sizes = np.array([0.0, 0.1, 0.5, 1.0, 3.0])
-    found = [fit.linear.minus_two_log(np.array([t]) / fit.arrangement.reference) for t in sizes]
+    found = [fit.linear.minus_two_log(np.array([t]) / fit.joint.reference) for t in sizes]
     known = closed(sizes)
     np.testing.assert_allclose(np.array(found) - found[0], known - known[0], atol=1e-6)
 
@@ -99,20 +99,17 @@ def test_intervals_know_that_the_scatter_is_known_poorly():
     y = np.repeat(layout(0.7, S=6).mean(axis=1)[:, None], N, axis=1)
     sections = [section(f"S{s}", (Z,), row, 1e-4) for s, row in enumerate(y)]
     models = Formulas(tuple(linear_model(np.ones((N, 1))) for _ in y))
-    knowledge = SectionsKnowledge(fit_sections(sections, (), (level(),), models, quiet))
+    fit = fit_sections(sections, (), (level(),), models, quiet)
+    knowledge = SectionsKnowledge(fit)
     # the density of tau is tau^-(S-1) exp(-SS / 2 tau^2): t with S - 2 degrees of freedom
     means = y.mean(axis=1)
     half = t.ppf(0.975, 4) * np.sqrt(np.sum((means - means.mean()) ** 2) / 4 / 6)
     low, high = knowledge.common().lower95[0], knowledge.common().upper95[0]
     np.testing.assert_allclose(high - low, 2 * half, rtol=0.01)
     # tau^2 = SS / chi2 with S - 2: the quantiles of its posterior hold 95 %
-    low, high = knowledge.scatter.interval(0) * knowledge_reference(knowledge)
+    low, high = np.array(knowledge.scatter.interval(0)) * fit.joint.reference[0]
     inside = np.diff(chi2.cdf(np.sum((means - means.mean()) ** 2) / np.array([high, low]) ** 2, 4))
     np.testing.assert_allclose(inside, 0.95, atol=0.003)
-
-
-def knowledge_reference(knowledge):
-    return knowledge._made.reference[0] * np.ones(2)
 
 
 def test_a_section_of_other_ground_is_found():
@@ -151,7 +148,7 @@ def test_two_laws_that_have_nothing_to_do_with_each_other_are_two_layouts():
     models = Formulas(tuple(linear_model(matrix) for _ in both))
     fit = fit_sections(sections, (), (level(), other), models, quiet)
     known = [by_hand(first), by_hand(second)]
-    sizes = fit.tau * fit.arrangement.reference
+    sizes = fit.tau * fit.joint.reference
     np.testing.assert_allclose(sizes, [known[0][0], known[1][0]], rtol=1e-4)
     np.testing.assert_allclose(fit.outcome.values[:2], [known[0][1], known[1][1]], rtol=1e-5)
     alone = SectionsKnowledge(fitted(second)).common()

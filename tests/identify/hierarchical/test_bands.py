@@ -12,31 +12,6 @@ from geoident.identify.hierarchical.knowledge import FurtherSection, Interval95
 from geoident.identify.problem.scaling import Scaling
 from geoident.model.parameter import Parameter
 
-A, B, C = np.array([2.0, -1.0]), np.array([0.5, 0.3]), np.array([-0.2, 0.4])
-V0 = np.array([7.0, -3.0])
-
-
-def change(t):
-    return A * t + B * t**2 + C * t**3
-
-
-def slope(t):
-    return A + 2.0 * B * t + 3.0 * C * t**2
-
-
-def test_a_cubic_is_met_between_the_ends_and_its_tangent_beyond():
-    ends = [bands._Side(t, V0 + change(t), slope(t)) for t in (-1.5, 2.0)]
-    found = bands._along(np.array([-3.0, -1.0, -0.2, 0.7, 2.0, 3.5]), A, V0, ends)
-    inside = [change(t) for t in (-1.0, -0.2, 0.7, 2.0)]
-    assert found[1:5] == pytest.approx(np.array(inside), rel=1e-12)
-    assert found[0] == pytest.approx(change(-1.5) - 1.5 * slope(-1.5), rel=1e-12)
-    assert found[5] == pytest.approx(change(2.0) + 1.5 * slope(2.0), rel=1e-12)
-
-
-def test_where_an_end_is_unknown_the_slope_at_the_middle_holds():
-    found = bands._along(np.array([-2.0, 1.0]), A, V0, [None, None])
-    assert found == pytest.approx(np.outer([-2.0, 1.0], A))
-
 
 def curve(z):
     """A reading that follows a cubic of the parameter, and one that it does not move."""
@@ -98,54 +73,16 @@ def moments():
     return mean, within + 0.3 * 0.7 * np.outer(apart, apart)
 
 
-def test_axes_are_those_of_the_covariance_of_the_mixture():
-    axes, sizes = bands._principal(two())
-    np.testing.assert_allclose((axes * sizes**2) @ axes.T, moments()[1], rtol=1e-12)
-    np.testing.assert_allclose(axes.T @ axes, np.eye(2), atol=1e-12)
-    thin = np.diag([0.04, 0.9e-12 * 0.04])[None]
-    assert len(bands._principal(two(np.zeros((1, 2)), thin, np.ones(1)))[1]) == 1
-    thick = np.diag([0.04, 1.1e-12 * 0.04])[None]
-    assert len(bands._principal(two(np.zeros((1, 2)), thick, np.ones(1)))[1]) == 2
-    nothing = two(np.zeros((1, 2)), np.zeros((1, 2, 2)), np.ones(1))
-    assert bands._principal(nothing)[0].shape == (2, 0)
+def test_parameters_keep_to_their_bounds():
+    """A band of the parameters themselves, beside a bound of each."""
+    near = two(values=(59.0, -19.9))
 
+    def evaluate(points):
+        return [(p.copy(), np.eye(2)) for p in points]
 
-def test_draws_have_the_moments_of_the_mixture_and_keep_to_the_bounds():
-    x = bands._draws(two(), np.random.default_rng(0))
-    mean, covariance = moments()
-    assert x.shape == (20000, 2)
-    sd = np.sqrt(np.diag(covariance))
-    assert np.all(np.abs(x.mean(axis=0) - mean) < 4.0 * sd / np.sqrt(20000))
-    np.testing.assert_allclose(np.cov(x.T), covariance, rtol=0.04)
-    near = bands._draws(two(values=(59.0, -19.9)), np.random.default_rng(0))
-    high, low = np.log(60.0 / 59.0), -0.1 / REFERENCE
-    assert near[:, 0].max() == pytest.approx(high)
-    assert near[:, 1].min() == pytest.approx(low)
-    inside = (x[:, 0] < high) & (x[:, 1] > low)
-    np.testing.assert_allclose(near[inside], x[inside], atol=1e-12)
-
-
-def test_ways_along_an_axis_end_at_the_first_bound():
-    axes, sizes = np.array([[0.6, -0.8], [0.8, 0.6]]), np.array([0.5, 2.0])
-    p = np.array([4.0, -3.0])
-    ways = bands._Axes(two(), axes, sizes)
-    for k, t in ((0, 1.0), (0, -2.0), (1, 0.5)):  # within
-        assert ways.reach(k, t) == pytest.approx(t)
-        step = axes[:, k] * sizes[k] * t
-        np.testing.assert_allclose(ways.point(k, t), [4.0 * np.exp(step[0]), -3.0 + 4.0 * step[1]])
-    # ln(60 / 4) / (0.8 * 2) along -a, ln(4 / 0.5) / 1.6 along a; b has 23 / 4 and 17 / 4
-    assert ways.reach(1, -2.0) == pytest.approx(-np.log(15.0) / 1.6)
-    assert ways.reach(1, 2.0) == pytest.approx(np.log(8.0) / 1.6)
-    assert ways.reach(0, 30.0) == pytest.approx(np.log(15.0) / 0.3)
-    assert ways.reach(0, -30.0) == pytest.approx(-np.log(8.0) / 0.3)
-    assert bands._Axes(two(), np.eye(2), sizes).reach(1, 9.0) == pytest.approx(23.0 / 8.0)
-    assert bands._Axes(two(), np.eye(2), sizes).reach(1, -9.0) == pytest.approx(-17.0 / 8.0)
-    J = np.array([[2.0, 3.0], [-1.0, 5.0], [0.5, 0.1]])
-    expected = J @ [4.0 * 0.6 * 0.5, 4.0 * 0.8 * 0.5]
-    np.testing.assert_allclose(ways.slope(J, 0, p), expected)
-    on_bound = bands._Axes(two(values=(60.0, -3.0)), axes, sizes)
-    assert on_bound.reach(0, 1.0) == 0.0
-    assert on_bound.reach(0, -1.0) == -1.0
+    found = bands.reading_bands(near, evaluate, np.full(2, 1e-9))
+    assert found.upper95[0] == pytest.approx(60.0, rel=0.01)  # along tangents of ln a
+    assert found.lower95[1] == pytest.approx(-20.0, abs=0.05)
 
 
 def test_bands_of_readings_that_are_linear_are_those_of_the_mixture():

@@ -9,7 +9,6 @@ from scipy.stats import chi2, norm
 from support.three_sections import (
     COMMON,
     FURTHER,
-    LARGEST,
     ORDERS,
     SCALE,
     TAU,
@@ -18,14 +17,13 @@ from support.three_sections import (
     Site,
 )
 
-from geoident.identify.hierarchical import knowledge
-from geoident.identify.hierarchical.arrangement import of_bounds
+from geoident.identify.hierarchical.joint_problem import sd_of_bounds
 from geoident.identify.hierarchical.knowledge import (
     SectionsKnowledge,
-    further_section,
     section_misfits,
     total_misfit,
 )
+from geoident.identify.hierarchical.restricted_likelihood import ScatterPosterior
 from geoident.model.parameter import Parameter
 
 
@@ -48,9 +46,6 @@ def test_the_posterior_at_a_scatter_is_that_of_one_dense_problem(site, tau):
         np.testing.assert_array_equal(found.sections[s][n:], 0.0)
         expected = moved @ covariance @ moved.T
         np.testing.assert_allclose(found.covariances[s][:n, :n], expected, rtol=1e-5, atol=1e-9)
-        deviations = tau * mean[5 + 4 * s : 7 + 4 * s]
-        np.testing.assert_allclose(found.deviations[s], deviations, rtol=1e-6)
-    np.testing.assert_array_equal(found.tau, tau)
 
 
 @pytest.mark.parametrize("left_out", [0, 1, 2])
@@ -66,23 +61,6 @@ def test_a_section_without_its_readings_is_that_of_the_dense_problem_without_the
         expected = (moved @ covariance @ moved.T)[np.ix_(kept, kept)]
         square = found.covariances[s][np.ix_(kept, kept)]
         np.testing.assert_allclose(square, expected, rtol=1e-5, atol=1e-9)
-
-
-def test_what_is_padded_and_counted(site):
-    linear = site.linear
-    assert linear.rows.tolist() == [8, 5, 10]
-    assert linear.n_laws == 2
-    np.testing.assert_allclose(linear.largest, LARGEST, rtol=1e-12)
-    np.testing.assert_array_equal(linear.R[1][:, 3:], 0.0)
-    np.testing.assert_array_equal(linear.R[0][:, 4:], 0.0)
-    for s in range(3):
-        A, b = site.rows(s)
-        gap = site.follows(s, ORDERS[s])[2]
-        np.testing.assert_allclose(linear.gap[s][: len(gap)], gap, rtol=1e-9)
-        whole = b + A @ gap
-        assert linear.q[s] @ linear.q[s] + linear.rest[s] == pytest.approx(whole @ whole)
-    left = whole - A @ np.linalg.lstsq(A, whole, rcond=None)[0]
-    assert linear.rest[2] == pytest.approx(left @ left)  # of the longest, which is not padded
 
 
 def natural(x, p, reference):
@@ -171,7 +149,7 @@ def test_a_further_section_has_the_laws_with_their_scatter_and_its_own_priors_or
 
 def test_a_value_that_a_law_gives_beyond_the_bounds_is_at_the_bound(site):
     deep = replace(FURTHER, covariates={"GSI": 400.0, "D": -200.0})
-    found = site.made.further_point(deep, site.values)
+    found = site.joint.expected_point(deep, site.values)
     assert found[[0, 3]].tolist() == [-40.0, 500.0]
 
 
@@ -224,38 +202,35 @@ def test_how_far_a_section_is_from_the_others_is_chi_squared(site):
         assert found[s].outlying == pytest.approx(expected, rel=1e-4)
 
 
-@pytest.mark.parametrize(
-    ("mean", "spread", "known"), [(0.5, 1.0, False), (0.51, 1.0, True), (3.0, 0.0, False)]
-)
-def test_where_hardly_anything_is_left_nothing_is_said(mean, spread, known):
-    scale, above = knowledge._judged(2.0, mean, spread)
-    assert np.isfinite(scale) == known
-    assert above == (pytest.approx(chi2(mean**2).sf(2.0 * mean)) if known else 1.0)
-
-
 def test_a_section_that_sees_nothing_of_what_is_common_is_of_any_ground(site):
     """All columns of what is common are zero: what is left is of its own parameters alone."""
     R = site.linear.R.copy()
     R[2][:, [1, 3, 4]] = 0.0
-    blind = replace(site.linear, R=R)
-    assert np.isnan(knowledge._outlying(blind, TAU, np.zeros(2, dtype=bool), 2))
+    blind = replace(site.fit(), linear=replace(site.linear, R=R))
+    assert np.isnan(section_misfits(blind)[2].outlying)
+
+
+def test_where_no_degree_of_freedom_is_left_the_misfit_says_nothing(site):
+    fit = site.fit()
+    few = replace(fit, linear=replace(site.linear, rows=site.linear.rows - [0, 3, 0]))
+    found = section_misfits(few)
+    assert np.isnan(found[1].scale)
+    assert found[1].above == 1.0
+    assert np.isfinite([found[0].scale, found[2].scale]).all()
 
 
 def test_sections_at_several_scatters_are_a_mixture_of_normals(site):
     """Ends where a tail of 2.5 % is left, by a search of scipy's; squares add up."""
     fit = site.fit()
-    known = SectionsKnowledge(fit)
     nodes = np.array([[0.02, 0.05], [0.4, 0.1], [1.5, 1.1]])
     weights = np.array([0.2, 0.5, 0.3])
     given = tuple(site.linear.given(node) for node in nodes)
-    found = further_section(fit, FURTHER, given, weights)
-    known.scatter = replace(known.scatter, nodes=nodes, weights=weights)
-    known._given = given
-    own = known.section(1)
+    known = SectionsKnowledge(fit, ScatterPosterior(nodes, weights))
+    found, own = known.further(FURTHER), known.section(1)
     for interval, values, means, variances, order in (
         (found.interval, found.values, found.means, [np.diag(C) for C in found.covariances],
          FURTHER.parameters),
-        (own, site.points[1], [g.sections[1][:3] - site.linear.gap[1][:3] for g in given],
+        (own, site.points[1], [g.sections[1][:3] - site.linear.deviation[1][:3] for g in given],
          [np.diag(g.covariances[1])[:3] for g in given], ORDERS[1]),
     ):  # fmt: skip
         for i, q in enumerate(order):
@@ -278,8 +253,8 @@ def test_sections_at_several_scatters_are_a_mixture_of_normals(site):
 
 def test_what_only_bounds_say_is_spread_evenly_between_them():
     """Width by root 12; ten references, or a factor e^10, where there is none."""
-    assert of_bounds(E) == pytest.approx(np.log(1e4) / np.sqrt(12.0))
-    assert of_bounds(H) == pytest.approx(10.0 / np.sqrt(12.0))
+    assert sd_of_bounds(E) == pytest.approx(np.log(1e4) / np.sqrt(12.0))
+    assert sd_of_bounds(H) == pytest.approx(10.0 / np.sqrt(12.0))
     for scale, lower in (("log", 0.0), ("linear", -np.inf)):
         one = Parameter("x", 7.0, lower, np.inf, scale)
-        assert of_bounds(one) == pytest.approx(10.0 / np.sqrt(12.0))
+        assert sd_of_bounds(one) == pytest.approx(10.0 / np.sqrt(12.0))

@@ -7,7 +7,7 @@ from scipy.optimize import least_squares
 from support.sections import K0, E, Formulas, convergences, modulus_law, quiet, section
 
 from geoident.errors import ModelError
-from geoident.identify.hierarchical.arrangement import Arrangement
+from geoident.identify.hierarchical.joint_problem import JointUnknowns
 from geoident.identify.hierarchical.knowledge import SectionsKnowledge
 from geoident.identify.hierarchical.search import fit_sections
 from geoident.identify.problem.errors import SharedErrors
@@ -144,7 +144,7 @@ def test_a_model_without_solution_at_the_start_is_said():
 def test_a_law_outside_the_bounds_is_said_in_the_unit_of_the_case():
     modulus = Parameter("E", 5e9, 1e9, 2e10, scale="log", dimension="pressure", unit="GPa")
     one = section("A", (modulus,), [1.0], 0.1, GSI=0.0)
-    made = Arrangement([one], [], [modulus_law("none")], np.array([False]))
+    made = JointUnknowns([one], [], [modulus_law("none")], np.array([False]))
     with pytest.raises(ModelError) as caught:
         made.point(0, np.array([5e10, 0.02]))
     assert str(caught.value) == (

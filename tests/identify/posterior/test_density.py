@@ -7,7 +7,7 @@ import pytest
 
 from geoident.errors import CollapseError, ModelError
 from geoident.identify.posterior.density import PosteriorDensity, answer
-from geoident.identify.posterior.diagnosis import limit_of_k, smoothed
+from geoident.identify.posterior.draws import limit_of_k, smoothed
 from geoident.identify.problem.problem import Problem
 from geoident.model.parameter import Parameter, Prior
 

@@ -11,13 +11,11 @@ from support.posteriors import Ridge, grid_quantiles, problem_of_ridge
 
 from geoident.errors import CollapseError
 from geoident.identify import identify
-from geoident.identify.posterior import chains, sampling
-from geoident.identify.posterior.approximation import laplace
+from geoident.identify.posterior import chains
 from geoident.identify.posterior.density import PosteriorDensity
-from geoident.identify.posterior.diagnosis import smoothed
-from geoident.identify.posterior.draws import Stopped, Wish
-from geoident.identify.posterior.importance import Weighted, none_yet
-from geoident.identify.posterior.sampling import sample_posterior, trustworthy
+from geoident.identify.posterior.draws import SamplingRequest, Stopped, smoothed
+from geoident.identify.posterior.importance import Proposal, WeightedDraws
+from geoident.identify.posterior.sampling import sample_posterior
 from geoident.identify.problem.problem import Problem
 from geoident.model.methods import GaussNewtonOptions
 from geoident.model.parameter import Parameter, Prior
@@ -31,7 +29,7 @@ def drawn(problem, *minima, draws=10_000, effective=1000, evaluations=50_000, se
     found = sample_posterior(
         density,
         [np.asarray(p) for p in minima],
-        Wish(draws, effective, evaluations),
+        SamplingRequest(draws, effective, evaluations),
         rng=np.random.default_rng(seed),
         watch=lambda progress: None,
     )
@@ -54,7 +52,7 @@ def test_modulus_and_stress_along_their_ridge(prior):
     """E and sigma_v scale together: only their ratio is seen, within 2 %."""
     problem = problem_of_ridge(prior)
     found, p, density = drawn(problem, [10.0, 8.0])
-    assert trustworthy(found, density.evaluations)
+    assert found.reliable(density.evaluations)
     assert density.evaluations < 6000
     assert np.all(np.abs(levels(problem, p) - ENDS) < (0.012, 0.05, 0.012))
 
@@ -67,7 +65,7 @@ def test_a_density_on_a_bound_is_cut_by_it():
     found, p, density = drawn(problem, [0.0])
     expected = truncnorm(1.0, np.inf, loc=-1.0).ppf(ENDS)
     np.testing.assert_allclose(np.quantile(p[:, 0], ENDS), expected, atol=0.09)
-    assert trustworthy(found, density.evaluations)
+    assert found.reliable(density.evaluations)
 
 
 class Line:
@@ -138,21 +136,55 @@ def test_both_of_two_minima_are_found():
     odds = np.exp(0.5 * ((-2.0 - 0.5) ** 2 - (2.0 - 0.5) ** 2) / 16.0)
     share = np.mean(p[:, 0] > 0.0)
     assert share / (1.0 - share) == pytest.approx(odds, rel=0.2)
-    assert trustworthy(found, density.evaluations)
+    assert found.reliable(density.evaluations)
 
 
-def test_the_ensemble_and_importance_sampling_agree(monkeypatch):
-    """Where no mixture is believed, chains give the same quantiles."""
-    monkeypatch.setattr(sampling, "WORTH_ADAPTING", 2.0)
-    monkeypatch.setattr(sampling, "LEAST_EFFICIENCY", 2.0)
-    monkeypatch.setattr(sampling, "ADAPTATIONS", 0)
-    monkeypatch.setattr(Weighted, "believable", lambda self, least=0.0: False)
+def test_the_ensemble_has_the_quantiles_of_a_grid():
     problem = problem_of_ridge(Prior(8.0, 2.0))
-    found, p, density = drawn(problem, [10.0, 8.0], draws=3000, effective=300)
+    density, rng = PosteriorDensity(problem), np.random.default_rng(0)
+    proposal = Proposal.laplace(density, [np.array([10.0, 8.0])])
+    begin = WeightedDraws.none_of(proposal).more(density, rng, 200)
+    request = SamplingRequest(3000, 300.0, 50_000)
+    found = chains.ensemble(density, begin, request, rng, lambda progress: None)
+    p = density.natural(found.x.reshape(-1, 2))
     assert found.sampler == "ensemble"
-    assert trustworthy(found, density.evaluations)
+    assert found.reliable(density.evaluations, wanted=300.0)
     assert found.largest_r_hat <= 1.01
     assert np.all(np.abs(levels(problem, p) - ENDS) < (0.02, 0.08, 0.02))
+
+
+class Banana:
+    """A sharp reading of y - b x^2 and a blunt one of x: a ridge that is bent."""
+
+    names = ("x", "y")
+    counts = Counts()
+
+    def __init__(self, bend):
+        self.bend = bend
+
+    def admissible(self, p):
+        return None
+
+    def readings(self, p):
+        return np.array([p[0], 10.0 * (p[1] - self.bend * p[0] ** 2)])
+
+    def evaluate(self, p):
+        return self.readings(p), np.array([[1.0, 0.0], [-20.0 * self.bend * p[0], 10.0]])
+
+
+@pytest.mark.parametrize("bend", [0.3, pytest.param(1.0, marks=pytest.mark.slow)])
+def test_along_a_bent_ridge_other_proposals_are_tried(bend):
+    """x ~ N(0, 1) whatever the bend is: its quantiles in closed form, cut at the bounds."""
+    problem = Problem(
+        Banana(bend), np.zeros(2), np.ones(2),
+        (Parameter("x", 0.1, -6.0, 6.0, "linear"), Parameter("y", 0.1, -9.0, 40.0, "linear")),
+    )  # fmt: skip
+    found, p, density = drawn(problem, [0.0, 0.0])
+    assert found.sampler == "adapted importance"
+    assert found.reliable(density.evaluations)
+    assert density.evaluations < 30_000
+    assert np.all(np.abs(norm.cdf(np.quantile(p[:, 0], ENDS)) - ENDS) < (0.03, 0.06, 0.03))
+    np.testing.assert_allclose((p[:, 1] - bend * p[:, 0] ** 2).std(), 0.1, rtol=0.1)
 
 
 NOISE = 1.0
@@ -236,10 +268,10 @@ def test_crank_nicolson_does_not_depend_on_the_number_of_modes(monkeypatch, n, e
     density = PosteriorDensity(problem)
 
     rng = np.random.default_rng(3)
-    begin = none_yet(laplace(density, [fit.values])).more(density, rng, 200)
-    found = chains.crank_nicolson(
-        density, begin, rng, Wish(5 * effective, effective, 60_000), lambda _: None
-    )
+    proposal = Proposal.laplace(density, [fit.values])
+    begin = WeightedDraws.none_of(proposal).more(density, rng, 200)
+    request = SamplingRequest(5 * effective, effective, 60_000)
+    found = chains.crank_nicolson(density, begin, request, rng, lambda _: None)
     assert found.largest_r_hat <= most
     assert found.acceptance > 0.15
     assert found.sampler == "preconditioned Crank-Nicolson"
@@ -255,6 +287,13 @@ def test_crank_nicolson_does_not_depend_on_the_number_of_modes(monkeypatch, n, e
     w = p @ G.T
     assert np.all(np.abs(w.mean(axis=0) - expected) < 0.35 * sd)
     np.testing.assert_allclose(w.std(axis=0), sd, rtol=0.3)
+
+
+def test_modes_of_fields_take_crank_nicolson_steps_where_importance_sampling_fails():
+    problem, _ = many(20, bend=1.2)
+    fit = identify(problem, (GaussNewtonOptions(),), lambda iteration: None)
+    found, _, _ = drawn(problem, fit.values, draws=60, effective=60, evaluations=1500)
+    assert found.sampler == "preconditioned Crank-Nicolson"
 
 
 def test_where_there_is_no_solution_there_are_no_draws():
@@ -309,7 +348,7 @@ def test_a_model_may_say_that_the_time_is_up():
 
     density = PosteriorDensity(problem, answering)
     found = sample_posterior(
-        density, [np.array([10.0, 8.0])], Wish(1000, 900, 10**6),
+        density, [np.array([10.0, 8.0])], SamplingRequest(1000, 900, 10**6),
         rng=np.random.default_rng(0), watch=lambda progress: None,
     )  # fmt: skip
     assert found.stopped == "no time left"

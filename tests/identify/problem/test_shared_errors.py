@@ -10,7 +10,8 @@ import scipy.sparse as sp
 from geoident.identify.assessment import variance_components
 from geoident.identify.assessment.diagnostics import diagnose, effective_sd
 from geoident.identify.assessment.later_readings import given_used, later_covariance
-from geoident.identify.assessment.uncertainty import assess, predict_band
+from geoident.identify.assessment.prediction_bands import predict_band
+from geoident.identify.assessment.uncertainty import assess
 from geoident.identify.direct.simplex import simplex
 from geoident.identify.least_squares.condensation import condensation
 from geoident.identify.least_squares.gauss_newton import gauss_newton

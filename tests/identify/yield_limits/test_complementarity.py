@@ -14,12 +14,10 @@ from geoident.identify import identify
 from geoident.identify.least_squares.gauss_newton import gauss_newton
 from geoident.identify.problem.outcome import History
 from geoident.identify.problem.problem import Discrepancy, Problem
-from geoident.identify.yield_limits import global_bound
-from geoident.identify.yield_limits.global_bound import BranchAndBound
-from geoident.identify.yield_limits.stationarity import (
-    check,
+from geoident.identify.yield_limits.implicit import certificate_at, descend, is_better
+from geoident.identify.yield_limits.stationarity import check, open_above
+from geoident.identify.yield_limits.yield_points import (
     headroom,
-    open_above,
     strengths,
     unreached,
     yield_evaluator,
@@ -306,22 +304,63 @@ def test_only_unreached_strengths_are_moved():
     assert seen.p[0] == pytest.approx(1.0, rel=1e-5)  # nothing yields at 2: brought near
 
 
-def test_branch_and_bound_takes_over_better_points_only(monkeypatch):
-    """From strong ground a descent ends at once; from near the truth, at it."""
+def test_an_unreached_plane_is_brought_to_a_millionth_of_where_it_is_reached():
+    """The bars carry 1 each of a load of 2; a strength that is nearer stays."""
+    bars = PlasticBars([Frame([1.0, 1.0], [k, None], [2.0]) for k in range(3)], 3)
+    search = evaluator_of(problem_of(bars, bars.readings(np.full(3, 0.8))))
+    point = search.evaluate(search.scaling.start)
+    assert point.unreached.all()
+    assert point.p == pytest.approx(np.full(3, 1.0 + 2e-6), abs=1e-9)
+    assert np.all(point.p > 1.0)
+    p = np.array([1.0 + 4e-7, 1.0 + 8e-7, 1.5])
+    near = search.evaluate(search.scaling.to_scaled(p))
+    assert near.p == pytest.approx([*p[:2], 1.0 + 1.5e-6], rel=0.0, abs=1e-10)
+
+
+def test_a_descent_alone_begins_at_the_start_and_scans_nothing():
+    bars, seen = three_strengths(), []
+    problem = problem_of(bars, bars.readings(TRUTH), unknowns(3, start=2.5))
+    found = descend(problem, ComplementarityOptions(), seen.append)
+    assert found.values == pytest.approx(TRUTH, rel=1e-6)
+    assert found.certificate.kind == "global"
+    assert seen[0].note == "start"
+    assert {note.note for note in seen} <= {"start", "accepted", "accepted: detour", "rejected"}
+    weak = problem_of(PlasticBars([Frame([1.0], [0], [0.9])], 1), [1.0], unknowns(1, start=0.5))
+    with pytest.raises(CollapseError):
+        descend(weak, ComplementarityOptions(), quiet)
+
+
+def test_where_no_start_has_a_solution_the_first_says_why():
+    bars, notes = PlasticBars([Frame([1.0], [0], [5.0])], 1), []
+    problem = problem_of(bars, [1.0], unknowns(1, start=1.0, upper=4.0))
+    with pytest.raises(CollapseError, match="cannot carry the load"):
+        identify(problem, [ComplementarityOptions()], lambda entry: notes.append(entry.note))
+    assert notes == ["start: no solution", *["rescue: no solution"] * 9]
+    assert certificate_at(problem, np.array([1.0]), History("test", bars, quiet)) is None
+
+
+def test_the_end_of_another_search_is_judged_by_the_same_rules():
     bars = three_strengths()
     problem = problem_of(bars, bars.readings(TRUTH))
-    options = ComplementarityOptions(formulation="global", restarts=0)
-    best = run(problem)
-    start = Discrepancy(problem).objective(np.full(3, 2.0))
-    poor = replace(best, values=np.full(3, 2.0), objective=start)
-    search = BranchAndBound(problem, options, lambda iteration: None, poor)
-    search.improve(1.1 * TRUTH)
-    assert search.best.objective < 1e-6
+    exact = certificate_at(problem, TRUTH, History("test", bars, quiet))
+    assert (exact.kind, exact.bound) == ("global", 0.0)
+    off = certificate_at(problem, 1.1 * TRUTH, History("test", bars, quiet))
+    assert off.kind == "not stationary"
 
-    def refused(*_):
-        raise AssertionError("a point that is no better was taken over")
 
-    monkeypatch.setattr(global_bound, "implicit", refused)
-    search = BranchAndBound(problem, options, lambda iteration: None, best)
-    search.improve(np.full(3, 15.0))
-    assert search.best is best
+def test_further_descents_are_told_and_the_budget_may_end_them():
+    bars = three_strengths()
+    noise = 1e-3 * np.random.default_rng(3).standard_normal(6)
+    problem = problem_of(bars, bars.readings(TRUTH) + noise)
+    assert run(problem, restarts=1).reason.endswith("One further descent found nothing better.")
+    assert run(problem, restarts=3).reason.endswith("3 further descents found nothing better.")
+    assert "further" not in run(problem, restarts=0).reason
+
+
+def test_a_thousandth_less_is_no_better():
+    search = evaluator_of(problem_of(kinked(), [0.9, 3.05], sd=1.0))
+    one = search.evaluate(np.log([1.1]))
+    assert not is_better(one, one)
+    less = replace(one, model=replace(one.model, residual=0.9996 * one.model.residual))
+    lower = replace(one, model=replace(one.model, residual=0.9994 * one.model.residual))
+    assert (is_better(less, one), is_better(lower, one)) == (False, True)

@@ -13,10 +13,8 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 from support.one_bar import bar_system, bilinear
-from support.plastic_bars import Frame, PlasticBars
 
 from geoident.errors import ModelError
-from geoident.identify.problem.outcome import Outcome
 from geoident.identify.problem.problem import Problem, transformed
 from geoident.identify.yield_limits.condensed_system import (
     condensed,
@@ -25,11 +23,9 @@ from geoident.identify.yield_limits.condensed_system import (
     sizes_of_kinds,
 )
 from geoident.identify.yield_limits.full_space import nonlinear_program
-from geoident.identify.yield_limits.global_bound import BranchAndBound
 from geoident.identify.yield_limits.mixed_program import solve_box
 from geoident.identify.yield_limits.parameter_boxes import ParameterBox
 from geoident.model.methods import (
-    ComplementarityOptions,
     HuberOptions,
     SquaredOptions,
     StudentOptions,
@@ -62,28 +58,10 @@ def test_displacements_are_eliminated_as_by_hand():
     assert found.multiplier_size == pytest.approx([L])
 
 
-def test_the_sizes_of_parameters_count_in_the_size_of_a_stress():
-    """A load of 10 + 5 k: the elastic force is 4 + 2 k, and k may be 5."""
-    given = bars()
-    pulled = replace(given.equations, by_p=np.array([[-5.0, 0.0], [0.0, 0.0]]))
-    problem = Problem(None, np.array([1.5]), np.array([0.1]), PARAMETERS)
-    found = condensed(problem, replace(given, equations=pulled))
-    assert found.multiplier_size == pytest.approx([(4.0 + 2.0 * 5.0) / 2.0])
-
-
 def test_a_kind_of_nothing_but_zeros_takes_the_size_of_the_slacks():
     sizes = sizes_of_kinds(bars(), np.array([0.0, -8.0, 99.0]))
     assert sizes.tolist() == [8.0, 8.0]
     assert sizes_of_kinds(bars(), np.zeros(3)).tolist() == [1.0, 1.0]
-
-
-def test_without_slacks_or_sizes_numbers_are_measured_by_one():
-    system = replace(bars(), kind_of_slack=np.zeros(0, dtype=int))
-    assert sizes_of_kinds(system, np.array([0.0, -8.0, 99.0])).tolist() == [1.0, 8.0]
-    held = (replace(PARAMETERS[0], start=0.0, lower=0.0, upper=0.0, prior=None), PARAMETERS[1])
-    found = condensed(Problem(None, np.array([1.5]), np.array([0.1]), held), bars())
-    assert (found.lower[0], found.upper[0]) == (0.0, 0.0)
-    assert 0.0 < found.reference[0] < 1e-200
 
 
 def two_bars():
@@ -279,20 +257,3 @@ def test_branch_and_bound_lets_hardening_grow_with_the_multiplier(known):
     assert found.complete
     assert found.p * system.reference == pytest.approx([known, 2.8 - known], abs=0.01)
     assert found.bound == pytest.approx(0.0, abs=1e-3)
-
-
-@pytest.mark.parametrize("products", [True, False])
-def test_the_energy_has_one_form_only_where_no_parameter_changes_it(monkeypatch, products):
-    problem = Problem(None, np.array([1.5]), np.array([0.1]), PARAMETERS)
-    given = bars()
-    if not products:
-        given = replace(given, slacks=replace(given.slacks, products={}))
-    system = condensed(problem, given)
-    monkeypatch.setattr(BranchAndBound, "visit", lambda search, system, box: [])
-    first = Outcome(np.array([2.0, 1.0]), 3.0, "converged", "", ())
-    responded = replace(problem, response=PlasticBars([Frame([1.0, 1.0], [0, None], [1.0])], 1))
-    search = BranchAndBound(
-        responded, ComplementarityOptions(formulation="global"), lambda iteration: None, first
-    )
-    search.run(system)
-    assert (search.form is None) == products

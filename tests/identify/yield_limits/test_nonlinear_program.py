@@ -20,7 +20,12 @@ from geoident.identify.problem.outcome import Outcome
 from geoident.identify.problem.problem import Discrepancy, Problem, transformed
 from geoident.identify.yield_limits import full_space as module
 from geoident.identify.yield_limits.condensed_system import condensed
-from geoident.identify.yield_limits.full_space import full_space, nonlinear_program, solver
+from geoident.identify.yield_limits.full_space import (
+    Solution,
+    full_space,
+    nonlinear_program,
+    solver,
+)
 from geoident.identify.yield_limits.global_bound import global_bound
 from geoident.model.methods import (
     ComplementarityOptions,
@@ -163,8 +168,8 @@ def test_the_program_is_solved_to_the_smoothed_complementarity():
     found = solve(program.start, 1e-2)
     assert found.success
     assert found.word == "Solve_Succeeded"
-    k, H = found.x[:2] * program.reference
-    lam, sigma = 2.0 * found.x[4], 4.0 * found.x[3]
+    k, H = found.z[:2] * program.reference
+    lam, sigma = 2.0 * found.z[4], 4.0 * found.z[3]
     assert (k - sigma + H * lam) / 4.0 * (lam / 2.0) == pytest.approx(1e-2, rel=1e-5)
     assert told[-1][1] == pytest.approx(found.objective, abs=1e-8)
     assert np.all([len(x) == 5 for x, _ in told])
@@ -199,58 +204,24 @@ def test_models_that_show_no_equations_are_refused():
 
 
 @pytest.mark.parametrize(
-    ("phi", "program", "agree"),
+    ("off", "success", "said"),
     [
-        (2.0, 2.0 - 1.9e-3, True),
-        (2.0, 2.0 + 2.1e-3, False),
-        (0.1, 0.1 + 0.9e-3, True),
-        (0.1, 0.1 - 1.1e-3, False),
+        (0.9e-3, True, "and the model confirms its misfit"),
+        (-1.1e-3, True, "use the formulation implicit"),
+        (0.0, False, "The nonlinear program was not solved (Failed)"),
     ],
 )
-def test_the_program_and_the_model_agree_to_a_thousandth(phi, program, agree):
-    search = module._Smoothing(problem(), silent)
-    solution = module._Solution(np.zeros(5), program, True, "Solve_Succeeded")
-    status, reason = search.ending(solution, (TRUTH, phi))
-    assert status == ("converged" if agree else "not-converged")
-    if not agree:
-        assert reason.startswith(f"The model gives a misfit of {phi:.6g} where the nonlinear")
-        assert f"gives {program:.6g}: use the formulation implicit" in reason
-
-
-def test_a_program_that_was_not_solved_is_said():
-    search = module._Smoothing(problem(), silent)
-    solution = module._Solution(np.zeros(5), 2.0, False, "Infeasible_Problem_Detected")
-    status, reason = search.ending(solution, (TRUTH, 2.0))
-    assert (status, "(Infeasible_Problem_Detected)" in reason) == ("not-converged", True)
-    assert "not solved (stopped)" in search.ending(None, (TRUTH, 2.0))[1]
-    assert search.natural(np.array([9.0, 0.0, 7.0, 7.0, 7.0])).tolist() == [5.0, 0.1]
-    assert search.natural(np.array([1.2, 0.5])) == pytest.approx([2.4, 0.5])
-
-
-def test_the_better_of_start_and_end_is_the_answer(monkeypatch):
-    given = problem().begun_at(TRUTH)
-    bad = module._Solution(np.array([0.5, 3.0, 1.0, 1.0, 0.0]), 5.0, False, "Failed")
-    monkeypatch.setattr(module, "solver", lambda program, note: lambda x, mu: bad)
-    found = full_space(given, FULL, silent)
+def test_what_the_solver_ends_with_is_held_against_the_model(monkeypatch, off, success, said):
+    """To a thousandth of one; where it failed, the better of start and end is the answer."""
+    end = Solution(np.array([*TRUTH / [2.0, 1.0], 1.0, 1.0, 0.0]), off, success, "Failed")
+    monkeypatch.setattr(module, "solver", lambda program, watch: lambda z, mu: end)
+    found = full_space(problem(), FULL, silent)
+    assert (found.status == "converged") == (off > 0.0)
+    assert said in found.reason
     np.testing.assert_allclose(found.values, TRUTH)
-    assert found.objective == pytest.approx(0.0, abs=1e-20)
-    assert found.status == "not-converged"
-
-
-def test_sizes_of_equations_without_a_kind_are_those_of_their_largest_terms():
-    """10 of the load, or 3 u + sigma at sizes of 9 and 4: 31."""
-    system = Bar().system()
-    size = np.array([9.0, 4.0])
-    found = module._sizes_of_equations(system, size, TRUTH, np.array([9.0, 4.0, 2.0]))
-    assert found.tolist() == [31.0, 4.0]
-    small = module._sizes_of_equations(system, size, TRUTH, np.array([0.9, 0.4, 2.0]))
-    assert small.tolist() == [10.0, 4.0]
-    nothing = replace(
-        system,
-        equations=bilinear([0.0, 0.0], np.zeros((2, 2)), np.zeros((2, 3))),
-        kind_of_equation=np.array([-1, -1]),
-    )
-    assert module._sizes_of_equations(nothing, size, TRUTH, np.ones(3)).tolist() == [1e-300] * 2
+    bad = replace(end, z=np.array([0.5, 3.0, 1.0, 1.0, 0.0]))
+    monkeypatch.setattr(module, "solver", lambda program, watch: lambda z, mu: bad)
+    np.testing.assert_allclose(full_space(problem().begun_at(TRUTH), FULL, silent).values, TRUTH)
 
 
 @pytest.mark.parametrize("prior", [None, Prior(2.5, 0.1)])

@@ -9,7 +9,7 @@ from geoident.identify.least_squares.trust_region import TrustBox
 from geoident.identify.problem.problem import Linearization
 from geoident.identify.problem.scaling import Scaling
 from geoident.identify.yield_limits.starts import Restarts, raised, strength_scan
-from geoident.identify.yield_limits.stationarity import YieldIterate
+from geoident.identify.yield_limits.yield_points import YieldIterate
 from geoident.model.parameter import Parameter
 
 STRENGTHS = (
@@ -188,30 +188,6 @@ def test_steps_are_in_the_units_of_the_parameters():
     one = drawn(STIFF, 1.0, strength=[True] * 3)
     two = drawn(STIFF, 1.0, strength=[True] * 3, unit=2.0)
     np.testing.assert_allclose(two, 2.0 * one, atol=1e-6)
-
-
-@pytest.mark.parametrize("rows", [1, 2, 4])
-def test_a_new_start_is_the_sum_of_its_parts(rows):
-    """The module's formula with the same random numbers, one after the other."""
-    rng = np.random.default_rng(8)
-    J, unit = rng.normal(size=(rows, 4)) * [9.0, 1.0, 30.0, 0.1], np.array([1.0, 0.5, 2.0, 3.0])
-    strength, idle = np.array([1, 1, 0, 1], bool), np.array([0, 1, 0, 1], bool)
-    scaling = Scaling([Parameter(n, 1.0, 1e-9, 1e9, "log") for n in "abcd"])
-    best = point(scaling, rng.normal(size=4), 2.5, J, idle)
-    restarts, random = Restarts(strength, seed=5), np.random.default_rng(5)
-    for _ in range(30):
-        xi = random.standard_normal(4)
-        _, S, Vt = np.linalg.svd(J * unit)
-        sizes = np.array([min(0.3, np.sqrt(2.5) / s) for s in S] + [0.3] * (4 - len(S)))
-        d = Vt.T @ (sizes * xi)
-        share, chance, high, _, rise, lot = (random.uniform(size=4) for _ in range(6))
-        for i in range(4):
-            if idle[i]:
-                d[i] = -0.1 * share[i] if chance[i] < 0.7 else 0.3 * high[i]
-            elif strength[i] and lot[i] < 0.3:
-                d[i] += 0.3 * rise[i]
-        expected = best.x + unit * np.clip(d, -0.4, 0.4)
-        np.testing.assert_allclose(restarts.around(best, unit), expected, rtol=1e-12, atol=1e-14)
 
 
 def test_strengths_are_raised_ever_more_as_far_as_their_bounds():

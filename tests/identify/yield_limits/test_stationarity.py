@@ -8,11 +8,13 @@ from geoident.identify.problem.outcome import History
 from geoident.identify.problem.problem import Discrepancy, Linearization, Problem
 from geoident.identify.yield_limits.stationarity import (
     StationarityCheck,
-    YieldIterate,
     certificate,
     check,
-    headroom,
     open_above,
+)
+from geoident.identify.yield_limits.yield_points import (
+    YieldIterate,
+    headroom,
     strengths,
     unreached,
 )
@@ -44,7 +46,6 @@ class Scripted:
 
     def __init__(self, residuals, jacobian=((1.0, 0.0), (0.0, 1.0))):
         self.residuals, self.jacobian = residuals, np.array(jacobian, dtype=float)
-        self.differentiated = []
 
     def admissible(self, p):
         return None
@@ -53,7 +54,6 @@ class Scripted:
         return np.array(self.residuals(p), dtype=float)
 
     def evaluate(self, p):
-        self.differentiated.append(p.copy())
         return np.array(self.residuals(p), dtype=float), self.jacobian
 
 
@@ -100,33 +100,6 @@ def test_at_a_kink_points_a_thousandth_away_are_compared():
     np.testing.assert_allclose(away, 1e-3 * np.array(expected), atol=1e-6)
     assert {entry.note for entry in history.iterations} == {"probe"}
     assert {entry.step for entry in history.iterations} == {1e-3}
-
-
-def test_steps_to_the_sides_are_in_units_of_their_parameters():
-    """One of one sign, x = 1.5, is measured by itself; one that may be zero by 2.5 of x."""
-    q = (Parameter("a", 3.0, 2.0, 4.0), Parameter("b", 1.0, -40.0, 60.0))
-    J = ((0.5, 0.0), (0.0, 0.1))  # by x: 1 and 1
-    evaluator, history, point = searched(
-        lambda p: [3.0, 5e-4], J, parameters=q, found=activity(biactive=1)
-    )
-    assert point.x == pytest.approx([1.5, 0.1])
-    check(evaluator, point, exact=False, spent=never)
-    unit = np.array([1.5, 2.5])
-    away = np.array([evaluator.scaling.to_scaled(e.values) for e in history.iterations]) - point.x
-    steepest = np.array([-3.0 * 1.5, -5e-4 * 2.5])
-    newton = np.array([1.5 * np.expm1(-1e-3), -5e-4]) / unit
-    directions = [[1, 0], [0, 1], [-1, 0], [0, -1], *(
-        d / np.abs(d).max() for d in (steepest, newton)
-    )]  # fmt: skip
-    np.testing.assert_allclose(away, 1e-3 * unit * np.array(directions), atol=1e-12)
-
-
-def test_of_points_that_are_as_low_the_first_is_taken():
-    evaluator, _, point = searched(
-        lambda p: [5.0 if p[0] == 1.0 else 4.0, 0.0], found=activity(biactive=1)
-    )
-    checked = check(evaluator, point, exact=False, spent=never)
-    assert checked.lower.p == pytest.approx([1.001, 1.0])
 
 
 def test_points_beyond_a_bound_are_not_compared():
@@ -178,23 +151,6 @@ def test_no_more_is_evaluated_than_may_be():
     evaluator, history, point = searched(lambda p: [3.0, 4.0], found=activity(biactive=1))
     checked = check(evaluator, point, exact=False, spent=lambda: len(history.iterations) >= 2)
     assert checked.probes == len(history.iterations) == 2
-    answers = iter([False, True, False, False, False, False])
-    assert check(evaluator, point, exact=False, spent=lambda: next(answers)).probes == 1
-
-
-def differentiated(evaluator):
-    """Where derivatives were asked for."""
-    return evaluator.discrepancy.problem.response.differentiated
-
-
-def test_points_around_are_compared_without_derivatives_but_for_the_one_that_is_lower():
-    evaluator, _, point = searched(lambda p: [3.0, 4.0], found=activity(biactive=1))
-    check(evaluator, point, exact=False, spent=never)
-    assert len(differentiated(evaluator)) == 1  # the point itself
-    evaluator, _, point = searched(lambda p: [3.0 + p[0], 4.0 + 2.0 * p[1]])
-    lower = check(evaluator, point, exact=False, spent=never).lower
-    assert len(differentiated(evaluator)) == 2
-    assert differentiated(evaluator)[1] == pytest.approx(lower.p)
 
 
 # The certificate

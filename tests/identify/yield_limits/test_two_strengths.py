@@ -7,10 +7,9 @@ import pytest
 from support.cases import displacement
 from support.yielding import Cavity, constant, mohr, rock
 
-from geoident.identify.least_squares.descent import Ending
 from geoident.identify.least_squares.gauss_newton import gauss_newton
-from geoident.identify.problem.problem import Problem
-from geoident.identify.yield_limits.implicit import ImplicitSearch, implicit
+from geoident.identify.problem.problem import Discrepancy, Problem
+from geoident.identify.yield_limits.implicit import implicit
 from geoident.model.case import Stage
 from geoident.model.methods import ComplementarityOptions, GaussNewtonOptions
 from geoident.model.parameter import Parameter, Scalar
@@ -65,10 +64,7 @@ def test_the_answer_is_as_good_as_that_of_a_plain_descent(seed):
 
 def test_a_search_that_ends_where_nothing_yields_goes_on_from_elsewhere():
     problem = _problem(0)
-    run = ImplicitSearch(problem, ComplementarityOptions(), lambda _: None)
     strong = np.array([3e9, 5e6, np.radians(55), -4e6])
-    elastic = run.evaluator.evaluate(run.scaling.to_scaled(strong))
-    assert elastic.activity.points.sum() == 0
-    found = run.from_elsewhere(Ending(elastic, "converged", ""))
-    assert found.point.phi < 0.9 * elastic.phi
-    assert found.point.phi <= run.evaluator.evaluate(run.scaling.to_scaled(TRUTH)).phi
+    assert problem.response.activity(strong).points.sum() == 0
+    found = implicit(problem.begun_at(strong), ComplementarityOptions(), lambda _: None)
+    assert found.objective <= Discrepancy(problem).objective(TRUTH)

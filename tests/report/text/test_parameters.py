@@ -133,11 +133,11 @@ def drawn(chains, length, **changes):
 
 def test_how_draws_were_made_and_what_they_have_cost():
     assert cost_sentence(drawn(1, 1000, pareto_k=0.347)) == (
-        "1000 draws by importance sampling, worth 813 independent ones; Pareto k 0.35 (to be "
-        "believed up to 0.7); 4321 evaluations of the model, 31 % of the evaluations count."
+        "1000 draws by importance sampling, worth 813 independent ones; Pareto k 0.35 (reliable "
+        "up to 0.7); 4321 evaluations of the model, 31 % of the evaluations count."
     )
     assert cost_sentence(drawn(4, 250, sampler="ensemble", largest_r_hat=1.00649)) == (
         "1000 draws in 4 chains of 250 by ensemble sampling, worth 813 independent ones; largest "
-        "R-hat 1.006 (to be believed up to 1.01); 4321 evaluations of the model, 31 % of the steps "
+        "R-hat 1.006 (reliable up to 1.01); 4321 evaluations of the model, 31 % of the steps "
         "were accepted."
     )

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from geoident.identify.assessment.later_readings import given_used
-from geoident.identify.posterior.predictive import with_errors
+from geoident.identify.assessment.later_readings import given_used, simulated_readings
 from geoident.identify.problem.errors import ErrorStructure, SharedErrors
 from geoident.identify.problem.problem import Problem
 from geoident.model.parameter import Parameter
@@ -43,7 +42,7 @@ def test_means_variances_and_covariances_of_later_readings():
         np.array([0.25, 0.35]), np.array([-1, -1]), rows, np.array([-1, -1, -1]), ()
     )
     v, later_v = np.array([0.1, 0.2, 0.3]), np.array([5.0, 7.0])
-    found = with_errors(
+    found = simulated_readings(
         problem,
         np.tile(v, (DRAWS, 1)),
         np.tile(later_v, (DRAWS, 1)),
@@ -68,7 +67,20 @@ def test_readings_that_share_nothing_have_their_own_errors():
     later = ErrorStructure(
         np.array([0.25, 0.35]), np.array([-1, -1]), none, np.empty(0, dtype=np.int64), ()
     )
-    found = with_errors(
+    found = simulated_readings(
         problem, np.zeros((DRAWS, 3)), np.zeros((DRAWS, 2)), later, np.random.default_rng(0)
     )
     np.testing.assert_allclose(found.std(axis=0), [0.25, 0.35], rtol=0.01)
+
+
+def test_later_readings_that_share_errors_with_each_other_alone():
+    problem = Problem(Fixed(), np.zeros(3), np.ones(3), (Parameter("a", 1.0, 0.0, 2.0),))
+    rows = np.array([[1.0, 0.0, 0.3], [0.6, 0.5, -0.2]])
+    later = ErrorStructure(
+        np.array([0.25, 0.35]), np.array([-1, -1]), sp.csr_array(rows), np.full(3, -1), ()
+    )
+    found = simulated_readings(
+        problem, np.zeros((DRAWS, 3)), np.zeros((DRAWS, 2)), later, np.random.default_rng(0)
+    )
+    expected = np.diag([0.25**2, 0.35**2]) + rows @ rows.T
+    np.testing.assert_allclose(np.cov(found.T), expected, atol=0.015)

@@ -1,4 +1,4 @@
-"""A parameter that its bound leaves open, in a model that is not linear there.
+"""A parameter that its bound truncates, in a model that is not linear there.
 
 Readings of a tunnel see the ratio of stress and modulus, plate tests the modulus to 15 %, and the
 stress is at least the weight of the ground: a curved ridge that ends on a bound. The judge is the
@@ -7,11 +7,20 @@ posterior by quadrature on a grid.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from geoident.identify.assessment.open_path import Answers, followed
-from geoident.identify.assessment.uncertainty import Bend, assess, predict_band
+from geoident.identify.assessment.prediction_bands import predict_band
+from geoident.identify.assessment.profile_path import (
+    Nonlinearity,
+    PathReadings,
+    most_truncated,
+    with_profile,
+)
+from geoident.identify.assessment.truncated_normal import Posterior
+from geoident.identify.assessment.uncertainty import assess
 from geoident.identify.least_squares.gauss_newton import gauss_newton
 from geoident.model.methods import GaussNewtonOptions
 from geoident.model.parameter import Parameter
@@ -48,21 +57,18 @@ class Site:
         self.evaluations = 0
         here = self.answers(self.p)
         self.linear = assess(self.problem, self.p, here.used_jacobian, here.used)
-        self.known, self.path = followed(self.linear, self.problem, self.p, here, self.counted)
+        self.known, self.path = with_profile(self.linear, self.problem, self.p, here, self.counted)
 
     def answers(self, p):
-        return Answers(tunnel(p), slopes(tunnel, p), later(p), slopes(later, p))
+        return PathReadings(tunnel(p), slopes(tunnel, p), later(p), slopes(later, p))
 
     def counted(self, p):
         self.evaluations += 1
         return self.answers(p)
 
     def bands(self):
-        bend = None
-        if self.path is not None:
-            t = self.known.posterior.shift[self.path.parameter]
-            bend = Bend(self.path.bent(t), undetermined=False)
-        return predict_band(self.known, slopes(later, self.p), LATER_SD, bend)
+        curved = None if self.path is None else Nonlinearity.along(self.path, self.known)
+        return predict_band(self.known, slopes(later, self.p), LATER_SD, curved)
 
     def on_a_grid(self):
         """Shortest 95 % intervals of E and of the later readings without their own errors."""
@@ -124,9 +130,9 @@ def test_what_seems_determined_on_its_bound_stays_so_only_where_it_is(make_probl
     linear = assess(problem, at, slope(at), v(at))
     assert linear.determined.all()
     assert linear.upper95[0] < 0.1
-    known, path = followed(
-        linear, problem, at, Answers(v(at), slope(at), v(at), slope(at)),
-        lambda p: Answers(v(p), slope(p), v(p), slope(p)),
+    known, path = with_profile(
+        linear, problem, at, PathReadings(v(at), slope(at), v(at), slope(at)),
+        lambda p: PathReadings(v(p), slope(p), v(p), slope(p)),
     )  # fmt: skip
     assert path is not None
     c = np.linspace(0.0, 1.0, 2000)
@@ -160,9 +166,9 @@ def test_where_the_model_is_linear_one_evaluation_says_so(make_problem):
 
     def evaluate(p):
         asked.append(p)
-        return Answers(A @ p, A, A @ p, A)
+        return PathReadings(A @ p, A, A @ p, A)
 
-    known, path = followed(linear, problem, p, Answers(A @ p, A, A @ p, A), evaluate)
+    known, path = with_profile(linear, problem, p, PathReadings(A @ p, A, A @ p, A), evaluate)
     assert len(asked) == 1
     assert path is None
     assert known is linear
@@ -170,8 +176,124 @@ def test_where_the_model_is_linear_one_evaluation_says_so(make_problem):
 
 def test_a_model_that_has_no_solution_there_ends_the_path(make_problem):
     site = Site(make_problem, 1.05, 4)
-    known, _ = followed(site.linear, site.problem, site.p, site.answers(site.p), lambda p: None)
+    known, _ = with_profile(site.linear, site.problem, site.p, site.answers(site.p), lambda p: None)
     assert known is site.linear
+
+
+ALONE = (Parameter("c", 0.5, 0.0, 4.0),)
+
+
+def saturating(p):
+    """A reading that rises by two of its standard deviations and then stays."""
+    return np.array([2.0 * (1.0 - np.exp(-3.0 * p[0])), 0.4 * p[0]])
+
+
+def saturating_slope(p):
+    return np.array([[6.0 * np.exp(-3.0 * p[0])], [0.4]])
+
+
+def alone(make_problem, *, readings=saturating, broken=np.inf):
+    """A single parameter on its bound; its assessment with the path, and the path."""
+    at = np.zeros(1)
+    problem = make_problem(saturating, ALONE, saturating(at) - 0.2, np.ones(2))
+    linear = assess(problem, at, saturating_slope(at), saturating(at))
+
+    def evaluate(p):
+        if p[0] > broken:
+            return None
+        return PathReadings(saturating(p), saturating_slope(p), readings(p), saturating_slope(p))
+
+    here = PathReadings(saturating(at), saturating_slope(at), readings(at), saturating_slope(at))
+    return problem, *with_profile(linear, problem, at, here, evaluate)
+
+
+@pytest.mark.parametrize("broken", [np.inf, 2.2])
+def test_one_parameter_has_its_posterior_as_far_as_the_model_has_a_solution(make_problem, broken):
+    problem, known, path = alone(make_problem, broken=broken)
+    far = path.t[-1] * 0.5  # the reference of c is its start
+    assert 1.0 < far < broken
+    c = np.linspace(0.0, far, 4000)
+    phi = np.sum((np.array([saturating([one]) for one in c]) - problem.measured) ** 2, axis=1)
+    low, high = shortest(c, np.exp(-0.5 * phi))
+    limits = np.zeros(1), np.full(1, 8.0)
+    ends = known.posterior.summary(np.eye(1), limits=limits)
+    found = 0.5 * np.concatenate([ends.lower95, ends.upper95])
+    np.testing.assert_allclose(found, [low, high], atol=0.02 * (high - low))
+
+
+def test_where_the_others_are_known_ever_better_there_is_less_of_the_posterior(make_problem):
+    """A reading b exp(c): given c, b is known to exp(-c). The judge is the posterior on a grid."""
+    two = (Parameter("c", 0.5, 0.0, 4.0), Parameter("b", 1.0, -60.0, 60.0))
+    at, sd = np.array([0.0, 3.0]), np.array([1.5, 1.0])
+
+    def v(p):
+        return np.array([p[0], p[1] * np.exp(p[0])])
+
+    def slope(p):
+        return np.array([[1.0, 0.0], [p[1] * np.exp(p[0]), np.exp(p[0])]])
+
+    def readings(p):
+        return PathReadings(v(p), slope(p), v(p), slope(p))
+
+    problem = make_problem(v, two, at, sd)
+    linear = assess(problem, at, slope(at), v(at))
+    known, path = with_profile(linear, problem, at, readings(at), readings)
+    assert path is not None
+    c = np.linspace(0.0, 4.0, 4000)
+    low, high = shortest(c, np.exp(-0.5 * (c / 1.5) ** 2 - c))
+    ends = known.posterior.summary(np.eye(2)[:1], limits=(np.zeros(1), np.full(1, 8.0)))
+    found = 0.5 * np.concatenate([ends.lower95, ends.upper95])  # the reference of c is its start
+    np.testing.assert_allclose(found, [low, high], atol=0.03 * high)
+
+
+def test_readings_deviate_as_the_model_does_and_where_it_has_none_not_at_all(make_problem):
+    def partly(p):
+        return np.array([np.nan, saturating(p)[0]])
+
+    _, known, path = alone(make_problem, readings=partly)
+    curved = Nonlinearity.along(path, known)
+    assert curved.drawn.max() <= path.t[-1]
+    deviations = curved.at_draws(slice(None))
+    assert deviations.shape == (2, len(curved.drawn))
+    np.testing.assert_array_equal(deviations[0], 0.0)
+    c = 0.5 * curved.drawn
+    expected = saturating([c])[0] - saturating_slope([0.0])[1, 0] * c
+    np.testing.assert_allclose(deviations[1], expected, atol=0.06)
+    second = curved.of(np.array([False, True]))
+    np.testing.assert_array_equal(second.at_draws(slice(0, 1)), deviations[1:])
+    beyond = replace(curved, drawn=np.array([-9.0, 99.0]))
+    np.testing.assert_allclose(beyond.at_draws(slice(None)).T, path.deviation[[0, -1]])
+
+
+def test_the_path_is_that_of_the_parameter_that_a_bound_truncates_most(make_problem):
+    """On a bound before beyond one; else by its standard deviation in its range; no mode."""
+    three = (
+        Parameter("E", 2.0, 0.5, 40.0, "log"),
+        Parameter("s", 3.0, 1.0, 16.0),
+        Parameter("k", 1.0, -6.0, 9.0),
+    )
+    at, rows = np.array([2.2, 1.0, 1.1]), np.eye(3)
+    problem = make_problem(lambda p: rows @ p, three, at, np.ones(3))
+    ranges = np.array([np.log(80.0), 5.0, 10.0])
+    factor = np.diag(np.array([0.2, 0.3, 0.6]) * ranges)
+    wide = Posterior(np.zeros((3, 1)), np.ones(1), factor, np.zeros(1))
+    base = replace(assess(problem, at, rows), posterior=wide)
+
+    def chosen(at_bound=(), beyond=(), parameters=three):
+        flags = [np.isin(range(3), one) for one in (at_bound, beyond)]
+        known = replace(base, at_bound=flags[0], beyond_bounds=flags[1])
+        return most_truncated(known, replace(problem, parameters=parameters))
+
+    assert chosen() is None
+    assert [chosen(beyond=(k,)) for k in range(3)] == [0, 1, 2]
+    assert chosen(beyond=(0, 1, 2)) == 2
+    assert chosen(beyond=(0, 1)) == 1
+    assert chosen(at_bound=(0,), beyond=(0, 1, 2)) == 0
+    held = (three[0], replace(three[1], lower=1.0, upper=1.0, start=1.0), three[2])
+    assert chosen(at_bound=(1,), parameters=held) is None
+    field = (*three[:2], replace(three[2], field="E"))
+    assert chosen(beyond=(1, 2), parameters=field) == 1
+    assert chosen(beyond=(2,), parameters=field) is None
 
 
 def covered(make_problem, stress, repetitions):

@@ -4,11 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import scipy.linalg
 from support.three_sections import COUNTS, LARGEST, ORDERS, SCALE, Site
 
 from geoident.errors import ModelError
-from geoident.identify.hierarchical.arrangement import JointResponse
+from geoident.identify.hierarchical.joint_problem import JointResponse
 from geoident.model.parameter import Parameter
 
 SCATTERING = [(True, True), (True, False), (False, True), (False, False)]
@@ -35,7 +34,7 @@ def laws_of(site, s, values):
 
 def points_of(site, values):
     """Parameters of the sections, from unknowns by their names."""
-    by_name = dict(zip([q.name for q in site.made.unknowns], values, strict=True))
+    by_name = dict(zip([q.name for q in site.joint.unknowns], values, strict=True))
     found = []
     for s, order in enumerate(ORDERS):
         law = laws_of(site, s, values)
@@ -53,39 +52,31 @@ def readings_of(site, values):
         parts.append(site.matrices[s] @ np.abs(p) ** 1.3)
         law = laws_of(site, s, values)
         for q, z in zip(ORDERS[s], p, strict=True):
-            if q.name == "E" and site.made.scattering[0]:
+            if q.name == "E" and site.joint.scattering[0]:
                 gaps.append(np.log(z / law["E"]))
-            if q.name == "h" and site.made.scattering[1]:
+            if q.name == "h" and site.joint.scattering[1]:
                 gaps.append((z - law["h"]) / SCALE["h"])
     return np.concatenate([*parts, gaps])
 
 
 def test_unknowns_are_what_is_common_and_what_is_of_each_section(site):
-    made = site.made
-    names = COMMON_NAMES + own_names(made.scattering)
-    assert [q.name for q in made.unknowns] == names
-    assert JointResponse(made, site.models).names == tuple(names)
-    assert made.n_common == 5
-    assert [made.constants_of(k).tolist() for k in (0, 1)] == [[1, 2], [3, 4]]
-    for s, order in enumerate(ORDERS):
-        for i, q in enumerate(order):
-            name = "K0" if q.name == "K0" else f"{q.name} of S{s}"
-            assert made.place(s, i) == (names.index(name) if name in names else -1)
-    known = {q.name: q for q in made.unknowns}
+    joint = site.joint
+    names = COMMON_NAMES + own_names(joint.scattering)
+    assert [q.name for q in joint.unknowns] == names
+    assert JointResponse(joint, site.models).names == tuple(names)
+    known = {q.name: q for q in joint.unknowns}
     assert known["K0"].prior == ORDERS[0][1].prior
     assert known["nu of S2"].prior == ORDERS[0][2].prior
-    assert all(known[n].prior is None for n in known if n[:2] in ("E ", "h "))
-    np.testing.assert_array_equal(made.reference, [1.0, SCALE["h"]])
-    np.testing.assert_array_equal(made.log, [True, False])
-    np.testing.assert_allclose(made.largest, LARGEST)
-    assert [made.law_of(n) for n in ("E", "h", "K0", "nu")] == [0, 1, None, None]
-    assert [made.is_common(n) for n in ("E", "h", "K0", "nu")] == [True, True, True, False]
+    assert all(known[n].prior is None for n in known if n[:2] in ("E ", "h "))  # of the law
+    np.testing.assert_array_equal(joint.reference, [1.0, SCALE["h"]])
+    np.testing.assert_array_equal(joint.log, [True, False])
+    np.testing.assert_allclose(joint.largest, LARGEST)
 
 
 def test_parameters_of_sections_follow_from_the_unknowns(site):
     expected = points_of(site, site.values)
     for s in range(3):
-        p, slopes = site.made.point(s, site.values)
+        p, slopes = site.joint.point(s, site.values)
         np.testing.assert_allclose(p, expected[s], rtol=1e-12)
         for j, step in enumerate(1e-6 * np.maximum(np.abs(site.values), 1e-2)):
             ends = [points_of(site, site.values + sign * step * np.eye(len(slopes[0]))[j])[s]
@@ -96,7 +87,7 @@ def test_parameters_of_sections_follow_from_the_unknowns(site):
 
 
 def test_all_readings_and_rows_of_laws_with_their_derivatives(site):
-    response = JointResponse(site.made, site.models)
+    response = JointResponse(site.joint, site.models)
     v, J = response.evaluate(site.values)
     np.testing.assert_allclose(v, readings_of(site, site.values), rtol=1e-10)
     np.testing.assert_array_equal(response.readings(site.values), v)
@@ -110,15 +101,14 @@ def test_all_readings_and_rows_of_laws_with_their_derivatives(site):
 
 
 def test_the_problem_of_all_has_the_errors_of_each_and_the_scatter_of_the_laws(site):
-    problem = site.made.problem(site.models, np.array([0.3, 0.07]))
+    problem = site.joint.problem(site.models, np.array([0.3, 0.07]))
     scatter = [
         size
         for order in ORDERS
         for q in order
-        for law, size, more in zip("Eh", (0.3, 0.07), site.made.scattering, strict=True)
+        for law, size, more in zip("Eh", (0.3, 0.07), site.joint.scattering, strict=True)
         if q.name == law and more
     ]
-    assert site.made.row_laws().tolist() == [int(size == 0.07) for size in scatter]
     measured = np.concatenate([*(one.measured for one in site.sections), np.zeros(len(scatter))])
     np.testing.assert_array_equal(problem.measured, measured)
     sd = np.concatenate([*(one.sd for one in site.sections), scatter])
@@ -127,11 +117,11 @@ def test_the_problem_of_all_has_the_errors_of_each_and_the_scatter_of_the_laws(s
     before, after = COUNTS[0], COUNTS[2] + len(scatter)
     expected = np.vstack([np.zeros((before, 2)), B, np.zeros((after, 2))])
     np.testing.assert_array_equal(problem.shared.columns.toarray(), expected)
-    assert problem.parameters == site.made.unknowns
+    assert problem.parameters == site.joint.unknowns
 
 
 class Sharpened:
-    """Models that note where Jacobians are made better."""
+    """Models that note where Jacobians are joint better."""
 
     def __init__(self):
         self.asked = []
@@ -143,71 +133,38 @@ class Sharpened:
 
 def test_jacobians_are_sharpened_where_the_sections_are(site):
     models = Sharpened()
-    assert JointResponse(site.made, models).sharpen(site.values)
+    assert JointResponse(site.joint, models).sharpen(site.values)
     expected = {s: p.tolist() for s, p in enumerate(points_of(site, site.values))}
     assert models.asked[0].keys() == expected.keys()
     for s, p in expected.items():
         np.testing.assert_allclose(models.asked[0][s], p)
 
 
-def test_a_section_alone_asks_for_itself_alone(site):
-    one = site.sections[2]
-    problem = one.problem(site.models, 2)
-    site.models.asked.clear()
-    p = site.points[2]
-    v, J = problem.response.evaluate(p)
-    assert [list(asked) for asked in site.models.asked] == [[2]]
-    np.testing.assert_allclose(v, site.matrices[2] @ np.abs(p) ** 1.3)
-    assert J.shape == (9, 5)
-    np.testing.assert_array_equal(problem.response.readings(p), v)
-    assert problem.response.names == ("c", "E", "nu", "K0", "h")
-    assert problem.response.admissible(p) is None
-    assert problem.response.counts == site.models.counts
-    models = Sharpened()
-    assert one.problem(models, 2).response.sharpen(p)
-    assert models.asked == [{2: p.tolist()}]
-    np.testing.assert_array_equal(problem.sd, one.sd)
-    shared = site.sections[1]
-    alone = shared.problem(site.models, 1)
-    sigma = np.diag(shared.sd**2) + (shared.shared.columns @ shared.shared.columns.T).toarray()
-    white = alone.whiten(np.eye(5))
-    np.testing.assert_allclose(white.T @ white, scipy.linalg.inv(sigma), rtol=1e-9)
-
-
 @pytest.mark.parametrize(("value", "inside"), [(0.9999999999995, True), (1.0000000000015, False)])
 def test_a_law_may_end_on_a_bound_up_to_rounding(value, inside):
     """E = a exp(b GSI) is 500 at its upper bound, 0.05 at its lower one."""
-    made = Site((False, False)).made
+    joint = Site((False, False)).joint
     for end, off in ((500.0, value), (0.05, 2.0 - value)):
-        values = np.array([1.35, end * off, 0.0, 3.0, 0.6, 0.2, 0.2, 2.0])[: len(made.unknowns)]
+        values = np.array([1.35, end * off, 0.0, 3.0, 0.6, 0.2, 0.2, 2.0])[: len(joint.unknowns)]
         if inside:
-            assert made.point(0, values)[0][0] == pytest.approx(end)
+            assert joint.point(0, values)[0][0] == pytest.approx(end)
         else:
             with pytest.raises(ModelError, match=r"outside its bounds 0\.05 to 500"):
-                made.point(0, values)
+                joint.point(0, values)
 
 
 def test_what_is_outside_its_domain_is_said():
     site = Site((False, False))
-    response = JointResponse(site.made, site.models)
+    response = JointResponse(site.joint, site.models)
     deep = site.values.copy()
     deep[2] = 0.4
     assert "The law of E gives" in response.admissible(deep)
     for a, said in ((-2.0, "-2"), (np.nan, "nan"), (0.0, "0")):
-        with pytest.raises(ModelError, match=f"The law of E gives {said}, which is no value"):
-            site.made.law(0, {"GSI": 0.0}, np.array([1.0, a, 0.1]))
-    assert site.made.law(1, {"D": 2.0}, np.array([0, 0, 0, -7.0, 0.5]))[0] == pytest.approx(-0.6)
-
-
-def test_laws_have_one_scale_in_all_sections_and_further_ones(site):
-    """The starts of the first section are those of all, of what is common."""
-    other = replace(
-        site.sections[2],
-        parameters=tuple(replace(q, start=0.9 * q.start) for q in site.sections[2].parameters),
-    )
-    starts = {q.name: q.start for q in site.made.scaled(other).parameters}
-    assert starts == {"c": 1.8, "E": 5.0, "nu": 0.225, "K0": 1.2, "h": 3.0}
-    assert [site.made.law_value(0, 1.5), site.made.law_value(1, 1.5)] == [np.exp(1.5), 15.0]
+        with pytest.raises(
+            ModelError, match=f"The law of E gives {said}, outside its admissible range"
+        ):
+            site.joint.law(0, {"GSI": 0.0}, np.array([1.0, a, 0.1]))
+    assert site.joint.law(1, {"D": 2.0}, np.array([0, 0, 0, -7.0, 0.5]))[0] == pytest.approx(-0.6)
 
 
 def test_parameters_to_be_expected_keep_to_their_bounds(site):
@@ -217,5 +174,5 @@ def test_parameters_to_be_expected_keep_to_their_bounds(site):
         replace(ORDERS[0][2], lower=0.23),
     )
     section = replace(site.sections[0], parameters=own)
-    found = site.made.further_point(section, site.values)
+    found = site.joint.expected_point(section, site.values)
     assert found.tolist() == [0.3, 0.21, 0.23]

@@ -1,0 +1,344 @@
+"""The posterior along a parameter that its bound truncates, where the model is not linear there.
+
+On a bound the linearised model is known on one side only, at its end: it says little of what is
+predicted far from there (theory 6.3). So for the parameter t whose bound truncates the posterior
+most, the posterior itself is computed at a few points of a path on which the other parameters
+follow: at each the model is evaluated, one Gauss-Newton step of the others gives the least phi
+there and their conditional covariance C, and
+
+    density(t) ~ exp(-phi(t) / 2) |C(t)|^(1/2)
+
+(Laplace's approximation for the others, given t). Between the points log density, parameters and
+the deviations of the readings from linear are interpolated (monotone cubics, Fritsch and Carlson).
+All else is the truncated normal, whose draws are weighted by the density of their t in place of the
+normal one.
+
+The farthest point comes first: where phi and the predictions are linear up to there, that is the
+only evaluation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from geoident.identify.assessment.truncated_normal import Posterior, truncated_normal
+from geoident.identify.assessment.uncertainty import Assessment, with_posterior
+from geoident.identify.problem.problem import Problem
+from geoident.identify.problem.scaling import Scaling
+from geoident.model.arrays import Bools, Floats
+
+FIRST_POINTS = 3
+"""Points to each side up to the end of the linear interval; beyond, steps grow."""
+
+MOST_POINTS = 10
+"""Points to each side: with `_GROWTH` they reach 30 intervals of the linearised model."""
+
+_GROWTH = 1.6
+"""Of a step by the one before."""
+
+_BEYOND = 1.3
+"""The first end, by that of the linear interval: a density that falls more slowly is seen."""
+
+_NOTHING_LEFT = 9.0
+"""Growth of phi beyond which a hundredth of the density is left."""
+
+_SAME_PHI, _SAME_READING = 0.5, 0.25
+"""Deviations from linear that do not count: of phi, and of predictions in standard deviations. A
+density is then off by a quarter where it is a seventh of the highest: ends by a few per cent."""
+
+_AT_ESTIMATE = 1e-3
+"""Distance, in standard deviations, below which an end of the path is the estimate."""
+
+_WEAK = 10.0
+"""Standard deviation, in ranges, of the others given t, so that their curvature is invertible."""
+
+_WIDER = 1.5
+"""Normal that is drawn from, by the standard deviation of the density along the path."""
+
+_FINE = 800
+"""Points at which the density along the path is integrated."""
+
+
+@dataclass(frozen=True)
+class PathReadings:
+    """What the model says at one parameter vector.
+
+    Args:
+        used: (g,) the used readings, SI.
+        used_jacobian: (g, n) their derivatives.
+        all: (l,) all readings of which predictions are made, SI; NaN where the model has none.
+        all_jacobian: (l, n) their derivatives.
+    """
+
+    used: Floats
+    used_jacobian: Floats
+    all: Floats
+    all_jacobian: Floats
+
+
+Evaluate = Callable[[Floats], PathReadings | None]
+"""The model at parameters (n,), SI; None where it has no solution."""
+
+
+@dataclass(frozen=True)
+class ProfilePath:
+    """The points of a path, the estimate among them, in the order of t.
+
+    Args:
+        parameter: number of the parameter t.
+        t: (m,) its distance from the estimate in x.
+        dx: (m, n) all parameters from the estimate in x.
+        log_density: (m,).
+        deviation: (m, l) of the readings from linear, SI.
+    """
+
+    parameter: int
+    t: Floats
+    dx: Floats
+    log_density: Floats
+    deviation: Floats
+
+
+@dataclass(frozen=True)
+class Nonlinearity:
+    """How l readings deviate from linear along a profile path, at the draws of the posterior.
+
+    Args:
+        t: (m,) points of the path.
+        deviation: (m, l) of the readings from linear there, SI.
+        drawn: (K,) t of the draws.
+        undetermined: the parameter t is not determined.
+    """
+
+    t: Floats
+    deviation: Floats
+    drawn: Floats
+    undetermined: bool
+
+    @classmethod
+    def along(cls, path: ProfilePath, assessment: Assessment) -> Nonlinearity:
+        """Of the readings of a path, at the draws of the assessment that it led to."""
+        i = path.parameter
+        known = bool(assessment.determined[i] | assessment.from_prior[i])
+        return cls(path.t, path.deviation, assessment.posterior.shift[i], undetermined=not known)
+
+    def of(self, chosen: Bools) -> Nonlinearity:
+        """Of some of the readings (l,)."""
+        return replace(self, deviation=self.deviation[:, chosen])
+
+    def at_draws(self, rows: slice) -> Floats:
+        """Deviations (l', K) of some readings; beyond the path those of its ends."""
+        t = np.clip(self.drawn, self.t[0], self.t[-1])
+        return np.asarray(_monotone(self.t, self.deviation[:, rows])(t).T, dtype=np.float64)
+
+
+@dataclass(frozen=True)
+class _Point:
+    t: float
+    dx: Floats
+    phi: float
+    log_density: float
+    deviation: Floats
+
+
+def most_truncated(assessment: Assessment, problem: Problem) -> int | None:
+    """The parameter whose bound truncates the posterior most; None where no bound does.
+
+    One on its bound comes before one that is not; of these the least known in its range counts.
+
+    Args:
+        assessment: of a linearised model.
+        problem: the parameters.
+    """
+    scaling = Scaling(problem.parameters)
+    width = scaling.upper - scaling.lower
+    candidates = assessment.at_bound & (width > 0.0) | assessment.beyond_bounds
+    candidates &= np.array([not q.field for q in problem.parameters], dtype=np.bool_)
+    if not candidates.any():
+        return None
+    width = np.where(np.isfinite(width), width, 1.0)
+    relative = np.sqrt(np.diag(assessment.posterior.covariance)) / np.maximum(width, 1e-300)
+    return int(np.argmax(np.where(candidates, relative + assessment.at_bound, -1.0)))
+
+
+def with_profile(
+    assessment: Assessment, problem: Problem, values: Floats, at: PathReadings, evaluate: Evaluate
+) -> tuple[Assessment, ProfilePath | None]:
+    """The assessment with the posterior itself along the parameter that its bound truncates most.
+
+    Args:
+        assessment: of the model linearised at the estimate.
+        problem: as `assessment` was made with.
+        values: (n,) the estimate, SI.
+        at: the model there.
+        evaluate: the model elsewhere.
+
+    Returns:
+        The assessment, as it is where nothing is truncated or all is linear; the path, or None.
+    """
+    i = most_truncated(assessment, problem)
+    if i is None:
+        return assessment, None
+    profile = _Profile(assessment, problem, values, at, evaluate, i)
+    by_t: dict[float, _Point] = {}
+    for point in profile.points():
+        by_t.setdefault(point.t, point)  # an estimate on its bound and an end there are one place
+    if len(by_t) < 3:
+        return assessment, None
+    points = [by_t[t] for t in sorted(by_t)]
+    path = ProfilePath(
+        i,
+        np.array([point.t for point in points]),
+        np.array([point.dx for point in points]),
+        np.array([point.log_density for point in points]),
+        np.array([point.deviation for point in points]),
+    )
+    return with_posterior(assessment, problem, values, profile.posterior(path)), path
+
+
+class _Profile:
+    """The path of parameter i: its points, and the posterior along it."""
+
+    def __init__(
+        self,
+        assessment: Assessment,
+        problem: Problem,
+        values: Floats,
+        at: PathReadings,
+        evaluate: Evaluate,
+        i: int,
+    ) -> None:
+        self.assessment, self.problem, self.at = assessment, problem, at
+        self.evaluate, self.i = evaluate, i
+        self.scaling = Scaling(problem.parameters)
+        self.x = self.scaling.to_scaled(values)
+        self.lower, self.upper = self.scaling.lower - self.x, self.scaling.upper - self.x
+        self.mean, self.factor = assessment.uncut_mean, assessment.uncut_factor
+        row = self.factor[i]
+        self.sd = float(np.linalg.norm(row))
+        self.slope = self.factor @ row / self.sd**2  # how the others follow, linearised
+        self.slope[i] = 1.0
+        at_estimate = self._relaxed(0.0, np.zeros(len(values)), values, at)
+        assert at_estimate is not None
+        self.estimate: _Point = at_estimate
+
+    def points(self) -> list[_Point]:
+        """All of them; none where the linearised model says the same as the farthest."""
+        unit = np.eye(len(self.x))[[self.i]]
+        low, high = float(self.lower[self.i]), float(self.upper[self.i])
+        limits = np.array([low]), np.array([high])
+        linear = self.assessment.posterior.summary(unit, limits=limits)
+        ends = [float(np.clip(_BEYOND * end[0], low, high))
+                for end in (linear.lower95, linear.upper95)]  # fmt: skip
+        ends = [end for end in ends if abs(end) > _AT_ESTIMATE * self.sd]
+        if not ends:
+            return []
+        farthest = self._point(max(ends, key=abs))
+        if farthest is not None and self._is_linear(farthest):
+            return []
+        points = [self.estimate]
+        for end in ends:
+            points += self._side(end, low if end < 0.0 else high)
+        return points
+
+    def _side(self, end: float, bound: float) -> list[_Point]:
+        """Points to one side, until nothing is left or up to the bound."""
+        points, step, t = [self.estimate], end / FIRST_POINTS, 0.0
+        while len(points) <= MOST_POINTS and abs(t) < abs(bound):
+            t = float(np.clip(t + step, min(0.0, bound), max(0.0, bound)))
+            point = self._point(t, points[-1])
+            if point is None:
+                break
+            points.append(point)
+            if point.phi > min(each.phi for each in points) + _NOTHING_LEFT:
+                break
+            if len(points) > FIRST_POINTS:
+                step *= _GROWTH
+        return points[1:]
+
+    def _point(self, t: float, before: _Point | None = None) -> _Point | None:
+        """The point at t, begun where the linearised model has it from the point before."""
+        begin = self.slope * t if before is None else before.dx + self.slope * (t - before.t)
+        dx = np.clip(begin, self.lower, self.upper)
+        dx[self.i] = t
+        values = self.scaling.to_natural(self.x + dx)
+        readings = self.evaluate(values)
+        return None if readings is None else self._relaxed(t, dx, values, readings)
+
+    def _relaxed(
+        self, t: float, dx: Floats, values: Floats, readings: PathReadings
+    ) -> _Point | None:
+        """The point after one Gauss-Newton step of the others; the estimate stays where it is."""
+        problem, scaling = self.problem, self.scaling
+        if not np.isfinite(readings.used).all():
+            return None
+        slope = scaling.slope(values)
+        r = np.concatenate(
+            [problem.whiten(readings.used - problem.measured), scaling.prior_residuals(values)]
+        )
+        A = np.concatenate(
+            [problem.whiten(readings.used_jacobian * slope), scaling.prior_jacobian(values)]
+        )
+        width = np.where(np.isfinite(self.upper - self.lower), self.upper - self.lower, 10.0)
+        others = np.flatnonzero((width > 0.0) & (np.arange(len(dx)) != self.i))
+        step, log_volume = np.zeros(len(dx)), 0.0
+        if len(others):
+            rows = np.concatenate([A[:, others], np.diag(1.0 / (_WEAK * width[others]))])
+            U, S, Vt = np.linalg.svd(rows, full_matrices=False)
+            step[others] = -Vt.T @ ((U[: len(r)].T @ r) / S)
+            log_volume = -float(np.log(S).sum())
+        if t == 0.0:
+            phi, none = float(r @ r), np.zeros(len(readings.all))
+            return _Point(t, dx, phi, log_volume - 0.5 * phi, none)
+        step = np.clip(step, self.lower - dx, self.upper - dx)
+        left = r + A @ step
+        phi, dx = float(left @ left), dx + step
+        computed = readings.all + readings.all_jacobian @ (slope * step)
+        linear = self.at.all + self.at.all_jacobian @ (self.assessment.slope * dx)
+        return _Point(t, dx, phi, log_volume - 0.5 * phi, np.nan_to_num(computed - linear))
+
+    def _is_linear(self, point: _Point) -> bool:
+        """Whether phi and the readings are what the linearised model has there."""
+        mean = self.mean[self.i]
+        growth = ((point.t - mean) ** 2 - mean**2) / self.sd**2
+        rows = np.nan_to_num(self.at.all_jacobian * self.assessment.slope)
+        sd = np.sqrt(np.einsum("ij,jk,ik->i", rows, self.assessment.posterior.covariance, rows))
+        return bool(
+            abs(point.phi - self.estimate.phi - growth) < _SAME_PHI
+            and np.all(np.abs(point.deviation) <= _SAME_READING * sd + 1e-300)
+        )
+
+    def posterior(self, path: ProfilePath) -> Posterior:
+        """The truncated normal with the density of the path in place of the normal one along it."""
+        i, first, last = self.i, path.t[0], path.t[-1]
+        log_density = _monotone(path.t, path.log_density)
+        fine = np.linspace(first, last, _FINE)
+        weight = np.exp(log_density(fine) - log_density(fine).max())
+        weight /= weight.sum()
+        centre = float(weight @ fine)
+        sd = _WIDER * float(np.sqrt(weight @ (fine - centre) ** 2)) + 1e-12 * self.sd
+        lower, upper = self.lower.copy(), self.upper.copy()
+        lower[i], upper[i] = first, last
+        # the same normal with another mean and standard deviation of t
+        unit = self.factor[i] / self.sd
+        factor = self.factor + np.outer(self.slope * (sd - self.sd), unit)
+        mean = self.mean + self.slope * (centre - self.mean[i])
+        drawn = truncated_normal(mean, factor, lower, upper, always=i)
+        t = np.clip(drawn.shift[i], first, last)
+        log_ratio = log_density(t) + 0.5 * ((t - centre) / sd) ** 2
+        weight = drawn.weight * np.exp(log_ratio - log_ratio.max())
+        straight = path.t[:, None] * self.slope
+        shift = drawn.shift + _monotone(path.t, path.dx - straight)(t).T
+        shift = np.clip(shift, self.lower[:, None], self.upper[:, None])
+        return replace(drawn, shift=shift, weight=weight / weight.sum())
+
+
+def _monotone(t: Floats, values: Floats) -> Callable[[Floats], Floats]:
+    """Monotone cubics through values (m, ...) at t (m,)."""
+    from scipy.interpolate import PchipInterpolator  # noqa: PLC0415 - half the fits need none
+
+    interpolant: Callable[[Floats], Floats] = PchipInterpolator(t, values)
+    return interpolant
