@@ -8,7 +8,7 @@ from itertools import islice
 import numpy as np
 
 from geoident.errors import CollapseError, Fault, InputError
-from geoident.fem.solvers.direct import Solver
+from geoident.fem.solvers import Solver
 from geoident.forward.checks import (
     check_on_mesh,
     imbalance_notes,

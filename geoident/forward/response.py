@@ -14,8 +14,8 @@ from itertools import islice
 
 import numpy as np
 
-from geoident.fem.solvers.direct import Solver
-from geoident.fem.solvers.kept_solutions import KeepsSolutions, SolutionStore
+from geoident.fem.solvers import Solver
+from geoident.fem.solvers.kept_solutions import SolutionStore
 from geoident.forward.affine import condensation_obstacle
 from geoident.forward.checks import inadmissible_numbers
 from geoident.forward.equations import ReadingRows, export, export_obstacle
@@ -156,8 +156,7 @@ class Marches:
 
     def keep_solutions(self, store: SolutionStore | None) -> None:
         """Have solutions that take long kept, where the solver can; None for no longer."""
-        if isinstance(self._solver, KeepsSolutions):
-            self._solver.keep_solutions(store)
+        self._solver.keep_solutions(store)
 
     def _spent(self) -> Counts:
         """What the solver has done so far."""

@@ -9,8 +9,7 @@ from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 
 from geoident.fem.solvers import BEYOND, DIRECT, SolverInfo, picked, solver_report
-from geoident.fem.solvers.memory_limit import memory_limit
-from geoident.processors import processors
+from geoident.processors import memory_limit, processors
 from geoident.workflow.executing.versions import versions
 
 EXTRAS = {
@@ -100,5 +99,5 @@ def _extra(name: str, package: str, use: str) -> Extra:
 
 def _remedies(solvers: tuple[SolverInfo, ...], picked: str) -> tuple[str, ...]:
     """The remedy for the fastest solver, if it is not the one taken."""
-    best = DIRECT[0]
+    best = next(iter(DIRECT))
     return tuple(s.remedy for s in solvers if s.name == best != picked and s.remedy)

@@ -383,16 +383,6 @@ def test_most_points_beside_surfaces_are_told_of_ground_loads_and_growth():
     assert told(Scalar(5.0), "most") == [most]
 
 
-def test_solutions_are_kept_by_a_solver_that_can():
-    kept = []
-    staged = object.__new__(responses.Marches)
-    staged._solver = SimpleNamespace(keep_solutions=kept.append)
-    staged.keep_solutions("a store")
-    assert kept == ["a store"]
-    staged._solver = SimpleNamespace()
-    staged.keep_solutions("a store")
-
-
 @pytest.mark.parametrize("known", [1, 2, 3, 5, 7])
 def test_states_that_are_not_in_a_table_of_readings_are_not_known(known):
     staged = object.__new__(StagedModel)

@@ -9,7 +9,7 @@ import pytest
 from support.cases import model, rollers
 from support.meshes import box, regroup
 
-from geoident.fem.solvers import auto
+from geoident.fem import solvers
 from geoident.forward.model import StagedModel
 from geoident.model.case import Material, Stage
 from geoident.model.ground import Isotropic
@@ -84,7 +84,7 @@ def test_operations_are_those_of_all_stages_and_entries_those_of_the_largest():
 def test_iterations_are_reckoned_with_where_a_factor_takes_too_much(monkeypatch):
     staged = excavation(1)
     factor = cost.estimate_cost(staged, solver="auto")
-    monkeypatch.setattr(auto, "MOST_ENTRIES", 1000)
+    monkeypatch.setattr(solvers, "MOST_ENTRIES", 1000)
     told = cost.estimate_cost(staged, solver="auto")
     assert (factor.solver == "iterative", told.solver) == (False, "iterative")
     assert told.factor_entries == factor.factor_entries
@@ -99,9 +99,11 @@ def test_a_finer_mesh_that_is_too_large_to_factorize_is_reckoned_by_iterations(m
     staged = excavation(1)
     plain = cost.estimate_cost(staged, solver="auto")
     assert cost.refinement_cost(staged, plain).solver == plain.solver != "iterative"
-    monkeypatch.setattr(auto, "MOST_ENTRIES", 2 * plain.factor_entries)  # its own, no finer one's
+    monkeypatch.setattr(
+        solvers, "MOST_ENTRIES", 2 * plain.factor_entries
+    )  # its own, no finer one's
     finer = cost.refinement_cost(staged, plain)
-    monkeypatch.setattr(auto, "MOST_ENTRIES", 1000)
+    monkeypatch.setattr(solvers, "MOST_ENTRIES", 1000)
     iterated = cost.estimate_cost(staged, solver="auto")
     assert finer.solver == iterated.solver == "iterative"
     making = 3e-5 * 4 * max(staged.n_dofs)

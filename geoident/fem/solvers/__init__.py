@@ -1,35 +1,34 @@
-"""Sparse solvers behind one protocol, and the choice among those that are installed."""
+"""Sparse solvers: `pick_solver` gives one, by its name or by what a matrix takes.
+
+The choice depends on the problem and on what is installed, never on the memory that happens to be
+free: so a case takes the same way on every computer with the same solvers.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import partial
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 
 from geoident.errors import UsageError
-from geoident.fem.solvers.auto import AutoSolver
-from geoident.fem.solvers.direct import Solver, SolverCounts
+from geoident.fem.solvers.direct import LowerPattern, SolverCounts, SymbolicFactorization
+from geoident.fem.solvers.factor_cost import FactorCost, factor_cost
+from geoident.fem.solvers.iterative import IterativeFactorization
+from geoident.fem.solvers.kept_solutions import KeptSolutions, SolutionStore
+from geoident.fem.solvers.levels import Analyse
 from geoident.fem.solvers.threads import granted_threads
-
-__all__ = [
-    "AUTO",
-    "BEYOND",
-    "DIRECT",
-    "SOLVERS",
-    "SolverCounts",
-    "SolverInfo",
-    "pick_solver",
-    "picked",
-    "solver_report",
-]
 
 AUTO = "auto"
 """The name that leaves the choice to `pick_solver`."""
 
-DIRECT = ("pardiso", "cholmod", "splu")
-"""Solvers that factorize, the fastest first; the last is always there."""
+DIRECT = {
+    "pardiso": ("PardisoFactorization", "pypardiso"),
+    "cholmod": ("CholmodFactorization", "cvxopt"),
+    "splu": ("SpluFactorization", "scipy"),
+}
+"""Solvers that factorize, the fastest first: class and package. The last is always there."""
 
 BEYOND = "iterative"
 """The solver where a factor would take too much time or memory."""
@@ -37,8 +36,63 @@ BEYOND = "iterative"
 SOLVERS = (*DIRECT, BEYOND)
 """Names of the solvers."""
 
-_CLASSES = {"pardiso": "PardisoSolver", "cholmod": "CholmodSolver", "splu": "SpluSolver"}
-_PACKAGES = {"cholmod": "cvxopt", "pardiso": "pypardiso"}
+SMALL = 3_000
+"""Unknowns up to which a matrix is always factorized: levels would save nothing."""
+
+COUNTED = 50_000
+"""Unknowns below which a factor is always the better way: its cost is not counted."""
+
+ITERATED = 16 * 7 * 8 * 4.0
+"""Operations of conjugate gradients for each entry of the lower triangle.
+
+16 steps with 7 products each for 8 right-hand sides, each entry used twice.
+"""
+
+DENSE = 50.0
+"""Operations on dense matrices, on two cores, in a third of the time of one of those products.
+
+Iterations are preferred only where they are three times as fast: a factor answers
+further right-hand sides sooner, and to the last digit.
+"""
+
+MOST_ENTRIES = 400_000_000
+"""Entries of a factor that is made without being asked for: with them it takes some 3.5 GB."""
+
+
+class Solver:
+    """Prepares matrices for their solution, by a factorization or by conjugate gradients.
+
+    Args:
+        name: as users write it, such as ``cholmod``.
+        direct: factorizes, and counts where it is told.
+        iterates: whether to solve matrices of a pattern, with places, by conjugate gradients.
+
+    Attributes:
+        counts: what has been done so far.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        direct: Analyse,
+        iterates: Callable[[LowerPattern], bool],
+    ) -> None:
+        self.name, self.counts = name, SolverCounts()
+        self._direct, self._iterates, self._kept = direct, iterates, KeptSolutions()
+
+    def analyse(self, pattern: LowerPattern) -> SymbolicFactorization:
+        """Prepare for matrices of this pattern, with at least one unknown; counts one analysis."""
+        if pattern.places is not None and self._iterates(pattern):
+            return IterativeFactorization(pattern, self.counts, self._direct, self._kept)
+        return self._direct(pattern, self.counts)
+
+    def keep_solutions(self, store: SolutionStore | None) -> None:
+        """Look up solutions by conjugate gradients in a store first, and put there what takes long.
+
+        Args:
+            store: where; None for no longer.
+        """
+        self._kept.store = store
 
 
 @dataclass(frozen=True)
@@ -70,14 +124,24 @@ def pick_solver(name: str = AUTO) -> Solver:
         UsageError: there is no solver of that name, or it is not installed.
     """
     if name == AUTO:
-        counts = SolverCounts()
-        return AutoSolver(_create(picked(), counts), _create(BEYOND, counts))
-    if name not in SOLVERS:
+        return Solver(name, _direct(picked()), _iterates_better)
+    if name == BEYOND:
+        return Solver(name, _direct(picked()), lambda pattern: pattern.n > SMALL)
+    if name not in DIRECT:
         raise UsageError(f"unknown solver {name!r}: choose from {', '.join((AUTO, *SOLVERS))}")
     try:
-        return _create(name)
+        return Solver(name, _direct(name), lambda _: False)
     except (ImportError, OSError) as error:
         raise UsageError(_remedy(name, error)) from error
+
+
+def picked() -> str:
+    """Name of the solver with which ``auto`` factorizes: the fastest that is installed."""
+    for name in DIRECT:
+        with suppress(ImportError, OSError):  # not installed, or its shared library does not load
+            _direct(name)
+            return name
+    raise AssertionError("scipy is always installed")
 
 
 def solver_report() -> tuple[SolverInfo, ...]:
@@ -85,25 +149,33 @@ def solver_report() -> tuple[SolverInfo, ...]:
     return tuple(_info(name) for name in SOLVERS)
 
 
-def picked() -> str:
-    """Name of the solver with which ``auto`` factorizes: the fastest that is installed."""
-    for name in DIRECT[:-1]:
-        try:
-            _create(name)
-        except (ImportError, OSError):  # not installed, or its shared library does not load
-            continue
-        return name
-    return DIRECT[-1]
+def is_beyond(cost: FactorCost, nonzeros: float) -> bool:
+    """Whether a matrix is better solved by conjugate gradients than factorized.
+
+    Args:
+        cost: of a factorization.
+        nonzeros: entries of its lower triangle.
+    """
+    return cost.flops > DENSE * ITERATED * nonzeros or cost.entries > MOST_ENTRIES
 
 
-def _create(name: str, counts: SolverCounts | None = None) -> Solver:
-    counts = SolverCounts() if counts is None else counts
+def _iterates_better(pattern: LowerPattern) -> bool:
+    if pattern.places is None or pattern.n < COUNTED:
+        return False
+    return is_beyond(factor_cost(pattern, pattern.places.node), len(pattern.indices))
+
+
+def _direct(name: str) -> Analyse:
+    """The class of a solver that factorizes.
+
+    Raises:
+        ImportError: its package is not installed.
+        OSError: it is there and does not load.
+    """
     module = import_module(f"geoident.fem.solvers.{name}")
-    if name == BEYOND:
-        iterative: Solver = module.IterativeSolver(partial(_create, picked()), counts)
-        return iterative
-    direct: Solver = getattr(module, _CLASSES[name])(counts)
-    return direct
+    module.load()
+    factorization: Analyse = getattr(module, DIRECT[name][0])
+    return factorization
 
 
 def _remedy(name: str, error: Exception) -> str:
@@ -113,10 +185,10 @@ def _remedy(name: str, error: Exception) -> str:
 
 def _info(name: str) -> SolverInfo:
     try:
-        _create(name)
-    except (ImportError, OSError) as error:
-        return SolverInfo(name, False, "", 0, _remedy(name, error))
-    package = _PACKAGES.get(name, "scipy")
+        pick_solver(name)
+    except UsageError as error:
+        return SolverInfo(name, False, "", 0, str(error))
+    package = DIRECT.get(name, DIRECT["splu"])[1]
     with suppress(PackageNotFoundError):
         package = f"{package} {version(package)}"
     # CHOLMOD and SuperLU have use for one thread only.

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 
 from geoident.fem.solvers.direct import (
-    DirectAnalysis,
     LowerPattern,
     NotPositiveDefinite,
     Solve,
     SolverCounts,
+    SymbolicFactorization,
     check_pivots,
 )
 from geoident.model.arrays import Floats
@@ -24,57 +24,34 @@ from geoident.model.arrays import Floats
 _OPTIONS = {"supernodal": 2, "nmethods": 1, "postorder": False, "print": 0}
 
 BLOCK = 64
-"""Right-hand sides that cvxopt gets as one sparse matrix; bounds the memory."""
+"""Right-hand sides that cvxopt gets as one sparse matrix; bounds the memory (16 bytes each)."""
 
 
-class CholmodSolver:
-    """CHOLMOD as a `Solver`.
-
-    Args:
-        counts: where to count; its own if not given.
-
-    Raises:
-        ImportError: cvxopt is not installed.
-    """
-
-    name = "cholmod"
-
-    def __init__(self, counts: SolverCounts | None = None) -> None:
-        _load()
-        self.counts = counts if counts is not None else SolverCounts()
-
-    def analyse(self, pattern: LowerPattern) -> CholmodAnalysis:
-        """Find the supernodes of this pattern."""
-        return CholmodAnalysis(pattern, self.counts)
-
-
-class CholmodAnalysis(DirectAnalysis):
-    """A symbolic factorization, whose numbers are overwritten by every factorization."""
+class CholmodFactorization(SymbolicFactorization):
+    """The supernodes of a pattern, whose numbers are overwritten by every factorization."""
 
     def __init__(self, pattern: LowerPattern, counts: SolverCounts) -> None:
         super().__init__(pattern, counts)
         n = pattern.n
-        if n == 0:
-            return
-        cvxopt = _load()
+        cvxopt = load()
         columns = np.repeat(np.arange(n), np.diff(pattern.indptr))
         entries = cvxopt.matrix(pattern.indices), cvxopt.matrix(columns)
         self._matrix = cvxopt.spmatrix(1.0, *entries, (n, n))
         self._factor = self._symbolic()
 
     def _symbolic(self) -> Any:
-        cvxopt = _load()
+        cvxopt = load()
         with _options():
             order = cvxopt.matrix(np.arange(self.pattern.n))
             return cvxopt.cholmod.symbolic(self._matrix, order, uplo="L")
 
-    def _release(self) -> None:
+    def release(self) -> None:
         # CHOLMOD keeps symbols and numbers in one object; finding the symbols again costs a
         # few hundredths of a factorization.
         self._factor = None
 
     def _factorize(self, values: Floats, diagonal: Floats) -> Solve:
-        cvxopt = _load()
+        cvxopt = load()
         if self._factor is None:
             self._factor = self._symbolic()
         self._matrix.V = cvxopt.matrix(values)
@@ -88,8 +65,12 @@ class CholmodAnalysis(DirectAnalysis):
         return lambda rhs: _solve(self._factor, rhs)
 
 
-def _load() -> Any:
-    """The package cvxopt, of which nothing is needed until a solver is made."""
+def load() -> Any:
+    """The package cvxopt, of which nothing is needed until something is solved.
+
+    Raises:
+        ImportError: it is not installed.
+    """
     import_module("cvxopt.cholmod")
     return import_module("cvxopt")
 
@@ -99,7 +80,7 @@ def _solve(factor: Any, rhs: Floats) -> Floats:
 
     cvxopt hands dense ones to CHOLMOD one by one, sparse ones four at a time: in half the time.
     """
-    cvxopt = _load()
+    cvxopt = load()
     if rhs.shape[1] == 1:
         dense = cvxopt.matrix(rhs)
         cvxopt.cholmod.solve(factor, dense)
@@ -114,7 +95,7 @@ def _solve(factor: Any, rhs: Floats) -> Floats:
 @contextmanager
 def _options() -> Iterator[None]:
     """Our options, in a dictionary that all users of cvxopt share."""
-    options = _load().cholmod.options
+    options = load().cholmod.options
     before = dict(options)
     options.update(_OPTIONS)
     try:

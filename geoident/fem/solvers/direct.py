@@ -1,12 +1,10 @@
-"""What geoident asks of a sparse direct solver, and what all of them share.
+"""Sparse symmetric matrices, and what all factorizations of them share.
 
 A symmetric positive definite matrix is given by its lower triangle in compressed columns, rows
 ascending and the diagonal first in every column, already in a fill-reducing order (see
 `geoident.fem.solvers.ordering`): solvers must not reorder it. The three steps are separate because
 their costs are: `Solver.analyse` once per pattern, `SymbolicFactorization.factorize` once per stage
 and parameter vector, `Factor.solve` for many right-hand sides at once.
-
-Shared are checks, counts, the lifetime of a factor and a test of its pivots.
 """
 
 from __future__ import annotations
@@ -16,16 +14,26 @@ import weakref
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
+import scipy.sparse as sp
 
 from geoident.model.arrays import Floats, Ints
+
+SINGULAR = 1e-13
+"""A pivot below this part of the diagonal entry that it came from is rounding, not stiffness."""
+
+RELEASED_ENTRIES = 250_000
+"""Entries of a matrix from which on a factor's memory is given back as soon as nobody uses it.
+
+A staged model has one analysis for every stage; if each kept its last factor, the memory of a
+model would grow with the number of stages. Below, factors are small and made again sooner.
+"""
 
 
 @dataclass
 class SolverCounts:
-    """Work done by a solver. The only mutable thing that travels with it.
+    """Work done by a solver.
 
     Args:
         analyses: patterns analysed.
@@ -54,10 +62,25 @@ class UnknownPlaces:
     points: Floats
     edges: Ints
 
+    @property
+    def dim(self) -> int:
+        """Displacements of a node."""
+        return int(self.points.shape[1])
+
+    @property
+    def node(self) -> Ints:
+        """(n,) node of each unknown."""
+        return self.dofs // self.dim
+
 
 @dataclass(frozen=True)
 class LowerPattern:
     """Pattern of the lower triangle of a symmetric matrix, by compressed columns.
+
+    >>> pattern = LowerPattern(np.array([0, 2, 3]), np.array([0, 1, 1]))
+    >>> pattern.whole(np.array([4.0, -1.0, 5.0])).toarray()
+    array([[ 4., -1.],
+           [-1.,  5.]])
 
     Args:
         indptr: (n + 1,) starts of the columns.
@@ -85,118 +108,96 @@ class LowerPattern:
             return 60.0 * self.n * math.sqrt(self.n)
         return 25.0 * self.n * self.n
 
+    def whole(self, below: Floats, above: Floats | None = None) -> sp.csr_array:
+        """The matrix (n, n) with both triangles, rows ascending, stored zeros with it.
 
-class Factor(Protocol):
-    """A factorized matrix. Valid until its analysis factorizes again."""
-
-    @property
-    def valid(self) -> bool:
-        """Whether it can still solve."""
-
-    def solve(self, rhs: Floats) -> Floats:
-        """Solutions (n, k) for right-hand sides (n, k); counts k solves."""
-
-
-class SymbolicFactorization(Protocol):
-    """A pattern that has been analysed."""
-
-    def factorize(self, values: Floats) -> Factor:
-        """Factorize the matrix with these values (nnz,).
-
-        Raises `NotPositiveDefinite` with the index of an unknown where it can be told.
+        Args:
+            below: (nnz,) values K[i, j] of the entries of the pattern.
+            above: (nnz,) values K[j, i]; None where K is symmetric.
         """
-
-
-class Solver(Protocol):
-    """A sparse direct solver."""
-
-    @property
-    def name(self) -> str:
-        """Name as users write it, such as ``cholmod``."""
-
-    @property
-    def counts(self) -> SolverCounts:
-        """What has been done so far with this solver."""
-
-    def analyse(self, pattern: LowerPattern) -> SymbolicFactorization:
-        """Prepare for matrices of this pattern; counts one analysis."""
+        n, indices, indptr = self.n, self.indices.astype(np.int32), self.indptr
+        is_strict = np.ones(len(below), dtype=bool)
+        is_strict[indptr[:-1]] = False
+        starts = (indptr - np.arange(n + 1)).astype(np.int32)
+        strict = sp.csr_array(
+            sp.csc_array((below[is_strict], indices[is_strict], starts), shape=(n, n))
+        )
+        # A row of the matrix is one of the strict lower triangle, then a column of the pattern.
+        rows = strict.indptr + indptr
+        left = np.arange(strict.nnz) + np.repeat(indptr[:-1], np.diff(strict.indptr))
+        right = np.arange(len(below)) + np.repeat(strict.indptr[1:], np.diff(indptr))
+        data, columns = np.empty(rows[-1]), np.empty(rows[-1], dtype=np.int32)
+        data[left], columns[left] = strict.data, strict.indices
+        data[right], columns[right] = below if above is None else above, indices
+        return sp.csr_array((data, columns, rows.astype(np.int32)), shape=(n, n))
 
 
 class NotPositiveDefinite(ArithmeticError):
-    """A matrix that should be positive definite is not."""
+    """A matrix that should be positive definite is not, or a general one is singular.
+
+    Args:
+        unknown: where it was noticed, if that can be told.
+    """
 
     def __init__(self, unknown: int | None = None) -> None:
         self.unknown = unknown
         super().__init__("the matrix is not positive definite")
 
 
-SINGULAR = 1e-13
-"""A pivot below this part of the diagonal entry that it came from is rounding, not stiffness."""
-
-RELEASED_ENTRIES = 250_000
-"""Entries of a matrix from which on a factor's memory is given back as soon as nobody uses it.
-
-A staged model has one analysis for every stage; if each kept its last factor, the memory of a
-model would grow with the number of stages.
-"""
-
 Solve = Callable[[Floats], Floats]
 """Solutions (n, k) for right-hand sides (n, k) in Fortran order, k >= 1; may overwrite them."""
 
 
-class DirectFactor:
-    """A factorized matrix. Valid until its analysis factorizes again."""
+class Factor:
+    """A factorized matrix.
 
-    def __init__(self, analysis: DirectAnalysis, solve: Solve) -> None:
-        self._analysis = analysis
-        self._number = analysis.factorized
-        self._solve = solve
-        if len(analysis.pattern.indices) >= RELEASED_ENTRIES:
-            weakref.finalize(self, analysis.release, self._number).atexit = False
+    Args:
+        n: number of unknowns.
+        counts: where to count.
+        solve: solves.
+        is_valid: whether it still can: an analysis may have memory for its last factor only.
+    """
+
+    def __init__(
+        self, n: int, counts: SolverCounts, solve: Solve, is_valid: Callable[[], bool]
+    ) -> None:
+        self._n, self._counts, self._solve, self._is_valid = n, counts, solve, is_valid
 
     @property
     def valid(self) -> bool:
-        """Whether the analysis has not factorized again since."""
-        return self._number == self._analysis.factorized
+        """Whether it can still solve."""
+        return self._is_valid()
 
     def solve(self, rhs: Floats) -> Floats:
-        """Solve for several right-hand sides at once.
-
-        Args:
-            rhs: (n, k) right-hand sides, not modified.
-
-        Returns:
-            (n, k) solutions.
+        """Solutions (n, k) for right-hand sides (n, k), which are not modified.
 
         Raises:
             RuntimeError: the analysis has factorized again since.
         """
-        n = self._analysis.pattern.n
         if not self.valid:
             raise RuntimeError("this factor was replaced by a later factorization")
-        if rhs.ndim != 2 or rhs.shape[0] != n:
-            raise ValueError(f"right-hand sides have shape {rhs.shape}, not ({n}, k)")
-        self._analysis.counts.solves += rhs.shape[1]
+        if rhs.ndim != 2 or rhs.shape[0] != self._n:
+            raise ValueError(f"right-hand sides have shape {rhs.shape}, not ({self._n}, k)")
+        self._counts.solves += rhs.shape[1]
         if rhs.size == 0:
             return np.zeros(rhs.shape)
         return self._solve(np.array(rhs, dtype=np.float64, order="F"))
 
 
-class DirectAnalysis(ABC):
+class SymbolicFactorization(ABC):
     """A pattern that has been analysed. Subclasses say how to factorize in `_factorize`.
 
     Args:
-        pattern: the pattern.
+        pattern: the pattern, with at least one unknown.
         counts: where to count.
     """
 
     def __init__(self, pattern: LowerPattern, counts: SolverCounts) -> None:
-        self.pattern = pattern
-        self.counts = counts
-        self.factorized = 0
+        self.pattern, self.counts = pattern, counts
+        self._last = 0  # number of the last factorization
         counts.analyses += 1
 
-    def factorize(self, values: Floats) -> DirectFactor:
+    def factorize(self, values: Floats) -> Factor:
         """Factorize the matrix with these values.
 
         Args:
@@ -210,23 +211,24 @@ class DirectAnalysis(ABC):
         """
         if values.shape != self.pattern.indices.shape:
             raise ValueError(f"{values.shape} values for {self.pattern.indices.shape} entries")
-        self.factorized += 1
+        number = self._last = self._last + 1
         self.counts.factorizations += 1
         diagonal = values[self.pattern.indptr[:-1]]
         check_pivots(diagonal, diagonal)
         if not np.isfinite(values).all():
             raise NotPositiveDefinite
-        if self.pattern.n == 0:
-            return DirectFactor(self, np.copy)
-        return DirectFactor(self, self._factorize(values, diagonal))
+        solve = self._factorize(values, diagonal)
+        factor = Factor(self.pattern.n, self.counts, solve, lambda: number == self._last)
+        if len(values) >= RELEASED_ENTRIES:
+            weakref.finalize(factor, self._forget, number).atexit = False
+        return factor
 
-    def release(self, number: int) -> None:
-        """Give back the memory of a factor, known by its number, unless a later one replaced it."""
-        if number == self.factorized:
-            self._release()
+    def _forget(self, number: int) -> None:
+        """Give back the memory of a factor, unless a later one replaced it."""
+        if number == self._last:
+            self.release()
 
-    @abstractmethod
-    def _release(self) -> None:
+    def release(self) -> None:  # noqa: B027  most keep nothing
         """Give back the memory of the last factor; what the analysis found may stay."""
 
     @abstractmethod
@@ -234,27 +236,16 @@ class DirectAnalysis(ABC):
         """Factorize and return how to solve; the diagonal (n,) of the matrix is for the checks."""
 
 
-def check_pivots(
-    pivots: Floats,
-    diagonal: Floats,
-    unknowns: Ints | None = None,
-    *,
-    least: float | None = None,
-) -> None:
+def check_pivots(pivots: Floats, diagonal: Floats) -> None:
     """Refuse a matrix with a pivot that is not clearly positive.
 
     Args:
-        pivots: (n,) diagonal of D in L D L^T.
-        diagonal: (n,) diagonal of the matrix, by unknown.
-        unknowns: (n,) unknown that each pivot belongs to; None if they stand in order.
-        least: part of the diagonal entry that a pivot must exceed; None for `SINGULAR`.
+        pivots: (n,) diagonal of D in L D L^T, by unknown.
+        diagonal: (n,) diagonal of the matrix.
 
     Raises:
-        NotPositiveDefinite: with the worst unknown.
+        NotPositiveDefinite: with the first unknown of such a pivot.
     """
-    scale = diagonal if unknowns is None else diagonal[unknowns]
-    part = SINGULAR if least is None else least
-    bad = np.flatnonzero(~(pivots > part * np.abs(scale)))
+    bad = np.flatnonzero(~(pivots > SINGULAR * np.abs(diagonal)))
     if bad.size:
-        first = int(bad[0])
-        raise NotPositiveDefinite(first if unknowns is None else int(unknowns[first]))
+        raise NotPositiveDefinite(int(bad[0]))

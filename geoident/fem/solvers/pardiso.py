@@ -20,11 +20,11 @@ import numpy as np
 import numpy.typing as npt
 
 from geoident.fem.solvers.direct import (
-    DirectAnalysis,
     LowerPattern,
     NotPositiveDefinite,
     Solve,
     SolverCounts,
+    SymbolicFactorization,
     check_pivots,
 )
 from geoident.fem.solvers.threads import granted_threads
@@ -44,40 +44,16 @@ _NO_MEMORY = (-2, -9)
 _SAME_BITS = 2  # MKL_CBWR_AUTO
 
 
-class PardisoSolver:
-    """PARDISO as a `Solver`.
-
-    Args:
-        counts: where to count; its own if not given.
-
-    Raises:
-        ImportError: MKL is not installed.
-        OSError: it is there and does not load.
-    """
-
-    name = "pardiso"
-
-    def __init__(self, counts: SolverCounts | None = None) -> None:
-        _library()
-        self.counts = counts if counts is not None else SolverCounts()
-
-    def analyse(self, pattern: LowerPattern) -> PardisoAnalysis:
-        """Factorize this pattern symbolically."""
-        return PardisoAnalysis(pattern, self.counts)
-
-
-class PardisoAnalysis(DirectAnalysis):
+class PardisoFactorization(SymbolicFactorization):
     """A symbolic factorization inside MKL, released with this object."""
 
     def __init__(self, pattern: LowerPattern, counts: SolverCounts) -> None:
         super().__init__(pattern, counts)
-        if pattern.n == 0:
-            return
         self._handle = _Handle(pattern)
         self._handle.call(_ANALYSE)
         weakref.finalize(self, self._handle.call, _RELEASE)
 
-    def _release(self) -> None:
+    def release(self) -> None:
         self._handle.call(_RELEASE_FACTOR)
 
     def _factorize(self, values: Floats, diagonal: Floats) -> Solve:
@@ -114,7 +90,7 @@ class _Handle:
         """(n,) squared diagonal of the factor, by unknown."""
         factor, matrix = np.empty((2, self._order.size))
         error = ctypes.c_int32(0)
-        _library()["pardiso_getdiag"](
+        load()["pardiso_getdiag"](
             _address(self._memory),
             _address(factor),
             _address(matrix),
@@ -128,8 +104,8 @@ class _Handle:
         n = self._order.size
         k = 1 if rhs is None else rhs.shape[1]
         error = ctypes.c_int32(0)
-        threads_before = _library()["MKL_Set_Num_Threads_Local"](self._threads)
-        _library()["pardiso"](
+        threads_before = load()["MKL_Set_Num_Threads_Local"](self._threads)
+        load()["pardiso"](
             _address(self._memory),
             *_numbers(1, 1, _SPD, phase, n),
             _address(self.values),
@@ -143,7 +119,7 @@ class _Handle:
             None if solution is None else _address(solution),
             ctypes.byref(error),
         )
-        _library()["MKL_Set_Num_Threads_Local"](threads_before)
+        load()["MKL_Set_Num_Threads_Local"](threads_before)
         if error.value in _NOT_DEFINITE:
             equation = int(self._settings[29])  # at which it stopped, if that is told
             raise NotPositiveDefinite(equation - 1 if 1 <= equation <= n else None)
@@ -154,7 +130,7 @@ class _Handle:
 
 
 @cache
-def _library() -> ctypes.CDLL:
+def load() -> ctypes.CDLL:
     """The shared library `mkl_rt`, where pip has put it or else where pypardiso finds it.
 
     pypardiso searches whole folders, which takes up to a second.

@@ -1,16 +1,17 @@
-"""How many threads a solver may take, and that libraries take one each.
+"""How many threads a solver may take, that libraries take one each, and tasks side by side.
 
 numpy and scipy come with an OpenBLAS each, whose threads wait for work by turning round and round:
 beside many small products that takes more time of processors than the products. So whoever computes
 long does it within `one_thread`, and what is large is divided into tasks by the program itself
-(`tasks`).
+(`run_tasks`).
 """
 
 from __future__ import annotations
 
 import ctypes
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import ContextDecorator
 from dataclasses import dataclass
 from functools import lru_cache
@@ -18,6 +19,8 @@ from importlib import import_module
 from pathlib import Path
 from threading import Lock
 from typing import ClassVar
+
+from geoident.processors import processors
 
 
 def granted_threads(variable: str) -> int:
@@ -29,11 +32,31 @@ def granted_threads(variable: str) -> int:
     for name in (variable, "OMP_NUM_THREADS"):
         if os.environ.get(name, "").isdecimal():
             return max(1, int(os.environ[name]))
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return processors()
+
+
+def run_tasks(tasks: Sequence[Callable[[], None]]) -> None:
+    """Do all tasks, of which none needs what another makes; together where there are cores.
+
+    Not from within a task: it would wait for the thread that it has itself.
+
+    Raises:
+        Exception: what the first of them that failed has raised; none runs any more then.
+    """
+    threads = granted_threads("OPENBLAS_NUM_THREADS")
+    if threads == 1 or len(tasks) < 2:
+        for task in tasks:
+            task()
+        return
+    with ThreadPoolExecutor(threads, "geoident-solver") as pool:
+        futures = [pool.submit(task) for task in tasks]
+        wait(futures)
+    for future in futures:
+        future.result()
 
 
 @dataclass(frozen=True)
-class Library:
+class BlasLibrary:
     """An OpenBLAS that is loaded.
 
     Args:
@@ -75,7 +98,7 @@ class one_thread(ContextDecorator):  # noqa: N801  used as contextlib's own
 
 
 @lru_cache(maxsize=1)
-def libraries() -> tuple[Library, ...]:
+def libraries() -> tuple[BlasLibrary, ...]:
     """Every OpenBLAS that comes with the wheels of numpy and scipy."""
     opened = []
     for name in ("numpy", "scipy"):
@@ -88,7 +111,7 @@ def libraries() -> tuple[Library, ...]:
     return tuple(opened)
 
 
-def _opened(path: Path) -> Library | None:
+def _opened(path: Path) -> BlasLibrary | None:
     """The library in a file; None where it is another."""
     try:
         library = ctypes.CDLL(str(path))
@@ -101,5 +124,5 @@ def _opened(path: Path) -> Library | None:
         except AttributeError:
             continue
         get.restype, get.argtypes, put.argtypes = ctypes.c_int, [], [ctypes.c_int]
-        return Library(get, put)
+        return BlasLibrary(get, put)
     return None

@@ -12,9 +12,9 @@ import scipy.sparse as sp
 
 from geoident.fem.elasticity import Moduli, UniformModuli
 from geoident.fem.location import format_point
+from geoident.fem.solvers import Solver
 from geoident.fem.solvers.direct import (
     LowerPattern,
-    Solver,
     SolverCounts,
     SymbolicFactorization,
     UnknownPlaces,

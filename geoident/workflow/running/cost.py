@@ -8,8 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from geoident.fem.refinement.finer import n_raised
-from geoident.fem.solvers import AUTO, BEYOND, picked
-from geoident.fem.solvers.auto import ITERATED, is_beyond
+from geoident.fem.solvers import AUTO, BEYOND, ITERATED, is_beyond, picked
 from geoident.fem.solvers.factor_cost import FactorCost, factor_cost
 from geoident.forward.model import StagedModel
 from geoident.model.methods import (

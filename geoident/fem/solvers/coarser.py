@@ -47,7 +47,7 @@ def corners(places: UnknownPlaces) -> Coarser | None:
     Args:
         places: of the unknowns.
     """
-    n, dim = len(places.dofs), places.points.shape[1]
+    n, dim = len(places.dofs), places.dim
     on_edge = np.zeros(len(places.points), dtype=bool)
     on_edge[places.edges[:, 0]] = True
     stays = np.flatnonzero(~on_edge[places.dofs // dim])
@@ -85,7 +85,7 @@ def aggregates(matrix: sp.csr_array, places: UnknownPlaces, step: sp.csr_array) 
         places: of its unknowns.
         step: (n, n) of the step of Jacobi: the smoothed motions are those less ``step @ K @`` them.
     """
-    dim = places.points.shape[1]
+    dim = places.dim
     node, at = np.unique(places.dofs // dim, return_inverse=True)
     graph = _node_graph(matrix, at, len(node))
     aggregate = _aggregate_numbers(graph)
@@ -140,7 +140,7 @@ def _means(points: Floats, group: Ints, count: int) -> Floats:
 
 def _rigid_motions(places: UnknownPlaces, node: Ints, at: Ints, aggregate: Ints) -> Floats:
     """(n, m) displacement of each unknown by the rigid motions of its aggregate."""
-    dim = places.points.shape[1]
+    dim = places.dim
     centre = _means(places.points[node], aggregate, int(aggregate.max()) + 1)
     x = places.points[node][at] - centre[aggregate[at]]
     component = places.dofs % dim
