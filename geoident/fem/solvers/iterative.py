@@ -64,7 +64,7 @@ class IterativeFactorization(SymbolicFactorization):
         return self.factorize_instead(values)
 
     def factorize_instead(self, values: Floats) -> Solve:
-        """A factorization, where conjugate gradients do not come to the end.
+        """A factorization of values (nnz,) with which conjugate gradients do not come to the end.
 
         Raises:
             ModelError: it would not fit the memory.

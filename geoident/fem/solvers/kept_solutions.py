@@ -70,7 +70,7 @@ class KeptSolutions:
         return f"{of} {digest.hexdigest()}".strip()
 
     def find_or_compute(self, name: str, compute: Callable[[], Floats]) -> Floats:
-        """What is kept under a name, or else computed, and kept if that took long."""
+        """The solution (...) kept under a name; or else computed, and kept if that took long."""
         if self.store is None or not name:
             return compute()
         known = self.store.find_solution(name)
