@@ -231,6 +231,18 @@ def test_a_body_that_nothing_holds_is_refused(solver):
     assert caught.value.unknown >= 3 * 59
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_one_motion_that_nothing_resists_is_refused_whatever_rounding_leaves(solver, seed):
+    """A net of springs that floats: the last pivot is rounding, as often above zero as below."""
+    steps = sp.diags_array([-np.ones(4), np.ones(4)], offsets=[0, 1], shape=(3, 4))
+    stretch = sp.vstack([sp.kron(steps, sp.eye_array(4)), sp.kron(sp.eye_array(4), steps)])
+    constants = 10.0 ** np.random.default_rng(seed).uniform(6, 9, stretch.shape[0])
+    pattern, values = lower(sp.csr_array(stretch.T @ sp.diags_array(constants) @ stretch))
+    with pytest.raises(NotPositiveDefinite) as caught:
+        solver.analyse(pattern).factorize(values)
+    assert caught.value.unknown in (None, 15)
+
+
 def test_a_matrix_held_by_little_is_not_taken_for_singular(solver):
     matrix = truss(4, ground=1e-6)
     pattern, values = lower(matrix)
