@@ -1,46 +1,52 @@
-"""What a response may be asked of a reduced model, made of the marches of its evaluations."""
+"""The response of a staged model that may have a surrogate: the reduced model of its model.
+
+Marches with derivatives are recorded as they are made (`snapshots`), by their parameters. The
+surrogate of some parameter vectors is a function of these alone: what is not recorded is marched.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
 
 from geoident.forward.gauges.observation import MarchState
 from geoident.forward.march.march import RunOptions
+from geoident.forward.observed import Query
 from geoident.forward.reduced.duals.basis import DualBasis
 from geoident.forward.reduced.duals.bounds import ReadingDuals
 from geoident.forward.reduced.model import ReducedModel
 from geoident.forward.reduced.reduction import Reduction
 from geoident.forward.reduced.response import ReadingsAsked, ReducedResponse
-from geoident.forward.reduced.snapshots import from_arrays, to_arrays
 from geoident.forward.reduced.stress_rows import beyond_reduction
-from geoident.forward.response import Marches, StagedResponse
+from geoident.forward.response import StagedResponse
+from geoident.forward.staged import StagedKernel
 from geoident.model.arrays import Floats
-from geoident.model.response import CertifiedResponse
+from geoident.model.response import Evaluation
+
+NOT_RECORDED = "no marches are recorded for one"
 
 
-@dataclass
 class SharedReduction:
-    """The marches of the search that was begun last: other responses of the model may use them.
+    """The marches that were recorded last: other responses of the model may use them.
 
-    Args:
-        reduction: those; None where none are kept.
+    Attributes:
+        reduction: those; None where none are recorded.
     """
 
-    reduction: Reduction | None = None
+    def __init__(self) -> None:
+        self.reduction: Reduction | None = None
 
 
 class ReducibleResponse(StagedResponse):
     """Readings of some (channel, stage) pairs, and the reduced model of the marches for them.
 
-    It evaluates as a `StagedResponse` does. Fulfils also the protocols ``HasReducedModel`` and
-    ``KeepsMarches``.
+    It evaluates as a `StagedResponse` does. Fulfils also the protocol ``HasSurrogate``.
 
     Args:
-        marches: of the case.
+        model: of the case.
         shared: the marches of other responses.
         pairs: channel and stage of every reading.
         times: when each was read; None for what is known of its stage.
@@ -48,22 +54,23 @@ class ReducibleResponse(StagedResponse):
 
     def __init__(
         self,
-        marches: Marches,
+        model: StagedKernel,
         shared: SharedReduction,
         pairs: Sequence[tuple[str, str]],
         times: Sequence[float | None] = (),
     ) -> None:
-        super().__init__(marches, pairs, times)
+        super().__init__(model, pairs, times)
         self._shared = shared
+        self.reduction: Reduction | None = None
 
-    def keep_marches(self, *, economical: bool = True, most: int = 4) -> None:
-        """Keep what marches with derivatives find from now on, for a reduced model.
+    def record(self, *, economical: bool = True, most: int = 4) -> None:
+        """Record the marches with derivatives from now on, for a surrogate.
 
         Args:
             economical: only where it costs less than the marches that a search saves by it.
-            most: how many marches count at most, the newest.
+            most: of how many marches a surrogate is made at most, the last ones.
         """
-        marches = self._marches
+        model = self._model
         if self.reduction is not None or self._beyond is not None:
             return
         known = self._shared.reduction
@@ -71,106 +78,96 @@ class ReducibleResponse(StagedResponse):
             self.reduction = known  # that of another response goes as far
             return
         self.reduction = Reduction(
-            marches.march, marches.observation, self._last, most=most, economical=economical
+            model.march, model.observation, self._last, most=most, economical=economical
         )
         self._shared.reduction = self.reduction
 
-    def reduction_obstacle(self) -> str | None:
-        """Why there is no reduced model, a clause, or None if there may be one."""
-        if self._beyond is not None or self.reduction is None:
+    def surrogate_obstacle(self) -> str | None:
+        """Why there is no surrogate, a clause, or None if there may be one."""
+        if self._beyond is not None:
             return self._beyond
-        return self.reduction.obstacle
+        return NOT_RECORDED if self.reduction is None else self.reduction.obstacle
 
     @cached_property
     def _beyond(self) -> str | None:
         """Why its readings have no reduced model, a clause, or None if they have."""
-        return beyond_reduction(self._marches.march, self._marches.observation, self._row)
+        return beyond_reduction(self._model.march, self._model.observation, self._places.rows)
 
-    @property
-    def has_reduced_model(self) -> bool:
-        """Whether marches are kept for one, and nothing is known that stands against it."""
-        return self.reduction is not None and self.reduction_obstacle() is None
+    def evaluation(self, p: Floats, *, derivatives: bool = True) -> Evaluation:
+        """All that is known of the readings at p (n,).
 
-    def march_again(self, visited: Sequence[Floats]) -> None:
-        """Have the reduced model made of the marches at some parameter vectors (n,), in that order.
+        A march with derivatives that is recorded goes as far as the surrogate is to go.
+        """
+        reduction = self.reduction
+        recorder = None
+        if derivatives and reduction is not None and not reduction.knows(p):
+            recorder = reduction.recorder(p)
+        if reduction is None or recorder is None:
+            return super().evaluation(p, derivatives=derivatives)
+        query = Query(self._places, max(self._last, reduction.last))
+        observed = self._model.observe(p, query, adjoints=False, tell=recorder.add)
+        reduction.add(recorder.snapshot)
+        observed = replace(observed, seen=observed.seen[: self._last + 1])
+        return self._model.evaluation_of(p, observed, self._places, derivatives=True)
 
-        Those that were not made since they are kept are made now.
+    def visited(self) -> Sequence[Floats]:
+        """Parameter vectors (n,) whose marches are recorded, in their order."""
+        return () if self.reduction is None else self.reduction.recorded()
+
+    def surrogate(self, visited: Sequence[Floats]) -> ReducedResponse | None:
+        """The reduced model of the marches at some parameter vectors (n,); None for none.
+
+        Where no march is recorded, one is made now.
+
+        Args:
+            visited: (n,) they, the last of which counts most; those before the last `most` ones
+                are left out.
+
+        Raises:
+            ModelError: there is no solution at one of them.
         """
         reduction = self.reduction
         if reduction is None or reduction.obstacle is not None:
-            return
-        for number, p in list(enumerate(visited))[-reduction.most :]:
-            if not reduction.knows(p):
-                self.expect_march(number)
-                self.by_tangents(p)
-        reduction.order(visited[-reduction.most :])
-
-    def expect_march(self, number: int, *, learns: bool = True) -> None:
-        """The next march is the one of a number in a search, from 0.
-
-        Args:
-            number: of the march.
-            learns: whether it is kept for the reduced model.
-        """
-        self.learns = learns
-        if self.reduction is not None:
-            self.reduction.number = number
-
-    def march_made(self, p: Floats) -> dict[str, Floats] | None:
-        """The march at p (n,) as arrays; None where it is not kept, or does not serve."""
-        made = () if self.reduction is None else self.reduction.snapshots
-        return next((to_arrays(one) for one in made if np.array_equal(one.p, p)), None)
-
-    def take_march(self, p: Floats, arrays: Mapping[str, Floats]) -> None:
-        """Keep the march at p (n,) that an earlier run has made."""
-        if self.reduction is not None and self.reduction.covers():
-            self.reduction.add(from_arrays(p, arrays))
-
-    def lend(self, p: Floats) -> None:
-        """Let marches at p (n,) take their displacements from the reduced model, if there is."""
-        made = None if self.reduction is None else self.reduction.model()
-        if self.reduction is None or made is None:
-            return
-        motion = self.reduction.motion(made, p)
-        if motion is not None:
-            self._marches.lend(p, motion)
-
-    def leap(
-        self, p: Floats, key: bytes, find: Callable[[CertifiedResponse], Floats]
-    ) -> Floats | None:
-        """What is found with the reduced model of the marches that were kept, (k,); None for none.
-
-        Args:
-            p: (n,) where the search is.
-            key: tells this question from others that are asked there.
-            find: looks for it.
-        """
-        found = self.reduced()
-        return None if found is None else find(found)
-
-    def reduced(
-        self, *, bounded: bool = False, reference: Floats | None = None
-    ) -> ReducedResponse | None:
-        """The reduced model of the marches that were kept; None where there is none.
-
-        Args:
-            bounded: with bounds of the errors of the readings; costs a march and its way back,
-                and the same again for places far from the reference.
-            reference: (n,) parameters whose moduli measure; None for those of the last march.
-        """
-        marches, reduction = self._marches, self.reduction
-        made = None if reduction is None else reduction.model(reference)
-        if reduction is None or made is None:
             return None
+        wanted = visited[-reduction.most :]
+        reduction.prefer(wanted)
+        for p in wanted:
+            if not reduction.knows(p):
+                self.evaluation(p)
+        return self._reduced(reduction, reduction.model(wanted), bounded=False)
+
+    def bounded_surrogate(
+        self, visited: Sequence[Floats], reference: Floats
+    ) -> ReducedResponse | None:
+        """The same with bounds of the errors of its readings.
+
+        It costs a march and its way back, and the same again for places far from the reference.
+
+        Args:
+            visited: (n,) parameters.
+            reference: (n,) parameters whose moduli measure.
+        """
+        reduction = self.reduction
+        if reduction is None or self.surrogate(visited) is None:
+            return None
+        made = reduction.model(visited[-reduction.most :], reference)
+        return self._reduced(reduction, made, bounded=True)
+
+    def _reduced(
+        self, reduction: Reduction, made: ReducedModel | None, *, bounded: bool
+    ) -> ReducedResponse | None:
+        if made is None:
+            return None
+        model = self._model
         duals, moved = self._bounded(reduction, made) if bounded else (None, np.zeros(0))
-        values = marches.values(made.reference)
-        added = marches.instrument_errors.added(values, self.names, self._places)
-        dimensions = [marches.case.channels[row].dimension for row in self._row]
+        values = model.values(made.reference)
+        added = model.instrument_errors.added(values, self.names, self._places)
+        dimensions = [model.case.channels[row].dimension for row in self._places.rows]
         response = ReducedResponse(
             made,
-            marches.observation,
-            ReadingsAsked(self._row, self._state, added, dimensions),
-            marches.sequence.bases,
+            model.observation,
+            ReadingsAsked(self._places.rows, self._places.states, added, dimensions),
+            model.sequence.bases,
             self.admissible,
             duals,
         )
@@ -179,19 +176,19 @@ class ReducibleResponse(StagedResponse):
 
     def _bounded(self, reduction: Reduction, made: ReducedModel) -> tuple[ReadingDuals, Floats]:
         """Adjoints of the readings, and what the march at the reference moves in them (g,)."""
-        marches, observation = self._marches, self._marches.observation
-        weights = observation.weights_of_states(self._row, self._state, self._last)
-        reads = reduction.reads(self._row, weights)
+        model, observation = self._model, self._model.observation
+        weights = observation.weights_of_states(self._places.rows, self._places.states, self._last)
+        reads = reduction.reads(self._places.rows, weights)
         by, bases = reduction.dual_derivatives(made), list[DualBasis]()
         at_reference = np.zeros(0)
         for place in reduction.dual_places(made):
-            run = marches.at(place, RunOptions(last=self._last, traced=True))
+            run = model.at(place, RunOptions(last=self._last, traced=True))
             seen = [
-                observation.values(MarchState(end, run.point, marches.structures))
+                observation.values(MarchState(end, run.point, model.structures))
                 for end in run.states()
             ]
             if not bases:
-                table = observation.readings(np.stack(seen), self._row, self._state)
+                table = observation.readings(np.stack(seen), self._places.rows, self._places.states)
                 at_reference = table[:, 0]
             bases += [reduction.dual_basis(run, place, by, read) for read in reads]
             run.factors.forget()

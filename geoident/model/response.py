@@ -14,8 +14,8 @@ and lam the equations determine all other unknowns.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -23,6 +23,7 @@ import scipy.sparse as sp
 
 from geoident.model.arrays import Floats, Ints
 from geoident.model.results.costs import Counts
+from geoident.model.yielding import Activity
 
 
 @runtime_checkable
@@ -50,32 +51,56 @@ class Response(Protocol):
         """v(p), (g,), and its exact Jacobian, (g, n)."""
 
 
-class CertifiedResponse(Response, Protocol):
-    """A model that stands for another one, with a bound of its error: a reduced model."""
+@dataclass(frozen=True)
+class Evaluation:
+    """What a model says of the readings at one parameter vector; it depends on that alone.
+
+    Args:
+        readings: (g,) v(p).
+        jacobian: (g, n) its derivatives; None where they were not asked for.
+        increments: (n_states, n_channels) what the step of each state changes in what all channels
+            see, SI.
+        activity: of the yield planes; None where nothing can yield.
+    """
+
+    readings: Floats
+    jacobian: Floats | None = None
+    increments: Floats = field(default_factory=lambda: np.zeros((0, 0)))
+    activity: Activity | None = None
+
+
+class Surrogate(Response, Protocol):
+    """A model that stands for another one and estimates its own error: a reduced model."""
 
     def error(self, p: Floats) -> float:
-        """Bound of the error of its stresses at p (n,) in energy, relative to their own."""
+        """Error of its stresses at p (n,) in energy, relative to their own; infinite for none."""
 
     def increments(self, p: Floats) -> Floats:
         """What the step of each state changes in what all channels see, (n_states, n_channels)."""
 
 
 @runtime_checkable
-class HasReducedModel(Response, Protocol):
-    """A model that may have a reduced one, made of what it was evaluated at so far."""
+class HasSurrogate(Response, Protocol):
+    """A model that may have a surrogate."""
 
-    def leap(
-        self, p: Floats, key: bytes, find: Callable[[CertifiedResponse], Floats]
-    ) -> Floats | None:
-        """What is found with the reduced model (k,); None where there is none, or not yet.
+    def surrogate_obstacle(self) -> str | None:
+        """Why there is none, a clause, or None if there may be one."""
 
-        At every parameter vector of which it was made it gives the same readings and derivatives
-        as the model itself, up to rounding.
+    def visited(self) -> Sequence[Floats]:
+        """Parameter vectors (n,) of which a surrogate can be made at no cost, in their order."""
+
+    def surrogate(self, visited: Sequence[Floats]) -> Surrogate | None:
+        """The surrogate that some evaluations make; None where there is none.
+
+        At each of these parameter vectors it gives the readings and derivatives of the model, up
+        to rounding.
 
         Args:
-            p: (n,) where the search is.
-            key: tells this question from others that are asked there.
-            find: looks for it.
+            visited: (n,) where the model was evaluated with derivatives; where it was not, it is
+                evaluated now. The surrogate depends on them and on their order alone.
+
+        Raises:
+            ModelError: the model has no solution at one of them.
         """
 
 

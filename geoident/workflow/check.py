@@ -12,8 +12,8 @@ from geoident.fem.solvers.threads import one_thread
 from geoident.forward.elsewhere.table import TableModel
 from geoident.forward.gauges.placement import placements
 from geoident.forward.model import StagedModel
+from geoident.forward.observed import ObservedModel
 from geoident.forward.openings.model import OpeningModel
-from geoident.forward.protocols import CaseModel
 from geoident.forward.reduced.stress_rows import beyond_reduction
 from geoident.forward.stages import released_by
 from geoident.model.actions import FaceDistance
@@ -97,7 +97,7 @@ def check(
     return Checked(inputs.case, mesh, summarize(inputs, model, readings), inputs.files)
 
 
-def summarize(inputs: Inputs, model: CaseModel, readings: ReadingTable) -> CaseSummary:
+def summarize(inputs: Inputs, model: ObservedModel, readings: ReadingTable) -> CaseSummary:
     """What a case amounts to.
 
     Args:
@@ -159,7 +159,7 @@ def _elsewhere(case: Case) -> str:
     return f"the model is elsewhere: {words}; a run gives all readings at one parameter vector"
 
 
-def _surface(model: CaseModel) -> SurfaceTable | None:
+def _surface(model: ObservedModel) -> SurfaceTable | None:
     """How well a table of runs foretells runs left out; its own errors at the start values."""
     if not isinstance(model, TableModel):
         return None
@@ -171,7 +171,7 @@ _SOON = 1.0
 
 
 def _unit_notes(
-    model: CaseModel, readings: ReadingTable, cost: CostEstimate | None
+    model: ObservedModel, readings: ReadingTable, cost: CostEstimate | None
 ) -> tuple[str, ...]:
     """Readings of which the unit is suspected, where the model is small: a fit says it of any."""
     case = model.case
@@ -181,7 +181,7 @@ def _unit_notes(
     return () if computed is None else unit_doubts(case, readings, computed)
 
 
-def _right_hand_sides(model: CaseModel, readings: ReadingTable) -> tuple[int, str] | None:
+def _right_hand_sides(model: ObservedModel, readings: ReadingTable) -> tuple[int, str] | None:
     """Those of an evaluation with derivatives, and the way; None where there are no fields."""
     if not isinstance(model, StagedModel) or not model.on_mesh.fields or not readings.used.any():
         return None
@@ -194,8 +194,8 @@ def _keeping_notes(model: StagedModel | None) -> tuple[str, ...]:
     if model is None:
         return ("no reduced model will be kept: the case is a closed form, which costs nothing",)
     response = model.response(())
-    response.keep_marches(economical=False)
-    why = response.reduction_obstacle()
+    response.record(economical=False)
+    why = response.surrogate_obstacle()
     if why is not None:
         return (f"no reduced model will be kept: {why}",)
     observation = model.observation
@@ -213,7 +213,7 @@ def _keeping_notes(model: StagedModel | None) -> tuple[str, ...]:
     )
 
 
-def _field_cost(model: CaseModel, count: int, way: str) -> str:
+def _field_cost(model: ObservedModel, count: int, way: str) -> str:
     """What the modes of fields cost, in words."""
     return (
         f"with the modes of its fields an evaluation with derivatives by {len(model.names)} "
@@ -231,7 +231,7 @@ def _groups(case: Case, model: StagedModel) -> tuple[GroupSummary, ...]:
     )
 
 
-def _stages(case: Case, model: CaseModel, readings: ReadingTable) -> tuple[StageSummary, ...]:
+def _stages(case: Case, model: ObservedModel, readings: ReadingTable) -> tuple[StageSummary, ...]:
     used = Counter(readings.stage[k] for k in np.flatnonzero(readings.used))
     at_face = _at_face(case, model)
     return tuple(
@@ -244,7 +244,7 @@ def _stages(case: Case, model: CaseModel, readings: ReadingTable) -> tuple[Stage
             removed=stage.remove,
             dofs=dofs,
             used=used[stage.name],
-            base=None if state.base == n else case.stage_names[state.base],
+            base=None if base == n else case.stage_names[base],
             warmed=tuple(stage.temperature),
             water=stage.water is not None,
             built=stage.build,
@@ -257,13 +257,13 @@ def _stages(case: Case, model: CaseModel, readings: ReadingTable) -> tuple[Stage
             supported=tuple(name for name, held in stage.supports.items() if held is not None),
             freed=tuple(name for name, held in stage.supports.items() if held is None),
         )
-        for n, (stage, state, dofs) in enumerate(
-            zip(case.stages, model.sequence.states[1:], model.n_dofs[1:], strict=True)
+        for n, (stage, base, dofs) in enumerate(
+            zip(case.stages, model.bases[1:].tolist(), model.n_dofs[1:], strict=True)
         )
     )
 
 
-def _at_face(case: Case, model: CaseModel) -> dict[str, str]:
+def _at_face(case: Case, model: ObservedModel) -> dict[str, str]:
     """Stage to the part that its distance to the face releases at the start values, in words."""
     if case.face is None or not isinstance(model, StagedModel | OpeningModel):
         return {}

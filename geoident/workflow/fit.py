@@ -43,9 +43,10 @@ from geoident.workflow.estimating.wrong_readings import (
     gross_readings,
     opposite_findings,
 )
+from geoident.workflow.running.cached_response import substituting
 from geoident.workflow.running.computed import gauge_table
 from geoident.workflow.running.control import Control
-from geoident.workflow.running.evaluation_log import Log, led
+from geoident.workflow.running.evaluation_log import Log
 from geoident.workflow.running.jobs import Job, job_provenance
 from geoident.workflow.running.kept_reduced import NONE, made_to_keep
 from geoident.workflow.running.reading_units import noted, unit_doubts
@@ -96,7 +97,7 @@ def with_curvature(setup: Setup, problem: Problem, found: Estimate) -> Estimate:
     if found.outcome.status != "converged":
         return found
     before = setup.model.counts
-    with led(problem.response, ENOUGH):
+    with substituting(problem.response, ENOUGH):
         said = linearity_findings(problem, found.assessment, found.outcome.values)
     assessment = replace(found.assessment, findings=(*found.assessment.findings, *said))
     counts = further(found.counts, before, setup.model.counts)

@@ -13,7 +13,7 @@ import numpy as np
 from geoident.errors import ExitCode, Fault, InputError, Location, ModelError, Term, UsageError
 from geoident.fem.solvers.threads import one_thread
 from geoident.forward.elsewhere.table import TableModel
-from geoident.forward.protocols import CaseModel, Survey
+from geoident.forward.observed import ObservedModel, Survey
 from geoident.forward.reduced.case_model import ReducedCaseModel
 from geoident.identify import Assessment, Problem, assess
 from geoident.identify.assessment.diagnostics import effective_sd
@@ -224,10 +224,10 @@ def predict(task: Task, control: Control) -> Finished:
     return write(result, place, found, inputs=task.files_read, force=request.force)
 
 
-def _model(task: Task) -> CaseModel:
+def _model(task: Task) -> ObservedModel:
     """The case to predict, answered by the reduced model that its fit keeps where there is one."""
 
-    def build() -> CaseModel:
+    def build() -> ObservedModel:
         return build_model(task.inputs, solver=task.request.solver)
 
     case = task.inputs.case
@@ -236,7 +236,7 @@ def _model(task: Task) -> CaseModel:
     return build() if restored is None else answered(restored, case, build)
 
 
-def _with_other_surfaces(task: Task, model: CaseModel) -> Task:
+def _with_other_surfaces(task: Task, model: ObservedModel) -> Task:
     """The same with the error of the response surfaces of another case than that of the fit.
 
     Another table knows other things: its errors have nothing to do with those of the fit's.
@@ -413,7 +413,7 @@ def _unplaced(field: Field) -> Field:
 
 
 def what_is_known(
-    fit: Result, origin: Case, model: CaseModel, case: Case, others: str = ""
+    fit: Result, origin: Case, model: ObservedModel, case: Case, others: str = ""
 ) -> Known:
     """What a fit knows, for the parameters of the case of a model, matched by name.
 
@@ -459,7 +459,7 @@ def what_is_known(
     )
 
 
-def _followed(task: Task, known: Known, survey: Survey, model: CaseModel) -> Known:
+def _followed(task: Task, known: Known, survey: Survey, model: ObservedModel) -> Known:
     """With the posterior where a bound truncates it, as the fit has it; not for another case.
 
     Args:
@@ -478,7 +478,7 @@ def _followed(task: Task, known: Known, survey: Survey, model: CaseModel) -> Kno
     return replace(known, assessment=assessment, nonlinearity=nonlinearity)
 
 
-def _at_rivals(task: Task, known: Known, model: CaseModel, stages: Bools) -> list[Prediction]:
+def _at_rivals(task: Task, known: Known, model: ObservedModel, stages: Bools) -> list[Prediction]:
     """What the other minima of a fit predict, in their order, as the fit has it.
 
     Args:
@@ -499,7 +499,7 @@ def _at_rivals(task: Task, known: Known, model: CaseModel, stages: Bools) -> lis
 
 
 def _others(
-    task: Task, known: Known, model: CaseModel, stages: Bools
+    task: Task, known: Known, model: ObservedModel, stages: Bools
 ) -> tuple[list[Prediction], tuple[str, ...]]:
     """What the other minima of a fit predict, and a note where they have to be left out.
 
@@ -523,7 +523,7 @@ def _others(
         return [], (LEFT_OUT.format(len(task.fit.rivals) - 1, why),)
 
 
-def _of_another_case(task: Task, model: CaseModel, stages: Bools) -> list[Prediction]:
+def _of_another_case(task: Task, model: ObservedModel, stages: Bools) -> list[Prediction]:
     """What the other minima predict of another case.
 
     The model of the fit tells how well each knows its parameters and the errors that are shared.
@@ -561,7 +561,9 @@ def _of_another_case(task: Task, model: CaseModel, stages: Bools) -> list[Predic
     return found
 
 
-def _with_later(known: Known, model: CaseModel, case: Case, survey: Survey) -> KnownErrors | None:
+def _with_later(
+    known: Known, model: ObservedModel, case: Case, survey: Survey
+) -> KnownErrors | None:
     """What is known of shared errors, with the model error in the readings of a case."""
     if known.errors is None:
         return None
@@ -614,7 +616,7 @@ def _readings(task: Task, known: Known) -> ReadingTable:
     return reading_table(case, [why_unused(reading) for reading in case.readings])
 
 
-def _result(task: Task, known: Known, survey: Survey, model: CaseModel) -> Result:
+def _result(task: Task, known: Known, survey: Survey, model: ObservedModel) -> Result:
     case, fit = task.inputs.case, task.fit
     p = known.parameters.values
     readings = with_computed(_readings(task, known), case, model, survey, p)
@@ -689,7 +691,7 @@ def _whose_gauges(task: Task) -> tuple[str, ...]:
     )
 
 
-def _by_reduced(task: Task, model: CaseModel) -> tuple[str, ...]:
+def _by_reduced(task: Task, model: ObservedModel) -> tuple[str, ...]:
     """Whose the readings are, where a reduced model was asked."""
     if not isinstance(model, ReducedCaseModel):
         return ()

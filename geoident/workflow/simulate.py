@@ -13,7 +13,7 @@ from geoident.errors import CollapseError, InputError, Term, UsageError
 from geoident.fem.solvers.threads import one_thread
 from geoident.forward.elsewhere.model import ElsewhereModel
 from geoident.forward.model import StagedModel
-from geoident.forward.protocols import CaseModel
+from geoident.forward.observed import ObservedModel
 from geoident.forward.reduced.case_model import ReducedCaseModel
 from geoident.io.bridges.values import WrittenValue, read_values, values_of
 from geoident.io.result.hdf5 import hdf5_output
@@ -199,7 +199,7 @@ def _refuse_names(to: Outputs, by: ComputedBy) -> None:
 
 
 def _with_fields(
-    model: CaseModel, p: Floats, file: str, inputs: Sequence[str], *, force: bool
+    model: ObservedModel, p: Floats, file: str, inputs: Sequence[str], *, force: bool
 ) -> tuple[Floats, FieldSeries]:
     """What the channels read (n_channels, n_stages), SI, and the states, which are written.
 
@@ -250,7 +250,7 @@ def with_starts(inputs: Inputs, written: Sequence[WrittenValue]) -> Inputs:
     return replace(inputs, loaded=loaded)
 
 
-def values_for(model: CaseModel, written: Sequence[WrittenValue]) -> Floats:
+def values_for(model: ObservedModel, written: Sequence[WrittenValue]) -> Floats:
     """The parameters (n,) of a model: values that are given, start values of the others.
 
     Args:
@@ -269,7 +269,7 @@ def values_for(model: CaseModel, written: Sequence[WrittenValue]) -> Floats:
     return p
 
 
-def answering_model(inputs: Inputs, by: ComputedBy) -> CaseModel:
+def answering_model(inputs: Inputs, by: ComputedBy) -> ObservedModel:
     """The model of a case; one that asks a reduced model first where one is given.
 
     Args:
@@ -277,7 +277,7 @@ def answering_model(inputs: Inputs, by: ComputedBy) -> CaseModel:
         by: what computes it.
     """
 
-    def build() -> CaseModel:
+    def build() -> ObservedModel:
         return build_model(inputs, solver=by.solver)
 
     if by.reduced is None:
@@ -285,7 +285,7 @@ def answering_model(inputs: Inputs, by: ComputedBy) -> CaseModel:
     return answered(restored_for(by.reduced, inputs), inputs.case, build)
 
 
-def _drawn(model: CaseModel, p: Floats, generator: np.random.Generator) -> Floats:
+def _drawn(model: ObservedModel, p: Floats, generator: np.random.Generator) -> Floats:
     """Parameter values (n,) with the modes of all fields drawn from their priors."""
     modes = [i for i, parameter in enumerate(model.case.parameters) if parameter.field]
     if not modes:
@@ -306,7 +306,7 @@ def _readings(case: Case, computed: Floats) -> tuple[Reading, ...]:
     )
 
 
-def _undated(model: CaseModel, computed: Floats) -> list[str]:
+def _undated(model: ObservedModel, computed: Floats) -> list[str]:
     """What is left out since the gauge drifts in time and the stage has no date, a line a stage."""
     case = model.case
     drifting = [(i, channel) for i, channel in enumerate(case.channels) if channel.drift]
@@ -322,7 +322,7 @@ def _undated(model: CaseModel, computed: Floats) -> list[str]:
     ]
 
 
-def simulated_pairs(model: CaseModel) -> tuple[tuple[str, str], ...]:
+def simulated_pairs(model: ObservedModel) -> tuple[tuple[str, str], ...]:
     """Channel and stage of each reading that is simulated, in their order.
 
     Args:

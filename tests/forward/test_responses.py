@@ -1,4 +1,4 @@
-"""What a model and its responses keep of a march: counted once, gone on with, forgotten."""
+"""What a staged model and its responses say, and what they keep of a march."""
 
 from __future__ import annotations
 
@@ -11,26 +11,15 @@ from support.cases import displacement, material, model, rollers
 from support.meshes import box, regroup
 from support.yielding import mohr, rock
 
-from geoident.errors import CollapseError, ModelError
-from geoident.forward import model as models
-from geoident.forward import response as responses
+from geoident.errors import CollapseError
 from geoident.forward.march.march import RunOptions
-from geoident.forward.march.stage import UnitForces
-from geoident.forward.model import (
-    StageByStage,
-    StagedModel,
-    _equal_notes,
-    _first_mechanism,
-    _unbalanced_notes,
-)
-from geoident.forward.response import KeptMarch
+from geoident.forward.staged import ResumableMarch, equal_notes, unbalanced_notes
 from geoident.forward.stages import VIRGIN
 from geoident.model.actions import Pressure
 from geoident.model.case import Stage
 from geoident.model.ground import Growth, WithDepth
 from geoident.model.in_situ import HeimStress
 from geoident.model.parameter import Parameter, Scalar
-from geoident.model.results.yielded import Mechanism
 
 PARAMETERS = (
     Parameter("E", 6e9, 1e9, 2e10),
@@ -106,15 +95,12 @@ def test_a_survey_to_a_state_leaves_the_later_ones_open():
         assert part.counts.factorizations == last
 
 
-def test_what_a_fit_marched_is_not_marched_again():
+def test_what_was_marched_is_not_marched_again():
     """A survey at the same place goes on with it; elsewhere, or forgotten, it is a new one."""
     one = staged()
     early = [(c, s) for c, s in ALL if s in ("s1", "s2")]
     first = one.response(early).by_tangents(P)
-    before = one.counts
-    assert (before.evaluations, before.factorizations) == (1, 2)
-    assert one.is_paid(P)
-    assert not one.is_paid(THERE)
+    assert (one.counts.evaluations, one.counts.factorizations) == (1, 2)
     found = one.survey(P, fields=True)
     assert one.counts.evaluations == 1
     assert one.counts.factorizations == 4 - 1  # the same ground at the last two
@@ -128,99 +114,47 @@ def test_what_a_fit_marched_is_not_marched_again():
     )
     again = one.response(early).by_tangents(P)
     np.testing.assert_array_equal(again[1], first[1])
-    assert one.counts.evaluations == 1
     np.testing.assert_allclose(one.computed(P), fresh.computed, rtol=1e-10)
+    states = []
+    one.computed(P, lambda end: states.append(end.state))
+    assert states == [0, 1, 2, 3, 4]
     assert one.counts.evaluations == 1
-    told = []
-    one.computed(P, lambda end: told.append(end.state))
-    assert told == [0, 1, 2, 3, 4]
     one.forget()
-    assert not one.is_paid(P)
     one.response(early).by_tangents(P)
     assert one.counts.evaluations == 2
 
 
-def test_states_that_were_paid_for_are_computed_again_for_nothing():
-    """As after a run that this one goes on: what is marched anew up to there is not counted."""
-    one = staged()
-    response = one.response([("a", "s2")])
-    one.paid(P, 2)
-    response.by_tangents(P)
-    assert (one.counts.evaluations, one.counts.factorizations, one.counts.solves) == (0, 0, 0)
-    assert one.counts.analyses > 0
-    one.survey(P, fields=False)
-    assert one.counts.factorizations == 1
-    assert one.counts.evaluations == 0
-    one.paid(P, 1)  # less than is known already
-    assert one._paid[1] == 4
-    one.paid(THERE, 1)
-    assert one._paid == (THERE.tobytes(), 1)
+@pytest.mark.parametrize("derivatives", [True, False])
+def test_an_evaluation_depends_on_its_parameters_alone(derivatives):
+    """Whatever was evaluated, surveyed or asked for at other places before."""
+    fresh, used = staged().response(ALL), staged()
+    response = used.response(ALL)
+    response.evaluate(THERE)
+    used.survey(THERE, fields=True, last=2)
+    used.response(ALL[:2]).evaluate(P)
+    used.computed(THERE)
+    found, exact = (r.evaluation(P, derivatives=derivatives) for r in (response, fresh))
+    np.testing.assert_allclose(found.readings, exact.readings, rtol=1e-10, atol=1e-18)
+    np.testing.assert_allclose(found.increments, exact.increments, rtol=1e-9, atol=1e-15)
+    if derivatives:
+        size = np.abs(exact.jacobian).max(axis=0)
+        np.testing.assert_allclose(found.jacobian / size, exact.jacobian / size, atol=1e-9)
+    else:
+        assert found.jacobian is exact.jacobian is None
 
 
-def test_a_response_that_remembers_has_paid():
-    one = staged()
-    response = one.response([("a", "s4"), ("late", "s4")])
-    if response.backwards:
-        response.remembers(P)
-        assert not one.is_paid(P)
-    several = one.response(ALL)
-    assert not several.backwards
-    several.remembers(P)
-    assert one.is_paid(P)
-    several.readings(P)
-    assert one.counts.evaluations == 0
-    several.readings(THERE)
-    assert one.counts.evaluations == 1
-
-
-def test_a_kept_march_goes_on_from_where_it_was():
-    one = staged()
-    kept = KeptMarch(one.at(P), one._see)
-    assert kept.last == -1
-    told = []
-    kept.go_on(1, lambda end, run: told.append(end.state))
-    assert (kept.last, told) == (1, [0, 1])
-    kept.go_on(1)
-    kept.go_on(0)
-    assert (kept.last, len(kept.observed), len(kept.equal)) == (1, 2, 2)
-    kept.go_on(4)
-    assert kept.last == 4
-    assert kept.p == tuple(P)
-    assert all(end.u.shape[1] == 1 for end in kept.ends)
-    assert kept.observed[0].shape == (3, 4)
-
-
-def test_so_much_of_a_march_is_kept(monkeypatch):
-    one = staged()
-    points = one.discretization.points
-    size = (one.discretization.n_dofs + points.n_strain * points.n_points) * 5
-    for most, keeps in ((size, True), (size - 1, False)):
-        monkeypatch.setattr(responses, "MOST_KEPT", most)
-        assert one.keeps_march == keeps
-    several = one.response(ALL)
-    several.by_tangents(P)
-    several.by_tangents(P)
-    assert one.counts.evaluations == 2
-    assert not one.is_paid(P)
-
-
-def test_increments_are_those_of_the_place_that_is_asked_for():
+def test_increments_add_up_to_readings():
     one = staged()
     response = one.response(ALL)
     first = response.increments(P)
-    evaluations = one.counts.evaluations
-    np.testing.assert_array_equal(response.increments(P), first)
-    assert one.counts.evaluations == evaluations
-    other = response.increments(THERE)
-    assert one.counts.evaluations == evaluations + 1
-    assert np.abs(other - first).max() > 1e-6
+    assert np.abs(response.increments(THERE) - first).max() > 1e-6
     assert first.shape == (5, 3)
     parts = one.steps(ALL) * first[:, [[c.name for c in CHANNELS].index(c) for c, _ in ALL]]
     offsets = [P[2] * (c == "own") for c, _ in ALL]
     np.testing.assert_allclose(parts.sum(axis=0) + offsets, response.readings(P), rtol=1e-9)
-    back = one.response([("a", "s2")])
-    back.by_adjoints(P)
-    np.testing.assert_allclose(back.increments(P)[:3], first[:3], rtol=1e-9, atol=1e-15)
+    early = one.response([("a", "s2")]).increments(P)  # up to the last stage that is read
+    np.testing.assert_allclose(early[:3], first[:3], rtol=1e-9, atol=1e-15)
+    assert not early[3:].any()
 
 
 def test_ground_that_does_not_yield_has_no_activity():
@@ -255,16 +189,16 @@ def test_what_is_known_of_a_model():
 def test_states_one_by_one_as_far_as_they_are_wanted():
     whole = staged().survey(P, fields=False).computed
     one, told = staged(), []
-    march = StageByStage(one, P, lambda end: told.append(end.state))
+    one.on_state = told.append
+    march = ResumableMarch(one, P, RunOptions(derivatives=False))
     first = march.computed(1)
     assert told == [0, 1]
     np.testing.assert_allclose(first[:, 0], whole[:, 0], rtol=1e-10, atol=1e-18)
     assert np.isnan(first[:, 1:]).all()
     march.computed(0)
     assert told == [0, 1]
-    np.testing.assert_allclose(march.computed(), whole, rtol=1e-10, atol=1e-18)
+    np.testing.assert_allclose(march.computed(4), whole, rtol=1e-10, atol=1e-18)
     assert told == [0, 1, 2, 3, 4]
-    assert one.counts.evaluations == 1
     np.testing.assert_allclose(staged().computed(P), whole, rtol=1e-10, atol=1e-18)
 
 
@@ -311,7 +245,6 @@ def test_what_comes_before_a_collapse_has_fields():
     found = one.fields_up_to_collapse(weak)
     np.testing.assert_allclose(found.displacement, part.fields.displacement, rtol=1e-9)
     np.testing.assert_allclose(found.displacement[1], whole.fields.displacement[1], rtol=1e-9)
-    assert not one.keeps_march
     assert len(list(one.at(strong, RunOptions(derivatives=False)).states())) == 3
 
 
@@ -327,8 +260,8 @@ def findings(**changes):
 
 def test_what_a_march_leaves_is_told_in_per_cent():
     tail = "A larger dilation (or associated flow) has an exact solution"
-    assert list(_unbalanced_notes(findings())) == []
-    one, two = _unbalanced_notes(findings(unbalanced={"s1": 0.0312}, overstressed={"s2": 0.0048}))
+    assert list(unbalanced_notes(findings())) == []
+    one, two = unbalanced_notes(findings(unbalanced={"s1": 0.0312}, overstressed={"s2": 0.0048}))
     assert one.startswith("at stage 's1' 3.1 % of the change of load is not balanced: with a")
     assert one.endswith(f"at 25 % of the strain points that yield. {tail}")
     assert two.startswith(
@@ -341,16 +274,9 @@ def test_what_a_march_leaves_is_told_in_per_cent():
 
 
 def test_channels_of_equal_principal_stresses_are_told_with_a_stage():
-    (first, second) = _equal_notes({"a": 2, "b": 1}, ("virgin", "one", "two"))
+    (first, second) = equal_notes({"a": 2, "b": 1}, ("virgin", "one", "two"))
     assert first.startswith("gauge 'a' reads one of several equal principal stresses at 'two':")
     assert second.startswith("gauge 'b' reads one of several equal principal stresses at 'one':")
-
-
-def test_the_mechanism_is_that_of_the_first_stage_of_which_it_is_known():
-    motions = [object.__new__(Mechanism) for _ in range(2)]
-    errors = [SimpleNamespace(motion=motion) for motion in (None, "falls", *motions)]
-    assert _first_mechanism(errors) is motions[0]
-    assert _first_mechanism(errors[:2]) is None
 
 
 def test_most_points_beside_surfaces_are_told_of_ground_loads_and_growth():
@@ -381,87 +307,3 @@ def test_most_points_beside_surfaces_are_told_of_ground_loads_and_growth():
     assert half > most > 0
     assert told("most", "half") == told("half", "most") == [half]
     assert told(Scalar(5.0), "most") == [most]
-
-
-@pytest.mark.parametrize("known", [1, 2, 3, 5, 7])
-def test_states_that_are_not_in_a_table_of_readings_are_not_known(known):
-    staged = object.__new__(StagedModel)
-    staged.sequence = SimpleNamespace(states=range(7))
-    table = np.random.default_rng(2).normal(size=(known, 2, 3))
-    found = staged.with_later(table)
-    assert found.shape == (7, 2, 3)
-    np.testing.assert_array_equal(found[:known], table)
-    assert np.isnan(found[known:]).all()
-
-
-def test_what_curved_strengths_are_like_is_said_of_the_ground_before_the_first_stage(monkeypatch):
-    told = []
-    monkeypatch.setattr(models, "equivalent_notes", lambda *given: told.append(given) or ["like"])
-    staged = object.__new__(StagedModel)
-    systems = [{"rock": np.array([0, 2]), "clay": np.array([1])}, {"fill": np.array([0, 1, 2])}]
-    staged.systems = [SimpleNamespace(points_of=points) for points in systems]
-    start = {"c": 3.0}
-    staged.case = SimpleNamespace(materials={"rock": "ROCK", "clay": "CLAY"}, start=start)
-    stress = np.arange(12.0).reshape(4, 3)
-    assert list(staged._equivalent_notes(stress)) == ["like", "like"]
-    assert [(material, values) for material, _, values in told] == [
-        ("ROCK", start),
-        ("CLAY", start),
-    ]
-    assert [part[0].tolist() for _, part, _ in told] == [[0.0, 2.0], [1.0]]
-
-
-def test_a_march_that_failed_is_not_gone_on_with():
-    one = staged()
-    one.march_to(P, 1)
-
-    def fails(observe):
-        def see(end, run):
-            if end.state == 2:
-                raise ModelError("lost")
-            return observe(end, run)
-
-        return see
-
-    kept = one._kept
-    kept.see = fails(kept.see)
-    with pytest.raises(ModelError, match="lost"):
-        one.march_to(P, 3)
-    again = one.march_to(P, 3)
-    assert again is not kept
-    assert [end.state for end in again.ends] == [0, 1, 2, 3]
-    np.testing.assert_allclose(again.ends[3].u, staged().march_to(P, 3).ends[3].u, rtol=1e-9)
-
-
-def test_displacements_that_are_lent_are_not_solved_for():
-    """At their parameters alone, and not where unit forces act as well; until all is forgotten."""
-    one = staged()
-    moved = [end.u.copy() for end in one.at(P).states()]
-    asked = []
-
-    def known(state):
-        asked.append(state)
-        return moved[state]
-
-    one.lend(P, known)
-    assert one.is_lent(P)
-    assert not one.is_lent(THERE)
-    before = one.counts
-    again = [
-        (end.u.copy(), end.stress.copy()) for end in one.at(P, RunOptions(traced=True)).states()
-    ]
-    assert one.counts.solves == before.solves
-    assert one.counts.factorizations == before.factorizations
-    assert sorted(set(asked)) == [1, 2, 3, 4]
-    for (u, stress), end in zip(again, staged().at(P).states(), strict=True):
-        np.testing.assert_allclose(u, end.u, rtol=1e-9, atol=1e-15)
-        np.testing.assert_allclose(stress, end.stress, rtol=1e-9, atol=1e-3)
-    asked.clear()
-    forces = np.zeros((len(moved[0]), 1))
-    push = UnitForces(forces, np.ones((5, 1)))
-    list(one.at(P, RunOptions(unit_forces=push)).states())
-    list(one.at(THERE).states())
-    one.forget()
-    assert not one.is_lent(P)
-    list(one.at(P).states())
-    assert asked == []

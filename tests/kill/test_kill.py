@@ -35,7 +35,7 @@ NURSERY = """
 import json, os, signal, sys, time
 import geoident.cli.commands.fit, geoident.cli.jobs, geoident.workflow.fit, geoident.io.case.file
 import geoident.forward.model, geoident.io.result.file, geoident.io.mesh.file, geoident.fem.solvers
-import geoident.identify.least_squares.leap, geoident.fem.solvers.iterative, geoident.cli.trust
+import geoident.fem.solvers.iterative, geoident.cli.trust
 from contextlib import suppress
 with suppress(ImportError):
     import geoident.fem.solvers.cholmod
@@ -199,7 +199,7 @@ def scanned(words, *, at=None):
 
 
 WORK = [
-    (ReducibleResponse, "by_tangents"),
+    (ReducibleResponse, "evaluation"),
     (ReducibleResponse, "_bounded"),
     (ReducedResponse, "certified"),
     (StagedResponse, "readings"),
@@ -209,10 +209,10 @@ WORK = [
 def counting(number, function, writer, at):
     done = []
 
-    def counted(*given):
+    def counted(*given, **named):
         if at == (number, len(done)):
             os.kill(os.getpid(), signal.SIGKILL)
-        found = function(*given)
+        found = function(*given, **named)
         done.append(1)
         os.write(writer, bytes([number]))
         return found
@@ -223,7 +223,6 @@ def counting(number, function, writer, at):
 @pytest.mark.parametrize(
     ("words", "at"),
     [
-        pytest.param([], (1, 0), id="after its marches"),
         pytest.param([], (2, 60), id="among answers of the reduced model"),
         pytest.param(["-j", "2"], (2, 60), id="in two processes", marks=pytest.mark.slow),
         pytest.param(

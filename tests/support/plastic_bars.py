@@ -18,6 +18,7 @@ import numpy as np
 
 from geoident.errors import CollapseError
 from geoident.model.arrays import Floats
+from geoident.model.response import Evaluation
 from geoident.model.results.costs import Counts
 from geoident.model.yielding import Activity
 
@@ -88,6 +89,13 @@ class PlasticBars:
                 v.append(u)
                 J.append(du)
         return np.array(v), np.array(J)
+
+    def evaluation(self, p: Floats, *, derivatives: bool = True) -> Evaluation:
+        v, J = self.evaluate(p)
+        return Evaluation(v, J if derivatives else None, activity=self.activity(p))
+
+    def forget(self) -> None:
+        pass
 
     def activity(self, p: Floats) -> Activity:
         bars = [(f, b) for f in self.frames for b, k in enumerate(f.strength) if k is not None]

@@ -61,6 +61,7 @@ def test_no_solution_is_computed_twice(solved, capsys):
     assert len(done) == needed
     assert np.array_equal(resumed.parameters.values, whole.parameters.values)
     assert np.array_equal(resumed.parameters.sd, whole.parameters.sd)
+    assert resumed.counts.evaluations == whole.counts.evaluations
     assert not Path("cut.checkpoint").exists()
 
 

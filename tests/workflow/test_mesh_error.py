@@ -365,12 +365,12 @@ def test_a_fit_asks_for_the_stages_that_it_uses_and_for_all_where_the_mesh_count
     """Whether it counts is the same question in both; drift of a gauge is no error of the mesh."""
     marched = []
 
-    class Counted(module.StageByStage):
-        def computed(self, last=None):
+    class Counted(module.ResumableMarch):
+        def computed(self, last):
             marched.append(last)
             return super().computed(last)
 
-    monkeypatch.setattr(module, "StageByStage", Counted)
+    monkeypatch.setattr(module, "ResumableMarch", Counted)
     text = coarse.read_text().replace(
         "accuracy: 0.1 mm}", "accuracy: 0.1 mm, drift: 1 mm/month}", 1
     )
@@ -380,7 +380,7 @@ def test_a_fit_asks_for_the_stages_that_it_uses_and_for_all_where_the_mesh_count
     head, *rows = path.read_text().splitlines()
     dated = [f"{row},2024-01-{20 if 'heading' in row else 31}" for row in rows]
     path.write_text("\n".join([f"{head},date", *dated]) + "\n")
-    for accuracy, asked in (("100 mm", [1]), ("0.1 mm", [1, None])):
+    for accuracy, asked in (("100 mm", [1]), ("0.1 mm", [1, 2])):
         marched.clear()
         rough = tuple(f"gauges.{name}.accuracy={accuracy}" for name in ("CV", "R", "S"))
         job = plan_fit(Request(str(coarse), rough, force=True, fresh=True))

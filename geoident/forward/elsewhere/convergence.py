@@ -114,7 +114,8 @@ class LawModel(ElsewhereModel):
         """
         found = convergence(self.law, self.values(p), self.names).columns
         before = np.concatenate([np.zeros((1, *found.shape[1:])), found])
-        return Dual(before[self.zero, np.arange(len(self.zero))])
+        zero = self.rule.zero
+        return Dual(before[zero, np.arange(len(zero))])
 
     def final(self, p: Floats) -> Dual:
         """All of the convergence in the end, (n_channels,), and its derivatives.

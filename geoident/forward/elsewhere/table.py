@@ -169,9 +169,9 @@ class TableModel(ElsewhereModel):
         super().__init__(case, surfaces)
         self.surfaces = surfaces
 
-    def admissible(self, p: Floats) -> str | None:
-        """Why p (n,) is outside the domain, or None: nothing is said beyond the runs."""
-        return super().admissible(p) or self.surfaces.why_outside(p)
+    def domain_fault(self, p: Floats) -> str | None:
+        """Why finite p (n,) is outside the domain, or None: nothing is said beyond the runs."""
+        return self.surfaces.why_outside(p)
 
     def linear(self, p: Floats, *, exact: bool = False) -> Linear:
         """What the surfaces give at p (n,), (m,), and their derivatives.

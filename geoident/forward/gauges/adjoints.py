@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -13,27 +13,9 @@ from geoident.forward.march.march import March, Run
 from geoident.forward.march.stage import LinearRows, StageEnd
 from geoident.model.arrays import Floats, Ints
 from geoident.model.dual import ParameterPoint
-from geoident.model.parameter import Values
 
 _TANGENT = 1.5
 """What a column of tangents costs, with its stresses at all points, in columns of adjoints."""
-
-
-@dataclass(frozen=True, eq=False)
-class AdjointTable:
-    """Readings (g) of one run with their derivatives.
-
-    Args:
-        values: of all parameters.
-        rows: (g,) channels.
-        states: (g,) states.
-        table: (g, 1 + n), without what gauges add by themselves.
-    """
-
-    values: Values
-    rows: Ints
-    states: Ints
-    table: Floats
 
 
 class ReadingAdjoints:

@@ -18,9 +18,10 @@ from geoident.forward.gauges.observation import Observation
 from geoident.forward.gauges.placement import Placed, point_fault
 from geoident.forward.gauges.strain import strains
 from geoident.forward.gauges.stress import pore_pressures, stresses
+from geoident.forward.gauges.zeros import WEIGHTS
 from geoident.forward.stages import CaseOnMesh
 from geoident.model.case import Case, format_path
-from geoident.model.gauges import Channel, Reads
+from geoident.model.gauges import Channel
 
 Placing = Callable[[Sequence[Channel], CaseOnMesh], Placed]
 
@@ -62,10 +63,6 @@ def reads_displacements(channel: Channel) -> bool:
     return placing_of(channel) is relative_displacements and not channel.turns
 
 
-_WEIGHTS = {Reads.CHANGE: (1.0, -1.0), Reads.VALUE: (1.0, 0.0), Reads.VIRGIN: (0.0, 1.0)}
-"""Weights of the state of a stage and of that of the zero in a reading."""
-
-
 def observe(on_mesh: CaseOnMesh) -> tuple[Observation, list[Fault]]:
     """The gauges of a case on its mesh, and what is wrong with them."""
     channels, states = on_mesh.case.channels, len(on_mesh.sequence.states)
@@ -87,12 +84,10 @@ def observe(on_mesh: CaseOnMesh) -> tuple[Observation, list[Fault]]:
     names = tuple(channel.name for channel in channels)
     zero = np.array([on_mesh.case.zero_of(channel) for channel in channels], np.int64)
     beside = tuple(name for name in names if name in snapped)
-    weights = np.array([_WEIGHTS[channel.reads] for channel in channels]).reshape(-1, 2).T
+    weights = np.array([WEIGHTS[channel.reads] for channel in channels]).reshape(-1, 2).T
     built = tuple(name for name in names if name in as_built)
-    found = Observation(
-        names, tuple(parts), zero, weights, readable.T, beside, tuple(reasons), built
-    )
-    return found, faults
+    reads = names, zero, weights, readable.T
+    return Observation(*reads, tuple(parts), tuple(reasons), beside, built), faults
 
 
 def gauges_outside(on_mesh: CaseOnMesh) -> list[Fault]:

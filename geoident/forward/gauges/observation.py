@@ -20,6 +20,7 @@ from typing import Protocol
 import numpy as np
 import scipy.sparse as sp
 
+from geoident.forward.gauges.zeros import ReadingRule
 from geoident.forward.march.stage import LinearRows, StageEnd
 from geoident.forward.structures.members import Structures
 from geoident.model.arrays import Bools, Floats, Ints
@@ -91,29 +92,19 @@ class RelativeDisplacements:
 
 
 @dataclass(frozen=True)
-class Observation:
+class Observation(ReadingRule):
     """The gauges of a case on its mesh.
 
     Args:
-        channels: names, in the order of the rows.
         parts: what is read, and by which of the channels, (g,) indices.
-        zero: (n_channels,) state at which each channel reads zero; where it reads a value, the
-            virgin state.
-        weights: (2, n_channels) how often a reading counts the state of its stage, and that of
-            its zero: 1 and -1 for a change, 1 and 0 for a value, 0 and 1 for the virgin state.
-        readable: (n_states, n_channels) when it can be read.
-        snapped: names of channels with a point just outside the mesh.
         reasons: why each channel cannot be read where it is zeroed and cannot, a clause.
+        snapped: names of channels with a point just outside the mesh.
         as_built: names of channels whose readings count from the placing of their ground on.
     """
 
-    channels: tuple[str, ...]
     parts: tuple[tuple[Ints, Observable], ...]
-    zero: Ints
-    weights: Floats
-    readable: Bools
-    snapped: tuple[str, ...]
     reasons: tuple[str, ...]
+    snapped: tuple[str, ...] = ()
     as_built: tuple[str, ...] = ()
 
     def values(self, state: MarchState) -> Floats:
@@ -138,61 +129,6 @@ class Observation:
         at_stage, at_zero = self.weights[:, row]
         read = self.readable[state, row] and at_stage != 0
         return bool(read or (at_zero != 0 and self.zero[row] == state))
-
-    def readings(self, observed: Floats, rows: Ints, states: Ints) -> Floats:
-        """What channels read, (..., k), of what they see.
-
-        Args:
-            observed: (n_states, n_channels, k) what all channels see of the states.
-            rows: (...) channels.
-            states: (...) states of their readings.
-        """
-        at_stage, at_zero = self.weights[:, rows, None]
-        # A NaN of a state that does not count must not spread.
-        here = np.where(at_stage == 0, 0.0, at_stage * observed[states, rows])
-        zero = np.minimum(self.zero[rows], len(observed) - 1)
-        return here + np.where(at_zero == 0, 0.0, at_zero * observed[zero, rows])
-
-    def steps(self, built_on: Bools, rows: Ints, states: Ints) -> Floats:
-        """How often the step of each state counts in some readings, (n_states, g).
-
-        Args:
-            built_on: (n_states, n_states) see `ConstructionSequence.built_on`.
-            rows: (g,) channels.
-            states: (g,) states of their readings.
-        """
-        at_stage, at_zero = self.weights[:, rows]
-        return np.asarray(built_on[:, states] * at_stage + built_on[:, self.zero[rows]] * at_zero)
-
-    def weights_of_states(self, rows: Ints, states: Ints, last: int) -> Floats:
-        """How often some readings count what is seen of each state, (last + 1, g).
-
-        Args:
-            rows: (g,) channels.
-            states: (g,) states of their readings.
-            last: the last state.
-        """
-        at_stage, at_zero = self.weights[:, rows]
-        state = np.arange(last + 1)[:, None]
-        return np.asarray(at_stage * (state == states) + at_zero * (state == self.zero[rows]))
-
-    def increments(self, observed: Floats, base: Ints) -> Floats:
-        """What the step of each state changes in what channels see, (n_states, n_channels), SI.
-
-        Of the virgin state it is what is there; 0 where a channel cannot be read.
-
-        Args:
-            observed: (m, n_channels) what all channels see of the first m states.
-            base: (n_states,) the state on which each builds.
-        """
-        seen = np.zeros(self.readable.shape)
-        here = self.readable[: len(observed)] & np.isfinite(observed)
-        seen[: len(observed)][here] = observed[here]
-        change = seen - seen[base]
-        change[0] = seen[0]
-        change[: len(observed)][~here] = 0.0
-        change[len(observed) :] = 0.0
-        return np.asarray(change)
 
     def operator(self, rows: Ints) -> sp.csr_array:
         """G' (g, n_dofs) of some channels (g,) that read displacements.
@@ -258,7 +194,7 @@ class Observation:
     def unreadable(self, channel: str, state: int) -> str | None:
         """Why a channel can't be read at a state, or None if it can."""
         row = self._number[channel]
-        if state < self.zero[row] and self.weights[1, row] < 0:
+        if self.before_zero(state, row):
             return "it is zeroed only at a later stage"
         if not self.readable[state, row]:
             return self.reasons[row]

@@ -26,7 +26,7 @@ from geoident.fem.location import format_point
 from geoident.forward.march.bands import ShearBand
 from geoident.forward.march.equilibrium import follow_slope
 from geoident.forward.march.stage import LastEquilibrium, StageTask
-from geoident.forward.march.stage_equations import EvenFlow, StageEquations, Trial
+from geoident.forward.march.stage_equations import Balance, StageEquations, Trial
 from geoident.forward.march.systems import StageSystem
 from geoident.forward.stages import CaseOnMesh
 from geoident.model.arrays import Floats
@@ -136,7 +136,7 @@ def collapse_error(
     mechanism: Floats | None,
     *,
     proven: bool = True,
-    ended: EvenFlow | None = None,
+    ended: Balance | None = None,
     band: ShearBand | None = None,
     reached: LastEquilibrium | None = None,
 ) -> CollapseError:

@@ -32,27 +32,23 @@ Cost: one factorization for every step, one for the derivatives if the last was 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 
 from geoident.fem.solvers.direct import Factor
 from geoident.forward.march.stage_equations import (
-    ELASTIC_PARTS,
-    EvenFlow,
+    Balance,
     NoEquilibrium,
     StageEquations,
     Trial,
 )
 from geoident.forward.march.viscous_path import (
     BALANCED,
-    ROUNDING,
-    WAYS,
-    Effort,
-    PathEnd,
-    Way,
-    follow,
+    NO_LOWER,
+    StepBudget,
+    follow_path,
     newton,
 )
 from geoident.model.arrays import Floats
@@ -61,7 +57,7 @@ MOST_STEPS = 60
 """Newton steps at most; a stage rarely takes more than fifteen."""
 
 PATIENCE = 10
-"""Newton steps after which flow without potential takes another way.
+"""Newton steps after which flow without potential takes the path of viscous grounds.
 
 Steps that wander longer may end in bands of shear where there is an even flow.
 """
@@ -70,20 +66,17 @@ _SUSPICIOUS = 4
 """Steps after which a mechanism is looked for; fewer end most stages."""
 
 SEARCH = 240
-"""Newton steps, along all ways, that a search without potential may take: the hardest that leads to
-an end takes a fifth of them on its way."""
+"""Newton steps that a search without potential may take: the hardest that leads to an end takes a
+fifth of them."""
 
 _UNBALANCED = 0.01
 """Part of the change of load that may stay unbalanced where flow is not associated."""
 
 _HARDLY_VISCOUS = 3e-4
-"""Part of the overstress that may stay whatever else might be found."""
+"""Part of the overstress that may stay where only even flow is looked for."""
 
 _LITTLE_VISCOUS = 3e-3
-"""The same where all else shears in bands; by how much displacements are short then is said."""
-
-_SAME = 2e-3
-"""Relative difference of displacements that are of one flow."""
+"""The same otherwise: all else shears in bands. By how much displacements are short is said."""
 
 FAR_OUT = 1e6
 """Where along a step its mechanism alone decides, in steps."""
@@ -106,39 +99,13 @@ _PATCH_STEPS = 10
 _SETTLED = 1e-3
 """Part of the out-of-balance force that is left there."""
 
-_STIFFER = 6
-"""Level from which a tangent whose step was too long is made stiffer."""
-
-
-@dataclass(frozen=True)
-class Balance:
-    """Equilibrium at the end of a stage.
-
-    Args:
-        trial: displacements, stresses, flow.
-        steps: Newton steps taken.
-        factor: of the tangent before the last step, or None if none was made.
-        made_at: where it was made.
-        unbalanced: part of the change of load that is left, where no more could be done.
-        viscosity: part of the overstress that is kept, where the even flow ends short of none.
-        short: part by which displacements are then short of those that the path promises.
-    """
-
-    trial: Trial
-    steps: int
-    factor: Factor | None
-    made_at: Trial | None
-    unbalanced: float = 0.0
-    viscosity: float = 0.0
-    short: float = 0.0
-
 
 def solve(
     equations: StageEquations,
     guesses: Iterable[Floats],
     *,
     even_only: bool = False,
-    effort: Effort | None = None,
+    budget: StepBudget | None = None,
 ) -> Balance:
     """The equilibrium of a stage.
 
@@ -146,7 +113,7 @@ def solve(
         equations: of the stage.
         guesses: (n_dofs,) displacement steps; the nearest one is the start (`distance`).
         even_only: without potential, no flow in bands of shear is looked for.
-        effort: steps that are left where there is no potential; None for a search of its own.
+        budget: steps that are left where there is no potential; None for a search of its own.
 
     Raises:
         NoEquilibrium: see there.
@@ -155,28 +122,24 @@ def solve(
     start = min((equations.at(guess) for guess in guesses), key=equations.distance)
     if equations.associated:
         return _by_potential(equations, start)
-    return _without_potential(
-        equations, start, WAYS[:1] if even_only else WAYS, effort or Effort(SEARCH)
-    )
+    return _without_potential(equations, start, budget or StepBudget(SEARCH), even_only=even_only)
 
 
 def _by_potential(equations: StageEquations, trial: Trial) -> Balance:
     """Newton's method along the slope of Pi, from a trial."""
     factor: Factor | None = None
     made_at: Trial | None = None
-    least = 0
     for step in range(MOST_STEPS):
         if trial.error <= BALANCED:
-            return Balance(trial, step, factor, made_at)
-        factor, level = equations.factor(trial, least=least)
+            return Balance(trial, factor, made_at)
+        factor, level = equations.factor(trial)
         made_at = trial if level == 0 else None
         d = equations.spread(factor.solve(trial.residual[:, None])[:, 0])
         following, share = _stepped(equations, trial, d)
-        if following.error >= trial.error and trial.error <= ROUNDING:
-            return Balance(trial, step + 1, factor, made_at)
+        if following.error >= trial.error and trial.error <= NO_LOWER:
+            return Balance(trial, factor, made_at)
         if step >= _SUSPICIOUS and share == 1.0:
             _refuse_mechanism(equations, following, d)
-        least = _next_level(least, share)
         trial = following
     raise NoEquilibrium(trial.du)
 
@@ -217,111 +180,53 @@ def _settled(equations: StageEquations, trial: Trial) -> Trial | None:
         return None
     own = equations.within(patch, patches.within(patch), trial.du)
     here = own.at(trial.du[patch.dofs])
-    least = 0
     for _ in range(_PATCH_STEPS):
         if np.abs(here.residual).max() <= _SETTLED * worst:
             break
-        factor, _ = own.factor(here, least=least)
+        factor, _ = own.factor(here)
         d = own.spread(factor.solve(here.residual[:, None])[:, 0])
-        here, share = follow_slope(own, here, d)
-        least = _next_level(least, share)
+        here, _ = follow_slope(own, here, d)
     du = trial.du.copy()
     du[patch.dofs] = here.du
     return equations.at(du)
 
 
 def _without_potential(
-    equations: StageEquations, start: Trial, ways: Sequence[Way], effort: Effort
+    equations: StageEquations, start: Trial, budget: StepBudget, *, even_only: bool
 ) -> Balance:
     """Newton's method, and where its steps are lost, the path of viscous grounds.
 
-    Where the even flow folds back at hardly any viscosity, that is the answer: beyond the fold
-    there are only bands of shear, whose place is that of the elements.
+    Where the even flow folds back at little viscosity, its last point is the answer: beyond the
+    fold there are only bands of shear, whose place is that of the elements. Where it folds back
+    earlier, the load may still be in balance but for a little.
     """
-    found = newton(equations, start, most=PATIENCE, effort=effort)
-    if found.converged:
-        return Balance(found.trial, found.steps, found.factor, found.made_at)
-    best: PathEnd | None = None
-    for way in ways:
-        end = follow(equations, way, effort)
-        if end is None:
-            continue
-        if end.runs_away is not None:
-            raise NoEquilibrium(end.runs_away, limit=True)
-        if end.mu == 0.0:
-            found = end.found
-            if best is not None and _departs(found.trial.du, best):
-                break
-            return Balance(found.trial, found.steps, found.factor, found.made_at)
-        best = end if best is None or end.mu < best.mu else best
-        if best.mu <= _HARDLY_VISCOUS:
-            return _nearly_even(best)
-    if best is None:
-        raise NoEquilibrium(found.trial.du)
-    return _short_of_its_end(equations, best, only_one=len(ways) < len(WAYS))
-
-
-def _short_of_its_end(equations: StageEquations, best: PathEnd, *, only_one: bool) -> Balance:
-    """What is taken of a path that ends short of the ground itself.
-
-    Args:
-        equations: of the stage.
-        best: the end with the least viscosity.
-        only_one: not all ways were tried.
-
-    Raises:
-        NoEquilibrium: it is too far.
-    """
-    if only_one:
-        raise NoEquilibrium(best.found.trial.du, even=EvenFlow(best.found.trial, best.mu))
-    if best.mu <= _LITTLE_VISCOUS:
-        return _nearly_even(best)
-    return _nearly(equations, best)
-
-
-def _nearly_even(end: PathEnd) -> Balance:
-    """The even flow of ground that keeps hardly any of its overstress."""
-    found = end.found
-    short = np.abs(end.ahead - found.trial.du).max() / (np.abs(end.ahead).max() or 1.0)
-    return Balance(found.trial, found.steps, None, None, viscosity=end.mu, short=float(short))
-
-
-def _departs(du: Floats, even: PathEnd) -> bool:
-    """Whether displacements (n_dofs,) are farther from what the even flow promises than its end.
-
-    They are then those of another flow, in bands of shear, that a coarse way has met.
-    """
-    if even.mu > _LITTLE_VISCOUS:
-        return False
-    short, size = np.abs(even.found.trial.du - even.ahead).max(), np.abs(even.ahead).max()
-    return bool(np.abs(du - even.ahead).max() > max(short, _SAME * size))
-
-
-def _nearly(equations: StageEquations, end: PathEnd) -> Balance:
-    """The even flow where its path turns before its end, if little of the load is left there.
-
-    Raises:
-        NoEquilibrium: it is not little.
-    """
-    found, at_rest = end.found, equations.at(np.zeros_like(equations.forces)).error
-    even = EvenFlow(found.trial, end.mu)
+    direct = newton(equations, start, most=PATIENCE, budget=budget)
+    if direct.converged:
+        return direct
+    path = follow_path(equations, budget)
+    if path is None:
+        raise NoEquilibrium(direct.trial.du)
+    if path.runs_away is not None:
+        raise NoEquilibrium(path.runs_away, limit=True)
+    end = path.balance
+    if end.viscosity == 0.0:
+        return end
+    if end.viscosity <= (_HARDLY_VISCOUS if even_only else _LITTLE_VISCOUS):
+        missing = np.abs(path.promised - end.trial.du).max()
+        short = float(missing / (np.abs(path.promised).max() or 1.0))
+        return replace(end, factor=None, made_at=None, short=short)
+    refused = NoEquilibrium(end.trial.du, even=end)
+    if even_only:
+        raise refused
+    at_rest = equations.at(np.zeros_like(equations.forces)).error
     try:
-        trials = [equations.at(du) for du in (found.trial.du, end.ahead)]
+        trials = [equations.at(du) for du in (end.trial.du, path.promised)]
     except NoEquilibrium:
-        raise NoEquilibrium(found.trial.du, even=even) from None
+        raise refused from None
     trial = min(trials, key=lambda one: one.error)
     if trial.error > _UNBALANCED * at_rest:
-        raise NoEquilibrium(found.trial.du, even=even)
-    return Balance(trial, found.steps, None, None, trial.error / at_rest)
-
-
-def _next_level(level: int, share: float) -> int:
-    """How much of the elastic stiffness the next tangent keeps, after a share of a step."""
-    if share < 0.3:
-        return min(max(level + 1, _STIFFER), len(ELASTIC_PARTS) - 2)
-    if share < 0.9:
-        return level
-    return level - 1 if level > _STIFFER else 0
+        raise refused
+    return Balance(trial, None, None, unbalanced=trial.error / at_rest)
 
 
 def follow_slope(

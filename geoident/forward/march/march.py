@@ -62,7 +62,6 @@ from geoident.forward.march.stage import (
     StageTask,
     UnitForces,
     elastic_step,
-    follow_motion,
 )
 from geoident.forward.march.systems import StageSystem, StageSystems
 from geoident.forward.stages import CaseOnMesh, ConstructionState
@@ -75,10 +74,6 @@ HELD_ENTRIES = 8_000_000
 
 Their factors have ten (in the plane) to fifty times as many: 1 to 3 GB.
 """
-
-
-KnownMotion = Callable[[int], Floats | None]
-"""Displacements (n_dofs, 1 + n) at the end of a state, or None where they are to be solved for."""
 
 
 @dataclass(frozen=True)
@@ -94,8 +89,6 @@ class RunOptions:
         even_only: no flow in bands of shear is looked for (`PlasticSteps`).
         traced: keep what adjoints need of every stage; without derivatives, and only where nothing
             yields.
-        known: displacements of states that are known: nothing is solved in these. Only where
-            nothing yields, the virgin ground rests, and temperatures and supports stay.
     """
 
     derivatives: bool = True
@@ -105,7 +98,6 @@ class RunOptions:
     partial: bool = False
     traced: bool = False
     even_only: bool = False
-    known: KnownMotion | None = None
 
 
 @dataclass(frozen=True)
@@ -309,22 +301,12 @@ class Run:
         if self._plastic.yields(state):
             du, yielded = self._plastic.step(task)
         else:
-            du, yielded = self._elastic_step(task, u), still
+            du, yielded = elastic_step(task, self._systems, self.factors), still
         if self._options.traced:
             values = {group: support[:, 0].copy() for group, support in held.items()}
             self.traces.append(ElasticTrace(task, du[:, 0], self._slopes, values))
         u += du
         return yielded
-
-    def _elastic_step(self, task: StageTask, u: Floats) -> Floats:
-        """Displacement steps (n_dofs, 1 + n + k) where nothing yields, after displacements u."""
-        known = self._options.known
-        motion = None if known is None else known(task.number)
-        if motion is not None:
-            step = motion[:, : u.shape[1]] - u
-            follow_motion(task, self._systems, step)
-            return step
-        return elastic_step(task, self._systems, self.factors)
 
     def _begin(self, carried: Carried, forces: Floats) -> None:
         """Set the in-situ stress; bring it to equilibrium if it is not, and forget the motion.

@@ -18,9 +18,8 @@ import numpy as np
 
 from geoident.forward.actions.thermal import NORMAL_COMPONENTS
 from geoident.forward.march.constitutive import Flow
-from geoident.forward.march.equilibrium import Balance
 from geoident.forward.march.stage import StageTask, add_moduli_slopes
-from geoident.forward.march.stage_equations import StageEquations, Trial
+from geoident.forward.march.stage_equations import Balance, StageEquations, Trial
 from geoident.forward.march.systems import StageSystems
 from geoident.model.arrays import Floats
 

@@ -25,7 +25,7 @@ from geoident.forward.ground.elasticity import ModuliAt
 from geoident.forward.march.bands import band_at
 from geoident.forward.march.collapse import collapse_error, describe_mechanism, limit_of
 from geoident.forward.march.constitutive import Ground, ReachedPlanes, grounds_of
-from geoident.forward.march.equilibrium import Balance, solve
+from geoident.forward.march.equilibrium import solve
 from geoident.forward.march.plastic_derivatives import plastic_derivatives
 from geoident.forward.march.stage import (
     LastEquilibrium,
@@ -34,13 +34,14 @@ from geoident.forward.march.stage import (
     not_positive_definite,
 )
 from geoident.forward.march.stage_equations import (
+    Balance,
     NoEquilibrium,
     StageEquations,
     Trial,
 )
 from geoident.forward.march.systems import StageSystems
 from geoident.forward.march.tangents import StageTangents
-from geoident.forward.march.viscous_path import Effort
+from geoident.forward.march.viscous_path import StepBudget
 from geoident.forward.stages import ConstructionState, numbers
 from geoident.forward.yielding.surfaces import YieldLaws
 from geoident.model.arrays import Bools, Floats
@@ -90,12 +91,6 @@ class WarmStart:
 
     def __init__(self) -> None:
         self._known: dict[int, deque[_Known]] = {}
-
-    def copy(self) -> WarmStart:
-        """What is known now; what comes to be known later of one is not known of the other."""
-        other = WarmStart()
-        other._known = {stage: deque(kept) for stage, kept in self._known.items()}
-        return other
 
     def guesses(self, task: StageTask) -> list[Floats]:
         """Displacement steps (n_dofs,) to try: what near parameters needed, and its slope there."""
@@ -286,14 +281,14 @@ class PlasticSteps:
 
         With the equilibrium under that part, where any was found.
 
-        Where the whole load has no even flow, that of its parts is looked for on one way only, and
-        no longer than it is worth: each part beyond the last would be lost where the whole is.
+        Where the whole load has no even flow, only even flow of its parts is looked for, with few
+        steps: each part beyond the last would be lost where the whole is.
         """
         even_only = not error.limit
         equations = self._equations(task, grounds)
         before, least, most = equations.before(), 0.0, 1.0
-        du, reached, effort = np.zeros_like(before), None, Effort(_PARTS)
-        while most - least > _RESOLUTION and not (effort.spent and not error.limit):
+        du, reached, budget = np.zeros_like(before), None, StepBudget(_PARTS)
+        while most - least > _RESOLUTION and (error.limit or budget.left > 0):
             part = 0.5 * (least + most)
             under = equations.under(before + part * (equations.forces - before))
             try:
@@ -301,7 +296,7 @@ class PlasticSteps:
                     under,
                     [np.zeros_like(before), du],
                     even_only=even_only,
-                    effort=None if error.limit else effort,
+                    budget=None if error.limit else budget,
                 )
                 if self._means_nothing(under, found):
                     raise NoEquilibrium(found.trial.du)

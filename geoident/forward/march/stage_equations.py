@@ -63,30 +63,18 @@ class Patches(Protocol):
         """What makes factors of the stiffness of a patch."""
 
 
-@dataclass(frozen=True)
-class EvenFlow:
-    """The last state on the path of viscous grounds.
-
-    Args:
-        trial: displacements, stresses, flow.
-        viscosity: part of the overstress that is kept there.
-    """
-
-    trial: Trial
-    viscosity: float
-
-
 class NoEquilibrium(ArithmeticError):
     """The loads of a stage cannot be carried, or no equilibrium was found.
 
     Args:
         mechanism: (n_dofs,) how the ground moves, or None.
         limit: whether it moves without end under this load: no doubt is left.
-        even: where the even flow of ground without potential ended, or None.
+        even: the last equilibrium on the path of viscous grounds, of flow without potential;
+            None where there is none.
     """
 
     def __init__(
-        self, mechanism: Floats | None, *, limit: bool = False, even: EvenFlow | None = None
+        self, mechanism: Floats | None, *, limit: bool = False, even: Balance | None = None
     ) -> None:
         self.mechanism = mechanism
         self.limit = limit
@@ -117,6 +105,29 @@ class Trial:
         """Largest out-of-balance force relative to the forces at work."""
         worst = float(np.abs(self.residual).max(initial=0.0))
         return worst / self.scale if self.scale > 0 else worst
+
+
+@dataclass(frozen=True)
+class Balance:
+    """Where Newton's method ended: equilibrium at the end of a stage, if it converged.
+
+    Args:
+        trial: displacements, stresses, flow.
+        factor: of the tangent before the last step, or None if none was made.
+        made_at: where it was made; None where a part of the elastic stiffness was left in it.
+        converged: whether the forces are in balance.
+        viscosity: part of the overstress that is kept (`viscous_path`).
+        unbalanced: part of the change of load that is left, where no more could be done.
+        short: part by which displacements are short of those without viscosity.
+    """
+
+    trial: Trial
+    factor: Factor | None
+    made_at: Trial | None
+    converged: bool = True
+    viscosity: float = 0.0
+    unbalanced: float = 0.0
+    short: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)

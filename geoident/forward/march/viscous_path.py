@@ -9,54 +9,55 @@ are lost among bands of shear. A ground that keeps a part mu of its overstress,
 (a step of Duvaut and Lions' viscoplasticity, mu = relaxation time / (time + relaxation time)), is
 elliptic again from a few percent on: its tangent is (1 - mu) T + mu. So the equations are solved
 for mu = 0.1 and then for less and less, every start extrapolated in mu from the last two, down to
-mu = 0. Newton's steps are held by the natural monotonicity test (Deuflhard 2004, Newton
-Methods for Nonlinear Problems, 3.3): the next step, made with the same factor, must be shorter.
-Unlike the residual, that does not mind how badly the tangent is conditioned; it does not ask for
-positive eigenvalues either, so the even flow is found also where it is not stable.
+mu = 0. Where a step in mu is not found, others are tried: a shorter one short of a turn of the
+path, a longer one beyond it. Newton's steps are held by the natural monotonicity test (Deuflhard
+2004, Newton Methods for Nonlinear Problems, 3.3): the next step, made with the same factor, must be
+shorter. Unlike the residual, that does not mind how badly the tangent is conditioned; it does not
+ask for positive eigenvalues either, so the even flow is found also where it is not stable.
 
 A load beyond the limit shows in the displacements: they grow like 1 / mu.
 
-Where the ground goes into bands, every way is lost near the same mu, and each next start, ratio and
-part of the load would be lost there again. So a search has a number of steps (`Effort`) and ends
-with the best that it has; counted, so that it ends at the same place on every machine.
+Where the ground goes into bands, the path is lost near one mu whatever the steps. So a search has
+a number of Newton steps (`StepBudget`) and ends with the best that it has; counted, so that it ends
+at the same place on every machine.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from geoident.fem.solvers.direct import Factor, NotPositiveDefinite
-from geoident.forward.march.stage_equations import NoEquilibrium, StageEquations, Trial
+from geoident.forward.march.stage_equations import Balance, NoEquilibrium, StageEquations, Trial
 from geoident.model.arrays import Floats
 
 BALANCED = 1e-11
 """Out-of-balance force, relative to the forces at work, that counts as equilibrium."""
 
-ROUNDING = 1e-8
-"""The same where no step lowers it any more."""
+NO_LOWER = 1e-8
+"""The same where no step lowers it any more: what is left is rounding."""
+
+_ON_THE_PATH = 1e-8
+"""Out-of-balance force that is enough where mu is not zero: it is only a start for the next."""
+
+_FIRST = 0.1
+"""mu at which the path begins: well inside of where the equations are elliptic."""
+
+_RATIO = 0.15
+"""Of the next mu to the last: larger ones make more points than each saves steps."""
 
 _LAST = 1e-7
 """mu below which the next one is zero."""
 
-_ON_THE_WAY = 1e-8
-"""Out-of-balance force that is enough where mu is not zero."""
-
 _POWERS = (1.0, 0.5, 2.0, 0.25, 4.0)
-"""Of the ratio of a way, tried in turn: short of a place where the path turns, or beyond it."""
+"""Powers of the ratio that are tried in turn."""
 
 _MOST_STEPS = 30
-"""Newton steps at one mu."""
-
-_PATIENCE = 8
-"""Steps after which a bold way is given up if the error has not come down by half."""
+"""Newton steps at one mu; where it is found, ten are usual."""
 
 _SHORTEST = 0.02
 """Share of a step below which Newton's method is given up."""
-
-_SHORTEST_BOLD = 0.05
-"""The same on the bold way."""
 
 _RUNS_AWAY = 0.7
 """Power of 1 / mu with which displacements of a collapse grow at least."""
@@ -66,7 +67,7 @@ _OFTEN = 2
 
 
 @dataclass
-class Effort:
+class StepBudget:
     """Newton steps that a search may take; each is a factorization.
 
     Args:
@@ -75,11 +76,6 @@ class Effort:
 
     left: int
 
-    @property
-    def spent(self) -> bool:
-        """Whether none is left."""
-        return self.left <= 0
-
     def take(self) -> bool:
         """Take one, if there is one."""
         self.left -= 1
@@ -87,57 +83,17 @@ class Effort:
 
 
 @dataclass(frozen=True)
-class NewtonEnd:
-    """Where Newton's method ended.
-
-    Args:
-        trial: displacements, stresses, flow.
-        steps: taken.
-        factor: of the tangent before the last step, or None if none was made.
-        made_at: where it was made, None where a part of the elastic stiffness was left in it.
-        converged: whether it is in equilibrium.
-    """
-
-    trial: Trial
-    steps: int
-    factor: Factor | None
-    made_at: Trial | None
-    converged: bool
-
-
-@dataclass(frozen=True)
-class Way:
-    """How the path is followed.
-
-    Args:
-        first: mu at which it begins: well inside of where the equations are elliptic.
-        ratio: of the next mu to the last.
-        bold: how Newton's method goes (`newton`).
-    """
-
-    first: float
-    ratio: float
-    bold: bool
-
-
-WAYS = (Way(0.1, 0.15, bold=False), Way(0.05, 0.3, bold=False), Way(0.1, 0.5, bold=True))
-"""Tried in turn: where one is lost at a turn of the path, the next mostly steps over it."""
-
-
-@dataclass(frozen=True)
 class PathEnd:
     """Where the path of viscous grounds ended.
 
     Args:
-        found: the last equilibrium on it.
-        mu: the part of the overstress that is kept there; 0: it is that of the ground itself.
-        ahead: (n_dofs,) displacements that those of the last two mu promise for none.
+        balance: the last equilibrium on it; its viscosity is mu.
+        promised: (n_dofs,) displacements to which those of the last two mu lead without viscosity.
         runs_away: (n_dofs,) how displacements grow without end, or None.
     """
 
-    found: NewtonEnd
-    mu: float
-    ahead: Floats
+    balance: Balance
+    promised: Floats
     runs_away: Floats | None = None
 
 
@@ -147,47 +103,38 @@ def newton(
     *,
     balanced: float = BALANCED,
     most: int = _MOST_STEPS,
-    bold: bool = False,
-    effort: Effort | None = None,
-) -> NewtonEnd:
-    """Newton's method under the natural monotonicity test, or boldly.
+    budget: StepBudget | None = None,
+) -> Balance:
+    """Newton's method under the natural monotonicity test.
 
     Args:
         equations: of the stage.
         trial: the start.
         balanced: out-of-balance force that is enough.
         most: steps at most.
-        bold: lower the residual instead, or take the step of the least harm and go on.
-        effort: steps that are left to the whole search, less those taken here; None: enough.
+        budget: steps that are left to the whole search, less those taken here; None: enough.
     """
-    factor: Factor | None = None
-    made_at: Trial | None = None
-    share, reached = 1.0, (0, np.inf)
-    for step in range(most):
-        if trial.error <= balanced:
-            if factor is not None and made_at is not None:
-                trial = _polished(equations, trial, factor)
-            return NewtonEnd(trial, step, factor, made_at, converged=True)
-        if trial.error < 0.5 * reached[1]:
-            reached = step, trial.error
-        if effort is not None and not effort.take():
-            return NewtonEnd(trial, step, factor, made_at, converged=False)
+    end = Balance(trial, None, None, converged=False)
+    share = 1.0
+    for _ in range(most):
+        if end.trial.error <= balanced:
+            return replace(_polished(equations, end), converged=True)
+        if budget is not None and budget.left <= 0:
+            return end
+        if budget is not None:
+            budget.take()
         try:
-            factor, level = equations.factor(trial)
+            factor, level = equations.factor(end.trial)
         except NotPositiveDefinite:
-            return NewtonEnd(trial, step, None, None, converged=False)
-        made_at = trial if level == 0 else None
-        d = factor.solve(trial.residual[:, None])[:, 0]
-        if bold:
-            following = _least_harm(equations, trial, d)
-        else:
-            following, share = _shorter(equations, trial, factor, d, min(1.0, 4.0 * share))
-        if following is None or (following.error >= trial.error and trial.error <= ROUNDING):
-            return NewtonEnd(trial, step + 1, factor, made_at, converged=trial.error <= ROUNDING)
-        trial = following
-        if bold and step - reached[0] > _PATIENCE:
-            break
-    return NewtonEnd(trial, most, factor, made_at, converged=trial.error <= balanced)
+            return Balance(end.trial, None, None, converged=False)
+        end = Balance(end.trial, factor, end.trial if level == 0 else None, converged=False)
+        d = factor.solve(end.trial.residual[:, None])[:, 0]
+        following, share = _shorter(equations, end.trial, factor, d, min(1.0, 4.0 * share))
+        near = end.trial.error <= NO_LOWER
+        if following is None or (following.error >= end.trial.error and near):
+            return replace(end, converged=near)
+        end = replace(end, trial=following)
+    return replace(end, converged=end.trial.error <= balanced)
 
 
 def _shorter(
@@ -205,27 +152,17 @@ def _shorter(
     return None, share
 
 
-def _least_harm(equations: StageEquations, trial: Trial, d: Floats) -> Trial | None:
-    """A step (n,) halved until the residual is smaller, else where it was smallest."""
-    before = float(np.linalg.norm(trial.residual))
-    tried, share = [], 1.0
-    while share > _SHORTEST_BOLD:
-        following = _moved(equations, trial, share * d)
-        if following is not None:
-            if np.linalg.norm(following.residual) < (1.0 - 1e-4 * share) * before:
-                return following
-            tried.append(following)
-        share *= 0.5
-    return min(tried, key=lambda one: one.error, default=None)
-
-
-def _polished(equations: StageEquations, trial: Trial, factor: Factor) -> Trial:
-    """One step more on the same factor, where it lowers what is left.
+def _polished(equations: StageEquations, end: Balance) -> Balance:
+    """After one step more on the same factor, where it lowers what is left.
 
     Eigenvalues are small, so forces in balance to `BALANCED` leave displacements a millionth off.
     """
-    following = _moved(equations, trial, factor.solve(trial.residual[:, None])[:, 0])
-    return following if following is not None and following.error < trial.error else trial
+    if end.factor is None or end.made_at is None:
+        return end
+    d = end.factor.solve(end.trial.residual[:, None])[:, 0]
+    following = _moved(equations, end.trial, d)
+    better = following is not None and following.error < end.trial.error
+    return replace(end, trial=following) if following is not None and better else end
 
 
 def _moved(equations: StageEquations, trial: Trial, d: Floats) -> Trial | None:
@@ -236,74 +173,63 @@ def _moved(equations: StageEquations, trial: Trial, d: Floats) -> Trial | None:
         return None
 
 
-def follow(equations: StageEquations, way: Way, effort: Effort | None = None) -> PathEnd | None:
+def follow_path(equations: StageEquations, budget: StepBudget | None = None) -> PathEnd | None:
     """The path from viscous ground to the ground itself, as far as it can be followed.
 
     Args:
         equations: of the stage.
-        way: how.
-        effort: steps that are left to the whole search, less those taken here; None: enough.
+        budget: steps that are left to the whole search, less those taken here; None: enough.
 
     Returns:
         Where it ends; None where not even its first point was found.
     """
-    mu = way.first
-    viscous = equations.viscous(mu)
-    found = newton(
-        viscous,
-        viscous.at(0.0 * equations.forces),
-        balanced=_ON_THE_WAY,
-        bold=way.bold,
-        effort=effort,
-    )
+    viscous = equations.viscous(_FIRST)
+    start = viscous.at(0.0 * equations.forces)
+    found = newton(viscous, start, balanced=_ON_THE_PATH, budget=budget)
     if not found.converged:
         return None
-    known, growing = [(mu, found.trial.du)], 0
-    while mu > 0.0:
-        following, ahead = _next(equations, known, way, effort)
-        if ahead is None:
-            return PathEnd(found, mu, _extrapolated(known, 0.0))
-        change = ahead.trial.du - found.trial.du
-        if following > 0.0:
-            sizes = [float(np.linalg.norm(du)) for du in (found.trial.du, ahead.trial.du)]
-            grows = sizes[1] > sizes[0] * (mu / following) ** _RUNS_AWAY
-            growing = growing + 1 if grows else 0
-        mu, found = following, ahead
-        known = [known[-1], (mu, found.trial.du)]
+    last = replace(found, viscosity=_FIRST)
+    known, growing = [last], 0
+    while last.viscosity > 0.0:
+        following = _next(equations, known, budget)
+        if following is None:
+            return PathEnd(last, _extrapolated(known, 0.0))
+        before, last = last, following
+        known = [before, last]
+        if last.viscosity > 0.0:
+            sizes = [float(np.linalg.norm(one.trial.du)) for one in known]
+            ratio = before.viscosity / last.viscosity
+            growing = growing + 1 if sizes[1] > sizes[0] * ratio**_RUNS_AWAY else 0
         if growing >= _OFTEN:
-            return PathEnd(found, mu, found.trial.du, change)
-    return PathEnd(found, 0.0, found.trial.du)
+            return PathEnd(last, last.trial.du, last.trial.du - before.trial.du)
+    return PathEnd(last, last.trial.du)
 
 
-def _extrapolated(known: list[tuple[float, Floats]], mu: float) -> Floats:
+def _extrapolated(known: list[Balance], mu: float) -> Floats:
     """Displacements (n_dofs,) at another mu, from what is known of the last one or two."""
-    last, du = known[-1]
+    last = known[-1]
     if len(known) == 1:
-        return du
-    before, first = known[0]
-    return du + (mu - last) / (last - before) * (du - first)
+        return last.trial.du
+    slope = (last.trial.du - known[0].trial.du) / (last.viscosity - known[0].viscosity)
+    return np.asarray(last.trial.du + (mu - last.viscosity) * slope)
 
 
 def _next(
-    equations: StageEquations,
-    known: list[tuple[float, Floats]],
-    way: Way,
-    effort: Effort | None,
-) -> tuple[float, NewtonEnd | None]:
-    """A smaller mu, and the equilibrium there, from what the last two say; None if not found."""
-    last = mu = known[-1][0]
+    equations: StageEquations, known: list[Balance], budget: StepBudget | None
+) -> Balance | None:
+    """The equilibrium at a smaller mu, from what the last two say; None if not found."""
     for power in _POWERS:
-        if effort is not None and effort.spent:
-            break
-        mu = last * way.ratio**power
+        if budget is not None and budget.left <= 0:
+            return None
+        mu = known[-1].viscosity * _RATIO**power
         mu = mu if mu > _LAST else 0.0
         viscous = equations.viscous(mu)
         try:
             trial = viscous.at(_extrapolated(known, mu))
         except NoEquilibrium:
             continue
-        balanced = _ON_THE_WAY if mu > 0.0 else BALANCED
-        found = newton(viscous, trial, balanced=balanced, bold=way.bold, effort=effort)
+        balanced = _ON_THE_PATH if mu > 0.0 else BALANCED
+        found = newton(viscous, trial, balanced=balanced, budget=budget)
         if found.converged:
-            return mu, found
-    return mu, None
+            return replace(found, viscosity=mu)
+    return None

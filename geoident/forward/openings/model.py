@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from geoident.errors import InputError, ModelError
-from geoident.forward.gauges.instrument_errors import InstrumentErrors, ReadingPlaces
-from geoident.forward.model_response import ModelResponse
+from geoident.forward.gauges.instrument_errors import ReadingPlaces
+from geoident.forward.gauges.zeros import ReadingRule
+from geoident.forward.observed import Details, Observed, ObservedModel, ObservedResponse, Query
 from geoident.forward.openings.face import (
     FaceState,
     advance_of,
@@ -20,19 +22,17 @@ from geoident.forward.openings.face import (
 from geoident.forward.openings.field import NO_SECTION, OpeningField, unsuitable
 from geoident.forward.openings.reaction import ground_reaction
 from geoident.forward.openings.site import Circle, OpeningSite, site_in_mesh, site_without_mesh
-from geoident.forward.protocols import Survey
 from geoident.forward.stages import CaseOnMesh
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Analysis, Case
 from geoident.model.mesh import Mesh
 from geoident.model.parameter import Values
-from geoident.model.results.costs import Counts
 
 _NO_MESH = Mesh(np.empty((0, 2)), ())
 
 
-class OpeningModel:
-    """The closed form of a case: fulfils `CaseModel`, as the staged model does.
+class OpeningModel(ObservedModel):
+    """The closed form of a case.
 
     Args:
         on_mesh: the case, on its mesh or on one without elements.
@@ -40,25 +40,18 @@ class OpeningModel:
     """
 
     def __init__(self, on_mesh: CaseOnMesh, site: OpeningSite) -> None:
-        self.case, self.sequence = case, sequence = on_mesh.case, on_mesh.sequence
-        self.names = tuple(parameter.name for parameter in case.parameters)
+        case, sequence = on_mesh.case, on_mesh.sequence
+        self.sequence = sequence
         self._on_mesh = on_mesh
         self._face = face_at(on_mesh, site.centre, site.ground)
         self.field = OpeningField(on_mesh, site, self._face)
-        self.zero = np.array([case.zero_of(channel) for channel in case.channels], np.int64)
-        self.instrument_errors = InstrumentErrors(case, sequence.built_on)
-        self.on_state: Callable[[int], None] | None = None
-        self._evaluations = 0
-
-    @property
-    def counts(self) -> Counts:
-        """Costs so far: evaluations; nothing is factorized."""
-        return Counts(self._evaluations, 0, 0, 0)
-
-    @property
-    def n_dofs(self) -> tuple[int, ...]:
-        """Unknowns of every state: none."""
-        return (0,) * len(self.sequence.states)
+        zero = np.array([case.zero_of(channel) for channel in case.channels], np.int64)
+        covered, columns = self.field.covered, np.arange(len(zero))
+        weights = np.repeat([[1.0], [-1.0]], len(zero), axis=1)
+        channels = tuple(channel.name for channel in case.channels)
+        since_zero = covered & covered[zero, columns] & (np.arange(len(covered))[:, None] >= zero)
+        rule = ReadingRule(channels, zero, weights, since_zero)
+        super().__init__(case, rule, sequence.built_on, sequence.bases)
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -69,162 +62,73 @@ class OpeningModel:
         """What distances to the face become at some parameters; see `face_states`."""
         return face_states(self._face, self._on_mesh, values)
 
-    def values(self, p: Floats) -> dict[str, float]:
-        """Parameter values p (n,) by name."""
-        return dict(zip(self.names, map(float, p), strict=True))
-
-    def admissible(self, p: Floats) -> str | None:
-        """Why p (n,) is outside the domain, or None."""
-        if not np.all(np.isfinite(p)):
-            return "a parameter is not finite"
+    def domain_fault(self, p: Floats) -> str | None:
+        """Why finite p (n,) is outside the domain, or None."""
         return self.field.admissible(self.values(p))
 
-    def unreadable(self, channel: str, stage: str) -> str | None:
-        """Why a channel can't be read at a stage, or None if it can."""
-        names = [c.name for c in self.case.channels]
-        row, state = names.index(channel), self.case.stage_names.index(stage)
-        zero = int(self.zero[row])
-        if state < zero:
-            return "it is zeroed only at a later stage"
-        reasons = (self.field.why_uncovered(n, row) for n in (zero, state))
-        return next((reason for reason in reasons if reason is not None), None)
+    def why_unseen(self, state: int, row: int) -> str:
+        """Why a channel has no closed form between its zero and a state, a clause."""
+        reasons = (self.field.why_uncovered(n, row) for n in (int(self.rule.zero[row]), state))
+        return next(reason for reason in reasons if reason is not None)
+
+    def observe(self, p: Floats, query: Query) -> Observed:
+        """What all channels see at p (n,) in closed form.
+
+        Raises:
+            ModelError: a stage that is needed has no equilibrium, or none in closed form, unless
+                ``query.partial``.
+        """
+        self.evaluations += 1
+        values, names = self.values(p), self.names if query.derivatives else ()
+        places, failures, others = query.places, list[ModelError](), list[ModelError]()
+        needed = {*places.states.tolist(), *self.rule.zero[places.rows].tolist()}
+        seen = self.field.observed(
+            values, names, wanted=needed, failures=failures if query.partial else None
+        )
+        rest = [n for n in range(len(seen)) if n not in needed]
+        seen[rest] = self.field.observed(values, names, wanted=rest, failures=others)[rest]
+        details = Details()
+        if query.survey:
+            details = replace(details, notes=face_note(self._face, self._on_mesh, values))
+        if query.fields:
+            details = replace(
+                details,
+                reaction=ground_reaction(self.field, values),
+                advance=advance_of(self._face, self._on_mesh, values),
+            )
+        return Observed(seen, None, tuple(failures), details)
+
+    def increments_of(self, observed: Observed) -> Floats:
+        """What the step of each state changes in what channels see, (n_states, n_channels), m.
+
+        0 where there is no closed form; also before the zero of a channel.
+        """
+        seen = observed.seen[..., 0]
+        known = self.field.covered & np.isfinite(seen)
+        seen = np.where(known, seen, 0.0)
+        return np.where(known, seen - seen[self.bases], 0.0)
 
     def response(
         self, pairs: Sequence[tuple[str, str]], times: Sequence[float | None] = ()
     ) -> OpeningResponse:
         """The response in the readings of some (channel, stage) pairs."""
-        return OpeningResponse(self, pairs, times)
-
-    def survey(
-        self, p: Floats, *, fields: bool, partial: bool = False, last: int | None = None
-    ) -> Survey:
-        """All channels at all stages and their derivatives.
-
-        Args:
-            p: (n,) parameters.
-            fields: with the reaction of the ground, which stands for the fields of a mesh.
-            partial: where a stage has no equilibrium, give what can be known without it.
-            last: of no effect: a stage costs nothing.
-
-        Raises:
-            ModelError: a stage has no equilibrium; with ``partial``, only if nothing is left.
-        """
-        values, failures = self.values(p), list[ModelError]()
-        table = self.relative(values, self.names, failures=failures if partial else None)
-        table = self.instrument_errors.added_to_all(table, values, self.names)
-        table = table[1:].swapaxes(0, 1)  # without the virgin state
-        if failures and not np.isfinite(table).any():
-            raise failures[0]
-        said = tuple(dict.fromkeys(error.message for error in failures))
-        change = self.increments(p)
-        found = ground_reaction(self.field, values) if fields else None
-        return Survey(
-            table[..., 0],
-            table[..., 1:],
-            None,
-            collapses=said,
-            reaction=found,
-            increments=change,
-            notes=face_note(self._face, self._on_mesh, values),
-            advance=advance_of(self._face, self._on_mesh, values) if fields else None,
-        )
-
-    def increments(self, p: Floats) -> Floats:
-        """What the step of each state changes in what the channels see, (n_states, n_channels), m.
-
-        0 where there is no closed form.
-
-        Args:
-            p: (n,) parameters.
-        """
-        seen = self.field.observed(self.values(p), (), wanted=None, failures=[])[..., 0]
-        known = self.field.covered & np.isfinite(seen)
-        seen = np.where(known, seen, 0.0)
-        change = seen - seen[self.sequence.bases]
-        return np.where(known, change, 0.0)
-
-    def steps(self, pairs: Sequence[tuple[str, str]]) -> Floats:
-        """How often the step of each state counts in some readings, (n_states, g): 1, 0 or -1.
-
-        Args:
-            pairs: their channels and stages.
-        """
-        places, built_on = ReadingPlaces.of(self.case, pairs, ()), self.sequence.built_on
-        since = built_on[:, self.zero[places.rows]].astype(np.float64)
-        return np.asarray(built_on[:, places.states] - since)
-
-    def relative(
-        self,
-        values: dict[str, float],
-        names: Sequence[str],
-        *,
-        wanted: Collection[int] | None = None,
-        failures: list[ModelError] | None = None,
-    ) -> Floats:
-        """Motions since the zeros, (n_states, n_channels, 1 + n), m; NaN where not to be read.
-
-        What is raised is that of `OpeningField.observed`.
-
-        Args:
-            values: parameters by name, SI.
-            names: the n of them to differentiate by.
-            wanted: the states that are; None for all.
-            failures: takes what is raised, and the states that it concerns are NaN; None to raise.
-        """
-        self._evaluations += 1
-        observed = self.field.observed(values, names, wanted=wanted, failures=failures)
-        result = observed - observed[self.zero, np.arange(len(self.zero))]
-        result[~self.readable] = np.nan
-        return np.asarray(result)
-
-    @property
-    def readable(self) -> Bools:
-        """(n_states, n_channels) where a channel has a closed form since its zero."""
-        columns = np.arange(len(self.zero))
-        later = np.arange(len(self.field.covered))[:, None] >= self.zero
-        return np.asarray(self.field.covered & self.field.covered[self.zero, columns] & later)
+        return OpeningResponse(self, ReadingPlaces.of(self.case, pairs, times))
 
 
-class OpeningResponse(ModelResponse):
-    """Readings of some (channel, stage) pairs in closed form; only those that have one.
+class OpeningResponse(ObservedResponse[OpeningModel]):
+    """Readings of some channels at some stages in closed form; only those that have one.
 
     Args:
         model: the closed form of the case.
-        pairs: channel and stage of every reading.
-        times: when each was read; None for what is known of its stage.
+        places: what was read, where and when.
 
     Attributes:
-        covered: (g,) which of the pairs have a closed form; the response consists of these.
+        covered: (g,) which of the readings have a closed form; the response consists of these.
     """
 
-    def __init__(
-        self,
-        model: OpeningModel,
-        pairs: Sequence[tuple[str, str]],
-        times: Sequence[float | None] = (),
-    ) -> None:
-        places = ReadingPlaces.of(model.case, pairs, times)
-        super().__init__(model)
-        self._model = model
-        self.covered: Bools = model.readable[places.states, places.rows]
-        self._places = covered = places.only(self.covered)
-        self._wanted = set(map(int, (*covered.states, *model.zero[covered.rows])))
-
-    def readings(self, p: Floats) -> Floats:
-        """v(p), (g,), m."""
-        return self._run(p, ())[:, 0]
-
-    def evaluate(self, p: Floats) -> tuple[Floats, Floats]:
-        """v(p), (g,), and its Jacobian, (g, n)."""
-        table = self._run(p, self.names)
-        return table[:, 0], table[:, 1:]
-
-    def increments(self, p: Floats) -> Floats:
-        """What the step of each state changes in what all channels see at p (n,).
-
-        (n_states, n_channels), m.
-        """
-        return self._model.increments(p)
+    def __init__(self, model: OpeningModel, places: ReadingPlaces) -> None:
+        self.covered: Bools = model.rule.readable[places.states, places.rows]
+        super().__init__(model, places.only(self.covered))
 
     def remarks(self, p: Floats) -> tuple[str, ...]:
         """What is to be known of the closed form at p (n,)."""
@@ -235,12 +139,6 @@ class OpeningResponse(ModelResponse):
     ) -> OpeningResponse | str:
         """Itself: the model is the closed form, of the opening that the case gives."""
         return self
-
-    def _run(self, p: Floats, names: Sequence[str]) -> Floats:
-        values = self._model.values(p)
-        motions = self._model.relative(values, names, wanted=self._wanted)
-        added = self._model.instrument_errors.added(values, names, self._places)
-        return np.asarray(motions[self._places.states, self._places.rows] + added)
 
 
 def opening_model(case: Case) -> OpeningModel:

@@ -267,13 +267,7 @@ class RestoredModel:
             tuple(blocks.stage(n) for n in states if blocks.get("base", n) is not None),
         )
         self._observation = Observation(
-            kept.channels,
-            (),
-            kept.zero,
-            kept.weights,
-            kept.readable,
-            (),
-            ("",) * len(kept.channels),
+            kept.channels, kept.zero, kept.weights, kept.readable, (), ("",) * len(kept.channels)
         )
         spans = self.model.form.spans
         self._ground = _Made(tuple(m for m in spans if isinstance(spans[m], MaterialSpan)))
@@ -295,6 +289,11 @@ class RestoredModel:
     def pairs(self) -> tuple[tuple[str, str], ...]:
         """Channels and stages of all readings that it gives."""
         return tuple(self._place)
+
+    @property
+    def bases(self) -> Ints:
+        """(n_states,) the state on which each builds."""
+        return self._bases
 
     @property
     def observation(self) -> Observation:

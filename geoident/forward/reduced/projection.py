@@ -172,14 +172,6 @@ class GalerkinProjection:
             self._motion[state] = np.hstack([s.motion[state] for s in self._snapshots])
         return self._motion.get(state, np.zeros((0, 0)))
 
-    def motion(self, state: int, q: Floats) -> Floats:
-        """Displacements (n_dofs, k) of a state by its coordinates (N, k)."""
-        columns = self.turn[state] @ q
-        places = np.cumsum([s.columns for s in self._snapshots])[:-1]
-        parts = zip(self._snapshots, np.split(columns, places), strict=True)
-        first, *others = [s.motion[state] @ part for s, part in parts]
-        return np.asarray(sum(others, first))
-
     def stresses(self, zone: Zone, points: Index) -> Floats:
         """Columns (s, q, M): stresses of a zone in its state, less those in situ.
 

@@ -8,7 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from geoident.forward.gauges.observation import Observation
-from geoident.forward.march.march import KnownMotion, March, Run
+from geoident.forward.march.march import March, Run
 from geoident.forward.reduced.affine_march import AffineMarch, affine_march
 from geoident.forward.reduced.coverage import reduction_obstacle, releases
 from geoident.forward.reduced.duals.basis import DualBasis
@@ -20,9 +20,6 @@ from geoident.forward.reduced.recorder import MOST_FURTHER, MOST_SECOND, Recorde
 from geoident.forward.reduced.snapshots import Snapshot
 from geoident.forward.reduced.zones import Zone, zones_of
 from geoident.model.arrays import Floats, Ints
-
-_WITH_SECOND = 2
-"""Marches that are recorded with second derivatives: a search seldom leaps from a third."""
 
 PROJECTED = 5.0
 """How much slower an operation of the projection is than one of a factorization, with repetitions.
@@ -56,13 +53,11 @@ class Reduction:
         observation: its gauges.
         last: the last state wanted.
         most: how many marches count at most, the newest.
-        economical: have none where it costs more than the marches that a search saves, and second
-            derivatives only in its first marches.
+        economical: have none where it costs more than the marches that a search saves.
 
     Attributes:
-        snapshots: the marches that are kept.
+        snapshots: the marches that are recorded, by the bytes of their parameters.
         projection: what made the last model.
-        number: of the next march in a search; None to count those that are kept.
         economical: as given.
         obstacle: why there is no reduced model, a clause, or None as far as is known.
     """
@@ -78,12 +73,12 @@ class Reduction:
     ) -> None:
         self._march, self._observation = march, observation
         self.last, self.most, self.economical = last, most, economical
-        self.snapshots: list[Snapshot] = []
+        self.snapshots: dict[bytes, Snapshot] = {}
         self._affine: AffineMarch | None = None  # found when the first march is to be recorded
         self._second = False
         self._made: tuple[tuple[bytes, ...], ReducedModel | None] | None = None
+        self._used: list[Snapshot] = []  # of which it was made
         self.projection: GalerkinProjection | None = None
-        self.number: int | None = None
         self.obstacle = reduction_obstacle(march)
 
     def _prepare(self) -> str | None:
@@ -146,63 +141,58 @@ class Reduction:
         return self.obstacle is None
 
     def knows(self, p: Floats) -> bool:
-        """Whether the march at p (n,) is kept."""
-        return any(np.array_equal(s.p, p) for s in self.snapshots)
+        """Whether the march at p (n,) is recorded."""
+        return p.tobytes() in self.snapshots
 
-    def order(self, wanted: Sequence[Floats]) -> None:
-        """Keep the marches at some parameter vectors (n,) only, in that order."""
-        places = {p.tobytes(): n for n, p in enumerate(wanted)}
-        kept = [s for s in self.snapshots if s.p.tobytes() in places]
-        self.snapshots = sorted(kept, key=lambda s: places[s.p.tobytes()])
+    def recorded(self) -> list[Floats]:
+        """Parameters (n,) of the marches that are recorded, in their order."""
+        return [snapshot.p for snapshot in self.snapshots.values()]
+
+    def prefer(self, wanted: Sequence[Floats]) -> None:
+        """Forget the marches at some parameter vectors (n,) last."""
+        for p in wanted:
+            if self.knows(p):
+                self.snapshots[p.tobytes()] = self.snapshots.pop(p.tobytes())
 
     def add(self, snapshot: Snapshot) -> None:
         """A march that was made to the last state; older ones than count are forgotten."""
-        if snapshot.last < self.last or self.knows(snapshot.p):
+        if snapshot.last < self.last:
             return
-        self.snapshots = [*self.snapshots, snapshot][-self.most :]
+        self.snapshots[snapshot.p.tobytes()] = snapshot
+        while len(self.snapshots) > self.most:
+            del self.snapshots[next(iter(self.snapshots))]
 
     def recorder(self, p: Floats) -> Recorder | None:
         """What records a march at p (n,); None where the case has no reduced model."""
         if not self.covers() or self._affine is None:
             return None
-        number = len(self.snapshots) if self.number is None else self.number
-        further = MOST_SECOND if number < _WITH_SECOND or not self.economical else 0
-        if self.economical and number == 0:
-            further = MOST_FURTHER  # a search seldom ends further away than these reach
-        return Recorder(self._affine, self._observation, p, further=further * self._second)
+        # of a search the first march is to reach as far as its end: with third derivatives a fit of
+        # `cases/tunnel-3d` takes 20 s, with second ones as long as without a surrogate, 30 s
+        first = self.economical and not self.snapshots
+        further = (MOST_FURTHER if first else MOST_SECOND) if self._second else 0
+        return Recorder(self._affine, self._observation, p, further=further)
 
-    def model(self, reference: Floats | None = None) -> ReducedModel | None:
-        """The model of the marches so far.
+    def model(
+        self, visited: Sequence[Floats], reference: Floats | None = None
+    ) -> ReducedModel | None:
+        """The model of some marches that are recorded.
 
         Args:
+            visited: (n,) their parameters, in their order.
             reference: (n,) parameters whose moduli measure; None for those of the last march.
         """
         affine = self._affine
-        if affine is None or self.obstacle is not None or not self.snapshots:
+        if affine is None or self.obstacle is not None or not len(visited):
             return None
-        reference = self.snapshots[-1].p if reference is None else reference
-        key = (*(s.p.tobytes() for s in self.snapshots), reference.tobytes())
+        reference = visited[-1] if reference is None else reference
+        key = (*(p.tobytes() for p in visited), reference.tobytes())
         if self._made is None or self._made[0] != key:
-            self.projection = GalerkinProjection(affine, self.snapshots, reference)
+            self._used = [self.snapshots[p.tobytes()] for p in visited]
+            self.projection = GalerkinProjection(affine, self._used, reference)
             stages = self.projection.stages()
             model = None if stages is None else ReducedModel(affine.form, reference, stages)
             self._made = key, model
         return self._made[1]
-
-    def motion(self, model: ReducedModel, p: Floats) -> KnownMotion | None:
-        """Displacements of all states at p (n,), by the model that was made last.
-
-        None where the virgin ground moves, which a march forgets.
-        """
-        projection = self.projection
-        if projection is None or model.form.loads.settles:
-            return None
-        found = model.states(p[None]).states
-
-        def known(state: int) -> Floats | None:
-            return None if state >= len(found) else projection.motion(state, found[state][0])
-
-        return known
 
     def dual_places(self, model: ReducedModel) -> list[Floats]:
         """Where adjoints of readings are to be known (n,): at the reference, and far from it.
@@ -212,10 +202,10 @@ class Reduction:
         """
         places, spans = [model.reference], model.form.spans
         while len(places) < MOST_PLACES:
-            far = [min(_apart(spans, s.p, p) for p in places) for s in self.snapshots]
+            far = [min(_apart(spans, s.p, p) for p in places) for s in self._used]
             if max(far) <= FAR:
                 break
-            places.append(self.snapshots[int(np.argmax(far))].p)
+            places.append(self._used[int(np.argmax(far))].p)
         return places
 
     def dual_derivatives(self, model: ReducedModel) -> list[int]:
@@ -224,7 +214,7 @@ class Reduction:
         None where the marches have the same moduli, up to a factor that all have in common.
         """
         spans = model.form.spans
-        if all(_apart(spans, s.p, model.reference) <= SAME for s in self.snapshots):
+        if all(_apart(spans, s.p, model.reference) <= SAME for s in self._used):
             return []
         slopes = [span.coordinates(model.reference[None])[1][0] for span in spans.values()]
         moves = np.any([np.any(slope, axis=0) for slope in slopes], axis=0)

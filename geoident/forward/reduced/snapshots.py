@@ -63,24 +63,6 @@ class Snapshot:
         return settled + sum(part.size for kept in (self.motion, self.observed) for part in kept)
 
 
-def to_arrays(snapshot: Snapshot) -> dict[str, Floats]:
-    """A march as arrays (...) by name, for a checkpoint."""
-    found = {"psi": snapshot.psi} | {f"turns {k}": T for k, T in snapshot.turns.items()}
-    if snapshot.settled is not None:
-        found["settled"] = snapshot.settled
-    for state, (motion, seen) in enumerate(zip(snapshot.motion, snapshot.observed, strict=True)):
-        found |= {f"motion {state}": motion, f"observed {state}": seen}
-    return found
-
-
-def from_arrays(p: Floats, arrays: Mapping[str, Floats]) -> Snapshot:
-    """The march at p (n,) that `to_arrays` made arrays (...) of."""
-    turns = {k.removeprefix("turns "): T for k, T in arrays.items() if k.startswith("turns ")}
-    states = range(sum(name.startswith("motion ") for name in arrays))
-    motion, observed = ([arrays[f"{kind} {n}"] for n in states] for kind in ("motion", "observed"))
-    return Snapshot(p.copy(), arrays["psi"], turns, motion, arrays.get("settled"), observed)
-
-
 def stress_turns(
     moduli: Mapping[str, Floats], slopes: Mapping[str, Floats], further: Sequence[Further]
 ) -> dict[str, Floats]:

@@ -125,9 +125,7 @@ def condensation_faults(
     return tuple(faults)
 
 
-def condensation(
-    problem: Problem, options: CondensationOptions, observe: Observer
-) -> Outcome:
+def condensation(problem: Problem, options: CondensationOptions, observe: Observer) -> Outcome:
     """Solves the condensed equations for the parameters, iterated, theory 4.1, [11-18].
 
     Args:

@@ -4,7 +4,6 @@ It is put together from its parts, so that the search for strengths can replace 
 
     evaluation   what is known of a point x, noted in the history             `Evaluator`
     proposal     the step from a point, no longer than the trust radius       `gauss_newton_step`
-    leap         where there is a reduced model, the step to its minimum      `Leap`
     acceptance   which trials are taken, and the next radius                  `Acceptance`
     stopping     when nothing is left to do                                   `Stopping`
 
@@ -46,12 +45,6 @@ NEGLIGIBLE = 1e-6
 
 UNSEEN_SD = 2.0
 """Standard deviations of the noise of phi within which two values are not told apart."""
-
-KEPT = 0.25
-"""Part of the gain that a leap promises which must be found for the next step to be one."""
-
-FAILED = 2
-"""Leaps of a descent that may promise too much."""
 
 _STALLED = (
     "No shorter step lowers the misfit, although the derivatives say so: the computed "
@@ -297,14 +290,12 @@ class Descent(Generic[IterateT]):
         propose: (point, radius) -> the best step no longer than the radius.
         stopping: when nothing is left to do.
         max_steps: at most.
-        leap: (point, radius) -> a step that is tried in place of the best one, or None for none.
     """
 
     evaluator: Evaluator[IterateT]
     propose: Callable[[IterateT, float], Step]
     stopping: Stopping
     max_steps: int
-    leap: Callable[[IterateT, float], Step | None] = lambda point, radius: None
 
     def run(
         self,
@@ -331,7 +322,6 @@ class Descent(Generic[IterateT]):
         self, start: IterateT, give_up: GiveUp | None, leave: Leave[IterateT] | None
     ) -> Ending[IterateT]:
         judge, box = Acceptance(start), self.evaluator.box
-        failed, again = 0, True  # leaps that promised too much, and whether to leap next
         for number in range(self.max_steps):
             ending = self._ended(judge)
             if ending is None and give_up and give_up(number, judge.radius, judge.best.phi):
@@ -340,17 +330,11 @@ class Descent(Generic[IterateT]):
                 ending = Ending(judge.best, "not-converged", _GIVEN_UP, abandoned=True)
             if ending is not None:
                 return ending
-            point, radius = judge.point, judge.radius
-            leap = self.leap(point, radius) if again and failed <= FAILED else None
-            step = leap or self.propose(point, judge.radius)
+            point = judge.point
+            step = self.propose(point, judge.radius)
             x = box.reach(point.x, step.d)
             trial = self.evaluator.try_point(x)
             note = judge.judge(step, trial)
-            kept = trial is not None and point.phi - trial.phi >= KEPT * step.gain
-            again = leap is None or kept
-            if not again:
-                failed += 1
-                judge.radius = max(radius, judge.radius)  # it says nothing of the linearised model
             self.evaluator.record(x, trial, step.length, note)
             if note == "rejected":
                 full = self.propose(point, np.inf)

@@ -26,7 +26,6 @@ from geoident.identify.least_squares.acceptance import (
     Step,
 )
 from geoident.identify.least_squares.descent import Descent, Stopping, plain_evaluator
-from geoident.identify.least_squares.leap import Leap
 from geoident.identify.least_squares.several_starts import SAME, SeveralStarts
 from geoident.identify.least_squares.trust_region import TrustBox, bounded_least_squares
 from geoident.identify.problem.ahead import ProblemApart, apart
@@ -182,7 +181,6 @@ def gauss_newton_descent(
         lambda point, radius: gauss_newton_step(box, point, radius),
         Stopping(box, options.tolerance, _gain_tolerance(discrepancy, options), discrepancy.noise),
         options.max_iterations,
-        Leap(discrepancy, box).propose,
     )
 
 

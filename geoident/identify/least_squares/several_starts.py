@@ -31,7 +31,7 @@ import numpy as np
 from geoident.errors import ModelError
 from geoident.identify.least_squares.acceptance import Iterate, Step
 from geoident.identify.least_squares.descent import Descent, Ending
-from geoident.identify.problem.ahead import Look, in_turns, knows_nothing_of_others
+from geoident.identify.problem.ahead import Look, in_turns
 from geoident.identify.problem.outcome import LocalMinimum
 from geoident.identify.problem.scaling import Scaling
 from geoident.model.arrays import Floats
@@ -186,14 +186,11 @@ class SeveralStarts:
         response = self.evaluator.discrepancy.problem.response
         given = self.evaluator.scaling.start
         places = [*self.also, *islice(self._places(given), begun - 1, wanted - 1)]
-        apart = knows_nothing_of_others(response)
-        looks = [self.look(x) for x in places] if apart else []
-        with in_turns(response, looks) as turn:
+        with in_turns(response, [self.look(x) for x in places]) as turn:
             for number, x in enumerate(places):
                 if self.evaluator.history.stop is not None:
                     break
-                if apart:
-                    turn(number)
+                turn(number)
                 begun += 1
                 point = self.evaluator.start(x, f"start {begun}")
                 if point is not None:

@@ -5,9 +5,9 @@ descents from several starts. A search names them in their order, and then goes 
 one as if there were no others. A model that has several processes works on them meanwhile, and
 knows the answers when their turn comes.
 
-What is found does not depend on that. Before each part the model forgets what others have left to
-begin from (`TakesTurns.turns`), so that a part has the same numbers wherever it is computed; what
-comes after the last begins from what was known before the first. Which parts there are does not
+What is found does not depend on that. Before each part and after the last the model forgets what
+others have left to begin from (`TakesTurns.turns`), so that a part has the same numbers wherever it
+is computed. Which parts there are does not
 depend on the number of processes. A part may be named in vain: the search may turn elsewhere before
 it comes to it.
 """
@@ -51,10 +51,6 @@ class TakesTurns(Response, Protocol):
     @property
     def at_once(self) -> int:
         """How many parts it works on at a time; 1 where it does not look ahead."""
-
-    @property
-    def may_be_led(self) -> bool:
-        """Whether descents are led by what others have evaluated, by a reduced model."""
 
     def turns(self, looks: Sequence[Look]) -> AbstractContextManager[Turn]:
         """Work on parts of a search meanwhile.
@@ -133,11 +129,6 @@ def in_turns(response: Response, looks: Iterable[Look]) -> Iterator[Turn]:
 def at_once(response: Response) -> int:
     """How many parts of a search a model works on at a time."""
     return response.at_once if isinstance(response, TakesTurns) else 1
-
-
-def knows_nothing_of_others(response: Response) -> bool:
-    """Whether a descent may be a part of a search: no other one leads it."""
-    return isinstance(response, TakesTurns) and not response.may_be_led
 
 
 def begins_near(response: Response) -> bool:

@@ -16,7 +16,7 @@ import numpy as np
 
 from geoident.errors import Fault, InputError, ModelError
 from geoident.forward.elsewhere.model import ElsewhereModel
-from geoident.forward.protocols import CaseModel
+from geoident.forward.observed import ObservedModel
 from geoident.io.bridges.commands import for_dakota
 from geoident.io.bridges.dakota import (
     GRADIENT,
@@ -95,7 +95,7 @@ def _write(path: str, text: str, *, overwrite: bool, inputs: Sequence[str]) -> N
         Path(part).write_text(text, encoding="utf-8")
 
 
-def _answered(model: CaseModel, request: DakotaRequest) -> str:
+def _answered(model: ObservedModel, request: DakotaRequest) -> str:
     places = _places(model, request.asked)
     columns = _columns(model, request)
     p = values_for(model, request.values)
@@ -123,7 +123,7 @@ def _answered(model: CaseModel, request: DakotaRequest) -> str:
     return results_text(request.asked, values, gradients)
 
 
-def _places(model: CaseModel, asked: Sequence[AskedResponse]) -> list[tuple[int, int]]:
+def _places(model: ObservedModel, asked: Sequence[AskedResponse]) -> list[tuple[int, int]]:
     """Channel and stage of each response.
 
     Raises:
@@ -152,7 +152,7 @@ def _places(model: CaseModel, asked: Sequence[AskedResponse]) -> list[tuple[int,
     return found
 
 
-def _columns(model: CaseModel, request: DakotaRequest) -> list[int]:
+def _columns(model: ObservedModel, request: DakotaRequest) -> list[int]:
     """Numbers of the parameters by which derivatives are wanted."""
     names = [parameter.name for parameter in model.case.parameters]
     faults = [
@@ -223,7 +223,7 @@ def export_dakota(
     return driven.write(texts, stem), tuple(_notes(model, used))
 
 
-def _notes(model: CaseModel, used: dict[tuple[str, str], int]) -> Iterator[str]:
+def _notes(model: ObservedModel, used: dict[tuple[str, str], int]) -> Iterator[str]:
     """What Dakota is not told of a case."""
     case = model.case
     priors = [parameter.name for parameter in case.parameters if parameter.prior is not None]

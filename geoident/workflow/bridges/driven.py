@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 
 from geoident.errors import Term, UsageError
-from geoident.forward.protocols import CaseModel
+from geoident.forward.observed import ObservedModel
 from geoident.io.text.text_file import STDIN, seen_from
 from geoident.workflow.export import ListedFiles, Writer
 from geoident.workflow.running.jobs import Inputs, build_model, load_inputs
@@ -29,7 +29,7 @@ class DrivenCase:
 
     path: str
     inputs: Inputs
-    model: CaseModel
+    model: ObservedModel
     folder: Path
     seen: str
     force: bool

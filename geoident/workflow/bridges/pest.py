@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from geoident.forward.protocols import CaseModel
+from geoident.forward.observed import ObservedModel
 from geoident.io.bridges.commands import for_pest
 from geoident.io.bridges.names import plain, reading_names, unique
 from geoident.io.bridges.pest import (
@@ -92,7 +92,7 @@ class _PestFiles:
         readings: all of the case.
     """
 
-    def __init__(self, stem: str, path: str, model: CaseModel, readings: ReadingTable) -> None:
+    def __init__(self, stem: str, path: str, model: ObservedModel, readings: ReadingTable) -> None:
         self.stem, self._path = stem, path
         self._case: Case = model.case
         self._readings = readings

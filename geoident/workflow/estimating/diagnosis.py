@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from geoident.forward.protocols import Survey
+from geoident.forward.observed import Survey
 from geoident.identify.assessment.diagnostics import diagnose, effective_sd
 from geoident.identify.assessment.linearity import interval_ends
 from geoident.identify.assessment.misfit import misfit

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from geoident.errors import TimeIsUp
-from geoident.forward.protocols import CaseModel, Survey
+from geoident.forward.observed import ObservedModel, Survey
 from geoident.identify.assessment.diagnostics import effective_sd
 from geoident.identify.assessment.profile_path import Nonlinearity
 from geoident.identify.assessment.uncertainty import Assessment
@@ -41,9 +41,10 @@ from geoident.workflow.estimating.predictions import (
 from geoident.workflow.estimating.rivals import mixed_prediction, weighed_minima
 from geoident.workflow.estimating.search import estimated
 from geoident.workflow.estimating.setup import Setup, prepare, with_workers
+from geoident.workflow.running.cached_response import substituting
 from geoident.workflow.running.computed import accuracies, survey_of_used, with_computed
 from geoident.workflow.running.control import Control
-from geoident.workflow.running.evaluation_log import Log, known_nearly, led, lent
+from geoident.workflow.running.evaluation_log import Log
 from geoident.workflow.running.jobs import Job
 from geoident.workflow.running.readings import unused_by_stage, used_rows
 
@@ -62,12 +63,10 @@ def surveyed(
     """
     model, p = setup.model, outcome.values
     before = model.counts
-    if known_nearly(problem.response, p):
-        lent(problem.response, p)
     try:
         survey = model.survey(p, fields=fields, partial=True, last=last)
     except TimeIsUp:
-        with led(problem.response):
+        with substituting(problem.response):
             survey = survey_of_used(setup.readings, setup.case, model, problem, p)
     counts = further(problem.response.counts, before, model.counts)
     return survey, with_computed(setup.readings, setup.case, model, survey, p), counts
@@ -210,7 +209,7 @@ def over_accuracies(
 
 
 def later_errors(
-    model: CaseModel, case: Case, survey: Survey, found: FittedModelError | None
+    model: ObservedModel, case: Case, survey: Survey, found: FittedModelError | None
 ) -> LaterModelError | None:
     """The model error of a fit in later readings.
 

@@ -9,7 +9,7 @@ import scipy.sparse as sp
 
 from geoident.errors import InputError
 from geoident.forward.model import StagedModel
-from geoident.forward.protocols import CaseModel
+from geoident.forward.observed import ObservedModel
 from geoident.identify.assessment.uncertainty import Assessment
 from geoident.model.arrays import Floats, Ints
 from geoident.model.case import Case
@@ -29,7 +29,7 @@ _BLOCK = 500
 
 
 def field_estimates(
-    model: CaseModel, values: Floats, assessment: Assessment
+    model: ObservedModel, values: Floats, assessment: Assessment
 ) -> tuple[FieldEstimate, ...]:
     """The fields of a case at the elements of their materials.
 
@@ -173,7 +173,7 @@ def _logarithm(model: StagedModel, field: Field, made: PointField, values: Float
     return np.asarray(np.log(mean) + mean_of @ np.log(made.factor(known, mean)))
 
 
-def require_same_modes(fit: Result, model: CaseModel, case: Case, values: Floats) -> None:
+def require_same_modes(fit: Result, model: ObservedModel, case: Case, values: Floats) -> None:
     """Refuse a model whose modes, made again from its mesh, give another field than the fit has.
 
     The coefficients of a fit mean something with its own modes only. They are of the mesh, of the
@@ -221,7 +221,7 @@ def require_same_modes(fit: Result, model: CaseModel, case: Case, values: Floats
         raise InputError(faults)
 
 
-def drawn_fields(model: CaseModel, draws: Floats) -> tuple[FieldEstimate, ...]:
+def drawn_fields(model: ObservedModel, draws: Floats) -> tuple[FieldEstimate, ...]:
     """The fields of a case at the elements of their materials, as draws of the posterior have them.
 
     Args:

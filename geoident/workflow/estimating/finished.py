@@ -9,7 +9,7 @@ from pathlib import Path
 
 from geoident.errors import ExitCode, InputError, Interrupted, ModelError, Term, TimeIsUp
 from geoident.fem.solvers.kept_solutions import KeepsSolutions
-from geoident.forward.protocols import CaseModel
+from geoident.forward.observed import ObservedModel
 from geoident.io.result.checkpoint import EvaluationLog
 from geoident.io.result.file import read_identity, read_result, write_result
 from geoident.model.results.result import STOPPED, Result
@@ -20,7 +20,7 @@ from geoident.workflow.running.outputs import Existing, Target, restore, set_asi
 
 
 @contextmanager
-def evaluation_log(job: Job, control: Control, model: CaseModel) -> Iterator[EvaluationLog]:
+def evaluation_log(job: Job, control: Control, model: ObservedModel) -> Iterator[EvaluationLog]:
     """The log of a job's evaluations; kept if the run is cut short, removed when it is done.
 
     Args:

@@ -20,7 +20,9 @@ from geoident.fem.refinement.singularity import exponent, openings
 from geoident.fem.solvers import pick_solver
 from geoident.forward.gauges.instrument_errors import ReadingPlaces
 from geoident.forward.gauges.kinds import reads_displacements
-from geoident.forward.model import StageByStage, StagedModel, staged_model
+from geoident.forward.march.march import RunOptions
+from geoident.forward.model import StagedModel, staged_model
+from geoident.forward.staged import ResumableMarch
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case
 from geoident.model.cells import CELLS
@@ -101,7 +103,9 @@ def _finer(how: str, model: StagedModel, case: Case, p: Floats, *notes: str) -> 
     known = model.values(p)  # fields have their mean
     values = {q.name: known.get(q.name, q.start) for q in fine.case.parameters}
     at = np.array([values[name] for name in fine.names], dtype=np.float64)
-    march = StageByStage(fine, at, even_only=True)  # bands are as wide as elements: no error
+    # bands of shear are as wide as elements: what they move is no error of the mesh
+    options = RunOptions(derivatives=False, partial=True, explain=False, even_only=True)
+    march = ResumableMarch(fine, at, options, keeps_ends=False)
     return Refinement(how, model, fine, march, *orders(model), notes)
 
 
@@ -150,7 +154,7 @@ class Refinement:
     how: str
     model: StagedModel
     fine: StagedModel
-    march: StageByStage
+    march: ResumableMarch
     order: float
     corner: float
     notes: tuple[str, ...] = ()
@@ -164,7 +168,7 @@ class Refinement:
         Raises:
             ModelError: the refined model has no solution there.
         """
-        return self._table(computed, self.march.computed() - computed)
+        return self._table(computed, self.march.computed(len(self.fine.bases) - 1) - computed)
 
     def of_readings(self, values: Values, read: ReadingTable, v: Floats) -> MeshError:
         """The error of the g readings used, for which no later stage is computed.

@@ -24,7 +24,7 @@ import scipy.sparse as sp
 from scipy.linalg import solve_triangular
 
 from geoident.forward.gauges.kinds import reads_displacements
-from geoident.forward.protocols import CaseModel
+from geoident.forward.observed import ObservedModel
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case
 from geoident.model.gauges import Channel
@@ -64,7 +64,7 @@ class ReadingSteps:
 
 def reading_steps(
     case: Case,
-    model: CaseModel,
+    model: ObservedModel,
     increments: Floats,
     pairs: Sequence[tuple[str, str]],
     length: float,

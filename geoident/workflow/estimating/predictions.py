@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from geoident.errors import ModelError
-from geoident.forward.protocols import CaseModel, Survey
+from geoident.forward.observed import ObservedModel, Survey
 from geoident.identify.assessment.diagnostics import effective_sd
 from geoident.identify.assessment.later_readings import LaterReadings, given_used, later_covariance
 from geoident.identify.assessment.prediction_bands import predict_band
@@ -275,7 +275,7 @@ def _path_readings(survey: Survey, readings: ReadingTable) -> PathReadings:
 
 
 def follow_bound(
-    model: CaseModel,
+    model: ObservedModel,
     case: Case,
     problem: Problem,
     values: Floats,

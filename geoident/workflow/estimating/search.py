@@ -62,16 +62,9 @@ from geoident.workflow.estimating.setup import (
     used_response,
 )
 from geoident.workflow.estimating.surface_error import is_steady, with_surface_error
+from geoident.workflow.running.cached_response import CERTAIN, EXACT, by_surrogate, substituting
 from geoident.workflow.running.control import OUT_OF_TIME, Control
-from geoident.workflow.running.evaluation_log import (
-    CERTAIN,
-    EXACT,
-    Log,
-    known_certainly,
-    known_nearly,
-    led,
-    lent,
-)
+from geoident.workflow.running.evaluation_log import Log
 from geoident.workflow.running.readings import error_structure, reading_table, used_rows
 from geoident.workflow.running.reduced_scan import with_reduced_readings
 
@@ -104,9 +97,8 @@ def estimated(
 ) -> SearchState:
     """The parameters that meet the readings of a setup, and all that is estimated with them.
 
-    Linearised steps are led by the reduced model wherever that is `CERTAIN`, and a search that
-    begins where another ended wherever it is `EXACT`. At the end the model itself is asked, unless
-    the reduced model is `CERTAIN` there.
+    The surrogate answers linearised steps wherever it is `CERTAIN`, and a search that begins where
+    another ended wherever it is `EXACT`. At the end the model itself is asked.
 
     Where ground yields, a search that begins where another ended weighs the readings there: what
     they would say without model error is not asked for.
@@ -136,14 +128,14 @@ def estimated(
         problem = with_reduced_readings(problem, used_response(setup), only, kept, beside)
     search = _Search(methods, control)
     linear = all(isinstance(options, GaussNewtonOptions) for options in methods)
-    exact = EXACT if near else CERTAIN
+    tolerance = EXACT if near else CERTAIN
     weighed = near and begins_near(problem.response)
     if weighed and no_model_error(setup.case, setup.readings, methods) is None:
         unsearched = _where_it_begins(problem)
         found = search.with_all_errors(SearchState(setup, problem, unsearched))
         if found.outcome is not unsearched:
             return found
-    with led(problem.response, exact) if near or linear else nullcontext():
+    with substituting(problem.response, tolerance) if near or linear else nullcontext():
         first = SearchState(setup, problem, search.identified(problem, methods))
     try:
         return search.with_all_errors(first)
@@ -191,7 +183,7 @@ class _Search:
             TimeIsUp: the time ended within an evaluation that they need.
         """
         problem, minima = first.problem, first.outcome.minima
-        with led(problem.response):
+        with substituting(problem.response):
             begun = self._with_mesh(self._with_surfaces(first))
             found = self._with_errors(begun)
             mesh = _mesh_beside_accuracies(found.setup, problem, found.outcome)
@@ -249,7 +241,6 @@ class _Search:
         plain = not isinstance(last, ScanOptions) and not _proves(last)
         if not (asked and plain and isinstance(model, StagedModel)) or outcome.status == STOPPED:
             return at._replace(setup=setup.not_asked_of_the_mesh())
-        lent(problem.response, outcome.values)
         found = fitted_mesh(model, problem, setup.readings, outcome, setup.mesh)
         if found is None or not found.counts:
             return at._replace(setup=replace(setup, mesh=found))
@@ -268,14 +259,9 @@ class _Search:
         return self._with_accuracies(at) if found is None else found
 
     def _confirmed(self, at: SearchState) -> SearchState:
-        """The same, confirmed by the model itself where the reduced model led to it.
-
-        Where that is `CERTAIN` the model would say the same, and is not asked.
-        """
+        """The same, confirmed by the model itself where the surrogate has answered."""
         _, problem, outcome = at
-        if outcome.status == STOPPED or not known_nearly(problem.response, outcome.values):
-            return at
-        if known_certainly(problem.response, outcome.values):
+        if outcome.status == STOPPED or not by_surrogate(problem.response, outcome.values):
             return at
         again = self.descent(problem.begun_at(outcome.values))
         return at._replace(outcome=after(outcome, again))

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 
 from geoident.errors import InputError
 from geoident.forward.model import StagedModel
-from geoident.forward.protocols import CaseModel
+from geoident.forward.observed import ObservedModel
 from geoident.forward.reduced.kept import RestoredModel
 from geoident.forward.reduced.response import ReducedResponse
 from geoident.forward.reducible import ReducibleResponse
@@ -31,8 +31,9 @@ from geoident.workflow.estimating.model_error import (
     require_room,
 )
 from geoident.workflow.executing.looking_ahead import ResponseBeside
+from geoident.workflow.running.cached_response import CachedResponse
 from geoident.workflow.running.control import Control
-from geoident.workflow.running.evaluation_log import Log, Remembered
+from geoident.workflow.running.evaluation_log import Log
 from geoident.workflow.running.jobs import Job, build_model
 from geoident.workflow.running.kept_reduced import restored_for
 from geoident.workflow.running.readings import (
@@ -67,7 +68,7 @@ class Setup:
         workers: processes that have the model, too; None for none.
     """
 
-    model: CaseModel
+    model: ObservedModel
     case: Case
     readings: ReadingTable
     accuracies: AccuracyTable | None = None
@@ -143,7 +144,7 @@ def with_workers(job: Job, setup: Setup, control: Control) -> Iterator[Setup]:
         yield replace(setup, workers=workers)
 
 
-def require_possible(model: CaseModel, case: Case, methods: Sequence[MethodOptions]) -> None:
+def require_possible(model: ObservedModel, case: Case, methods: Sequence[MethodOptions]) -> None:
     """Refuse methods that need what the model cannot offer.
 
     Args:
@@ -185,10 +186,10 @@ def problem_of(setup: Setup, log: Log, control: Control) -> Problem:
     response: Response = staged
     if isinstance(staged, ReducibleResponse):
         if case.fit.reduced:
-            staged.keep_marches()
+            staged.record()
         pairs, times = _asked(setup)
         where = None if setup.workers is None else ResponseBeside(setup.workers, pairs, times)
-        response = Remembered(staged, log, before=control.stop.check, elsewhere=where)
+        response = CachedResponse(staged, log, before=control.stop.check, elsewhere=where)
     return problem_of_readings(case, setup.readings, response)
 
 

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from geoident.forward.elsewhere.table import TableModel
-from geoident.forward.protocols import CaseModel
+from geoident.forward.observed import ObservedModel
 from geoident.model.arrays import Floats
 from geoident.model.case import Case
 from geoident.model.gauges import Channel, ErrorParts
@@ -29,7 +29,7 @@ STEADY = 0.05
 """Relative change of the own error, beside accuracies, below which it is that of the answer."""
 
 
-def with_surface_error(case: Case, model: CaseModel, p: Floats, *, after: int = 0) -> Case:
+def with_surface_error(case: Case, model: ObservedModel, p: Floats, *, after: int = 0) -> Case:
     """A case whose channels have the error of response surfaces among what their readings share.
 
     Args:

@@ -13,22 +13,10 @@ from typing import Protocol
 from geoident.errors import ModelError
 from geoident.identify.problem.ahead import Look, ReadingsAt
 from geoident.model.arrays import Floats
+from geoident.model.results.costs import NO_COST, Counts
 from geoident.workflow.executing.executor import Answered
 
 EvaluationArrays = Mapping[str, Floats]
-
-
-@dataclass(frozen=True)
-class Failure:
-    """An evaluation without solution, of which another process has told.
-
-    Args:
-        error: what was found.
-        cost: (5,) of finding it.
-    """
-
-    error: ModelError
-    cost: Floats
 
 
 @dataclass
@@ -37,11 +25,13 @@ class Recording:
 
     Args:
         evaluations: kind, parameters (n,) and arrays of each.
-        failures: kind, parameters (n,) and failure of each that has no solution.
+        failures: kind and parameters (n,) of each that has no solution, and why.
+        spent: what all of it has cost.
     """
 
     evaluations: list[tuple[str, Floats, EvaluationArrays]] = field(default_factory=list)
-    failures: list[tuple[str, Floats, Failure]] = field(default_factory=list)
+    failures: list[tuple[str, Floats, ModelError]] = field(default_factory=list)
+    spent: Counts = NO_COST
 
     def find(self, kind: str, p: Floats) -> EvaluationArrays | None:
         """What was kept for this kind of evaluation at p (n,), or None."""

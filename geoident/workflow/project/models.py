@@ -12,7 +12,7 @@ from types import TracebackType
 import numpy as np
 
 from geoident.errors import ExitCode, InputError, Interrupted, ModelError
-from geoident.forward.protocols import CaseModel
+from geoident.forward.observed import ObservedModel
 from geoident.model.arrays import Floats
 from geoident.model.project.project import Project
 from geoident.model.results.costs import NO_COST, Counts
@@ -54,7 +54,7 @@ class OneProcess:
     def __init__(self, sources: SectionSources, control: Control) -> None:
         self._begun = ExitStack()
 
-        def begin(model: CaseModel) -> None:
+        def begin(model: ObservedModel) -> None:
             self._begun.enter_context(runs_on_cluster(model, control))
 
         self._answer = SectionsInProcess(sources, control.stop, begin)

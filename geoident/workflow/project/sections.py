@@ -11,7 +11,7 @@ import numpy as np
 
 from geoident.errors import GeoidentError, Interrupted, ModelError
 from geoident.fem.solvers.kept_solutions import KeepsSolutions
-from geoident.forward.protocols import CaseModel
+from geoident.forward.observed import ObservedModel
 from geoident.identify.problem.errors import SharedErrors
 from geoident.identify.problem.responses import HasDifferences
 from geoident.io.result.checkpoint import EvaluationLog
@@ -175,7 +175,7 @@ class SectionsInProcess:
         self,
         sources: SectionSources,
         stop: StopRequest | None = None,
-        begin: Callable[[CaseModel], None] = lambda model: None,
+        begin: Callable[[ObservedModel], None] = lambda model: None,
     ) -> None:
         self._sources, self._stop, self._begin = sources, stop or STOP, begin
         self._known: dict[int, _OneSection] = {}
@@ -223,7 +223,7 @@ class _OneSection:
         self._setup = Setup(model, model.case, readings)
 
     @property
-    def model(self) -> CaseModel:
+    def model(self) -> ObservedModel:
         """Its model."""
         return self._setup.model
 

@@ -22,7 +22,7 @@ import numpy as np
 
 from geoident.errors import ModelError
 from geoident.fem.solvers.threads import one_thread
-from geoident.forward.protocols import CaseModel
+from geoident.forward.observed import ObservedModel
 from geoident.identify.posterior.draws import Stopped
 from geoident.identify.problem.ahead import BESIDE, ReadingsAt, begins_near, in_turns
 from geoident.model.arrays import Bools, Floats, Ints
@@ -31,7 +31,7 @@ from geoident.model.gauges import ReadingTable
 from geoident.workflow.executing.executor import BegunExecutor, Executor, SetUp, in_order
 from geoident.workflow.running.computed import accuracies
 from geoident.workflow.running.control import OUT_OF_TIME, Control
-from geoident.workflow.running.evaluation_log import Log, forget
+from geoident.workflow.running.evaluation_log import Log
 from geoident.workflow.running.readings import times_of
 
 _KIND = "answers"
@@ -67,7 +67,7 @@ class Asked:
         everything: the response in them.
     """
 
-    def __init__(self, model: CaseModel, case: Case, readings: ReadingTable) -> None:
+    def __init__(self, model: ObservedModel, case: Case, readings: ReadingTable) -> None:
         self.model, self.case = model, case
         self.places = readable(model, case)
         used = readings.used
@@ -86,7 +86,7 @@ class Asked:
 
     def answers(self, part: Floats) -> Iterator[Answer]:
         """What the model says at p (k, n), SI, whatever it was asked before."""
-        forget(self.everything)
+        self.everything.forget()
         for p in part:
             yield self.answer(p)
 
@@ -108,7 +108,7 @@ class Asked:
             return Answer(None, nothing)
 
 
-def readable(model: CaseModel, case: Case) -> Ints:
+def readable(model: ObservedModel, case: Case) -> Ints:
     """Numbers (m, 2) of channels and stages that can be read."""
     can: Bools = np.isfinite(accuracies(case))
     for i, channel in enumerate(case.channels):

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from geoident.forward.gauges.instrument_errors import ReadingPlaces
-from geoident.forward.protocols import CaseModel, Survey
+from geoident.forward.observed import ObservedModel, Survey
 from geoident.identify.problem.problem import Problem
 from geoident.identify.problem.responses import HasIncrements
 from geoident.model.arrays import Floats, Ints
@@ -18,7 +18,7 @@ from geoident.model.results.result import GaugeTable
 
 
 def with_computed(
-    readings: ReadingTable, case: Case, model: CaseModel, survey: Survey, p: Floats
+    readings: ReadingTable, case: Case, model: ObservedModel, survey: Survey, p: Floats
 ) -> ReadingTable:
     """The readings with what the model says of each at p, and its derivatives.
 
@@ -41,7 +41,7 @@ def with_computed(
 
 
 def survey_of_used(
-    readings: ReadingTable, case: Case, model: CaseModel, problem: Problem, p: Floats
+    readings: ReadingTable, case: Case, model: ObservedModel, problem: Problem, p: Floats
 ) -> Survey:
     """What the search knows of the model at p: the readings used, and nothing of the others.
 
@@ -63,7 +63,7 @@ def survey_of_used(
     computed[place], sensitivity[place] = v - more[:, 0], J - more[:, 1:]
     response = problem.response
     steps = response.increments(p) if isinstance(response, HasIncrements) else np.zeros((0, 0))
-    return Survey(computed, sensitivity, None, notes=(NO_TIME_LEFT,), increments=steps)
+    return Survey(computed, sensitivity, notes=(NO_TIME_LEFT,), increments=steps)
 
 
 NO_TIME_LEFT = (
@@ -73,7 +73,7 @@ NO_TIME_LEFT = (
 
 
 def _drift(
-    readings: ReadingTable, case: Case, model: CaseModel, p: Floats
+    readings: ReadingTable, case: Case, model: ObservedModel, p: Floats
 ) -> tuple[tuple[Ints, Ints], Floats]:
     """Channels and stages of k readings, and what drift adds at their own times, (k, 1 + n)."""
     common = ReadingPlaces.of(case, readings.pairs, ())
@@ -128,7 +128,7 @@ def accuracies(case: Case) -> Floats:
     return np.where(at_zero, np.nan, case.accuracies)
 
 
-def silent_gauges(model: CaseModel) -> tuple[str, ...]:
+def silent_gauges(model: ObservedModel) -> tuple[str, ...]:
     """Gauges that nobody can read, such as those in ground that the only stage takes away."""
     case, silent = model.case, dict[str, list[str]]()
     for channel in case.channels:

@@ -1,54 +1,17 @@
-"""A model that remembers its answers, so that an interrupted run goes on where it was.
-
-Every evaluation is written to a log the moment it is known. An identifier started again asks for
-the same parameter vectors in the same order, is answered from the log, and arrives at the point of
-interruption with the same numbers and the same counts as if it had never stopped.
-
-Of the counts, evaluations, factorizations and solves are sums over the evaluations that this run
-asked for, whether computed now or remembered. Symbolic analyses are made once a process: the
-largest count that any process saw is kept.
-"""
+"""Evaluations as the arrays that a log keeps, and the log itself as those see it who use it."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, nullcontext
-from dataclasses import replace
-from hashlib import sha256
-from typing import Protocol, runtime_checkable
+from collections.abc import Mapping, Sequence
+from dataclasses import fields
+from typing import Protocol
 
 import numpy as np
 
-from geoident.errors import ModelError, TimeIsUp
-from geoident.identify.problem.ahead import Look, Turn
-from geoident.identify.problem.responses import (
-    AffineElastic,
-    ComplementaritySystem,
-    HasIncrements,
-    HasOpening,
-    OpeningForm,
-    YieldSystem,
-)
 from geoident.model.arrays import Bools, Floats
-from geoident.model.response import (
-    BilinearSystem,
-    CertifiedResponse,
-    Condensed,
-    HasReducedModel,
-    Response,
-)
-from geoident.model.results.costs import Counts
+from geoident.model.response import Evaluation
 from geoident.model.yielding import Activity
-from geoident.workflow.executing.looking_ahead import (
-    EvaluationArrays,
-    Failure,
-    LookedAhead,
-    Recording,
-    ResponseBeside,
-)
-
-_ACTIVITY = ("points", "biactive", "distances", "reached", "slopes")
-_NAMES = ("planes", "stages")
+from geoident.workflow.executing.looking_ahead import EvaluationArrays
 
 
 class Log(Protocol):
@@ -67,21 +30,52 @@ class Log(Protocol):
         """
 
 
-EXACT = 1e-6
-"""Bound of the relative error in energy up to which the reduced model answers for the model.
+def arrays_of(evaluation: Evaluation) -> EvaluationArrays:
+    """An evaluation as arrays."""
+    arrays = {"v": evaluation.readings, "increments": evaluation.increments}
+    if evaluation.jacobian is not None:
+        arrays["dv_dp"] = evaluation.jacobian
+    return arrays if evaluation.activity is None else {**arrays, **of_activity(evaluation.activity)}
 
-Where the model is asked once more at the end. What is found by it (weights of readings, and where
-to look at the model itself) is known to 0.2 % at best."""
 
-CERTAIN = 1e-9
-"""Bound up to which its answer is that of the model, for all that is said of a fit.
+_ACTIVITY = "activity "
 
-Derivatives are less exact than states, and intervals are made of them: they agree to about 1e-6.
-"""
+
+def of_activity(activity: Activity) -> EvaluationArrays:
+    """The yield planes as arrays of numbers, names as code points."""
+    arrays: dict[str, Floats] = {}
+    for each in fields(Activity):
+        value = getattr(activity, each.name)
+        if isinstance(value, tuple):
+            value = list(map(ord, "\n".join(value)))
+        arrays[_ACTIVITY + each.name] = np.asarray(value, dtype=float)
+    return arrays
+
+
+def activity_of(arrays: EvaluationArrays) -> Activity | None:
+    """The yield planes that `of_activity` made arrays of; None where there are none."""
+    if _ACTIVITY + "points" not in arrays:
+        return None
+
+    def text(name: str) -> tuple[str, ...]:
+        return tuple("".join(chr(int(c)) for c in arrays[_ACTIVITY + name]).split("\n"))
+
+    def number(name: str) -> Floats:
+        return np.array(arrays[_ACTIVITY + name])
+
+    return Activity(
+        planes=text("planes"),
+        stages=text("stages"),
+        points=number("points").astype(np.int64),
+        biactive=number("biactive").astype(np.int64),
+        distances=number("distances"),
+        reached=number("reached"),
+        slopes=number("slopes"),
+    )
 
 
 def carry_over(
-    known: EvaluationArrays | None,
+    known: Mapping[str, Floats] | None,
     other: Log,
     p: Floats,
     rows: Bools,
@@ -91,529 +85,19 @@ def carry_over(
     """Give a fit of some of the readings of another what is known of all at p, if it is.
 
     Args:
-        known: readings, derivatives and increments at p, as the log of the fit of all has them or
-            `Remembered.answer` gives them; None for nothing.
+        known: readings, derivatives and increments at p, as `CachedResponse.answer` gives them;
+            None for nothing.
         other: of the fit of some.
         p: (n,) parameters, SI.
         rows: (g,) which of the readings of the first the second has too.
         n_states: how far the second marches, with the virgin state.
-        visited: (n,) parameters at which the first was evaluated with derivatives: their marches
-            serve the reduced model of the second.
+        visited: (n,) parameters at which the first was evaluated with derivatives: they serve the
+            surrogate of the second.
     """
     if known is None or "increments" not in known:
         return
     some = {name: known[name][rows] for name in ("v", "dv_dp")}
     increments = np.array(known["increments"])
     increments[n_states:] = 0.0
-    free = {"cost": np.zeros(4), "visited": np.array(visited).reshape(-1, len(p))}
-    other.add("evaluate", p, {**some, "increments": increments, **free})
-
-
-@runtime_checkable
-class KeepsMarches(HasReducedModel, Protocol):
-    """A model whose reduced one is made of marches."""
-
-    def march_again(self, visited: Sequence[Floats]) -> None:
-        """Have it made of the marches at some parameter vectors (n,), in that order."""
-
-    def expect_march(self, number: int, *, learns: bool = True) -> None:
-        """The next march is the one of a number in a search, from 0.
-
-        Args:
-            number: of the march.
-            learns: whether it is kept for the reduced model.
-        """
-
-    def lend(self, p: Floats) -> None:
-        """Let the model take its displacements at p (n,) from the reduced one."""
-
-    def remembers(self, p: Floats) -> None:
-        """The answer at p (n,) with derivatives is known and was counted, from an earlier run."""
-
-    @property
-    def has_reduced_model(self) -> bool:
-        """Whether there may be one."""
-
-
-class Staged(AffineElastic, YieldSystem, HasOpening, Protocol):
-    """All that the identifiers may ask of the staged model."""
-
-
-@runtime_checkable
-class BeginsNear(Protocol):
-    """A model whose evaluations may begin from what earlier ones have left."""
-
-    def forget(self) -> None:
-        """Begin the next evaluation as a new model does."""
-
-
-@runtime_checkable
-class KeepsStarts(BeginsNear, Protocol):
-    """One that can be given back from where its evaluations may begin."""
-
-    def starts(self) -> object:
-        """From where they may begin now, without factors."""
-
-    def begin_from(self, starts: object) -> None:
-        """Begin the next evaluation from what was known then.
-
-        Args:
-            starts: of this model, as they were.
-        """
-
-
-def forget(model: object) -> None:
-    """Have a model begin its next evaluation as a new one does, if it does not anyway."""
-    if isinstance(model, BeginsNear):
-        model.forget()
-
-
-class Remembered:
-    """A response whose evaluations are logged, and answered from the log when they come again.
-
-    Args:
-        inner: the model.
-        log: of evaluations of the same problem.
-        before: called before every evaluation that must be computed; raises to stop the run.
-        elsewhere: processes that look ahead; None for none.
-
-    Attributes:
-        failures: evaluations without solution, in their order: kind, parameters (n,) and failure.
-    """
-
-    def __init__(
-        self,
-        inner: Staged,
-        log: Log,
-        *,
-        before: Callable[[], None],
-        elsewhere: ResponseBeside | None = None,
-    ) -> None:
-        self.failures: list[tuple[str, Floats, Failure]] = []
-        self._elsewhere = elsewhere
-        self._ahead: LookedAhead | None = None
-        self._failed: dict[tuple[str, bytes], Failure] = {}  # known from other processes
-        self._inner = inner
-        self._log = log
-        self._before = before
-        self._counts = inner.counts
-        self._seen: set[tuple[str, bytes]] = set()
-        self._evaluated: list[Floats] = []
-        self._metric = ""  # of the first condensation
-        self._visited: list[Floats] = []  # where it was evaluated with derivatives
-        self._led = 0.0
-        self._near: set[bytes] = set()  # where the reduced model has answered
-        self._certain: set[bytes] = set()  # where it was as good as the model
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the n parameters."""
-        return self._inner.names
-
-    @property
-    def counts(self) -> Counts:
-        """Costs so far, those of remembered evaluations among them."""
-        return self._counts
-
-    def admissible(self, p: Floats) -> str | None:
-        """Why p (n,) is outside the domain of the model, or None."""
-        return self._inner.admissible(p)
-
-    def obstacle(self) -> str | None:
-        """Why the equations are not affine in the parameters, or None."""
-        return self._inner.obstacle()
-
-    def opening(
-        self, centre: tuple[float, float] | None, radius: float | None
-    ) -> OpeningForm | str:
-        """The closed form, whose evaluations cost nothing and are not kept, or why none is."""
-        return self._inner.opening(centre, radius)
-
-    def readings(self, p: Floats) -> Floats:
-        """v(p), (g,)."""
-        known = self._instead(p) or self._from_log("readings", p) or self._from_log("evaluate", p)
-        if known is None:
-            known = self._compute(
-                "readings", p, lambda: {"v": self._inner.readings(p), **self._seen_at(p)}
-            )
-        return np.array(known["v"])
-
-    def evaluate(self, p: Floats) -> tuple[Floats, Floats]:
-        """v(p), (g,), and its Jacobian, (g, n)."""
-        near = self._instead(p)
-        if near is not None:
-            return np.array(near["v"]), np.array(near["dv_dp"])
-        inner = self._inner
-        learns = p.tobytes() not in self._certain  # else the reduced model knows it well enough
-        if isinstance(inner, KeepsMarches):
-            inner.expect_march(len(self._visited), learns=learns)
-        known = self._known("evaluate", p, lambda: self._evaluate(p))
-        if isinstance(inner, KeepsMarches):
-            inner.remembers(p)
-        # what another fit has evaluated costs nothing, and no march is made for it
-        for other in known.get("visited", p[None] if learns else p[None][:0]):
-            if not any(np.array_equal(other, before) for before in self._visited):
-                self._visited.append(other.copy())
-        return np.array(known["v"]), np.array(known["dv_dp"])
-
-    @contextmanager
-    def led(self, exact: float = EXACT) -> Iterator[None]:
-        """Meanwhile the reduced model answers wherever it is proven to be close enough.
-
-        For searches whose weights are not yet those of the end: there the model is to be asked
-        once more.
-
-        Args:
-            exact: bound of the relative error in energy.
-        """
-        before, self._led = self._led, exact
-        try:
-            yield
-        finally:
-            self._led = before
-
-    def knows_nearly(self, p: Floats) -> bool:
-        """Whether at p (n,) the reduced model has answered, and not the model."""
-        return p.tobytes() in self._near and ("evaluate", p.tobytes()) not in self._seen
-
-    def answer(self, p: Floats) -> EvaluationArrays | None:
-        """Readings, derivatives and increments at p (n,), where they are known; else None.
-
-        Of the model, or of the reduced model that is `CERTAIN` there.
-        """
-        known = self._log.find("evaluate", p)
-        if known is None and self.knows_certainly(p):
-            with self.led():
-                known = self._instead(p)
-        return known
-
-    def lend(self, p: Floats) -> bool:
-        """Have marches at p (n,) take the displacements of the reduced model that is `CERTAIN`.
-
-        Returns:
-            Whether they do.
-        """
-        inner = self._inner
-        if p.tobytes() not in self._certain or not isinstance(inner, KeepsMarches):
-            return False
-        try:
-            inner.march_again(self._visited)
-            inner.lend(p)
-        except ModelError:  # such as no time for a march
-            return False
-        return True
-
-    def knows_certainly(self, p: Floats) -> bool:
-        """Whether the reduced model has answered at p (n,), as certainly as the model would."""
-        return p.tobytes() in self._certain
-
-    def _instead(self, p: Floats) -> EvaluationArrays | None:
-        """What the reduced model says at p (n,); None where it is not asked or not close."""
-        inner, exact = self._inner, self._led
-        if not exact or ("evaluate", p.tobytes()) in self._seen:
-            return None
-        if not (self._visited and isinstance(inner, KeepsMarches)):
-            return None
-
-        def find(reduced: CertifiedResponse) -> Floats:
-            error = reduced.error(p)
-            if not error <= exact:
-                return np.zeros(0)
-            (v, dv_dp), steps = reduced.evaluate(p), reduced.increments(p)
-            return np.concatenate([[error, len(v), len(steps)], v, dv_dp.ravel(), steps.ravel()])
-
-        found = self.leap(p, sha256(f"in place of the model {exact:g}".encode()).digest(), find)
-        if found is None:
-            return None
-        self._near.add(p.tobytes())
-        if found[0] <= CERTAIN:
-            self._certain.add(p.tobytes())
-        g, states = map(int, found[1:3])
-        v, dv_dp, steps = np.split(found[3:], np.cumsum([g, g * len(p)]))
-        increments = steps.reshape(states, -1)
-        return {"v": v, "dv_dp": dv_dp.reshape(g, len(p)), "increments": increments}
-
-    @property
-    def at_once(self) -> int:
-        """How many parts of a search are worked on at a time."""
-        return 1 if self._elsewhere is None else self._elsewhere.processes.at_once()
-
-    @property
-    def may_be_led(self) -> bool:
-        """Whether descents are led by what others have evaluated, by a reduced model."""
-        inner = self._inner
-        return isinstance(inner, KeepsMarches) and inner.has_reduced_model
-
-    @contextmanager
-    def turns(self, looks: Sequence[Look]) -> Iterator[Turn]:
-        """Work on parts of a search meanwhile; each begins with a model that has forgotten others.
-
-        What comes after them begins from what was known before.
-
-        Args:
-            looks: they, in their order.
-        """
-        where, inner = self._elsewhere, self._inner
-        before = inner.starts() if looks and isinstance(inner, KeepsStarts) else None
-        if where is not None and len(looks) > 1 and where.processes.at_once(looks) > 1:
-            self._ahead = LookedAhead(self, where, looks)
-
-        def turn(number: int) -> None:
-            forget(inner)
-            if self._ahead is not None:
-                self._ahead.turn = number
-
-        try:
-            yield turn
-        finally:
-            ahead, self._ahead = self._ahead, None
-            if looks:  # what comes next has not seen the parts, wherever they were made
-                forget(inner)
-            if isinstance(inner, KeepsStarts) and before is not None:
-                inner.begin_from(before)
-            if ahead is not None:
-                ahead.end()
-
-    def take(self, found: Recording) -> None:
-        """Keep what another process has evaluated; it counts when it is asked for."""
-        for kind, p, arrays in found.evaluations:
-            if self._log.find(kind, p) is None:
-                self._log.add(kind, p, arrays)
-        for kind, p, failure in found.failures:
-            self._failed[kind, p.tobytes()] = failure
-
-    def knows(self, kind: str, p: Floats) -> bool:
-        """Whether the answer at p (n,) is in the log, or known to be none."""
-        return (kind, p.tobytes()) in self._failed or self._log.find(kind, p) is not None
-
-    def recalled(self, kind: str, p: Floats) -> EvaluationArrays | None:
-        """The answer at p (n,) if it is in the log; it counts.
-
-        Raises:
-            ModelError: it is known that there is no solution.
-        """
-        failure = self._failed.get((kind, p.tobytes()))
-        if failure is not None:
-            self._spend(failure.cost)
-            raise failure.error
-        return self._from_log(kind, p)
-
-    def evaluated(self) -> Sequence[Floats]:
-        """Parameter vectors (n,) that this run has evaluated with derivatives, in their order."""
-        return tuple(self._evaluated)
-
-    def visited(self) -> Sequence[Floats]:
-        """Parameter vectors (n,) of whose marches the reduced model is made, in their order."""
-        return tuple(self._visited)
-
-    def increments(self, p: Floats) -> Floats:
-        """What the step of each state changes in what all channels see, (n_states, n_channels).
-
-        At a p (n,) that was evaluated it costs nothing.
-        """
-        known = self._instead(p) or self._from_log("evaluate", p) or self._from_log("readings", p)
-        if known is None or "increments" not in known:
-            known = self._compute("increments", p, lambda: self._seen_at(p))
-        return np.array(known["increments"])
-
-    def leap(
-        self, p: Floats, key: bytes, find: Callable[[CertifiedResponse], Floats]
-    ) -> Floats | None:
-        """What is found with the reduced model, (k,); None where there is none. Logged.
-
-        What marches leave for the reduced model is not: a run that goes on makes the marches again
-        that the next question needs. They do not count, since they do not in a run that was never
-        interrupted.
-
-        Args:
-            p: (n,) where the search is.
-            key: tells this question from others that are asked there.
-            find: looks for it.
-        """
-        inner = self._inner
-        if not isinstance(inner, HasReducedModel):
-            return None
-        kind = f"leap {key.hex()[:16]}"
-        known = self._log.find(kind, p)
-        if known is None:
-            try:
-                if isinstance(inner, KeepsMarches):
-                    inner.march_again(self._visited)
-                found = inner.leap(p, key, find) if self._visited else None
-            except ModelError:  # such as no time for a march
-                return None
-            known = {"found": np.zeros(0) if found is None else found}
-            self._log.add(kind, p, known)
-        return np.array(known["found"]) if known["found"].size else None
-
-    def condense(self, p: Floats, measured: Floats, sd: Floats) -> Condensed:
-        """Condensed equations at p for readings that are the same in the whole run.
-
-        Their accuracies change where they are estimated: each is a kind of its own in the log.
-
-        Args:
-            p: (n,) parameters, SI.
-            measured: (g,) readings, SI.
-            sd: (g,) their standard deviations, SI; where readings share errors, the matrix (g, g)
-                that makes their errors independent and of size one.
-        """
-        metric = sha256(np.ascontiguousarray(sd).tobytes()).hexdigest()
-        self._metric = self._metric or metric
-        kind = "condense" if metric == self._metric else f"condense {metric[:16]}"
-        known = self._known(kind, p, lambda: self._condense(p, measured, sd))
-        return Condensed(
-            readings=np.array(known["v"]),
-            flexibility=np.array(known["flexibility"]),
-            matrix=np.array(known["matrix"]),
-            vector=np.array(known["vector"]),
-        )
-
-    def yields(self) -> bool:
-        """Whether any material of the model has yield limits."""
-        return self._inner.yields()
-
-    def activity(self, p: Floats) -> Activity:
-        """The yield planes at p (n,), logged: to find them again costs a whole analysis."""
-        return _restored(self._known("activity", p, lambda: _stored(self._inner.activity(p))))
-
-    def system_obstacle(self) -> str | None:
-        """Why the equations are no `BilinearSystem`, or None if they are one."""
-        inner = self._inner
-        if not isinstance(inner, ComplementaritySystem):
-            return "the model does not show its equations"
-        return inner.system_obstacle()
-
-    def system(self) -> BilinearSystem:
-        """The equations of all stages as vectors; not logged, they cost no analysis."""
-        inner = self._inner
-        assert isinstance(inner, ComplementaritySystem)
-        return inner.system()
-
-    def _evaluate(self, p: Floats) -> EvaluationArrays:
-        v, dv_dp = self._inner.evaluate(p)
-        return {"v": v, "dv_dp": dv_dp, **self._seen_at(p)}
-
-    def _seen_at(self, p: Floats) -> EvaluationArrays:
-        """What the run that was just made at p (n,) says of the steps of the stages."""
-        inner = self._inner
-        return {"increments": inner.increments(p)} if isinstance(inner, HasIncrements) else {}
-
-    def _condense(self, p: Floats, measured: Floats, sd: Floats) -> EvaluationArrays:
-        found = self._inner.condense(p, measured, sd)
-        return {
-            "v": found.readings,
-            "flexibility": found.flexibility,
-            "matrix": found.matrix,
-            "vector": found.vector,
-        }
-
-    def _known(
-        self, kind: str, p: Floats, work: Callable[[], EvaluationArrays]
-    ) -> EvaluationArrays:
-        """What the log has, or what is computed for it."""
-        known = self._from_log(kind, p)
-        return self._compute(kind, p, work) if known is None else known
-
-    def _from_log(self, kind: str, p: Floats) -> EvaluationArrays | None:
-        known = self._log.find(kind, p)
-        if known is not None and (kind, p.tobytes()) not in self._seen:
-            self._see(kind, p)
-            self._spend(known["cost"])
-        return known
-
-    def _compute(
-        self, kind: str, p: Floats, work: Callable[[], EvaluationArrays]
-    ) -> EvaluationArrays:
-        self._before()
-        if self._ahead is not None and (known := self._ahead.known(kind, p)) is not None:
-            return known
-        before = self._inner.counts
-        try:
-            arrays = work()
-        except Exception as error:
-            cost = _cost(before, self._inner.counts)
-            self._spend(cost)
-            if isinstance(error, ModelError) and not isinstance(error, TimeIsUp):
-                self.failures.append((kind, p.copy(), Failure(error, cost)))
-            raise
-        cost = _cost(before, self._inner.counts)
-        self._log.add(kind, p, {**arrays, "cost": cost})
-        self._see(kind, p)
-        self._spend(cost)
-        return arrays
-
-    def _see(self, kind: str, p: Floats) -> None:
-        """Note that this run has asked for something at p (n,)."""
-        if kind == "evaluate" and (kind, p.tobytes()) not in self._seen:
-            self._evaluated.append(p.copy())
-        self._seen.add((kind, p.tobytes()))
-
-    def _spend(self, cost: Floats) -> None:
-        evaluations, factorizations, solves, analyses, *more = (int(number) for number in cost)
-        self._counts = replace(
-            self._counts,
-            evaluations=self._counts.evaluations + evaluations,
-            factorizations=self._counts.factorizations + factorizations,
-            solves=self._counts.solves + solves,
-            analyses=max(self._counts.analyses, analyses),
-            iterations=self._counts.iterations + sum(more),
-        )
-
-
-@contextmanager
-def led(response: Response, exact: float = EXACT) -> Iterator[None]:
-    """Meanwhile a response that has a reduced model is answered by it; see `Remembered.led`."""
-    with response.led(exact) if isinstance(response, Remembered) else nullcontext():
-        yield
-
-
-def lent(response: Response, p: Floats) -> bool:
-    """Have marches at p (n,) take what the reduced model is certain of; see `Remembered.lend`."""
-    return isinstance(response, Remembered) and response.lend(p)
-
-
-def known_certainly(response: Response, p: Floats) -> bool:
-    """Whether at p (n,) a reduced model has answered as certainly as the model would."""
-    return isinstance(response, Remembered) and response.knows_certainly(p)
-
-
-def known_nearly(response: Response, p: Floats) -> bool:
-    """Whether at p (n,) a reduced model has answered, and not the model."""
-    return isinstance(response, Remembered) and response.knows_nearly(p)
-
-
-def _stored(found: Activity) -> EvaluationArrays:
-    """The planes as arrays of numbers, names as code points."""
-    numbers = {name: np.asarray(getattr(found, name), dtype=float) for name in _ACTIVITY}
-    texts = {name: "\n".join(getattr(found, name)) for name in _NAMES}
-    codes = {name: np.array(list(map(ord, text)), dtype=float) for name, text in texts.items()}
-    return {**numbers, **codes}
-
-
-def _restored(known: EvaluationArrays) -> Activity:
-    """The planes that `_stored` made arrays of."""
-    texts = {name: "".join(chr(int(code)) for code in known[name]) for name in _NAMES}
-    planes, stages = (tuple(texts[name].split("\n")) for name in _NAMES)
-    return Activity(
-        planes=planes,
-        stages=stages,
-        points=np.asarray(known["points"], dtype=np.int64),
-        biactive=np.asarray(known["biactive"], dtype=np.int64),
-        distances=np.array(known["distances"]),
-        reached=np.array(known["reached"]),
-        slopes=np.array(known["slopes"]),
-    )
-
-
-def _cost(before: Counts, after: Counts) -> Floats:
-    """What came between two counts; analyses up to the second."""
-    return np.array(
-        [
-            after.evaluations - before.evaluations,
-            after.factorizations - before.factorizations,
-            after.solves - before.solves,
-            after.analyses,
-            after.iterations - before.iterations,
-        ],
-        dtype=np.float64,
-    )
+    places = np.array(visited).reshape(-1, len(p))
+    other.add("evaluate", p, {**some, "increments": increments, "visited": places})

@@ -19,8 +19,8 @@ from geoident.forward.checks import faults_on_mesh
 from geoident.forward.elsewhere.model import ElsewhereModel
 from geoident.forward.ground.field import mode_parameters
 from geoident.forward.model import StagedModel, staged_model
+from geoident.forward.observed import ObservedModel
 from geoident.forward.openings.model import OpeningModel, opening_model
-from geoident.forward.protocols import CaseModel
 from geoident.io.case.file import FaultyCase, PartOfCase, parse_case, read_case
 from geoident.io.loaded import LoadedCase
 from geoident.io.mesh.file import mesh_files, read_mesh
@@ -357,7 +357,7 @@ def _model_elsewhere(
     return ElsewhereModel(case, FunctionRuns(case, elsewhere, folder, again=fresh))
 
 
-def start_values(case: Case, model: CaseModel) -> Floats:
+def start_values(case: Case, model: ObservedModel) -> Floats:
     """The start values (n,) of the parameters, SI.
 
     Raises:

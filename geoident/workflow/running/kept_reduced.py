@@ -13,7 +13,7 @@ import numpy as np
 
 from geoident.errors import Fault, InputError, Location
 from geoident.forward.model import StagedModel
-from geoident.forward.protocols import CaseModel
+from geoident.forward.observed import ObservedModel
 from geoident.forward.reduced.case_model import ReducedCaseModel
 from geoident.forward.reduced.kept import RestoredModel, kept_model
 from geoident.forward.reduced.stress_rows import beyond_reduction
@@ -72,7 +72,7 @@ def spread_around(table: ParameterTable, parameters: Sequence[Parameter]) -> Flo
 
 
 def made_to_keep(
-    model: CaseModel,
+    model: ObservedModel,
     case: Case,
     table: ParameterTable,
     control: Control,
@@ -101,14 +101,14 @@ def made_to_keep(
     assert isinstance(response, ReducibleResponse)
     training = spread_around(table, case.parameters)
     reduced = reduced_around(response, table.values, training, MARCHES, also=others)
-    if reduced is None or response.reduction is None:
+    if reduced is None:
         why = "no time was left to make it" if control.over() else "the model has no solution near"
-        return NONE.format(response.reduction_obstacle() or why)
+        return NONE.format(response.surrogate_obstacle() or why)
     return kept_model(
         reduced,
         model.observation,
         case,
-        marches=[snapshot.p for snapshot in response.reduction.snapshots],
+        marches=response.visited(),
         built_on=model.sequence.built_on,
     )
 
@@ -232,7 +232,7 @@ def _said(value: object) -> str:
 
 
 def answered(
-    restored: RestoredModel, case: Case, build: Callable[[], CaseModel]
+    restored: RestoredModel, case: Case, build: Callable[[], ObservedModel]
 ) -> ReducedCaseModel:
     """A case whose readings are those of a kept reduced model where that is close enough.
 

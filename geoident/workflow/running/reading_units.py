@@ -12,7 +12,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from geoident.errors import GeoidentError
-from geoident.forward.protocols import CaseModel
+from geoident.forward.observed import ObservedModel
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case
 from geoident.model.gauges import ReadingTable, named_channels
@@ -49,7 +49,7 @@ _MISTAKEN = {
 """Dimension and power of ten of the readings, by the model, to what was likely mistaken."""
 
 
-def computed_at_start(case: Case, model: CaseModel, readings: ReadingTable) -> Floats | None:
+def computed_at_start(case: Case, model: ObservedModel, readings: ReadingTable) -> Floats | None:
     """What the model says of the used readings (g,) at the start values, SI; None if it cannot.
 
     Args:

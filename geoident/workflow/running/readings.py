@@ -20,7 +20,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from geoident.errors import InputError
-from geoident.forward.protocols import CaseModel
+from geoident.forward.observed import ObservedModel
 from geoident.identify.problem.errors import ErrorStructure
 from geoident.identify.problem.problem import Problem
 from geoident.model.arrays import Bools, Floats, Ints
@@ -52,7 +52,7 @@ ChannelReading = tuple[Channel, Reading]
 """A reading and its channel."""
 
 
-def select_readings(case: Case, model: CaseModel) -> ReadingTable:
+def select_readings(case: Case, model: ObservedModel) -> ReadingTable:
     """The readings of a case, and which of them an identification uses.
 
     Args:
@@ -62,7 +62,7 @@ def select_readings(case: Case, model: CaseModel) -> ReadingTable:
     return reading_table(case, [_why_unused(case, reading, model) for reading in case.readings])
 
 
-def _why_unused(case: Case, reading: Reading, model: CaseModel) -> str:
+def _why_unused(case: Case, reading: Reading, model: ObservedModel) -> str:
     """Why a reading takes no part; empty if it does."""
     useless = why_useless(reading)
     if useless:

@@ -8,7 +8,7 @@ model is good; only the time does. The marches are the same in every run, and so
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -38,18 +38,12 @@ _AT_ONCE = 500
 """Parameter vectors that are answered together."""
 
 
-def made_now(response: ReducibleResponse, p: Floats) -> None:
-    """Make a march of a response at p (n,)."""
-    response.by_tangents(p)
-
-
 def reduced_around(
     response: ReducibleResponse,
     centre: Floats,
     training: Floats,
     marches: int = MARCHES,
     also: Sequence[Floats] = (),
-    march: Callable[[ReducibleResponse, Floats], None] = made_now,
 ) -> ReducedResponse | None:
     """The reduced model of a response with bounds of its readings; None where there is none.
 
@@ -59,22 +53,20 @@ def reduced_around(
         training: (k, n) some of what will be asked.
         marches: of which it is made at most.
         also: (n,) parameters of which it is to be made beside.
-        march: makes a march of the response at p (n,).
     """
-    response.keep_marches(economical=False, most=marches + len(also))
+    response.record(economical=False, most=marches + len(also))
+    visited = [centre, *also]
     try:
-        for p in (centre, *also):
-            march(response, p)
         for _ in range(marches - 1):
-            reduced = response.reduced()
+            reduced = response.surrogate(visited)
             if reduced is None:
                 return None
             _, bounds = reduced.many(training)
             worst = int(np.argmax(bounds.relative))
             if bounds.relative[worst] <= _GOOD:
                 break
-            march(response, training[worst])
-        return response.reduced(bounded=True, reference=centre)
+            visited.append(training[worst])
+        return response.bounded_surrogate(visited, centre)
     except (ModelError, ValueError):
         return None
 

@@ -4,8 +4,8 @@ With bounds e of the errors of the readings and E = |e / s|, the discrepancy phi
 weighted residuals r is off by no more than E (2 |r| + E): errors that are shared and robust losses
 make it less. So far from the readings, where phi is large, the reduced model may be coarse.
 
-The marches of which the reduced model is made, the reduced model itself and its answers are kept in
-the checkpoint as they come: a scan that is killed goes on where it was.
+The reduced model and its answers are kept in the checkpoint: a scan that is killed goes on where it
+was.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from geoident.model.results.costs import NO_COST, Counts
 from geoident.model.results.reduced import FORM, KeptReducedModel
 from geoident.workflow.executing.looking_ahead import EvaluationArrays
 from geoident.workflow.running.evaluation_log import Log
-from geoident.workflow.running.reduced_answers import LedByReduced, made_now, reduced_around
+from geoident.workflow.running.reduced_answers import LedByReduced, reduced_around
 
 NEAR = 0.001
 """Part of the discrepancy by which it may be off on a grid, beside `LEAST`."""
@@ -55,14 +55,11 @@ KEPT = "a reduced model that was kept"
 _TRAINING = 400
 """Points of the grid at which its bound is looked at."""
 
-_ANSWERS, _MARCH, _REDUCED = "reduced readings", "march", "reduced model"
+_ANSWERS, _REDUCED = "reduced readings", "reduced model"
 """Kinds of what is kept in the checkpoint."""
 
 _SECONDS = 1.0
 """Of answers of the reduced model that are lost with a process, at most."""
-
-_LARGEST = 12_500_000
-"""Numbers of a march that are kept (100 MB): longer solutions are kept by themselves."""
 
 
 @dataclass
@@ -152,11 +149,6 @@ class LedReadings(LedByReduced):
         """How many parts of a search the model works on at a time."""
         return at_once(self.inner)
 
-    @property
-    def may_be_led(self) -> bool:
-        """Whether descents are led by a reduced model."""
-        return True
-
     @contextmanager
     def turns(self, looks: Sequence[Look]) -> Iterator[Turn]:
         """Have the model work on what the reduced one does not answer.
@@ -239,14 +231,13 @@ def with_reduced_readings(
     log = None if beside is None else beside.log
     if beside is None or (known := beside.find(centre)) is None:
         before = response.counts
-        march = made_now if beside is None else beside.march
-        reduced = reduced_around(response, centre, training, MARCHES_OF_GRID, march=march)
+        reduced = reduced_around(response, centre, training, MARCHES_OF_GRID)
         if reduced is None:
             return problem
         after = response.counts
         spent = replace(after - before, analyses=after.analyses)
         if beside is not None:
-            reduced, spent = beside.add(centre, reduced, response, spent)
+            reduced = beside.add(centre, reduced, response, spent)
     else:
         reduced, spent = known
     led = LedReadings(reduced, problem.response, Discrepancy(problem), spent, log)
@@ -254,7 +245,7 @@ def with_reduced_readings(
 
 
 class ReducedInLog:
-    """The reduced model of a scan in its checkpoint, and the marches of which it is made.
+    """The reduced model of a scan in its checkpoint.
 
     Args:
         log: the checkpoint.
@@ -271,20 +262,6 @@ class ReducedInLog:
         times: Sequence[float | None],
     ) -> None:
         self.log, self._model, self._pairs, self._times = log, model, pairs, times
-        self._recalled = NO_COST
-
-    def march(self, response: ReducibleResponse, p: Floats) -> None:
-        """The march of the reduced model at p (n,): that of an earlier run, or made now."""
-        known = self.log.find(_MARCH, p)
-        if known is not None:
-            self._recalled = self._recalled + _counts(known["cost"])
-            response.take_march(p, {k: a for k, a in known.items() if k != "cost"})
-            return
-        before = response.counts
-        response.by_tangents(p)
-        made = response.march_made(p)
-        if made is not None and sum(each.size for each in made.values()) <= _LARGEST:
-            self.log.add(_MARCH, p, {**made, "cost": _cost(response.counts - before)})
 
     def find(self, centre: Floats) -> tuple[ReducedResponse, Counts] | None:
         """The reduced model around a point (n,) and what it has cost; None if it is not there."""
@@ -293,7 +270,7 @@ class ReducedInLog:
 
     def add(
         self, centre: Floats, reduced: ReducedResponse, response: ReducibleResponse, spent: Counts
-    ) -> tuple[ReducedResponse, Counts]:
+    ) -> ReducedResponse:
         """Keep a reduced model; what comes back is what an interrupted run would find of it.
 
         Args:
@@ -302,22 +279,20 @@ class ReducedInLog:
             response: of whose marches it is made.
             spent: what it has cost.
         """
-        assert response.reduction is not None
         model = self._model
         kept = kept_model(
             reduced,
             model.observation,
             model.case,
-            marches=[snapshot.p for snapshot in response.reduction.snapshots],
+            marches=response.visited(),
             built_on=model.sequence.built_on,
         )
-        spent = spent + self._recalled
         arrays = {name: getattr(kept, name) for name in _NUMBERS}
         arrays |= {_BLOCK + name: block for name, block in kept.blocks.items()}
         codes = np.array([ord(c) for c in "\n".join(kept.materials)], dtype=np.float64)
         known = {**arrays, "materials": codes, "cost": _cost(spent)}
         self.log.add(_REDUCED, centre, known)
-        return self._restored(known), spent
+        return self._restored(known)
 
     def _restored(self, known: EvaluationArrays) -> ReducedResponse:
         model = self._model

@@ -21,8 +21,8 @@ from geoident.fem.solvers import pick_solver
 from geoident.fem.solvers.threads import one_thread
 from geoident.forward.elsewhere.model import ElsewhereModel
 from geoident.forward.model import StagedModel, staged_model
+from geoident.forward.observed import ObservedModel
 from geoident.forward.openings.model import OpeningModel, opening_model
-from geoident.forward.protocols import CaseModel
 from geoident.forward.reducible import ReducibleResponse
 from geoident.identify.problem.ahead import Look, ReadingsAt
 from geoident.model.case import Case
@@ -38,9 +38,9 @@ from geoident.workflow.executing.executor import (
 from geoident.workflow.executing.looking_ahead import Recording
 from geoident.workflow.executing.processes import LocalProcesses
 from geoident.workflow.executing.worker import STOP
+from geoident.workflow.running.cached_response import CachedResponse
 from geoident.workflow.running.control import OUT_OF_TIME, Control
 from geoident.workflow.running.cost import estimate_cost
-from geoident.workflow.running.evaluation_log import Remembered
 
 WORTH = 10.0
 """Seconds that parts of a search must take together, as far as they can be told, until processes
@@ -71,7 +71,7 @@ class ModelParts:
     solver: str
 
     @classmethod
-    def of(cls, model: CaseModel, case: Case, solver: str) -> ModelParts | None:
+    def of(cls, model: ObservedModel, case: Case, solver: str) -> ModelParts | None:
         """Those of a model; None where it cannot be built elsewhere.
 
         Args:
@@ -120,7 +120,7 @@ def look_on(parts: ModelParts) -> Callable[[LookTask], Recording]:
     return partial(_looked, parts.build())
 
 
-def _looked(model: CaseModel, task: LookTask) -> Recording:
+def _looked(model: ObservedModel, task: LookTask) -> Recording:
     control, found = Control(stop=STOP, max_time=task.seconds), Recording()
 
     def before() -> None:
@@ -131,11 +131,11 @@ def _looked(model: CaseModel, task: LookTask) -> Recording:
     model.on_state = lambda state: control.within()
     response = model.response(task.pairs, task.times)
     assert isinstance(response, ReducibleResponse)
-    remembered = Remembered(response, found, before=before)
+    cached, begun = CachedResponse(response, found, before=before), response.counts
     response.forget()
     with one_thread(), suppress(Interrupted, ModelError):  # what was found until then is of use
-        task.look(remembered)
-    found.failures = list(remembered.failures)
+        task.look(cached)
+    found.failures, found.spent = list(cached.failures), response.counts - begun
     return found
 
 
@@ -152,7 +152,7 @@ class ModelWorkers:
     """
 
     def __init__(
-        self, parts: ModelParts, jobs: int | None, control: Control, model: CaseModel
+        self, parts: ModelParts, jobs: int | None, control: Control, model: ObservedModel
     ) -> None:
         self._parts, self._jobs, self._control, self._model = parts, jobs, control, model
         self._processes: BegunExecutor[LookTask, Recording] | None = None
@@ -243,7 +243,7 @@ class ModelWorkers:
         return self._control.stop.exit_code is not None
 
 
-def as_many_as_fit(model: CaseModel, solver: str) -> int:
+def as_many_as_fit(model: ObservedModel, solver: str) -> int:
     """How many processes may have a model, for the cores and the memory that there are.
 
     Args:
@@ -257,7 +257,7 @@ def as_many_as_fit(model: CaseModel, solver: str) -> int:
     return usable_cores() if isinstance(model, OpeningModel) else 1
 
 
-def runs_on_cluster(model: CaseModel, control: Control) -> AbstractContextManager[None]:
+def runs_on_cluster(model: ObservedModel, control: Control) -> AbstractContextManager[None]:
     """Meanwhile new runs of a model elsewhere are made on the cluster of a command, if it has one.
 
     Args:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from geoident.forward.elsewhere.convergence import LawModel
-from geoident.forward.protocols import CaseModel
+from geoident.forward.observed import ObservedModel
 from geoident.identify.assessment.prediction_bands import predict_band
 from geoident.model.dual import Dual
 from geoident.model.gauges import Channel
@@ -13,7 +13,7 @@ from geoident.units import in_unit, shown_unit
 from geoident.workflow.estimating.estimate import Estimate
 
 
-def convergence_notes(model: CaseModel, found: Estimate) -> tuple[str, ...]:
+def convergence_notes(model: ObservedModel, found: Estimate) -> tuple[str, ...]:
     """A sentence for each gauge of a convergence law, with 95 % intervals; none of other models.
 
     Args:
@@ -30,7 +30,7 @@ def convergence_notes(model: CaseModel, found: Estimate) -> tuple[str, ...]:
     )
     notes = []
     for j, channel in enumerate(model.case.channels):
-        if not model.zero[j]:
+        if not model.rule.zero[j]:
             notes.append(f"convergence of {channel.name}: in the end {final_words[j]}")
             continue
         notes.append(

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from geoident.forward.model import StagedModel
-from geoident.forward.protocols import CaseModel
+from geoident.forward.observed import ObservedModel
 from geoident.forward.stages import ConstructionSequence
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case
@@ -61,7 +61,9 @@ def _excess(level: Floats, last: int) -> Floats:
     return found
 
 
-def stress_levels(model: CaseModel, case: Case, fields: FieldSeries | None) -> StressLevels | None:
+def stress_levels(
+    model: ObservedModel, case: Case, fields: FieldSeries | None
+) -> StressLevels | None:
     """The stresses of the elastic ground near the gauges; None without a mesh or such ground.
 
     Args:

@@ -31,9 +31,10 @@ from geoident.workflow.estimating.predictions import correlations
 from geoident.workflow.estimating.search import estimated
 from geoident.workflow.estimating.setup import Setup
 from geoident.workflow.executing.looking_ahead import EvaluationArrays
+from geoident.workflow.running.cached_response import CachedResponse
 from geoident.workflow.running.computed import gauge_table
 from geoident.workflow.running.control import Control
-from geoident.workflow.running.evaluation_log import Log, Remembered, carry_over
+from geoident.workflow.running.evaluation_log import Log, carry_over
 from geoident.workflow.running.readings import (
     error_structure,
     reading_table,
@@ -266,8 +267,7 @@ def hand_on(before: PartialFit, setup: Setup, last: int, log: Log) -> None:
     v, dv_dp = table.computed[rows], table.sensitivity[rows]
     if log.find("evaluate", p) is None and np.isfinite(v).all() and np.isfinite(dv_dp).all():
         increments = before.found.survey.increments[: last + 2]  # with the virgin state
-        free = np.zeros(4)  # the fit before has counted it
-        log.add("evaluate", p, {"v": v, "dv_dp": dv_dp, "increments": increments, "cost": free})
+        log.add("evaluate", p, {"v": v, "dv_dp": dv_dp, "increments": increments})
 
 
 def measured_of(setup: Setup, gauges: GaugeTable) -> Floats:
@@ -429,7 +429,7 @@ def last_stage(
     readings = setup.readings
     numbers = [setup.case.stage_names.index(stage) for stage in readings.stage]
     earlier = np.array(numbers)[readings.used] <= stages[-2] + 1
-    if isinstance(response, Remembered):
+    if isinstance(response, CachedResponse):
         known, visited = response.answer(answer), response.visited()
         carry_over(known, part, answer, earlier, stages[-2] + 2, visited)
     try:

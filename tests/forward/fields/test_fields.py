@@ -11,7 +11,6 @@ from support.cases import displacement, field_on, material, model, model_with_fi
 from support.derivatives import assert_adjoint, assert_exact
 from support.meshes import box, regroup
 
-from geoident.forward.gauges.adjoints import ReadingAdjoints
 from geoident.forward.ground.field import field_notes
 from geoident.model.case import Analysis, Material, Stage
 from geoident.model.ground import Attitude, Field, Isotropic, Orthotropic, TransverselyIsotropic
@@ -236,37 +235,6 @@ def test_adjoints_are_tangents(kind, analysis):
     response = staged.response(pairs_of(staged))
     p = np.array([12e9, *XI])
     assert_adjoint(response, p)
-
-
-def test_a_survey_takes_back_only_readings_whose_derivatives_are_not_known(monkeypatch):
-    """As after a fit of some stages, whose last evaluation was there."""
-    mesh, holes = site("tri6", Analysis.PLANE_STRAIN)
-    rock = material("rock", Scalar(1.0, "mean"), 0.25)
-    parameters = (Parameter("mean", 12e9, 0.0, np.inf), *xi_parameters(XI, modes_of(LAYERS)))
-    p, elsewhere = np.array([12e9, *XI]), np.array([13e9, *XI])
-    monkeypatch.setattr(ReadingAdjoints, "cost_less", lambda self, n: True)
-
-    def begun():
-        return by_modes(mesh, holes, rock, Analysis.PLANE_STRAIN, ("E",), parameters)
-
-    def solves_and_survey(staged):
-        before = staged.counts.solves
-        return staged.survey(p, fields=False), staged.counts.solves - before
-
-    fresh, dear = solves_and_survey(begun())
-    after, of_another = begun(), begun()
-    pairs = pairs_of(after)[::2]
-    after.response(pairs).evaluate(p)
-    of_another.response(pairs).evaluate(elsewhere)
-    reused, cheap = solves_and_survey(after)
-    again, as_dear = solves_and_survey(of_another)
-    assert cheap < dear == as_dear
-    for found in (reused, again):
-        np.testing.assert_allclose(found.computed, fresh.computed, rtol=1e-12)
-        scale = np.nanmax(np.abs(fresh.sensitivity), axis=(0, 1))
-        np.testing.assert_allclose(
-            found.sensitivity / scale, fresh.sensitivity / scale, rtol=1e-10, atol=1e-12
-        )
 
 
 @pytest.mark.parametrize(

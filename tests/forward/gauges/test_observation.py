@@ -48,7 +48,7 @@ PARTS = (
 
 
 def _observation(parts=PARTS):
-    return Observation(NAMES, parts, ZERO, WEIGHTS, READABLE, (), ("", "gone", "", "dry", "old"))
+    return Observation(NAMES, ZERO, WEIGHTS, READABLE, parts, ("", "gone", "", "dry", "old"))
 
 
 def _state(number=0, columns=2):
@@ -135,7 +135,7 @@ def test_rows_of_channels_that_read_displacements():
     assert observation.not_linear(np.array([4, 0])) == said.format("given")
     assert observation.not_linear(np.array([3, 1])) == said.format("presses")
     assert not observation.displacements_only
-    moving = Observation(NAMES[:1], PARTS[:1], ZERO, WEIGHTS, READABLE, (), ("",))
+    moving = Observation(NAMES[:1], ZERO, WEIGHTS, READABLE, PARTS[:1], ("",))
     assert moving.displacements_only
 
 
@@ -153,10 +153,10 @@ def test_channels_as_linear_functions_of_a_state():
     assert moved.members is None
     np.testing.assert_array_equal(moved.u.toarray(), MOVING.toarray()[:1])
     twice = Observation(
-        ("a", "b", "c", "d"),
+        ("a", "b", "c", "d"), ZERO, WEIGHTS, READABLE,
         ((np.array([3, 1]), RelativeDisplacements(MOVING)),
          (np.array([0, 2]), RelativeDisplacements(sp.csr_array(10.0 * MOVING)))),
-        ZERO, WEIGHTS, READABLE, (), ("",) * 4,
+        ("",) * 4,
     )  # fmt: skip
     whole = twice.linear(state, np.array([2, 3, 0])).u.toarray()
     dense = MOVING.toarray()

@@ -19,7 +19,7 @@ from geoident.forward.march.collapse import (
     mechanism_on_mesh,
 )
 from geoident.forward.march.stage import LastEquilibrium
-from geoident.forward.march.stage_equations import EvenFlow
+from geoident.forward.march.stage_equations import Balance
 from geoident.model.case import Stage
 
 
@@ -132,7 +132,8 @@ def test_a_band_is_the_mechanism_that_is_told_where_nothing_is_proven(proven):
     other = np.column_stack([np.zeros(mesh.n_nodes), 2.0 * mesh.points[:, 0]]).ravel()
     reached = LastEquilibrium(np.zeros(2), np.zeros((4, 1)), np.zeros(1, dtype=bool))
     told = collapse_error(
-        staged.on_mesh, task, 0.25, other, proven=proven, ended=EvenFlow(None, 0.01234),
+        staged.on_mesh, task, 0.25, other, proven=proven,
+        ended=Balance(None, None, None, viscosity=0.01234),
         band=ShearBand(sheared, 17, 230, -0.1), reached=reached,
     )  # fmt: skip
     mode = other if proven else sheared

@@ -138,16 +138,6 @@ def test_ground_that_leaves_on_one_branch_can_be_read_on_the_others():
     np.testing.assert_allclose(found["full"], alone["full"], rtol=1e-11)
 
 
-def test_load_cases_on_the_same_ground_share_one_factorization():
-    staged = dam(BUILD, *CASES)
-    readings(staged)
-    # The rock before, which its in-situ stress leaves out of balance; the dam and all its cases.
-    assert staged.counts.factorizations == 2
-    assert staged.counts.solves == 2 + len(CASES)
-    readings(staged)
-    assert staged.counts.factorizations == 4  # another parameter vector
-
-
 def test_a_change_of_ground_between_load_cases_costs_factorizations():
     crack = Stage("crack", change={"dam": "rock"}, independent=True)
     staged = dam(BUILD, CASES[0], crack, CASES[1])

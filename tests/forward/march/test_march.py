@@ -269,26 +269,6 @@ def test_jacobian_agrees_with_richardson_differences(kind):
     assert_slopes(response.readings, p, jacobian, staged.names, step=2e-3)
 
 
-def test_one_factorization_per_stage_serves_response_and_jacobian():
-    staged = _everything(IN_SITU["heim-free"])
-    response = staged.response(PAIRS)
-    p = np.array([PARAMETERS[n] for n in staged.names])
-    response.by_tangents(p)
-    first = staged.counts
-    assert first.evaluations == 1
-    assert first.factorizations == 6  # five stages and the equilibrium of the virgin state
-    assert first.solves == 6 * (1 + len(p))
-    response.by_adjoints(p)
-    assert staged.counts.evaluations == 2
-    assert staged.counts.factorizations == 12
-    # one column a state, then backwards one for each of the readings on which a stage acts
-    assert staged.counts.solves == first.solves + 6 + (4 + 7 + 9 + 11 + 12 + 12)
-    # s5 changes a material on the pattern of s4, whose factor is held: a further analysis
-    assert staged.counts.analyses == first.analyses + 1
-    response.evaluate(p)
-    assert staged.counts.factorizations == 18
-
-
 def test_march_ends_with_the_last_stage_that_is_read():
     staged = _everything(IN_SITU["heim"])
     response = staged.response([("c0", "s2")])

@@ -227,9 +227,8 @@ def test_a_gauge_zeroed_at_a_stage_reads_the_motion_since_then():
     np.testing.assert_array_equal(steps[1:].T, [[1, 0, 0], [1, 1, 1], [0, 0, 0], [0, 0, 1]])
     response = opened.response(pairs)
     readings = response.readings(np.empty(0))
-    np.testing.assert_array_equal(response.increments(np.empty(0)), opened.increments(np.empty(0)))
     assert response.opening(None, None) is response
-    parts = steps * opened.increments(np.empty(0))[:, [0, 0, 1, 1]]
+    parts = steps * response.increments(np.empty(0))[:, [0, 0, 1, 1]]
     np.testing.assert_allclose(parts.sum(axis=0), readings, rtol=1e-12)
 
 

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from support.sums import summed_model
 
-from geoident.forward.gauges.observation import Observation
+from geoident.forward.gauges.zeros import ReadingRule
+from geoident.forward.observed import Observed
 from geoident.forward.reduced.case_model import ReducedCaseModel
 from geoident.forward.reduced.coverage import reduction_obstacle, releases
 from geoident.forward.reduced.kept import RestoredModel, _Blocks, _Packed
@@ -20,9 +21,12 @@ STAGES = ("virgin", "one", "two", "three")
 CHANNELS = ("a", "b")
 READABLE = np.array([[1, 0], [1, 0], [1, 1], [1, 1]]).astype(bool)
 ROWS, STATES = np.array([0, 1, 0, 0]), np.array([3, 2, 1, 2])  # not ("b", "three")
-V, J = np.array([1.0, -2.0, 3.0, 5.0]), np.arange(8.0).reshape(4, 2)
+V = np.array([1.0, -2.0, 3.0, 5.0])
 BUILT_ON = np.triu(np.ones((4, 4), dtype=bool))
 P = np.array([0.5, 2.0])
+
+
+SEEN = np.random.default_rng(5).standard_normal((4, 2, 1, 3))
 
 
 class _Response:
@@ -35,52 +39,52 @@ class _Response:
         assert values.shape == (1, 2)
         return V[None], self.error[None]
 
-    def evaluate(self, p):
-        return V, J
-
-    def increments(self, p):
-        return np.full((4, 2), 7.0)
-
 
 class _Restored:
     """A kept model of four readings with bounds that are given."""
 
     def __init__(self, error=(0.1, 0.2, 0.3, 0.4), fails=None):
-        self.case = SimpleNamespace(stage_names=STAGES)
-        self.names, self.instrument_errors = ("x", "y"), "errors"
+        added = {"offset": None, "drift": None, "drift_per_stage": None, "is_zeroed": True}
+        channels = tuple(SimpleNamespace(name=name, **added) for name in CHANNELS)
+        self.case = SimpleNamespace(
+            stage_names=STAGES, parameters=[SimpleNamespace(name=name) for name in "xy"],
+            channels=channels, zero_of=lambda channel: 1, dates={}, readings=(),
+        )  # fmt: skip
         self.kept = SimpleNamespace(readable=READABLE, rows=ROWS, states=STATES, channels=CHANNELS,
                                     built_on=BUILT_ON)  # fmt: skip
         weights = np.array([[1.0, 1.0], [-1.0, 0.0]])
-        self.observation = Observation(CHANNELS, (), np.array([1, 0]), weights, READABLE, (),
-                                       ("", "no ground"))  # fmt: skip
+        self.observation = ReadingRule(CHANNELS, np.array([1, 0]), weights, READABLE)
+        self.bases = np.array([0, 0, 1, 2])
         self.pairs = tuple((CHANNELS[r], STAGES[s]) for r, s in zip(ROWS, STATES, strict=True))
+        self.model = SimpleNamespace(states=lambda values: values, observed=lambda states: SEEN)
         self._answer = _Response(error, fails)
 
     def admissible(self, p):
         return "too much" if p[0] > 1.0 else None
 
     def response(self, pairs):
-        return self._answer if pairs else "nothing"
+        return self._answer
 
 
 class _Whole:
-    """The model on the mesh."""
+    """The model on the mesh: it sees nothing but ones."""
 
     def __init__(self):
-        self.sequence, self.n_dofs, self.notes = "states", (1, 2), ("a note",)
-        self.counts, self.on_state = Counts(5, 1, 4, 40), None
+        self.n_dofs, self.notes = (1, 2), ("a note",)
+        self.counts, self.on_state, self.asked = Counts(5, 1, 4, 40), None, []
 
     def admissible(self, p):
         return "far too much" if p[0] > 3.0 else None
 
-    def unreadable(self, channel, stage):
-        return f"{channel} at {stage}: gone"
+    def why_unseen(self, state, row):
+        return f"{CHANNELS[row]} at {STAGES[state]}: gone"
 
     def response(self, pairs, times):
         return pairs, times
 
-    def survey(self, p, **options):
-        return options
+    def observe(self, p, query):
+        self.asked.append((query.fields, query.partial, query.last))
+        return Observed(np.ones((4, 2, 3)))
 
 
 def _case_model(limit, **options):
@@ -107,12 +111,12 @@ def _limits(**some):
 def test_a_case_whose_readings_are_close_is_answered_without_the_mesh():
     found, made = _case_model(_limits(a3=0.2, b2=0.2, b1=1e-9))
     survey = found.survey(P, fields=True)
-    np.testing.assert_array_equal(survey.computed, [[3, 5, 1], [np.nan, -2, np.nan]])
-    assert survey.sensitivity.shape == (2, 3, 2)
-    np.testing.assert_array_equal(survey.sensitivity[0], J[[2, 3, 0]])
-    np.testing.assert_array_equal(survey.sensitivity[1, 1], J[1])
-    assert np.isnan(survey.sensitivity[1, [0, 2]]).all()
-    np.testing.assert_array_equal(survey.increments, np.full((4, 2), 7.0))
+    table, seen = np.full((2, 3, 3), np.nan), SEEN[:, :, 0]
+    table[0], table[1, 1:] = seen[1:, 0] - seen[1, 0], seen[2:, 1]  # a change, and a value
+    np.testing.assert_allclose(survey.computed, table[..., 0])
+    np.testing.assert_allclose(survey.sensitivity, table[..., 1:])
+    changes = seen[[0, 1, 2, 3], 0, 0] - [0.0, *seen[[0, 1, 2], 0, 0]]
+    np.testing.assert_allclose(survey.increments[:, 0], changes)
     assert survey.fields is None
     assert (found.by_reduced, found.by_model, found.worst, made) == (1, 0, 1.0, [])
     assert found.counts == Counts(1, 0, 0, 0)
@@ -135,11 +139,11 @@ def test_a_case_whose_readings_are_close_is_answered_without_the_mesh():
 def test_a_case_whose_readings_are_not_close_is_answered_on_the_mesh(limit, options):
     found, made = _case_model(limit, **options)
     answer = found.survey(P, fields=True, partial=True, last=2)
-    assert answer == {"fields": True, "partial": True, "last": 2}
+    np.testing.assert_array_equal(answer.computed, [[0, 0, np.nan], [np.nan, 1, np.nan]])
     assert (found.by_reduced, found.by_model, found.worst, len(made)) == (0, 1, 0.0, 1)
-    assert found.survey(P, fields=False) == {"fields": False, "partial": False, "last": None}
+    found.survey(P, fields=False)
     assert found.by_model == 2
-    assert len(made) == 1
+    assert [whole.asked for whole in made] == [[(True, True, 2), (False, False, 3)]]
 
 
 def test_the_worst_is_the_largest_part_of_a_limit():
@@ -160,32 +164,31 @@ def test_parameters_that_it_does_not_answer_are_for_the_mesh():
 
 def test_what_it_hands_on_and_what_it_knows_itself():
     found, made = _case_model(NONE)
-    assert (found.names, found.instrument_errors) == (("x", "y"), "errors")
+    assert found.names == ("x", "y")
     assert found.case.stage_names == STAGES
     assert found.values(P) == {"x": 0.5, "y": 2.0}
     assert found.unreadable("a", "two") is None
     np.testing.assert_array_equal(
         found.steps([("a", "three"), ("b", "two")]).T, [[0, 0, 1, 1], [1, 1, 1, 0]]
     )
-    assert found.response(()) == "nothing"
+    assert found.response(()).admissible(P) is None
     assert not made
     assert found.unreadable("b", "one") == "b at one: gone"
     assert found.response([("a", "one")], [3.0]) == ([("a", "one")], [3.0])
-    assert (found.sequence, found.n_dofs, found.notes) == ("states", (1, 2), ("a note",))
+    assert (found.n_dofs, found.notes) == ((1, 2), ("a note",))
     assert found.counts == Counts(5, 1, 4, 40)
     assert len(made) == 1
 
 
 def test_who_asks_for_states_is_told_by_the_mesh():
-    told = object()
+    states = []
     found, made = _case_model(NONE)
-    assert found.on_state is None
-    found.on_state = told
-    assert found.on_state is told
+    found.on_state = states.append
     assert not made
-    assert found.whole.on_state is told
+    found.whole.on_state(3)
     found.on_state = None
-    assert made[0].on_state is None
+    found.whole.on_state(4)
+    assert states == [3]
 
 
 def _march(**changes):

@@ -59,12 +59,17 @@ def made(name: str, marches: int = 3):
     build, pairs = CASES[name]
     staged = build()
     response = staged.response(pairs)
-    response.keep_marches(economical=False)
+    response.record(economical=False)
     start = np.array([q.start for q in staged.case.parameters])
     points = [*spread(staged, marches - 1, seed=4, part=0.6), start]
     for p in points:
         response.evaluate(p)
-    return staged, response, response.reduced(bounded=True), points
+    return (
+        staged,
+        response,
+        response.bounded_surrogate(response.visited(), response.visited()[-1]),
+        points,
+    )
 
 
 @pytest.mark.parametrize("name", MOST)
@@ -108,7 +113,7 @@ def test_adjoints_at_the_place_itself_give_the_error_of_every_reading(name):
     # its own, since the projection is made anew; one march will do, but for what a part releases
     staged, response, _, _ = made.__wrapped__(name, 3 if name == "released" else 1)
     p = spread(staged, 1, seed=1)[0]
-    reduced = response.reduced(bounded=True, reference=p)
+    reduced = response.bounded_surrogate(response.visited(), p)
     states = reduced.model.states(p[None], derivatives=False)
     bounds = reduced.duals.bounds(states, reduced.model.bounds(states))
     readings = response.readings(p)
@@ -203,10 +208,10 @@ def test_one_march_is_right_to_second_order_in_the_moduli():
     """At twice the step the error is eight times as large; by first derivatives, four times."""
     staged = plane()
     response = staged.response(PAIRS_PLANE)
-    response.keep_marches(economical=False)
+    response.record(economical=False)
     p = np.array([q.start for q in staged.case.parameters])
     response.evaluate(p)
-    reduced = response.reduced()
+    reduced = response.surrogate(response.visited())
     errors = []
     for step in (0.1, 0.2):
         q = p * np.exp(np.array([step, -step, 0.0, step, -step]))
@@ -243,9 +248,9 @@ def test_what_is_not_covered_says_why(changes, why):
             "in_situ": HeimStress(vertical=Scalar(5e6), K0=Scalar(1.0)),
         }
     response = plane(**{**fixed, **changes}).response([("side", "heading")])
-    response.keep_marches()
-    assert why in response.reduction_obstacle()
-    assert response.reduced() is None
+    response.record()
+    assert why in response.surrogate_obstacle()
+    assert response.surrogate(response.visited()) is None
 
 
 def test_loads_that_are_no_polynomials_are_refused_and_the_full_model_answers():
@@ -261,11 +266,11 @@ def test_loads_that_are_no_polynomials_are_refused_and_the_full_model_answers():
         ),
     )
     response = staged.response(PAIRS_SOLID)
-    response.keep_marches(economical=False)
+    response.record(economical=False)
     response.evaluate(np.array([q.start for q in staged.case.parameters]))
-    assert response.reduced() is None
+    assert response.surrogate(response.visited()) is None
     why = "its loads are no polynomials of low degree in the parameters"
-    assert response.reduction_obstacle() == why
+    assert response.surrogate_obstacle() == why
 
 
 def test_a_group_without_elements_is_no_part_of_it():
@@ -276,21 +281,21 @@ def test_a_group_without_elements_is_no_part_of_it():
     case = replace(whole.case, groups={**whole.case.groups, "nothing": "young"})
     staged = staged_model(mesh, case, solver=pick_solver("auto"))
     response = staged.response(PAIRS_PLANE)
-    response.keep_marches(economical=False)
+    response.record(economical=False)
     start = np.array([q.start for q in case.parameters])
     readings = response.evaluate(start)[0]
-    found = response.reduced(bounded=True)
+    found = response.bounded_surrogate(response.visited(), response.visited()[-1])
     np.testing.assert_allclose(found.readings(start), readings, atol=1e-9 * np.abs(readings).max())
 
 
 def test_a_mesh_too_small_for_it_has_none():
     staged = plane(n=4)
     response = staged.response([("side", "heading")])
-    response.keep_marches()
+    response.record()
     response.evaluate(np.array([q.start for q in staged.case.parameters]))
-    assert response.reduced() is None
+    assert response.surrogate(response.visited()) is None
     why = "for a mesh of this size it costs more than the marches that it saves"
-    assert response.reduction_obstacle() == why
+    assert response.surrogate_obstacle() == why
 
 
 def test_moduli_of_one_material_span_few_directions_and_bound_each_other():
@@ -306,11 +311,11 @@ def test_moduli_of_one_material_span_few_directions_and_bound_each_other():
 def test_what_does_not_fit_into_the_memory_is_said(monkeypatch):
     monkeypatch.setattr("geoident.forward.reduced.reduction.MOST_ENTRIES", 1000)
     response = plane().response(PAIRS_PLANE)
-    response.keep_marches(economical=False)
+    response.record(economical=False)
     response.evaluate(np.array([q.start for q in plane().case.parameters]))
-    assert response.reduced() is None
+    assert response.surrogate(response.visited()) is None
     why = "what a march leaves for it does not fit into the memory"
-    assert response.reduction_obstacle() == why
+    assert response.surrogate_obstacle() == why
 
 
 @pytest.mark.parametrize("marches", [1.5, 2.5, 4.5])
@@ -321,13 +326,13 @@ def test_older_marches_give_way_where_the_memory_is_small(monkeypatch, marches):
     one = (4 * points.n_dofs + 5 * len(staged.case.channels)) * (1 + len(staged.names))
     monkeypatch.setattr("geoident.forward.reduced.reduction.MOST_ENTRIES", int(marches * one))
     response = staged.response(PAIRS_PLANE)
-    response.keep_marches(economical=False)
+    response.record(economical=False)
     for p in spread(staged, 5, seed=4):
         response.evaluate(p)
-    snapshots = response.reduction.snapshots
+    snapshots = list(response.reduction.snapshots.values())
     assert sum(s.entries for s in snapshots) <= marches * one
     assert np.array_equal(snapshots[-1].p, p)
-    assert response.reduced() is not None
+    assert response.surrogate(response.visited()) is not None
 
 
 @pytest.mark.parametrize("name", ["plane", "braced", "gauged"])
@@ -366,27 +371,3 @@ def test_a_model_that_is_kept_answers_as_the_one_it_was(name):
     with pytest.raises(ValueError, match="without bounds of its readings is not kept"):
         kept_model(without, staged.observation, case, marches=points,
                    built_on=staged.sequence.built_on)  # fmt: skip
-
-
-@pytest.mark.parametrize("name", ["plane", "braced"])
-def test_motions_of_the_marches_it_was_made_of_are_known(name):
-    """Of every state, with their derivatives; of none beyond those that are wanted."""
-    staged, response, reduced, points = made(name)
-    virgin, loads = reduced.model.stages[0], reduced.model.form.loads
-    assert virgin.load.shape == (0, len(loads.mix))  # nothing moves there
-    known = response.reduction.motion(reduced.model, points[0])
-    moved = [end.u.copy() for end in staged.at(points[0]).states()]
-    size = np.abs(moved).max(axis=(0, 1))
-    for state, u in enumerate(moved[1:], start=1):
-        there = staged.march.systems[state].dofs
-        found = known(state)
-        assert found.shape == u.shape
-        off = np.abs(found[there] - u[there]).max(axis=0) / size
-        assert off[0] < 1e-8
-        assert off[1:].max() < 1e-3  # of rigidities to first order
-    assert known(len(moved)) is None
-
-
-def test_where_virgin_ground_moves_no_motions_are_known():
-    _, response, reduced, points = made("settling")
-    assert response.reduction.motion(reduced.model, points[0]) is None

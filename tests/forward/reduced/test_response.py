@@ -9,7 +9,7 @@ import pytest
 from support.sums import CHANNELS, summed_model
 
 from geoident.errors import ModelError
-from geoident.forward.gauges.observation import Observation
+from geoident.forward.gauges.zeros import ReadingRule
 from geoident.forward.reduced.duals.bounds import ReadingBounds
 from geoident.forward.reduced.response import ROUNDING, ReadingsAsked, ReducedResponse
 
@@ -22,8 +22,7 @@ KINDS = ("length", "pressure", "length", "force")
 
 
 def _observation():
-    return Observation(("a", "b", "c"), (), ZERO, WEIGHTS, np.ones((4, CHANNELS), dtype=bool), (),
-                       ("",) * 3)  # fmt: skip
+    return ReadingRule(("a", "b", "c"), ZERO, WEIGHTS, np.ones((4, CHANNELS), dtype=bool))
 
 
 def _inside(p):

@@ -81,8 +81,7 @@ def test_what_is_left_of_a_load_is_the_largest_force_out_of_balance(monkeypatch,
     if not balanced:
         monkeypatch.setattr(viscous_path, "_POWERS", ())
         monkeypatch.setattr(equilibrium, "_LITTLE_VISCOUS", 0.0)
-        ways = (viscous_path.Way(2e-3, 0.3, bold=True),)
-        monkeypatch.setattr(equilibrium, "WAYS", ways)
+        monkeypatch.setattr(viscous_path, "_FIRST", 2e-3)
     mesh = CAVITY.mesh("tri6", n=3, layers=10, reach=8)
     staged, again = (CAVITY.staged(mesh, mohr(1e6, np.pi / 4, psi=0.0)) for _ in range(2))
     run = staged.at(NOTHING, RunOptions(derivatives=False))
@@ -109,7 +108,7 @@ def test_what_is_left_of_a_load_is_the_largest_force_out_of_balance(monkeypatch,
 def only_one_step(monkeypatch, mu):
     """Ground that keeps a part mu of its overstress is all that the path has."""
     monkeypatch.setattr(viscous_path, "_POWERS", ())
-    monkeypatch.setattr(equilibrium, "WAYS", (viscous_path.Way(mu, 0.3, bold=True),))
+    monkeypatch.setattr(viscous_path, "_FIRST", mu)
     monkeypatch.setattr(equilibrium, "PATIENCE", 0)
 
 

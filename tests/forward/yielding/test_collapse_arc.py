@@ -85,7 +85,7 @@ def test_the_last_factor_serves_again_where_the_pieces_are_the_same():
     end, beyond, below = (equations.at(np.array([u])) for u in (0.5, 0.7, 0.05))
     factor, _ = equations.factor(end)
     for made_at, again in ((end, True), (beyond, True), (below, False), (None, False)):
-        balance = Balance(end, 1, factor, made_at)
+        balance = Balance(end, factor, made_at)
         assert _is_exact(equations, balance) == again
         found = _solved(equations, balance, np.ones((1, 1)))
         assert found == pytest.approx(np.array([[1.0 / 0.1]]))
@@ -99,7 +99,7 @@ def test_and_where_the_tangent_differs_by_rounding_only(off, again, associated):
         associated=associated,
         changes=lambda trial: (np.array([3]), np.array([2.0, 0.1 + 2.0 * same * trial])),
     )
-    assert _is_exact(equations, Balance(0.0, 1, None, off)) == again
+    assert _is_exact(equations, Balance(0.0, None, off)) == again
 
 
 @pytest.mark.parametrize(

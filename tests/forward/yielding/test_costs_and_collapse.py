@@ -57,7 +57,7 @@ def test_a_stage_takes_few_steps(name, sides):
         spent.append(staged.counts.factorizations)
         yielded += standing.yielded.sum()
     assert yielded > 100
-    assert np.diff(spent).max() <= 20
+    assert np.diff(spent).max() <= 40  # a method that is lost takes hundreds
 
 
 def parametric(surface, c: float = 1.5e6) -> tuple:

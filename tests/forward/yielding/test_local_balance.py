@@ -66,23 +66,6 @@ def test_they_are_part_of_the_ground_only(monkeypatch):
     assert found()[2] == many > few
 
 
-def test_what_was_known_at_a_time_can_be_given_back(monkeypatch):
-    """It saves most of the steps from rest."""
-    monkeypatch.setattr(stage_equations, "LARGE", 0)
-    response = heading().response(READ)
-    response.evaluate(P)
-    known = response.starts()
-    response.forget()
-    response.evaluate(1.5 * P)
-    costs = []
-    for begin in (response.forget, lambda: response.begin_from(known)):
-        begin()
-        before = response.counts.factorizations
-        response.readings(NEAR_BY * P)
-        costs.append(response.counts.factorizations - before)
-    assert costs[1] < 0.7 * costs[0]
-
-
 NEAR_BY = np.array([1.002, 0.999])
 """Where a search goes next, by the parameters of before."""
 

@@ -581,8 +581,8 @@ class Ahead:
 
     at_once = 1
 
-    def __init__(self, response, *, may_be_led=False):
-        self.response, self.may_be_led = response, may_be_led
+    def __init__(self, response):
+        self.response = response
         self.asked, self.turned, self.looks = [], [], []
         self.names = response.names
 
@@ -624,9 +624,6 @@ def test_every_further_start_is_a_part_that_asks_what_its_descent_asks(make_prob
         whole = response.asked
         assert len(whole) > 1
         assert whole[: end - begin] == asked[begin:end]  # all, and what follows if it is not left
-    led = Ahead(plain.response, may_be_led=True)
-    told(replace(plain, response=led), starts=3)
-    assert led.looks == led.turned == []
 
 
 @pytest.mark.parametrize(("readings", "freedom"), [(6, 4), (4, 2), (3, 1), (2, 1), (1, 1)])

@@ -16,7 +16,6 @@ from geoident.identify.problem.ahead import (
     at_once,
     begins_near,
     in_turns,
-    knows_nothing_of_others,
 )
 from geoident.identify.problem.errors import SharedErrors
 from geoident.identify.problem.problem import Problem
@@ -52,7 +51,7 @@ class Plain:
 class Ahead(Plain):
     """One that looks ahead at three parts at a time."""
 
-    at_once, may_be_led = 3, False
+    at_once = 3
 
     def __init__(self):
         super().__init__()
@@ -97,9 +96,6 @@ def test_a_problem_apart_from_its_model_is_the_same_with_another():
 
 def test_what_a_model_says_of_looking_ahead():
     assert (at_once(Plain()), at_once(Ahead())) == (1, 3)
-    led = Ahead()
-    led.may_be_led = True
-    assert [knows_nothing_of_others(one) for one in (Plain(), Ahead(), led)] == [False, True, False]
     assert [begins_near(one) for one in (Ahead(), Yielding(), Yielding(yields=False))] == [
         False,
         True,

@@ -1,0 +1,422 @@
+"""The kernel of a case on a mesh: one march through the stages at a parameter vector (theory 2).
+
+A march gives what the gauges see of every state. Its derivatives travel with it (tangents, one
+column a parameter), or are taken back from the readings afterwards (adjoints, one column a
+reading), whichever costs less. Where nothing yields the last march with tangents is kept: who asks
+for later stages at the same parameters goes on where it stopped.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from itertools import islice
+
+import numpy as np
+
+from geoident.errors import CollapseError
+from geoident.fem.solvers import Solver
+from geoident.fem.solvers.kept_solutions import SolutionStore
+from geoident.forward.checks import imbalance_notes, inadmissible_numbers
+from geoident.forward.gauges.adjoints import ReadingAdjoints
+from geoident.forward.gauges.instrument_errors import ReadingPlaces
+from geoident.forward.gauges.observation import MarchState, Observation
+from geoident.forward.ground.elasticity import inadmissible_moduli
+from geoident.forward.march.fields import MeshRecorder
+from geoident.forward.march.march import March, Run, RunFindings, RunOptions
+from geoident.forward.march.plastic_step import PlasticFindings
+from geoident.forward.march.stage import StageEnd
+from geoident.forward.march.systems import StageSystems
+from geoident.forward.march.virgin import contradictions
+from geoident.forward.observed import Details, Observed, ObservedModel, Query
+from geoident.forward.openings.face import advance_of, advancing_face, face_note
+from geoident.forward.stages import CaseOnMesh
+from geoident.forward.structures.forces import MemberRecorder
+from geoident.model.arrays import Floats
+from geoident.model.dual import ParameterPoint
+from geoident.model.parameter import Values
+from geoident.model.results.costs import Counts
+from geoident.model.results.yielded import Mechanism
+
+MOST_KEPT = 100_000_000
+"""Numbers that the states of a kept march may take: 0.8 GB."""
+
+_MOST_WAYS = 8
+"""Sets of readings whose way back through the stages is remembered: those of a fit, of its survey
+and of a backtest's parts are fewer."""
+
+_WHOLE = RunOptions()
+"""All states with their derivatives."""
+
+Each = Callable[[StageEnd], None]
+"""Is given the values of every state."""
+
+Tell = Callable[[StageEnd, Run], None]
+"""Is given every state of a run while its factorization is there; its arrays change afterwards."""
+
+Seen = tuple[StageEnd, Floats, tuple[str, ...]]
+"""A state, what all channels see of it, and those that read one of several equal stresses."""
+
+
+class ResumableMarch:
+    """One march at one parameter vector, as far as it was asked for: it goes on where it stopped.
+
+    Of a state is kept what does not depend on the number of parameters: its displacements and
+    stresses, and what the gauges see of it.
+
+    Args:
+        kernel: of the case.
+        p: (n,) parameters, SI.
+        options: how to march.
+        keeps_ends: whether the values of the states are kept.
+
+    Attributes:
+        p: as given.
+        run: whose states are wanted, to the last one.
+        observed: of every state, what all channels see with derivatives, (n_channels, k).
+        states: the same with the state and the channels that read one of several equal stresses.
+    """
+
+    def __init__(
+        self, kernel: StagedKernel, p: Floats, options: RunOptions, *, keeps_ends: bool = True
+    ) -> None:
+        kernel.evaluations += 1
+        self.p, self.run = p.copy(), kernel.at(p, options)
+        self.observed: list[Floats] = []
+        self.states: list[Seen] = []
+        self._kernel, self._keeps_ends = kernel, keeps_ends
+        self._ends = self.run.states()
+
+    def to(self, last: int, tell: Tell | None = None) -> None:
+        """March on to a state. It holds no factor while it waits.
+
+        Args:
+            last: index of the state.
+            tell: is given every state that is computed now.
+
+        Raises:
+            ModelError: the model has no solution. It cannot go on then.
+        """
+        for end in islice(self._ends, max(last + 1 - len(self.observed), 0)):
+            seen = self._kernel.see(end, self.run)
+            if tell is not None:
+                tell(end, self.run)
+            self.observed.append(seen)
+            if self._keeps_ends:
+                equal = self._kernel.coinciding(end, self.run)
+                self.states.append((_values(end), seen, equal))
+        self.run.factors.forget()
+
+    def computed(self, last: int) -> Floats:
+        """All channels at all stages (n_channels, n_stages), SI; NaN of stages after a state.
+
+        Raises:
+            ModelError: the model has no solution.
+        """
+        self.to(last)
+        kernel, observed = self._kernel, Observed(np.stack(self.observed)[..., :1])
+        places = kernel.readable_until(len(self.observed) - 1)
+        return kernel.table(self.p, observed, places, derivatives=False)[..., 0]
+
+
+class StagedKernel(ObservedModel):
+    """The kernel of a case on its mesh; it checks nothing (see `checks`).
+
+    Args:
+        on_mesh: the case and the mesh that it fits.
+        observation: its gauges there.
+        solver: factorizes the stiffness matrices.
+
+    Attributes:
+        face: what turns distances to a tunnel face into released parts.
+    """
+
+    def __init__(self, on_mesh: CaseOnMesh, observation: Observation, *, solver: Solver) -> None:
+        sequence = self.sequence = on_mesh.sequence
+        super().__init__(on_mesh.case, observation, sequence.built_on, sequence.bases)
+        self.on_mesh, self.observation, self.mesh = on_mesh, observation, on_mesh.mesh
+        self.discretization = on_mesh.discretization
+        self._solver = solver
+        self.systems = StageSystems(on_mesh, solver)
+        self.structures = self.systems.structures
+        self.face = advancing_face(on_mesh, solver)
+        self.march = March(on_mesh, self.systems, self.face)
+        self.actions = self.march.actions
+        self._kept: ResumableMarch | None = None
+        self._ways: dict[tuple[int, bytes, bytes], ReadingAdjoints] = {}
+
+    @property
+    def counts(self) -> Counts:
+        """Costs so far."""
+        done = self._solver.counts
+        solved = done.analyses, done.factorizations, done.solves, done.iterations
+        return Counts(self.evaluations, *solved)
+
+    @property
+    def solver_name(self) -> str:
+        """Name of the sparse solver."""
+        return self._solver.name
+
+    def keep_solutions(self, store: SolutionStore | None) -> None:
+        """Have solutions that take long kept, where the solver can; None for no longer."""
+        self._solver.keep_solutions(store)
+
+    @property
+    def n_dofs(self) -> tuple[int, ...]:
+        """Unknowns of every state, the virgin state first."""
+        return tuple(len(self.systems[n].dofs) for n in range(len(self.bases)))
+
+    @property
+    def yields(self) -> bool:
+        """Whether any material of the case has yield limits."""
+        return any(material.yields for material in self.case.materials.values())
+
+    @property
+    def keeps_march(self) -> bool:
+        """Whether the states of a march are kept: nothing yields, and they are not too many."""
+        points = self.discretization.points
+        each = self.discretization.n_dofs + points.n_strain * points.n_points
+        return not self.yields and each * len(self.bases) <= MOST_KEPT
+
+    def why_unseen(self, state: int, row: int) -> str:
+        """Why a channel cannot be read at a state at which it can't, a clause."""
+        return self.observation.reasons[row]
+
+    def domain_fault(self, p: Floats) -> str | None:
+        """Why finite p (n,) is outside the domain, or None."""
+        values = self.values(p)
+        found = inadmissible_numbers(self.case, self.sequence, values)
+        for name in () if found else self.sequence.materials:
+            fields = self.on_mesh.elastic_fields(name)
+            growths = self.on_mesh.elastic_growths(name)
+            if fields or growths:
+                s = self.discretization.points.n_strain
+                material = replace(self.case.materials[name], elastic=self.on_mesh.elastic(name))
+                found = found or inadmissible_moduli(material, fields, values, s, growths)
+        return found
+
+    def forget(self) -> None:
+        """Begin the next march as a new model does: of earlier ones only analyses stay."""
+        self.march.forget()
+        self.face.forget()
+        self._kept = None
+
+    def at(self, p: Floats, options: RunOptions = _WHOLE) -> Run:
+        """One march at parameters p (n,); its states come one by one.
+
+        Args:
+            p: (n,) parameters.
+            options: how to march.
+        """
+        return Run(self.march, ParameterPoint(self.values(p), self.names), options, self._told)
+
+    def see(self, end: StageEnd, run: Run) -> Floats:
+        """What all channels see of a state, (n_channels, k)."""
+        return self.observation.values(MarchState(end, run.point, self.structures))
+
+    def coinciding(self, end: StageEnd, run: Run) -> tuple[str, ...]:
+        """Channels that read one of several equal principal stresses at a state."""
+        return self.observation.coinciding(MarchState(end, run.point, self.structures))
+
+    def way_back(self, places: ReadingPlaces, last: int) -> ReadingAdjoints:
+        """The way back from some readings through the stages up to a state."""
+        key = last, places.rows.tobytes(), places.states.tobytes()
+        if key not in self._ways:
+            if len(self._ways) >= _MOST_WAYS:
+                self._ways.clear()
+            self._ways[key] = ReadingAdjoints(
+                self.march, self.observation, places.rows, places.states, last
+            )
+        return self._ways[key]
+
+    def observe(
+        self,
+        p: Floats,
+        query: Query,
+        *,
+        adjoints: bool | None = None,
+        each: Each | None = None,
+        tell: Tell | None = None,
+    ) -> Observed:
+        """What all channels see of the states of a march at p (n,).
+
+        Args:
+            p: (n,) parameters, SI.
+            query: what is wanted.
+            adjoints: whether derivatives are by adjoints; None for what costs less.
+            each: is given the values of every state.
+            tell: is given every state while its factorization is there.
+
+        Raises:
+            CollapseError: a stage collapses; with ``query.partial`` that is among the failures.
+            ModelError: the stiffness of a stage is not positive definite.
+            ValueError: ``adjoints`` where ground yields, or a reading is not linear in the state.
+        """
+        back = self._way_chosen(p, query, adjoints) if query.derivatives else None
+        run, states = self._marched(p, query, back, tell)
+        values = self.values(p)
+        recorder = MeshRecorder(self.on_mesh, self.structures) if query.fields else None
+        with_members = query.survey and query.last == len(self.bases) - 1
+        members = MemberRecorder(self.structures, self.sequence, values) if with_members else None
+        observed, equal = [], dict[str, int]()
+        for end, seen, names in states:
+            observed.append(seen)
+            equal |= dict.fromkeys(names, end.state)
+            if recorder is not None:
+                recorder.add(end)
+            if members is not None and self.structures.parts:
+                members.add(end.state, end.members)
+            if each is not None:
+                each(end)
+        seen_at, jacobian = np.stack(observed), None
+        if back is not None:
+            jacobian = back.table(run, end, seen_at)[:, 1:]
+        findings = run.findings
+        details = Details(activity=findings.plastic.planes.activity())
+        if query.survey:
+            details = replace(
+                details,
+                members=None if members is None else members.table(),
+                notes=self._notes_at(values, findings, equal),
+            )
+        if recorder is not None:
+            details = replace(
+                details,
+                fields=recorder.fields.series(),
+                reactions=recorder.reactions.table(),
+                yielded=recorder.yielded_ground(),
+                mechanism=_first_mechanism(findings.collapses),
+                advance=advance_of(self.face, self.on_mesh, values),
+            )
+        return Observed(seen_at, jacobian, findings.collapses, details)
+
+    def _way_chosen(self, p: Floats, query: Query, adjoints: bool | None) -> ReadingAdjoints | None:
+        """The way back where derivatives are by adjoints; None where they are by tangents."""
+        if adjoints is None:
+            if self._kept is not None and np.array_equal(self._kept.p, p):
+                return None  # a march with tangents is there
+            way = self.way_back(query.places, query.last)
+            return way if way.cost_less(len(self.names)) else None
+        return self.way_back(query.places, query.last) if adjoints else None
+
+    def _marched(
+        self, p: Floats, query: Query, back: ReadingAdjoints | None, tell: Tell | None
+    ) -> tuple[Run, Iterator[Seen] | Sequence[Seen]]:
+        """A march at p (n,) and its states: of the one that is kept, or one by one."""
+        kept = self._kept if tell is None else None
+        here = kept is not None and np.array_equal(kept.p, p)
+        if back is None and self.keeps_march and (query.derivatives or here):
+            self._kept = None  # its memory is free for the next
+            march = kept if here and kept is not None else ResumableMarch(self, p, _WHOLE)
+            march.to(query.last, tell)
+            self._kept = march
+            return march.run, march.states[: query.last + 1]
+        self.evaluations += 1
+        # Where the loads collapse at the start, the user wants to know how much of them is carried;
+        # who searches elsewhere, only that they are not.
+        at_start = bool(np.array_equal(p, [parameter.start for parameter in self.case.parameters]))
+        options = RunOptions(
+            derivatives=query.derivatives,
+            last=query.last,
+            explain=query.survey or at_start,
+            partial=query.partial,
+            traced=back is not None,
+        )
+        run = self.at(p, options)
+        return run, self._seen_of(run, back, tell, coinciding=query.survey)
+
+    def _seen_of(
+        self, run: Run, back: ReadingAdjoints | None, tell: Tell | None, *, coinciding: bool
+    ) -> Iterator[Seen]:
+        for end in run.states():
+            seen = self.see(end, run) if back is None else back.observed(end, run)
+            if tell is not None:
+                tell(end, run)
+            yield end, seen, self.coinciding(end, run) if coinciding else ()
+
+    def computed(self, p: Floats, each: Each | None = None) -> Floats:
+        """All channels at all stages (n_channels, n_stages) at p (n,), SI, without derivatives.
+
+        Args:
+            p: (n,) parameters, SI.
+            each: is given the values of every state.
+        """
+        last = len(self.bases) - 1
+        query = Query(self.readable_until(last), last, derivatives=False, partial=True)
+        observed = self.observe(p, query, each=each)
+        return self.table(p, observed, query.places, derivatives=False)[..., 0]
+
+    def _notes_at(
+        self, values: Values, findings: RunFindings, equal: Mapping[str, int]
+    ) -> tuple[str, ...]:
+        """What the user should know of a march."""
+        return (
+            *face_note(self.face, self.on_mesh, values),
+            *equal_notes(equal, self.case.stage_names),
+            *unbalanced_notes(findings.plastic),
+            *imbalance_notes(findings.imbalance),
+            *self.contradiction_notes(values),
+        )
+
+    def contradiction_notes(self, values: Values) -> tuple[str, ...]:
+        """Where weight and in-situ stress disagree at some values, and where that is accepted."""
+        accepted = " (accepted: in_situ.equilibrium)" if self.case.imbalance_accepted else ""
+        return tuple(f"{fault.message}{accepted}" for fault in contradictions(self.march, values))
+
+    def _told(self, state: int) -> None:
+        if self.on_state is not None:
+            self.on_state(state)
+
+
+def _values(end: StageEnd) -> StageEnd:
+    """The values of a state without derivatives, copied."""
+    return replace(
+        end,
+        u=end.u[:, :1].copy(),
+        stress=end.stress[..., :1].copy(),
+        members=end.members[:, :1].copy(),
+        yielded=end.yielded.copy(),
+        forces=None if end.forces is None else end.forces[:, :1].copy(),
+    )
+
+
+def equal_notes(equal: Mapping[str, int], stages: Sequence[str]) -> Iterator[str]:
+    """Which channels read principal stresses that are not told apart, each with one such state."""
+    for channel, state in equal.items():
+        yield (
+            f"gauge '{channel}' reads one of several equal principal stresses at "
+            f"'{stages[state]}': which of them is not determined, and its sensitivities are those "
+            "for growing parameters"
+        )
+
+
+def _first_mechanism(collapses: Sequence[CollapseError]) -> Mechanism | None:
+    """How the ground moves at the first stage that collapses, where that is known."""
+    motions = (error.motion for error in collapses)
+    return next((motion for motion in motions if isinstance(motion, Mechanism)), None)
+
+
+def unbalanced_notes(found: PlasticFindings) -> Iterator[str]:
+    """What a march left unbalanced, or beyond the yield surface."""
+    why = (
+        "with a dilation far below the friction the flow tends to shear in bands: the acoustic "
+        "tensor has no positive determinant at {:.0f} % of the strain points that yield{}. A "
+        "larger dilation (or associated flow) has an exact solution"
+    )
+
+    def reason(stage: str) -> str:
+        bands = found.localising[stage]
+        return why.format(100 * bands.part, f", and {bands.band}" if bands.band else "")
+
+    for stage, part in found.unbalanced.items():
+        yield (
+            f"at stage '{stage}' {100 * part:.2g} % of the change of load is not balanced: "
+            + reason(stage)
+        )
+    for stage, part in found.overstressed.items():
+        short = 100 * found.localising[stage].short
+        yield (
+            f"at stage '{stage}' the ground keeps {100 * part:.1g} % of the stress beyond the "
+            f"yield surface, where the even flow ends (motions are short by {short:.1g} % of the "
+            "largest, as its path promises): " + reason(stage)
+        )

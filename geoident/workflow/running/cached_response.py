@@ -1,0 +1,412 @@
+"""A model that computes each of its answers once, and goes on where an interrupted run was.
+
+`CachedResponse` stands between identifiers and a model, and is the only object that
+
+    logs         every evaluation goes to the log of the run the moment it is known. An identifier
+                 started again asks for the same parameter vectors, is answered from the log, and
+                 arrives at the point of interruption with the same numbers;
+    counts       evaluations are the parameter vectors that this run asked for, wherever the answer
+                 came from: limits and patience that go by them do not depend on interruptions.
+                 Factorizations and solutions are what this run has done;
+    prefetches   parts of a search that know nothing of each other are worked on by other processes
+                 before they are asked for (`prefetched`);
+    substitutes  where a search allows an error, the surrogate of the model answers if the bound of
+                 its error is below that (`substituting`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from hashlib import sha256
+from typing import Protocol
+
+import numpy as np
+
+from geoident.errors import ModelError, TimeIsUp
+from geoident.identify.problem.ahead import Look, Turn
+from geoident.identify.problem.responses import (
+    AffineElastic,
+    ComplementaritySystem,
+    HasOpening,
+    OpeningForm,
+    YieldSystem,
+)
+from geoident.model.arrays import Floats
+from geoident.model.response import (
+    BilinearSystem,
+    Condensed,
+    Evaluation,
+    HasSurrogate,
+    Response,
+    Surrogate,
+)
+from geoident.model.results.costs import Counts
+from geoident.model.yielding import Activity
+from geoident.workflow.executing.looking_ahead import (
+    EvaluationArrays,
+    LookedAhead,
+    Recording,
+    ResponseBeside,
+)
+from geoident.workflow.running.evaluation_log import (
+    Log,
+    activity_of,
+    arrays_of,
+    of_activity,
+)
+
+EXACT = 1e-6
+"""Error in energy, relative, up to which the surrogate stands for the model where the model is
+asked once more at the end. What is found by it (weights of readings, and where to look at the model
+itself) is known to 0.2 % at best."""
+
+
+CERTAIN = 1e-9
+"""Error up to which it does so in a search whose weights are those of its end: steps by derivatives
+that agree to about 1e-6 are as good as those of the model."""
+
+
+class Staged(AffineElastic, YieldSystem, HasOpening, Protocol):
+    """All that the identifiers may ask of the staged model."""
+
+    def evaluation(self, p: Floats, *, derivatives: bool = True) -> Evaluation:
+        """All that is known of the readings at p (n,)."""
+
+    def forget(self) -> None:
+        """Begin the next evaluation as a new model does."""
+
+
+class CachedResponse:
+    """A response whose evaluations are logged, and answered from the log when they come again.
+
+    Args:
+        inner: the model.
+        log: of evaluations of the same problem.
+        before: called before every evaluation that must be computed; raises to stop the run.
+        elsewhere: processes that have the same model; None for none.
+
+    Attributes:
+        failures: evaluations without solution, in their order: kind, parameters (n,) and why.
+    """
+
+    def __init__(
+        self,
+        inner: Staged,
+        log: Log,
+        *,
+        before: Callable[[], None],
+        elsewhere: ResponseBeside | None = None,
+    ) -> None:
+        self.failures: list[tuple[str, Floats, ModelError]] = []
+        self._inner, self._log, self._before, self._elsewhere = inner, log, before, elsewhere
+        self._ahead: LookedAhead | None = None
+        self._no_solution: dict[tuple[str, bytes], ModelError] = {}  # told by other processes
+        self._spent = self._begun = inner.counts
+        self._asked: set[tuple[str, bytes]] = set()
+        self._evaluated: list[Floats] = []
+        self._visited: list[Floats] = []
+        self._metric = ""  # of the first condensation
+        self._tolerance = 0.0
+        self._substituted: set[bytes] = set()  # where the surrogate has answered
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the n parameters."""
+        return self._inner.names
+
+    @property
+    def counts(self) -> Counts:
+        """Costs of the model before, and since: what was asked for, and what was done for it."""
+        analyses = self._inner.counts.analyses
+        evaluations = self._begun.evaluations + len(self._asked)
+        return replace(self._spent, evaluations=evaluations, analyses=analyses)
+
+    def admissible(self, p: Floats) -> str | None:
+        """Why p (n,) is outside the domain of the model, or None."""
+        return self._inner.admissible(p)
+
+    # Evaluations
+
+    def readings(self, p: Floats) -> Floats:
+        """v(p), (g,)."""
+        return np.array(self._values(p)["v"])
+
+    def evaluate(self, p: Floats) -> tuple[Floats, Floats]:
+        """v(p), (g,), and its Jacobian, (g, n)."""
+        known = self._substitute(p) or self._known(
+            "evaluate", p, lambda: arrays_of(self._inner.evaluation(p))
+        )
+        return np.array(known["v"]), np.array(known["dv_dp"])
+
+    def increments(self, p: Floats) -> Floats:
+        """What the step of each state changes in what all channels see, (n_states, n_channels).
+
+        At a p (n,) that was evaluated it costs nothing.
+        """
+        known = self._substitute(p) or self._recalled("evaluate", p) or self._values(p)
+        return np.array(known["increments"])
+
+    def activity(self, p: Floats) -> Activity:
+        """The yield planes at p (n,); at one that was evaluated it costs nothing."""
+        found = activity_of(self._recalled("evaluate", p) or self._values(p))
+        if found is None:  # another fit has told of the readings there
+            inner = self._inner
+            known = self._known("activity", p, lambda: of_activity(inner.activity(p)))
+            found = activity_of(known)
+            assert found is not None
+        return found
+
+    def condense(self, p: Floats, measured: Floats, sd: Floats) -> Condensed:
+        """Condensed equations at p for readings that are the same in the whole run.
+
+        Their accuracies change where they are estimated: each is a kind of its own in the log.
+
+        Args:
+            p: (n,) parameters, SI.
+            measured: (g,) readings, SI.
+            sd: (g,) their standard deviations, SI; where readings share errors, the matrix (g, g)
+                that makes their errors independent and of size one.
+        """
+        metric = sha256(np.ascontiguousarray(sd).tobytes()).hexdigest()
+        self._metric = self._metric or metric
+        kind = "condense" if metric == self._metric else f"condense {metric[:16]}"
+        known = self._known(kind, p, lambda: dict(vars(self._inner.condense(p, measured, sd))))
+        names = "readings", "flexibility", "matrix", "vector"
+        return Condensed(*(np.array(known[name]) for name in names))
+
+    def evaluated(self) -> Sequence[Floats]:
+        """Parameter vectors (n,) that this run has evaluated with derivatives, in their order."""
+        return tuple(self._evaluated)
+
+    # What is no evaluation
+
+    def obstacle(self) -> str | None:
+        """Why the equations are not affine in the parameters, or None."""
+        return self._inner.obstacle()
+
+    def opening(
+        self, centre: tuple[float, float] | None, radius: float | None
+    ) -> OpeningForm | str:
+        """The closed form, whose evaluations cost nothing and are not kept, or why none is."""
+        return self._inner.opening(centre, radius)
+
+    def yields(self) -> bool:
+        """Whether any material of the model has yield limits."""
+        return self._inner.yields()
+
+    def system_obstacle(self) -> str | None:
+        """Why the equations are no `BilinearSystem`, or None if they are one."""
+        inner = self._inner
+        if not isinstance(inner, ComplementaritySystem):
+            return "the model does not show its equations"
+        return inner.system_obstacle()
+
+    def system(self) -> BilinearSystem:
+        """The equations of all stages as vectors; not logged, they cost no analysis."""
+        inner = self._inner
+        assert isinstance(inner, ComplementaritySystem)
+        return inner.system()
+
+    # The surrogate
+
+    @contextmanager
+    def substituting(self, tolerance: float) -> Iterator[None]:
+        """Meanwhile the surrogate answers wherever the bound of its error is small enough.
+
+        Args:
+            tolerance: of the error in energy, relative.
+        """
+        before, self._tolerance = self._tolerance, tolerance
+        try:
+            yield
+        finally:
+            self._tolerance = before
+
+    def by_surrogate(self, p: Floats) -> bool:
+        """Whether at p (n,) the surrogate has answered, and not the model."""
+        return p.tobytes() in self._substituted and ("evaluate", p.tobytes()) not in self._asked
+
+    def visited(self) -> Sequence[Floats]:
+        """Parameter vectors (n,) of whose evaluations the surrogate is made, in their order."""
+        return tuple(self._visited)
+
+    def answer(self, p: Floats) -> EvaluationArrays | None:
+        """Readings, derivatives and increments of the model at p (n,), where they are known."""
+        return self._log.find("evaluate", p)
+
+    def _substitute(self, p: Floats) -> EvaluationArrays | None:
+        """What the surrogate says at p (n,); None where it is not asked or not close."""
+        tolerance = self._tolerance
+        if not tolerance or not self._visited or ("evaluate", p.tobytes()) in self._asked:
+            return None
+        # it is another one after each evaluation
+        kind = f"surrogate {sha256(np.array(self._visited).tobytes()).hexdigest()[:16]}"
+        known = self._log.find(kind, p)
+        if known is None or ("v" not in known and known["error"][0] <= tolerance):
+            known = self._ask_surrogate(p, tolerance)
+            if known is None:
+                return None
+            self._log.add(kind, p, known)
+        if not known["error"][0] <= tolerance:
+            return None
+        self._substituted.add(p.tobytes())
+        return known
+
+    def _ask_surrogate(self, p: Floats, tolerance: float) -> EvaluationArrays | None:
+        """The surrogate's answer at p (n,), its error alone if that is too large; None for none."""
+        try:
+            surrogate = self._surrogate()
+            if surrogate is None:
+                return None
+            error = surrogate.error(p)
+            arrays = {"error": np.array([error])}
+            if error <= tolerance:
+                v, dv_dp = surrogate.evaluate(p)
+                arrays |= {"v": v, "dv_dp": dv_dp, "increments": surrogate.increments(p)}
+        except ModelError:  # such as no time for what it is made of
+            return None
+        return arrays
+
+    def _surrogate(self) -> Surrogate | None:
+        inner = self._inner
+        if not self._visited or not isinstance(inner, HasSurrogate):
+            return None
+        if inner.surrogate_obstacle() is not None:
+            return None
+        return inner.surrogate(self._visited)
+
+    # Parts of a search that are worked on before they are asked for
+
+    @property
+    def at_once(self) -> int:
+        """How many parts of a search are worked on at a time."""
+        return 1 if self._elsewhere is None else self._elsewhere.processes.at_once()
+
+    @contextmanager
+    def turns(self, looks: Sequence[Look]) -> Iterator[Turn]:
+        """Work on parts of a search meanwhile; each begins with a model that has forgotten others.
+
+        Args:
+            looks: they, in their order.
+        """
+        where, inner = self._elsewhere, self._inner
+        several = where is not None and len(looks) > 1 and where.processes.at_once(looks) > 1
+        # what others evaluate gives no surrogate here, which is to answer a part of what they ask
+        if where is not None and several and not (self._tolerance and self._surrogate()):
+            self._ahead = LookedAhead(self, where, looks)
+
+        def turn(number: int) -> None:
+            inner.forget()
+            if self._ahead is not None:
+                self._ahead.turn = number
+
+        try:
+            yield turn
+        finally:
+            ahead, self._ahead = self._ahead, None
+            if looks:  # what comes next has not seen the parts, wherever they were made
+                inner.forget()
+            if ahead is not None:
+                ahead.end()
+
+    def take(self, found: Recording) -> None:
+        """Keep what another process has evaluated."""
+        for kind, p, arrays in found.evaluations:
+            if self._log.find(kind, p) is None:
+                self._log.add(kind, p, arrays)
+        for kind, p, error in found.failures:
+            self._no_solution[kind, p.tobytes()] = error
+        self._spent = self._spent + found.spent
+
+    def knows(self, kind: str, p: Floats) -> bool:
+        """Whether the answer at p (n,) is in the log, or known to be none."""
+        return (kind, p.tobytes()) in self._no_solution or self._log.find(kind, p) is not None
+
+    def recalled(self, kind: str, p: Floats) -> EvaluationArrays | None:
+        """The answer at p (n,) if it is in the log.
+
+        Raises:
+            ModelError: it is known that there is no solution.
+        """
+        error = self._no_solution.get((kind, p.tobytes()))
+        if error is not None:
+            self._asked.add((kind, p.tobytes()))
+            raise error
+        return self._recalled(kind, p)
+
+    # The log
+
+    def _values(self, p: Floats) -> EvaluationArrays:
+        """An evaluation at p (n,), if need be without derivatives."""
+        return (
+            self._substitute(p)
+            or self._recalled("readings", p)
+            or self._recalled("evaluate", p)
+            or self._compute(
+                "readings", p, lambda: arrays_of(self._inner.evaluation(p, derivatives=False))
+            )
+        )
+
+    def _known(
+        self, kind: str, p: Floats, work: Callable[[], EvaluationArrays]
+    ) -> EvaluationArrays:
+        """What the log has, or what is computed for it."""
+        known = self._recalled(kind, p)
+        return self._compute(kind, p, work) if known is None else known
+
+    def _recalled(self, kind: str, p: Floats) -> EvaluationArrays | None:
+        known = self._log.find(kind, p)
+        if known is not None:
+            self._note(kind, p, known)
+        return known
+
+    def _compute(
+        self, kind: str, p: Floats, work: Callable[[], EvaluationArrays]
+    ) -> EvaluationArrays:
+        self._before()
+        if self._ahead is not None and (known := self._ahead.known(kind, p)) is not None:
+            return known
+        before = self._inner.counts
+        try:
+            arrays = work()
+        except ModelError as error:
+            if not isinstance(error, TimeIsUp):
+                self._asked.add((kind, p.tobytes()))
+                self.failures.append((kind, p.copy(), error))
+            raise
+        finally:
+            self._spent = self._spent + (self._inner.counts - before)
+        self._log.add(kind, p, arrays)
+        self._note(kind, p, arrays)
+        return arrays
+
+    def _note(self, kind: str, p: Floats, arrays: EvaluationArrays) -> None:
+        """Note that this run has asked for something at p (n,), and what it was."""
+        key = kind, p.tobytes()
+        if key in self._asked:
+            return
+        self._asked.add(key)
+        if kind != "evaluate":
+            return
+        self._evaluated.append(p.copy())
+        # an answer of another fit stands for the evaluations of that, of which it was made
+        for place in arrays.get("visited", p[None]):
+            if not any(np.array_equal(place, before) for before in self._visited):
+                self._visited.append(np.array(place))
+
+
+@contextmanager
+def substituting(response: Response, tolerance: float = EXACT) -> Iterator[None]:
+    """Meanwhile the surrogate of a response answers; see `CachedResponse.substituting`."""
+    if not isinstance(response, CachedResponse):
+        yield
+        return
+    with response.substituting(tolerance):
+        yield
+
+
+def by_surrogate(response: Response, p: Floats) -> bool:
+    """Whether at p (n,) a surrogate has answered, and not the model."""
+    return isinstance(response, CachedResponse) and response.by_surrogate(p)
