@@ -377,13 +377,13 @@ from geoident.fem.solvers import pardiso, pick_solver
 from geoident.fem.solvers.direct import LowerPattern
 pardiso.ONE_THREAD = 0.0
 offset = np.empty(int(sys.argv[1]), dtype=np.int8)
-line = sp.diags_array([-np.ones(39), 2 * np.ones(40), -np.ones(39)], offsets=[-1, 0, 1])
-matrix = sp.csc_array(sp.kronsum(sp.kronsum(line, line), line) + sp.eye_array(64000))
+line = sp.diags_array([-np.ones(24), 2 * np.ones(25), -np.ones(24)], offsets=[-1, 0, 1])
+matrix = sp.csc_array(sp.kronsum(sp.kronsum(line, line), line) + sp.eye_array(15625))
 lower = sp.csc_array(sp.tril(matrix))
 lower.sort_indices()
 pattern = LowerPattern(lower.indptr.astype(np.int64), lower.indices.astype(np.int64))
 factor = pick_solver("pardiso").analyse(pattern).factorize(lower.data)
-print(hashlib.sha256(factor.solve(np.ones((64000, 3))).tobytes()).hexdigest())
+print(hashlib.sha256(factor.solve(np.ones((15625, 3))).tobytes()).hexdigest())
 """
 
 

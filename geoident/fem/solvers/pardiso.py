@@ -12,6 +12,7 @@ their number, so what one thread does soon enough is done by one (`ONE_THREAD`).
 from __future__ import annotations
 
 import ctypes
+import os
 import weakref
 from functools import cache
 from importlib import import_module, metadata
@@ -33,8 +34,7 @@ from geoident.model.arrays import Floats
 ONE_THREAD = 1e10
 """Operations of a factorization below which one thread takes less than half a second for it.
 
-Threads of OpenMP wait for work by turning round and round: for many small matrices all cores
-together are hardly faster, and their time adds up to three times as much.
+For small matrices all cores together are hardly faster, and their time adds up to more.
 """
 
 _SPD = 2
@@ -139,6 +139,9 @@ def load() -> ctypes.CDLL:
         ImportError: it is not installed.
         OSError: it is there and does not load.
     """
+    # Threads of OpenMP sleep at once when they have nothing to do: turning round and round beside
+    # our own work they took a fifth of a fit's time of processors, and won nothing.
+    os.environ.setdefault("KMP_BLOCKTIME", "0")
     try:
         files = metadata.files("mkl") or []
     except metadata.PackageNotFoundError:
