@@ -29,7 +29,7 @@ from functools import partial
 import numpy as np
 import scipy.linalg as sla
 
-from geoident.fem.solvers.fronts.tasks import run_tasks
+from geoident.fem.solvers.threads import run_tasks
 from geoident.forward.reduced.affine_march import AffineMarch
 from geoident.forward.reduced.recorder import Snapshot
 from geoident.forward.reduced.stress_rows import StageForces

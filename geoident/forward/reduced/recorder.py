@@ -30,7 +30,6 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from geoident.forward.gauges.observation import Observation
-from geoident.forward.march.lasting import solve_still
 from geoident.forward.march.march import Run
 from geoident.forward.march.stage import StageEnd
 from geoident.forward.reduced.affine_march import AffineMarch
@@ -213,7 +212,7 @@ class Recorder:
             if factor is not None:  # else nothing can move
                 stress = self._unbalanced(number, u, ready, slice(known, known + len(ready)))
                 dofs = system.pattern.dofs
-                w[dofs] = -solve_still(factor, self._points.forces(stress, system)[dofs])
+                w[dofs] = -factor.solve(self._points.forces(stress, system)[dofs])
             u = np.hstack([u, w])
         return u
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from geoident.forward.gauges.observation import MarchState, Observable, Observation
 from geoident.forward.march.march import March
-from geoident.forward.march.stage import GivenStress, StageEnd
+from geoident.forward.march.stage import StageEnd
 from geoident.forward.reduced.points import MarchPoints
 from geoident.forward.reduced.zones import StressTerm
 from geoident.model.arrays import Bools, Floats, Ints
@@ -151,7 +151,7 @@ def _nothing(march: March) -> StageEnd:
     return StageEnd(
         0,
         np.zeros((march.systems.discretization.n_dofs, 1)),
-        GivenStress(np.zeros((points.n_strain, points.n_points, 1))),
+        np.zeros((points.n_strain, points.n_points, 1)),
         np.zeros((march.systems.structures.n_rows, 1)),
         np.zeros(points.n_points, dtype=bool),
     )

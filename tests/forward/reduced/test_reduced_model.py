@@ -62,9 +62,9 @@ def test_readings_and_derivatives_are_exact_at_every_analysis_it_was_made_of(nam
     for p in response.visited():
         v, J = staged.response(CASES[name][1]).by_tangents(p)
         w, K = reduced.evaluate(p)
-        np.testing.assert_allclose(w, v, atol=1e-8 * np.abs(v).max())
-        scale = np.abs(J).max(axis=0)
         pointwise = name == "gauged"  # stresses at a point are known less sharply
+        np.testing.assert_allclose(w, v, atol=(1e-7 if pointwise else 1e-8) * np.abs(v).max())
+        scale = np.abs(J).max(axis=0)
         np.testing.assert_allclose(K / scale, J / scale, atol=1e-5 if pointwise else 1e-6)
         assert reduced.error(p) < 1e-6
 

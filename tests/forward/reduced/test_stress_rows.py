@@ -9,7 +9,7 @@ from support.reduced import braced
 
 from geoident.forward.checks import inadmissible_numbers
 from geoident.forward.gauges.observation import MarchState
-from geoident.forward.march.stage import GivenStress, StageEnd
+from geoident.forward.march.stage import StageEnd
 from geoident.forward.reduced.affine_march import _samples
 from geoident.forward.reduced.points import MarchPoints
 from geoident.forward.reduced.stress_rows import beyond_reduction, stress_rows
@@ -42,7 +42,7 @@ def test_sums_over_points_and_members_are_what_gauges_read(staged):
     stress = random.standard_normal((points.n_strain, points.n_ground, 1))
     members = random.standard_normal((systems.structures.n_rows, 1))
     end = StageEnd(
-        2, np.zeros((systems.discretization.n_dofs, 1)), GivenStress(stress), members,
+        2, np.zeros((systems.discretization.n_dofs, 1)), stress, members,
         np.zeros(points.n_ground, dtype=bool),
     )  # fmt: skip
     point = ParameterPoint(march.case.start, ())
