@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from geoident.errors import Fault, InputError
-from geoident.fem.solvers.direct import Solver
+from geoident.fem.solvers import Solver
 from geoident.forward.checks import check_on_mesh, imbalance_notes, notes_on_mesh
 from geoident.forward.gauges.observation import Observation
 from geoident.forward.ground.field import field_notes, point_field, with_modes
