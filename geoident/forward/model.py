@@ -17,7 +17,7 @@ from geoident.forward.openings.face import FaceState, conversion_note, face_stat
 from geoident.forward.reducible import ReducibleResponse, SharedReduction
 from geoident.forward.staged import StagedKernel
 from geoident.forward.stages import CaseOnMesh
-from geoident.forward.yielding.equivalent import equivalent_notes
+from geoident.forward.yielding.hoek_brown import equivalent_notes
 from geoident.model.arrays import Floats
 from geoident.model.case import Case
 from geoident.model.dual import ParameterPoint

@@ -272,7 +272,8 @@ class StagedKernel(ObservedModel):
         if back is not None:
             jacobian = back.table(run, end, seen_at)[:, 1:]
         findings = run.findings
-        details = Details(activity=findings.plastic.planes.activity())
+        plastic = findings.plastic
+        details = Details(activity=None if plastic is None else plastic.planes.activity())
         if query.survey:
             details = replace(
                 details,
@@ -353,7 +354,7 @@ class StagedKernel(ObservedModel):
         return (
             *face_note(self.face, self.on_mesh, values),
             *equal_notes(equal, self.case.stage_names),
-            *unbalanced_notes(findings.plastic),
+            *(() if findings.plastic is None else unbalanced_notes(findings.plastic)),
             *imbalance_notes(findings.imbalance),
             *self.contradiction_notes(values),
         )

@@ -108,12 +108,12 @@ class RunFindings:
         imbalance: of the in-situ stress as given: largest force that is out of balance, relative to
             the forces at work.
         collapses: stages at which the ground cannot carry the loads.
-        plastic: where materials yield.
+        plastic: where materials yield; None in a case where none can.
     """
 
     imbalance: float
     collapses: tuple[CollapseError, ...]
-    plastic: PlasticFindings
+    plastic: PlasticFindings | None
 
 
 class March:
@@ -209,14 +209,16 @@ class Run:
         self.traces: list[ElasticTrace] = []
         n_strain = systems.discretization.points.n_strain
         self._ground = ModuliAt(march.on_mesh, point, n_strain)
-        self._plastic = PlasticSteps(
-            march.case,
-            systems,
-            march.warm,
-            self._ground,
-            explain=options.explain,
-            even_only=options.even_only,
-        )
+        self._plastic: PlasticSteps | None = None
+        if any(material.yields for material in march.case.materials.values()):
+            self._plastic = PlasticSteps(
+                march.case,
+                systems,
+                march.warm,
+                self._ground,
+                explain=options.explain,
+                even_only=options.even_only,
+            )
         self.factors = LastFactor(HELD_ENTRIES if options.traced else 0)
         self._held: dict[int, Held] = {0: {}}
         self._imbalance = 0.0
@@ -230,7 +232,8 @@ class Run:
     @property
     def findings(self) -> RunFindings:
         """What was found so far; all of it once the states are through."""
-        return RunFindings(self._imbalance, tuple(self._collapses), self._plastic.findings)
+        plastic = None if self._plastic is None else self._plastic.findings
+        return RunFindings(self._imbalance, tuple(self._collapses), plastic)
 
     def states(self) -> Iterator[StageEnd]:
         """The end of every stage, the virgin state first.
@@ -298,7 +301,7 @@ class Run:
         self._clear(self._systems[number], state, carried, u)
         task = self._task(number, carried, forces, march.thermal.change(number, self._point))
         task = replace(task, motion=march.motions.change(number, self._point))
-        if self._plastic.yields(state):
+        if self._plastic is not None and self._plastic.yields(state):
             du, yielded = self._plastic.step(task)
         else:
             du, yielded = elastic_step(task, self._systems, self.factors), still
@@ -332,7 +335,8 @@ class Run:
         if self._options.traced:
             trace = ElasticTrace(task, du, self._slopes, {}, given[..., 1:], stepped)
             self.traces.append(trace)
-        self._plastic.refuse_virgin(task)
+        if self._plastic is not None:
+            self._plastic.refuse_virgin(task)
 
     def _clear(
         self, system: StageSystem, state: ConstructionState, carried: Carried, u: Floats

@@ -48,13 +48,6 @@ class StressRows:
         here = np.isin(self.points, points)
         return self.points[here], self.weights[:, :, here]
 
-    def of(self, rows: Ints) -> Ints:
-        """(g,) places of some channels (g,) among those; -1 where they read something else."""
-        found = np.full(len(rows), -1)
-        for place, channel in enumerate(self.channels):
-            found[rows == channel] = place
-        return found
-
 
 @dataclass(frozen=True, eq=False)
 class StageForces:

@@ -9,8 +9,7 @@ from support.meshes import box, regroup
 from support.yielding import hoek, mohr, rock
 
 from geoident.fem.yielding.hoek_brown import HoekBrownLaw
-from geoident.fem.yielding.polyhedral import PolyhedralLaw
-from geoident.fem.yielding.principal import PrincipalLaw
+from geoident.fem.yielding.plane_laws import PolyhedralLaw, PrincipalLaw
 from geoident.forward.ground.elasticity import ModuliAt
 from geoident.forward.march.fields import FieldRecorder, MeshRecorder, ReactionRecorder
 from geoident.forward.march.stage import LastEquilibrium, StageEnd
