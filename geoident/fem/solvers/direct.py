@@ -123,12 +123,14 @@ class LowerPattern:
             sp.csc_array((below[is_strict], indices[is_strict], starts), shape=(n, n))
         )
         # A row of the matrix is one of the strict lower triangle, then a column of the pattern.
-        rows = strict.indptr + indptr
-        left = np.arange(strict.nnz) + np.repeat(indptr[:-1], np.diff(strict.indptr))
-        right = np.arange(len(below)) + np.repeat(strict.indptr[1:], np.diff(indptr))
+        left_starts = strict.indptr
+        rows = left_starts + indptr
         data, columns = np.empty(rows[-1]), np.empty(rows[-1], dtype=np.int32)
-        data[left], columns[left] = strict.data, strict.indices
-        data[right], columns[right] = below if above is None else above, indices
+        place = np.arange(strict.nnz) + np.repeat(indptr[:-1], np.diff(left_starts))
+        data[place], columns[place] = strict.data, strict.indices
+        del strict  # a third of the memory of all this
+        place = np.arange(len(below)) + np.repeat(left_starts[1:], np.diff(indptr))
+        data[place], columns[place] = below if above is None else above, indices
         return sp.csr_array((data, columns, rows.astype(np.int32)), shape=(n, n))
 
 

@@ -84,7 +84,9 @@ class Hierarchy:
             NotPositiveDefinite: the matrix is not, on a coarser level or in a node.
         """
         inverse = node_blocks_inverse(matrix, self._places.node)
-        single, rough = matrix.astype(np.float32), inverse.astype(np.float32)
+        entries = matrix.data.astype(np.float32), matrix.indices, matrix.indptr
+        single = sp.csr_array(entries, shape=matrix.shape)  # with the same pattern, not a copy
+        rough = inverse.astype(np.float32)
         largest = largest_eigenvalue(single, rough)
         coarser = self._corners
         if coarser is None:
