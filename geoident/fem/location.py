@@ -53,7 +53,14 @@ class Site:
 
 
 class Locator:
-    """Finds points in a mesh; the boxes around the elements are made once."""
+    """Finds points in a mesh; the boxes around the elements are made once.
+
+    >>> corners = np.array([[0.0, 0.0], [4.0, 0.0], [0.0, 2.0]])
+    >>> triangle = Mesh(corners, (ElementBlock("tri3", np.array([[0, 1, 2]]), np.array([1])),))
+    >>> (site,) = Locator(triangle).sites((1.0, 1.0))
+    >>> site.shapes @ corners
+    array([1., 1.])
+    """
 
     def __init__(self, mesh: Mesh) -> None:
         self._mesh = mesh

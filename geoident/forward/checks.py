@@ -222,8 +222,10 @@ def _odd_notes(on_mesh: CaseOnMesh, *, in_tension: bool) -> list[str]:
     if case.gravity is not None and all(density == Scalar(0.0) for density in densities):
         notes.append("there is gravity, but no material has a density: nothing weighs")
     notes += _idle_densities(on_mesh) if case.gravity is None else []
-    if said := suspected_unit(on_mesh.mesh.points.min(axis=0), on_mesh.mesh.points.max(axis=0)):
-        notes.append(said)
+    if suspicion := suspected_unit(
+        on_mesh.mesh.points.min(axis=0), on_mesh.mesh.points.max(axis=0)
+    ):
+        notes.append(suspicion)
     if in_tension:
         notes.append(
             "at the start values the virgin ground is in tension: stresses are positive in "

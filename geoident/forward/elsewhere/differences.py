@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from geoident.errors import ModelError
-from geoident.forward.elsewhere.noise import line_of, noise_of, stacked, steps_of
+from geoident.forward.elsewhere.noise import line_of, noise_of, steps_of
 from geoident.forward.elsewhere.runs import FailedRun
 from geoident.model.arrays import Bools, Floats
 from geoident.model.parameter import Parameter
@@ -31,6 +31,8 @@ NOISE_SD = 3.0
 """Standard deviations of the noise of a run within which a difference of two may be noise."""
 SPACING = 1e-3
 """Relative distance of the points at which the noise is looked for."""
+NOISE_UNKNOWN = 1e-7
+"""Relative noise that is assumed where runs nearby fail: that of single precision."""
 QUANTA = 16.0
 """Smallest step, in the smallest changes that are written."""
 
@@ -106,9 +108,9 @@ class Differences:
         if known is not None:
             return known
         v = self.values(p)
-        found = self._updated(p, v) or self._forward(p, v)
-        self._known.append(found)
-        return found
+        linear = self._updated(p, v) or self._forward(p, v)
+        self._known.append(linear)
+        return linear
 
     def is_exact(self, p: Floats) -> bool:
         """Whether central differences are known at p (n,)."""
@@ -120,12 +122,12 @@ class Differences:
         Raises:
             ModelError: the run failed, or those that the derivatives need.
         """
-        found = self._exact.get(p.tobytes())
-        if found is None:
-            found = self._central(p, self.values(p))
-            self._exact[p.tobytes()] = found
-            self._known.append(found)
-        return found
+        linear = self._exact.get(p.tobytes())
+        if linear is None:
+            linear = self._central(p, self.values(p))
+            self._exact[p.tobytes()] = linear
+            self._known.append(linear)
+        return linear
 
     def doubt(self, p: Floats) -> Floats:
         """(m, n) what noise may do to central differences at p (n,), three times its size."""
@@ -167,12 +169,12 @@ class Differences:
         if self._steps is None:
             sizes = np.where(self._seen, self._sizes(p), 0.0)
             points = line_of(p, sizes, self._lower, self._upper, SPACING)
-            found = self._run(points[1:])
-            values = stacked([v, *(None if isinstance(f, FailedRun) else f for f in found)])
-            if values is None:  # so near to failure that nothing can be said of digits
-                self.noise = 1e-7 * np.abs(v)
+            runs = self._run(points[1:])
+            values = [run for run in runs if not isinstance(run, FailedRun)]
+            if len(values) == len(runs):
+                self.noise = noise_of(np.stack([v, *values]))
             else:
-                self.noise = noise_of(values)
+                self.noise = NOISE_UNKNOWN * np.abs(v)
             self._steps = steps_of(self.noise, v, self._weights)
         return self._steps
 
@@ -192,13 +194,11 @@ class Differences:
         step = self._step(p, self._steps_at(p, v)[0])
         step = np.array([self._seen_step(p, j, h) for j, h in enumerate(step.tolist())])
         moved = [(j, step[j]) for j in np.flatnonzero(self._seen).tolist()]
-        found = self._run([_moved(p, j, h) for j, h in moved])
-        again = [
-            (j, -h) for (j, h), f in zip(moved, found, strict=True) if isinstance(f, FailedRun)
-        ]
+        runs = self._run([_moved(p, j, h) for j, h in moved])
+        again = [(j, -h) for (j, h), f in zip(moved, runs, strict=True) if isinstance(f, FailedRun)]
         others = dict(zip((j for j, _ in again), self._run_within(p, again), strict=True))
         dv_dp = np.zeros((len(v), len(p)))
-        for (j, h), first in zip(moved, found, strict=True):
+        for (j, h), first in zip(moved, runs, strict=True):
             if isinstance(first, FailedRun):
                 dv_dp[:, j] = (required(others[j]) - v) / -h
             else:
@@ -215,11 +215,11 @@ class Differences:
             for j in columns
         }
         moves = [(j, h) for j in columns for h in sides[j]]
-        found = dict(zip(moves, self._run([_moved(p, j, h) for j, h in moves]), strict=True))
+        runs = dict(zip(moves, self._run([_moved(p, j, h) for j, h in moves]), strict=True))
         dv_dp = np.zeros((len(v), len(p)))
         for j in columns:
             a, b = sides[j]
-            first, second = found[j, a], found[j, b]
+            first, second = runs[j, a], runs[j, b]
             if isinstance(first, FailedRun):
                 dv_dp[:, j] = (required(second) - v) / b
             elif isinstance(second, FailedRun):
@@ -248,15 +248,15 @@ class Differences:
         return [next(made) if ok else FailedRun("there is no room for a step") for ok in inside]
 
 
-def required(found: Floats | FailedRun) -> Floats:
+def required(run: Floats | FailedRun) -> Floats:
     """The readings (m,) of a run.
 
     Raises:
         ModelError: it failed.
     """
-    if isinstance(found, FailedRun):
-        raise ModelError(f"The run of the model failed: {found}.")
-    return found
+    if isinstance(run, FailedRun):
+        raise ModelError(f"The run of the model failed: {run}.")
+    return run
 
 
 def _moved(p: Floats, j: int, h: float) -> Floats:

@@ -26,7 +26,7 @@ from geoident.model.results.costs import Counts
 AGREE = 1e-2
 """Part of the derivatives by which given ones may differ from differences."""
 
-TINY = 1e-300
+TINY = 1e-300  # in place of a size of zero, which would divide by it
 
 
 class ElsewhereModel(ObservedModel):
@@ -136,8 +136,8 @@ class ElsewhereModel(ObservedModel):
         """Readings (m,) of runs; those that were asked for before cost nothing."""
         for p in points:
             self._asked[self.runs.written(p)[self.runs.seen].tobytes()] = True
-        found = self.runs.results(points, self._check)
-        return [f if isinstance(f, FailedRun) else f[self.runs.given] for f in found]
+        results = self.runs.results(points, self._check)
+        return [f if isinstance(f, FailedRun) else f[self.runs.given] for f in results]
 
     def _check(self) -> None:
         """Is asked while runs go on."""
@@ -154,10 +154,10 @@ class ElsewhereModel(ObservedModel):
         if known is not None:
             return known
         v = self.differences.values(p)
-        found = self.runs.jacobian(p, self._check)
-        if isinstance(found, FailedRun):
-            raise ModelError(f"The derivatives of the model failed: {found}.")
-        linear = Linear(p, v, found[self.runs.given])
+        jacobian = self.runs.jacobian(p, self._check)
+        if isinstance(jacobian, FailedRun):
+            raise ModelError(f"The derivatives of the model failed: {jacobian}.")
+        linear = Linear(p, v, jacobian[self.runs.given])
         if not self._checked:
             self._compare(linear)
             self._checked = True

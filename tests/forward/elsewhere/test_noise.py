@@ -10,7 +10,7 @@ from support.elsewhere import ArrayRuns
 
 from geoident.errors import ModelError
 from geoident.forward.elsewhere.differences import Differences
-from geoident.forward.elsewhere.noise import line_of, noise_of, stacked, steps_of
+from geoident.forward.elsewhere.noise import line_of, noise_of, steps_of
 from geoident.forward.elsewhere.runs import FailedRun
 from geoident.model.parameter import Parameter
 
@@ -78,12 +78,6 @@ def test_the_line_goes_where_there_is_room():
     step = np.array([0.1, -0.05, 0.0, 0.0, 0.04, -0.04])
     for k, point in enumerate(points):
         np.testing.assert_allclose(point, p + k * step, rtol=1e-14)
-
-
-def test_values_are_stacked_where_none_is_missing():
-    one, two = np.arange(2.0), np.arange(2.0, 4.0)
-    np.testing.assert_array_equal(stacked([one, two]), [[0.0, 1.0], [2.0, 3.0]])
-    assert stacked([one, None]) is None
 
 
 PARAMETERS = (
