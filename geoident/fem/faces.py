@@ -136,7 +136,7 @@ class FaceKeys:
         return np.asarray(np.where(known, rows, -1))
 
     def _joined(self, head: Ints, tail: Ints) -> Ints:
-        """(n,) one number for head and tail."""
+        """(n,) head and tail as one number."""
         if len(self.tails):
             return head * len(self.tails) + self._place(tail)
         return np.asarray(head * (2 * self.n_nodes**2) + tail)

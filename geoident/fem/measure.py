@@ -85,7 +85,7 @@ def inner_points(mesh: Mesh, volumes: Floats) -> tuple[tuple[float, ...], ...]:
 
 
 def summarize_mesh(mesh: Mesh, kinematics: Kinematics) -> MeshSummary:
-    """What a mesh holds."""
+    """Numbers, sizes and groups of a mesh."""
     volumes = element_volumes(mesh, kinematics)
     count = np.zeros(mesh.n_elements, dtype=np.int64)
     for members in mesh.groups.values():

@@ -384,8 +384,8 @@ def _support_of(
     )  # fmt: skip
     base = sequence.states[left].base
     yield lambda point: march.actions.carried(base, {group}, point)
-    mine = march.systems.discretization.points_of[group]
-    yield lambda point: march.in_situ.columns(point)[:, mine]
+    points = march.systems.discretization.points_of[group]
+    yield lambda point: march.in_situ.columns(point)[:, points]
     way = [int(n) for n in np.flatnonzero(sequence.built_on[:, base])]
     start = ParameterPoint(case.start, ())
     if base or march.virgin(start)[1].max() > NEGLIGIBLE_IMBALANCE:

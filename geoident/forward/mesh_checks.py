@@ -27,7 +27,7 @@ def mesh_faults(on_mesh: CaseOnMesh) -> list[Fault]:
 
 
 def mesh_notes(on_mesh: CaseOnMesh) -> list[str]:
-    """What is allowed, and may not be meant."""
+    """Notes on what is allowed but may not be meant."""
     return [
         *_turned_notes(on_mesh),
         *_conformity_notes(on_mesh),

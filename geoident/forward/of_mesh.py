@@ -42,6 +42,6 @@ class OfMesh(Generic[FoundOf]):
         return self._found[key]
 
     def _gone(self, mesh: weakref.ref[Mesh]) -> None:
-        """What was found of a mesh goes with it."""
+        """Drop the results with their mesh."""
         if self._mesh is mesh:
             self._mesh, self._found = None, {}

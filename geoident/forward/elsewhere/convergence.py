@@ -58,7 +58,7 @@ def _numbers(point: ParameterPoint, scalars: Sequence[Scalar]) -> Dual:
 
 
 class LawRuns(ComputedRuns):
-    """A law in place of runs: what it gives, and its exact derivatives.
+    """Readings by a convergence law, with exact derivatives.
 
     Args:
         case: the case.
@@ -84,7 +84,7 @@ class LawRuns(ComputedRuns):
 
 
 class LawModel(ElsewhereModel):
-    """A case that a convergence law answers.
+    """A case whose readings a convergence law gives.
 
     Args:
         case: the case.

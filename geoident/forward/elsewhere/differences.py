@@ -3,8 +3,8 @@
 At the first point every parameter is moved once (forward differences; theory 4.7). At the next
 ones the derivatives are brought up to date by what the run there has shown (Broyden 1965): the
 smallest change with which they explain the difference to the nearest point; where noise alone
-explains it they stay as they are. Where they had foretold it badly, all parameters are moved again.
-Where a search would end it asks for central differences, which decide.
+explains it they stay as they are. Where they predicted it badly, all parameters are moved again.
+At its end a search asks for central differences, which decide.
 
 All runs of one difference are independent, and are made together.
 """
@@ -25,12 +25,12 @@ from geoident.model.parameter import Parameter
 MakeRuns = Callable[[Sequence[Floats]], list[Floats | FailedRun]]
 """Readings (m,) at several p (n,), SI."""
 
-FORETOLD = 0.2
-"""Part of a change of the readings that may come unforeseen before all derivatives are renewed."""
+UNPREDICTED = 0.2
+"""Part of a change of the readings not predicted, from which on all derivatives are renewed."""
 NOISE_SD = 3.0
 """Standard deviations of the noise of a run within which a difference of two may be noise."""
 SPACING = 1e-3
-"""Relative distance of the points at which the noise is looked for."""
+"""Relative distance of the points from which the noise is estimated."""
 NOISE_UNKNOWN = 1e-7
 """Relative noise that is assumed where runs nearby fail: that of single precision."""
 QUANTA = 16.0
@@ -130,7 +130,7 @@ class Differences:
         return linear
 
     def doubt(self, p: Floats) -> Floats:
-        """(m, n) what noise may do to central differences at p (n,), three times its size."""
+        """(m, n) error of central differences at p (n,) by noise, three standard deviations."""
         if self.noise is None or self._steps is None:
             return np.zeros((len(self._weights), len(p)))
         return np.asarray(3.0 * self.noise[:, None] / np.abs(self._step(p, self._steps[1])))
@@ -140,7 +140,7 @@ class Differences:
         return np.where(self._log, np.abs(p), self._reference)
 
     def _updated(self, p: Floats, v: Floats) -> Linear | None:
-        """The derivatives of the nearest point brought up to date; None where that is too bold."""
+        """Derivatives by Broyden's update from the nearest point; None where that is too far."""
         if not self._known:
             return None
         sizes = self._sizes(p)
@@ -151,21 +151,21 @@ class Differences:
         length = float(move @ move)
         if length == 0.0:
             return Linear(p, v, near.dv_dp, near.updates)
-        surprise = v - near.v - near.dv_dp @ (p - near.p)
-        hidden = 0.0
+        residual = v - near.v - near.dv_dp @ (p - near.p)
+        noise = 0.0
         if self.noise is not None:
-            hidden = NOISE_SD * float(np.linalg.norm(self._weights * self.noise))
+            noise = NOISE_SD * float(np.linalg.norm(self._weights * self.noise))
         change = float(np.linalg.norm(self._weights * (v - near.v)))
-        far = float(np.linalg.norm(self._weights * surprise)) > FORETOLD * change + hidden
+        far = float(np.linalg.norm(self._weights * residual)) > UNPREDICTED * change + noise
         if far or near.updates > 2 * int(self._seen.sum()):
             return None
-        if float(np.linalg.norm(self._weights * surprise)) <= hidden:
-            return Linear(p, v, near.dv_dp, near.updates)  # noise tells nothing of derivatives
-        dv_dp = near.dv_dp + np.outer(surprise, move / sizes) / length
+        if float(np.linalg.norm(self._weights * residual)) <= noise:
+            return Linear(p, v, near.dv_dp, near.updates)  # within the noise
+        dv_dp = near.dv_dp + np.outer(residual, move / sizes) / length
         return Linear(p, v, dv_dp, near.updates + 1)
 
     def _steps_at(self, p: Floats, v: Floats) -> tuple[float, float]:
-        """Relative steps, after the noise was looked for once."""
+        """Relative steps of forward and central differences; the noise is estimated once."""
         if self._steps is None:
             sizes = np.where(self._seen, self._sizes(p), 0.0)
             points = line_of(p, sizes, self._lower, self._upper, SPACING)
@@ -186,7 +186,7 @@ class Differences:
         return np.where(self._upper - p >= size, size, -size)
 
     def _seen_step(self, p: Floats, j: int, h: float) -> float:
-        """The change of a parameter that is seen: that of the digits that are written."""
+        """The change of a parameter in the digits that are written."""
         return float(self._written(_moved(p, j, h))[j] - p[j])
 
     def _forward(self, at: Floats, v: Floats) -> Linear:

@@ -23,10 +23,10 @@ from geoident.model.results.surface import SurfaceTable
 from geoident.units import in_unit, shown_unit
 
 _RANGE_ROUNDING = 1e-9
-"""Part of the range of the runs by which rounding may lead beyond it."""
+"""Rounding of coordinates at the ends of the range of the runs, in parts of it."""
 
 _BEYOND = 3.0
-"""Accuracies by which a reading may be beyond those of the runs before it is named."""
+"""Accuracies beyond the readings of all runs from which on a reading is named."""
 
 _SHOWN = 6  # readings that a note names
 
@@ -170,7 +170,7 @@ class TableModel(ElsewhereModel):
         self.surfaces = surfaces
 
     def domain_fault(self, p: Floats) -> str | None:
-        """Why finite p (n,) is outside the domain, or None: nothing is said beyond the runs."""
+        """Why finite p (n,) is outside the range of the runs, or None."""
         return self.surfaces.why_outside(p)
 
     def linear(self, p: Floats, *, exact: bool = False) -> Linear:
@@ -194,7 +194,7 @@ class TableModel(ElsewhereModel):
         return self.surfaces.table(self.case, p)
 
     def _outside(self) -> tuple[str, ...]:
-        """Readings that no run of the table comes near to."""
+        """A note on readings far outside those of all runs, if there are any."""
         case, given = self.case, self.surfaces.given
         low, high = np.full((2, *given.shape), np.nan)
         low[given], high[given] = self.surfaces.read.min(axis=0), self.surfaces.read.max(axis=0)
