@@ -269,9 +269,10 @@ def test_a_failed_run_beside_is_gone_around():
         np.testing.assert_allclose(result.dv_dp, exact(P), rtol=1e-4, atol=1e-4)
         np.testing.assert_allclose(result.dv_dp[:, 3], exact(P)[:, 3], rtol=1e-9)  # linear
     # where the line for the noise fails nothing is known of digits
-    found, _ = made(lambda p: FailedRun("no") if p[3] > P[3] + 1e-3 else function(p))
-    result = found.linear(P)
-    np.testing.assert_allclose(found.noise, 1e-7 * np.abs(function(P)), rtol=1e-12)
+    for beyond in (1e-3, 16e-3):  # all points of the line, and its last one
+        found, _ = made(lambda p, x=beyond: FailedRun("no") if p[3] > P[3] + x else function(p))
+        result = found.linear(P)
+        np.testing.assert_allclose(found.noise, 1e-7 * np.abs(function(P)), rtol=1e-12)
     np.testing.assert_allclose(result.dv_dp, exact(P), rtol=1e-2, atol=1e-2)
 
 
