@@ -443,7 +443,7 @@ def simulate(
         seed: of the noise and of what is drawn.
         solver: name of the sparse solver, or ``auto``.
         reduced: result of a fit that keeps a reduced model (``fit.reduced: keep``), which answers
-            where it is proven to be close enough; `SimulationResult.note` says whether it did.
+            where it is estimated to be close enough; `SimulationResult.note` says whether it did.
         fields: file for displacements and stresses of all states, such as ``case.vtkhdf``.
         force: replace what stands there.
 

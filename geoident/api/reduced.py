@@ -1,4 +1,4 @@
-"""The reduced model that a fit keeps: readings at any parameters, with bounds of their errors."""
+"""The reduced model that a fit keeps: readings at any parameters, and how far they may be off."""
 
 from __future__ import annotations
 
@@ -24,26 +24,31 @@ ParameterValues = Mapping[str, float | str] | npt.ArrayLike
 
 @dataclass(frozen=True, repr=False, eq=False)
 class ReducedReadings:
-    """Readings by a reduced model, with bounds of their errors. Arrays are SI.
+    """Readings by a reduced model, with estimates of their errors. Arrays are SI.
 
     Args:
         pairs: channel and stage of each of the g readings.
         values: (g,), or (b, g) at b parameter vectors.
-        bounds: likewise: by how much the model on the mesh may read otherwise, at most.
+        errors: likewise: by how much the model on the mesh is estimated to read otherwise.
         accuracy: (g,) of the gauges.
         units: of the case, (g,) with the kind of quantity of each.
     """
 
     pairs: tuple[tuple[str, str], ...]
     values: Floats
-    bounds: Floats
+    errors: Floats
     accuracy: Floats
     units: tuple[tuple[str, str], ...]
 
     @property
+    def bounds(self) -> Floats:
+        """The old name of `errors`, (g,) or (b, g), from when they were bounds."""
+        return self.errors
+
+    @property
     def close(self) -> Bools:
         """(g,) or (b, g): off by at most 2 % of the accuracy, which is what commands demand."""
-        return np.asarray(self.bounds <= CLOSE * self.accuracy)
+        return np.asarray(self.errors <= CLOSE * self.accuracy)
 
     def __getitem__(self, pair: tuple[str, str]) -> npt.NDArray[np.float64] | float:
         """The reading of a channel at a stage; (b,) at several parameter vectors."""
@@ -58,27 +63,27 @@ class ReducedReadings:
             UsageError: there are several vectors.
         """
         if self.values.ndim != 1:
-            msg = "a table is of one parameter vector; take 'values' and 'bounds' for several"
+            msg = "a table is of one parameter vector; take 'values' and 'errors' for several"
             raise UsageError(msg)
         rows: list[tuple[str | float, ...]] = []
         for k, ((channel, stage), (unit, kind)) in enumerate(
             zip(self.pairs, self.units, strict=True)
         ):
-            value, bound = (in_unit(float(x[k]), unit, kind) for x in (self.values, self.bounds))
-            rows.append((channel, stage, value, bound, shown_unit(unit, kind)))
-        return ResultTable(("channel", "stage", "value", "bound", "unit"), tuple(rows))
+            value, error = (in_unit(float(x[k]), unit, kind) for x in (self.values, self.errors))
+            rows.append((channel, stage, value, error, shown_unit(unit, kind)))
+        return ResultTable(("channel", "stage", "value", "error", "unit"), tuple(rows))
 
     def __repr__(self) -> str:
         vectors = 1 if self.values.ndim == 1 else len(self.values)
         part = 100.0 * float(np.mean(self.close))
         return (
             f"ReducedReadings({len(self.pairs)} readings at {vectors} parameter vectors, "
-            f"{part:.3g} % proven to be close)"
+            f"{part:.3g} % estimated to be close)"
         )
 
 
 class KeptModel:
-    """The reduced model that a fit keeps. Called with parameters, it gives readings and bounds.
+    """The reduced model that a fit keeps. Called with parameters, it gives readings.
 
     Args:
         restored: the model with its case.
@@ -117,7 +122,7 @@ class KeptModel:
 
     @spoken
     def __call__(self, values: ParameterValues = (), /) -> ReducedReadings:
-        """All readings with bounds of their errors.
+        """All readings, and how far they are estimated to be off.
 
         Args:
             values: by name, numbers in SI units or texts such as ``"12 GPa"``, the others as the
@@ -132,12 +137,12 @@ class KeptModel:
             if reason is not None:
                 raise UsageError(f"The reduced model does not answer there: {reason}.")
         response = self._restored.response(self.pairs)
-        found, bounds = response.certified(points)
+        found, errors = response.estimated(points)
         if single:
-            found, bounds = found[0], bounds[0]
+            found, errors = found[0], errors[0]
         channels = {c.name: (c.unit, c.dimension) for c in self._restored.case.channels}
         units = tuple(channels[channel] for channel, _ in self.pairs)
-        return ReducedReadings(self.pairs, found, bounds, self._accuracy, units)
+        return ReducedReadings(self.pairs, found, errors, self._accuracy, units)
 
     def _points(self, values: ParameterValues) -> tuple[bool, Floats]:
         """Whether one vector was given, and all of them (b, n), SI."""

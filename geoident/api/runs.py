@@ -102,7 +102,7 @@ def scan(
         progress: is told of every point.
         solver: name of the sparse solver, or ``auto``.
         reduced: what `fit` found, or the path of its result, with a reduced model that it keeps
-            (``fit.reduced: keep``): it answers where it is proven to be close enough.
+            (``fit.reduced: keep``): it answers where it is estimated to be close enough.
 
     Raises:
         InputError: the case, its mesh or its readings are wrong; with all faults.

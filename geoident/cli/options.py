@@ -146,7 +146,7 @@ _OPTIONS: dict[str, Callable[[Any], Any]] = {
     ),
     "solver": click.option(
         "--solver",
-        type=OneOf(["auto", "multifrontal", "iterative", "cholmod", "pardiso", "splu"]),
+        type=OneOf(["auto", "pardiso", "cholmod", "splu", "iterative"]),
         default="auto",
         show_default=True,
         help="Sparse solver.",

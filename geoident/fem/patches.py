@@ -15,8 +15,8 @@ import numpy.typing as npt
 import scipy.sparse as sp
 
 from geoident.fem.kinematics import StrainPoints
-from geoident.fem.solvers.direct import Factor, LowerPattern
-from geoident.fem.solvers.splu import SpluSolver
+from geoident.fem.solvers.direct import Factor, LowerPattern, SolverCounts
+from geoident.fem.solvers.splu import SpluFactorization
 from geoident.model.arrays import Bools, Floats, Ints
 
 LAYERS = 2
@@ -144,7 +144,7 @@ class PatchTangents:
         pattern = LowerPattern(elastic.indptr.astype(np.int64), elastic.indices.astype(np.int64))
         columns = np.repeat(np.arange(pattern.n), np.diff(pattern.indptr))
         self._keys = columns * pattern.n + pattern.indices
-        self._analysis = SpluSolver().analyse(pattern)
+        self._analysis = SpluFactorization(pattern, SolverCounts())
 
     def __call__(self, points: Ints, change: Floats, *, symmetric: bool) -> Factor:
         """Factor of K plus symmetric changes (p, s, s) of V E at some points (p,) of the patch.

@@ -20,7 +20,7 @@ per group.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property, partial
 
 import numpy as np
@@ -198,7 +198,6 @@ def stiffness_pattern(
     node_of_rank: Ints,
     fixed: Bools,
     dim: int,
-    lasting: int = 0,
     places: Callable[[Ints], UnknownPlaces] | None = None,
 ) -> StiffnessPattern:
     """The pattern of the present groups.
@@ -208,7 +207,6 @@ def stiffness_pattern(
         node_of_rank: (n_nodes,) the elimination order.
         fixed: (n_dofs,) degrees of freedom held by supports.
         dim: space dimensions.
-        lasting: number of nodes, the first in the order, whose equations are those of all stages.
         places: where unknowns stand in the mesh, by their degrees of freedom.
     """
     unknown, dofs = free_dofs(groups.values(), node_of_rank=node_of_rank, fixed=fixed, dim=dim)
@@ -236,8 +234,6 @@ def stiffness_pattern(
     }
     where = None if places is None else places(dofs)
     lower = LowerPattern(indptr, indices[:-1], places=where)
-    if lasting:
-        lower = replace(lower, lasting=int(np.count_nonzero(free[:lasting])), names=dofs)
     return StiffnessPattern(lower, dofs, columns, heights)
 
 

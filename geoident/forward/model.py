@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from geoident.errors import Fault, InputError
-from geoident.fem.solvers.direct import Solver
+from geoident.fem.solvers import Solver
 from geoident.forward.checks import check_on_mesh, imbalance_notes, notes_on_mesh
 from geoident.forward.gauges.observation import Observation
 from geoident.forward.ground.field import field_notes, point_field, with_modes
@@ -17,7 +17,7 @@ from geoident.forward.openings.face import FaceState, conversion_note, face_stat
 from geoident.forward.reducible import ReducibleResponse, SharedReduction
 from geoident.forward.staged import StagedKernel
 from geoident.forward.stages import CaseOnMesh
-from geoident.forward.yielding.equivalent import equivalent_notes
+from geoident.forward.yielding.hoek_brown import equivalent_notes
 from geoident.model.arrays import Floats
 from geoident.model.case import Case
 from geoident.model.dual import ParameterPoint

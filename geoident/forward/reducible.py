@@ -12,12 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
-from geoident.forward.gauges.observation import MarchState
-from geoident.forward.march.march import RunOptions
 from geoident.forward.observed import Query
-from geoident.forward.reduced.duals.basis import DualBasis
-from geoident.forward.reduced.duals.bounds import ReadingDuals
-from geoident.forward.reduced.model import ReducedModel
 from geoident.forward.reduced.reduction import Reduction
 from geoident.forward.reduced.response import ReadingsAsked, ReducedResponse
 from geoident.forward.reduced.stress_rows import beyond_reduction
@@ -134,62 +129,76 @@ class ReducibleResponse(StagedResponse):
         for p in wanted:
             if not reduction.knows(p):
                 self.evaluation(p)
-        return self._reduced(reduction, reduction.model(wanted), bounded=False)
-
-    def bounded_surrogate(
-        self, visited: Sequence[Floats], reference: Floats
-    ) -> ReducedResponse | None:
-        """The same with bounds of the errors of its readings.
-
-        It costs a march and its way back, and the same again for places far from the reference.
-
-        Args:
-            visited: (n,) parameters.
-            reference: (n,) parameters whose moduli measure.
-        """
-        reduction = self.reduction
-        if reduction is None or self.surrogate(visited) is None:
-            return None
-        made = reduction.model(visited[-reduction.most :], reference)
-        return self._reduced(reduction, made, bounded=True)
+        return self._reduced(reduction, wanted)
 
     def _reduced(
-        self, reduction: Reduction, made: ReducedModel | None, *, bounded: bool
+        self, reduction: Reduction, visited: Sequence[Floats], reference: Floats | None = None
     ) -> ReducedResponse | None:
+        made = reduction.model(visited, reference)
         if made is None:
             return None
         model = self._model
-        duals, moved = self._bounded(reduction, made) if bounded else (None, np.zeros(0))
         values = model.values(made.reference)
         added = model.instrument_errors.added(values, self.names, self._places)
-        dimensions = [model.case.channels[row].dimension for row in self._places.rows]
-        response = ReducedResponse(
+        dimensions = [channel.dimension for channel in model.case.channels]
+        return ReducedResponse(
             made,
             model.observation,
             ReadingsAsked(self._places.rows, self._places.states, added, dimensions),
             model.sequence.bases,
             self.admissible,
-            duals,
         )
-        response.see_rounding(moved)
-        return response
 
-    def _bounded(self, reduction: Reduction, made: ReducedModel) -> tuple[ReadingDuals, Floats]:
-        """Adjoints of the readings, and what the march at the reference moves in them (g,)."""
-        model, observation = self._model, self._model.observation
-        weights = observation.weights_of_states(self._places.rows, self._places.states, self._last)
-        reads = reduction.reads(self._places.rows, weights)
-        by, bases = reduction.dual_derivatives(made), list[DualBasis]()
-        at_reference = np.zeros(0)
-        for place in reduction.dual_places(made):
-            run = model.at(place, RunOptions(last=self._last, traced=True))
-            seen = [
-                observation.values(MarchState(end, run.point, model.structures))
-                for end in run.states()
-            ]
-            if not bases:
-                table = observation.readings(np.stack(seen), self._places.rows, self._places.states)
-                at_reference = table[:, 0]
-            bases += [reduction.dual_basis(run, place, by, read) for read in reads]
-            run.factors.forget()
-        return ReadingDuals(made, bases), at_reference
+    def surrogate_around(
+        self,
+        centre: Floats,
+        training: Floats,
+        *,
+        most: int,
+        also: Sequence[Floats] = (),
+        good: float = 1e-5,
+    ) -> ReducedResponse | None:
+        """A surrogate for many answers, which estimates the errors of its readings; None for none.
+
+        It is made of analyses at the centre and, one after the other, where among the training
+        points the error of its stresses is largest. Each of these is predicted before it becomes
+        part of the surrogate: how far the prediction is off tells the errors of readings
+        (`reduced.response`). At least one is predicted.
+
+        Args:
+            centre: (n,) parameters in the middle of what will be asked; their moduli measure.
+            training: (k, n) some of what will be asked.
+            most: analyses of which it is made at most, beside `also`.
+            also: (n,) parameters of which it is to be made, too.
+            good: error of the stresses that needs no further analysis.
+
+        Raises:
+            ModelError: there is no solution at one of them.
+        """
+        self.record(economical=False, most=most + len(also))
+        visited, waiting = [centre], list(also)
+        ratios = np.zeros(0)  # none was withheld yet
+        while True:
+            surrogate = self.surrogate(visited)
+            if surrogate is None:  # the loads at these do not span all loads
+                if self.surrogate_obstacle() is not None or len(visited) > len(training):
+                    return None
+                visited.append(training[len(visited) - 1])
+                continue
+            error = surrogate.errors(training)
+            worst = int(np.argmax(error))
+            enough = error[worst] <= good and len(visited) > 1
+            if not waiting and (enough or len(visited) >= most + len(also)):
+                break
+            p = waiting.pop(0) if waiting else training[worst]
+            if any(np.array_equal(p, other) for other in visited):
+                break
+            ratio = surrogate.ratio(p, self.evaluation(p).readings)
+            ratios = np.maximum(ratios, ratio) if len(ratios) else ratio
+            visited.append(p)
+        reduction = self.reduction
+        assert reduction is not None
+        found = self._reduced(reduction, visited[-reduction.most :], centre)
+        if found is not None:
+            found.ratios = ratios
+        return found

@@ -15,8 +15,8 @@ from itertools import islice
 import numpy as np
 
 from geoident.errors import CollapseError
-from geoident.fem.solvers.direct import Solver
-from geoident.fem.solvers.kept_solutions import KeepsSolutions, SolutionStore
+from geoident.fem.solvers import Solver
+from geoident.fem.solvers.kept_solutions import SolutionStore
 from geoident.forward.checks import imbalance_notes, inadmissible_numbers
 from geoident.forward.gauges.adjoints import ReadingAdjoints
 from geoident.forward.gauges.instrument_errors import ReadingPlaces
@@ -159,8 +159,7 @@ class StagedKernel(ObservedModel):
 
     def keep_solutions(self, store: SolutionStore | None) -> None:
         """Have solutions that take long kept, where the solver can; None for no longer."""
-        if isinstance(self._solver, KeepsSolutions):
-            self._solver.keep_solutions(store)
+        self._solver.keep_solutions(store)
 
     @property
     def n_dofs(self) -> tuple[int, ...]:
@@ -273,7 +272,8 @@ class StagedKernel(ObservedModel):
         if back is not None:
             jacobian = back.table(run, end, seen_at)[:, 1:]
         findings = run.findings
-        details = Details(activity=findings.plastic.planes.activity())
+        plastic = findings.plastic
+        details = Details(activity=None if plastic is None else plastic.planes.activity())
         if query.survey:
             details = replace(
                 details,
@@ -354,7 +354,7 @@ class StagedKernel(ObservedModel):
         return (
             *face_note(self.face, self.on_mesh, values),
             *equal_notes(equal, self.case.stage_names),
-            *unbalanced_notes(findings.plastic),
+            *(() if findings.plastic is None else unbalanced_notes(findings.plastic)),
             *imbalance_notes(findings.imbalance),
             *self.contradiction_notes(values),
         )
@@ -374,7 +374,7 @@ def _values(end: StageEnd) -> StageEnd:
     return replace(
         end,
         u=end.u[:, :1].copy(),
-        stresses=end.stresses.values(),
+        stress=end.stress[..., :1].copy(),
         members=end.members[:, :1].copy(),
         yielded=end.yielded.copy(),
         forces=None if end.forces is None else end.forces[:, :1].copy(),

@@ -8,10 +8,8 @@ import platform
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 
-from geoident.fem.solvers import BEYOND, LARGE, SMALL, SolverInfo, picked, solver_report
-from geoident.fem.solvers.auto import FACTOR_SHARE
-from geoident.fem.solvers.memory_limit import memory_limit
-from geoident.processors import processors
+from geoident.fem.solvers import BEYOND, DIRECT, SolverInfo, picked, solver_report
+from geoident.processors import memory_limit, processors
 from geoident.workflow.executing.versions import versions
 
 EXTRAS = {
@@ -56,13 +54,9 @@ class Diagnosis:
         cores: that may be used.
         threads: variables of the environment that limit the threads.
         solvers: the sparse solvers.
-        picked: name of the solver that ``auto`` takes for small systems.
-        picked_large: of the one that it takes for large systems, and for stages that have most of
-            their ground in common.
-        picked_beyond: of the one that it takes where a factor would take too much time, or more
-            than `factor_memory`.
+        picked: name of the solver with which ``auto`` factorizes.
+        picked_beyond: of the one that it takes where a factor would take too much time or memory.
         memory: bytes that a process may take, None if the system does not say.
-        factor_memory: bytes that a factor may take, likewise.
         remedies: sentences on what to do, the most useful first.
         extras: parts that are installed on demand.
     """
@@ -73,30 +67,25 @@ class Diagnosis:
     threads: dict[str, str]
     solvers: tuple[SolverInfo, ...]
     picked: str
-    picked_large: str
     remedies: tuple[str, ...]
     extras: tuple[Extra, ...] = ()
     picked_beyond: str = BEYOND
     memory: float | None = None
-    factor_memory: float | None = None
 
 
 def diagnose() -> Diagnosis:
     """Look at the installation."""
-    solvers, small, limit = solver_report(), picked(), memory_limit()
-    known = math.isfinite(limit)
+    solvers, taken, limit = solver_report(), picked(), memory_limit()
     return Diagnosis(
         versions=versions(),
         platform=platform.platform(),
         cores=processors(),
         threads={name: os.environ[name] for name in THREAD_VARIABLES if name in os.environ},
         solvers=solvers,
-        picked=small,
-        picked_large=LARGE,
-        remedies=_remedies(solvers, small),
+        picked=taken,
+        remedies=_remedies(solvers, taken),
         extras=tuple(_extra(name, *what) for name, what in EXTRAS.items()),
-        memory=limit if known else None,
-        factor_memory=FACTOR_SHARE * limit if known else None,
+        memory=limit if math.isfinite(limit) else None,
     )
 
 
@@ -109,6 +98,6 @@ def _extra(name: str, package: str, use: str) -> Extra:
 
 
 def _remedies(solvers: tuple[SolverInfo, ...], picked: str) -> tuple[str, ...]:
-    """Remedies for the solver that would be faster for small systems than the one taken."""
-    best = SMALL[0]
+    """The remedy for the fastest solver, if it is not the one taken."""
+    best = next(iter(DIRECT))
     return tuple(s.remedy for s in solvers if s.name == best != picked and s.remedy)

@@ -31,8 +31,7 @@ from support.plastic import (
     random_planes,
 )
 
-from geoident.fem.yielding.polyhedral import PolyhedralLaw
-from geoident.fem.yielding.principal import PrincipalLaw
+from geoident.fem.yielding.plane_laws import PolyhedralLaw, PrincipalLaw
 
 YIELDING = 0.3
 SAMPLE = 300

@@ -11,10 +11,10 @@ better. Then, for every installed solver: seconds for the analysis, the factoriz
 solution of 1 and of 32 right-hand sides, each the best of three, and the relative residual.
 
 ``cube`` makes the stiffness of elastic cubes of tet10 instead, of so many cells a side (10 and 18
-where none are given: 28,000 and 152,000 unknowns), and tells of every installed solver, of ours in
-both precisions, the seconds of the clock and of the processors for a factorization (the better of
-two), the operations a second, the seconds for 1 and for 32 right-hand sides, steps of refinement
-and the memory of the process at its largest. Each is run in a process of its own.
+where none are given: 28,000 and 152,000 unknowns), and tells of every installed solver the seconds
+of the clock and of the processors for a factorization (the better of two), the operations a second,
+the seconds for 1 and for 32 right-hand sides, and the memory of the process at its largest. Each
+is run in a process of its own.
 """
 
 from __future__ import annotations
@@ -34,7 +34,6 @@ from geoident.fem.orientation import oriented
 from geoident.fem.solvers import pick_solver, solver_report
 from geoident.fem.solvers.direct import LowerPattern
 from geoident.fem.solvers.factor_cost import factor_cost
-from geoident.fem.solvers.multifrontal import MultifrontalSolver
 from geoident.fem.solvers.ordering import nested_dissection
 from geoident.fem.stiffness import group_blocks, node_graph, stiffness_pattern
 from geoident.model.case import Analysis
@@ -148,9 +147,6 @@ def time_solver(name, matrix, pattern, values):
     )
 
 
-PRECISIONS = {"double": False, "single": True}
-
-
 def cube_system(cells):
     """Pattern and values of an elastic cube of tet10 on rollers, E = 10 GPa, nu = 0.25."""
     points, elements = quadratic(*box(cells))
@@ -174,8 +170,7 @@ def cube_system(cells):
 def cube_solver(cells, name):
     """One solver on one cube; prints a line."""
     pattern, values = cube_system(cells)
-    single = PRECISIONS.get(name)
-    solver = pick_solver(name) if single is None else MultifrontalSolver(single=single)
+    solver = pick_solver(name)
     rhs = np.random.default_rng(0).normal(size=(pattern.n, 32))
     analysis = solver.analyse(pattern)
     work = factor_cost(pattern, np.arange(pattern.n) // 3).flops
@@ -185,22 +180,20 @@ def cube_solver(cells, name):
         factor = analysis.factorize(values)
         taken.append((time.perf_counter() - start, time.process_time() - busy))
     seconds, busy = min(taken)
-    before = solver.counts.refinements
     _, one = best(lambda: factor.solve(rhs[:, :1]), 2)
-    steps = (solver.counts.refinements - before) // 2
     _, many = best(lambda: factor.solve(rhs), 2)
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
     print(
         f"  {name:8s} factorize {seconds:.2f} s (processors {busy:.2f} s), "
         f"{work / seconds / 1e9:.0f} GFlop/s, solve 1 {one:.2f}, 32 {many:.2f} s, "
-        f"{steps} steps, {peak:.2f} GB",
+        f"{peak:.2f} GB",
         flush=True,
     )
 
 
 def cubes(sizes):
     installed = [info.name for info in solver_report() if info.available]
-    names = [name for name in installed if name not in ("multifrontal", "splu")]
+    names = [name for name in installed if name != "splu"]
     for cells in sizes:
         pattern, _ = cube_system(cells)
         work = factor_cost(pattern, np.arange(pattern.n) // 3)
@@ -210,7 +203,7 @@ def cubes(sizes):
             flush=True,
         )
         # SuperLU takes ten times as long as the others.
-        for name in (*PRECISIONS, *names, *(["splu"] if work.flops < 2e10 else [])):
+        for name in (*names, *(["splu"] if work.flops < 2e10 else [])):
             process = multiprocessing.get_context("spawn").Process(
                 target=cube_solver, args=(cells, name)
             )

@@ -7,17 +7,17 @@ from functools import lru_cache
 
 import numpy as np
 import pytest
-import scipy.sparse as sp
 from support.cases import make_case, material, rollers
 from support.meshes import box, regroup
 
+from geoident import processors
 from geoident.errors import ModelError
-from geoident.fem.solvers import auto, iterative, memory_limit, ordering, pick_solver, picked
-from geoident.fem.solvers.auto import FactorSize, is_beyond
-from geoident.fem.solvers.direct import NotPositiveDefinite, UnknownPlaces
-from geoident.fem.solvers.iterative import IterativeSolver, lower_values, whole_matrix
-from geoident.fem.solvers.multifrontal import MultifrontalSolver
-from geoident.fem.solvers.multilevel import cycle, energy
+from geoident.fem import solvers
+from geoident.fem.solvers import Solver, is_beyond, iterative, levels, pick_solver
+from geoident.fem.solvers import conjugate_gradients as cg
+from geoident.fem.solvers.direct import NotPositiveDefinite, SolverCounts, UnknownPlaces
+from geoident.fem.solvers.factor_cost import FactorCost
+from geoident.fem.solvers.splu import SpluFactorization
 from geoident.fem.stiffness import stiffness_pattern
 from geoident.forward.ground.elasticity import ModuliAt
 from geoident.forward.model import StagedModel, staged_model
@@ -37,7 +37,12 @@ def ground(kind, n, nu=0.3, stiff=8e9) -> StagedModel:
         supports=rollers(3),
         stages=(Stage("load"),),
     )
-    return staged_model(mesh, case, solver=pick_solver("multifrontal"))
+    return staged_model(mesh, case, solver=pick_solver())
+
+
+def iterative_solver():
+    """Conjugate gradients for matrices of any size, with what is always installed beneath."""
+    return Solver("iterative", SpluFactorization, lambda pattern: True)
 
 
 def system(staged):
@@ -83,16 +88,14 @@ def close(x, exact, part):
 def test_solutions_are_those_of_a_factor(kind, n):
     pattern, values = system(ground(kind, n))
     rhs = loads(pattern)
-    exact = MultifrontalSolver(single=False).analyse(pattern).factorize(values).solve(rhs)
-    solver = IterativeSolver(few=0)
+    exact = pick_solver().analyse(pattern).factorize(values).solve(rhs)
+    solver = iterative_solver()
     x = solver.analyse(pattern).factorize(values).solve(rhs)
-    assert (energy_error(whole_matrix(pattern, values), x, exact) < 2 * energy.ENERGY).all()
+    assert (energy_error(pattern.whole(values), x, exact) < 2 * cg.TOLERANCE).all()
     assert close(x, exact, 1e-9)
     counts = solver.counts
     assert (counts.analyses, counts.factorizations, counts.solves) == (1, 1, 3)
     assert 3 * 5 < counts.iterations < 3 * 40
-    coarse = MultifrontalSolver().analyse(pattern)._plan.flops
-    assert 0 < counts.flops < coarse
 
 
 @pytest.mark.parametrize(
@@ -108,7 +111,7 @@ def test_steps_do_not_grow_with_the_mesh(kind, sizes):
     steps = []
     for n in sizes:
         pattern, values = system(ground(kind, n))
-        solver = IterativeSolver(few=0)
+        solver = iterative_solver()
         solver.analyse(pattern).factorize(values).solve(loads(pattern)[:, :2])
         steps.append(solver.counts.iterations)
     assert max(steps) <= 1.5 * min(steps)
@@ -118,7 +121,7 @@ def test_stiff_and_soft_ground_beside_each_other_takes_no_more():
     found = []
     for stiff in (8e9, 8e5, 8e12):
         pattern, values = system(ground("tet10", 3, stiff=stiff))
-        solver = IterativeSolver(few=0)
+        solver = iterative_solver()
         solver.analyse(pattern).factorize(values).solve(loads(pattern))
         found.append(solver.counts.iterations)
     assert max(found) <= 2 * found[0]
@@ -127,9 +130,9 @@ def test_stiff_and_soft_ground_beside_each_other_takes_no_more():
 def test_corners_too_many_to_factorize_have_a_coarser_level(monkeypatch):
     pattern, values = system(ground("tet10", 5))
     rhs = loads(pattern)
-    exact = pick_solver("multifrontal").analyse(pattern).factorize(values).solve(rhs)
-    monkeypatch.setattr(cycle, "FACTORIZED", 300)
-    solver = IterativeSolver(few=0)
+    exact = pick_solver().analyse(pattern).factorize(values).solve(rhs)
+    monkeypatch.setattr(levels, "MOST_CORNERS", 300)
+    solver = iterative_solver()
     x = solver.analyse(pattern).factorize(values).solve(rhs)
     assert close(x, exact, 1e-9)
     assert solver.counts.iterations < 3 * 45
@@ -138,7 +141,7 @@ def test_corners_too_many_to_factorize_have_a_coarser_level(monkeypatch):
 def test_the_same_input_gives_the_same_bits():
     pattern, values = system(ground("tet10", 3))
     first, second = (
-        IterativeSolver(few=0).analyse(pattern).factorize(values).solve(loads(pattern))
+        iterative_solver().analyse(pattern).factorize(values).solve(loads(pattern))
         for _ in range(2)
     )
     assert np.array_equal(first, second)
@@ -161,7 +164,7 @@ def test_a_body_that_nothing_holds_is_refused(fixed):
     law = staged.discretization.kinematics.stiffness_map(at.moduli("rock").value.matrix)
     pattern, values = free.lower, free.values(systems._blocks, dict.fromkeys(systems._blocks, law))
     with pytest.raises(NotPositiveDefinite) as caught:
-        IterativeSolver(few=0).analyse(pattern).factorize(values)
+        iterative_solver().analyse(pattern).factorize(values)
     assert caught.value.unknown is not None
 
 
@@ -169,7 +172,7 @@ def test_a_body_that_nothing_holds_is_refused(fixed):
 @pytest.mark.parametrize("where", ["everywhere", "at a node", "in a mode"])
 def test_an_indefinite_matrix_is_refused_whatever_the_loads(kind, where):
     pattern, values = system(ground(kind, 4 if kind == "tet10" else 8))
-    k, n = whole_matrix(pattern, values), pattern.n
+    k, n = pattern.whole(values), pattern.n
     if where == "everywhere":
         values = values.copy()
         values[pattern.indptr[:-1]] *= 0.8
@@ -177,7 +180,7 @@ def test_an_indefinite_matrix_is_refused_whatever_the_loads(kind, where):
         # soften the diagonal about one unknown to just below zero along its own motion there
         at = n // 3
         column = k[:, [at]].toarray().ravel()
-        inverse = MultifrontalSolver(single=False).analyse(pattern).factorize(values)
+        inverse = pick_solver().analyse(pattern).factorize(values)
         unit = np.zeros((n, 1))
         unit[at] = 1.0
         flexibility = float(inverse.solve(unit)[at, 0])
@@ -186,9 +189,9 @@ def test_an_indefinite_matrix_is_refused_whatever_the_loads(kind, where):
         values[pattern.indptr[at]] -= part / flexibility
         assert column[at] > 0
     with pytest.raises(NotPositiveDefinite):
-        MultifrontalSolver(single=False).analyse(pattern).factorize(values)
+        pick_solver().analyse(pattern).factorize(values)
     with pytest.raises(NotPositiveDefinite):
-        IterativeSolver(few=0).analyse(pattern).factorize(values)
+        iterative_solver().analyse(pattern).factorize(values)
 
 
 @pytest.mark.parametrize("entry", [0.0, -1.0, np.nan])
@@ -197,43 +200,41 @@ def test_a_bad_diagonal_entry_is_named(entry):
     values = values.copy()
     values[pattern.indptr[40]] = entry
     with pytest.raises(NotPositiveDefinite) as caught:
-        IterativeSolver(few=0).analyse(pattern).factorize(values)
+        iterative_solver().analyse(pattern).factorize(values)
     assert caught.value.unknown == 40
 
 
 def test_nearly_incompressible_ground_takes_more_steps_and_is_as_exact():
     pattern, values = system(ground("tet10", 3, nu=0.495))
     rhs = loads(pattern)
-    exact = MultifrontalSolver(single=False).analyse(pattern).factorize(values).solve(rhs)
-    x = IterativeSolver(few=0).analyse(pattern).factorize(values).solve(rhs)
-    assert (energy_error(whole_matrix(pattern, values), x, exact) < 2 * energy.ENERGY).all()
+    exact = pick_solver().analyse(pattern).factorize(values).solve(rhs)
+    x = iterative_solver().analyse(pattern).factorize(values).solve(rhs)
+    assert (energy_error(pattern.whole(values), x, exact) < 2 * cg.TOLERANCE).all()
 
 
 @pytest.mark.parametrize("at", ["factorize", "solve"])
 def test_what_does_not_come_to_the_end_is_factorized_or_refused(monkeypatch, at):
     pattern, values = system(ground("tet10", 4, nu=0.3 if at == "solve" else 0.4999))
     rhs = loads(pattern)
-    exact = MultifrontalSolver(single=False).analyse(pattern).factorize(values).solve(rhs)
+    exact = pick_solver().analyse(pattern).factorize(values).solve(rhs)
     if at == "solve":
 
         def stagnates(*_args: object) -> None:
-            raise energy.Stagnates
+            raise cg.Stagnation
 
         monkeypatch.setattr(iterative, "solve_in_energy", stagnates)
     else:
-        monkeypatch.setattr(energy, "MOST", 20)
-    solver = IterativeSolver(few=0)
+        monkeypatch.setattr(cg, "MOST_STEPS", 20)
+    solver = iterative_solver()
     analysis = solver.analyse(pattern)
     assert close(analysis.factorize(values).solve(rhs), exact, 1e-9)
     spent = solver.counts.iterations
-    assert spent >= (5 if at == "solve" else energy.MOST)  # what was in vain is counted
-    assert solver.counts.flops > analysis._direct._plan.flops  # and the factorization
+    assert spent >= (5 if at == "solve" else cg.MOST_STEPS)  # what was in vain is counted
     assert close(analysis.factorize(values).solve(rhs), exact, 1e-9)
     assert solver.counts.iterations == spent  # it is not tried again
-    monkeypatch.setattr(auto, "memory_limit", lambda: 1e3)
-    monkeypatch.setattr(auto, "LARGE_WORK", 0.0)
+    monkeypatch.setattr(iterative, "memory_limit", lambda: 1e3)
     with pytest.raises(ModelError) as caught:
-        IterativeSolver(few=0).analyse(pattern).factorize(values).solve(rhs)
+        iterative_solver().analyse(pattern).factorize(values).solve(rhs)
     assert caught.value.message.startswith(
         "conjugate gradients do not come to the solution: ground is all but incompressible, or "
         "elements are nearly flat; a factorization would take 0.0 GB"
@@ -253,49 +254,69 @@ def test_a_preconditioner_lost_in_rounding_ends_no_column(what):
     inverse[n // 2 :] = -1e-3 if what == "indefinite" else np.nan
     rhs = np.ones((n, 2))
     rhs[n // 2 :, 1] = 100.0
-    with pytest.raises(energy.Stagnates):
-        energy.solve_in_energy(k.__matmul__, lambda r: inverse * r, rhs, 1e-3)
-    with pytest.raises(energy.Stagnates):
-        energy.spectrum(k.__matmul__, lambda r: inverse * r, np.diag(k))
+    with pytest.raises(cg.Stagnation):
+        cg.solve_in_energy(k.__matmul__, lambda r: inverse * r, rhs, 1e-3, SolverCounts())
+    with pytest.raises(cg.Stagnation):
+        cg.least_eigenvalue(k.__matmul__, lambda r: inverse * r, np.diag(k), SolverCounts())
 
 
-def test_zeros_that_are_stored_stay_in_their_places():
+def test_zeros_that_are_stored_are_in_the_factor_that_stands_in(monkeypatch):
+    """Ground of zero stiffness between nodes leaves zeros in the pattern, which must not shift."""
     pattern, values = system(ground("hex8", 4))
+    whole = pattern.whole(values)
     values = values.copy()
-    values[[3, 50, 333]] = 0.0
-    assert np.array_equal(lower_values(whole_matrix(pattern, values)), values)
+    far = np.argsort(np.abs(values))[:5]
+    values[far] = 0.0
+    exact = pick_solver().analyse(pattern).factorize(values).solve(loads(pattern))
+
+    def stagnates(*_args: object) -> None:
+        raise cg.Stagnation
+
+    monkeypatch.setattr(iterative, "solve_in_energy", stagnates)
+    x = iterative_solver().analyse(pattern).factorize(values).solve(loads(pattern))
+    assert pattern.whole(values).nnz == whole.nnz
+    assert close(x, exact, 1e-9)
 
 
 def test_small_matrices_and_those_without_places_are_factorized():
     pattern, values = system(ground("tet10", 3))
-    solver = IterativeSolver()
+    solver = pick_solver("iterative")
     for one in (pattern, replace(pattern, places=None)):
+        assert pattern.n < solvers.SMALL
         solver.analyse(one).factorize(values).solve(loads(pattern))
     assert solver.counts.iterations == 0
 
 
-def test_the_choice_goes_by_counted_work_and_memory(monkeypatch):
-    monkeypatch.setattr(auto, "memory_limit", lambda: 24e9)
-    # the cubes of the benchmark as counted: 150,000 and 1,000,000 unknowns
-    middle = FactorSize(5.11e11, 169_000_000, 5_900_000, places=True)
-    large = FactorSize(2.77e13, 2_650_000_000, 42_000_000, places=True)
-    assert picked(middle) == "multifrontal"
-    assert picked(large) == "iterative"
-    assert picked(replace(large, places=False)) == "multifrontal"
-    # what lasts is worth its factor as long as that fits
-    assert not is_beyond(replace(middle, lasting=True))
-    assert is_beyond(replace(large, lasting=True))
-    monkeypatch.setattr(auto, "memory_limit", lambda: 2e9)
-    assert picked(middle) == "iterative"
+def test_iterations_are_chosen_by_the_counted_work_and_entries():
+    """The cubes of the benchmark as counted: 150,000 and 1,000,000 unknowns."""
+    middle, large = FactorCost(169_000_000, 5.11e11), FactorCost(2_650_000_000, 2.77e13)
+    assert not is_beyond(middle, 5_900_000)
+    assert is_beyond(large, 42_000_000)
+    assert is_beyond(replace(middle, entries=500_000_000), 5_900_000)
+
+
+def test_the_choice_among_solvers_iterates_where_a_factor_takes_too_much(monkeypatch):
+    pattern, values = system(ground("tet10", 5))
+    rhs = loads(pattern)
+    exact = pick_solver().analyse(pattern).factorize(values).solve(rhs)
+    monkeypatch.setattr(solvers, "COUNTED", 0)
+    monkeypatch.setattr(solvers, "MOST_ENTRIES", 1000)
+    solver = pick_solver()
+    assert close(solver.analyse(pattern).factorize(values).solve(rhs), exact, 1e-9)
+    assert solver.counts.iterations > 0
+    nowhere = replace(pattern, places=None)
+    factorized = pick_solver()
+    assert close(factorized.analyse(nowhere).factorize(values).solve(rhs), exact, 1e-9)
+    assert factorized.counts.iterations == 0
 
 
 def test_a_limit_of_the_process_counts(monkeypatch):
     resource = pytest.importorskip("resource")
     monkeypatch.setattr(resource, "getrlimit", lambda _: (3e9, 3e9))
-    assert memory_limit.memory_limit() <= 3e9
+    assert processors.memory_limit() <= 3e9
     monkeypatch.setattr(resource, "getrlimit", lambda _: (resource.RLIM_INFINITY,) * 2)
-    monkeypatch.setattr(memory_limit, "GROUP_LIMITS", ())
-    assert memory_limit.memory_limit() > 1e9
+    monkeypatch.setattr(processors, "GROUP_LIMITS", ())
+    assert processors.memory_limit() > 1e9
 
 
 def test_places_name_the_unknowns():
@@ -304,22 +325,3 @@ def test_places_name_the_unknowns():
     assert isinstance(places, UnknownPlaces)
     ends = places.points[places.edges[:, 1:]].mean(axis=1)
     np.testing.assert_allclose(places.points[places.edges[:, 0]], ends, atol=1e-12)
-
-
-def test_the_coarsest_level_is_ordered_by_nodes(monkeypatch):
-    """Three unknowns of a node are one vertex: apart they cost tens of minutes in large models."""
-    sizes = []
-
-    def counted(points, indptr, indices):
-        sizes.append((len(points), len(indices)))
-        return ordering.nested_dissection(points, indptr, indices)
-
-    monkeypatch.setattr(cycle, "nested_dissection", counted)
-    point = np.repeat(np.random.default_rng(1).normal(size=(40, 3)), 3, axis=0)
-    chain = sp.diags_array([1.0, 1.0, 1.0], offsets=[-1, 0, 1], shape=(40, 40))
-    matrix = sp.csr_array(sp.kron(chain, np.ones((3, 3))))
-    order = cycle._elimination_order(matrix, point)
-    assert sizes == [(40, 40 + 2 * 39)]
-    assert np.array_equal(np.sort(order), np.arange(120))
-    nodes = order.reshape(40, 3) // 3
-    assert np.array_equal(nodes, nodes[:, :1].repeat(3, axis=1))

@@ -4,21 +4,19 @@ from __future__ import annotations
 
 import gc
 import itertools
+import os
+import subprocess
+import sys
 
 import numpy as np
 import pytest
 import scipy.sparse as sp
 
 from geoident.errors import UsageError
-from geoident.fem import solvers
 from geoident.fem.solvers import (
-    BEYOND,
-    LARGE,
-    SMALL,
+    DIRECT,
     SOLVERS,
     SolverCounts,
-    auto,
-    cholmod,
     direct,
     pick_solver,
     picked,
@@ -26,15 +24,12 @@ from geoident.fem.solvers import (
     splu,
 )
 from geoident.fem.solvers.direct import LowerPattern, NotPositiveDefinite
-from geoident.fem.solvers.multifrontal import MultifrontalSolver
 
 INSTALLED = {info.name: info.available for info in solver_report()}
 
 
-@pytest.fixture(params=(*SOLVERS, "single"))
+@pytest.fixture(params=SOLVERS)
 def solver(request):
-    if request.param == "single":
-        return MultifrontalSolver(single=True)
     if not INSTALLED[request.param]:
         pytest.skip(f'needs pip install "geoident[{request.param}]"')
     return pick_solver(request.param)
@@ -175,11 +170,9 @@ def test_solutions_do_not_share_memory(solver):
     assert np.array_equal(first, kept)
 
 
-def test_no_right_hand_side_and_no_unknown(solver):
+def test_no_right_hand_side(solver):
     pattern, values = lower(laplacian(3))
     assert solver.analyse(pattern).factorize(values).solve(np.zeros((9, 0))).shape == (9, 0)
-    empty = LowerPattern(np.zeros(1, dtype=np.int64), np.zeros(0, dtype=np.int64))
-    assert solver.analyse(empty).factorize(np.zeros(0)).solve(np.zeros((0, 3))).shape == (0, 3)
 
 
 def test_zero_and_sparse_right_hand_sides_are_solved(solver):
@@ -238,6 +231,18 @@ def test_a_body_that_nothing_holds_is_refused(solver):
     assert caught.value.unknown >= 3 * 59
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_one_motion_that_nothing_resists_is_refused_whatever_rounding_leaves(solver, seed):
+    """A net of springs that floats: the last pivot is rounding, as often above zero as below."""
+    steps = sp.diags_array([-np.ones(4), np.ones(4)], offsets=[0, 1], shape=(3, 4))
+    stretch = sp.vstack([sp.kron(steps, sp.eye_array(4)), sp.kron(sp.eye_array(4), steps)])
+    constants = 10.0 ** np.random.default_rng(seed).uniform(6, 9, stretch.shape[0])
+    pattern, values = lower(sp.csr_array(stretch.T @ sp.diags_array(constants) @ stretch))
+    with pytest.raises(NotPositiveDefinite) as caught:
+        solver.analyse(pattern).factorize(values)
+    assert caught.value.unknown in (None, 15)
+
+
 def test_a_matrix_held_by_little_is_not_taken_for_singular(solver):
     matrix = truss(4, ground=1e-6)
     pattern, values = lower(matrix)
@@ -259,7 +264,7 @@ def general(matrix):
     """A factor of a matrix on a symmetric pattern, and the counts it was made with."""
     pattern, below = lower(matrix)
     _, above = lower(matrix.T)
-    return splu.GeneralFactor(pattern, below, above, SolverCounts())
+    return splu.general_factor(pattern, below, above, SolverCounts())
 
 
 def unsymmetric(ground, seed=0):
@@ -284,21 +289,11 @@ def test_a_general_matrix_is_solved_or_refused_where_it_is_singular(monkeypatch,
             general(unsymmetric(0.0, seed))
 
 
-def test_small_systems_go_to_the_first_installed_solver_and_large_ones_to_ours(monkeypatch):
-    small = next(name for name in (*SMALL, LARGE) if INSTALLED[name])
-    assert picked() == small
-    large = auto.FactorSize(1e12, 10**8, 10**7)
-    assert picked(large) == picked(auto.FactorSize(0.0, 0, 0, lasting=True)) == LARGE
-    pattern, values = lower(truss(4))
-    solver = pick_solver()
-    kinds = [type(pick_solver(name).analyse(pattern)) for name in (small, LARGE)]
-    assert type(solver.analyse(pattern)) is kinds[0]
-    monkeypatch.setattr(auto, "LARGE_WORK", 100.0)
-    analysis = solver.analyse(pattern)
-    assert type(analysis) is kinds[1]
-    analysis.factorize(values).solve(np.ones((pattern.n, 3)))
-    counts = solver.counts
-    assert (counts.analyses, counts.factorizations, counts.solves) == (2, 1, 3)
+def test_the_fastest_solver_that_is_installed_factorizes():
+    best = next(name for name in DIRECT if INSTALLED[name])
+    assert picked() == best
+    pattern, _ = lower(truss(4))
+    assert type(pick_solver().analyse(pattern)) is type(pick_solver(best).analyse(pattern))
 
 
 def test_each_pick_counts_for_itself():
@@ -306,23 +301,14 @@ def test_each_pick_counts_for_itself():
 
 
 def test_a_missing_solver_is_skipped_or_named_with_its_remedy(monkeypatch):
-    def missing(name):
-        raise ImportError(f"No module named {name!r}")
-
-    create = solvers._create
-    monkeypatch.setattr(
-        solvers,
-        "_create",
-        lambda name, *counts: create(name, *counts) if name in (LARGE, BEYOND) else missing(name),
-    )
-    assert picked() == LARGE
+    for name in list(DIRECT)[:-1]:
+        monkeypatch.setitem(sys.modules, f"geoident.fem.solvers.{name}", None)
+    assert picked() == "splu"
     assert pick_solver().analyse(lower(laplacian(3))[0])
     with pytest.raises(UsageError) as caught:
         pick_solver("cholmod")
-    assert str(caught.value) == (
-        "the solver 'cholmod' is not installed (No module named 'cholmod'); install it with: "
-        'pip install "geoident[cholmod]"'
-    )
+    assert str(caught.value).startswith("the solver 'cholmod' is not installed (")
+    assert str(caught.value).endswith('); install it with: pip install "geoident[cholmod]"')
     report = {info.name: info for info in solver_report()}
     assert not report["pardiso"].available
     assert "pardiso" in report["pardiso"].remedy
@@ -332,12 +318,13 @@ def test_an_unknown_solver_is_named_with_the_choices():
     with pytest.raises(UsageError) as caught:
         pick_solver("mumps")
     assert str(caught.value) == (
-        "unknown solver 'mumps': choose from auto, cholmod, iterative, multifrontal, pardiso, splu"
+        "unknown solver 'mumps': choose from auto, pardiso, cholmod, splu, iterative"
     )
 
 
 @pytest.mark.skipif(not INSTALLED["pardiso"], reason='needs pip install "geoident[pardiso]"')
 def test_the_report_respects_the_environment(monkeypatch):
+    monkeypatch.delenv("MKL_NUM_THREADS", raising=False)
     monkeypatch.setenv("OMP_NUM_THREADS", "5")
     assert _threads("pardiso") == 5
     monkeypatch.setenv("MKL_NUM_THREADS", "3")
@@ -359,11 +346,11 @@ def test_options_of_other_users_of_cvxopt_are_kept(monkeypatch):
 
 
 def test_a_large_factor_gives_its_memory_back_when_nobody_uses_it(monkeypatch, solver):
-    monkeypatch.setattr(direct, "LARGE", 1)
+    monkeypatch.setattr(direct, "RELEASED_ENTRIES", 1)
     released = []
     pattern, values = lower(laplacian(8))
     analysis = solver.analyse(pattern)
-    monkeypatch.setattr(analysis, "_release", lambda: released.append(1))
+    monkeypatch.setattr(analysis, "release", lambda: released.append(1))
     first = analysis.factorize(values)
     second = analysis.factorize(values)
     del first
@@ -374,7 +361,7 @@ def test_a_large_factor_gives_its_memory_back_when_nobody_uses_it(monkeypatch, s
 
 
 def test_a_released_analysis_factorizes_again(monkeypatch, solver):
-    monkeypatch.setattr(direct, "LARGE", 1)
+    monkeypatch.setattr(direct, "RELEASED_ENTRIES", 1)
     pattern, values = lower(laplacian(8))
     analysis = solver.analyse(pattern)
     before = analysis.factorize(values).solve(np.ones((pattern.n, 1)))
@@ -383,13 +370,32 @@ def test_a_released_analysis_factorizes_again(monkeypatch, solver):
     assert solver.counts.analyses == 1
 
 
-@pytest.mark.skipif(not INSTALLED["cholmod"], reason='needs pip install "geoident[cholmod]"')
-def test_cholmod_solves_many_at_once_as_one_by_one(monkeypatch):
-    matrix = truss(4)
-    pattern, values = lower(matrix)
-    factor = pick_solver("cholmod").analyse(pattern).factorize(values)
-    rhs = np.random.default_rng(0).normal(size=(matrix.shape[0], 75))
-    together = factor.solve(rhs)
-    np.testing.assert_allclose(matrix @ together, rhs, atol=1e-8)
-    monkeypatch.setattr(cholmod, "solve_many", lambda: None)
-    np.testing.assert_allclose(factor.solve(rhs), together, rtol=1e-10, atol=1e-14)
+ON_TWO_THREADS = """
+import hashlib, sys
+import numpy as np, scipy.sparse as sp
+from geoident.fem.solvers import pardiso, pick_solver
+from geoident.fem.solvers.direct import LowerPattern
+pardiso.ONE_THREAD = 0.0
+offset = np.empty(int(sys.argv[1]), dtype=np.int8)
+line = sp.diags_array([-np.ones(24), 2 * np.ones(25), -np.ones(24)], offsets=[-1, 0, 1])
+matrix = sp.csc_array(sp.kronsum(sp.kronsum(line, line), line) + sp.eye_array(15625))
+lower = sp.csc_array(sp.tril(matrix))
+lower.sort_indices()
+pattern = LowerPattern(lower.indptr.astype(np.int64), lower.indices.astype(np.int64))
+factor = pick_solver("pardiso").analyse(pattern).factorize(lower.data)
+print(hashlib.sha256(factor.solve(np.ones((15625, 3))).tobytes()).hexdigest())
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not INSTALLED["pardiso"], reason='needs pip install "geoident[pardiso]"')
+def test_pardiso_gives_the_same_bits_in_every_process():
+    environment = {**os.environ, "MKL_NUM_THREADS": "2"}
+    bits = {
+        subprocess.run(
+            [sys.executable, "-c", ON_TWO_THREADS, offset], env=environment, check=True,
+            capture_output=True,
+        ).stdout
+        for offset in ("8", "1000", "123456")
+    }  # fmt: skip
+    assert len(bits) == 1

@@ -16,10 +16,10 @@ def two():
     """Both libraries with two threads, and a look at them."""
     before = [library.threads() for library in libraries()]
     for library in libraries():
-        library.take(2)
+        library.set_threads(2)
     yield lambda: {library.threads() for library in libraries()}
     for library, count in zip(libraries(), before, strict=True):
-        library.take(count)
+        library.set_threads(count)
 
 
 def test_there_are_the_libraries_of_numpy_and_scipy():

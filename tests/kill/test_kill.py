@@ -35,10 +35,12 @@ NURSERY = """
 import json, os, signal, sys, time
 import geoident.cli.commands.fit, geoident.cli.jobs, geoident.workflow.fit, geoident.io.case.file
 import geoident.forward.model, geoident.io.result.file, geoident.io.mesh.file, geoident.fem.solvers
-import geoident.fem.solvers.multifrontal, geoident.cli.trust
+import geoident.fem.solvers.iterative, geoident.cli.trust
 from contextlib import suppress
 with suppress(ImportError):
     import geoident.fem.solvers.cholmod
+with suppress(ImportError):
+    import geoident.fem.solvers.pardiso
 from geoident.cli.app import geoident as program
 if sys.argv[1:] == ["report"]:
     import geoident.report.page.html

@@ -15,8 +15,8 @@ import scipy.sparse.linalg as spla
 
 from geoident.errors import CollapseError
 from geoident.fem.elasticity import UniformModuli
+from geoident.fem.yielding.plane_laws import PolyhedralLaw
 from geoident.fem.yielding.planes import YieldPlanes
-from geoident.fem.yielding.polyhedral import PolyhedralLaw
 from geoident.forward.march.constitutive import Ground
 from geoident.forward.march.equilibrium import Balance, solve
 from geoident.forward.march.stage_equations import NoEquilibrium, StageEquations

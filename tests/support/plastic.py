@@ -8,9 +8,8 @@ from itertools import combinations, permutations
 import numpy as np
 import piqp
 
+from geoident.fem.yielding.plane_laws import PolyhedralLaw, PrincipalLaw
 from geoident.fem.yielding.planes import YieldPlanes
-from geoident.fem.yielding.polyhedral import PolyhedralLaw
-from geoident.fem.yielding.principal import PrincipalLaw
 from geoident.model.dual import Dual
 
 

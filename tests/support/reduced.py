@@ -2,16 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 
 from geoident.forward.model import StagedModel
-from geoident.forward.reduced.model import ReducedModel, ReducedStates
-from geoident.forward.reduced.reduction import Reduction
-from geoident.forward.reduced.response import ReducedResponse
-from geoident.forward.reduced.zones import Zone
-from geoident.forward.response import StagedResponse
 from geoident.model.actions import Pressure
 from geoident.model.arrays import Floats
 from geoident.model.case import Analysis, Material, Stage, Support
@@ -257,48 +250,6 @@ PAIRS_GAUGED = [
     ("bent", "heading"), ("bent", "bench"), ("xx", "heading"), ("xx", "bench"), ("yy", "bench"),
     ("yy", "test"),
 ]  # fmt: skip
-
-
-def reduced_stresses(
-    reduction: Reduction, model: ReducedModel, found: ReducedStates, state: int
-) -> Iterator[tuple[Zone, Floats]]:
-    """Zones of a state with their stress (s, q), Pa, at the first of the parameter vectors.
-
-    Args:
-        reduction: what made the model.
-        model: the one that was made last.
-        found: its states.
-        state: which.
-    """
-    projection, in_situ = reduction.projection, model.form.loads.stress
-    for zone in projection.affine.zones[state]:
-        mine = zone.points
-        stress = np.zeros((in_situ.shape[0], len(mine)))
-        if zone.history.given:
-            stress += in_situ[:, mine] @ found.at.loads[0]
-        for other, name, sign in zone.parts:
-            if other in projection.turn:
-                coordinates = projection.turn[other] @ found.states[other][0, :, 0]
-                E = model.form.spans[name].matrix(found.at.moduli[name][0])
-                stress += sign * (E @ (projection.strains(other, mine) @ coordinates))
-        yield zone, stress
-
-
-def errors_and_bounds(
-    reduced: ReducedResponse, response: StagedResponse, values: Floats
-) -> tuple[Floats, Floats]:
-    """Errors (b, g) of readings at parameter vectors (b, n) and their bounds.
-
-    That readings and corrections together are off by no more than what is said to be left is
-    looked at too: corrections that are wrong are often too small to break the bounds.
-    """
-    found, bound = reduced.certified(values)
-    error = np.array([response.readings(p) for p in values]) - found
-    states = reduced.model.states(values, derivatives=False)
-    parts = reduced.duals.bounds(states, reduced.model.bounds(states))
-    rounding = bound - parts.error - np.abs(parts.correction)
-    assert np.all(np.abs(error - parts.correction) <= parts.error + rounding)
-    return np.abs(error), bound
 
 
 def spread(staged: StagedModel, count: int, seed: int = 0, part: float = 1.0) -> Floats:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from geoident.forward.march.march import RunOptions
-from geoident.forward.march.stage import GivenStress, StageEnd
+from geoident.forward.march.stage import StageEnd
 from geoident.forward.model import StagedModel
 from geoident.model.actions import Pressure
 from geoident.model.case import Material, Stage
@@ -96,9 +96,7 @@ def marched(
     """Copies of all states, with derivatives."""
     march = staged.at(p, RunOptions(explain=explain)).states()
     return [
-        StageEnd(
-            s.state, s.u.copy(), GivenStress(s.stress.copy()), s.members.copy(), s.yielded.copy()
-        )
+        StageEnd(s.state, s.u.copy(), s.stress.copy(), s.members.copy(), s.yielded.copy())
         for s in march
     ]
 

@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from geoident.fem import solvers
 from geoident.fem.solvers import iterative, kept_solutions
 from geoident.io.result import checkpoint
 from geoident.workflow.fit import fit
@@ -25,7 +26,7 @@ def solved(tmp_path, monkeypatch):
     """Blocks that are solved by conjugate gradients, which all matrices are given to."""
     write_case(tmp_path)
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setitem(iterative.IterativeSolver.__init__.__kwdefaults__, "few", 0)
+    monkeypatch.setattr(solvers, "SMALL", 0)
     monkeypatch.setattr(kept_solutions, "WORTH", 0.0)
     done = []
     true = iterative.solve_in_energy

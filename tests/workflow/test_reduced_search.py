@@ -69,7 +69,8 @@ def test_fewer_evaluations_lead_to_the_same_answer(measured):
     led, few, _ = solved(measured, Log(), reduced=True)
     assert few < usual
     assert led.status == "converged"
-    np.testing.assert_allclose(led.values, plain.values, rtol=1e-5)
+    assert led.objective - plain.objective < 1e-6  # a thousandth of a standard deviation
+    np.testing.assert_allclose(led.values, plain.values, rtol=1e-4)
 
 
 @pytest.mark.parametrize("stop", [pytest.param(1, marks=pytest.mark.slow), 2])

@@ -66,10 +66,5 @@ def _text(found: Diagnosis) -> str:
 def _use(solver: str, found: Diagnosis) -> str:
     """What a solver is used for."""
     if solver == found.picked_beyond:
-        room = found.factor_memory
-        more = "" if room is None else f" or more than {room / 1e9:.1f} GB"
-        return f"used where a factor takes too much time{more}"
-    small, large = solver == found.picked, solver == found.picked_large
-    if small and large:
-        return "used"
-    return "used" if small else "used for large models" if large else ""
+        return "used where a factor takes too much time or memory"
+    return "used" if solver == found.picked else ""

@@ -59,8 +59,8 @@ def command(
     The posterior is exp(-misfit/2) times the priors within the bounds, with the accuracies and
     shared errors of the fit. Without a prior a parameter of scale log is flat in its logarithm, one
     of scale linear in its value, between its bounds: where the readings do not determine it, the
-    bounds do. Every evaluation computes the model, or a reduced one where that is proven to be as
-    good; draws that are worth less than their number
+    bounds do. Every evaluation computes the model, or a reduced one where that is estimated to be
+    as good; draws that are worth less than their number
     are told by their effective size. Samplers, from cheap to robust: importance sampling from the
     normal approximation at the fit, the same from proposals adapted to the draws, an
     affine-invariant ensemble; preconditioned Crank-Nicolson steps for fields and many parameters.

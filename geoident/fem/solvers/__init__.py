@@ -1,57 +1,98 @@
-"""Sparse solvers behind one protocol, and the choice among those that are installed."""
+"""Sparse solvers: `pick_solver` gives one, by its name or by what a matrix takes.
+
+The choice depends on the problem and on what is installed, never on the memory that happens to be
+free: so a case takes the same way on every computer with the same solvers.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
-from functools import partial
 from importlib import import_module
+from importlib.metadata import PackageNotFoundError, version
 
 from geoident.errors import UsageError
-from geoident.fem.solvers.auto import LARGE_WORK, NOTHING, AutoSolver, FactorSize, is_beyond
-from geoident.fem.solvers.direct import Solver, SolverCounts
+from geoident.fem.solvers.direct import LowerPattern, SolverCounts, SymbolicFactorization
+from geoident.fem.solvers.factor_cost import FactorCost, factor_cost
+from geoident.fem.solvers.iterative import IterativeFactorization
+from geoident.fem.solvers.kept_solutions import KeptSolutions, SolutionStore
+from geoident.fem.solvers.levels import Analyse
 from geoident.fem.solvers.threads import granted_threads
-
-__all__ = [
-    "AUTO",
-    "BEYOND",
-    "LARGE",
-    "SMALL",
-    "SOLVERS",
-    "SolverCounts",
-    "SolverInfo",
-    "pick_solver",
-    "picked",
-    "solver_report",
-]
 
 AUTO = "auto"
 """The name that leaves the choice to `pick_solver`."""
 
-_CLASSES = {
-    "cholmod": "CholmodSolver",
-    "iterative": "IterativeSolver",
-    "multifrontal": "MultifrontalSolver",
-    "pardiso": "PardisoSolver",
-    "splu": "SpluSolver",
+DIRECT = {
+    "pardiso": ("PardisoFactorization", "pypardiso"),
+    "cholmod": ("CholmodFactorization", "cvxopt"),
+    "splu": ("SpluFactorization", "scipy"),
 }
-_PACKAGES = {"cholmod": "cvxopt", "pardiso": "pypardiso"}
-
-SOLVERS = tuple(_CLASSES)
-"""Names of the solvers.
-
-In our elimination order CHOLMOD factorizes small matrices faster than PARDISO, and it gives the
-same bits in every run, which several threads of PARDISO do not. Large matrices, and stages that
-have most of their ground in common, are for our own solver.
-"""
-
-LARGE = "multifrontal"
-"""The solver of large matrices, and of small ones where neither of `SMALL` is installed."""
+"""Solvers that factorize, the fastest first: class and package. The last is always there."""
 
 BEYOND = "iterative"
 """The solver where a factor would take too much time or memory."""
 
-SMALL = ("cholmod", "pardiso")
-"""Solvers of small matrices, the best first."""
+SOLVERS = (*DIRECT, BEYOND)
+"""Names of the solvers."""
+
+SMALL = 3_000
+"""Unknowns up to which a matrix is always factorized: levels would save nothing."""
+
+COUNTED = 50_000
+"""Unknowns below which a factor is always the better way: its cost is not counted."""
+
+ITERATED = 16 * 7 * 8 * 4.0
+"""Operations of conjugate gradients for each entry of the lower triangle.
+
+16 steps with 7 products each for 8 right-hand sides, each entry used twice.
+"""
+
+DENSE = 50.0
+"""Operations on dense matrices, on two cores, in a third of the time of one of those products.
+
+Iterations are preferred only where they are three times as fast: a factor answers
+further right-hand sides sooner, and to the last digit.
+"""
+
+MOST_ENTRIES = 400_000_000
+"""Entries of a factor that is made without being asked for: with them it takes some 3.5 GB."""
+
+
+class Solver:
+    """Prepares matrices for their solution, by a factorization or by conjugate gradients.
+
+    Args:
+        name: as users write it, such as ``cholmod``.
+        direct: factorizes, and counts where it is told.
+        iterates: whether to solve matrices of a pattern, with places, by conjugate gradients.
+
+    Attributes:
+        counts: what has been done so far.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        direct: Analyse,
+        iterates: Callable[[LowerPattern], bool],
+    ) -> None:
+        self.name, self.counts = name, SolverCounts()
+        self._direct, self._iterates, self._kept = direct, iterates, KeptSolutions()
+
+    def analyse(self, pattern: LowerPattern) -> SymbolicFactorization:
+        """Prepare for matrices of this pattern, with at least one unknown; counts one analysis."""
+        if pattern.places is not None and self._iterates(pattern):
+            return IterativeFactorization(pattern, self.counts, self._direct, self._kept)
+        return self._direct(pattern, self.counts)
+
+    def keep_solutions(self, store: SolutionStore | None) -> None:
+        """Look up solutions by conjugate gradients in a store first, and put there what takes long.
+
+        Args:
+            store: where; None for no longer.
+        """
+        self._kept.store = store
 
 
 @dataclass(frozen=True)
@@ -77,20 +118,30 @@ def pick_solver(name: str = AUTO) -> Solver:
     """A new solver with counts of its own.
 
     Args:
-        name: one of `SOLVERS`, or ``auto`` for the choice by the work that a matrix takes.
+        name: one of `SOLVERS`, or ``auto`` for the choice by what each matrix takes.
 
     Raises:
         UsageError: there is no solver of that name, or it is not installed.
     """
     if name == AUTO:
-        small = picked()
-        return AutoSolver(*(partial(_create, kind) for kind in (small, LARGE, BEYOND)))
-    if name not in SOLVERS:
+        return Solver(name, _direct(picked()), _iterates_better)
+    if name == BEYOND:
+        return Solver(name, _direct(picked()), lambda pattern: pattern.n > SMALL)
+    if name not in DIRECT:
         raise UsageError(f"unknown solver {name!r}: choose from {', '.join((AUTO, *SOLVERS))}")
     try:
-        return _create(name)
+        return Solver(name, _direct(name), lambda _: False)
     except (ImportError, OSError) as error:
         raise UsageError(_remedy(name, error)) from error
+
+
+def picked() -> str:
+    """Name of the solver with which ``auto`` factorizes: the fastest that is installed."""
+    for name in DIRECT:
+        with suppress(ImportError, OSError):  # not installed, or its shared library does not load
+            _direct(name)
+            return name
+    raise AssertionError("scipy is always installed")
 
 
 def solver_report() -> tuple[SolverInfo, ...]:
@@ -98,29 +149,33 @@ def solver_report() -> tuple[SolverInfo, ...]:
     return tuple(_info(name) for name in SOLVERS)
 
 
-def picked(size: FactorSize = NOTHING) -> str:
-    """Name of the solver that ``auto`` takes.
+def is_beyond(cost: FactorCost, nonzeros: float) -> bool:
+    """Whether a matrix is better solved by conjugate gradients than factorized.
 
     Args:
-        size: of the matrix.
+        cost: of a factorization.
+        nonzeros: entries of its lower triangle.
     """
-    if is_beyond(size):
-        return BEYOND
-    if size.lasting or size.work >= LARGE_WORK:
-        return LARGE
-    for name in SMALL:
-        try:
-            _create(name)
-        except (ImportError, OSError):  # not installed, or its shared library does not load
-            continue
-        return name
-    return LARGE
+    return cost.flops > DENSE * ITERATED * nonzeros or cost.entries > MOST_ENTRIES
 
 
-def _create(name: str, counts: SolverCounts | None = None) -> Solver:
+def _iterates_better(pattern: LowerPattern) -> bool:
+    if pattern.places is None or pattern.n < COUNTED:
+        return False
+    return is_beyond(factor_cost(pattern, pattern.places.node), len(pattern.indices))
+
+
+def _direct(name: str) -> Analyse:
+    """The class of a solver that factorizes.
+
+    Raises:
+        ImportError: its package is not installed.
+        OSError: it is there and does not load.
+    """
     module = import_module(f"geoident.fem.solvers.{name}")
-    solver: Solver = getattr(module, _CLASSES[name])(counts)
-    return solver
+    module.load()
+    factorization: Analyse = getattr(module, DIRECT[name][0])
+    return factorization
 
 
 def _remedy(name: str, error: Exception) -> str:
@@ -130,24 +185,12 @@ def _remedy(name: str, error: Exception) -> str:
 
 def _info(name: str) -> SolverInfo:
     try:
-        _create(name)
-    except (ImportError, OSError) as error:
-        return SolverInfo(name, False, "", 0, _remedy(name, error))
-    return SolverInfo(name, True, _package(name), _threads(name))
-
-
-def _package(name: str) -> str:
-    from importlib.metadata import PackageNotFoundError, version  # noqa: PLC0415 - for reports
-
-    package = _PACKAGES.get(name, "scipy")
-    try:
-        return f"{package} {version(package)}"
-    except PackageNotFoundError:
-        return package
-
-
-def _threads(name: str) -> int:
-    """Threads that the environment grants; CHOLMOD and SuperLU have use for one only."""
-    if name == "pardiso":
-        return granted_threads("MKL_NUM_THREADS")
-    return granted_threads("OPENBLAS_NUM_THREADS") if name in (LARGE, BEYOND) else 1
+        pick_solver(name)
+    except UsageError as error:
+        return SolverInfo(name, False, "", 0, str(error))
+    package = DIRECT.get(name, DIRECT["splu"])[1]
+    with suppress(PackageNotFoundError):
+        package = f"{package} {version(package)}"
+    # CHOLMOD and SuperLU have use for one thread only.
+    threads = granted_threads("MKL_NUM_THREADS") if name == "pardiso" else 1
+    return SolverInfo(name, True, package, threads)

@@ -18,9 +18,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.csgraph import minimum_spanning_tree
 
 from geoident.fem.solvers.direct import LowerPattern
-from geoident.fem.solvers.fronts.graph import NodeGraph, elimination_tree
 from geoident.model.arrays import Bools, Ints
 
 
@@ -31,12 +32,10 @@ class FactorCost:
     Args:
         entries: of L.
         flops: multiplications and additions to find them.
-        lasting: part of these for the unknowns that last (`LowerPattern.lasting`).
     """
 
     entries: int
     flops: float
-    lasting: float = 0.0
 
 
 def factor_cost(lower: LowerPattern, node: Ints) -> FactorCost:
@@ -55,8 +54,7 @@ def factor_cost(lower: LowerPattern, node: Ints) -> FactorCost:
     height = np.arange(lower.n)  # entries of a column above those of other nodes
     within = np.repeat(first + size, size) - height
     column = within + np.repeat(below, size)
-    flops = column.astype(np.float64) ** 2
-    return FactorCost(int(column.sum()), float(flops.sum()), float(flops[: lower.lasting].sum()))
+    return FactorCost(int(column.sum()), float((column.astype(np.float64) ** 2).sum()))
 
 
 def _node_columns(lower: LowerPattern, starts: Bools, first: Ints) -> tuple[Ints, Ints]:
@@ -87,20 +85,20 @@ def _rows_below(indptr: Ints, nodes: Ints, size: Ints) -> Ints:
         size: (n_nodes,) unknowns of each.
     """
     n = len(size)
-    starts = np.concatenate([[0], np.cumsum(size)])
-    tree = _Postorder.of(elimination_tree(NodeGraph(starts, n, indptr, nodes, ())))
-    column = tree.place[np.repeat(np.arange(n), np.diff(indptr))]
+    above = np.repeat(np.arange(n), np.diff(indptr))
+    tree = _Postorder.of(_elimination_tree(above, nodes, n))
+    column = tree.place[above]
     sequence = np.argsort(nodes * n + column)
     row, column = nodes[sequence], column[sequence]
-    follows = _like_the_one_before(row)
+    follows = _equals_previous(row)
     before = np.where(follows, np.concatenate([[-1], column[:-1]])[: len(column)], -1)
     is_leaf = tree.first[column] > before
     row, column = row[is_leaf], column[is_leaf]
     # Its size enters at every leaf, and leaves where two branches meet and at the row itself.
     change = np.bincount(column, weights=size[row], minlength=n)
-    another = np.flatnonzero(_like_the_one_before(row))
-    meeting = tree.meeting(column[another - 1], column[another])
-    change -= np.bincount(meeting, weights=size[row[another]], minlength=n)
+    repeated = np.flatnonzero(_equals_previous(row))
+    meeting = tree.meeting(column[repeated - 1], column[repeated])
+    change -= np.bincount(meeting, weights=size[row[repeated]], minlength=n)
     rows = np.unique(row)
     change -= np.bincount(tree.place[rows], weights=size[rows], minlength=n)
     total = np.concatenate([[0.0], np.cumsum(change)])
@@ -108,10 +106,34 @@ def _rows_below(indptr: Ints, nodes: Ints, size: Ints) -> Ints:
     return np.asarray(np.rint(below[tree.place]), dtype=np.int64)
 
 
-def _like_the_one_before(values: Ints) -> Bools:
-    found = np.zeros(len(values), dtype=bool)
-    found[1:] = values[1:] == values[:-1]
-    return found
+def _elimination_tree(above: Ints, below: Ints, n: int) -> Ints:
+    """(n,) parent of each node in the elimination tree; -1 where it has none.
+
+    When nodes are eliminated in their order, node k joins what was found so far exactly where an
+    edge of least larger end does: so the minimum spanning tree under the weight max(i, j) has the
+    same elimination tree and far fewer edges.
+
+    Args:
+        above: (m,) lower end of each edge.
+        below: (m,) its other end.
+        n: number of nodes.
+    """
+    edges = sp.csr_array((below + 1.0, (above, below)), shape=(n, n))
+    tree = sp.coo_array(minimum_spanning_tree(edges))
+    order = np.argsort(tree.col, kind="stable")
+    parent, top = [-1] * n, list(range(n))
+    for i, k in zip(tree.row[order].tolist(), tree.col[order].tolist(), strict=True):
+        r = i
+        while top[r] != r:
+            top[r] = top[top[r]]
+            r = top[r]
+        if r != k:
+            parent[r] = top[r] = k
+    return np.array(parent, dtype=np.int64)
+
+
+def _equals_previous(values: Ints) -> Bools:
+    return np.concatenate([[False], values[1:] == values[:-1]])[: len(values)]
 
 
 @dataclass(frozen=True)
@@ -165,11 +187,11 @@ class _Postorder:
         """
         n = len(self.depth)
         highest = self.depth * n + np.arange(n)
-        found = np.empty(len(low), dtype=np.int64)
+        top = np.empty(len(low), dtype=np.int64)
         level = np.frexp((high - low + 1).astype(np.float64))[1] - 1
         for j in range(int(level.max(initial=-1)) + 1):  # least of runs of 1, 2, 4, ... places
-            mine = level == j
-            a, b = highest[low[mine]], highest[high[mine] - (1 << j) + 1]
-            found[mine] = np.minimum(a, b) % n
+            run = level == j
+            a, b = highest[low[run]], highest[high[run] - (1 << j) + 1]
+            top[run] = np.minimum(a, b) % n
             highest = np.minimum(highest[: -(1 << j)], highest[1 << j :])
-        return self.parent[found]
+        return self.parent[top]

@@ -1,9 +1,9 @@
-"""Conjugate gradients, preconditioned on several levels, as a `Solver`: beyond the memory.
+"""Conjugate gradients, preconditioned on several levels: for matrices beyond the memory.
 
 A factor of a million unknowns in space takes 10 GB and grows with n^(4/3), the operations with n^2;
 the matrix and its levels take two, and everything grows with n. All right-hand sides go
-together: one product with the matrix for all (`multilevel.energy`). The coarsest level is
-factorized by our own solver in single precision (`multilevel.cycle`).
+together: one product with the matrix for all (`conjugate_gradients`). The coarsest level is
+factorized by a direct solver (`levels`).
 
 Where conjugate gradients do not come to the end (ground that is all but incompressible, slivers),
 the matrix is factorized if its factor fits the memory, and refused if not.
@@ -12,239 +12,132 @@ the matrix is factorized if its factor fits the memory, and refused if not.
 from __future__ import annotations
 
 from functools import cached_property
-from time import monotonic
 
 import numpy as np
 import scipy.sparse as sp
 
 from geoident.errors import ModelError
-from geoident.fem.solvers.auto import factor_bytes, fits, size_of
-from geoident.fem.solvers.direct import (
-    DirectAnalysis,
-    LowerPattern,
-    NotPositiveDefinite,
-    Solve,
-    SolverCounts,
-    SymbolicFactorization,
+from geoident.fem.solvers.conjugate_gradients import (
+    Product,
+    Stagnation,
+    least_eigenvalue,
+    solve_in_energy,
 )
-from geoident.fem.solvers.kept_solutions import KeptSolutions, SolutionStore
-from geoident.fem.solvers.multifrontal import MultifrontalSolver
-from geoident.fem.solvers.multilevel.cycle import CycleLevel, Hierarchy
-from geoident.fem.solvers.multilevel.energy import Stagnates, solve_in_energy, spectrum
+from geoident.fem.solvers.direct import LowerPattern, Solve, SolverCounts, SymbolicFactorization
+from geoident.fem.solvers.factor_cost import factor_cost
+from geoident.fem.solvers.kept_solutions import KeptSolutions
+from geoident.fem.solvers.levels import Analyse, Hierarchy
 from geoident.model.arrays import Floats
+from geoident.processors import memory_limit
 
-COLUMNS = 32
-"""Right-hand sides that go together; bounds the memory."""
+BLOCK = 32
+"""Right-hand sides that go together; bounds the memory (50 bytes an unknown each)."""
 
-FEW = 3_000
-"""Unknowns up to which a matrix is factorized: levels would save nothing."""
-
-
-class IterativeSolver:
-    """Conjugate gradients on several levels as a `Solver`.
-
-    Matrices without places in a mesh, and small ones, are factorized.
-
-    Args:
-        counts: where to count; its own if not given.
-        few: unknowns up to which a matrix is factorized.
-    """
-
-    name = "iterative"
-    keeps_from = float("inf")
-
-    def __init__(self, counts: SolverCounts | None = None, *, few: int = FEW) -> None:
-        self.counts = counts if counts is not None else SolverCounts()
-        self._few, self._direct = few, MultifrontalSolver(self.counts)
-        self._kept = KeptSolutions()
-
-    def keep_solutions(self, store: SolutionStore | None) -> None:
-        """Look solutions up in a store first, and put there what takes long; None for no longer."""
-        self._kept.store = store
-
-    def analyse(self, pattern: LowerPattern) -> SymbolicFactorization:
-        """Prepare for matrices of this pattern."""
-        if pattern.places is None or pattern.n <= self._few:
-            return self._direct.analyse(pattern)
-        hierarchy = Hierarchy(pattern.places, self.counts)
-        return IterativeAnalysis(pattern, self.counts, hierarchy, self._kept)
+BYTES = 9.5
+"""Memory for an entry of a factor, with what goes with it."""
 
 
-class IterativeAnalysis(DirectAnalysis):
+class IterativeFactorization(SymbolicFactorization):
     """The levels of a pattern, as far as they do not depend on values.
 
     Args:
-        pattern: the pattern.
+        pattern: the pattern, whose unknowns have places.
         counts: where to count.
-        hierarchy: its levels.
+        direct: factorizes the coarsest level, and where conjugate gradients do not come to the end.
         kept: solutions of before.
     """
 
     def __init__(
-        self,
-        pattern: LowerPattern,
-        counts: SolverCounts,
-        hierarchy: Hierarchy,
-        kept: KeptSolutions,
+        self, pattern: LowerPattern, counts: SolverCounts, direct: Analyse, kept: KeptSolutions
     ) -> None:
         super().__init__(pattern, counts)
-        self._hierarchy, self._kept = hierarchy, kept
-        self._direct: SymbolicFactorization | None = None
-        self._spent = SolverCounts()
-
-    def _release(self) -> None:
-        """The levels die with their last user."""
+        assert pattern.places is not None
+        self.hierarchy, self.kept, self._direct = Hierarchy(pattern.places, direct), kept, direct
+        self._instead: SymbolicFactorization | None = None
 
     def _factorize(self, values: Floats, diagonal: Floats) -> Solve:
-        if not np.isfinite(values).all():
-            bad = int(np.argmax(~np.isfinite(values)))
-            raise NotPositiveDefinite(int(np.searchsorted(self.pattern.indptr, bad, "right")) - 1)
-        if self._direct is not None:  # iterations would not come to the end this time either
-            return self._factorized(values)
-        matrix = whole_matrix(self.pattern, values)
-        name = self._kept.name(self.pattern, values)
-        iterations = _Iterations(matrix, name, self._kept, self.counts, self._hierarchy)
-        try:
-            iterations.prepare(diagonal)
-        except Stagnates as vain:
-            self.counts.iterations += vain.columns
-            return self._factorized(values)
-        instead: list[Solve] = []
+        if self._instead is None:  # else iterations would not come to the end this time either
+            try:
+                return _Iterations(self, values, diagonal)
+            except Stagnation:
+                pass
+        return self.factorize_instead(values)
 
-        def some(rhs: Floats) -> Floats:
-            if not instead:
-                try:
-                    return iterations.solve(rhs)
-                except Stagnates as vain:
-                    self.counts.iterations += vain.columns
-                    instead.append(self._factorized(lower_values(matrix)))
-            return instead[0](rhs)
-
-        def solve(rhs: Floats) -> Floats:
-            for start in range(0, rhs.shape[1], COLUMNS):
-                rhs[:, start : start + COLUMNS] = some(rhs[:, start : start + COLUMNS])
-            return rhs
-
-        return solve
-
-    def _factorized(self, values: Floats) -> Solve:
-        """A factorization, where conjugate gradients do not come to the end.
+    def factorize_instead(self, values: Floats) -> Solve:
+        """A factorization of values (nnz,) with which conjugate gradients do not come to the end.
 
         Raises:
             ModelError: it would not fit the memory.
         """
-        if self._direct is None:
-            size = size_of(self.pattern)
-            if not fits(size):
-                raise _too_hard(factor_bytes(size))
-            self._direct = MultifrontalSolver(self._spent).analyse(self.pattern)
-        before = self._spent.flops
-        try:
-            return self._direct.factorize(values).solve
-        finally:
-            self.counts.flops += self._spent.flops - before
-
-
-def _too_hard(needed: float) -> ModelError:
-    msg = "conjugate gradients do not come to the solution: ground is all but incompressible, or "
-    msg += f"elements are nearly flat; a factorization would take {needed / 1e9:.1f} GB of memory"
-    hint = "look for moduli near a Poisson's ratio of 0.5 and for slivers in the mesh, or take a "
-    return ModelError(msg, hint + "coarser mesh or more memory")
+        if self._instead is None:
+            assert self.pattern.places is not None
+            needed = factor_cost(self.pattern, self.pattern.places.node).entries * BYTES
+            if needed > memory_limit():
+                msg = "conjugate gradients do not come to the solution: ground is all but "
+                msg += "incompressible, or elements are nearly flat; a factorization would take "
+                msg += f"{needed / 1e9:.1f} GB of memory"
+                hint = "look for moduli near a Poisson's ratio of 0.5 and for slivers in the mesh, "
+                raise ModelError(msg, hint + "or take a coarser mesh or more memory")
+            self._instead = self._direct(self.pattern, SolverCounts())
+        return self._instead.factorize(values).solve
 
 
 class _Iterations:
-    """Conjugate gradients with one matrix; what took long is kept and found again.
+    """Conjugate gradients with one matrix, as a `Solve`; what took long is kept and found again.
 
     Args:
-        matrix: (n, n).
-        name: under which what is found with it is kept; empty for not at all.
-        kept: solutions of before.
-        counts: where to count: what is found again, too, so that a run that goes on has the counts
-            of one that was never cut short.
-        hierarchy: the levels of its pattern.
+        analysis: of its pattern.
+        values: (nnz,) of the lower triangle.
+        diagonal: (n,) of the matrix.
+
+    Raises:
+        NotPositiveDefinite: the matrix is not.
+        Stagnation: conjugate gradients do not come to the end.
     """
 
-    def __init__(
-        self,
-        matrix: sp.csr_array,
-        name: str,
-        kept: KeptSolutions,
-        counts: SolverCounts,
-        hierarchy: Hierarchy,
-    ) -> None:
-        self._matrix, self._name, self._kept = matrix, name, kept
-        self._counts, self._hierarchy = counts, hierarchy
-        self._least = 0.0
+    def __init__(self, analysis: IterativeFactorization, values: Floats, diagonal: Floats) -> None:
+        self._analysis, self._kept, self._counts = analysis, analysis.kept, analysis.counts
+        self._matrix = analysis.pattern.whole(values)
+        self._name = self._kept.name(analysis.pattern.indptr, analysis.pattern.indices, values)
+        self._instead: Solve | None = None
+        product = self._matrix.__matmul__
+        self._least = self._kept.find_or_compute(
+            self._name,
+            lambda: np.array(least_eigenvalue(product, self._precondition, diagonal, self._counts)),
+        )
 
     @cached_property
-    def _precondition(self) -> _Preconditioner:
-        """Made when something must be solved."""
-        return _Preconditioner(self._hierarchy.level(self._matrix))
+    def _precondition(self) -> Product:
+        """M^-1 r (n, k), found in single precision; made when something must be solved."""
+        cycle = self._analysis.hierarchy.level(self._matrix)
 
-    def prepare(self, diagonal: Floats) -> None:
-        """Find the least eigenvalue of M^-1 K.
+        def precondition(rhs: Floats) -> Floats:
+            size = np.abs(rhs).max(axis=0)  # brings columns into the range of single precision
+            size[~(size > 0.0)] = 1.0
+            return np.asarray(cycle((rhs / size).astype(np.float32)) * size)
 
-        Args:
-            diagonal: (n,) of K.
-
-        Raises:
-            NotPositiveDefinite: K is not.
-            Stagnates: conjugate gradients do not come to the end.
-        """
-        known = self._kept.find(self._name)
-        if known is None:
-            begun = monotonic()
-            found = spectrum(self._matrix.__matmul__, self._precondition, diagonal)
-            known = {"least": np.array(found.least), "steps": np.array(float(found.steps))}
-            self._kept.add(self._name, monotonic() - begun, known)
-        self._least = float(known["least"])
-        self._counts.iterations += int(known["steps"])
-
-    def solve(self, rhs: Floats) -> Floats:
-        """Solutions (n, k) for right-hand sides (n, k).
-
-        Raises:
-            Stagnates: conjugate gradients do not come to the end.
-        """
-        name = self._kept.of(self._name, rhs)
-        known = self._kept.find(name)
-        if known is None:
-            begun = monotonic()
-            product = self._matrix.__matmul__
-            found = solve_in_energy(product, self._precondition, rhs, self._least)
-            known = {"x": found.x, "steps": np.array(float(found.columns))}
-            self._kept.add(name, monotonic() - begun, known)
-        self._counts.iterations += int(known["steps"])
-        return known["x"]
-
-
-class _Preconditioner:
-    """M^-1 r (n, k), found in single precision; columns are brought into its range."""
-
-    def __init__(self, level: CycleLevel) -> None:
-        self._level = level
+        return precondition
 
     def __call__(self, rhs: Floats) -> Floats:
-        size = np.abs(rhs).max(axis=0)
-        size[~(size > 0.0)] = 1.0
-        return np.asarray(self._level.solve((rhs / size).astype(np.float32)) * size)
+        """Solutions in the place of right-hand sides (n, k)."""
+        for start in range(0, rhs.shape[1], BLOCK):
+            block = slice(start, start + BLOCK)
+            rhs[:, block] = self._solve(rhs[:, block])
+        return rhs
 
+    def _solve(self, rhs: Floats) -> Floats:
+        if self._instead is None:
+            try:
+                return self._kept.find_or_compute(
+                    self._kept.name(rhs.T, of=self._name), lambda: self._iterate(rhs)
+                )
+            except Stagnation:
+                self._instead = self._analysis.factorize_instead(lower_values(self._matrix))
+        return self._instead(rhs)
 
-def whole_matrix(pattern: LowerPattern, values: Floats) -> sp.csr_array:
-    """The matrix (n, n) of a lower triangle (nnz,), rows ascending, stored zeros with it."""
-    n, indices, indptr = pattern.n, pattern.indices.astype(np.int32), pattern.indptr
-    below = np.ones(len(values), dtype=bool)
-    below[indptr[:-1]] = False
-    strict = values[below], indices[below], (indptr - np.arange(n + 1)).astype(np.int32)
-    lower = sp.csr_array(sp.csc_array(strict, shape=(n, n)))
-    # a row is one of the strict lower triangle, and then a column of the lower one
-    rows = lower.indptr + indptr
-    before = np.arange(len(lower.data)) + np.repeat(indptr[:-1], np.diff(lower.indptr))
-    after = np.arange(len(values)) + np.repeat(lower.indptr[1:], np.diff(indptr))
-    data, columns = np.empty(rows[-1]), np.empty(rows[-1], dtype=np.int32)
-    data[before], columns[before] = lower.data, lower.indices
-    data[after], columns[after] = values, indices
-    return sp.csr_array((data, columns, rows.astype(np.int32)), shape=(n, n))
+    def _iterate(self, rhs: Floats) -> Floats:
+        product, least = self._matrix.__matmul__, float(self._least)
+        return solve_in_energy(product, self._precondition, rhs, least, self._counts)
 
 
 def lower_values(matrix: sp.csr_array) -> Floats:

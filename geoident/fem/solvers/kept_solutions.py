@@ -8,28 +8,26 @@ nothing else is ever taken for them.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from hashlib import blake2b
+from time import monotonic
 from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from geoident.fem.solvers.direct import LowerPattern
 from geoident.model.arrays import Floats, Ints
 
-_Arrays = Mapping[str, Floats]
-
 WORTH = 5.0
-"""Seconds from which on it pays to keep what was computed."""
+"""Seconds from which on it pays to keep what was computed: more than it takes to write it."""
 
 
 class SolutionStore(Protocol):
     """Where solutions are kept: a file, or a dictionary in tests."""
 
-    def find_solution(self, name: str) -> _Arrays | None:
+    def find_solution(self, name: str) -> Mapping[str, Floats] | None:
         """What was put there under a name, bit by bit, or None."""
 
-    def add_solution(self, name: str, arrays: _Arrays) -> None:
+    def add_solution(self, name: str, arrays: Mapping[str, Floats]) -> None:
         """Put something there, if there is room.
 
         Args:
@@ -56,36 +54,30 @@ class KeptSolutions:
     def __init__(self) -> None:
         self.store: SolutionStore | None = None
 
-    def name(self, pattern: LowerPattern, values: Floats) -> str:
-        """The name of a matrix: of its pattern and its values (nnz,); empty without a store."""
-        if self.store is None:
-            return ""
-        return _digest(pattern.indptr, pattern.indices, values)
-
-    def of(self, matrix: str, rhs: Floats) -> str:
-        """The name of solutions with a matrix of a name, for right-hand sides (n, k)."""
-        return f"{matrix} {_digest(rhs.T)}" if matrix else ""
-
-    def find(self, name: str) -> _Arrays | None:
-        """What is kept under a name, or None."""
-        return self.store.find_solution(name) if self.store is not None and name else None
-
-    def add(self, name: str, seconds: float, arrays: _Arrays) -> None:
-        """Keep something, if it is worth it.
+    def name(self, *arrays: Floats | Ints, of: str = "") -> str:
+        """A name of the bits of arrays, such as a right-hand side; empty without a store.
 
         Args:
-            name: under which it is found.
-            seconds: that it took.
-            arrays: (...) what it is.
+            arrays: (...) what is named.
+            of: name of the matrix to which they belong.
         """
-        if self.store is not None and name and seconds >= WORTH:
-            self.store.add_solution(name, arrays)
+        if self.store is None:
+            return ""
+        digest = blake2b(digest_size=16)
+        for array in arrays:
+            digest.update(repr(array.shape).encode())
+            digest.update(np.ascontiguousarray(array).data)
+        return f"{of} {digest.hexdigest()}".strip()
 
-
-def _digest(*arrays: Floats | Ints) -> str:
-    """Of the bits of arrays."""
-    found = blake2b(digest_size=16)
-    for array in arrays:
-        found.update(repr(array.shape).encode())
-        found.update(np.ascontiguousarray(array).data)
-    return found.hexdigest()
+    def find_or_compute(self, name: str, compute: Callable[[], Floats]) -> Floats:
+        """The solution (...) kept under a name; or else computed, and kept if that took long."""
+        if self.store is None or not name:
+            return compute()
+        known = self.store.find_solution(name)
+        if known is not None:
+            return known["x"]
+        start_time = monotonic()
+        x = compute()
+        if monotonic() - start_time >= WORTH:
+            self.store.add_solution(name, {"x": x})
+        return x

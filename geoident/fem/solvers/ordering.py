@@ -60,38 +60,6 @@ def nested_dissection(points: Floats, indptr: Ints, indices: Ints) -> Ints:
     return order
 
 
-def lasting_first(points: Floats, indptr: Ints, indices: Ints, changes: Bools) -> Ints:
-    """Order of elimination in which the nodes whose equations last come first.
-
-    Then the nodes that see only what changes, and at last those at the border of what lasts: what
-    was eliminated first couples them all, so that whatever came after them would be filled.
-
-    Args:
-        points: (n_nodes, dim) coordinates.
-        indptr: (n_nodes + 1,) starts of the rows of the symmetric node graph.
-        indices: (n_edges,) neighbours of each node.
-        changes: (n_nodes,) whether the equations of a node change from stage to stage.
-
-    Returns:
-        (n_nodes,) node indices; the first are those that do not change.
-    """
-    rows = np.repeat(np.arange(len(changes)), np.diff(indptr))
-    border = np.zeros(len(changes), dtype=bool)
-    border[rows[~changes[indices]]] = True
-    border &= changes
-    parts = [np.flatnonzero(part) for part in (~changes, changes & ~border, border)]
-    return np.concatenate([_order_of(part, points, indptr, indices) for part in parts])
-
-
-def _order_of(nodes: Ints, points: Floats, indptr: Ints, indices: Ints) -> Ints:
-    """The order of some nodes (k,), ascending, by the graph among them."""
-    whole = sp.csr_array((np.ones(len(indices)), indices, indptr), shape=(len(points),) * 2)
-    part = sp.csr_array(whole[nodes][:, nodes])
-    part.sort_indices()
-    starts, ends = (np.asarray(a, dtype=np.int64) for a in (part.indptr, part.indices))
-    return nodes[nested_dissection(points[nodes], starts, ends)]
-
-
 @dataclass(frozen=True)
 class _Level:
     """The parts of one depth, one after another.

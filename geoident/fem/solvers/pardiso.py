@@ -1,64 +1,59 @@
-"""PARDISO of Intel's MKL, installed with pypardiso: the fastest here, and it uses all cores."""
+"""PARDISO of Intel's MKL, installed with pypardiso: the fastest here, and it can take all cores.
+
+pypardiso's own interface is for general matrices: it has no place for a given order and copies
+every matrix. So MKL is called by its documented C functions (oneMKL developer reference, "oneMKL
+PARDISO - Parallel Direct Sparse Solver Interface").
+
+MKL is told once to give the same bits in every run (its conditional numerical reproducibility):
+else they follow from where arrays happen to lie in memory. Bits of several threads also depend on
+their number, so what one thread does soon enough is done by one (`ONE_THREAD`).
+"""
 
 from __future__ import annotations
 
 import ctypes
+import os
 import weakref
+from functools import cache
+from importlib import import_module, metadata
 
 import numpy as np
 import numpy.typing as npt
 
 from geoident.fem.solvers.direct import (
-    DirectAnalysis,
     LowerPattern,
     NotPositiveDefinite,
     Solve,
     SolverCounts,
+    SymbolicFactorization,
     check_pivots,
 )
-from geoident.fem.solvers.mkl import library
+from geoident.fem.solvers.threads import granted_threads
 from geoident.model.arrays import Floats
+
+ONE_THREAD = 1e10
+"""Operations of a factorization below which one thread takes less than half a second for it.
+
+For small matrices all cores together are hardly faster, and their time adds up to more.
+"""
 
 _SPD = 2
 _ANALYSE, _FACTORIZE, _SOLVE, _RELEASE, _RELEASE_FACTOR = 11, 22, 33, -1, 0
 _NOT_DEFINITE = (-4, -7)  # zero or negative pivot, singular diagonal matrix
 _NO_MEMORY = (-2, -9)
+_SAME_BITS = 2  # MKL_CBWR_AUTO
 
 
-class PardisoSolver:
-    """PARDISO as a `Solver`.
-
-    Args:
-        counts: where to count; its own if not given.
-
-    Raises:
-        ImportError: MKL is not installed.
-    """
-
-    name = "pardiso"
-    keeps_from = float("inf")
-
-    def __init__(self, counts: SolverCounts | None = None) -> None:
-        library()
-        self.counts = counts if counts is not None else SolverCounts()
-
-    def analyse(self, pattern: LowerPattern) -> PardisoAnalysis:
-        """Factorize this pattern symbolically."""
-        return PardisoAnalysis(pattern, self.counts)
-
-
-class PardisoAnalysis(DirectAnalysis):
+class PardisoFactorization(SymbolicFactorization):
     """A symbolic factorization inside MKL, released with this object."""
 
     def __init__(self, pattern: LowerPattern, counts: SolverCounts) -> None:
         super().__init__(pattern, counts)
-        if pattern.n == 0:
-            return
         self._handle = _Handle(pattern)
         self._handle.call(_ANALYSE)
         weakref.finalize(self, self._handle.call, _RELEASE)
 
-    def _release(self) -> None:
+    def release(self) -> None:
         self._handle.call(_RELEASE_FACTOR)
 
     def _factorize(self, values: Floats, diagonal: Floats) -> Solve:
@@ -80,6 +75,9 @@ class _Handle:
         self._order = np.arange(pattern.n, dtype=np.int32)
         self._memory = np.zeros(64, dtype=np.int64)
         self._settings = _settings()
+        self._threads = 1
+        if pattern.flops_at_most > ONE_THREAD:
+            self._threads = granted_threads("MKL_NUM_THREADS")
         self.values = np.ones(len(pattern.indices))
 
     def solve(self, rhs: Floats) -> Floats:
@@ -92,7 +90,7 @@ class _Handle:
         """(n,) squared diagonal of the factor, by unknown."""
         factor, matrix = np.empty((2, self._order.size))
         error = ctypes.c_int32(0)
-        library().pardiso_getdiag(
+        load()["pardiso_getdiag"](
             _address(self._memory),
             _address(factor),
             _address(matrix),
@@ -106,7 +104,8 @@ class _Handle:
         n = self._order.size
         k = 1 if rhs is None else rhs.shape[1]
         error = ctypes.c_int32(0)
-        library().pardiso(
+        threads_before = load()["MKL_Set_Num_Threads_Local"](self._threads)
+        load()["pardiso"](
             _address(self._memory),
             *_numbers(1, 1, _SPD, phase, n),
             _address(self.values),
@@ -120,6 +119,7 @@ class _Handle:
             None if solution is None else _address(solution),
             ctypes.byref(error),
         )
+        load()["MKL_Set_Num_Threads_Local"](threads_before)
         if error.value in _NOT_DEFINITE:
             equation = int(self._settings[29])  # at which it stopped, if that is told
             raise NotPositiveDefinite(equation - 1 if 1 <= equation <= n else None)
@@ -127,6 +127,30 @@ class _Handle:
             raise MemoryError("PARDISO: not enough memory for the factor")
         if error.value:
             raise RuntimeError(f"PARDISO reports error {error.value} in phase {phase}")
+
+
+@cache
+def load() -> ctypes.CDLL:
+    """The shared library `mkl_rt`, where pip has put it or else where pypardiso finds it.
+
+    pypardiso searches whole folders, which takes up to a second.
+
+    Raises:
+        ImportError: it is not installed.
+        OSError: it is there and does not load.
+    """
+    # Threads of OpenMP sleep at once when they have nothing to do: turning round and round beside
+    # our own work they took a fifth of a fit's time of processors, and won nothing.
+    os.environ.setdefault("KMP_BLOCKTIME", "0")
+    try:
+        files = metadata.files("mkl") or []
+    except metadata.PackageNotFoundError:
+        files = []
+    paths = [str(file.locate()) for file in files if file.name.startswith(("libmkl_rt", "mkl_rt"))]
+    library = ctypes.CDLL(paths[0]) if paths else import_module("pypardiso").ps.libmkl
+    assert isinstance(library, ctypes.CDLL)
+    library["MKL_CBWR_Set"](_SAME_BITS)  # refused, without harm, if others have used MKL before
+    return library
 
 
 def _settings() -> npt.NDArray[np.int32]:

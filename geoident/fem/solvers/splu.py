@@ -1,11 +1,11 @@
 """SuperLU, which comes with scipy: always present, slower than the others.
 
 It factorizes general matrices, so it is given both triangles and told to keep the pivots on the
-diagonal, which positive definiteness allows.
+diagonal, which positive definiteness allows. It cannot keep its symbolic factorization.
 
 The tangent of a material whose plastic flow is not associated is not symmetric (theory 5). Such a
 matrix is given by the values of its lower triangle and, entry by entry, those of its upper one, on
-a symmetric pattern (`GeneralFactor`).
+a symmetric pattern (`general_factor`).
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from scipy.sparse.linalg import splu
 
 from geoident.fem.solvers.direct import (
     SINGULAR,
-    DirectAnalysis,
+    Factor,
     LowerPattern,
     NotPositiveDefinite,
     Solve,
     SolverCounts,
-    check_pivots,
+    SymbolicFactorization,
 )
-from geoident.model.arrays import Floats, Ints
+from geoident.model.arrays import Floats
 
 BLOCK = 4
 """Right-hand sides solved together; SuperLU loses its cache with more."""
@@ -33,116 +33,34 @@ BLOCK = 4
 READABLE = 20_000_000
 """Entries of the factor up to which it is copied to see its pivots (12 bytes each)."""
 
+DIAGONAL = {"diag_pivot_thresh": 0.0, "options": {"SymmetricMode": True}}
+"""Pivots stay on the diagonal: what a positive definite matrix allows."""
 
-class SpluSolver:
-    """SuperLU as a `Solver`.
-
-    Args:
-        counts: where to count; its own if not given.
-    """
-
-    name = "splu"
-    keeps_from = float("inf")
-
-    def __init__(self, counts: SolverCounts | None = None) -> None:
-        self.counts = counts if counts is not None else SolverCounts()
-
-    def analyse(self, pattern: LowerPattern) -> SpluAnalysis:
-        """Prepare for matrices of this pattern."""
-        return SpluAnalysis(pattern, self.counts)
+LARGE_ENOUGH = {"diag_pivot_thresh": 0.01}
+"""Pivots stay on the diagonal unless an entry of their column is a hundred times as large."""
 
 
-class SpluAnalysis(DirectAnalysis):
-    """The full pattern of a symmetric matrix and where its values come from.
+def load() -> None:
+    """Nothing: scipy is always there."""
 
-    SuperLU cannot keep its symbolic factorization, so that is all that is done once.
-    """
 
-    def __init__(self, pattern: LowerPattern, counts: SolverCounts) -> None:
-        super().__init__(pattern, counts)
-        self._full = _mirror(pattern)
-
-    def _release(self) -> None:
-        """The factor dies with its last user: nothing of it is kept here."""
+class SpluFactorization(SymbolicFactorization):
+    """A pattern for SuperLU."""
 
     def _factorize(self, values: Floats, diagonal: Floats) -> Solve:
-        full = self._full
-        matrix = sp.csc_array((values[full.data], full.indices, full.indptr), shape=full.shape)
-        try:
-            lu = splu(
-                matrix, permc_spec="NATURAL", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
-            )
-        except RuntimeError as error:  # exactly singular
-            raise NotPositiveDefinite from error
-        _check(lu, diagonal)
-        return lambda rhs: solve_in_blocks(lu, rhs)
+        whole = self.pattern.whole(values)
+        lu = _lu((whole.data, whole.indices, whole.indptr), DIAGONAL)
+        moved = np.flatnonzero(lu.perm_r != lu.perm_c)
+        if moved.size:  # it left the diagonal, where a pivot was zero
+            raise NotPositiveDefinite(int(moved[0]))
+        _refuse_singular(lu, diagonal, definite=True)
+        return lambda rhs: _solve_in_blocks(lu, rhs)
 
 
-def _mirror(pattern: LowerPattern) -> sp.csc_array[np.int64]:
-    """Both triangles, each entry holding the place of its value among those of the lower one."""
-    n = pattern.n
-    nnz = len(pattern.indices)
-    columns = np.repeat(np.arange(n), np.diff(pattern.indptr))
-    below = pattern.indices != columns
-    rows = np.concatenate([pattern.indices, columns[below]])
-    mirrored = np.concatenate([columns, pattern.indices[below]])
-    places: Ints = np.concatenate([np.arange(nnz), np.flatnonzero(below)])
-    order = np.lexsort((rows, mirrored))
-    indptr = np.concatenate([[0], np.cumsum(np.bincount(mirrored, minlength=n))])
-    return sp.csc_array(
-        (places[order], rows[order].astype(np.int32), indptr.astype(np.int32)), shape=(n, n)
-    )
-
-
-def _check(lu: Any, diagonal: Floats) -> None:
-    """Raise `NotPositiveDefinite` unless the factor is that of a positive definite matrix.
-
-    To see the pivots SuperLU must copy the factor; where that is too large, one solve stands in: it
-    finds a singular matrix for sure, an indefinite one if its negative eigenvalues dominate.
-    """
-    off = np.flatnonzero(lu.perm_r != lu.perm_c)
-    if off.size:  # it left the diagonal, where a pivot was zero
-        raise NotPositiveDefinite(int(off[0]))
-    if lu.nnz <= READABLE:
-        check_pivots(lu.U.diagonal(), diagonal, np.argsort(lu.perm_c))
-        return
-    probe = np.random.default_rng(0).normal(size=diagonal.size)
-    shape = lu.solve(probe)
-    worst = int(np.argmax(np.abs(shape)))
-    if not probe @ shape > SINGULAR * diagonal[worst] * (shape @ shape):
-        raise NotPositiveDefinite(worst)
-
-
-def _refuse_singular(lu: Any, scale: Floats) -> None:
-    """Raise `NotPositiveDefinite` where a factorized general matrix is singular to rounding.
-
-    Where the factor is too large to be copied, the solution for a random right-hand side stands in:
-    it is as large as the inverse, as far as that right-hand side has a part in its direction.
-
-    Args:
-        lu: the factorization.
-        scale: (n,) largest entry of each column of the matrix.
-    """
-    if lu.nnz <= READABLE:
-        pivots = np.abs(lu.U.diagonal())[lu.perm_c]
-        small = np.flatnonzero(~(pivots > SINGULAR * scale))
-    else:
-        probe = np.random.default_rng(0).normal(size=scale.size)
-        size = np.abs(lu.solve(probe * scale))
-        small = np.flatnonzero(~(size < 1.0 / SINGULAR))
-    if small.size:
-        raise NotPositiveDefinite(int(small[0]))
-
-
-def solve_in_blocks(lu: Any, rhs: Floats) -> Floats:
-    """Solutions in the place of right-hand sides (n, k) in Fortran order."""
-    for start in range(0, rhs.shape[1], BLOCK):
-        rhs[:, start : start + BLOCK] = lu.solve(rhs[:, start : start + BLOCK])
-    return rhs
-
-
-class GeneralFactor:
-    """A factorized general matrix.
+def general_factor(
+    pattern: LowerPattern, below: Floats, above: Floats, counts: SolverCounts
+) -> Factor:
+    """Factorize a general matrix.
 
     Args:
         pattern: of the lower triangle, in a fill-reducing order.
@@ -153,35 +71,52 @@ class GeneralFactor:
     Raises:
         NotPositiveDefinite: the matrix is singular.
     """
+    counts.factorizations += 1
+    rows = pattern.whole(above, below)  # of the transposed matrix: columns of the matrix
+    scale = np.maximum.reduceat(np.abs(rows.data), rows.indptr[:-1])
+    if not np.isfinite(scale).all():
+        raise NotPositiveDefinite(int(np.flatnonzero(~np.isfinite(scale))[0]))
+    lu = _lu((rows.data, rows.indices, rows.indptr), LARGE_ENOUGH)
+    _refuse_singular(lu, scale, definite=False)
+    return Factor(pattern.n, counts, lambda rhs: _solve_in_blocks(lu, rhs), lambda: True)
 
-    def __init__(
-        self, pattern: LowerPattern, below: Floats, above: Floats, counts: SolverCounts
-    ) -> None:
-        self._counts = counts
-        counts.factorizations += 1
-        columns = np.repeat(np.arange(pattern.n), np.diff(pattern.indptr))
-        off = pattern.indices != columns
-        rows = np.concatenate([pattern.indices, columns[off]])
-        matrix = sp.csc_array(
-            (
-                np.concatenate([below, above[off]]),
-                (rows, np.concatenate([columns, pattern.indices[off]])),
-            ),
-            shape=(pattern.n, pattern.n),
-        )
-        try:
-            self._lu = splu(matrix, permc_spec="NATURAL", diag_pivot_thresh=0.01)
-        except RuntimeError as error:
-            raise NotPositiveDefinite from error
-        scale = np.maximum.reduceat(np.abs(matrix.data), matrix.indptr[:-1])
-        _refuse_singular(self._lu, scale)
 
-    @property
-    def valid(self) -> bool:
-        """Always: it has its numbers to itself."""
-        return True
+def _lu(columns: Any, pivoting: dict[str, Any]) -> Any:
+    """SuperLU of a matrix by compressed columns, in the order that it has."""
+    n = len(columns[2]) - 1
+    try:
+        return splu(sp.csc_array(columns, shape=(n, n)), permc_spec="NATURAL", **pivoting)
+    except RuntimeError as error:  # exactly singular
+        raise NotPositiveDefinite from error
 
-    def solve(self, rhs: Floats) -> Floats:
-        """Solutions (n, k) for right-hand sides (n, k); counts k solves."""
-        self._counts.solves += rhs.shape[1]
-        return solve_in_blocks(self._lu, np.array(rhs, order="F"))
+
+def _refuse_singular(lu: Any, scale: Floats, *, definite: bool) -> None:
+    """Raise `NotPositiveDefinite` where a factorized matrix is singular to rounding.
+
+    To see the pivots SuperLU must copy the factor. Where that is too large, the solution for a
+    random right-hand side stands in. It is as large as the inverse, so a singular matrix is found
+    for sure; an indefinite one only if its negative eigenvalues dominate.
+
+    Args:
+        lu: the factorization.
+        scale: (n,) size of the entries of each column of the matrix.
+        definite: whether pivots must be positive, too.
+    """
+    if lu.nnz <= READABLE:
+        pivots = lu.U.diagonal()[lu.perm_c]
+        good = (pivots if definite else np.abs(pivots)) > SINGULAR * scale
+    else:
+        rhs = np.random.default_rng(0).normal(size=scale.size) * scale
+        solution = lu.solve(rhs)
+        good = np.abs(solution) < 1.0 / SINGULAR
+        if definite and not rhs @ solution > 0.0:
+            raise NotPositiveDefinite(int(np.argmax(np.abs(solution))))
+    if not good.all():
+        raise NotPositiveDefinite(int(np.flatnonzero(~good)[0]))
+
+
+def _solve_in_blocks(lu: Any, rhs: Floats) -> Floats:
+    """Solutions in the place of right-hand sides (n, k) in Fortran order."""
+    for start in range(0, rhs.shape[1], BLOCK):
+        rhs[:, start : start + BLOCK] = lu.solve(rhs[:, start : start + BLOCK])
+    return rhs

@@ -7,7 +7,7 @@ import numpy as np
 from geoident.fem.yielding.planes import YieldPlanes
 from geoident.model.arrays import Floats
 
-_ROUNDING = 1e-10
+_FLAT = 1e-10
 """Of the largest distance: a domain thinner than that below nothing counts as flat, not empty."""
 
 
@@ -90,9 +90,9 @@ def _contradiction(
     # Any low t is feasible and t <= 1: only a failure of the method itself could come here.
     if result.fun is None:
         raise ArithmeticError(f"whether the yield planes leave a stress: {result.message}")
-    if result.fun <= _ROUNDING:
+    if result.fun <= _FLAT:
         return None
-    return tuple(int(p) for p in some[-result.ineqlin.marginals > _ROUNDING])
+    return tuple(int(p) for p in some[-result.ineqlin.marginals > _FLAT])
 
 
 def empty_principal_domain(planes: YieldPlanes) -> tuple[int, ...] | None:

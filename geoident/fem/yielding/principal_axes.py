@@ -15,6 +15,9 @@ from geoident.model.arrays import Floats, Ints
 
 PAIRS = ((0, 1), (1, 2), (0, 2))
 """Of axes, in the order of shear components."""
+ROUGH = 1e-6
+"""Of the largest stress: an error that `rough_principal_values`, good to 1e-8, never have."""
+
 _FIRST = np.array([0, 1, 2, 0, 1, 0])
 _SECOND = np.array([0, 1, 2, 1, 2, 2])
 
@@ -125,3 +128,19 @@ def tensors(stress: Floats) -> Floats:
     full[:, _FIRST, _SECOND] = stress.T
     full[:, _SECOND, _FIRST] = stress.T
     return full
+
+
+def check_isotropic(elasticity: Floats) -> None:
+    """Refuse an elasticity (s, s) that principal axes do not suit.
+
+    Raises:
+        ValueError: it is not isotropic.
+    """
+    size = len(elasticity)
+    if size not in (4, 6):
+        raise ValueError("principal stresses need stresses of 4 or 6 components")
+    lame, shear = elasticity[0, 1], elasticity[3, 3]
+    model = np.diag([2.0 * shear] * 3 + [shear] * (size - 3))
+    model[:3, :3] += lame
+    if np.abs(model - elasticity).max() > 1e-8 * np.abs(elasticity).max():
+        raise ValueError("planes in principal stresses need an isotropic elasticity")

@@ -11,11 +11,10 @@ There is no hardening: its modulus would have to vary along.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
-from geoident.fem.yielding.law import Projection, YieldLaw, YieldLimits
+from geoident.fem.yielding.law import ReturnStep, YieldLaw, YieldLimits
 from geoident.model.arrays import Bools, Floats, Ints
 
 
@@ -35,6 +34,8 @@ class ScaledLaw:
     stiffness: Floats
     slopes: Floats
 
+    hardens = False
+
     @property
     def associated(self) -> bool:
         """Whether the tangents are symmetric and there is a potential."""
@@ -45,105 +46,69 @@ class ScaledLaw:
         """Those of the factor one."""
         return self.law.planes
 
-    @property
-    def hardens(self) -> bool:
-        """Never."""
-        return False
-
     def at(self, points: Ints) -> ScaledLaw:
         """The law at some of its points, (k,) by place."""
         factors = self.strength[points], self.stiffness[points], self.slopes[points]
         return ScaledLaw(self.law.at(points), *factors)
 
-    def project(self, trial: Floats, hardened: Floats | None = None) -> ScaledProjection:
-        """Bring trial stresses (s, m) to the yield surface."""
-        found = self.law.project(trial / self.strength, None)
-        at = found.yielded
-        slopes = self.slopes[at]
-        return ScaledProjection(trial, found, self.strength[at], self.stiffness[at], slopes)
+    def project(self, trial: Floats, hardened: Floats | None = None) -> ScaledReturn:
+        """Return trial stresses (s, m) to the yield surface."""
+        return ScaledReturn(self, trial, self.law.project(trial / self.strength))
 
     def excess(self, stress: Floats, hardened: Floats | None = None) -> Floats:
         """The yield functions psi (y, m) of stresses (s, m): positive outside, Pa."""
-        return self.law.excess(stress / self.strength, None) * self.strength
+        return self.law.excess(stress / self.strength) * self.strength
 
 
-@dataclass(frozen=True, eq=False)
-class ScaledProjection:
-    """What a `ScaledLaw` makes of trial stresses; see `law.Projection`.
+class ScaledReturn(ReturnStep):
+    """The return of trial stresses to a scaled surface.
 
     Args:
+        law: with the factors of the points.
         trial: (s, m) of all points.
-        found: of the stresses divided by the strengths.
-        strength: (q,) f at the yielded points.
-        stiffness: (q,) g.
-        slopes: (q, n) of f.
+        unit: the return of the stresses divided by the strengths.
     """
 
-    trial: Floats
-    found: Projection
-    strength: Floats
-    stiffness: Floats
-    slopes: Floats
+    def __init__(self, law: ScaledLaw, trial: Floats, unit: ReturnStep) -> None:
+        super().__init__(trial, unit.yielded)
+        self._unit = unit
+        self._strength, self._stiffness, self._slopes = (
+            factor[unit.yielded] for factor in (law.strength, law.stiffness, law.slopes)
+        )
 
     @property
-    def yielded(self) -> Ints:
-        """(q,) the points with an active plane, ascending."""
-        return self.found.yielded
+    def end(self) -> Floats:
+        """(s, q) admissible stress."""
+        return np.asarray(self._unit.stress[:, self.yielded] * self._strength)
 
-    @cached_property
-    def stress(self) -> Floats:
-        """(s, m) admissible stress; the trial stress itself where nothing yields."""
-        stress = self.trial.copy()
-        stress[:, self.yielded] = self._one * self.strength
-        return stress
-
-    @cached_property
-    def _one(self) -> Floats:
-        """(s, q) admissible stress divided by the strength."""
-        return np.asarray(self.found.stress[:, self.yielded])
+    @property
+    def end_by_start(self) -> Floats:
+        """(q, s, s): that of the divided stresses."""
+        return self._unit.reduction
 
     @property
     def multipliers(self) -> Floats:
-        """(q, y) dlam >= 0 of this step at those points."""
-        return self.found.multipliers * (self.strength / self.stiffness)[:, None]
-
-    @property
-    def active(self) -> Bools:
-        """(q, y) planes on which the derivatives are taken."""
-        return self.found.active
+        """(q, y)."""
+        return self._unit.multipliers * (self._strength / self._stiffness)[:, None]
 
     @property
     def biactive(self) -> Bools:
-        """(q, y) planes that are reached with dlam = 0."""
-        return self.found.biactive
-
-    @property
-    def reduction(self) -> Floats:
-        """(q, s, s) T: that of the divided stresses."""
-        return self.found.reduction
+        """(q, y)."""
+        return self._unit.biactive
 
     @property
     def reserve(self) -> Floats:
         """(q,) J/m3."""
-        return self.found.reserve * self.strength**2 / self.stiffness
+        return self._unit.reserve * self._strength**2 / self._stiffness
 
-    def derivatives(
-        self, trial: Floats, hardened: Floats | None = None, *, of_law: bool
-    ) -> tuple[Floats, Floats]:
-        """Derivatives of stress (s, q, n + k) and multipliers (y, q, n + k), see `Projection`.
-
-        Those of the multipliers count only where a material hardens; they are those of the law
-        without factors.
-        """
-        n = self.slopes.shape[1] if of_law else 0
-        given = trial / self.strength[:, None]
-        if n:
-            relative = self.slopes / self.strength[:, None]
-            given[..., :n] -= self.trial[:, self.yielded, None] * (
-                relative / self.strength[:, None]
-            )
-        stress, multipliers = self.found.derivatives(given, None, of_law=of_law)
-        stress = stress * self.strength[:, None]
-        if n:
-            stress[..., :n] += self._one[..., None] * self.slopes
-        return stress, multipliers
+    def end_derivatives(
+        self, start: Floats, hardened: Floats | None, *, of_law: bool
+    ) -> tuple[Floats, None]:
+        """Derivatives (s, q, n + k) of the end; nothing hardens."""
+        n = self._slopes.shape[1] if of_law else 0
+        relative = self._slopes / self._strength[:, None]
+        divided = start / self._strength[:, None]
+        divided[..., :n] -= (self.start / self._strength)[..., None] * relative[:, :n]
+        end = self._unit.derivatives(divided, of_law=of_law)[0] * self._strength[:, None]
+        end[..., :n] += self.end[..., None] * relative[:, :n]
+        return end, None

@@ -10,7 +10,7 @@ import numpy as np
 from geoident.forward.gauges.observation import MarchState, Observation
 from geoident.forward.march.adjoint import AdjointMarch, AdjointPlan, ReadingSeeds, reach
 from geoident.forward.march.march import March, Run
-from geoident.forward.march.stage import GivenStress, LinearRows, StageEnd
+from geoident.forward.march.stage import LinearRows, StageEnd
 from geoident.model.arrays import Floats, Ints
 from geoident.model.dual import ParameterPoint
 
@@ -61,7 +61,7 @@ class ReadingAdjoints:
         nothing = StageEnd(
             0,
             np.zeros((discretization.n_dofs, 1)),
-            GivenStress(np.zeros((points.n_strain, points.n_points, 1))),
+            np.zeros((points.n_strain, points.n_points, 1)),
             np.zeros((structures.n_rows, 1)),
             np.zeros(points.n_points, dtype=bool),
         )
@@ -105,8 +105,7 @@ class ReadingAdjoints:
         def kept(values: Floats) -> Floats:
             return np.pad(values, [(0, 0)] * (values.ndim - 1) + [(0, more)])
 
-        stresses = GivenStress(kept(end.stress))
-        still = replace(end, u=kept(end.u), stresses=stresses, members=kept(end.members))
+        still = replace(end, u=kept(end.u), stress=kept(end.stress), members=kept(end.members))
         return self._observation.values(MarchState(still, point, structures))
 
     def table(self, run: Run, end: StageEnd, observed: Floats) -> Floats:

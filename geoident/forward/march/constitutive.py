@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from geoident.fem.elasticity import Moduli
-from geoident.fem.yielding.law import Projection, YieldLaw
+from geoident.fem.yielding.law import ReturnStep, YieldLaw
 from geoident.fem.yielding.localisation import may_localise
 from geoident.forward.march.stage import StageTask
 from geoident.forward.stages import Index, numbers
@@ -134,7 +134,7 @@ class Flow:
     """
 
     ground: Ground
-    projection: Projection
+    projection: ReturnStep
     n_points: int
 
     @cached_property
@@ -177,8 +177,8 @@ class Flow:
 
     def derivatives(
         self, trial: Floats, before: Floats | None = None, *, of_law: bool, viscosity: float
-    ) -> tuple[Floats, Floats]:
-        """Derivatives of stress (s, q, n) and multipliers (y, q, n), as in `Projection`.
+    ) -> tuple[Floats, Floats | None]:
+        """Derivatives of stress (s, q, n) and multipliers (y, q, n), as in `ReturnStep`.
 
         Args:
             trial: (s, q, n) of the trial stress.
@@ -232,10 +232,8 @@ class ReachedPlanes:
         self._margin[rows] = np.maximum(self._margin[rows], excess.max(axis=1, initial=-np.inf))
         return excess
 
-    def activity(self) -> Activity | None:
-        """Which planes were reached, with slopes by all parameters; None where none is."""
-        if not self._planes:
-            return None
+    def activity(self) -> Activity:
+        """Which planes were reached, with slopes by all parameters."""
         distances = np.concatenate([p.distances.columns for p in self._planes.values()])
         return Activity(
             planes=tuple(f"{m}: {name}" for m, p in self._planes.items() for name in p.names),

@@ -37,7 +37,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
@@ -48,7 +47,6 @@ from geoident.forward.actions.release import Held, PartialRelease, ReleasedParts
 from geoident.forward.actions.thermal import NORMAL_COMPONENTS, ThermalStrains
 from geoident.forward.ground.elasticity import ModuliAt
 from geoident.forward.in_situ.stress import NEGLIGIBLE_IMBALANCE, InSituStress, StressPlaces
-from geoident.forward.march.lasting import LastingGround, LastingStress
 from geoident.forward.march.plastic_step import (
     PlasticFindings,
     PlasticSteps,
@@ -58,15 +56,12 @@ from geoident.forward.march.stage import (
     BaseStates,
     Carried,
     ElasticTrace,
-    GivenStress,
     LastEquilibrium,
     LastFactor,
     StageEnd,
     StageTask,
-    StressAtEnd,
     UnitForces,
     elastic_step,
-    factorize,
 )
 from geoident.forward.march.systems import StageSystem, StageSystems
 from geoident.forward.stages import CaseOnMesh, ConstructionState
@@ -113,12 +108,12 @@ class RunFindings:
         imbalance: of the in-situ stress as given: largest force that is out of balance, relative to
             the forces at work.
         collapses: stages at which the ground cannot carry the loads.
-        plastic: where materials yield.
+        plastic: where materials yield; None in a case where none can.
     """
 
     imbalance: float
     collapses: tuple[CollapseError, ...]
-    plastic: PlasticFindings
+    plastic: PlasticFindings | None
 
 
 class March:
@@ -141,17 +136,6 @@ class March:
         self.in_situ = InSituStress(on_mesh, StressPlaces(points.position, groups))
         self.release = PartialRelease(on_mesh, self.actions, parts)
         self.warm = WarmStart()
-
-    @cached_property
-    def lasting(self) -> LastingGround | None:
-        """Ground that no stage touches, where it is eliminated first and only follows then."""
-        systems, case = self.systems, self.case
-        yields = any(material.yields for material in case.materials.values())
-        if not systems.keeps_lasting or yields or self.on_mesh.fields or self.on_mesh.growths:
-            return None
-        group_of_point = self.sequence.group_of[systems.discretization.points.element]
-        lasts = ~systems.changing[group_of_point]
-        return LastingGround(systems, systems.changing_nodes(), lasts)
 
     def forget(self) -> None:
         """Forget where Newton's method may start, and the factors that it starts with."""
@@ -225,17 +209,18 @@ class Run:
         self.traces: list[ElasticTrace] = []
         n_strain = systems.discretization.points.n_strain
         self._ground = ModuliAt(march.on_mesh, point, n_strain)
-        self._plastic = PlasticSteps(
-            march.case,
-            systems,
-            march.warm,
-            self._ground,
-            explain=options.explain,
-            even_only=options.even_only,
-        )
+        self._plastic: PlasticSteps | None = None
+        if any(material.yields for material in march.case.materials.values()):
+            self._plastic = PlasticSteps(
+                march.case,
+                systems,
+                march.warm,
+                self._ground,
+                explain=options.explain,
+                even_only=options.even_only,
+            )
         self.factors = LastFactor(HELD_ENTRIES if options.traced else 0)
         self._held: dict[int, Held] = {0: {}}
-        self._following = self._find_following()
         self._imbalance = 0.0
         self._collapses: list[CollapseError] = []
 
@@ -247,7 +232,8 @@ class Run:
     @property
     def findings(self) -> RunFindings:
         """What was found so far; all of it once the states are through."""
-        return RunFindings(self._imbalance, tuple(self._collapses), self._plastic.findings)
+        plastic = None if self._plastic is None else self._plastic.findings
+        return RunFindings(self._imbalance, tuple(self._collapses), plastic)
 
     def states(self) -> Iterator[StageEnd]:
         """The end of every stage, the virgin state first.
@@ -285,7 +271,7 @@ class Run:
                 lost.add(n)
                 yield replace(_unknown(n, u, carried), last=last_found)
             else:
-                yield StageEnd(n, u, self._stresses(carried, u), carried.members, yielded, forces)
+                yield StageEnd(n, u, carried.stress, carried.members, yielded, forces)
                 bases.leave(n, u, carried)
         if not self._options.traced:
             self.factors.forget()
@@ -315,40 +301,15 @@ class Run:
         self._clear(self._systems[number], state, carried, u)
         task = self._task(number, carried, forces, march.thermal.change(number, self._point))
         task = replace(task, motion=march.motions.change(number, self._point))
-        if self._plastic.yields(state):
+        if self._plastic is not None and self._plastic.yields(state):
             du, yielded = self._plastic.step(task)
         else:
-            du, yielded = self._elastic_step(task, u), still
+            du, yielded = elastic_step(task, self._systems, self.factors), still
         if self._options.traced:
             values = {group: support[:, 0].copy() for group, support in held.items()}
             self.traces.append(ElasticTrace(task, du[:, 0], self._slopes, values))
         u += du
         return yielded
-
-    def _find_following(self) -> LastingStress | None:
-        """What makes the stresses of ground that only follows; None where it does not."""
-        lasting, options = self._march.lasting, self._options
-        if lasting is None or options.traced or options.unit_forces is not None:
-            return None
-        proportions = lasting.proportions(self._ground, self._point)
-        return None if proportions is None else LastingStress(lasting, self._ground, proportions)
-
-    def _stresses(self, carried: Carried, u: Floats) -> StressAtEnd:
-        following = self._following
-        return GivenStress(carried.stress) if following is None else following.at_end(carried, u)
-
-    def _elastic_step(self, task: StageTask, u: Floats) -> Floats:
-        """Displacement steps (n_dofs, 1 + n + k) where nothing yields, after displacements u."""
-        systems, following = self._systems, self._following
-        if following is None:
-            return elastic_step(task, systems, self.factors)
-        factor = factorize(task, systems, self.factors)
-        du = following.lasting.step(task, u, factor, following.proportions)
-        if du is None:
-            following.settle(task.carried, u)
-            du = elastic_step(task, systems, self.factors)
-            following.lasting.begin(task, u + du)
-        return du
 
     def _begin(self, carried: Carried, forces: Floats) -> None:
         """Set the in-situ stress; bring it to equilibrium if it is not, and forget the motion.
@@ -374,11 +335,8 @@ class Run:
         if self._options.traced:
             trace = ElasticTrace(task, du, self._slopes, {}, given[..., 1:], stepped)
             self.traces.append(trace)
-        if self._following is not None:
-            still = np.zeros(forces.shape)
-            lasting = self._following.lasting
-            lasting.begin(task, still) if stepped else lasting.begin_virgin(task, still)
-        self._plastic.refuse_virgin(task)
+        if self._plastic is not None:
+            self._plastic.refuse_virgin(task)
 
     def _clear(
         self, system: StageSystem, state: ConstructionState, carried: Carried, u: Floats
@@ -417,8 +375,7 @@ def _unknown(state: int, u: Floats, carried: Carried) -> StageEnd:
     """A state that is not reached."""
     still = np.zeros(carried.stress.shape[1], dtype=bool)
     nan = np.nan
-    stresses = GivenStress(carried.stress * nan)
-    return StageEnd(state, u * nan, stresses, carried.members * nan, still)
+    return StageEnd(state, u * nan, carried.stress * nan, carried.members * nan, still)
 
 
 def _impose(task: StageTask, thermal: Floats) -> None:

@@ -95,9 +95,9 @@ def _following(task: StageTask, strain: Floats, equations: StageEquations, trial
     return stress
 
 
-def _add_multipliers(task: StageTask, flow: Flow, more: Floats) -> None:
+def _add_multipliers(task: StageTask, flow: Flow, more: Floats | None) -> None:
     """Count further derivatives (y, q, n + k) of the multipliers of a flow."""
-    if flow.ground.hardens:
+    if more is not None and flow.ground.hardens:
         task.carried.add_multipliers(flow.ground.name, flow.points, _DERIVATIVES, more)
 
 

@@ -7,8 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 import scipy.sparse as sp
@@ -52,31 +50,6 @@ class UnitForces:
             forces[:, -self.n_columns :] = self.forces * self.active[state]
 
 
-class StressAtEnd(Protocol):
-    """The stresses at the end of a stage, which may be made when somebody asks for them."""
-
-    def whole(self) -> Floats:
-        """(n_strain, n_points, 1 + n + k), Pa."""
-
-    def values(self) -> StressAtEnd:
-        """Those of column 0 alone, which stay as they are."""
-
-
-@dataclass(frozen=True, eq=False)
-class GivenStress:
-    """Stresses (n_strain, n_points, 1 + n + k) that are there."""
-
-    stress: Floats
-
-    def whole(self) -> Floats:
-        """(n_strain, n_points, 1 + n + k), all of them."""
-        return self.stress
-
-    def values(self) -> GivenStress:
-        """Those of column 0 alone, copied."""
-        return GivenStress(self.stress[..., :1].copy())
-
-
 @dataclass(frozen=True)
 class LastEquilibrium:
     """The last equilibrium on the way to a load that the ground does not carry.
@@ -100,7 +73,7 @@ class StageEnd:
     Args:
         state: index of the state.
         u: (n_dofs, 1 + n + k) displacements since placing, m, and their derivatives.
-        stresses: of its strain points.
+        stress: (n_strain, n_points, 1 + n + k), Pa.
         members: (n_rows, 1 + n + k) forces in linings and bolts (`structures`).
         yielded: (n_points,) strain points that flow plastically in this state.
         forces: (n_dofs, 1 + n + k) what acts on the nodes, supports aside, N; None where nobody
@@ -111,16 +84,11 @@ class StageEnd:
 
     state: int
     u: Floats
-    stresses: StressAtEnd
+    stress: Floats
     members: Floats
     yielded: Bools
     forces: Floats | None = None
     last: LastEquilibrium | None = None
-
-    @cached_property
-    def stress(self) -> Floats:
-        """(n_strain, n_points, 1 + n + k), Pa."""
-        return self.stresses.whole()
 
 
 @dataclass(frozen=True)
@@ -138,23 +106,6 @@ class LinearRows:
     members: sp.csr_array | None = None
 
 
-@dataclass(frozen=True, eq=False)
-class LastingSince:
-    """Ground that no stage touches, since a stage in which all was solved (`march.lasting`).
-
-    Args:
-        u: (n_dofs, 1 + n) displacements at the end of that stage.
-        stress: (n_strain, n_points) stresses there.
-        acting: (n_inner, 1 + n) forces on its inner nodes there.
-        pull: (n_outer, 1 + n) forces of its stresses on the other nodes, now.
-    """
-
-    u: Floats
-    stress: Floats
-    acting: Floats
-    pull: Floats
-
-
 @dataclass
 class Carried:
     """What ground and structures carry from one stage to the next, changed in place.
@@ -164,14 +115,11 @@ class Carried:
         members: (n_rows, k) forces in linings and bolts.
         hardened: material to the multipliers (y, n_points, k) of its planes so far, where they
             count because it hardens.
-        since: of ground that only follows, whose stresses are those of an earlier stage; None
-            where there is none.
     """
 
     stress: Floats
     members: Floats
     hardened: dict[str, Floats] = field(default_factory=dict)
-    since: LastingSince | None = None
 
     def columns(self, part: slice) -> Carried:
         """Some of its columns, not copied."""
@@ -214,12 +162,11 @@ class Carried:
     def copy(self) -> Carried:
         """A copy of its own."""
         hardened = {name: values.copy() for name, values in self.hardened.items()}
-        return Carried(self.stress.copy(), self.members.copy(), hardened, self.since)
+        return Carried(self.stress.copy(), self.members.copy(), hardened)
 
     def restore(self, kept: Carried) -> None:
         """Take over the values of a copy."""
         self.stress[:], self.members[:] = kept.stress, kept.members
-        self.since = kept.since
         self.hardened.clear()
         self.hardened.update({name: values.copy() for name, values in kept.hardened.items()})
 

@@ -12,16 +12,15 @@ import scipy.sparse as sp
 
 from geoident.fem.elasticity import Moduli, UniformModuli
 from geoident.fem.location import format_point
+from geoident.fem.solvers import Solver
 from geoident.fem.solvers.direct import (
     LowerPattern,
-    Solver,
     SolverCounts,
     SymbolicFactorization,
     UnknownPlaces,
 )
 from geoident.fem.solvers.factor_cost import FactorCost
-from geoident.fem.solvers.fronts.tree import elimination_flops, flops_at_most
-from geoident.fem.solvers.ordering import lasting_first, nested_dissection
+from geoident.fem.solvers.ordering import nested_dissection
 from geoident.fem.stiffness import (
     GroupBlocks,
     StiffnessPattern,
@@ -74,7 +73,7 @@ class StageSystem:
         return self.make_pattern()
 
 
-_order_of = OfMesh[tuple[Ints, int]]()
+_order_of = OfMesh[Ints]()
 
 
 class StageSystems:
@@ -99,13 +98,7 @@ class StageSystems:
         self._solver = solver
         self._fixed: list[Bools] = []
         self._numbers_of_held: dict[bytes, int] = {}
-        changes = self.changing_nodes()
-        made_of = {tuple(state.materials.items()) for state in sequence.states[1:]}
-        order, self._lasting = _order_of(
-            mesh,
-            (changes.tobytes(), len(made_of), solver.keeps_from),
-            lambda: self._elimination_order(changes, len(made_of)),
-        )
+        order = _order_of(mesh, (), lambda: nested_dissection(mesh.points, *node_graph(mesh)))
         self._node_of_rank = _moved_to_end(order, structures.late_nodes())
         rank = np.empty_like(self._node_of_rank)
         rank[self._node_of_rank] = np.arange(len(rank))
@@ -189,26 +182,6 @@ class StageSystems:
         node = system.dofs[unknown] // self._mesh.dim
         return f" near {format_point(self._mesh.points[node])}"
 
-    def _elimination_order(self, changes: Bools, stages: int) -> tuple[Ints, int]:
-        """The nodes in the order of elimination, and how many, the first, last through all stages.
-
-        They are put first only for a solver that keeps what it finds of them, and where that saves
-        more operations over all stages than the order costs.
-        """
-        mesh, graph = self._mesh, node_graph(self._mesh)
-        plain = nested_dissection(mesh.points, *graph)
-        lasting = int(np.count_nonzero(~changes))
-        if not lasting or stages < 2 or self._solver.keeps_from == float("inf"):
-            return plain, 0
-        if flops_at_most(plain.size * mesh.dim, plane=mesh.dim == 2) < self._solver.keeps_from:
-            return plain, 0  # counting takes longer than such factorizations
-        _, whole = elimination_flops(*graph, plain, mesh.dim, 0)
-        if whole < self._solver.keeps_from:
-            return plain, 0
-        order = lasting_first(mesh.points, *graph, changes)
-        once, each = elimination_flops(*graph, order, mesh.dim, lasting)
-        return (order, lasting) if once + stages * each < stages * whole else (plain, 0)
-
     def _places(self, dofs: Ints) -> UnknownPlaces:
         """Where unknowns stand, by their degrees of freedom (n,)."""
         return UnknownPlaces(dofs, self._mesh.points, self._edges)
@@ -218,21 +191,6 @@ class StageSystems:
         """(k, 3) nodes on edges, each with its two ends."""
         return nodes_on_edges(self._mesh)
 
-    @property
-    def keeps_lasting(self) -> bool:
-        """Whether ground that no stage touches is eliminated first, by itself."""
-        return self._lasting > 0
-
-    def changing_nodes(self) -> Bools:
-        """(n_nodes,) nodes of ground that changes or yields, of structures, and held for a time."""
-        found = nodes_in(self._mesh.blocks, self.changing[self._sequence.group_of])
-        nodes = np.zeros(self._mesh.n_nodes, dtype=bool)
-        nodes[found] = True
-        nodes[self.structures.nodes()] = True
-        held = [self._fixed[self._held(n)] for n in range(len(self._sequence.states))]
-        differ = np.any([one != held[0] for one in held], axis=0)
-        return np.asarray(nodes | differ.reshape(nodes.size, -1).any(axis=1))
-
     def _held(self, state: int) -> int:
         """The number of what is held in a state, among all that is held in any."""
         fixed = fixed_dofs(self.on_mesh, state)
@@ -240,17 +198,6 @@ class StageSystems:
         if number == len(self._fixed):
             self._fixed.append(fixed)
         return number
-
-    @cached_property
-    def changing(self) -> Bools:
-        """(n_groups,) groups of ground that changes from stage to stage, or yields."""
-        sequence, materials = self._sequence, self.on_mesh.case.materials
-        changes = np.zeros(len(sequence.groups), dtype=bool)
-        for g in range(len(sequence.groups)):
-            met = {state.materials.get(g) for state in sequence.states}
-            yields = any(name is not None and materials[name].yields for name in met)
-            changes[g] = len(met) > 1 or yields
-        return changes
 
     def _prepare(self, number: int) -> StageSystem:
         sequence, state = self._sequence, self._sequence.states[number]
@@ -284,7 +231,6 @@ class StageSystems:
                 node_of_rank=self._node_of_rank,
                 fixed=self._fixed[key[1]],
                 dim=self._mesh.dim,
-                lasting=self._lasting,
                 places=self._places,
             )
         return self._patterns[key]
@@ -293,7 +239,6 @@ class StageSystems:
         if lower.n == 0:
             return None
         parts = [lower.indptr, lower.indices]
-        parts += [] if lower.names is None else [lower.names]
         parts += [] if lower.places is None else [lower.places.dofs]
         key = hashlib.sha256(b"".join(part.tobytes() for part in parts)).digest(), spare
         if key not in self._analysed:

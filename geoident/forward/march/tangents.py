@@ -9,7 +9,7 @@ import scipy.sparse as sp
 from geoident.fem.elasticity import Moduli
 from geoident.fem.patches import Patch, PatchTangents, patch_around
 from geoident.fem.solvers.direct import Factor
-from geoident.fem.solvers.splu import GeneralFactor
+from geoident.fem.solvers.splu import general_factor
 from geoident.forward.march.stage import StageTask
 from geoident.forward.march.systems import StageSystems
 from geoident.model.arrays import Floats, Ints
@@ -39,7 +39,7 @@ class StageTangents:
             if not symmetric:
                 counts = self._systems.solver_counts
                 lower = self._system.pattern.lower
-                return GeneralFactor(lower, values + below, values + above, counts)
+                return general_factor(lower, values + below, values + above, counts)
             values = values + below
         analysis = self._systems.analysis(self._system)
         assert analysis is not None

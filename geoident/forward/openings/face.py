@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from geoident.errors import Fault, ModelError
-from geoident.fem.solvers.direct import Solver
+from geoident.fem.solvers import Solver
 from geoident.forward.in_situ.stress import InSituStress, StressPlaces
 from geoident.forward.openings.advance import BY_MESH, AdvancingFace, OpeningAt
 from geoident.forward.openings.closed_forms import Opening

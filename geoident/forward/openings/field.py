@@ -26,7 +26,7 @@ from geoident.forward.openings.closed_forms import GroundState
 from geoident.forward.openings.load import OpeningLoad
 from geoident.forward.openings.site import OpeningSite
 from geoident.forward.stages import CaseOnMesh, ConstructionSequence, ConstructionState
-from geoident.forward.yielding.equivalent import equivalent_notes
+from geoident.forward.yielding.hoek_brown import equivalent_notes
 from geoident.model.actions import Pressure
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Analysis, Case, Material

@@ -30,7 +30,7 @@ import numpy as np
 from geoident.errors import CollapseError
 from geoident.fem.faces import FacetPatch, patches
 from geoident.fem.loads import pressure_forces, traction_weights
-from geoident.fem.solvers.direct import Solver
+from geoident.fem.solvers import Solver
 from geoident.forward.actions.release import ReleasedParts
 from geoident.forward.march.march import March, Run, RunOptions
 from geoident.forward.march.systems import StageSystems

@@ -1,1 +1,1 @@
-"""A certified reduced model of the elastic march (theory 14)."""
+"""The reduced model of a staged analysis in elastic ground (theory 14)."""

@@ -133,19 +133,24 @@ def affine_march(
 
 
 def _samples(march: March, names: tuple[str, ...]) -> Floats:
-    """Parameter vectors spread over the domain (b, n)."""
+    """Parameter vectors (b, n) all over the domain; the last ones are its two ends.
+
+    Where a vector is outside the domain of the model it is drawn towards the start.
+    """
     parameters = march.case.parameters
 
     def admissible(values: Values) -> bool:
         return inadmissible_numbers(march.case, march.sequence, values) is None
 
     points = trial_points(parameters, admissible)
-    corners = np.array([[point.values[name] for name in names] for point in points])
+    found = [np.array([point.values[name] for name in names]) for point in points]
     start = np.array([q.start for q in parameters])
-    random, found = np.random.default_rng(0), [*corners]
-    low, high = corners.min(axis=0), corners.max(axis=0)
-    while len(found) < _DRAWS + 3 * len(start):
-        p = low + (high - low) * random.random(len(start))
+    bounds = np.array([(q.lower, q.upper) for q in parameters]).T
+    inside = [np.min(found, axis=0), np.max(found, axis=0)]
+    low, high = np.where(np.isfinite(bounds), bounds, inside)
+    parts = np.random.default_rng(0).random((_DRAWS + 3 * len(start), len(start)))
+    for part in (*parts, np.zeros(len(start)), np.ones(len(start))):
+        p = low + (high - low) * part
         for _ in range(20):
             if admissible(dict(zip(names, map(float, p), strict=True))):
                 break

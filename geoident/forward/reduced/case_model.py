@@ -101,7 +101,7 @@ class ReducedCaseModel(ObservedModel):
         if restored.admissible(p) is not None or np.any(np.isfinite(wanted) & ~known):
             return None
         try:
-            v, error = restored.response(restored.pairs).certified(p[None])
+            v, error = restored.response(restored.pairs).estimated(p[None])
             states = restored.model.observed(restored.model.states(p[None]))[:, :, 0]
         except (ValueError, np.linalg.LinAlgError):
             return None

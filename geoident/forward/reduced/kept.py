@@ -17,8 +17,6 @@ from geoident.forward.checks import inadmissible_numbers
 from geoident.forward.gauges.instrument_errors import InstrumentErrors, ReadingPlaces
 from geoident.forward.gauges.observation import Observation
 from geoident.forward.reduced.affine_march import AffineForm
-from geoident.forward.reduced.duals.basis import DualBasis, StageDual
-from geoident.forward.reduced.duals.bounds import ReadingDuals
 from geoident.forward.reduced.loads import LoadForm
 from geoident.forward.reduced.model import ReducedModel
 from geoident.forward.reduced.moduli import MaterialSpan, RigiditySpan, Span
@@ -41,7 +39,7 @@ def kept_model(
     marches: Sequence[Floats],
     built_on: Bools,
 ) -> KeptReducedModel:
-    """The arrays of a reduced model with adjoints of its readings.
+    """The arrays of a reduced model.
 
     Args:
         reduced: the model.
@@ -51,21 +49,19 @@ def kept_model(
         built_on: (n_states, n_states) see `ConstructionSequence.built_on`.
 
     Raises:
-        ValueError: it was made without adjoints.
+        ValueError: nothing is known of the errors of its readings.
     """
-    if reduced.duals is None:
-        msg = "a reduced model without bounds of its readings is not kept"
+    if not len(reduced.ratios):
+        msg = "a reduced model that knows nothing of the errors of its readings is not kept"
         raise ValueError(msg)
     model = reduced.model
     materials = tuple(model.form.spans)
     packed = _Packed(materials)
     packed.moduli(model.form.spans)
     packed.loads(model.form.loads)
-    packed.rounding(reduced.duals.rounding)
+    packed.ratios(reduced.ratios)
     for number, stage in enumerate(model.stages):
         packed.stage(number, stage)
-    for which, basis in enumerate(reduced.duals.bases):
-        packed.basis(which, basis)
     return KeptReducedModel(
         form=FORM,
         names=model.form.names,
@@ -121,8 +117,8 @@ class _Packed:
         self._add("mix", form.mix)
         self._add("settles", float(form.settles))
 
-    def rounding(self, part: float) -> None:
-        self._add("rounding", part)
+    def ratios(self, ratios: Floats) -> None:
+        self._add("ratios", ratios)
 
     def stage(self, number: int, stage: ReducedStage) -> None:
         self._add("base", stage.base, number)
@@ -140,16 +136,6 @@ class _Packed:
             self._add("zone-loads", zone.loads, number, place)
             self._add("zone-rest", zone.rest, number, place)
             self._add_all("zone-terms", zone.terms, number, place)
-
-    def basis(self, which: int, basis: DualBasis) -> None:
-        self._add("adjoint-place", basis.place, which)
-        self._add("adjoint-by", basis.by, which)
-        self._add("adjoint-readings", basis.readings, which)
-        self._add("adjoint-forces", float(basis.forces), which)
-        for number, dual in enumerate(basis.stages):
-            self._add_all("adjoint-moments", dual.moments, which, number)
-            self._add("adjoint-loads", dual.loads, which, number)
-            self._add_all("adjoint-terms", dual.terms, which, number)
 
 
 class _Blocks:
@@ -213,30 +199,6 @@ class _Blocks:
             ),
         )
 
-    def bases(self, form: AffineForm, some: Ints) -> list[DualBasis]:
-        """Adjoints of some readings."""
-        found: list[DualBasis] = []
-        while (place := self.get("adjoint-place", len(found))) is not None:
-            which = len(found)
-            by = self.one("adjoint-by", which).astype(np.int64)
-            numbers = range(len(self._about("adjoint-loads", (which,))))
-            readings = self.one("adjoint-readings", which).astype(np.int64)
-            forces = bool(self.one("adjoint-forces", which))
-            wanted = np.flatnonzero(np.isin(some, readings))  # of those that are asked for
-            own = np.searchsorted(readings, some[wanted])
-            stages = tuple(self._dual(which, number, own) for number in numbers)
-            found.append(DualBasis(form, place, by, stages, wanted, forces=forces))
-        return found
-
-    def _dual(self, which: int, number: int, some: Ints) -> StageDual:
-        moments = self.materials("adjoint-moments", which, number)
-        terms = self.terms("adjoint-terms", which, number)
-        return StageDual(
-            {name: block[..., some] for name, block in moments.items()},
-            self.one("adjoint-loads", which, number)[:, some],
-            {key: block[:, :, some] for key, block in terms.items()},
-        )
-
 
 @dataclass(frozen=True)
 class _Made:
@@ -246,7 +208,7 @@ class _Made:
 
 
 class RestoredModel:
-    """A kept reduced model with its case: readings at any parameters, with bounds.
+    """A kept reduced model with its case: readings at any parameters, and how far they may be off.
 
     Args:
         kept: the arrays.
@@ -353,7 +315,7 @@ class RestoredModel:
     def response(
         self, pairs: Sequence[tuple[str, str]], times: Sequence[float | None] = ()
     ) -> ReducedResponse:
-        """Readings of some channels at some stages, with bounds.
+        """Readings of some channels at some stages, with estimates of their errors.
 
         Args:
             pairs: their channels and stages.
@@ -363,21 +325,16 @@ class RestoredModel:
             KeyError: it does not give one of them, see `covers`.
         """
         some = np.array([self._place[pair] for pair in pairs], dtype=np.int64)
-        kept, model = self.kept, self.model
-        bases = self._blocks.bases(model.form, some)
+        kept = self.kept
         values = dict(zip(kept.names, map(float, kept.reference), strict=True))
         places = ReadingPlaces.of(self.case, pairs, times)
         asked = ReadingsAsked(
             kept.rows[some],
             kept.states[some],
             self.instrument_errors.added(values, kept.names, places),
-            [self._dimensions[channel] for channel, _ in pairs],
+            [self._dimensions[channel] for channel in kept.channels],
         )
+        ratios = self._blocks.one("ratios")[some]
         return ReducedResponse(
-            model,
-            self._observation,
-            asked,
-            self._bases,
-            self.admissible,
-            ReadingDuals(model, bases, float(self._blocks.one("rounding"))),
+            self.model, self._observation, asked, self._bases, self.admissible, ratios
         )

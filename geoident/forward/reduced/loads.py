@@ -26,13 +26,13 @@ from geoident.forward.reduced.points import MarchPoints
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.dual import ParameterPoint
 
-_SAME = 1e-10
-"""Relative difference that is rounding."""
+_ROUNDED = 1e-10
+"""Relative difference of loads, interpolated and computed, that is rounding."""
 
 _EPS = float(np.finfo(np.float64).eps)
 
-_CHECKS = 3
-"""Parameter vectors at which a form is tried."""
+_CHECKS = 4
+"""Parameter vectors at which a form is tried: two inside, and the two ends of the bounds."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +77,7 @@ def load_form(march: March, names: Sequence[str], samples: Floats, last: int) ->
     Args:
         march: of the case.
         names: of the n parameters.
-        samples: (b, n) parameter vectors spread over the domain, 2 n + 8 at least.
+        samples: (b, n) parameter vectors spread over the domain, the last ones its ends.
         last: the last state.
     """
     scale = np.abs(samples).max(axis=0)
@@ -88,13 +88,14 @@ def load_form(march: March, names: Sequence[str], samples: Floats, last: int) ->
         count = len(exponents)
         if count + _CHECKS > len(samples):
             return None
-        all_given = [loads.at(p) for p in samples[: count + _CHECKS]]
+        tried = np.concatenate([samples[:count], samples[-_CHECKS:]])
+        all_given = [loads.at(p) for p in tried]
         there = np.flatnonzero(np.any(all_given, axis=0))  # most forces are zero
         given = np.stack([one[there] for one in all_given])
-        design = monomials(samples[: count + _CHECKS] / scale, exponents)
+        design = monomials(tried / scale, exponents)
         fields = np.linalg.pinv(design[:count], rcond=count * _EPS) @ given[:count]
         missed = np.abs(design[count:] @ fields - given[count:]).max(initial=0.0)
-        if missed <= _SAME * max(1.0, np.abs(given).max()):
+        if missed <= _ROUNDED * max(1.0, np.abs(given).max()):
             return _shortened(loads, (fields, there), exponents, scale, samples)
     return None
 
@@ -212,7 +213,7 @@ def _shortened(
     mix = (left[:, kept] * size[kept]).T
     march, settles = loads.march, False
     form = LoadForm(scale, exponents, mix, stress, forces, settles)
-    psi, _ = form.coordinates(samples[:_CHECKS])
+    psi, _ = form.coordinates(samples[-_CHECKS:])
     in_situ = stress[:, : march.systems.discretization.points.n_points]
     of_samples = march.imbalance(in_situ @ psi.T, forces[0] @ psi.T)
     settles = bool(of_samples.max(initial=0.0) > NEGLIGIBLE_IMBALANCE)

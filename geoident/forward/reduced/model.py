@@ -1,4 +1,4 @@
-"""The reduced model: all states at many parameter vectors, with a bound of the error in energy.
+"""The reduced model: all states at many parameter vectors, with their error in energy.
 
 With q_j the coordinates of u_j, the equations of a state are those of the march (theory 2), tested
 with the basis of the state:
@@ -45,29 +45,6 @@ class ReducedStates:
 
     at: AffineFactors
     states: tuple[Floats, ...]
-
-
-@dataclass(frozen=True, eq=False)
-class EnergyBounds:
-    """Bounds at parameter vectors (b).
-
-    Args:
-        residual: (n_states, b) of |rho_j| in K_j^-1.
-        stress: (n_states, b) of the error of the stress in complementary energy.
-        size: (n_states, b) energy of the displacements themselves, to compare with.
-        moduli: material to the eigenvalues (b, s) of its moduli against the reference.
-    """
-
-    residual: Floats
-    stress: Floats
-    size: Floats
-    moduli: Mapping[str, Floats]
-
-    @property
-    def relative(self) -> Floats:
-        """(b,) largest error relative to the largest energy of a state."""
-        whole = self.size.max(axis=0, initial=0.0)
-        return np.asarray(self.stress.max(axis=0) / np.where(whole > 0.0, whole, 1.0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,24 +118,30 @@ class ReducedModel:
             seen.append(table)
         return np.stack(seen)
 
-    def bounds(self, found: ReducedStates) -> EnergyBounds:
-        """Bounds of the error in energy."""
-        at = found.at
-        moduli = {name: self._eigenvalues(name, at) for name in self.form.spans}
-        b = len(at.loads)
-        residual, stress, size = (np.zeros((len(self.stages), b)) for _ in range(3))
+    def errors(self, found: ReducedStates) -> Floats:
+        """Error of the stresses in energy, relative to the largest energy of a state, (b,)."""
+        stress = self.stress_errors(found)
+        size = np.zeros_like(stress)
         for number, stage in enumerate(self.stages):
-            squared = self._residual(stage, at, found, moduli)
-            residual[number] = np.sqrt(squared)
-            if number:
-                carried = stress[stage.base] ** 2 * self.growth(stage, at)
-                squared = squared + carried
-            stress[number] = np.sqrt(squared)
             q = found.states[number][..., 0]
             for (state, material), matrices in stage.matrices.items():
                 if state == number:
-                    size[number] += np.sum(q * _product(matrices, at.moduli[material], q), axis=1)
-        return EnergyBounds(residual, stress, np.sqrt(np.maximum(size, 0.0)), moduli)
+                    moved = _product(matrices, found.at.moduli[material], q)
+                    size[number] += np.sum(q * moved, axis=1)
+        largest = np.sqrt(np.maximum(size, 0.0)).max(axis=0, initial=0.0)
+        return np.asarray(stress.max(axis=0) / np.where(largest > 0.0, largest, 1.0))
+
+    def stress_errors(self, found: ReducedStates) -> Floats:
+        """Error of the stresses of every state in complementary energy, (n_states, b)."""
+        at = found.at
+        moduli = {name: self._eigenvalues(name, at) for name in self.form.spans}
+        stress = np.zeros((len(self.stages), len(at.loads)))
+        for number, stage in enumerate(self.stages):
+            squared = self._residual(stage, at, found, moduli)
+            if number:
+                squared = squared + stress[stage.base] ** 2 * self._growth(stage, at)
+            stress[number] = np.sqrt(squared)
+        return stress
 
     def _eigenvalues(self, name: str, at: AffineFactors) -> Floats:
         span = self.form.spans[name]
@@ -168,7 +151,7 @@ class ReducedModel:
         reference, _ = span.coordinates(self.reference[None])
         return relative_eigenvalues(span.matrix(c), span.matrix(reference[0]))
 
-    def growth(self, stage: ReducedStage, at: AffineFactors) -> Floats | float:
+    def _growth(self, stage: ReducedStage, at: AffineFactors) -> Floats | float:
         """Kappa (b,)."""
         growth: Floats | float = 1.0
         for before, after in stage.changes:

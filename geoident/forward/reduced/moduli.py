@@ -136,19 +136,6 @@ Span = MaterialSpan | RigiditySpan
 """Moduli of a material, or of the members of a structure."""
 
 
-def moment_basis(span: Span) -> Floats:
-    """Orthonormal matrices (r, s, s) that A^T E^-1 B is a sum of, with A, B and E of a span.
-
-    Moduli of one form, and isotropic ones, have all their products in their own span.
-    """
-    if isinstance(span, RigiditySpan) or span.rank == 1:
-        return span.basis
-    if isinstance(span.material.elastic, Isotropic):
-        return span.basis
-    s = span.basis.shape[1]
-    return np.eye(s * s).reshape(-1, s, s)
-
-
 def rigidity_span(
     structure: Structure, names: tuple[str, ...], samples: Floats, n_strain: int, *, bending: bool
 ) -> RigiditySpan:

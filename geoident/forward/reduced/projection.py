@@ -16,7 +16,7 @@ All this needs is one pass over the strain points. With E = L L^T at the referen
 
 of a zone (the stresses of the displacements by every matrix J_r of its moduli) have one triangular
 factor R. The stresses of the snapshots, less those of the virgin state, are sums of such columns
-(`snapshots`). Products of columns are those of R, and so are differences of nearly equal stresses
+(`recorder`). Products of columns are those of R, and so are differences of nearly equal stresses
 before they are squared. No stiffness matrix is made, and nothing is factorized but R.
 """
 
@@ -29,9 +29,9 @@ from functools import partial
 import numpy as np
 import scipy.linalg as sla
 
-from geoident.fem.solvers.fronts.tasks import run_tasks
+from geoident.fem.solvers.threads import run_tasks
 from geoident.forward.reduced.affine_march import AffineMarch
-from geoident.forward.reduced.snapshots import Snapshot
+from geoident.forward.reduced.recorder import Snapshot
 from geoident.forward.reduced.stress_rows import StageForces
 from geoident.forward.reduced.zones import StressTerm, Zone
 from geoident.forward.stages import Index
@@ -113,50 +113,38 @@ class GalerkinProjection:
         affine: the march with the form of its moduli and loads.
         snapshots: at least one.
         reference: (n,) parameters whose moduli measure.
-
-    Attributes:
-        turn: by state, (M, N) what makes its basis of the columns of the snapshots.
-        particular: (M, r) what makes columns with loads of one psi each of them.
     """
 
     def __init__(
         self, affine: AffineMarch, snapshots: Sequence[Snapshot], reference: Floats
     ) -> None:
-        self.affine, self._snapshots = affine, tuple(snapshots)
+        self._affine, self._snapshots = affine, tuple(snapshots)
         self._spans, self._loads = affine.form.spans, affine.form.loads
         self._base = [state.base for state in affine.march.sequence.states]
         self._points = affine.points
         at = affine.form.at(reference[None])
         self._at_reference = {name: c[0] for name, c in at.moduli.items()}
         self._inverse_root = {
-            name: np.linalg.inv(np.linalg.cholesky(self.reference_matrix(name)))
-            for name in self._spans
+            name: np.linalg.inv(np.linalg.cholesky(span.matrix(self._at_reference[name])))
+            for name, span in self._spans.items()
         }
         self._motion: dict[int, Floats] = {}  # by state, the columns of all snapshots
         self._turn_of: dict[str, Floats] = {}
-        self.turn: dict[int, Floats] = {}
-        self.particular = np.zeros((0, 0))
+        self._turn: dict[int, Floats] = {}  # by state, what makes its basis of the columns
 
     def stages(self) -> tuple[ReducedStage, ...] | None:
         """All states; None where the loads of the snapshots do not yet span those of the case."""
         combination = self._combination()
         if combination is None:
             return None
-        self.particular = combination[0]
         first = 0 if self._loads.settles else 1
         states = range(self._snapshots[0].last + 1)
-        found = tuple(
+        return tuple(
             self._stage(state, *combination) if state >= first else self._nothing(state)
             for state in states
         )
-        self._motion.clear()
-        return found
 
-    def reference_matrix(self, material: str) -> Floats:
-        """E (s, s) of a material at the reference."""
-        return self._spans[material].matrix(self._at_reference[material])
-
-    def strains(self, state: int, points: Index) -> Floats:
+    def _strains(self, state: int, points: Index) -> Floats:
         """Columns (s, q, M) of the snapshots: strains of the displacements of a state.
 
         Of the virgin state those of the motion that balanced it, if it moves.
@@ -171,20 +159,6 @@ class GalerkinProjection:
         if state and state not in self._motion:
             self._motion[state] = np.hstack([s.motion[state] for s in self._snapshots])
         return self._motion.get(state, np.zeros((0, 0)))
-
-    def stresses(self, zone: Zone, points: Index) -> Floats:
-        """Columns (s, q, M): stresses of a zone in its state, less those in situ.
-
-        Args:
-            zone: the zone.
-            points: (q,) some of the zone.
-        """
-        parts = []
-        for other, material, sign in self._parts(zone):
-            strain = self.strains(other, points)
-            for J, T in zip(self._spans[material].basis, self._turns(material), strict=True):
-                parts.append(np.tensordot(sign * J, strain @ T, axes=1))
-        return np.asarray(sum(parts[1:], parts[0]))
 
     def _parts(self, zone: Zone) -> list[tuple[int, str, float]]:
         """Of what the stress of a zone consists, less that in situ."""
@@ -219,11 +193,11 @@ class GalerkinProjection:
         return ReducedStage(self._base[state], empty, {}, np.zeros((0, r)), (), {}, (), forces)
 
     def _stage(self, state: int, particular: Floats, free: Floats) -> ReducedStage:
-        factors = [self._factor(zone) for zone in self.affine.zones[state]]
+        factors = [self._factor(zone) for zone in self._affine.zones[state]]
         strains = [self._energy(factor, state) for factor in factors]
         # what settles is known as a small difference of stresses
         least = DEPENDENT if state else 1e3 * DEPENDENT
-        turn = self.turn[state] = orthonormal_columns(np.concatenate(strains), least)
+        turn = self._turn[state] = orthonormal_columns(np.concatenate(strains), least)
         rest = free @ orthonormal_columns(np.concatenate([f.stress @ free for f in factors]))
         load = np.zeros((turn.shape[1], particular.shape[1]))
         matrices: dict[StressTerm, Floats] = {}
@@ -232,7 +206,7 @@ class GalerkinProjection:
         for factor, strain in zip(factors, strains, strict=True):
             test = (strain @ turn).T
             terms = {
-                (other, name): columns @ self.turn[other]
+                (other, name): columns @ self._turn[other]
                 for (other, name), columns in factor.terms.items()
             }
             for key, columns in terms.items():
@@ -245,7 +219,7 @@ class GalerkinProjection:
             square = made.rest.T @ made.rest
             normal[made.material] = normal.get(made.material, 0.0) + square
         observed = np.hstack([s.observed[state] for s in self._snapshots]) @ turn
-        zones = self.affine.zones[state]
+        zones = self._affine.zones[state]
         changes = sorted({(z.before, z.material) for z in zones if z.before != z.material})
         return ReducedStage(
             self._base[state],
@@ -260,17 +234,17 @@ class GalerkinProjection:
 
     def _forces(self, state: int) -> StageForces:
         """What channels see of the stress of a state: sums over the strain points they read."""
-        rows, given = self.affine.rows, self._loads.stress
+        rows, given = self._affine.rows, self._loads.stress
         loads = np.zeros((len(rows.channels), given.shape[-1]))
         terms: dict[StressTerm, Floats] = {}
-        for zone in self.affine.zones[state]:
+        for zone in self._affine.zones[state]:
             mine, weights = rows.at(zone.points)
             if not len(mine):
                 continue
             if zone.history.given:
                 loads += np.einsum("csq,sqr->cr", weights, given[:, mine])
             for other, material, sign in self._parts(zone):
-                strain = sign * self.strains(other, mine)
+                strain = sign * self._strains(other, mine)
                 found = np.stack(
                     [
                         np.tensordot(weights, np.tensordot(J, strain, axes=1), axes=2)
@@ -278,9 +252,9 @@ class GalerkinProjection:
                     ]
                 )
                 key = other, material
-                found = found @ self.turn[other]
+                found = found @ self._turn[other]
                 terms[key] = terms[key] + found if key in terms else found
-        jacked, weights = rows.at(self.affine.jacked(state))
+        jacked, weights = rows.at(self._affine.jacked(state))
         loads += np.einsum("csq,sqr->cr", weights, given[:, jacked])
         return StageForces(rows.channels, loads, terms)
 
@@ -320,7 +294,7 @@ class GalerkinProjection:
         """R of some points (q,) of a zone."""
         columns = []
         for (other, name), sign in signs.items():
-            strain = self.strains(other, points)
+            strain = self._strains(other, points)
             columns += [np.tensordot(sign * J, strain, axes=1) for J in self._spans[name].basis]
         joined = np.concatenate(columns, axis=-1)
         joined = np.tensordot(self._inverse_root[material], joined, axes=1)

@@ -1,286 +1,275 @@
-"""Takes the columns of a reduced model from a march while it runs, and adds further ones.
+"""What an analysis leaves for the reduced model: its states, their derivatives, further columns.
 
-While the factorization of a stage is there, further columns cost a solution each. Where the moduli
-depend on h, and the loads do not, the second derivative of the equations of a state by h and k is
+States and derivatives come out of an analysis with derivatives as they are, each derivative by its
+parameter in units of the parameter's size. Neither stresses nor strains of displacements are kept:
+in space they are fifteen times as many numbers as the displacements. With E = sum_r c_r(p) J_r the
+stresses of a material are J_r eps T_r, summed, with T_r made of c_r and its derivatives:
+sigma_h = E C u_h + E_h C u. The motion that balances the virgin stress is forgotten by the analysis
+(theory 2); its strain is what brought the stress from the given one to where it is.
 
-    C^T V ( E C u_hk + E_h C u_k + E_k C u_h + E_hk C u ) = 0      (sums over segments understood)
+While the factorization of a stage is there, further columns cost a solution each. With v the
+displacements of a load, and h the parameters that move moduli,
 
-so with the first derivatives, which are there, u_hk follows. The part E_hk, zero where moduli are
-linear in h, is left out: what is in the bracket is a stress in equilibrium with no load all the
-same, and the space that these columns add is what counts. With them the model of one march is right
-to second order in the moduli, whatever the loads. A parameter by which all moduli grow alike needs
-none: it divides the displacements by a number.
+    C^T V ( E C w + (E_h - b_h E) C v ) = 0
 
-Where one parameter alone moves the moduli otherwise, more of them cost little,
-
-    C^T V ( E C v_m + (E_h - b E) C v_m-1 ) = 0 ,    v_0 the displacements by each of the loads ,
-
-which is the space of conjugate gradients for other values of h, preconditioned by the factor that
-is there (Saad, Iterative methods for sparse linear systems, 2003, 6.7). Every m takes a digit or so
-from the error of the model where the search ends: that saves it another factorization of every
-stage. The shift b changes nothing in that space, and keeps columns from growing and from being
-alike: it is the middle of the eigenvalues of E_h against E in the ground that there is most of.
+makes a column w of v and h, and further ones of w and every h: products of K^-1 K_h with v, the
+space of conjugate gradients for other moduli, preconditioned by the factor that is there (Saad,
+Iterative methods for sparse linear systems, 2003, 6.7). What is in the bracket is a stress in
+equilibrium with no load, as the bounds of the error need it. Second derivatives are in the space,
+too, so the model of one analysis is right to second order in the moduli. The shift b_h changes
+nothing in the space, and keeps columns from growing and from being alike: b_h E is as near to E_h
+as it can be, in the mean over the volume. Where it is the same as E_h (all moduli grow alike, which
+divides displacements by a number), no column is needed.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from geoident.forward.gauges.observation import Observation
-from geoident.forward.march.lasting import solve_still
 from geoident.forward.march.march import Run
 from geoident.forward.march.stage import StageEnd
 from geoident.forward.reduced.affine_march import AffineMarch
-from geoident.forward.reduced.snapshots import (
-    Further,
-    Snapshot,
-    settling_strain,
-    stress_turns,
-)
 from geoident.model.arrays import Floats
 
-_NOISE = 1e-9
-"""Stress of settling, relative to the virgin one, that is rounding."""
-
-MOST_SECOND = 12
-"""Second derivatives that are taken at most."""
-
 MOST_FURTHER = 24
-"""Further columns of a march at most, where one parameter alone moves the moduli."""
-
-ORDERS = 8
-"""How often the moduli act on a load at most: what more would add is near to rounding."""
+"""Further columns of an analysis at most: more of them cost more to project than they save."""
 
 _ALIKE = 1e-9
-"""Moduli that grow alike do so to this part."""
+"""Part by which derivatives may miss being in proportion, from rounding."""
+
+
+@dataclass(frozen=True)
+class FurtherColumn:
+    """(E_h - b E) C v is the stress that a further column balances.
+
+    Args:
+        parameter: h.
+        column: of v.
+        shift: b, h in its size.
+    """
+
+    parameter: int
+    column: int
+    shift: float
+
+
+@dataclass(eq=False)
+class Snapshot:
+    """States 0 .. J of one analysis, M columns each.
+
+    Args:
+        p: (n,) parameters, SI.
+        psi: (r, M) coordinates of the loads of the columns.
+        turns: material to T, (r_m, M, M), which makes the columns of its stress of those of strain.
+        motion: of every state, its displacements, (n_dofs, M); none of the virgin state.
+        settled: (s, n_points, M) strain of the motion that balanced the virgin stress; None: of
+            none.
+        observed: of every state, what the channels see of the displacements, (n_channels, M).
+    """
+
+    p: Floats
+    psi: Floats
+    turns: Mapping[str, Floats]
+    motion: list[Floats] = field(default_factory=list)
+    settled: Floats | None = None
+    observed: list[Floats] = field(default_factory=list)
+
+    @property
+    def columns(self) -> int:
+        """Number M."""
+        return int(self.psi.shape[1])
+
+    @property
+    def last(self) -> int:
+        """The last state."""
+        return len(self.motion) - 1
 
 
 class Recorder:
-    """Records one march with derivatives.
+    """Records one analysis with derivatives.
 
     Args:
-        affine: the march with the form of its moduli and loads.
+        affine: the analysis with the form of its moduli and loads.
         observation: the gauges.
-        p: (n,) parameters of the march.
+        p: (n,) parameters of the analysis.
         further: how many columns are added at most.
     """
 
     def __init__(
         self, affine: AffineMarch, observation: Observation, p: Floats, *, further: int
     ) -> None:
-        self._march, self._observation, self._zones = affine.march, observation, affine.zones
-        self._spans, self._loads = affine.form.spans, affine.form.loads
-        self._points = affine.points
+        self._affine, self._observation = affine, observation
+        self._spans, self._loads, self._points = affine.form.spans, affine.form.loads, affine.points
         self._scale = np.concatenate([[1.0], self._loads.scale])
         at = affine.form.at(p[None])
-        self._psi = np.hstack([at.loads[0][:, None], at.load_slopes[0]])
+        self._psi = np.hstack([at.loads[0][:, None], at.load_slopes[0]]) * self._scale
         self._moduli = {name: c[0] for name, c in at.moduli.items()}
-        self._slopes = {name: dc[0] for name, dc in at.slopes.items()}
-        self._further = self.further_columns(further) if further else []
+        self._slopes = {name: dc[0] * self._loads.scale for name, dc in at.slopes.items()}
+        self._further = [] if self._loads.settles else self._chosen(further)
         none = np.zeros((len(self._psi), len(self._further)))
-        sized = {name: slope * self._loads.scale for name, slope in self._slopes.items()}
-        turns = stress_turns(self._moduli, sized, self._further)
-        self.snapshot = Snapshot(p.copy(), np.hstack([self._psi * self._scale, none]), turns)
+        self.snapshot = Snapshot(p.copy(), np.hstack([self._psi, none]), self._turns())
 
     def add(self, end: StageEnd, run: Run) -> None:
         """Record a state.
 
         Args:
             end: the state.
-            run: the march, at this state.
+            run: the analysis, at this state.
         """
         kept = self.snapshot
         if end.state == 0:
             if self._loads.settles:
-                virgin = self._points.joined(end.stress, end.members)
-                kept.settled = self._settled(virgin) * self._scale
+                kept.settled = self._settled(self._points.joined(end.stress, end.members))
             kept.motion.append(np.zeros((0, kept.columns)))
             kept.observed.append(np.zeros((len(self._observation.channels), kept.columns)))
             return
         u = end.u * self._scale
         if self._further:
             u = self._with_further(end.state, u, run)
+        seen = np.full((len(self._observation.channels), u.shape[1]), np.nan)
+        for rows, observable in self._observation.parts:
+            if observable.rows is not None:
+                seen[rows] = observable.rows @ u
         kept.motion.append(u)
-        kept.observed.append(self._seen(u))
+        kept.observed.append(seen)
 
-    def further_columns(self, most: int) -> list[Further]:
-        """Of what further columns are made, each of columns before it.
-
-        None where the virgin ground settles: its motion is not the march's.
-
-        Args:
-            most: how many at most.
-        """
-        if self._loads.settles:
-            return []
-        n = len(self._loads.scale)
-        moves = [any(slope[:, h].any() for slope in self._slopes.values()) for h in range(n)]
-        free = ~np.any(self._loads.exponents, axis=0)
-        first = [h for h in range(n) if moves[h] and free[h] and not self._grow_alike(h)]
-        loads = self._loading([k for k in range(n) if not moves[k]])
-        if len(first) == 1 and loads and most > MOST_SECOND:
-            return self._chains(first[0], loads, most)
-        pairs = [(h, k) for h in first for k in range(n) if k not in first or k >= h]
-        some = pairs[: min(most, MOST_SECOND)]
-        return [((h, 1 + k, 0.0), (k, 1 + h, 0.0)) for h, k in some]
-
-    def _grow_alike(self, h: int) -> bool:
-        """Whether all moduli grow in proportion to themselves with a parameter."""
-        c = np.concatenate(list(self._moduli.values()))
-        slope = np.concatenate([slope[:, h] for slope in self._slopes.values()])
-        growth = float(c @ slope) / float(c @ c)
-        left = np.abs(slope - growth * c).max()
-        return bool(left <= _ALIKE * np.abs(growth * c).max())
-
-    def _loading(self, free: Sequence[int]) -> list[int]:
-        """Columns of parameters that move loads alone, if all loads are sums of theirs.
-
-        Args:
-            free: parameters that move no moduli.
-        """
-        columns = [1 + k for k in free if self._psi[:, 1 + k].any()]
-        psi = self._psi * self._scale
-        size = np.abs(psi).max(axis=1, initial=0.0)
-        psi = psi[size > 0.0] / size[size > 0.0, None]
-        chosen = psi[:, columns]
-        rank = np.linalg.matrix_rank(chosen, tol=_ALIKE) if chosen.size else 0
-        return columns if rank == len(psi) == len(columns) else []
-
-    def _chains(self, h: int, loads: Sequence[int], most: int) -> list[Further]:
-        """The columns v_1, v_2, ... by one parameter, of every load.
-
-        Args:
-            h: the parameter.
-            loads: columns of the loads.
-            most: how many at most.
-        """
-        found: list[Further] = []
-        before, shift = list(loads), self._middle(h)
-        while len(found) < ORDERS * len(loads) and len(found) + len(loads) <= most:
-            start = len(self._scale) + len(found)
-            found += [((h, column, shift),) for column in before]
-            before = list(range(start, start + len(loads)))
+    def _turns(self) -> dict[str, Floats]:
+        """Material to T (r, M, M): for a state, its derivatives, and further columns."""
+        n, found = len(self._loads.scale), {}
+        for name, c in self._moduli.items():
+            slopes = self._slopes[name]
+            T = np.einsum("r,ij->rij", c, np.eye(1 + n + len(self._further)))
+            T[:, 0, 1 : 1 + n] += slopes
+            for place, one in enumerate(self._further, start=1 + n):
+                T[:, one.column, place] += slopes[:, one.parameter] - one.shift * c
+            found[name] = T
         return found
 
-    def _middle(self, h: int) -> float:
-        """The middle of the eigenvalues of E_h against E, in the ground that there is most of."""
+    def _chosen(self, most: int) -> list[FurtherColumn]:
+        """Of what further columns are made, each of one before it: all of one order, then the next.
+
+        They begin with the displacements of each load that a parameter moves alone, and with those
+        of all loads together unless these are sums of the others.
+
+        Args:
+            most: how many at most.
+        """
+        n = len(self._loads.scale)
+        moves = [any(slope[:, h].any() for slope in self._slopes.values()) for h in range(n)]
+        shifts = {h: b for h in range(n) if moves[h] and (b := self._shift(h)) is not None}
+        if self._psi.size == 0 or not shifts:
+            return []
+        before = [1 + k for k in range(n) if not moves[k] and self._psi[:, 1 + k].any()]
+        size = np.abs(self._psi).max(axis=1, keepdims=True)
+        psi = self._psi / np.where(size > 0.0, size, 1.0)
+        left = psi[:, 0] - psi[:, before] @ np.linalg.lstsq(psi[:, before], psi[:, 0])[0]
+        if np.abs(left).max() > _ALIKE:
+            before.insert(0, 0)
+        found: list[FurtherColumn] = []
+        while True:
+            first = 1 + n + len(found)
+            for column in before:
+                for h, b in shifts.items():
+                    if len(found) == most:
+                        return found
+                    found.append(FurtherColumn(h, column, b))
+            before = list(range(first, 1 + n + len(found)))
+
+    def _shift(self, h: int) -> float | None:
+        """B, for which the integral of |E_h - b E|^2 is least; None where nothing is left."""
         volume: dict[str, float] = {}
-        for zone in self._zones[-1]:
-            own = float(self._points.volume[zone.points].sum())
-            volume[zone.material] = volume.get(zone.material, 0.0) + own
-        most = max(volume, key=lambda name: volume[name])
-        slope = self._slope(most, h)
-        if slope is None:
-            return 0.0
-        found = np.linalg.eigvals(np.linalg.solve(self._matrix(most), slope)).real
-        return 0.5 * float(found.min() + found.max())
+        for zone in self._affine.zones[-1]:
+            if zone.material in self._spans:
+                own = float(self._points.volume[zone.points].sum())
+                volume[zone.material] = volume.get(zone.material, 0.0) + own
+        product = sum(V * self._moduli[m] @ self._slopes[m][:, h] for m, V in volume.items())
+        square = sum(V * self._moduli[m] @ self._moduli[m] for m, V in volume.items())
+        b = float(product / square)
+        left = max(np.abs(s[:, h] - b * self._moduli[m]).max() for m, s in self._slopes.items())
+        largest = max(np.abs(s[:, h]).max() for s in self._slopes.values())
+        return b if left > _ALIKE * largest else None
 
     def _with_further(self, number: int, u: Floats, run: Run) -> Floats:
-        """Displacements (n_dofs, M) of all columns of a state; those that need others after them.
+        """Displacements (n_dofs, M) of all columns of a state, those that need others after them.
 
         Args:
             number: of the state.
             u: (n_dofs, 1 + n) of the state and its scaled derivatives.
-            run: the march there.
+            run: the analysis there.
         """
-        factor = run.factors.find(self._march.sequence.states[number])
-        system = self._march.systems[number]
-        known, last = u.shape[1], len(self._scale) + len(self._further)
-        while known < last:
-            ready = self._further[known - len(self._scale) :]
-            count = next(
-                (k for k, parts in enumerate(ready) if any(c >= known for _, c, _ in parts)),
-                len(ready),
-            )
-            found = np.zeros((len(u), count))
+        factor = run.factors.find(self._affine.march.sequence.states[number])
+        system, first = self._affine.march.systems[number], u.shape[1]
+        while u.shape[1] < first + len(self._further):
+            known = u.shape[1]
+            ready = self._further[known - first :]
+            waits = (k for k, one in enumerate(ready) if one.column >= known)
+            ready = ready[: next(waits, len(ready))]
+            w = np.zeros((len(u), len(ready)))
             if factor is not None:  # else nothing can move
-                strains = self._known(number, u, slice(known, known + count))
-                forces = self._points.forces(strains, system)
+                stress = self._unbalanced(number, u, ready, slice(known, known + len(ready)))
                 dofs = system.pattern.dofs
-                found[dofs] = -solve_still(factor, forces[dofs])
-            u, known = np.hstack([u, found]), known + count
+                w[dofs] = -factor.solve(self._points.forces(stress, system)[dofs])
+            u = np.hstack([u, w])
         return u
 
-    def _known(self, number: int, u: Floats, which: slice) -> Floats:
-        """What is in the bracket before a state's own displacements are (s, n_points, count).
+    def _unbalanced(
+        self, number: int, u: Floats, ready: list[FurtherColumn], which: slice
+    ) -> Floats:
+        """Stresses (s, n_points, count) that columns of a state have to balance.
 
         Args:
             number: of the state.
             u: (n_dofs, k) its columns so far.
-            which: the columns that are to be found.
+            ready: the columns that are to be found.
+            which: their places.
         """
-        first = len(self._scale)
-        parts_of = self._further[which.start - first : which.stop - first]
-        needed = sorted({column for parts in parts_of for _, column, _ in parts})
-        at = {column: place for place, column in enumerate(needed)}
+        needed = [one.column for one in ready]
         own = self._points.strain(u[:, needed])
-        found = np.zeros((*own.shape[:2], len(parts_of)))
-        for zone in self._zones[number]:
-            mine = zone.points
+        found = np.zeros_like(own)
+        for zone in self._affine.zones[number]:
             for state, material, sign in zone.parts:
                 if state == 0:
                     continue
-                if state == number:
-                    eps = own[:, mine]
-                else:
+                strain = own[:, zone.points]
+                E = self._spans[material].matrix(self._moduli[material])
+                if state != number:
                     motion = self.snapshot.motion[state]
-                    eps = self._points.strain(motion[:, needed], mine)
-                    found[:, mine] += np.tensordot(
-                        sign * self._matrix(material),
-                        self._points.strain(motion[:, which], mine),
-                        axes=1,
-                    )
-                for place, parts in enumerate(parts_of):
-                    for one, column, shift in parts:
-                        slope = self._slope(material, one, shift)
-                        if slope is not None:
-                            found[:, mine, place] += (sign * slope) @ eps[..., at[column]]
+                    strain = self._points.strain(motion[:, needed], zone.points)
+                    earlier = self._points.strain(motion[:, which], zone.points)
+                    found[:, zone.points] += sign * np.tensordot(E, earlier, axes=1)
+                for place, one in enumerate(ready):
+                    slope = self._slopes[material][:, one.parameter]
+                    turned = slope - one.shift * self._moduli[material]
+                    if turned.any():
+                        E_h = self._spans[material].matrix(sign * turned)
+                        found[:, zone.points, place] += E_h @ strain[..., place]
         return found
-
-    def _matrix(self, material: str) -> Floats:
-        """E (s, s)."""
-        return self._spans[material].matrix(self._moduli[material])
-
-    def _slope(self, material: str, h: int, shift: float = 0.0) -> Floats | None:
-        """E_h - b E (s, s), h in its size; None where it is zero.
-
-        Args:
-            material: whose moduli.
-            h: the parameter.
-            shift: b.
-        """
-        slope = self._slopes[material][:, h] * self._scale[1 + h]
-        slope = slope - shift * self._moduli[material]
-        return self._spans[material].matrix(slope) if slope.any() else None
-
-    def _seen(self, u: Floats) -> Floats:
-        """What channels that read motions see of displacements (n_dofs, k), (n_channels, k)."""
-        table = np.full((len(self._observation.channels), u.shape[1]), np.nan)
-        for rows, observable in self._observation.parts:
-            if observable.rows is not None:
-                table[rows] = observable.rows @ u
-        return table
 
     def _settled(self, virgin: Floats) -> Floats:
         """Strain (s, n_points, 1 + n) of the motion that balanced the virgin stress.
 
+        From sigma = given + E eps: d eps = E^-1 (d sigma - d given - dE eps).
+
         Args:
-            virgin: (s, n_points, 1 + n) at the end of the virgin state.
+            virgin: (s, n_points, 1 + n) stress at the end of the virgin state.
         """
-        found = np.zeros_like(virgin)
-        given, size = self._loads.stress @ self._psi, np.zeros(len(self._scale))
-        for zone in self._zones[0]:
-            span, mine = self._spans[zone.material], zone.points
-            slopes = np.tensordot(self._slopes[zone.material], span.basis, axes=(0, 0))
-            found[:, mine] = settling_strain(
-                virgin[:, mine],
-                given[:, mine],
-                span.matrix(self._moduli[zone.material]),
-                np.moveaxis(slopes, 0, -1),
-            )
-            stress = np.tensordot(span.matrix(self._moduli[zone.material]), found[:, mine], axes=1)
-            size = np.maximum(size, np.abs(stress).max(axis=(0, 1), initial=0.0) * self._scale)
-        found[..., size <= _NOISE * np.abs(virgin[..., 0]).max()] = 0.0
+        virgin = virgin * self._scale
+        found, size = np.zeros_like(virgin), np.zeros(len(self._scale))
+        given = self._loads.stress @ self._psi
+        for zone in self._affine.zones[0]:
+            span, points = self._spans[zone.material], zone.points
+            E = span.matrix(self._moduli[zone.material])
+            change = virgin[:, points] - given[:, points]
+            strain = np.linalg.solve(E, change[..., 0])
+            for h, slope in enumerate(self._slopes[zone.material].T, start=1):
+                change[..., h] -= span.matrix(slope) @ strain
+            found[:, points] = np.tensordot(np.linalg.inv(E), change, axes=1)
+            stress = np.tensordot(E, found[:, points], axes=1)
+            size = np.maximum(size, np.abs(stress).max(axis=(0, 1), initial=0.0))
+        noise = 1e-9 * np.abs(virgin[..., 0]).max()  # rounding of the virgin stress
+        found[..., size <= noise] = 0.0
         return found

@@ -1,25 +1,25 @@
-"""Builds reduced models of one staged model, from the marches that were made of it."""
+"""Whether a staged model has a reduced one, the analyses that are recorded for it, and the model.
+
+Covered: elastic ground of every symmetry, with ratios and angles of its axes among the parameters;
+excavation, installation, changes of material; walls, linings, bolts, struts and anchors, stressed
+once at most; independent load cases; in-situ stress, weights, loads and water whose forces are
+polynomials of low degree in the parameters; partial release of ground whose stress is the one in
+situ, so that what is held is such a force too; readings that are motions, forces or stresses.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-
-import numpy as np
-import scipy.sparse as sp
+from collections import Counter
+from collections.abc import Iterator, Sequence
 
 from geoident.forward.gauges.observation import Observation
-from geoident.forward.march.march import March, Run
+from geoident.forward.march.march import March
 from geoident.forward.reduced.affine_march import AffineMarch, affine_march
-from geoident.forward.reduced.coverage import reduction_obstacle, releases
-from geoident.forward.reduced.duals.basis import DualBasis
-from geoident.forward.reduced.duals.march import DualMarch, ReadRows
 from geoident.forward.reduced.model import ReducedModel
-from geoident.forward.reduced.moduli import Span, relative_eigenvalues
 from geoident.forward.reduced.projection import GalerkinProjection
-from geoident.forward.reduced.recorder import MOST_FURTHER, MOST_SECOND, Recorder
-from geoident.forward.reduced.snapshots import Snapshot
-from geoident.forward.reduced.zones import Zone, zones_of
-from geoident.model.arrays import Floats, Ints
+from geoident.forward.reduced.recorder import MOST_FURTHER, Recorder, Snapshot
+from geoident.forward.reduced.zones import zones_of
+from geoident.model.arrays import Floats
 
 PROJECTED = 5.0
 """How much slower an operation of the projection is than one of a factorization, with repetitions.
@@ -28,18 +28,6 @@ Measured on `cases/cavern`: whole fits took a seventh longer with the reduced mo
 """
 
 DEAR = "for a mesh of this size it costs more than the marches that it saves"
-
-FAR = 0.5
-"""Moduli further apart than this, see `_apart`, are a further place of adjoints."""
-
-SAME = 0.01
-"""Moduli as close as this need no derivatives of adjoints."""
-
-MOST_PLACES = 3
-"""Places of adjoints at most: each costs a march and its way back."""
-
-MOST_DERIVATIVES = 6
-"""Derivatives of adjoints at most."""
 
 MOST_ENTRIES = 200_000_000
 """Numbers that snapshots may keep: 1.6 GB."""
@@ -52,13 +40,11 @@ class Reduction:
         march: of the case.
         observation: its gauges.
         last: the last state wanted.
-        most: how many marches count at most, the newest.
-        economical: have none where it costs more than the marches that a search saves.
+        most: how many analyses are kept at most, the newest.
+        economical: have none where it costs more than the analyses that a search saves.
 
     Attributes:
-        snapshots: the marches that are recorded, by the bytes of their parameters.
-        projection: what made the last model.
-        economical: as given.
+        snapshots: the analyses that are recorded, by the bytes of their parameters.
         obstacle: why there is no reduced model, a clause, or None as far as is known.
     """
 
@@ -75,64 +61,9 @@ class Reduction:
         self.last, self.most, self.economical = last, most, economical
         self.snapshots: dict[bytes, Snapshot] = {}
         self._affine: AffineMarch | None = None  # found when the first march is to be recorded
-        self._second = False
+        self._further = 0
         self._made: tuple[tuple[bytes, ...], ReducedModel | None] | None = None
-        self._used: list[Snapshot] = []  # of which it was made
-        self.projection: GalerkinProjection | None = None
         self.obstacle = reduction_obstacle(march)
-
-    def _prepare(self) -> str | None:
-        """Look at moduli and loads; why there is no reduced model, a clause, or None."""
-        ground = zones_of(self._march.on_mesh)
-        if self.economical and self._dear(ground, {}):
-            return DEAR  # whatever the moduli are: they only add to it
-        affine = self._affine = affine_march(self._march, ground, self.last, self._observation)
-        if affine is None:
-            return "its loads are no polynomials of low degree in the parameters"
-        if affine.form.loads.settles and releases(self._march):
-            return "stress is released in part that is not the one in situ: that is out of balance"
-        columns = 1 + len(affine.form.names)
-        if self._entries(affine, columns) > MOST_ENTRIES:
-            return "what a march leaves for it does not fit into the memory"
-        # second derivatives need up to three times as much beside, and room for another march
-        self._second = self._entries(affine, 4 * columns) <= MOST_ENTRIES
-        largest = columns + MOST_FURTHER if self._second else columns
-        self.most = max(1, min(self.most, MOST_ENTRIES // self._entries(affine, largest)))
-        ranks = {name: span.rank for name, span in affine.form.spans.items()}
-        return DEAR if self.economical and self._dear(affine.zones, ranks) else None
-
-    def _entries(self, affine: AffineMarch, columns: int) -> int:
-        """Numbers that a march leaves: motions, what is seen of them, and how ground settled."""
-        points, n_dofs = affine.points, self._march.systems.discretization.n_dofs
-        settled = points.n_strain * points.n_points if affine.form.loads.settles else 0
-        seen = (self.last + 1) * len(self._observation.channels)
-        return (self.last * n_dofs + seen + settled) * columns
-
-    def _dear(self, zones: Sequence[Sequence[Zone]], ranks: Mapping[str, int]) -> bool:
-        """Whether a reduced model would cost more than the marches that it saves.
-
-        Args:
-            zones: of every state.
-            ranks: matrices of which the moduli of each material are made; none are none.
-
-        Counted are multiplications and additions: of a factorization by nested dissection, about
-        60 n^1.5 in the plane and 20 n^2 in space; of the triangular factors of the columns of two
-        marches, which are of long thin matrices and made anew with every march (`PROJECTED`).
-        """
-        march, n = self._march, len(self._march.case.parameters)
-        points, columns = march.systems.discretization.points, 3 * (1 + n)
-        projecting = marching = 0.0
-        for state in range(1, self.last + 1):
-            unknowns = float(march.systems[state].pattern.lower.n)
-            factor = 60.0 * unknowns**1.5 if points.n_strain < 6 else 20.0 * unknowns**2
-            size = points.n_strain * points.n_points
-            marching += factor + 150.0 * (1 + n) * size
-            for zone in zones[state]:
-                terms = {(other, material) for other, material, _ in zone.parts if other}
-                blocks = 1 + sum(ranks.get(material, 0) for _, material in terms)
-                rows = points.n_strain * len(zone.points)
-                projecting += 2.0 * rows * (columns * blocks) ** 2
-        return PROJECTED * projecting > marching
 
     def covers(self) -> bool:
         """Whether there is nothing against it; loads and moduli are looked at once."""
@@ -140,22 +71,65 @@ class Reduction:
             self.obstacle = self._prepare()
         return self.obstacle is None
 
+    def _prepare(self) -> str | None:
+        """Look at moduli and loads; why there is no reduced model, a clause, or None."""
+        march, points = self._march, self._march.systems.discretization.points
+        if self.economical and points.n_strain < 6:
+            return DEAR  # factorizations in the plane are cheap
+        affine = affine_march(march, zones_of(march.on_mesh), self.last, self._observation)
+        if affine is None:
+            return "its loads are no polynomials of low degree in the parameters"
+        settles = affine.form.loads.settles
+        if settles and any(state.release for state in march.sequence.states):
+            return "stress is released in part that is not the one in situ: that is out of balance"
+        if self.economical and self._dear(affine):
+            return DEAR
+        # numbers that an analysis leaves by each column: motions, what is seen, how ground settled
+        own = points.n_strain * points.n_points if settles else 0
+        n_dofs, seen = march.systems.discretization.n_dofs, len(self._observation.channels)
+        each = self.last * n_dofs + (self.last + 1) * seen + own
+        columns = 1 + len(affine.form.names)
+        if each * columns > MOST_ENTRIES:
+            return "what a march leaves for it does not fit into the memory"
+        # further ones need as much again beside, while they are made
+        further = MOST_FURTHER if self.economical else MOST_FURTHER // 2
+        self._further = further if 2 * each * (columns + further) <= MOST_ENTRIES else 0
+        self.most = max(1, min(self.most, MOST_ENTRIES // (each * (columns + self._further))))
+        self._affine = affine
+        return None
+
+    def _dear(self, affine: AffineMarch) -> bool:
+        """Whether a reduced model would cost more than the analyses that it saves, in space.
+
+        Counted are multiplications and additions: of a factorization by nested dissection, about
+        20 n^2; of the triangular factors of the columns of two analyses.
+        """
+        columns = 3 * (1 + len(affine.form.names))
+        projecting = factorizing = 0.0
+        for state in range(1, self.last + 1):
+            factorizing += 20.0 * float(self._march.systems[state].pattern.lower.n) ** 2
+            for zone in affine.zones[state]:
+                terms = {(other, material) for other, material, _ in zone.parts if other}
+                blocks = 1 + sum(affine.form.spans[material].rank for _, material in terms)
+                projecting += 12.0 * len(zone.points) * (columns * blocks) ** 2
+        return PROJECTED * projecting > factorizing
+
     def knows(self, p: Floats) -> bool:
-        """Whether the march at p (n,) is recorded."""
+        """Whether the analysis at p (n,) is recorded."""
         return p.tobytes() in self.snapshots
 
     def recorded(self) -> list[Floats]:
-        """Parameters (n,) of the marches that are recorded, in their order."""
+        """Parameters (n,) of the analyses that are recorded, in their order."""
         return [snapshot.p for snapshot in self.snapshots.values()]
 
     def prefer(self, wanted: Sequence[Floats]) -> None:
-        """Forget the marches at some parameter vectors (n,) last."""
+        """Forget the analyses at some parameter vectors (n,) last."""
         for p in wanted:
             if self.knows(p):
                 self.snapshots[p.tobytes()] = self.snapshots.pop(p.tobytes())
 
     def add(self, snapshot: Snapshot) -> None:
-        """A march that was made to the last state; older ones than count are forgotten."""
+        """An analysis that went to the last state; older ones than count are forgotten."""
         if snapshot.last < self.last:
             return
         self.snapshots[snapshot.p.tobytes()] = snapshot
@@ -163,23 +137,19 @@ class Reduction:
             del self.snapshots[next(iter(self.snapshots))]
 
     def recorder(self, p: Floats) -> Recorder | None:
-        """What records a march at p (n,); None where the case has no reduced model."""
+        """What records an analysis at p (n,); None where the case has no reduced model."""
         if not self.covers() or self._affine is None:
             return None
-        # of a search the first march is to reach as far as its end: with third derivatives a fit of
-        # `cases/tunnel-3d` takes 20 s, with second ones as long as without a surrogate, 30 s
-        first = self.economical and not self.snapshots
-        further = (MOST_FURTHER if first else MOST_SECOND) if self._second else 0
-        return Recorder(self._affine, self._observation, p, further=further)
+        return Recorder(self._affine, self._observation, p, further=self._further)
 
     def model(
         self, visited: Sequence[Floats], reference: Floats | None = None
     ) -> ReducedModel | None:
-        """The model of some marches that are recorded.
+        """The model of some analyses that are recorded; None where these span not all loads.
 
         Args:
             visited: (n,) their parameters, in their order.
-            reference: (n,) parameters whose moduli measure; None for those of the last march.
+            reference: (n,) parameters whose moduli measure; None for those of the last.
         """
         affine = self._affine
         if affine is None or self.obstacle is not None or not len(visited):
@@ -187,86 +157,50 @@ class Reduction:
         reference = visited[-1] if reference is None else reference
         key = (*(p.tobytes() for p in visited), reference.tobytes())
         if self._made is None or self._made[0] != key:
-            self._used = [self.snapshots[p.tobytes()] for p in visited]
-            self.projection = GalerkinProjection(affine, self._used, reference)
-            stages = self.projection.stages()
+            snapshots = [self.snapshots[p.tobytes()] for p in visited]
+            stages = GalerkinProjection(affine, snapshots, reference).stages()
             model = None if stages is None else ReducedModel(affine.form, reference, stages)
             self._made = key, model
         return self._made[1]
 
-    def dual_places(self, model: ReducedModel) -> list[Floats]:
-        """Where adjoints of readings are to be known (n,): at the reference, and far from it.
 
-        The marches are where the model will be asked, or around; one at which the adjoints of the
-        places before are `FAR` from those there is a further place.
-        """
-        places, spans = [model.reference], model.form.spans
-        while len(places) < MOST_PLACES:
-            far = [min(_apart(spans, s.p, p) for p in places) for s in self._used]
-            if max(far) <= FAR:
-                break
-            places.append(self._used[int(np.argmax(far))].p)
-        return places
+def reduction_obstacle(march: March) -> str | None:
+    """Why the march of a case has no reduced model, a clause, or None if it may have one.
 
-    def dual_derivatives(self, model: ReducedModel) -> list[int]:
-        """Parameters by which adjoints are differentiated: those that move moduli.
-
-        None where the marches have the same moduli, up to a factor that all have in common.
-        """
-        spans = model.form.spans
-        if all(_apart(spans, s.p, model.reference) <= SAME for s in self._used):
-            return []
-        slopes = [span.coordinates(model.reference[None])[1][0] for span in spans.values()]
-        moves = np.any([np.any(slope, axis=0) for slope in slopes], axis=0)
-        return [int(h) for h in np.flatnonzero(moves)[:MOST_DERIVATIVES]]
-
-    def dual_basis(self, run: Run, place: Floats, by: Sequence[int], reads: ReadRows) -> DualBasis:
-        """Adjoints of readings (g) at a parameter vector, for the model that was made last.
-
-        Args:
-            run: a traced run there, all its states done.
-            place: (n,) the parameter vector.
-            by: parameters by which they are differentiated.
-            reads: what they see.
-        """
-        assert self.projection is not None
-        return DualMarch(self.projection, run, place, by).basis(reads)
-
-    def reads(self, rows: Ints, weights: Floats) -> list[ReadRows]:
-        """What readings (g) see, those of displacements and those of stresses apart.
-
-        Args:
-            rows: (g,) their channels.
-            weights: (n_states, g) how often they count what is seen of a state.
-        """
-        assert self._affine is not None
-        stresses, n_dofs = self._affine.rows, self._march.systems.discretization.n_dofs
-        place = stresses.of(rows)
-        moved, pressed = np.flatnonzero(place < 0), np.flatnonzero(place >= 0)
-        found = []
-        if len(moved) or not len(rows):
-            operator = self._observation.operator(rows[moved])
-            found.append(ReadRows(moved, operator, weights[:, moved]))
-        if len(pressed):
-            nothing = sp.csr_array((len(pressed), n_dofs))
-            seen = stresses.weights[place[pressed]]
-            found.append(ReadRows(pressed, nothing, weights[:, pressed], seen))
-        return found
-
-
-def _apart(spans: Mapping[str, Span], one: Floats, other: Floats) -> float:
-    """How far the moduli at two parameter vectors (n,) are apart, a common factor aside.
-
-    The largest of |1 - tau mu| / sqrt(mu) over the eigenvalues mu of one against the other, with
-    the best factor tau: 0 for the same, 1 where they are about four to one.
+    Whether its loads have the form that is needed is found by trying, see `loads.load_form`.
     """
-    found = []
-    for span in spans.values():
-        if span.fixed is not None:
-            found.append(np.ones(1))
-            continue
-        matrices = span.matrix(span.coordinates(np.stack([one, other]))[0])
-        found.append(relative_eigenvalues(matrices[:1], matrices[1])[0])
-    mu = np.concatenate(found)
-    tau = 2.0 / (mu.min() + mu.max())
-    return float(np.max(np.abs(1.0 - tau * mu) / np.sqrt(tau * mu)))
+    return next(_obstacles(march), None)
+
+
+def _obstacles(march: March) -> Iterator[str]:
+    case, states = march.case, march.sequence.states
+    if not case.parameters:
+        yield "nothing is sought"
+    for name in march.sequence.materials:
+        if case.materials[name].yields:
+            yield f"{name} yields: its stresses are not linear in the displacements"
+    for field in march.on_mesh.fields:
+        yield f"{field.constant} of {field.material} is a field"
+    for growth in case.growths:
+        yield growth.words
+    for name, count in Counter(name for state in states for name in state.stressed).items():
+        if count > 1:
+            yield f"the bars of '{name}' are stressed more than once"
+    yield from _obstacles_of_stages(march)
+
+
+def _obstacles_of_stages(march: March) -> Iterator[str]:
+    moved = march.motions.moved()
+    if moved is not None:
+        yield f"the support '{moved}' is moved"
+    for stage in march.case.stages:
+        if stage.supports:
+            yield f"the stage '{stage.name}' changes what is held"
+        if stage.temperature:
+            yield f"the stage '{stage.name}' changes temperatures"
+    for state in march.sequence.states:
+        if state.base and state.release.keys() & state.leaving:
+            yield (
+                f"the stage '{state.name}' releases in part the stress of ground that other stages "
+                "have changed before"
+            )

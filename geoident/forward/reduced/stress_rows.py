@@ -15,7 +15,7 @@ import numpy as np
 
 from geoident.forward.gauges.observation import MarchState, Observable, Observation
 from geoident.forward.march.march import March
-from geoident.forward.march.stage import GivenStress, StageEnd
+from geoident.forward.march.stage import StageEnd
 from geoident.forward.reduced.points import MarchPoints
 from geoident.forward.reduced.zones import StressTerm
 from geoident.model.arrays import Bools, Floats, Ints
@@ -47,13 +47,6 @@ class StressRows:
         """
         here = np.isin(self.points, points)
         return self.points[here], self.weights[:, :, here]
-
-    def of(self, rows: Ints) -> Ints:
-        """(g,) places of some channels (g,) among those; -1 where they read something else."""
-        found = np.full(len(rows), -1)
-        for place, channel in enumerate(self.channels):
-            found[rows == channel] = place
-        return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,7 +151,7 @@ def _nothing(march: March) -> StageEnd:
     return StageEnd(
         0,
         np.zeros((march.systems.discretization.n_dofs, 1)),
-        GivenStress(np.zeros((points.n_strain, points.n_points, 1))),
+        np.zeros((points.n_strain, points.n_points, 1)),
         np.zeros((march.systems.structures.n_rows, 1)),
         np.zeros(points.n_points, dtype=bool),
     )

@@ -164,10 +164,6 @@ class Structures:
         """Forces q (n_rows, 1 + n) given at a state, or at which bars were locked off before it."""
         return self._given({**state.locked, **state.stressed}, point)
 
-    def nodes(self) -> Ints:
-        """Nodes (k,) that any structure couples."""
-        return np.unique(self._operator.indices.astype(np.int64) // self._dim)
-
     def late_nodes(self) -> Ints:
         """Nodes (k,) of beams, which all couple: eliminated last, so that they do not fill in."""
         along = [p.members.operator.indices for p in self.parts if isinstance(p.structure, Beam)]

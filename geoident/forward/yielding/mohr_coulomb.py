@@ -24,7 +24,7 @@ planes, whose error falls with 1 / N^2. The first family is that of S. W. Sloan 
 J. Numer. Anal. Methods Geomech. 12 and 13: lower and upper bounds by linear programming).
 
 In a solid the pairs are those of frames that are spread evenly over all rotations, six from each;
-kappa is found as `roundness` tells. The error falls with y^(-2/3) in the number y of planes only:
+kappa is found as `facets` tells. The error falls with y^(-2/3) in the number y of planes only:
 inscribed, kappa is 0.64 with 48 planes, 0.79 with 108, 0.87 with 300, 0.91 with 600. In solids the
 smooth surface is to be preferred.
 
@@ -41,8 +41,13 @@ from math import ceil
 import numpy as np
 
 from geoident.fem.yielding.planes import YieldPlanes, common_inside
-from geoident.forward.yielding.even_directions import spread_directions, spread_frames
-from geoident.forward.yielding.smooth_distance import polygon_shrinkage, principal_values, shrinkage
+from geoident.forward.yielding.facets import (
+    polygon_shrinkage,
+    principal_values,
+    shrinkage,
+    spread_directions,
+    spread_frames,
+)
 from geoident.model.arrays import Floats
 from geoident.model.dual import Dual, ParameterPoint, joined, stacked
 from geoident.model.yielding import Fit, MohrCoulomb

@@ -29,19 +29,21 @@ from typing import Literal
 import numpy as np
 
 from geoident.fem.elasticity import ScaledModuli
-from geoident.fem.yielding.curved_return import HoekBrownConstants
-from geoident.fem.yielding.hoek_brown import HoekBrownLaw
+from geoident.fem.yielding.hoek_brown import HoekBrownConstants, HoekBrownLaw
 from geoident.fem.yielding.law import YieldLaw
+from geoident.fem.yielding.plane_laws import PolyhedralLaw, PrincipalLaw
 from geoident.fem.yielding.planes import YieldPlanes, common_inside
-from geoident.fem.yielding.polyhedral import PolyhedralLaw
-from geoident.fem.yielding.principal import PrincipalLaw
 from geoident.fem.yielding.scaled_law import ScaledLaw
 from geoident.forward.ground.elasticity import ModuliAt, material_axes
 from geoident.forward.stages import Index, numbers
-from geoident.forward.yielding.even_directions import spread_deviators
+from geoident.forward.yielding.facets import (
+    deviator_basis,
+    polygon_shrinkage,
+    shrinkage,
+    spread_deviators,
+)
 from geoident.forward.yielding.hoek_brown import hoek_brown
 from geoident.forward.yielding.mohr_coulomb import cut_off, mohr_coulomb, smooth_mohr_coulomb
-from geoident.forward.yielding.smooth_distance import deviator_basis, polygon_shrinkage, shrinkage
 from geoident.model.arrays import Floats
 from geoident.model.case import Material
 from geoident.model.dual import Dual, ParameterPoint, stacked

@@ -14,7 +14,7 @@ from geoident.io.schema.values import Count, Flag, Name, Text, require_text
 from geoident.io.text.wording import Refusal, shorten
 from geoident.units import NUMBER_PATTERN
 
-_SOLVERS = Literal["auto", "multifrontal", "iterative", "cholmod", "pardiso", "splu"]
+_SOLVERS = Literal["auto", "pardiso", "cholmod", "splu", "iterative"]
 
 
 _WITH_UNIT = re.compile(rf"({NUMBER_PATTERN})\s*(.*)", re.DOTALL)

@@ -158,7 +158,7 @@ class FitBase(Section):
     reduced: ReducedUse = Field(
         True,
         description="Whether steps of a search, points of a grid and draws may go by a reduced "
-        "model, made of a few evaluations, where it is proven to be close enough: in elastic "
+        "model, made of a few evaluations, where it is estimated to be close enough: in elastic "
         "ground, and where it saves time. Answers do not depend on it, only how long they take. "
         "`keep`: the result keeps one, made around the answer, which `sample`, `predict`, `scan` "
         "and `simulate` ask without a new evaluation.",

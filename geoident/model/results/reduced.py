@@ -7,17 +7,17 @@ from dataclasses import dataclass
 
 from geoident.model.arrays import Bools, Floats, Ints
 
-FORM = "geoident-reduced/3"
+FORM = "geoident-reduced/4"
 """What the blocks of a kept reduced model mean; another form is not read.
 
-The adjoints of the first form lacked what a reading sees of earlier states: their bounds were none;
-those of the second had no derivatives.
+Earlier forms had adjoints of the readings, and bounds by them; this one has what analyses that were
+withheld say of their errors.
 """
 
 
 @dataclass(frozen=True, eq=False)
 class KeptReducedModel:
-    """A reduced model with bounds of its readings, without its mesh.
+    """A reduced model with estimates of the errors of its readings, without its mesh.
 
     Args:
         form: what the blocks mean, see `FORM`.
@@ -34,7 +34,7 @@ class KeptReducedModel:
         built_on: (n_states, n_states) [i, j]: state i is part of the history of state j, or is j.
         rows: (g,) channels of the readings that it answers.
         states: (g,) states of these readings.
-        blocks: name to array (...): moduli, loads, states and adjoints.
+        blocks: name to array (...): moduli, loads, states, errors of readings.
     """
 
     form: str

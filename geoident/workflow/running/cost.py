@@ -8,10 +8,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from geoident.fem.refinement.finer import n_raised
-from geoident.fem.solvers import AUTO, BEYOND, LARGE, picked
-from geoident.fem.solvers.auto import BYTES, ITERATED, FactorSize, is_beyond
+from geoident.fem.solvers import AUTO, BEYOND, ITERATED, is_beyond, picked
 from geoident.fem.solvers.factor_cost import FactorCost, factor_cost
-from geoident.fem.solvers.fronts.single import single_pays
 from geoident.forward.model import StagedModel
 from geoident.model.methods import (
     ClosedFormOptions,
@@ -26,13 +24,10 @@ from geoident.model.methods import (
 )
 from geoident.model.results.summary import CostEstimate
 
-_FLOPS = {"multifrontal": 40e9, "cholmod": 25e9, "pardiso": 25e9, "splu": 3e9}
+_FLOPS = {"pardiso": 90e9, "cholmod": 60e9, "splu": 3e9}
 """Multiplications and additions a second in a factorization: two cores of 2.5 GHz, measured."""
 
-_SINGLE_FLOPS = 120e9
-"""The same of our own solver in single precision, with large fronts."""
-
-_BYTES = {"multifrontal": BYTES, "cholmod": 8.0, "pardiso": 9.0, "splu": 24.0}
+_BYTES = {"pardiso": 9.0, "cholmod": 8.0, "splu": 24.0}
 """Memory for an entry of the factor; splu keeps L and U with an index each."""
 
 _ITERATED_BYTES = 40.0
@@ -68,27 +63,22 @@ def estimate_cost(
     columns = 1 + len(model.names) if columns is None else columns
     points = model.discretization.points.n_points
     steps = _NEWTON_STEPS if model.yields else 1
-    # What lasts is factorized once for all stages.
-    once = max((c.lasting for c in costs), default=0.0)
-    flops = steps * (once + sum(c.flops - c.lasting for c in costs))
+    flops = steps * sum(c.flops for c in costs)
     entries = sum(c.entries for c in costs)
     most = max((c.flops for c in costs), default=0.0)
     largest = max((c.entries for c in costs), default=0)
     nonzeros = max((_nonzeros(model, n) for n in _states(model)), default=0)
     if solver == AUTO:
-        solver = picked(FactorSize(most, largest, nonzeros, lasting=once > 0, places=True))
-    single = solver == LARGE and single_pays(0.0 if once else most, largest)
+        solver = BEYOND if is_beyond(FactorCost(largest, most), nonzeros) else picked()
     if solver == BEYOND:
         flops = steps * len(costs) * ITERATED * nonzeros * columns / _ITERATED_COLUMNS
         seconds = flops / _PRODUCT_FLOPS
     else:
-        rate = _SINGLE_FLOPS if single else _FLOPS[solver]
-        seconds = flops / rate + 4.0 * entries * columns / _SOLVE_FLOPS
+        seconds = flops / _FLOPS[solver] + 4.0 * entries * columns / _SOLVE_FLOPS
     seconds += _POINT_SECONDS * points * columns * len(costs)
     if model.yields:
         seconds += _YIELD_SECONDS * points * steps * len(costs)
-    size = _BYTES.get(solver, BYTES) * (0.5 if single else 1.0)
-    solved = _ITERATED_BYTES * nonzeros if solver == BEYOND else largest * size
+    solved = _ITERATED_BYTES * nonzeros if solver == BEYOND else largest * _BYTES[solver]
     memory = _PROGRAM + solved + _memory_beside(model, columns)
     return CostEstimate(solver, largest, flops, float(memory), seconds, steps)
 
@@ -138,18 +128,12 @@ def _is_beyond(
         flops: how many times the operations they take.
         rest: how many times the nodes it has.
     """
-    lasting = model.systems.keeps_lasting
-    number = cost.newton_steps * (1 if lasting else len(_states(model)))
-    largest = max((_nonzeros(model, n) for n in _states(model)), default=0)
-    return is_beyond(
-        FactorSize(
-            flops * cost.factor_flops / max(number, 1),
-            int(entries * cost.factor_entries),
-            int(rest * largest),
-            lasting=lasting,
-            places=True,
-        )
+    number = cost.newton_steps * len(_states(model))
+    nonzeros = max((_nonzeros(model, n) for n in _states(model)), default=0)
+    finer = FactorCost(
+        int(entries * cost.factor_entries), flops * cost.factor_flops / max(number, 1)
     )
+    return is_beyond(finer, rest * nonzeros)
 
 
 def _iterated(model: StagedModel, cost: CostEstimate, rest: float) -> CostEstimate:

@@ -253,14 +253,14 @@ def answer_note(model: ReducedCaseModel, path: str) -> str:
     """
     if not model.by_reduced:
         return (
-            f"The reduced model kept in {path} is not proven to be close enough there: all is "
+            f"The reduced model kept in {path} is not estimated to be close enough there: all is "
             "computed by the full model."
         )
     rest = "" if not model.by_model else f"; {model.by_model} are of the full model"
     times = "one parameter vector" if model.by_reduced == 1 else f"{model.by_reduced} vectors"
     return (
         f"The readings at {times} are those of the reduced model kept in {path}, "
-        f"proven to be off by at most {_percent(CLOSE * model.worst)} of their accuracies{rest}."
+        f"estimated to be off by at most {_percent(CLOSE * model.worst)} of their accuracies{rest}."
     )
 
 

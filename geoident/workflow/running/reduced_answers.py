@@ -1,9 +1,8 @@
-"""Thousands of answers by a reduced model, where it is proven to be close enough (theory 14).
+"""Thousands of answers by a reduced model, where that is estimated to be close (theory 14).
 
-The reduced model is made of a few marches: at the centre, and one after the other where among some
-training points the bound of its error is largest. A reading that may be off by more than `CLOSE` of
-its accuracy is computed by the model itself, so what is found does not depend on where the reduced
-model is good; only the time does. The marches are the same in every run, and so are the answers.
+A reading that may be off by more than `CLOSE` of its accuracy is computed by the model itself, so
+what is found does not depend on where the reduced model is good; only the time does. The analyses
+of which it is made are the same in every run, and so are the answers.
 """
 
 from __future__ import annotations
@@ -31,9 +30,6 @@ MADE = "a reduced model"
 
 OF_FIT = "the reduced model that the fit keeps"
 
-_GOOD = 1e-5
-"""Bound of the relative error in energy that needs no further march."""
-
 _AT_ONCE = 500
 """Parameter vectors that are answered together."""
 
@@ -45,7 +41,7 @@ def reduced_around(
     marches: int = MARCHES,
     also: Sequence[Floats] = (),
 ) -> ReducedResponse | None:
-    """The reduced model of a response with bounds of its readings; None where there is none.
+    """The reduced model of a response for many readings; None where there is none.
 
     Args:
         response: whose readings are asked for.
@@ -54,19 +50,8 @@ def reduced_around(
         marches: of which it is made at most.
         also: (n,) parameters of which it is to be made beside.
     """
-    response.record(economical=False, most=marches + len(also))
-    visited = [centre, *also]
     try:
-        for _ in range(marches - 1):
-            reduced = response.surrogate(visited)
-            if reduced is None:
-                return None
-            _, bounds = reduced.many(training)
-            worst = int(np.argmax(bounds.relative))
-            if bounds.relative[worst] <= _GOOD:
-                break
-            visited.append(training[worst])
-        return response.bounded_surrogate(visited, centre)
+        return response.surrogate_around(centre, training, most=marches, also=also)
     except (ModelError, ValueError):
         return None
 
@@ -76,7 +61,7 @@ class LedByReduced:
     """What is answered by a reduced model where that is close enough, by the model elsewhere.
 
     Args:
-        reduced: with bounds of its readings.
+        reduced: the reduced model.
         whose: what it is called.
 
     Attributes:
@@ -89,12 +74,12 @@ class LedByReduced:
     by_reduced: int = field(default=0, kw_only=True)
     by_model: int = field(default=0, kw_only=True)
 
-    def shares(self, answers: str, proven: str) -> str:
+    def shares(self, answers: str, close: str) -> str:
         """How many answers are whose, a sentence.
 
         Args:
             answers: what they are called.
-            proven: how close those of the reduced model are, a clause.
+            close: how close those of the reduced model are, a clause.
         """
         count = self.by_reduced + self.by_model
         if not self.by_reduced:
@@ -102,7 +87,7 @@ class LedByReduced:
         rest = "none is" if not self.by_model else f"{self.by_model:,} are"
         return (
             f"{self.by_reduced:,} of {count:,} {answers} are those of {self.whose}, whose "
-            f"{proven}; {rest} of the full model."
+            f"{close}; {rest} of the full model."
         )
 
 
@@ -124,7 +109,7 @@ class ReducedAnswers(LedByReduced):
         """Answers at p (k, n), SI, in their order."""
         for first in range(0, len(points), _AT_ONCE):
             some = points[first : first + _AT_ONCE]
-            values, error = self.reduced.certified(some)
+            values, error = self.reduced.estimated(some)
             close = np.all((error <= self.limit) & np.isfinite(values), axis=1)
             full = iter(self.elsewhere(some[~close]))
             for v, near in zip(values, close, strict=True):
@@ -138,8 +123,8 @@ class ReducedAnswers(LedByReduced):
     @property
     def note(self) -> str:
         """How many answers are whose, a sentence."""
-        proven = f"readings are proven to be off by at most {100 * CLOSE:.2g} % of their accuracies"
-        return self.shares("evaluations", proven)
+        off = f"at most {100 * CLOSE:.2g} % of their accuracies"
+        return self.shares("evaluations", f"readings are estimated to be off by {off}")
 
 
 def reduced_answers(

@@ -1,6 +1,6 @@
-"""A grid whose points are answered by a reduced model, where it is proven to be close enough.
+"""A grid whose points are answered by a reduced model, where it is estimated to be close enough.
 
-With bounds e of the errors of the readings and E = |e / s|, the discrepancy phi of readings with
+With estimates e of the errors of the readings and E = |e / s|, the discrepancy phi of readings with
 weighted residuals r is off by no more than E (2 |r| + E): errors that are shared and robust losses
 make it less. So far from the readings, where phi is large, the reduced model may be coarse.
 
@@ -122,7 +122,7 @@ class LedReadings(LedByReduced):
         if key not in self._known:
             before = self._from_before.get(key)
             if before is None:
-                found, error = self.reduced.certified(p[None])
+                found, error = self.reduced.estimated(p[None])
                 # NaN: it is not close enough, and the model is asked
                 close = self._close(p, found[0], error[0])
                 before = np.asarray(found[0] if close else np.full(len(found[0]), np.nan))
@@ -176,7 +176,7 @@ class LedReadings(LedByReduced):
 
     def part_close(self, points: Floats) -> float:
         """At which part of some points (k, n) the reduced model is close enough."""
-        found, error = self.reduced.certified(points)
+        found, error = self.reduced.estimated(points)
         close = [self._close(*each) for each in zip(points, found, error, strict=True)]
         return float(np.mean(close)) if close else 0.0
 
@@ -194,8 +194,8 @@ class LedReadings(LedByReduced):
     @property
     def note(self) -> str:
         """How many points are whose, a sentence."""
-        proven = f"misfit is proven to be off by at most {100 * NEAR:.2g} % and {LEAST:g}"
-        return self.shares("points of the grid", proven)
+        close = f"misfit is estimated to be off by at most {100 * NEAR:.2g} % and {LEAST:g}"
+        return self.shares("points of the grid", close)
 
 
 def with_reduced_readings(

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+from decimal import Decimal, localcontext
 from itertools import permutations
+from math import sin
 
 import numpy as np
 import pytest
 from scipy.optimize import minimize, nnls
 
-from geoident.fem.yielding import curved_return
-from geoident.fem.yielding.curved_return import HoekBrownConstants, HoekBrownCurve, returned
-from geoident.fem.yielding.hoek_brown import HoekBrownLaw
+from geoident.fem.yielding.hoek_brown import HoekBrownConstants, HoekBrownLaw
 from geoident.model.dual import Dual
 
 E, NU = 5e9, 0.28
@@ -18,42 +18,77 @@ LAME, G = E * NU / ((1 + NU) * (1 - 2 * NU)), E / (2 * (1 + NU))
 COMPLIANCE = ((1 + NU) * np.eye(3) - NU) / E
 NAMES = ("sigci", "mb", "s", "a", "dilation", "tension", "E", "nu")
 ROCK = {"sigci": 40e6, "mb": 1.5, "s": 4e-3, "a": 0.51, "dilation": 0.2, "tension": 0.06e6}
-TIP = ROCK["s"] * ROCK["sigci"] / ROCK["mb"]
+ROCK |= {"E": E, "nu": NU}
+SIGCI, MB, S, A = (ROCK[name] for name in ("sigci", "mb", "s", "a"))
+TIP = S * SIGCI / MB
+STRENGTH = SIGCI * S**A
 FLOWS = pytest.mark.parametrize("dilation", [None, 0.0, 0.2], ids=["associated", "none", "some"])
 CUTS = pytest.mark.parametrize("tension", [None, 0.6 * TIP, 0.0], ids=["tip", "cut", "no tension"])
 
 
-def constants(**changes: float | None) -> HoekBrownConstants:
-    given = {**ROCK, **changes}
-    numbers = {n: None if x is None else Dual(np.array([float(x)])) for n, x in given.items()}
-    return HoekBrownConstants(**numbers)
+def law(n_stress: int = 4, **changes: float | None) -> HoekBrownLaw:
+    """The law with derivatives by all constants."""
+    values = {**ROCK, **changes}
+    numbers = {
+        name: None
+        if values[name] is None
+        else Dual(np.concatenate([[values[name]], np.eye(len(NAMES))[k]]))
+        for k, name in enumerate(NAMES)
+    }
+    modulus, nu = numbers.pop("E"), numbers.pop("nu")
+    lame = modulus * nu / ((1.0 + nu) * (1.0 - 2.0 * nu))
+    shear = modulus / (2.0 * (1.0 + nu))
+    elasticity = np.zeros((n_stress, n_stress, 1 + len(NAMES)))
+    elasticity[:3, :3] = lame.columns
+    for k in range(n_stress):
+        elasticity[k, k] += (2.0 if k < 3 else 1.0) * shear.columns
+    return HoekBrownLaw(Dual(elasticity), HoekBrownConstants(**numbers))
 
 
-def curve(**changes: float | None) -> HoekBrownCurve:
-    return HoekBrownCurve(constants(**changes), LAME, G)
+def ends_of(principal: np.ndarray, **changes: float | None) -> np.ndarray:
+    """Principal stresses (3, q) where sorted ones end."""
+    trial = np.concatenate([principal, np.zeros((1, principal.shape[1]))])
+    return law(**changes).project(trial).stress[:3]
 
 
-def trials(surface: HoekBrownCurve, seed: int = 0) -> np.ndarray:
+def width(largest: np.ndarray) -> np.ndarray:
+    return SIGCI * np.maximum(S - MB * largest / SIGCI, 0.0) ** A
+
+
+def excess(stress: np.ndarray, tension: float | None) -> np.ndarray:
+    cut = TIP if tension is None else tension
+    return np.maximum(stress[0] - stress[2] - width(stress[0]), stress[0] - cut)
+
+
+def flow_of_pair(largest: float, dilation: float | None) -> tuple[float, float]:
+    """What a pair of principal stresses opens, and shortens."""
+    if dilation is not None:
+        return 1.0 + sin(dilation), 1.0 - sin(dilation)
+    z = max(S - MB * largest / SIGCI, 0.0) ** (1.0 - A)
+    return z + MB * A, z
+
+
+def trials(tension: float | None, dilation: float | None, seed: int = 0) -> np.ndarray:
     """Sorted trial stresses (3, q) outside: all over, two alike, about the tip and the corner."""
     random = np.random.default_rng(seed)
-    strength = ROCK["sigci"] * ROCK["s"] ** ROCK["a"]
-    found = random.normal(size=(3, 400)) * 10 ** random.uniform(-2, 1, 400) * strength
-    found -= random.uniform(-1, 3, 400) * np.abs(found).max(axis=0)
-    found[1, 50:100] = found[0, 50:100]
-    found[1, 100:150] = found[2, 100:150]
-    found[:, 200:300] = surface.cut + 1e-4 * found[:, 200:300]
-    found[:, 300:] = beyond_the_corner(surface, random)
-    found = -np.sort(-found, axis=0)
-    return found[:, surface.excess(found) > 1e-12 * np.abs(found).max(axis=0)]
+    stress = random.normal(size=(3, 400)) * 10 ** random.uniform(-2, 1, 400) * STRENGTH
+    stress -= random.uniform(-1, 3, 400) * np.abs(stress).max(axis=0)
+    stress[1, 50:100] = stress[0, 50:100]
+    stress[1, 100:150] = stress[2, 100:150]
+    stress[:, 200:300] = (TIP if tension is None else tension) + 1e-4 * stress[:, 200:300]
+    stress[:, 300:] = beyond_the_corner(tension, dilation, random)
+    stress = -np.sort(-stress, axis=0)
+    return stress[:, excess(stress, tension) > 1e-12 * np.abs(stress).max(axis=0)]
 
 
-def beyond_the_corner(surface: HoekBrownCurve, random: np.random.Generator) -> np.ndarray:
+def beyond_the_corner(
+    tension: float | None, dilation: float | None, random: np.random.Generator
+) -> np.ndarray:
     """Trial stresses (3, 100) of flow on surface and cut-off together, sigma_2 at all places."""
-    y = np.full(100, surface.y_cut)
-    up, down, _ = surface.directions(y ** (1.0 - surface.a))
-    width = surface.width(y)
+    cut = TIP if tension is None else tension
+    up, down = flow_of_pair(cut, dilation)
     place = np.repeat([0.0, 0.3, 0.7, 1.0], 25)
-    stress = surface.cut - np.stack([0.0 * y, place * width, width])
+    stress = cut - np.stack([0.0 * place, place * width(cut), width(cut) + 0.0 * place])
     plastic = np.zeros((3, 100))
     for k, share in enumerate(random.uniform(0.0, 1e-4, size=(4, 100))):
         i, j = ((0, 2), (1, 2), (0, 1), (0, 0))[k]
@@ -63,51 +98,53 @@ def beyond_the_corner(surface: HoekBrownCurve, random: np.random.Generator) -> n
     return stress + np.linalg.solve(COMPLIANCE, plastic)
 
 
-def flows_at(surface: HoekBrownCurve, stress: np.ndarray, near: float) -> np.ndarray:
+def flows_at(
+    stress: np.ndarray, tension: float | None, dilation: float | None, near: float
+) -> np.ndarray:
     """Directions of flow (3, k) of all planes that pass through a stress, in all its orders."""
-    found = []
+    flows = []
     for i, j in permutations(range(3), 2):
-        y = max(surface.s - surface.mb * stress[i] / surface.sigci, 0.0)
-        z = y ** (1.0 - surface.a)
-        f = stress[i] - stress[j] - surface.sigci * y**surface.a
+        z = max(S - MB * stress[i] / SIGCI, 0.0) ** (1.0 - A)
+        f = stress[i] - stress[j] - width(stress[i])
         if abs(f) * min(1.0, z) <= near:
-            up, down = (z + surface.mb * surface.a, z) if surface.flow is None else surface.flow
-            found.append(up * np.eye(3)[i] - down * np.eye(3)[j])
-    found += [np.eye(3)[i] for i in range(3) if abs(stress[i] - surface.cut) <= near]
-    return np.array([flow / np.linalg.norm(flow) for flow in found]).T
+            up, down = flow_of_pair(stress[i], dilation)
+            flows.append(up * np.eye(3)[i] - down * np.eye(3)[j])
+    cut = TIP if tension is None else tension
+    flows += [np.eye(3)[i] for i in range(3) if abs(stress[i] - cut) <= near]
+    return np.array([flow / np.linalg.norm(flow) for flow in flows]).T
 
 
 @FLOWS
 @CUTS
 def test_return_is_admissible_and_flows_as_the_planes_that_it_ends_on(dilation, tension):
-    surface = curve(dilation=dilation, tension=tension)
-    trial = trials(surface)
-    found = returned(surface, trial)
+    trial = trials(tension, dilation)
+    stress = ends_of(trial, dilation=dilation, tension=tension)
     size = np.abs(trial).max(axis=0)
-    assert np.all(np.diff(found.stress, axis=0) <= 1e-12 * size)
+    assert np.all(np.diff(stress, axis=0) <= 1e-12 * size)
     # The width of the surface at the tip is the root of a rounding error.
-    assert np.all(surface.excess(found.stress) <= 1e-8 * size)
+    assert np.all(excess(stress, tension) <= 1e-8 * size)
     for n in range(trial.shape[1]):
-        plastic = COMPLIANCE @ (trial[:, n] - found.stress[:, n])
-        _, rest = nnls(flows_at(surface, found.stress[:, n], 1e-9 * size[n]), plastic)
+        plastic = COMPLIANCE @ (trial[:, n] - stress[:, n])
+        flows = flows_at(stress[:, n], tension, dilation, 1e-9 * size[n])
+        _, rest = nnls(flows, plastic)
         assert rest <= 1e-8 * np.linalg.norm(plastic)
-    sets = np.unique(found.active)
-    assert len(sets) == (4 if tension is None else 9), sets
+    all_places = law(dilation=dilation, tension=tension).project(np.pad(trial, ((0, 1), (0, 0))))
+    places = np.unique(all_places.place)
+    assert len(places) == (4 if tension is None else 9), places
 
 
 def test_associated_return_is_the_nearest_stress_in_energy():
     """Brute force: a general minimiser over all six yield functions, from inside the surface."""
-    surface = curve(dilation=None, tension=None)
-    trial = trials(surface, seed=3)
-    trial = trial[:, np.abs(trial).max(axis=0) > 0.1 * ROCK["sigci"] * ROCK["s"] ** ROCK["a"]]
+    trial = trials(None, None, seed=3)
+    trial = trial[:, np.abs(trial).max(axis=0) > 0.1 * STRENGTH]
     size = np.abs(trial).max(axis=0)
+    pairs = list(permutations(range(3), 2))
 
     def room(x: np.ndarray, unit: float) -> np.ndarray:
         stress = unit * x
-        y = surface.s - surface.mb * stress / surface.sigci
-        pairs = list(permutations(range(3), 2))
-        apart = np.array([max(stress[i] - stress[j], 0.0) / surface.sigci for i, j in pairs])
-        return np.array([y[i] for i, _ in pairs]) - apart ** (1.0 / surface.a)
+        y = S - MB * stress / SIGCI
+        apart = np.array([max(stress[i] - stress[j], 0.0) / SIGCI for i, j in pairs])
+        return np.array([y[i] for i, _ in pairs]) - apart ** (1.0 / A)
 
     worst = 0.0
     for n in range(0, trial.shape[1], 12):
@@ -120,31 +157,11 @@ def test_associated_return_is_the_nearest_stress_in_energy():
             method="SLSQP",
             options={"ftol": 1e-15, "maxiter": 300},
         )
-        ours = returned(surface, trial[:, n : n + 1]).stress[:, 0]
+        ours = ends_of(trial[:, n : n + 1], dilation=None, tension=None)[:, 0]
         energy = 0.5 * (p - ours) @ COMPLIANCE @ (p - ours) * E / unit**2
         assert energy <= best.fun * (1.0 + 1e-9) + 1e-14
         worst = max(worst, np.abs(ours / unit - best.x).max())
     assert worst < 1e-4
-
-
-def law(values: dict[str, float], n_stress: int, *, associated: bool, natural: bool):
-    numbers = {
-        name: Dual(np.concatenate([[values[name]], np.eye(len(NAMES))[k]]))
-        for k, name in enumerate(NAMES)
-    }
-    modulus, nu = numbers["E"], numbers["nu"]
-    lame = modulus * nu / ((1.0 + nu) * (1.0 - 2.0 * nu))
-    shear = modulus / (2.0 * (1.0 + nu))
-    elasticity = np.zeros((n_stress, n_stress, 1 + len(NAMES)))
-    elasticity[:3, :3] = lame.columns
-    for k in range(n_stress):
-        elasticity[k, k] += (2.0 if k < 3 else 1.0) * shear.columns
-    surface = HoekBrownConstants(
-        *(numbers[name] for name in ("sigci", "mb", "s", "a")),
-        None if associated else numbers["dilation"],
-        None if natural else numbers["tension"],
-    )
-    return HoekBrownLaw(Dual(elasticity), surface)
 
 
 @pytest.mark.parametrize(
@@ -162,95 +179,125 @@ def law(values: dict[str, float], n_stress: int, *, associated: bool, natural: b
 )
 def test_tangent_and_derivatives(n_stress, associated, natural):
     """By the trial stress and by all constants, on the face, the edges, the cut-off, the tip."""
-    values, kind = {**ROCK, "E": E, "nu": NU}, {"associated": associated, "natural": natural}
+    without = {name: None for name, no in (("dilation", associated), ("tension", natural)) if no}
     random = np.random.default_rng(5)
-    strength = ROCK["sigci"] * ROCK["s"] ** ROCK["a"]
-    size = 10 ** random.uniform(-1.5, 0.7, 400) * strength
+    size = 10 ** random.uniform(-1.5, 0.7, 400) * STRENGTH
     trial = random.normal(size=(n_stress, 400)) * size
     trial[3:] *= 0.1
     trial[:3] -= random.uniform(-1.5, 2, 400) * size
     if not natural:
-        changes = {"dilation": None} if associated else {}
         trial[:, :100] *= 1e-3
-        trial[:3, :100] += beyond_the_corner(curve(**changes), random)
-    found = law(values, n_stress, **kind).project(trial)
-    at, scale = found.yielded, np.abs(trial).max(axis=0)
-    assert len(np.unique(found.step.found.active)) == (4 if natural else 9)
+        dilation = None if associated else ROCK["dilation"]
+        trial[:3, :100] += beyond_the_corner(ROCK["tension"], dilation, random)
+    step = law(n_stress, **without).project(trial)
+    at, scale = step.yielded, np.abs(trial).max(axis=0)
+    assert len(np.unique(step.place)) == (4 if natural else 9)
 
     def stress(trial, **changes):
-        return law({**values, **changes}, n_stress, **kind).project(trial).stress[:, at]
+        return law(n_stress, **changes, **without).project(trial).stress[:, at]
 
     for k in range(n_stress):
-        step = 1e-6 * scale * np.eye(n_stress)[k][:, None]
-        numeric = (stress(trial + step) - stress(trial - step)) / (2e-6 * scale[at])
-        np.testing.assert_allclose(found.reduction[:, :, k].T, numeric, atol=2e-7)
-    exact, _ = found.derivatives(np.zeros((n_stress, len(at), len(NAMES))), of_law=True)
+        h = 1e-6 * scale * np.eye(n_stress)[k][:, None]
+        numeric = (stress(trial + h) - stress(trial - h)) / (2e-6 * scale[at])
+        np.testing.assert_allclose(step.reduction[:, :, k].T, numeric, atol=2e-7)
+    exact, _ = step.derivatives(np.zeros((n_stress, len(at), len(NAMES))), of_law=True)
     for k, name in enumerate(NAMES):
-        h = 1e-6 * values[name]
-        more, less = (stress(trial, **{name: values[name] + side * h}) for side in (1, -1))
+        if name in without:
+            continue
+        h = 1e-6 * ROCK[name]
+        more, less = (stress(trial, **{name: ROCK[name] + side * h}) for side in (1, -1))
         numeric = (more - less) / 2e-6 / scale[at]
-        np.testing.assert_allclose(exact[:, :, k] * values[name] / scale[at], numeric, atol=2e-7)
+        np.testing.assert_allclose(exact[:, :, k] * ROCK[name] / scale[at], numeric, atol=2e-7)
+
+
+def test_derivatives_keep_their_digits_near_the_tip():
+    """Against differences of the edge's equations in 50 digits, where y is 1e-9."""
+    start = np.array([1215818.14121296, 850865.10167428, 624477.34709581])
+    step = law(dilation=None, tension=None).project(np.array([[*start, 0.0]]).T)
+    exact, _ = step.derivatives(np.zeros((4, 1, len(NAMES))), of_law=True)
+
+    with localcontext() as context:
+        context.prec = 50
+        modulus, nu, sigci, mb, a = (Decimal(x) for x in (E, NU, SIGCI, MB, A))
+        lame = modulus * nu / ((1 + nu) * (1 - 2 * nu))
+        shear = modulus / (2 * (1 + nu))
+        first, second, third = (Decimal(x) for x in start)
+
+        def ends(s: Decimal) -> tuple[Decimal, Decimal]:
+            """sigma_1 = sigma_2 and sigma_3, by the secant method for ln y."""
+
+            def rest(log: Decimal) -> Decimal:
+                y, z = log.exp(), (log * (1 - a)).exp()
+                largest, volume = (s - y) * sigci / mb, lame * mb * a
+                lam = ((first + second) / 2 - largest) / (volume + shear * (z + mb * a))
+                return third - (volume - 2 * shear * z) * lam - largest + sigci * (a * log).exp()
+
+            one, two = Decimal("1.08e-9").ln(), Decimal("1.09e-9").ln()
+            while abs(two - one) > Decimal("1e-40"):
+                one, two = two, two - rest(two) * (two - one) / (rest(two) - rest(one))
+            y = two.exp()
+            largest = (s - y) * sigci / mb
+            return largest, largest - sigci * (a * two).exp()
+
+        h = Decimal("1e-20")
+        more, less = ends(Decimal(S) + h), ends(Decimal(S) - h)
+        by_s = [float((one - other) / (2 * h)) for one, other in zip(more, less, strict=True)]
+    k = NAMES.index("s")
+    np.testing.assert_allclose(exact[[0, 1, 2], 0, k], [by_s[0], by_s[0], by_s[1]], rtol=1e-12)
 
 
 def test_associated_tangent_is_symmetric():
-    surface = law({**ROCK, "E": E, "nu": NU}, 6, associated=True, natural=False)
     random = np.random.default_rng(1)
-    found = surface.project(2e6 * random.normal(size=(6, 200)))
+    step = law(6, dilation=None).project(2e6 * random.normal(size=(6, 200)))
     moduli = np.zeros((6, 6))
     moduli[:3, :3] = LAME
     moduli += G * np.diag([2, 2, 2, 1, 1, 1])
-    tangent = found.reduction @ moduli
+    tangent = step.reduction @ moduli
     np.testing.assert_allclose(tangent, np.swapaxes(tangent, 1, 2), atol=1e-9 * E)
+
+
+@FLOWS
+@CUTS
+def test_multipliers_are_the_plastic_strains_of_surface_and_cut_off(dilation, tension):
+    """sigma_1 opens by g of the pairs and by the cut-off, sigma_3 shortens by d of the pairs."""
+    trial = np.pad(trials(tension, dilation), ((0, 1), (0, 0)))
+    step = law(dilation=dilation, tension=tension).project(trial)
+    assert step.yielded.size == trial.shape[1]
+    stress = step.stress[:3]
+    plastic = COMPLIANCE @ (trial[:3] - stress)
+    np.testing.assert_allclose(
+        step.reserve, 0.5 * ((trial[:3] - stress) * plastic).sum(axis=0), rtol=1e-9
+    )
+    for n in range(0, trial.shape[1], 7):
+        if stress[0, n] >= TIP * (1.0 - 1e-9):
+            continue
+        up, down = flow_of_pair(stress[0, n], dilation)
+        pairs = step.multipliers[n, 0]
+        cut = step.multipliers[n, 1] if tension is not None else 0.0
+        volume = (up - down) * pairs + cut
+        assert plastic[:, n].sum() == pytest.approx(volume, rel=1e-6, abs=1e-9 * pairs)
+        within = 1e-8 * np.abs(trial[:, n]).max()
+        assert stress[0, n] - stress[2, n] >= width(stress[0, n]) - within or pairs == 0.0
 
 
 @pytest.mark.parametrize("s", [4e-3, 0.0])
 def test_excess_is_the_strength_that_a_stress_lacks(s):
-    surface = law({**ROCK, "s": s, "E": E, "nu": NU}, 6, associated=True, natural=True)
+    surface = law(6, s=s, dilation=None, tension=None)
     random = np.random.default_rng(2)
     stress = np.zeros((6, 50))
     stress[0] = -random.uniform(0.01, 5, 50) * 1e6
-    for needed in (0.5 * ROCK["sigci"], 2.0 * ROCK["sigci"]):
-        y = s - ROCK["mb"] * stress[0] / needed
-        stress[2] = stress[0] - needed * y ** ROCK["a"]
+    for needed in (0.5 * SIGCI, 2.0 * SIGCI):
+        y = s - MB * stress[0] / needed
+        stress[2] = stress[0] - needed * y**A
         stress[1] = 0.5 * (stress[0] + stress[2])
-        np.testing.assert_allclose(surface.excess(stress)[0], needed - ROCK["sigci"], rtol=1e-9)
+        np.testing.assert_allclose(surface.excess(stress)[0], needed - SIGCI, rtol=1e-9)
     within = surface.excess(np.zeros((6, 1)))[0]
     assert within < 0.0
 
 
 def test_a_tension_beyond_the_tip_changes_nothing():
-    trial = trials(curve(tension=None))
+    trial = trials(None, None)
     for dilation in (None, 0.2):
-        plain = returned(curve(dilation=dilation, tension=None), trial)
-        cut = returned(curve(dilation=dilation, tension=1.5 * TIP), trial)
-        np.testing.assert_array_equal(plain.stress, cut.stress)
-
-
-@FLOWS
-def test_roots_end_where_only_rounding_is_left(monkeypatch, dilation):
-    """Tens of evaluations of an equation and not two hundred; its roots are those of halving."""
-    found = []
-    search = curved_return.bracketed
-
-    def counted(equation, low, high):
-        calls = []
-
-        def seen(x):
-            calls.append(x)
-            return equation(x)
-
-        root = search(seen, low, high)
-        below, above = low.copy(), high.copy()
-        for _ in range(80):
-            middle = 0.5 * (below + above)
-            under = equation(middle)[0] <= 0.0
-            below, above = np.where(under, middle, below), np.where(under, above, middle)
-        np.testing.assert_allclose(root, 0.5 * (below + above), rtol=1e-13, atol=1e-16)
-        found.append(len(calls))
-        return root
-
-    monkeypatch.setattr(curved_return, "bracketed", counted)
-    surface = curve(dilation=dilation, tension=None)
-    returned(surface, trials(surface))
-    assert found
-    assert max(found) <= 45
+        plain = ends_of(trial, dilation=dilation, tension=None)
+        cut = ends_of(trial, dilation=dilation, tension=1.5 * TIP)
+        np.testing.assert_array_equal(plain, cut)

@@ -17,7 +17,7 @@ from geoident.errors import InputError
 from geoident.fem.structures import section_forces
 from geoident.forward.gauges.members import nearest
 from geoident.forward.gauges.observation import MarchState
-from geoident.forward.march.stage import GivenStress, StageEnd
+from geoident.forward.march.stage import StageEnd
 from geoident.model.actions import Traction
 from geoident.model.case import Stage, Support
 from geoident.model.dual import ParameterPoint
@@ -425,7 +425,7 @@ def _state_of(staged, columns=4):
     end = StageEnd(
         1,
         random.standard_normal((staged.discretization.n_dofs, columns)),
-        GivenStress(np.zeros((4, 1, columns))),
+        np.zeros((4, 1, columns)),
         random.standard_normal((structures.n_rows, columns)),
         np.zeros(1, dtype=bool),
     )

@@ -354,17 +354,3 @@ def test_solvers_of_several_levels_are_told_where_unknowns_stand():
     assert sorted([*places.edges[:, 0], *corners]) == list(range(mesh.n_nodes))
     assert np.isin(places.edges[:, 1:], corners).all()
     assert len(np.unique(np.sort(places.edges[:, 1:]), axis=0)) == len(places.edges) == 17
-
-
-def test_nodes_that_change_are_those_of_ground_structures_and_supports(staged):
-    systems, mesh = staged.march.systems, staged.mesh
-    groups = staged.sequence.groups
-    changing = {groups[g] for g in np.flatnonzero(systems.changing)}
-    assert changing == {"heading", "bench", "lining", "fill"}
-    elements = np.concatenate([mesh.groups[name] for name in changing])
-    nodes = np.zeros(mesh.n_nodes, dtype=bool)
-    nodes[mesh.blocks[0].nodes[elements]] = True
-    nodes[mesh.points[:, 0] == 12.0] = True  # held for a time
-    nodes[systems.structures.nodes()] = True
-    np.testing.assert_array_equal(systems.changing_nodes(), nodes)
-    assert not nodes.all()

@@ -7,15 +7,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from geoident.fem.elasticity import PointwiseModuli, UniformModuli
-from geoident.fem.solvers.direct import DirectFactor
 from geoident.forward.march import plastic_step
-from geoident.forward.march.lasting import LastingGround, solve_still
 from geoident.forward.march.plastic_step import WarmStart
 from geoident.forward.march.stage import (
     BaseStates,
     Carried,
-    GivenStress,
     LastFactor,
     UnitForces,
     _runs,
@@ -93,7 +89,6 @@ def test_multipliers_add_up_by_material_point_and_column():
 
 def test_a_copy_is_restored_whole():
     found, kept = carried(), carried()
-    kept.since = "since"
     kept.hardened["sand"] = np.ones((1, 4, 3))
     stress, members = found.stress, found.members
     found.restore(kept)
@@ -101,23 +96,12 @@ def test_a_copy_is_restored_whole():
     assert found.members is members
     np.testing.assert_array_equal(stress, kept.stress)
     np.testing.assert_array_equal(members, kept.members)
-    assert found.since == "since"
     assert set(found.hardened) == {"clay", "sand"}
     found.hardened["sand"][:] = 0.0
     assert kept.hardened["sand"].all()
     plain = Carried(stress, members)
     found.restore(plain)
     assert found.hardened == {}
-
-
-def test_column_0_alone_is_a_copy():
-    stress = RNG.normal(size=(3, 4, 3))
-    found = GivenStress(stress)
-    assert found.whole() is stress
-    alone = found.values().whole()
-    np.testing.assert_array_equal(alone, stress[..., :1])
-    alone[:] = 0.0
-    assert stress[..., 0].any()
 
 
 # --- states that later ones build on ---
@@ -317,160 +301,3 @@ def test_at_least_four_parameter_vectors_are_kept(monkeypatch):
         known = [one.du[0] for one in warm._known[1]]
         assert known == [float(k) for k in range(50 - most, 50)]
     assert plastic_step._FEWEST == 4
-
-
-# --- ground that lasts ---
-
-
-class Split(DirectFactor):
-    """A factor that can leave out its first two unknowns."""
-
-    n_first = 2
-
-    def __init__(self):
-        self.asked = []
-
-    def solve(self, rhs):
-        self.asked.append(rhs)
-        return 2.0 * rhs
-
-    def solve_rest(self, rhs):
-        return 3.0 * rhs
-
-    def first_of(self, rest):
-        return -rest[:2]
-
-
-@pytest.mark.parametrize(("inside", "still"), [(0.0, True), (0.9e-13, True), (1.1e-13, False)])
-def test_ground_without_forces_inside_follows_the_rest(inside, still):
-    forces = np.array([[0.0, inside], [inside, 0.0], [1.0, 4.0], [-0.5, 1.0], [0.2, 1.0]])
-    forces[0, 1] *= 4.0
-    factor = Split()
-    found = solve_still(factor, forces)
-    if still:
-        np.testing.assert_array_equal(found[2:], 3.0 * forces[2:])
-        np.testing.assert_array_equal(found[:2], -3.0 * forces[2:4])
-        assert factor.asked == []
-    else:
-        np.testing.assert_array_equal(found, 2.0 * forces)
-
-
-def test_factors_that_leave_out_nothing_solve_all():
-    forces = np.zeros((5, 1))
-    plain = SimpleNamespace(solve=lambda rhs: rhs + 1.0, n_first=2)
-    np.testing.assert_array_equal(solve_still(plain, forces), 1.0)
-    none = Split()
-    none.n_first = 0
-    solve_still(none, forces)
-    assert none.asked == [forces] or none.asked[0] is forces
-
-
-E = np.array([[4.0, 1.0, 0.0], [1.0, -7.0, 0.5], [0.0, 0.5, 2.0]])
-
-
-def ground(**of):
-    """Moduli by material: value, slopes by name, whether there are modes."""
-    parts = {
-        name: SimpleNamespace(value=value, slopes=slopes, modes=("mode",) * modes)
-        for name, (value, slopes, modes) in of.items()
-    }
-    return SimpleNamespace(moduli=parts.__getitem__)
-
-
-def proportions(found, names=("p", "q", "r")):
-    lasting = object.__new__(LastingGround)
-    lasting.__dict__["_materials"] = tuple(found.names) if hasattr(found, "names") else ("a", "b")
-    return lasting.proportions(found, SimpleNamespace(names=names))
-
-
-def uniform(scale, *slopes):
-    """E of a size, with slopes in proportion."""
-    by = {name: UniformModuli(c * scale * E) for name, c in zip("pqr", slopes, strict=False) if c}
-    return UniformModuli(scale * E), by, False
-
-
-def test_moduli_of_lasting_ground_grow_in_proportion():
-    found = proportions(ground(a=uniform(1.0, 0.3, 0.0, -2.0), b=uniform(5.0, 0.3, 0.0, -2.0)))
-    np.testing.assert_allclose(found, [0.3, 0.0, -2.0], rtol=1e-14)
-    apart = uniform(5.0, 0.3, 0.0, -2.0 * (1 + 3e-12))
-    assert proportions(ground(a=uniform(1.0, 0.3, 0.0, -2.0), b=apart)) is None
-    near = uniform(5.0, 0.3, 0.0, -2.0 * (1 + 3e-13))
-    assert proportions(ground(a=uniform(1.0, 0.3, 0.0, -2.0), b=near)) is not None
-    assert proportions(ground(a=uniform(1.0, 0.3), b=uniform(1.0, 0.0))) is None
-
-
-@pytest.mark.parametrize(("off", "alike"), [(1.4e-11, True), (3.2e-11, False)])
-def test_a_slope_of_another_shape_is_no_proportion(off, alike):
-    """In parts of its largest entry, 21 here."""
-    slope = 3.0 * E
-    slope[0, 0] += off
-    value, by, modes = uniform(1.0, 0.3)
-    other = ground(a=(value, by | {"q": UniformModuli(slope)}, modes), b=uniform(1.0, 0.3, 3.0))
-    assert (proportions(other) is not None) == alike
-
-
-def test_moduli_that_vary_have_no_proportion():
-    good = uniform(1.0, 0.3)
-    varied = PointwiseModuli(np.stack([E, E]))
-    assert proportions(ground(a=(varied, {}, False), b=good)) is None
-    assert proportions(ground(a=(good[0], {"p": varied}, False), b=good)) is None
-    assert proportions(ground(a=(good[0], good[1], True), b=good)) is None
-    none = ground()
-    none.names = ()
-    assert proportions(none) is None
-
-
-@pytest.mark.parametrize(("change", "rests"), [(0.9e-14, True), (1.1e-14, False)])
-def test_forces_inside_that_stay_are_at_rest(change, rests):
-    """Relative to the largest of each column."""
-    lasting = object.__new__(LastingGround)
-    lasting._inner = np.array([0, 3])
-    forces = np.array([[1.0, 2.0], [-8.0, 0.5], [3.0, -16.0], [0.5, 1.0]])
-    acting = forces[lasting._inner].copy()
-    assert lasting._rests(SimpleNamespace(acting=acting), forces)
-    for row, column, size in ((0, 0, 8.0), (1, 1, 16.0)):
-        moved = acting.copy()
-        moved[row, column] += change * size * (1.0 if row else -1.0)
-        assert lasting._rests(SimpleNamespace(acting=moved), forces) == rests
-
-
-@pytest.mark.parametrize(
-    ("off", "follows"),
-    [
-        ((0.0, 0.0), True),
-        ((1.9e-13, 0.0), True),  # a ten-million-millionth of 2, and of 5
-        ((2.1e-13, 0.0), False),
-        ((0.0, 4.9e-13), True),
-        ((0.0, -5.1e-13), False),
-        ((0.5, 0.0), False),
-    ],
-)
-def test_lasting_ground_follows_from_the_virgin_state_where_that_is_in_balance(off, follows):
-    """Unknowns 0, 2 and 3 of it lie inside, of which 3 is held; the columns are judged apart."""
-    pull = np.array([[1.0, 5.0], [-2.0, 0.3], [0.7, -0.2], [9.0, 9.0], [0.4, 0.1]])
-    acting = np.array([[1.0, 5.0], [0.0, 0.0], [0.7, -0.2], [0.0, 0.0], [1.5, 3.0]])
-    pull[3], acting[0] = (0.1, 0.2), acting[0] + off
-    ground = object.__new__(LastingGround)
-    ground._place, ground._lasts = np.array([-1, 0, -1, -1, 1]), np.array([True, False, True])
-    ground._inner, ground._outer = np.array([0, 2, 3]), np.array([1, 4])
-    asked = []
-
-    def forces(stress, volume):
-        asked.append(volume.tolist())
-        return pull
-
-    points = SimpleNamespace(forces=forces)
-    ground._systems = SimpleNamespace(discretization=SimpleNamespace(points=points))
-    stress = np.arange(24.0).reshape(4, 3, 2)
-    system = SimpleNamespace(dofs=np.array([4, 2, 0, 1]), volume=np.array([2.0, 3.0, 4.0]))
-    carried = SimpleNamespace(stress=stress, since=None)
-    u = np.zeros((5, 2))
-    ground.begin_virgin(SimpleNamespace(carried=carried, forces=acting, system=system), u)
-    assert asked == [[2.0, 0.0, 4.0]]
-    assert (carried.since is not None) == follows
-    if follows:
-        np.testing.assert_array_equal(carried.since.stress, stress[..., 0])
-        np.testing.assert_array_equal(carried.since.acting, acting[[0, 2, 3]])
-        np.testing.assert_array_equal(carried.since.pull, pull[[1, 4]])
-        np.testing.assert_array_equal(carried.since.u, u)
-        assert carried.since.u is not u

@@ -9,11 +9,10 @@ from support.meshes import box, regroup
 from support.yielding import hoek, mohr, rock
 
 from geoident.fem.yielding.hoek_brown import HoekBrownLaw
-from geoident.fem.yielding.polyhedral import PolyhedralLaw
-from geoident.fem.yielding.principal import PrincipalLaw
+from geoident.fem.yielding.plane_laws import PolyhedralLaw, PrincipalLaw
 from geoident.forward.ground.elasticity import ModuliAt
 from geoident.forward.march.fields import FieldRecorder, MeshRecorder, ReactionRecorder
-from geoident.forward.march.stage import GivenStress, LastEquilibrium, StageEnd
+from geoident.forward.march.stage import LastEquilibrium, StageEnd
 from geoident.forward.yielding.surfaces import YieldLaws, strength_slopes
 from geoident.model.case import Stage, Support
 from geoident.model.dual import Dual, ParameterPoint
@@ -60,7 +59,7 @@ def end(model, state, *, lost=False, yielded=(), last=None, forces=True):
     flows = np.isin(np.arange(points.n_points), yielded)
     members = RNG.normal(size=(model.systems.structures.n_rows, 2))
     acting = RNG.normal(size=(points.n_dofs, 2)) if forces else None
-    return StageEnd(state, u, GivenStress(stress), members, flows, acting, last)
+    return StageEnd(state, u, stress, members, flows, acting, last)
 
 
 def means(model, stress, state):

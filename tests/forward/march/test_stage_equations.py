@@ -388,7 +388,6 @@ def test_planes_are_noted_by_material_plane_and_stage():
     assert activity.slopes.tolist() == [[1.0, 0.0], [0.0, 2.0], [0.5, 0.25]]
     planes.reach(ground("b", np.zeros((1, 0))), None)
     assert planes.activity().reached[2] == -np.inf
-    assert ReachedPlanes(SimpleNamespace(limits={}), ("s",)).activity() is None
 
 
 def test_the_limit_of_a_plane_is_its_distance_at_the_point():

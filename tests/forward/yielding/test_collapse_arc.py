@@ -19,16 +19,8 @@ from support.plastic import Planes, polyhedral
 
 from geoident.fem.elasticity import UniformModuli
 from geoident.fem.solvers.direct import NotPositiveDefinite
-from geoident.forward.march import collapse
-from geoident.forward.march.collapse import Limit, limit_of
+from geoident.forward.march.collapse import limit_of
 from geoident.forward.march.constitutive import Flow, Ground
-from geoident.forward.march.equilibrium import Balance
-from geoident.forward.march.plastic_derivatives import (
-    _SAME_GENERAL_TANGENT,
-    _SAME_TANGENT,
-    _is_exact,
-    _solved,
-)
 from geoident.forward.march.stage_equations import StageEquations
 
 
@@ -77,29 +69,6 @@ def test_ground_hardens_where_its_law_does():
     assert ground.hardens is True
     assert bar(1.0, 0.1, 0.0).grounds[0].hardens is False
     assert Ground("elastic", slice(0, 1), UniformModuli(np.eye(1))).hardens is False
-
-
-def test_the_last_factor_serves_again_where_the_pieces_are_the_same():
-    """Beyond k at 0.5 and 0.7 alike; below it at 0.05."""
-    equations = bar(0.9, 0.1, 0.1)
-    end, beyond, below = (equations.at(np.array([u])) for u in (0.5, 0.7, 0.05))
-    factor, _ = equations.factor(end)
-    for made_at, again in ((end, True), (beyond, True), (below, False), (None, False)):
-        balance = Balance(end, factor, made_at)
-        assert _is_exact(equations, balance) == again
-        found = _solved(equations, balance, np.ones((1, 1)))
-        assert found == pytest.approx(np.array([[1.0 / 0.1]]))
-
-
-@pytest.mark.parametrize("associated", [True, False])
-@pytest.mark.parametrize(("off", "again"), [(0.9, True), (-0.9, True), (1.1, False), (-1.1, False)])
-def test_and_where_the_tangent_differs_by_rounding_only(off, again, associated):
-    same = _SAME_TANGENT if associated else _SAME_GENERAL_TANGENT
-    equations = SimpleNamespace(
-        associated=associated,
-        changes=lambda trial: (np.array([3]), np.array([2.0, 0.1 + 2.0 * same * trial])),
-    )
-    assert _is_exact(equations, Balance(0.0, None, off)) == again
 
 
 @pytest.mark.parametrize(
@@ -174,91 +143,3 @@ def test_the_part_that_is_carried_is_that_of_the_lower_bound_theorem(seed, beyon
         - equations.operators.forces(trial.stress, equations.volume)
     )
     assert np.abs(rest[equations.dofs]).max() < 1e-6 * np.abs(load).max()
-
-
-@pytest.fixture
-def arc(monkeypatch):
-    """The arc of a bar of E = 1 under 2, so of compliance 4, whose parts are told by alpha / 4."""
-    asked, told = [], SimpleNamespace(fraction=lambda x: 0.0, strain=0.0)
-
-    def controlled(before, load, alpha, start):
-        asked.append((alpha / 4.0, start.fraction))
-        fraction = told.fraction(alpha / 4.0)
-        return None if fraction is None else Limit(fraction, np.array([alpha]))
-
-    monkeypatch.setattr(collapse, "_controlled", controlled)
-    monkeypatch.setattr(collapse, "_strain", lambda before, found: told.strain)
-    return SimpleNamespace(
-        asked=asked, told=told, find=lambda: limit_of(bar(2.0, 0.5, 0.0)),
-        alphas=lambda: [alpha for alpha, _ in asked],
-    )  # fmt: skip
-
-
-def test_the_measure_of_displacements_is_doubled_until_all_is_carried(arc):
-    arc.told.fraction = lambda x: {0.25: 0.2, 0.5: 0.4, 1.0: 0.7, 2.0: 1.01}[x]
-    found = arc.find()
-    assert found.fraction == 1.0
-    assert found.du.tolist() == [8.0]
-    assert arc.asked == [(0.25, 0.0), (0.5, 0.2), (1.0, 0.4), (2.0, 0.7)]
-
-
-@pytest.mark.parametrize(("growth", "steps"), [(1.9e-4, 5), (2.1e-4, 6)])
-def test_growth_of_a_part_in_five_thousand_over_a_doubling_is_none(arc, growth, steps):
-    """Beyond the elastic work only: before it the load may rest."""
-    parts = [0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0]
-    arc.told.fraction = lambda x: {0.25: 0.4, 0.5: 0.4, 1.0: 0.4, 2.0: 0.5}.get(
-        x, 0.5 / (1.0 - growth)
-    )
-    found = arc.find()
-    assert arc.alphas() == parts[:steps]
-    assert found.fraction == pytest.approx(0.5 / (1.0 - growth))
-
-
-def test_what_is_carried_never_falls(arc):
-    arc.told.fraction = lambda x: {0.25: 0.2, 0.5: 0.4, 1.0: 0.3, 2.0: 0.35}.get(x, 0.1)
-    found = arc.find()
-    assert found.fraction == 0.4
-    assert found.du.tolist() == [2.0]
-    assert arc.asked[2:] == [(1.0, 0.4), (2.0, 0.4)]
-
-
-def test_where_it_is_lost_it_grows_by_less_and_then_by_more_again(arc):
-    """From 0.5 to 1 it is lost: by the root of 2, its root, ...; then by its square."""
-    arc.told.fraction = lambda x: None if 0.65 < x < 1.2 else 0.3 + 0.1 * x
-    arc.find()
-    root = 2.0**0.5
-    first = [0.25, 0.5, 1.0, 0.5 * root, 0.5 * root**0.5]
-    assert arc.alphas()[:5] == pytest.approx(first)
-    assert arc.alphas()[5:8] == pytest.approx([
-        first[4] * root, first[4] * root**0.5, first[4] * root**0.25
-    ])  # fmt: skip
-
-
-def test_below_a_twentieth_of_growth_it_ends(arc):
-    """2^(1/8) is 1.09, 2^(1/16) is 1.044."""
-    arc.told.fraction = lambda x: 0.1 * x if x <= 0.5 else None
-    found = arc.find()
-    assert found.fraction == pytest.approx(0.05)
-    assert arc.alphas()[2:] == pytest.approx([0.5 * 2.0 ** (0.5**k) for k in range(5)])
-    arc.asked.clear()
-    arc.told.fraction = lambda x: None
-    assert arc.find().fraction == 0.0
-    assert arc.alphas() == [0.25]
-
-
-@pytest.mark.parametrize(("softer", "strain", "ends"), [(1.01, 1.01, True), (0.99, 1.01, False),
-                                                        (1.01, 0.99, False)])  # fmt: skip
-def test_ten_thousand_times_softer_and_long_is_flow(arc, softer, strain, ends):
-    """alpha is ten thousand times the elastic one of the part that is carried."""
-    arc.told.strain = strain
-    arc.told.fraction = lambda x: 0.5 if x == 0.25 else 1e-4 * x / softer if x == 0.5 else 1.0
-    found = arc.find()
-    assert arc.alphas() == ([0.25, 0.5] if ends else [0.25, 0.5, 1.0])
-    assert found.fraction == (0.5 if ends else 1.0)
-
-
-def test_twenty_four_doublings_of_the_elastic_work_are_the_most(arc):
-    arc.told.fraction = lambda x: 0.9 - 0.5 / (1.0 + np.log2(4.0 * x))
-    found = arc.find()
-    assert arc.alphas()[-1] == 2.0**24
-    assert found.fraction == arc.told.fraction(2.0**24)

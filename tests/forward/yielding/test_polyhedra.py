@@ -8,14 +8,18 @@ from math import cos, pi, sin, sqrt, tan
 import numpy as np
 import pytest
 
-from geoident.forward.yielding.even_directions import spread_directions, spread_frames
+from geoident.forward.yielding.facets import (
+    polygon_shrinkage,
+    shrinkage,
+    spread_directions,
+    spread_frames,
+)
 from geoident.forward.yielding.mohr_coulomb import (
     _solid_shrinkage,
     cut_off,
     mohr_coulomb,
     products,
 )
-from geoident.forward.yielding.smooth_distance import polygon_shrinkage, shrinkage
 from geoident.forward.yielding.surfaces import cut_off_count, yield_planes
 from geoident.model.case import Material
 from geoident.model.dual import Dual, ParameterPoint

@@ -21,7 +21,7 @@ from support.yielding import hoek
 
 from geoident.forward.openings.closed_forms import Opening, Rock
 from geoident.forward.openings.hoek_brown import HoekBrownLimit
-from geoident.forward.yielding.equivalent import RockMassStrength
+from geoident.forward.yielding.hoek_brown import RockMassStrength
 from geoident.model.dual import Dual
 
 MPa = 1e6

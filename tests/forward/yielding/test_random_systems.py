@@ -24,7 +24,7 @@ from support.meshes import box
 from support.yielding import NOTHING, constant, given, marched, rock
 
 from geoident.errors import CollapseError
-from geoident.fem.yielding.polyhedral import PolyhedralLaw
+from geoident.fem.yielding.plane_laws import PolyhedralLaw
 from geoident.forward.ground.elasticity import ModuliAt
 from geoident.forward.march.stage import StageEnd
 from geoident.forward.model import StagedModel

@@ -2,26 +2,21 @@
 
 from __future__ import annotations
 
-from itertools import permutations, product
+from itertools import product
 from math import cos, pi, sqrt
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from geoident.forward.yielding.even_directions import (
-    _octahedral,
-    _rotation,
-    _times,
-    spread_deviators,
-    spread_directions,
-    spread_frames,
-)
-from geoident.forward.yielding.smooth_distance import (
+from geoident.forward.yielding.facets import (
     deviator_basis,
     polygon_shrinkage,
     principal_values,
     shrinkage,
+    spread_deviators,
+    spread_directions,
+    spread_frames,
 )
 
 SPREADS = {
@@ -78,34 +73,6 @@ def test_there_are_as_many_directions_as_asked_for_and_not_one_orbit_more():
     first = spread_directions(15)[14]
     assert first[0] == 0.0
     assert 0.0 < first[1] < first[2]
-
-
-def test_quaternions_are_those_of_rotations():
-    p, q = np.random.default_rng(3).normal(size=(2, 5, 4))
-    p, q = (x / np.linalg.norm(x, axis=1)[:, None] for x in (p, q))
-
-    def matrices(some):
-        return Rotation.from_quat(some[:, [1, 2, 3, 0]]).as_matrix()
-
-    found = np.stack([_rotation(one) for one in p])
-    np.testing.assert_allclose(found, matrices(p), atol=1e-14)
-    np.testing.assert_allclose(matrices(_times(p, q)), matrices(p) @ matrices(q), atol=1e-14)
-    both = _times(p[:, None], q[None])
-    assert both.shape == (5, 5, 4)
-    np.testing.assert_allclose(both[2, 4], _times(p[2], q[4]), rtol=1e-14)
-
-
-def test_the_rotations_that_turn_axes_into_each_other_are_two_quaternions_each():
-    found = _octahedral()
-    assert len({tuple(np.round(q, 9) + 0.0) for q in found}) == 48
-    turned = {tuple(np.round(_rotation(q), 9).ravel() + 0.0) for q in found}
-    wanted = set()
-    for order, sign in product(permutations(range(3)), product((1.0, -1.0), repeat=3)):
-        matrix = np.eye(3)[list(order)] * np.array(sign)
-        if np.linalg.det(matrix) > 0.0:
-            wanted.add(tuple(matrix.ravel() + 0.0))
-    assert turned == wanted
-    assert len(turned) == 24
 
 
 def between(frames, others):

@@ -22,7 +22,7 @@ import scipy.sparse as sp
 from geoident.fem.solvers.direct import UnknownPlaces
 from geoident.model.arrays import Bools, Floats, Ints
 
-FEW = 0.4
+MOST_OF_CORNERS = 0.4
 """Share of the unknowns that may be those of corners, for a level of the corners alone."""
 
 
@@ -47,11 +47,11 @@ def corners(places: UnknownPlaces) -> Coarser | None:
     Args:
         places: of the unknowns.
     """
-    n, dim = len(places.dofs), places.points.shape[1]
+    n, dim = len(places.dofs), places.dim
     on_edge = np.zeros(len(places.points), dtype=bool)
     on_edge[places.edges[:, 0]] = True
     stays = np.flatnonzero(~on_edge[places.dofs // dim])
-    if not 0 < len(stays) <= FEW * n:
+    if not 0 < len(stays) <= MOST_OF_CORNERS * n:
         return None
     column = np.full(places.points.size, -1, dtype=np.int64)
     column[places.dofs[stays]] = np.arange(len(stays))
@@ -85,10 +85,10 @@ def aggregates(matrix: sp.csr_array, places: UnknownPlaces, step: sp.csr_array) 
         places: of its unknowns.
         step: (n, n) of the step of Jacobi: the smoothed motions are those less ``step @ K @`` them.
     """
-    dim = places.points.shape[1]
+    dim = places.dim
     node, at = np.unique(places.dofs // dim, return_inverse=True)
     graph = _node_graph(matrix, at, len(node))
-    aggregate = _gathered(graph)
+    aggregate = _aggregate_numbers(graph)
     motions = _rigid_motions(places, node, at, aggregate)
     count = int(aggregate.max()) + 1
     centres = _means(places.points[node], aggregate, count)
@@ -110,19 +110,19 @@ def _node_graph(matrix: sp.csr_array, at: Ints, n_nodes: int) -> sp.csr_array:
     return graph
 
 
-def _gathered(graph: sp.csr_array) -> Ints:
+def _aggregate_numbers(graph: sp.csr_array) -> Ints:
     """(n_nodes,) number of the aggregate of each node."""
     n = graph.shape[0]
     indices, starts = graph.indices, graph.indptr[:-1]
-    chance = np.random.default_rng(0).permutation(n) + 1
-    state = chance.copy()  # chance while undecided, 0 for what is near a root
+    priority = np.random.default_rng(0).permutation(n) + 1
+    state = priority.copy()  # priority while undecided, 0 for what is near a root
     root = np.zeros(n, dtype=bool)
     while (state > 0).any():
         near = np.maximum.reduceat(state[indices], starts)
         highest = np.maximum.reduceat(near[indices], starts)
-        fresh = (state > 0) & (highest == state)
-        root |= fresh
-        taken = np.logical_or.reduceat(fresh[indices], starts)
+        new_root = (state > 0) & (highest == state)
+        root |= new_root
+        taken = np.logical_or.reduceat(new_root[indices], starts)
         taken = np.logical_or.reduceat(taken[indices], starts)
         state[taken] = 0
     number = np.full(n, -1, dtype=np.int64)
@@ -140,7 +140,7 @@ def _means(points: Floats, group: Ints, count: int) -> Floats:
 
 def _rigid_motions(places: UnknownPlaces, node: Ints, at: Ints, aggregate: Ints) -> Floats:
     """(n, m) displacement of each unknown by the rigid motions of its aggregate."""
-    dim = places.points.shape[1]
+    dim = places.dim
     centre = _means(places.points[node], aggregate, int(aggregate.max()) + 1)
     x = places.points[node][at] - centre[aggregate[at]]
     component = places.dofs % dim
@@ -169,12 +169,12 @@ def _orthogonal(motions: Floats, group: Ints, count: int) -> tuple[sp.csr_array,
     values, vectors = np.linalg.eigh(products)
     keep: Bools = values > 1e-6 * m
     vectors = vectors / np.where(keep, np.sqrt(np.maximum(values, 1e-300)), np.inf)[:, None, :]
-    found = np.einsum("nm,nmk->nk", motions / scale[group], vectors[group])
+    orthonormal = np.einsum("nm,nmk->nk", motions / scale[group], vectors[group])
     number = np.full(count * m, -1, dtype=np.int64)
     number[keep.ravel()] = np.arange(np.count_nonzero(keep))
     columns = number[group[:, None] * m + np.arange(m)]
-    there = columns >= 0
-    rows = np.repeat(np.arange(n), there.sum(axis=1))
+    kept = columns >= 0
+    rows = np.repeat(np.arange(n), kept.sum(axis=1))
     shape = (n, int(np.count_nonzero(keep)))
-    matrix = sp.csr_array(sp.coo_array((found[there], (rows, columns[there])), shape=shape))
+    matrix = sp.csr_array(sp.coo_array((orthonormal[kept], (rows, columns[kept])), shape=shape))
     return matrix, np.repeat(np.arange(count), m)[keep.ravel()]

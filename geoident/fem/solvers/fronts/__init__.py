@@ -1,1 +1,0 @@
-"""Our own sparse Cholesky factorization: the multifrontal method (Duff & Reid 1983, Liu 1992)."""

@@ -1,1 +1,0 @@
-"""Conjugate gradients on several levels: for models whose factor is beyond the memory."""

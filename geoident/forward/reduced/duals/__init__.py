@@ -1,1 +1,0 @@
-"""Bounds of the errors of readings by their adjoints (theory 14.4)."""
