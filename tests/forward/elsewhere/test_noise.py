@@ -161,12 +161,6 @@ def test_steps_are_parts_of_the_sizes_of_the_parameters():
     assert not found.is_exact(P + 1e-3)
 
 
-def test_before_anything_is_run_nothing_is_doubted():
-    found, asked = made()
-    np.testing.assert_array_equal(found.doubt(P), np.zeros((3, 6)))
-    assert asked == []
-
-
 def test_steps_are_at_least_sixteen_of_the_changes_that_are_seen():
     found, asked = made(quantum=lambda p: np.array([1.0, 1.0, 10.0, 3.0, 1.0, 1.0]) * 1e-3)
     found.linear(P)
