@@ -45,6 +45,10 @@ from geoident.model.cells import CELLS, CellKind, CellShape
 class ReferenceElement:
     """One kind of element on its reference domain.
 
+    >>> quad = reference_element("quad4")
+    >>> quad.shapes(np.array([0.5, 1.0]))  # on the upper side, nearer to its right end
+    array([0.  , 0.  , 0.75, 0.25])
+
     Args:
         cell: its corners, edges and faces.
         nodes: (n_a, dim) reference coordinates.

@@ -8,7 +8,7 @@ Distance of points from faces: segments in the plane, triangles in space.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Self
@@ -54,6 +54,22 @@ class FaceTable:
         rows = np.flatnonzero(present[self.element])
         sharing = np.bincount(self.face[rows], minlength=self.n_faces)
         return np.asarray(rows[sharing[self.face[rows]] == 1])
+
+    def by_place(self, mesh: Mesh, rows: Ints) -> Iterator[tuple[ElementBlock, int, Ints, Ints]]:
+        """Some rows of the table, those of one face of one kind of element together.
+
+        Args:
+            mesh: whose faces they are.
+            rows: (r,) of the table.
+
+        Yields:
+            The block, the number of the face in its elements, the rows (k,), and the nodes
+            (k, n_corners) of their corners.
+        """
+        for number, (block, span) in enumerate(spans(mesh.blocks)):
+            for local, corners in enumerate(CELLS[block.kind].shape.faces):
+                at = rows[(self.block[rows] == number) & (self.local[rows] == local)]
+                yield block, local, at, block.nodes[self.element[at] - span.start][:, corners]
 
     def find(self, facets: ElementBlock) -> Ints:
         """Identity (n,) of the face at each of n facets, -1 where no element has it."""
@@ -120,7 +136,7 @@ class FaceKeys:
         return np.asarray(np.where(known, rows, -1))
 
     def _joined(self, head: Ints, tail: Ints) -> Ints:
-        """(n,) one number for head and tail."""
+        """(n,) head and tail as one number."""
         if len(self.tails):
             return head * len(self.tails) + self._place(tail)
         return np.asarray(head * (2 * self.n_nodes**2) + tail)
@@ -161,18 +177,18 @@ def patches(mesh: Mesh, table: FaceTable, rows: Ints) -> tuple[FacetPatch, ...]:
         table: its faces.
         rows: (r,) of the table.
     """
-    found: dict[str, list[tuple[Ints, Ints]]] = {}
+    by_kind: dict[str, list[tuple[Ints, Ints]]] = {}
     for number, (block, span) in enumerate(spans(mesh.blocks)):
         cell = CELLS[block.kind]
         for local, (face, kind) in enumerate(zip(cell.faces, cell.face_kinds, strict=True)):
-            mine = rows[(table.block[rows] == number) & (table.local[rows] == local)]
-            if len(mine):
-                element = table.element[mine]
+            at = rows[(table.block[rows] == number) & (table.local[rows] == local)]
+            if len(at):
+                element = table.element[at]
                 nodes = block.nodes[element - span.start][:, face]
-                found.setdefault(kind, []).append((nodes, element))
+                by_kind.setdefault(kind, []).append((nodes, element))
     return tuple(
         FacetPatch(kind, np.vstack([n for n, _ in parts]), np.concatenate([e for _, e in parts]))
-        for kind, parts in found.items()
+        for kind, parts in by_kind.items()
     )
 
 
@@ -184,8 +200,8 @@ def load_faces(mesh: Mesh, table: FaceTable, group: str) -> Ints:
         table: its faces.
         group: name of the group.
     """
-    found = np.concatenate([table.find(block) for block in mesh.facets])
-    return np.asarray(found[mesh.facet_groups[group]])
+    faces = np.concatenate([table.find(block) for block in mesh.facets])
+    return np.asarray(faces[mesh.facet_groups[group]])
 
 
 def load_patches(
@@ -231,7 +247,7 @@ def hanging_nodes(mesh: Mesh, table: FaceTable) -> Ints:
     """
     faces = patches(mesh, table, table.free(np.ones(mesh.n_elements, dtype=bool)))
     outer = np.unique(np.concatenate([patch.nodes.ravel() for patch in faces]))
-    found = [np.empty(0, dtype=np.int64)]
+    hanging = [np.empty(0, dtype=np.int64)]
     for patch in faces:
         corners = mesh.points[patch.nodes[:, : CELLS[patch.kind].n_corners]]
         centre = corners.mean(axis=1)
@@ -246,8 +262,8 @@ def hanging_nodes(mesh: Mesh, table: FaceTable) -> Ints:
         for piece in CELLS[patch.kind].shape.simplices:
             simplex = mesh.points[patch.nodes[row][:, piece]]
             away = _to_triangles if mesh.dim == 3 else _to_segments
-            found.append(node[away(simplex, mesh.points[node]) <= _AT_ONE_PLACE * reach[row]])
-    return np.unique(np.concatenate(found))
+            hanging.append(node[away(simplex, mesh.points[node]) <= _AT_ONE_PLACE * reach[row]])
+    return np.unique(np.concatenate(hanging))
 
 
 _AT_ONE_PLACE = 1e-6

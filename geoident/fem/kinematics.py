@@ -326,13 +326,13 @@ class StrainPoints:
         if (first, end) not in self._runs:
             ends = self.gradients[0].indptr[first : end + 1]
             part = slice(int(ends[0]), int(ends[-1]))
-            found = []
+            views = []
             for D in self.gradients:
                 view = sp.csr_array((end - first, D.shape[1]), dtype=D.dtype)
                 # set, not given: what is given to scipy is copied where it is a part of an array
                 view.data, view.indices, view.indptr = D.data[part], D.indices[part], ends - ends[0]
-                found.append(view)
-            self._runs[first, end] = tuple(found)
+                views.append(view)
+            self._runs[first, end] = tuple(views)
         return self._runs[first, end]
 
     @cached_property

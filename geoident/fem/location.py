@@ -21,13 +21,13 @@ REACH = 0.1
 """How far outside an element a point may lie to be taken by it, in parts of its size."""
 
 _NEWTON_STEPS = 25
-"""Five are usual; folded elements, where Newton's method has no end, are given up after these."""
+"""Five are usual; in folded elements Newton's method may not converge."""
 
-_MET = 1e-13
-"""Error of a mapped point, in sizes of the element, that is rounding."""
+_MAP_TOLERANCE = 1e-12
+"""Error of a mapped point, in sizes of the element: a hundred roundings of quadratic shapes."""
 
-_AT_LAST = 1e-9
-"""The same after the last step, where rounding of large coordinates keeps it from being smaller."""
+_ON_BORDER = 1e-6
+"""Part of an element's size up to which a point is inside: of those, the first element is taken."""
 
 _FAR = 10.0
 """Reference coordinates beyond which Newton's method gives up."""
@@ -53,7 +53,14 @@ class Site:
 
 
 class Locator:
-    """Finds points in a mesh; the boxes around the elements are made once."""
+    """Finds points in a mesh; the boxes around the elements are made once.
+
+    >>> corners = np.array([[0.0, 0.0], [4.0, 0.0], [0.0, 2.0]])
+    >>> triangle = Mesh(corners, (ElementBlock("tri3", np.array([[0, 1, 2]]), np.array([1])),))
+    >>> (site,) = Locator(triangle).sites((1.0, 1.0))
+    >>> site.shapes @ corners
+    array([1., 1.])
+    """
 
     def __init__(self, mesh: Mesh) -> None:
         self._mesh = mesh
@@ -70,13 +77,13 @@ class Locator:
         """Find several points (dim,), m, together, before `sites` is asked for them."""
         new = [point for point in dict.fromkeys(points) if point not in self._known]
         x = np.array(new, dtype=np.float64).reshape(len(new), self._mesh.dim)
-        found: list[list[Site]] = [[] for _ in new]
+        held: list[list[Site]] = [[] for _ in new]
         for (block, span), (low, high) in zip(spans(self._mesh.blocks), self._boxes, strict=True):
             at, row = points_in_boxes(x, low, high)
             for k, site in _sites(self._mesh, block, span.start, row, x[at]):
-                found[at[k]].append(site)
-        for point, sites in zip(new, found, strict=True):
-            sites.sort(key=lambda site: (max(site.outside, 1e-6), site.element))
+                held[at[k]].append(site)
+        for point, sites in zip(new, held, strict=True):
+            sites.sort(key=lambda site: (max(site.outside, _ON_BORDER), site.element))
             self._known[point] = tuple(sites)
 
     def best(self, point: tuple[float, ...], present: Bools) -> Site | None:
@@ -121,7 +128,8 @@ def _sites(
 def reference_coordinates(reference: ReferenceElement, corners: Floats, x: Floats) -> Floats:
     """Reference coordinates (n, dim) of points, each in an element of its own, by Newton's method.
 
-    Each point has products of its own, so that the bits do not depend on what else is looked for.
+    Lengths are taken from the first node of each element: the difference of large coordinates is
+    exact, and so the tolerance can be reached however far from the origin the element lies.
 
     Args:
         reference: the kind of all elements.
@@ -129,30 +137,32 @@ def reference_coordinates(reference: ReferenceElement, corners: Floats, x: Float
         x: (n, dim) the points, m.
 
     Returns:
-        They map to the point within `_MET` of the size of the element, within `_AT_LAST` after the
-        last step; NaN where they do not, far outside an element or where it is folded.
+        They map to the point within `_MAP_TOLERANCE` of the size of the element; NaN where the
+        method does not converge, far outside an element or where it is folded.
+
+    >>> square = np.array([[[7.0, 1.0], [9.0, 1.0], [9.0, 5.0], [7.0, 5.0]]])
+    >>> reference_coordinates(reference_element("quad4"), square, np.array([[8.0, 4.0]]))
+    array([[0. , 0.5]])
     """
-    start = reference.nodes[: reference.cell.n_corners].mean(axis=0)
-    found = np.full(x.shape, np.nan)
+    x, corners = x - corners[:, 0], corners - corners[:, :1]
     size = np.ptp(corners, axis=1).max(axis=1, initial=0.0)
-    open_, xi = np.arange(len(x)), np.tile(start, (len(x), 1))[:, None]
-    for step in range(_NEWTON_STEPS):
-        error = (reference.shapes(xi) @ corners[open_])[:, 0] - x[open_]
-        off = np.abs(error).max(axis=1, initial=0.0)
-        met = off <= _MET * size[open_]
-        found[open_[met]] = xi[met, 0]
-        jacobian = corners[open_].swapaxes(1, 2) @ reference.gradients(xi)[:, 0]
-        stays = ~met & (np.abs(np.linalg.det(jacobian)) > 0.0)
-        open_, xi, error = open_[stays], xi[stays], error[stays]
-        xi = xi - np.linalg.solve(jacobian[stays], error[..., None])[:, None, :, 0]
+    centre = reference.nodes[: reference.cell.n_corners].mean(axis=0)
+    converged = np.full(x.shape, np.nan)
+    rows, xi = np.arange(len(x)), np.tile(centre, (len(x), 1))[:, None]
+    for _ in range(_NEWTON_STEPS):
+        # A product for each point: what else is looked for changes no bit of it.
+        error = (reference.shapes(xi) @ corners[rows])[:, 0] - x[rows]
+        mapped = np.abs(error).max(axis=1, initial=0.0) <= _MAP_TOLERANCE * size[rows]
+        converged[rows[mapped]] = xi[mapped, 0]
+        jacobian = corners[rows].swapaxes(1, 2) @ reference.gradients(xi)[:, 0]
+        going = ~mapped & (np.abs(np.linalg.det(jacobian)) > 0.0)
+        rows, xi, error = rows[going], xi[going], error[going]
+        xi = xi - np.linalg.solve(jacobian[going], error[..., None])[:, None, :, 0]
         near = np.abs(xi).max(axis=(1, 2), initial=0.0) <= _FAR
-        open_, xi, off = open_[near], xi[near], off[stays][near]
-        if step + 1 == _NEWTON_STEPS:
-            last = off <= _AT_LAST * size[open_]
-            found[open_[last]] = xi[last, 0]
-        if not len(open_):
+        rows, xi = rows[near], xi[near]
+        if not len(rows):
             break
-    return found
+    return converged
 
 
 def format_point(point: tuple[float, ...] | Floats) -> str:

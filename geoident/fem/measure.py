@@ -30,8 +30,8 @@ def coinciding_nodes(mesh: Mesh) -> Ints:
         edges = np.array(CELLS[block.kind].shape.edges)
         ends = mesh.points[block.nodes[:, edges]]
         shortest = min(shortest, np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2).min())
-    found = pairs_within(mesh.points[used], _ONE_PLACE * shortest)
-    return np.asarray(used[found], dtype=np.int64)
+    pairs = pairs_within(mesh.points[used], _ONE_PLACE * shortest)
+    return np.asarray(used[pairs], dtype=np.int64)
 
 
 _ONE_PLACE = 1e-3
@@ -77,15 +77,15 @@ def inner_points(mesh: Mesh, volumes: Floats) -> tuple[tuple[float, ...], ...]:
     middle, up = 0.5 * (low + high), 0.25 * (high - low)
     up[:-1] = 0.0
     places = 4 - math.floor(math.log10(float((high - low).max()) or 1.0))
-    found = []
+    inner = []
     for place in (middle, middle + up):
         near = large[np.argmin(np.linalg.norm(centres[large] - place, axis=1))]
-        found.append(tuple(round(float(x), places) for x in centres[near]))
-    return tuple(found)
+        inner.append(tuple(round(float(x), places) for x in centres[near]))
+    return tuple(inner)
 
 
 def summarize_mesh(mesh: Mesh, kinematics: Kinematics) -> MeshSummary:
-    """What a mesh holds."""
+    """Numbers, sizes and groups of a mesh."""
     volumes = element_volumes(mesh, kinematics)
     count = np.zeros(mesh.n_elements, dtype=np.int64)
     for members in mesh.groups.values():

@@ -53,9 +53,9 @@ def loose_body(
     pairs = _piece_nodes(mesh, present, piece)
     modes = _rigid_modes(mesh, pairs)[..., list(kinematics.rigid)]
     for rows in _clusters(pairs):
-        found = _loosest(mesh, pairs[rows], modes[rows], fixed)
-        if found is not None:
-            number, amplitudes = found
+        loosest = _loosest(mesh, pairs[rows], modes[rows], fixed)
+        if loosest is not None:
+            number, amplitudes = loosest
             centre = mesh.points[pairs[pairs[:, 0] == number, 1]].mean(axis=0)
             motion = np.zeros(2 * mesh.dim)
             motion[list(kinematics.rigid)] = amplitudes

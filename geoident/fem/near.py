@@ -33,8 +33,8 @@ def points_in_boxes(points: Floats, low: Floats, high: Floats) -> tuple[Ints, In
     nearest, _ = tree.query(middle, p=np.inf, distance_upper_bound=2.0 * reach.max())
     some = np.flatnonzero(nearest <= reach)
     held = tree.query_ball_point(middle[some], reach[some], p=np.inf, return_sorted=True)
-    box = np.repeat(some, [len(found) for found in held])
-    at = np.concatenate([nothing, *(np.array(found, dtype=np.int64) for found in held)])
+    box = np.repeat(some, [len(inner) for inner in held])
+    at = np.concatenate([nothing, *(np.array(inner, dtype=np.int64) for inner in held)])
     inside = ((points[at] >= low[box]) & (points[at] <= high[box])).all(axis=1)
     return at[inside], box[inside]
 

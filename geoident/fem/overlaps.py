@@ -26,13 +26,15 @@ JUST_INSIDE = 0.06
 DEEP = 0.05
 """The same in another element, from which on the two lie in each other.
 
-Less is not told: walls that are meshed by chords of different length from both sides lie in each
+Less is no fault: walls that are meshed by chords of different length from both sides lie in each
 other by delta^2 / 8 of a chord, 4 % where it turns by 32 degrees.
 """
 
 _ALONG = (0.01, 0.26, 0.49, 0.74, 0.97)
+"""Where on an edge the places are: near its ends, middle and quarters, and not symmetric."""
+
 _BESIDE = (0.05, 0.03)
-"""Where on an edge the places are, and how far from a corner of a face, in parts of its sides."""
+"""Weights of the neighbours of a corner for the place beside it: on no line of symmetry."""
 
 _LINEAR = 0.5
 """Parts of its height by which an element may differ from its linear map about the centre."""
@@ -73,7 +75,7 @@ def overlaps(mesh: Mesh, table: FaceTable, part: Ints) -> Overlaps:
             of one part are present together.
     """
     element, place = _places(mesh, table, _single(table, part))
-    found: list[tuple[Ints, Ints]] = []
+    pairs: list[tuple[Ints, Ints]] = []
     for block, span in spans(mesh.blocks):
         at, row = _in_their_boxes(place, mesh.points, block.nodes)
         foreign = element[at] != row + span.start
@@ -81,9 +83,9 @@ def overlaps(mesh: Mesh, table: FaceTable, part: Ints) -> Overlaps:
         for first in range(0, len(at), _AT_A_TIME):
             a, r = at[first : first + _AT_A_TIME], row[first : first + _AT_A_TIME]
             deep = _lies_deep(block.kind, mesh.points, block.nodes, r, place[a])
-            found.append((a[deep], r[deep] + span.start))
+            pairs.append((a[deep], r[deep] + span.start))
     at, other = (
-        np.concatenate([np.empty(0, np.int64), *(pair[k] for pair in found)]) for k in (0, 1)
+        np.concatenate([np.empty(0, np.int64), *(pair[k] for pair in pairs)]) for k in (0, 1)
     )
     order = np.lexsort((other, at))
     return Overlaps(element[at[order]], other[order], place[at[order]])
@@ -91,10 +93,10 @@ def overlaps(mesh: Mesh, table: FaceTable, part: Ints) -> Overlaps:
 
 def _single(table: FaceTable, part: Ints) -> Ints:
     """Rows (r,) of faces behind which there is nothing, or another part, or more than one."""
-    mine = part[table.element]
+    part_of_element = part[table.element]
     low, high = np.full(table.n_faces, np.iinfo(np.int64).max), np.full(table.n_faces, -1)
-    np.minimum.at(low, table.face, mine)
-    np.maximum.at(high, table.face, mine)
+    np.minimum.at(low, table.face, part_of_element)
+    np.maximum.at(high, table.face, part_of_element)
     shared = np.bincount(table.face, minlength=table.n_faces) == 2
     return np.flatnonzero(~(shared & (low == high))[table.face])
 
@@ -106,10 +108,11 @@ def _places(mesh: Mesh, table: FaceTable, rows: Ints) -> tuple[Ints, Floats]:
         reference = reference_element(block.kind)
         corners = reference.nodes[: reference.cell.n_corners]
         for local, face in enumerate(CELLS[block.kind].shape.faces):
-            mine = table.element[rows[(table.block[rows] == number) & (table.local[rows] == local)]]
+            chosen = (table.block[rows] == number) & (table.local[rows] == local)
+            element = table.element[rows[chosen]]
             at = _moved_inwards(reference, _on_face(corners[list(face)]))
-            x = reference.shapes(at) @ mesh.points[block.nodes[mine - span.start]]
-            elements.append(np.repeat(mine, len(at)))
+            x = reference.shapes(at) @ mesh.points[block.nodes[element - span.start]]
+            elements.append(np.repeat(element, len(at)))
             places.append(x.reshape(-1, mesh.dim))
     return np.concatenate(elements), np.concatenate(places)
 

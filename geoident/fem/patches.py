@@ -113,8 +113,8 @@ def patch_around(
 def _points(strain_points: StrainPoints, present: Bools, nodes: Ints) -> Ints:
     """Points that are there and that some nodes strain, ascending."""
     strained = strain_points.points_of_nodes
-    found = np.unique(_rows(strained.indptr, strained.indices, nodes))
-    return found[present[found]]
+    points = np.unique(_rows(strained.indptr, strained.indices, nodes))
+    return points[present[points]]
 
 
 def _nodes(touches: sp.csr_array, points: Ints) -> Ints:

@@ -80,8 +80,8 @@ def matern(distance: Floats, smoothness: float) -> Floats:
     from scipy.special import kv  # noqa: PLC0415 - 0.1 s, for other fields alone
 
     apart = np.maximum(r, 1e-12)
-    found = 2 ** (1 - smoothness) / gamma(smoothness) * apart**smoothness * kv(smoothness, apart)
-    return np.asarray(np.where(r > 1e-8, found, 1.0))
+    k = 2 ** (1 - smoothness) / gamma(smoothness) * apart**smoothness * kv(smoothness, apart)
+    return np.asarray(np.where(r > 1e-8, k, 1.0))
 
 
 @dataclass(frozen=True)

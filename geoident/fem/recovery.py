@@ -143,11 +143,11 @@ class _Part:
 
 def _touching(mesh: Mesh, nodes: Ints, group: Bools) -> Ints:
     """Elements (k,) of a group that have one of some nodes."""
-    found = []
+    touching = []
     for block, span in spans(mesh.blocks):
         near = np.isin(block.nodes, nodes).any(axis=1)
-        found.append(span.start + np.flatnonzero(near & group[span]))
-    return np.concatenate(found)
+        touching.append(span.start + np.flatnonzero(near & group[span]))
+    return np.concatenate(touching)
 
 
 def _first_points(mesh: Mesh, kinematics: Kinematics) -> list[int]:

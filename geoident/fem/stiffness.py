@@ -155,8 +155,8 @@ def group_blocks(
         for (block, rows), geometry in zip(rows_in(mesh.blocks, elements), geometries, strict=True)
         for e in _chunks(rows, geometry)
     ]
-    found = [np.empty(0, np.int64), *(_keys(ranks) for ranks, _, _ in parts)]
-    unique, place = np.unique(np.concatenate(found), return_inverse=True)
+    keys = [np.empty(0, np.int64), *(_keys(ranks) for ranks, _, _ in parts)]
+    unique, place = np.unique(np.concatenate(keys), return_inverse=True)
     make = partial(_summed, parts, place.astype(np.int32), geometries[0].gradients.shape[3] ** 2)
     return GroupBlocks(unique & 0xFFFFFFFF, unique >> 32, make)
 
@@ -310,6 +310,6 @@ def nodes_on_edges(mesh: Mesh) -> Ints:
         cell = CELLS[block.kind]
         for n, (a, b) in enumerate(cell.edges):
             rows.append(block.nodes[:, [cell.n_corners + n, a, b]])
-    found = np.concatenate(rows)
-    _, first = np.unique(found[:, 0], return_index=True)
-    return found[first]
+    edges = np.concatenate(rows)
+    _, first = np.unique(edges[:, 0], return_index=True)
+    return edges[first]

@@ -308,9 +308,9 @@ def member_blocks(members: Members, rank: Ints, dim: int) -> GroupBlocks:
         dim: space dimensions.
     """
     keys, parts = [], []
-    for mine in (~members.bending, members.bending):
-        operator = members.operator[np.flatnonzero(mine)]
-        matrix = (operator.T @ _by(members.weight[mine]) @ operator).tobsr(blocksize=(dim, dim))
+    for chosen in (~members.bending, members.bending):
+        operator = members.operator[np.flatnonzero(chosen)]
+        matrix = (operator.T @ _by(members.weight[chosen]) @ operator).tobsr(blocksize=(dim, dim))
         nodes = np.repeat(np.arange(len(rank)), np.diff(matrix.indptr))
         row, column = rank[nodes], rank[matrix.indices]
         kept = row >= column

@@ -25,7 +25,7 @@ from geoident.fem.stiffness import StiffnessPattern
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.mesh import Mesh
 
-_SAME_LAW = 1e-14
+_KEPT_LAW = 1e-14
 """Difference of moduli, relative to E_11, up to which kept matrices of points serve again."""
 
 _CHUNK = 1_000_000  # entries of element matrices held at once
@@ -114,14 +114,14 @@ class PointBlocks:
         """
         data, indices, counts = [], [], [np.zeros(1, dtype=np.int64)]
         adds = self._kinematics.incidence
-        for block, part, mine in self.by_block(points):
+        for block, part, local in self.by_block(points):
             gradients = self._geometries[block].gradients
-            gradients = gradients.reshape(-1, *gradients.shape[2:])[mine]
+            gradients = gradients.reshape(-1, *gradients.shape[2:])[local]
             pulls = np.tensordot(stress[:, part], adds, axes=(0, 0))  # (q, dim, n_entries)
             data.append(np.matmul(gradients, pulls.transpose(0, 2, 1)).ravel())
             n = self.n_unknowns(block)
-            indices.append(self.dofs(block, self.element(block, mine)).ravel())
-            counts.append(np.full(len(mine), n))
+            indices.append(self.dofs(block, self.element(block, local)).ravel())
+            counts.append(np.full(len(local), n))
         indptr = np.cumsum(np.concatenate(counts))
         if not data:
             return sp.csr_array((0, self.mesh.points.size))
@@ -160,10 +160,10 @@ class TangentPattern:
         """
         nnz = len(self._keys)
         below, above = np.zeros(nnz + 1), np.zeros(nnz + 1)
-        for block, part, mine in self._blocks.split(points):
-            B = self._blocks.compatibility(block, mine)
+        for block, part, local in self._blocks.split(points):
+            B = self._blocks.compatibility(block, local)
             matrices = np.matmul(B.transpose(0, 2, 1), np.matmul(change[part], B))
-            slots = self._slots_of(block, self._blocks.element(block, mine))
+            slots = self._slots_of(block, self._blocks.element(block, local))
             i, j = np.tril_indices(B.shape[2])
             swapped = slots < 0  # the first of the pair comes earlier in the elimination
             place = np.where(swapped, ~slots, slots).ravel()
@@ -247,16 +247,16 @@ class PointwiseStiffness:
             volume: (n_points,) V.
         """
         total = np.zeros(pattern.length + 1)
-        for block, part, mine in self._blocks.by_block(points):
+        for block, part, local in self._blocks.by_block(points):
             weight = volume[points[part]]
             n_q = self._blocks.n_points(block)
-            elements = self._blocks.element(block, mine[::n_q])
-            unit = self._unit(name, block, mine, moduli)
+            elements = self._blocks.element(block, local[::n_q])
+            unit = self._unit(name, block, local, moduli)
             if unit is None:
-                for some in self._blocks.chunks(block, len(mine)):
+                for some in self._blocks.chunks(block, len(local)):
                     places = np.arange(part.start + some.start, part.start + some.stop)
                     change = moduli.matrices(places) * weight[some, None, None]
-                    lower = self._element_matrices(block, mine[some], change)
+                    lower = self._element_matrices(block, local[some], change)
                     here = elements[some.start // n_q : some.stop // n_q]
                     total += _sums(pattern.places(block, here).ravel(), lower, len(total))
                 continue
@@ -268,21 +268,21 @@ class PointwiseStiffness:
             total += _sums(pattern.places(block, elements).ravel(), lower, len(total))
         return total[:-1]
 
-    def _unit(self, name: str, block: int, mine: Ints, moduli: Moduli) -> Floats | None:
+    def _unit(self, name: str, block: int, asked: Ints, moduli: Moduli) -> Floats | None:
         """Lower pairs (q, n_pairs) of C^T J C with J = E / E_11, kept; None where there is no J."""
         n = self._blocks.n_unknowns(block)
-        if not isinstance(moduli, ScaledModuli) or len(mine) * n * (n + 1) // 2 > _KEPT_PAIRS:
+        if not isinstance(moduli, ScaledModuli) or len(asked) * n * (n + 1) // 2 > _KEPT_PAIRS:
             return None
         law = moduli.matrix / moduli.matrix[0, 0]
         kept = self._units.get((name, block))
-        same = kept is not None and np.allclose(kept.law, law, rtol=0.0, atol=_SAME_LAW)
-        if kept is None or not same or not np.isin(mine, kept.points).all():
-            points = np.union1d(kept.points, mine) if kept is not None and same else mine
+        same = kept is not None and np.allclose(kept.law, law, rtol=0.0, atol=_KEPT_LAW)
+        if kept is None or not same or not np.isin(asked, kept.points).all():
+            points = np.union1d(kept.points, asked) if kept is not None and same else asked
             kept = _UnitMatrices(law, points, self._unit_matrices(block, points, law))
             self._units[name, block] = kept
-        if len(kept.points) == len(mine):
+        if len(kept.points) == len(asked):
             return kept.matrices
-        return np.asarray(kept.matrices[np.searchsorted(kept.points, mine)])
+        return np.asarray(kept.matrices[np.searchsorted(kept.points, asked)])
 
     def _unit_matrices(self, block: int, points: Ints, law: Floats) -> Floats:
         """Lower pairs (q, n_pairs) of C^T J C at some points of a block, J (s, s)."""
@@ -294,10 +294,10 @@ class PointwiseStiffness:
             matrices[some] = np.matmul(B.transpose(0, 2, 1), law @ B)[:, i, j]
         return matrices
 
-    def _element_matrices(self, block: int, mine: Ints, change: Floats) -> Floats:
+    def _element_matrices(self, block: int, points: Ints, change: Floats) -> Floats:
         """Lower pairs (n_el, n_pairs) of the matrices of whole elements."""
         n_q = self._blocks.n_points(block)
-        B = self._blocks.compatibility(block, mine)
+        B = self._blocks.compatibility(block, points)
         _, s, n = B.shape
         moved = np.matmul(change, B).reshape(-1, n_q * s, n)
         full = np.matmul(B.reshape(-1, n_q * s, n).transpose(0, 2, 1), moved)

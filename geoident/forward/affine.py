@@ -39,10 +39,10 @@ from geoident.model.in_situ import GeostaticStress, HeimStress
 from geoident.model.parameter import Parameter, Scalar, Values
 from geoident.model.structures import Structure
 
-_SAME = 1e-9
+_SLOPE_TOLERANCE = 1e-9
 """Relative difference of derivatives at two parameter vectors that is rounding."""
 
-_ROUNDING = 1e-13
+_VALUE_ROUNDING = 1e-13
 """Change of the value, relative to it, below which a derivative is rounding."""
 
 _PLACES = (0.013, 0.518, 0.987)
@@ -121,8 +121,8 @@ def first_obstacle(
     if not parameters:
         return None
     points = trial_points(parameters, admissible)
-    found = (_obstacle(part, points) for part in parts)
-    return next((why for why in found if why is not None), None)
+    obstacles = (_obstacle(part, points) for part in parts)
+    return next((why for why in obstacles if why is not None), None)
 
 
 def trial_points(
@@ -183,13 +183,13 @@ class _Slopes:
         self._slopes = columns[:, 1:]
         numbers = np.array([point.values[name] for name in point.names])
         value = np.abs(columns[:, 0]).max(initial=0.0)
-        self._rounding = _ROUNDING * value / np.maximum(np.abs(numbers), np.finfo(float).tiny)
+        self._rounding = _VALUE_ROUNDING * value / np.maximum(np.abs(numbers), np.finfo(float).tiny)
 
     def differ(self, part: EquationPart, point: ParameterPoint) -> Bools:
         """(n,) which derivatives are others at another point, by more than rounding."""
         one, other = self._slopes, _table(part, point)[:, 1:]
         size = np.maximum(np.abs(one), np.abs(other)).max(axis=0, initial=0.0)
-        limit = np.maximum(_SAME * size, self._rounding)
+        limit = np.maximum(_SLOPE_TOLERANCE * size, self._rounding)
         return np.asarray(np.abs(one - other).max(axis=0, initial=0.0) > limit)
 
 
@@ -258,8 +258,8 @@ def _yield_parts(material: Material, n_strain: int) -> Iterator[EquationPart]:
     )
 
     def hardening(point: ParameterPoint) -> Floats:
-        found = yield_planes(material, point, n_strain).hardening
-        return np.zeros((0, point.n_columns)) if found is None else found.columns
+        rate = yield_planes(material, point, n_strain).hardening
+        return np.zeros((0, point.n_columns)) if rate is None else rate.columns
 
     yield EquationPart(f"the hardening {name}", hardening)
 
@@ -384,8 +384,8 @@ def _support_of(
     )  # fmt: skip
     base = sequence.states[left].base
     yield lambda point: march.actions.carried(base, {group}, point)
-    mine = march.systems.discretization.points_of[group]
-    yield lambda point: march.in_situ.columns(point)[:, mine]
+    points = march.systems.discretization.points_of[group]
+    yield lambda point: march.in_situ.columns(point)[:, points]
     way = [int(n) for n in np.flatnonzero(sequence.built_on[:, base])]
     start = ParameterPoint(case.start, ())
     if base or march.virgin(start)[1].max() > NEGLIGIBLE_IMBALANCE:

@@ -28,7 +28,7 @@ _SOLID = "model it as a solid"
 
 
 def revolution_faults(on_mesh: CaseOnMesh) -> list[Fault]:
-    """What in an axisymmetric case does not turn about the axis."""
+    """Faults of what is not symmetric about the axis."""
     case = on_mesh.case
     if case.analysis is not Analysis.AXISYMMETRIC:
         return []

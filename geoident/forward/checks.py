@@ -121,8 +121,12 @@ def _all_faults(on_mesh: CaseOnMesh) -> tuple[Observation | None, list[Fault]]:
     faults = [*(fault for faults_of in places for fault in faults_of(on_mesh)), *structures]
     if structures:
         return None, [*faults, *_points_outside(on_mesh)]
-    observation, found = observe(on_mesh)
-    return observation, [*faults, *found, *reading_faults(on_mesh.case, observation, found)]
+    observation, gauge_faults = observe(on_mesh)
+    return observation, [
+        *faults,
+        *gauge_faults,
+        *reading_faults(on_mesh.case, observation, gauge_faults),
+    ]
 
 
 def _points_outside(on_mesh: CaseOnMesh) -> list[Fault]:
@@ -193,11 +197,11 @@ def imbalance_notes(imbalance: float) -> list[str]:
 
 
 class MadeOf(Protocol):
-    """What knows of which materials there is ground in any state."""
+    """Anything with the names of the materials of the ground, such as a construction sequence."""
 
     @property
     def materials(self) -> tuple[str, ...]:
-        """Their names."""
+        """Names of the materials of the ground in any state."""
 
 
 def inadmissible_numbers(case: Case, sequence: MadeOf, values: Values) -> str | None:
@@ -209,21 +213,23 @@ def inadmissible_numbers(case: Case, sequence: MadeOf, values: Values) -> str | 
         values: parameter values by name, SI.
     """
     for material in (case.materials[name] for name in sorted(sequence.materials)):
-        found = inadmissible(material, values) or no_stress_left(case, material, values)
-        if found is not None:
-            return found
+        fault = inadmissible(material, values) or no_stress_left(case, material, values)
+        if fault is not None:
+            return fault
     return impossible_structure(case, values)
 
 
 def _odd_notes(on_mesh: CaseOnMesh, *, in_tension: bool) -> list[str]:
-    """What is allowed, and seldom meant."""
+    """Notes on what is allowed but seldom meant."""
     case, notes = on_mesh.case, []
     densities = [case.materials[name].density for name in on_mesh.sequence.materials]
     if case.gravity is not None and all(density == Scalar(0.0) for density in densities):
         notes.append("there is gravity, but no material has a density: nothing weighs")
     notes += _idle_densities(on_mesh) if case.gravity is None else []
-    if said := suspected_unit(on_mesh.mesh.points.min(axis=0), on_mesh.mesh.points.max(axis=0)):
-        notes.append(said)
+    if suspicion := suspected_unit(
+        on_mesh.mesh.points.min(axis=0), on_mesh.mesh.points.max(axis=0)
+    ):
+        notes.append(suspicion)
     if in_tension:
         notes.append(
             "at the start values the virgin ground is in tension: stresses are positive in "
@@ -233,7 +239,7 @@ def _odd_notes(on_mesh: CaseOnMesh, *, in_tension: bool) -> list[str]:
 
 
 def _idle_densities(on_mesh: CaseOnMesh) -> list[str]:
-    """Densities that are sought where nothing weighs."""
+    """Notes on free densities in a case without gravity."""
     sought: dict[str, list[str]] = {}
     for name in sorted(on_mesh.sequence.materials):
         parameter = on_mesh.case.materials[name].density.parameter
@@ -324,7 +330,7 @@ def _stress_without_ground(on_mesh: CaseOnMesh) -> list[Fault]:
 
 
 def _no_ground(on_mesh: CaseOnMesh, n: int) -> Fault:
-    """A state in which nothing is left that could carry anything."""
+    """The fault of a state without any ground."""
     if n:
         place: KeyPath = ("stages", n - 1)
         message = f"after stage '{on_mesh.sequence.states[n].name}' no ground is present"
@@ -339,7 +345,7 @@ def _no_ground(on_mesh: CaseOnMesh, n: int) -> Fault:
 
 
 def _loose_text(loose: LooseBody, sequence: ConstructionSequence) -> str:
-    """What moves, where, and how."""
+    """The loose elements, their place and their motion, for a message."""
     names = sorted({sequence.groups[g] for g in sequence.group_of[loose.elements]})
     axes = " and ".join(a for a, x in zip("xyz", loose.motion, strict=False) if x)
     motion = f"move along {axes}" if axes else "turn"

@@ -134,16 +134,16 @@ class _Exporter:
         discretization, states = self.march.systems.discretization, self.march.sequence.states
         points = discretization.points
         for group, index in discretization.points_of.items():
-            mine = numbers(index, points.n_points)
-            stress = virgin[:, mine]
+            own = numbers(index, points.n_points)
+            stress = virgin[:, own]
             if group not in states[0].materials:
                 stress = np.zeros_like(stress)
             self.set_of[group] = len(self.sets)
             self.sets.append(
                 PointSet(
                     self.march.sequence.groups[group],
-                    points.compatibility(mine),
-                    points.volume[mine],
+                    points.compatibility(own),
+                    points.volume[own],
                     self.affine(stress),
                 )
             )

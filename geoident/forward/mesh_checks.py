@@ -27,7 +27,7 @@ def mesh_faults(on_mesh: CaseOnMesh) -> list[Fault]:
 
 
 def mesh_notes(on_mesh: CaseOnMesh) -> list[str]:
-    """What is allowed, and may not be meant."""
+    """Notes on what is allowed but may not be meant."""
     return [
         *_turned_notes(on_mesh),
         *_conformity_notes(on_mesh),
@@ -77,29 +77,29 @@ def _overlap_faults(on_mesh: CaseOnMesh) -> list[Fault]:
     """Elements that are present together and lie in each other without sharing a face."""
     mesh, group_of = on_mesh.mesh, on_mesh.sequence.group_of
     part, together = _presence(on_mesh)
-    found = _overlaps_of(mesh, part.tobytes(), lambda: overlaps(mesh, on_mesh.table, part))
-    found = found.of(together[part[found.element], part[found.other]])
-    pairs = np.sort(np.stack([group_of[found.element], group_of[found.other]], axis=1), axis=1)
+    doubled = _overlaps_of(mesh, part.tobytes(), lambda: overlaps(mesh, on_mesh.table, part))
+    doubled = doubled.of(together[part[doubled.element], part[doubled.other]])
+    pairs = np.sort(np.stack([group_of[doubled.element], group_of[doubled.other]], axis=1), axis=1)
     return [
-        _overlap_fault(on_mesh, tuple(pair), found.of(np.all(pairs == pair, axis=1)))
+        _overlap_fault(on_mesh, tuple(pair), doubled.of(np.all(pairs == pair, axis=1)))
         for pair in np.unique(pairs, axis=0)
     ]
 
 
-def _overlap_fault(on_mesh: CaseOnMesh, pair: tuple[int, ...], found: Overlaps) -> Fault:
+def _overlap_fault(on_mesh: CaseOnMesh, pair: tuple[int, ...], doubled: Overlaps) -> Fault:
     """Of the places at which elements of two groups, or of one, lie in each other."""
     mesh, groups = on_mesh.mesh, on_mesh.sequence.groups
     names = [repr(groups[g]) for g in dict.fromkeys(pair)]
     whose = (
         f"the groups {' and '.join(names)} overlap" if names[1:] else f"{names[0]} overlaps itself"
     )
-    one, other = (element_number(mesh, int(e)) for e in (found.element[0], found.other[0]))
-    n = len(np.unique(np.concatenate([found.element, found.other])))
-    low, high = found.place.min(axis=0), found.place.max(axis=0)
+    one, other = (element_number(mesh, int(e)) for e in (doubled.element[0], doubled.other[0]))
+    n = len(np.unique(np.concatenate([doubled.element, doubled.other])))
+    low, high = doubled.place.min(axis=0), doubled.place.max(axis=0)
     message = (
         f"{whose}: {n} elements lie in each other without sharing a face, between "
         f"{format_point(low)} and {format_point(high)} (the first: {one} and {other} near "
-        f"{format_point(found.place[0])}); ground there would weigh and resist twice"
+        f"{format_point(doubled.place[0])}); ground there would weigh and resist twice"
     )
     hint = (
         "cut one part out of the other before meshing (gmsh: BooleanFragments), delete the second "
@@ -190,11 +190,11 @@ def _conformity_notes(on_mesh: CaseOnMesh) -> list[str]:
 def _groups_at(on_mesh: CaseOnMesh, node: int) -> list[str]:
     """Names of the groups of the elements that have a node."""
     sequence = on_mesh.sequence
-    found = set()
+    groups = set()
     for block, span in spans(on_mesh.mesh.blocks):
         having = np.any(block.nodes == node, axis=1)
-        found |= set(sequence.group_of[span][having].tolist())
-    return [sequence.groups[g] for g in sorted(found)]
+        groups |= set(sequence.group_of[span][having].tolist())
+    return [sequence.groups[g] for g in sorted(groups)]
 
 
 def parted_from(on_mesh: CaseOnMesh, elements: Ints) -> str:

@@ -294,9 +294,9 @@ class ObservedModel(ABC):
         self, p: Floats, observed: Observed, places: ReadingPlaces, *, derivatives: bool
     ) -> Floats:
         """All readings (n_channels, n_stages, 1 + n or 1); NaN where none is at a place."""
-        found = self.readings_of(p, observed, places, derivatives=derivatives)
-        table = np.full((*self.rule.readable.shape, found.shape[1]), np.nan)
-        table[places.states, places.rows] = found
+        readings = self.readings_of(p, observed, places, derivatives=derivatives)
+        table = np.full((*self.rule.readable.shape, readings.shape[1]), np.nan)
+        table[places.states, places.rows] = readings
         return table[1:].swapaxes(0, 1)  # without the virgin state
 
     def readable_until(self, last: int) -> ReadingPlaces:

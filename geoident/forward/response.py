@@ -115,8 +115,12 @@ class StagedResponse(ObservedResponse[StagedKernel]):
     ) -> OpeningResponse | str:
         """The closed form of these readings, or why there is none."""
         model = self._model
-        found = opening_in_mesh(model.on_mesh, Circle(centre, radius))
-        return found if isinstance(found, str) else found.response(self._pairs, self._given_times)
+        opening = opening_in_mesh(model.on_mesh, Circle(centre, radius))
+        return (
+            opening
+            if isinstance(opening, str)
+            else opening.response(self._pairs, self._given_times)
+        )
 
     def obstacle(self) -> str | None:
         """Why the equations are not affine in the parameters, or None if they are."""

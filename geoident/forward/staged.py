@@ -185,15 +185,15 @@ class StagedKernel(ObservedModel):
     def domain_fault(self, p: Floats) -> str | None:
         """Why finite p (n,) is outside the domain, or None."""
         values = self.values(p)
-        found = inadmissible_numbers(self.case, self.sequence, values)
-        for name in () if found else self.sequence.materials:
+        fault = inadmissible_numbers(self.case, self.sequence, values)
+        for name in () if fault else self.sequence.materials:
             fields = self.on_mesh.elastic_fields(name)
             growths = self.on_mesh.elastic_growths(name)
             if fields or growths:
                 s = self.discretization.points.n_strain
                 material = replace(self.case.materials[name], elastic=self.on_mesh.elastic(name))
-                found = found or inadmissible_moduli(material, fields, values, s, growths)
-        return found
+                fault = fault or inadmissible_moduli(material, fields, values, s, growths)
+        return fault
 
     def forget(self) -> None:
         """Begin the next march as a new model does: of earlier ones only analyses stay."""

@@ -307,11 +307,11 @@ class Case:
     @cached_property
     def _good_readings(self) -> Mapping[tuple[str, str], Sequence[Reading]]:
         """The readings of channels at stages that have a value and are not flagged as bad."""
-        found: dict[tuple[str, str], list[Reading]] = {}
+        readings: dict[tuple[str, str], list[Reading]] = {}
         for reading in self.readings:
             if reading.value is not None and not reading.bad:
-                found.setdefault((reading.channel, reading.stage), []).append(reading)
-        return found
+                readings.setdefault((reading.channel, reading.stage), []).append(reading)
+        return readings
 
     @cached_property
     def accuracies(self) -> Floats:

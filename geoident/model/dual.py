@@ -57,8 +57,8 @@ class Dual:
 
     def slope(self, parameter: int) -> Floats | None:
         """The derivative (...) by one of the n parameters; None where it is zero throughout."""
-        found = self.columns[..., 1 + parameter]
-        return np.ascontiguousarray(found) if found.any() else None
+        column = self.columns[..., 1 + parameter]
+        return np.ascontiguousarray(column) if column.any() else None
 
     __array_ufunc__ = None  # so that array * dual is a dual number
 

@@ -417,8 +417,8 @@ class Breach:
 def breach(elastic: Elastic, values: Values) -> Breach | None:
     """The first bound that the constants break at parameter values (SI), or None."""
     for scalar in constants(elastic).values():
-        if isinstance(scalar, RockMassModulus) and (found := _rock_mass(scalar, values)):
-            return found
+        if isinstance(scalar, RockMassModulus) and (fault := _rock_mass(scalar, values)):
+            return fault
     numbers = {name: scalar.value(values) for name, scalar in constants(elastic).items()}
     return _CHECKS[type(elastic)](numbers)
 
@@ -432,14 +432,14 @@ def _rock_mass(modulus: RockMassModulus, values: Values) -> Breach | None:
 
 
 def _isotropic(given: Numbers) -> Breach | None:
-    found = _not_positive(given, ("E", "K", "G"))
-    return found or _outside(given, "nu", -1.0, 0.5)
+    fault = _not_positive(given, ("E", "K", "G"))
+    return fault or _outside(given, "nu", -1.0, 0.5)
 
 
 def _strata(given: Numbers) -> Breach | None:
-    found = _not_positive(given, ("E_p", "E_n", "G_np")) or _outside(given, "nu_p", -1.0, 1.0)
-    if found:
-        return found
+    fault = _not_positive(given, ("E_p", "E_n", "G_np")) or _outside(given, "nu_p", -1.0, 1.0)
+    if fault:
+        return fault
     ratio = given["E_n"] / given["E_p"]
     bound = sqrt(ratio * (1 - given["nu_p"]) / 2)
     known = f"with E_n/E_p = {ratio:.4g} and nu_p = {given['nu_p']:.4g} "
@@ -447,9 +447,9 @@ def _strata(given: Numbers) -> Breach | None:
 
 
 def _love(given: Numbers) -> Breach | None:
-    found = _not_positive(given, ("A", "C", "L", "N"))
-    if found:
-        return found
+    fault = _not_positive(given, ("A", "C", "L", "N"))
+    if fault:
+        return fault
     if given["A"] <= given["N"]:
         return Breach("A", given["A"], f"it must exceed N = {given['N']:.6g} Pa")
     bound = sqrt((given["A"] - given["N"]) * given["C"])
@@ -457,15 +457,15 @@ def _love(given: Numbers) -> Breach | None:
 
 
 def _orthotropic(given: Numbers) -> Breach | None:
-    found = _not_positive(given, ("E_1", "E_2", "E_3", "G_12", "G_13", "G_23"))
-    if found:
-        return found
+    fault = _not_positive(given, ("E_1", "E_2", "E_3", "G_12", "G_13", "G_23"))
+    if fault:
+        return fault
     size = {(i, j): sqrt(given[f"E_{i}"] / given[f"E_{j}"]) for i, j in ((1, 2), (1, 3), (2, 3))}
     for (i, j), bound in size.items():
         known = f"with E_{i}/E_{j} = {bound**2:.4g} "
-        found = found or _outside(given, f"nu_{i}{j}", -bound, bound, known)
-    if found:
-        return found
+        fault = fault or _outside(given, f"nu_{i}{j}", -bound, bound, known)
+    if fault:
+        return fault
     # Scaled to ones on the diagonal the compliance is [1, -a, -b; -a, 1, -c; -b, -c, 1]; its
     # determinant 1 - a^2 - b^2 - c^2 - 2 a b c is positive between two values of c.
     a, b = given["nu_12"] / size[1, 2], given["nu_13"] / size[1, 3]

@@ -101,8 +101,10 @@ def rows_in(
 
 def nodes_in(blocks: Iterable[ElementBlock], members: Ints | Bools) -> Ints:
     """Nodes (n,) of some elements, each once, ascending; arguments as for `rows_in`."""
-    found = [block.nodes[rows] for block, rows in rows_in(blocks, members)]
-    used = np.zeros(max((int(nodes.max(initial=-1)) for nodes in found), default=-1) + 1, np.bool_)
-    for nodes in found:
+    node_lists = [block.nodes[rows] for block, rows in rows_in(blocks, members)]
+    used = np.zeros(
+        max((int(nodes.max(initial=-1)) for nodes in node_lists), default=-1) + 1, np.bool_
+    )
+    for nodes in node_lists:
         used[nodes] = True
     return np.flatnonzero(used)

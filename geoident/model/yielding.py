@@ -117,8 +117,8 @@ class _Coulomb(_Surface):
     """A surface by cohesion and angle of friction."""
 
     def _breach(self, given: Numbers) -> Breach | None:
-        found = _friction(given) or _cohesion(given) or _dilation(given)
-        return found or _negative(given, "tension")
+        fault = _friction(given) or _cohesion(given) or _dilation(given)
+        return fault or _negative(given, "tension")
 
 
 @dataclass(frozen=True)
@@ -280,14 +280,14 @@ class HoekBrown(_Surface):
         return float(s.value) * self.sigci.value(values) / float(mb.value)
 
     def _breach(self, given: Numbers) -> Breach | None:
-        found = _not_positive(given, "sigci") or _not_positive(given, "mi")
-        found = found or _beyond(given, "GSI", 0.0, LARGEST_GSI) or _beyond(given, "D", 0.0, 1.0)
-        found = found or _not_positive(given, "mb") or _beyond(given, "s", 0.0, 1.0)
-        found = found or _beyond(given, "a", *_EXPONENTS)
-        if not found and not 0.0 <= given.get("dilation", 0.0) < pi / 2:
+        fault = _not_positive(given, "sigci") or _not_positive(given, "mi")
+        fault = fault or _beyond(given, "GSI", 0.0, LARGEST_GSI) or _beyond(given, "D", 0.0, 1.0)
+        fault = fault or _not_positive(given, "mb") or _beyond(given, "s", 0.0, 1.0)
+        fault = fault or _beyond(given, "a", *_EXPONENTS)
+        if not fault and not 0.0 <= given.get("dilation", 0.0) < pi / 2:
             limit = "it must be from 0 to below 90 deg"
-            found = Breach("dilation", given["dilation"], limit)
-        return found or _negative(given, "tension")
+            fault = Breach("dilation", given["dilation"], limit)
+        return fault or _negative(given, "tension")
 
 
 YieldSurface = GivenPlanes | MohrCoulomb | DruckerPrager | WeakPlane | HoekBrown

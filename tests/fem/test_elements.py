@@ -110,19 +110,13 @@ def test_patch_test_constant_stress_leaves_inner_nodes_in_balance(kind):
     np.testing.assert_allclose(forces[inner], 0.0, atol=1e-12)
 
 
-def test_strains_of_a_run_of_points_take_no_copy_of_their_gradients():
+def test_strains_of_a_run_of_points_are_those_of_all_of_them():
     mesh = distorted("hex8")
     points, _ = points_of(mesh)
     u = np.random.default_rng(1).normal(size=(points.n_dofs, 2))
     run = slice(3, points.n_points - 5)
-    for _ in range(2):
-        np.testing.assert_array_equal(points.strain(u, run), points.strain(u)[:, run])
-        np.testing.assert_array_equal(
-            points.strain(u, np.arange(points.n_points)[run]), points.strain(u)[:, run]
-        )
-    (views,) = points._runs.values()
-    for view, gradient in zip(views, points.gradients, strict=True):
-        assert np.shares_memory(view.data, gradient.data)
+    for which in (run, run, np.arange(points.n_points)[run]):
+        np.testing.assert_array_equal(points.strain(u, which), points.strain(u)[:, run])
 
 
 @pytest.mark.parametrize("kind", [*KINDS, *MIXED])

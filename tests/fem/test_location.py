@@ -90,3 +90,16 @@ def test_how_far_outside_is_in_parts_of_the_height_over_the_face(kind, xi, outsi
     mesh = Mesh(nodes, (ElementBlock(kind, np.arange(len(nodes))[None], np.array([1])),))
     (site,) = Locator(mesh).sites(tuple(np.array(xi) * [2.0, 3.0, 4.0] + 5.0))
     assert site.outside == pytest.approx(outside, abs=1e-9)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_points_are_found_in_small_elements_far_from_the_origin(kind):
+    """Coordinates of a national grid, 5000 km, are rounded to 1e-9 m: 1e-7 of these elements."""
+    mesh = distorted(kind)
+    small = Mesh(5e6 + 0.03 * mesh.points, mesh.blocks)
+    locator = Locator(small)
+    for x in np.random.default_rng(4).uniform(5e6 + 0.001, 5e6 + 0.029, (20, mesh.dim)):
+        site = locator.sites(tuple(x))[0]
+        assert site.outside <= 1e-6
+        local = small.points[site.nodes] - 5e6
+        np.testing.assert_allclose(site.shapes @ local, x - 5e6, atol=1e-12)

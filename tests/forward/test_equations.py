@@ -12,7 +12,6 @@ from support.cases import displacement, material, model, rollers
 from support.meshes import box, regroup
 from support.yielding import given, mohr, rock
 
-from geoident.forward import equations
 from geoident.forward.equations import export_obstacle
 from geoident.model.actions import Pressure
 from geoident.model.case import Stage, Support
@@ -192,13 +191,3 @@ def test_what_the_planes_of_a_law_may_not_do_is_named():
     assert obstacle(**grounds(weak, **free)) == "f turns the yield planes of rock"
     assert obstacle(**grounds(mohr(1e9, 0.5, planes=8), **free)) is None
     assert obstacle(**grounds(mohr(Scalar(1e9, "f"), 0.5, planes=8), **free)) is None
-
-
-def test_distances_that_are_not_linear_are_named(monkeypatch):
-    """No surface whose planes stand still has such."""
-    seen = []
-    monkeypatch.setattr(
-        equations, "affine_yield_obstacle", lambda march, material: seen.append(material) or "bent"
-    )
-    assert obstacle(**grounds(mohr(1e9, 0.5, planes=8))) == "bent"
-    assert [material.name for material in seen] == ["rock"]

@@ -117,8 +117,8 @@ def _finer(mesh: Mesh, *, raises: bool) -> Mesh:
         target = elements if count < len(mesh.blocks) else facets
         target.add(block, span, nodes)
         on_border = borders[count] if count < len(mesh.blocks) else None
-        for name, found in _grown(mesh, block, nodes, on_border, raises=raises):
-            grown[name].append(found)
+        for name, members in _grown(mesh, block, nodes, on_border, raises=raises):
+            grown[name].append(members)
     return replace(
         mesh,
         points=points,
@@ -206,13 +206,13 @@ def _borders(mesh: Mesh) -> list[Bools]:
     np.maximum.at(high, table.face, member[table.element])
     single = np.bincount(table.face, minlength=table.n_faces) == 1
     border = (single | (low != high))[table.face]
-    found = []
+    borders = []
     for number, (block, span) in enumerate(spans(mesh.blocks)):
-        mine = np.zeros((len(block), len(CELLS[block.kind].shape.faces)), dtype=np.bool_)
+        on_border = np.zeros((len(block), len(CELLS[block.kind].shape.faces)), dtype=np.bool_)
         rows = np.flatnonzero(table.block == number)
-        mine[table.element[rows] - span.start, table.local[rows]] = border[rows]
-        found.append(mine)
-    return found
+        on_border[table.element[rows] - span.start, table.local[rows]] = border[rows]
+        borders.append(on_border)
+    return borders
 
 
 def _grown(
@@ -260,14 +260,14 @@ def _template(kind: str, *, raises: bool) -> _Template:
     everything = np.vstack([row for _, rows in cuts for row in rows])
     places, index = np.unique(np.round(everything, 9), axis=0, return_inverse=True)
     index = index.ravel()
-    found, start = [], 0
+    cut, start = [], 0
     for kind_of_child, rows in cuts:
         size = len(rows) * len(rows[0])
-        found.append(_Cut(kind_of_child, index[start : start + size].reshape(len(rows), -1)))
+        cut.append(_Cut(kind_of_child, index[start : start + size].reshape(len(rows), -1)))
         start += size
     shares = first.shapes(places)
     return _Template(
-        np.where(np.abs(shares) < _NO_SHARE, 0.0, shares), parent.shapes(places), tuple(found)
+        np.where(np.abs(shares) < _NO_SHARE, 0.0, shares), parent.shapes(places), tuple(cut)
     )
 
 

@@ -18,7 +18,7 @@ import numpy as np
 from geoident.fem.faces import FaceTable
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.cells import CELLS
-from geoident.model.mesh import ElementBlock, Mesh, rows_in, spans
+from geoident.model.mesh import ElementBlock, Mesh, rows_in
 
 _STRAIGHT = np.radians(1.0)
 """Turn of a boundary below which it counts as straight."""
@@ -57,9 +57,9 @@ def openings(mesh: Mesh, table: FaceTable, present: Bools) -> Floats:
     keys, place = np.unique(ends, axis=0, return_inverse=True)
     whole = np.bincount(place.ravel(), angles, minlength=len(keys))
     curved = np.bincount(place.ravel(), round_ones, minlength=len(keys)) > 0
-    found = whole[np.isin(_joined(keys, mesh), _free_ends(mesh, table, free))]
+    angle = whole[np.isin(_joined(keys, mesh), _free_ends(mesh, table, free))]
     soft = curved[np.isin(_joined(keys, mesh), _free_ends(mesh, table, free))]
-    return np.asarray(np.where(soft & (found < np.pi + _ROUND), np.minimum(found, np.pi), found))
+    return np.asarray(np.where(soft & (angle < np.pi + _ROUND), np.minimum(angle, np.pi), angle))
 
 
 def _joined(ends: Ints, mesh: Mesh) -> Ints:
@@ -69,17 +69,15 @@ def _joined(ends: Ints, mesh: Mesh) -> Ints:
 
 def _free_ends(mesh: Mesh, table: FaceTable, rows: Ints) -> Ints:
     """Corners (edges) of the free faces in some rows of the table, as `_joined` numbers."""
-    found = [np.empty(0, np.int64)]
-    for number, (block, span) in enumerate(spans(mesh.blocks)):
-        for local, face in enumerate(CELLS[block.kind].shape.faces):
-            mine = rows[(table.block[rows] == number) & (table.local[rows] == local)]
-            nodes = block.nodes[table.element[mine] - span.start][:, face]
-            if mesh.dim == 2:
-                found += [_joined(nodes[:, [k]], mesh) for k in range(2)]
-            else:
-                around = [(k, (k + 1) % len(face)) for k in range(len(face))]
-                found += [_joined(np.sort(nodes[:, pair], axis=1), mesh) for pair in around]
-    return np.unique(np.concatenate(found))
+    ends = [np.empty(0, np.int64)]
+    for _, _, _, corners in table.by_place(mesh, rows):
+        n = corners.shape[1]
+        if mesh.dim == 2:
+            ends += [_joined(corners[:, [k]], mesh) for k in range(n)]
+        else:
+            edges = [np.sort(corners[:, [k, (k + 1) % n]], axis=1) for k in range(n)]
+            ends += [_joined(edge, mesh) for edge in edges]
+    return np.unique(np.concatenate(ends))
 
 
 def _angles(mesh: Mesh, present: Bools) -> tuple[Ints, Floats, Floats]:
@@ -87,20 +85,20 @@ def _angles(mesh: Mesh, present: Bools) -> tuple[Ints, Floats, Floats]:
     parts: list[tuple[Ints, Floats, Floats]] = []
     for block, rows in rows_in(mesh.blocks, present):
         taken = ElementBlock(block.kind, block.nodes[rows], block.numbers[rows])
-        found = _at_corners(mesh, taken) if mesh.dim == 2 else _at_edges(mesh, taken)
+        at_ends = _at_corners(mesh, taken) if mesh.dim == 2 else _at_edges(mesh, taken)
         soft = float(CELLS[block.kind].order == 2 and mesh.dim == 3)
-        parts += [(ends, angle, np.full(len(angle), soft)) for ends, angle in found]
+        parts += [(ends, angle, np.full(len(angle), soft)) for ends, angle in at_ends]
     ends, angles, soft_ones = (np.concatenate(part) for part in zip(*parts, strict=True))
     return ends, angles, soft_ones
 
 
 def _at_corners(mesh: Mesh, block: ElementBlock) -> list[tuple[Ints, Floats]]:
     cell = CELLS[block.kind]
-    n, found = cell.n_corners, []
+    n, angles = cell.n_corners, []
     for k in range(n):
         sides = [_tangent(mesh, block, k, (k + step) % n) for step in (1, -1)]
-        found.append((block.nodes[:, [k]], _between(*sides)))
-    return found
+        angles.append((block.nodes[:, [k]], _between(*sides)))
+    return angles
 
 
 def _tangent(mesh: Mesh, block: ElementBlock, a: int, b: int) -> Floats:
@@ -116,7 +114,7 @@ def _tangent(mesh: Mesh, block: ElementBlock, a: int, b: int) -> Floats:
 
 def _at_edges(mesh: Mesh, block: ElementBlock) -> list[tuple[Ints, Floats]]:
     shape, x = CELLS[block.kind].shape, mesh.points[block.nodes]
-    found = []
+    angles = []
     for a, b in shape.edges:
         along = x[:, b] - x[:, a]
         along = along / np.linalg.norm(along, axis=1)[:, None]
@@ -126,8 +124,8 @@ def _at_edges(mesh: Mesh, block: ElementBlock) -> list[tuple[Ints, Floats]]:
                 others = [c for c in face if c not in (a, b)]
                 away = x[:, others].mean(axis=1) - x[:, a]
                 sides.append(away - np.einsum("ni,ni->n", away, along)[:, None] * along)
-        found.append((np.sort(block.nodes[:, [a, b]], axis=1), _between(sides[0], sides[1])))
-    return found
+        angles.append((np.sort(block.nodes[:, [a, b]], axis=1), _between(sides[0], sides[1])))
+    return angles
 
 
 def _between(one: Floats, other: Floats) -> Floats:

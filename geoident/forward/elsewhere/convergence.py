@@ -29,14 +29,14 @@ def convergence(law: ConvergenceLaw, values: Values, names: Sequence[str] = ()) 
     point = ParameterPoint(values, names)
     limit, reach = _numbers(point, law.limit), _numbers(point, law.range)
     ratio = reach / reach.plus(law.distance)
-    found = limit * (1.0 - ratio * ratio)
+    closure = limit * (1.0 - ratio * ratio)
     if law.creep is None:
-        return found
+        return closure
     size, time, exponent = (
         _numbers(point, each) for each in (law.creep.size, law.creep.time, law.creep.exponent)
     )
     left = (time / time.plus(law.age)).power(exponent)
-    return found * (size * (1.0 - left)).plus(1.0)
+    return closure * (size * (1.0 - left)).plus(1.0)
 
 
 def final_convergence(law: ConvergenceLaw, values: Values, names: Sequence[str] = ()) -> Dual:
@@ -48,17 +48,17 @@ def final_convergence(law: ConvergenceLaw, values: Values, names: Sequence[str] 
         names: of the parameters by which to differentiate.
     """
     point = ParameterPoint(values, names)
-    found = _numbers(point, law.limit)
-    return found if law.creep is None else found * _numbers(point, law.creep.size).plus(1.0)
+    limit = _numbers(point, law.limit)
+    return limit if law.creep is None else limit * _numbers(point, law.creep.size).plus(1.0)
 
 
 def _numbers(point: ParameterPoint, scalars: Sequence[Scalar]) -> Dual:
-    found = [point.number(scalar).columns for scalar in scalars]
-    return Dual(np.array(found).reshape(-1, point.n_columns))  # also of no gauge
+    columns = [point.number(scalar).columns for scalar in scalars]
+    return Dual(np.array(columns).reshape(-1, point.n_columns))  # also of no gauge
 
 
 class LawRuns(ComputedRuns):
-    """A law in place of runs: what it gives, and its exact derivatives.
+    """Readings by a convergence law, with exact derivatives.
 
     Args:
         case: the case.
@@ -84,7 +84,7 @@ class LawRuns(ComputedRuns):
 
 
 class LawModel(ElsewhereModel):
-    """A case that a convergence law answers.
+    """A case whose readings a convergence law gives.
 
     Args:
         case: the case.
@@ -102,9 +102,9 @@ class LawModel(ElsewhereModel):
             p: (n,) parameters.
             exact: of no effect: derivatives are exact.
         """
-        found = convergence(self.law, self.values(p), self.names).columns[self.runs.given]
+        columns = convergence(self.law, self.values(p), self.names).columns[self.runs.given]
         self.differences.values(p)  # counts the evaluation
-        return Linear(p, found[:, 0], found[:, 1:])
+        return Linear(p, columns[:, 0], columns[:, 1:])
 
     def lost(self, p: Floats) -> Dual:
         """Convergence before the first reading, (n_channels,), and its derivatives; 0 for none.
@@ -112,8 +112,8 @@ class LawModel(ElsewhereModel):
         Args:
             p: (n,) parameters.
         """
-        found = convergence(self.law, self.values(p), self.names).columns
-        before = np.concatenate([np.zeros((1, *found.shape[1:])), found])
+        columns = convergence(self.law, self.values(p), self.names).columns
+        before = np.concatenate([np.zeros((1, *columns.shape[1:])), columns])
         zero = self.rule.zero
         return Dual(before[zero, np.arange(len(zero))])
 

@@ -3,8 +3,8 @@
 At the first point every parameter is moved once (forward differences; theory 4.7). At the next
 ones the derivatives are brought up to date by what the run there has shown (Broyden 1965): the
 smallest change with which they explain the difference to the nearest point; where noise alone
-explains it they stay as they are. Where they had foretold it badly, all parameters are moved again.
-Where a search would end it asks for central differences, which decide.
+explains it they stay as they are. Where they predicted it badly, all parameters are moved again.
+At its end a search asks for central differences, which decide.
 
 All runs of one difference are independent, and are made together.
 """
@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from geoident.errors import ModelError
-from geoident.forward.elsewhere.noise import line_of, noise_of, stacked, steps_of
+from geoident.forward.elsewhere.noise import line_of, noise_of, steps_of
 from geoident.forward.elsewhere.runs import FailedRun
 from geoident.model.arrays import Bools, Floats
 from geoident.model.parameter import Parameter
@@ -25,12 +25,14 @@ from geoident.model.parameter import Parameter
 MakeRuns = Callable[[Sequence[Floats]], list[Floats | FailedRun]]
 """Readings (m,) at several p (n,), SI."""
 
-FORETOLD = 0.2
-"""Part of a change of the readings that may come unforeseen before all derivatives are renewed."""
+UNPREDICTED = 0.2
+"""Part of a change of the readings not predicted, from which on all derivatives are renewed."""
 NOISE_SD = 3.0
 """Standard deviations of the noise of a run within which a difference of two may be noise."""
 SPACING = 1e-3
-"""Relative distance of the points at which the noise is looked for."""
+"""Relative distance of the points from which the noise is estimated."""
+NOISE_UNKNOWN = 1e-7
+"""Relative noise that is assumed where runs nearby fail: that of single precision."""
 QUANTA = 16.0
 """Smallest step, in the smallest changes that are written."""
 
@@ -106,9 +108,9 @@ class Differences:
         if known is not None:
             return known
         v = self.values(p)
-        found = self._updated(p, v) or self._forward(p, v)
-        self._known.append(found)
-        return found
+        linear = self._updated(p, v) or self._forward(p, v)
+        self._known.append(linear)
+        return linear
 
     def is_exact(self, p: Floats) -> bool:
         """Whether central differences are known at p (n,)."""
@@ -120,15 +122,15 @@ class Differences:
         Raises:
             ModelError: the run failed, or those that the derivatives need.
         """
-        found = self._exact.get(p.tobytes())
-        if found is None:
-            found = self._central(p, self.values(p))
-            self._exact[p.tobytes()] = found
-            self._known.append(found)
-        return found
+        linear = self._exact.get(p.tobytes())
+        if linear is None:
+            linear = self._central(p, self.values(p))
+            self._exact[p.tobytes()] = linear
+            self._known.append(linear)
+        return linear
 
     def doubt(self, p: Floats) -> Floats:
-        """(m, n) what noise may do to central differences at p (n,), three times its size."""
+        """(m, n) error of central differences at p (n,) by noise, three standard deviations."""
         if self.noise is None or self._steps is None:
             return np.zeros((len(self._weights), len(p)))
         return np.asarray(3.0 * self.noise[:, None] / np.abs(self._step(p, self._steps[1])))
@@ -138,7 +140,7 @@ class Differences:
         return np.where(self._log, np.abs(p), self._reference)
 
     def _updated(self, p: Floats, v: Floats) -> Linear | None:
-        """The derivatives of the nearest point brought up to date; None where that is too bold."""
+        """Derivatives by Broyden's update from the nearest point; None where that is too far."""
         if not self._known:
             return None
         sizes = self._sizes(p)
@@ -149,30 +151,30 @@ class Differences:
         length = float(move @ move)
         if length == 0.0:
             return Linear(p, v, near.dv_dp, near.updates)
-        surprise = v - near.v - near.dv_dp @ (p - near.p)
-        hidden = 0.0
+        residual = v - near.v - near.dv_dp @ (p - near.p)
+        noise = 0.0
         if self.noise is not None:
-            hidden = NOISE_SD * float(np.linalg.norm(self._weights * self.noise))
+            noise = NOISE_SD * float(np.linalg.norm(self._weights * self.noise))
         change = float(np.linalg.norm(self._weights * (v - near.v)))
-        far = float(np.linalg.norm(self._weights * surprise)) > FORETOLD * change + hidden
+        far = float(np.linalg.norm(self._weights * residual)) > UNPREDICTED * change + noise
         if far or near.updates > 2 * int(self._seen.sum()):
             return None
-        if float(np.linalg.norm(self._weights * surprise)) <= hidden:
-            return Linear(p, v, near.dv_dp, near.updates)  # noise tells nothing of derivatives
-        dv_dp = near.dv_dp + np.outer(surprise, move / sizes) / length
+        if float(np.linalg.norm(self._weights * residual)) <= noise:
+            return Linear(p, v, near.dv_dp, near.updates)  # within the noise
+        dv_dp = near.dv_dp + np.outer(residual, move / sizes) / length
         return Linear(p, v, dv_dp, near.updates + 1)
 
     def _steps_at(self, p: Floats, v: Floats) -> tuple[float, float]:
-        """Relative steps, after the noise was looked for once."""
+        """Relative steps of forward and central differences; the noise is estimated once."""
         if self._steps is None:
             sizes = np.where(self._seen, self._sizes(p), 0.0)
             points = line_of(p, sizes, self._lower, self._upper, SPACING)
-            found = self._run(points[1:])
-            values = stacked([v, *(None if isinstance(f, FailedRun) else f for f in found)])
-            if values is None:  # so near to failure that nothing can be said of digits
-                self.noise = 1e-7 * np.abs(v)
+            runs = self._run(points[1:])
+            values = [run for run in runs if not isinstance(run, FailedRun)]
+            if len(values) == len(runs):
+                self.noise = noise_of(np.stack([v, *values]))
             else:
-                self.noise = noise_of(values)
+                self.noise = NOISE_UNKNOWN * np.abs(v)
             self._steps = steps_of(self.noise, v, self._weights)
         return self._steps
 
@@ -184,7 +186,7 @@ class Differences:
         return np.where(self._upper - p >= size, size, -size)
 
     def _seen_step(self, p: Floats, j: int, h: float) -> float:
-        """The change of a parameter that is seen: that of the digits that are written."""
+        """The change of a parameter in the digits that are written."""
         return float(self._written(_moved(p, j, h))[j] - p[j])
 
     def _forward(self, at: Floats, v: Floats) -> Linear:
@@ -192,13 +194,11 @@ class Differences:
         step = self._step(p, self._steps_at(p, v)[0])
         step = np.array([self._seen_step(p, j, h) for j, h in enumerate(step.tolist())])
         moved = [(j, step[j]) for j in np.flatnonzero(self._seen).tolist()]
-        found = self._run([_moved(p, j, h) for j, h in moved])
-        again = [
-            (j, -h) for (j, h), f in zip(moved, found, strict=True) if isinstance(f, FailedRun)
-        ]
+        runs = self._run([_moved(p, j, h) for j, h in moved])
+        again = [(j, -h) for (j, h), f in zip(moved, runs, strict=True) if isinstance(f, FailedRun)]
         others = dict(zip((j for j, _ in again), self._run_within(p, again), strict=True))
         dv_dp = np.zeros((len(v), len(p)))
-        for (j, h), first in zip(moved, found, strict=True):
+        for (j, h), first in zip(moved, runs, strict=True):
             if isinstance(first, FailedRun):
                 dv_dp[:, j] = (required(others[j]) - v) / -h
             else:
@@ -215,11 +215,11 @@ class Differences:
             for j in columns
         }
         moves = [(j, h) for j in columns for h in sides[j]]
-        found = dict(zip(moves, self._run([_moved(p, j, h) for j, h in moves]), strict=True))
+        runs = dict(zip(moves, self._run([_moved(p, j, h) for j, h in moves]), strict=True))
         dv_dp = np.zeros((len(v), len(p)))
         for j in columns:
             a, b = sides[j]
-            first, second = found[j, a], found[j, b]
+            first, second = runs[j, a], runs[j, b]
             if isinstance(first, FailedRun):
                 dv_dp[:, j] = (required(second) - v) / b
             elif isinstance(second, FailedRun):
@@ -248,15 +248,15 @@ class Differences:
         return [next(made) if ok else FailedRun("there is no room for a step") for ok in inside]
 
 
-def required(found: Floats | FailedRun) -> Floats:
+def required(run: Floats | FailedRun) -> Floats:
     """The readings (m,) of a run.
 
     Raises:
         ModelError: it failed.
     """
-    if isinstance(found, FailedRun):
-        raise ModelError(f"The run of the model failed: {found}.")
-    return found
+    if isinstance(run, FailedRun):
+        raise ModelError(f"The run of the model failed: {run}.")
+    return run
 
 
 def _moved(p: Floats, j: int, h: float) -> Floats:

@@ -24,13 +24,13 @@ from geoident.model.case import Case
 from geoident.model.results.costs import Counts
 
 AGREE = 1e-2
-"""Part of the derivatives by which given ones may differ from differences."""
+"""Relative difference of given derivatives from differences that is taken as error of these."""
 
-TINY = 1e-300
+TINY = 1e-300  # in place of a size of zero, which would divide by it
 
 
 class ElsewhereModel(ObservedModel):
-    """A case that runs answer.
+    """A case whose readings come from runs of an external model.
 
     Args:
         case: the case.
@@ -61,7 +61,7 @@ class ElsewhereModel(ObservedModel):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What the user should know of the runs."""
+        """Notes for the user on the runs, sentences."""
         return self.runs.notes
 
     def why_unseen(self, state: int, row: int) -> str:
@@ -89,7 +89,7 @@ class ElsewhereModel(ObservedModel):
         return Observed(seen)
 
     def increments_of(self, observed: Observed) -> Floats:
-        """None: what runs give of a stage is not known to add to those before."""
+        """Zeros: of an external model the increments of single stages are not known."""
         return np.zeros(observed.seen.shape[:2])
 
     def response(
@@ -124,23 +124,23 @@ class ElsewhereModel(ObservedModel):
         return np.asarray(np.sqrt(at_stage * seen + at_zero * zero))
 
     def ahead(self, points: Sequence[Floats]) -> Generator[None, None, None]:
-        """Make runs that are going to be asked for; they go on while nobody waits for them.
+        """Make runs before they are asked for; they go on in the background.
 
         Args:
-            points: (n,) where; each step of the generator waits for the next one.
+            points: (n,) where; each step of the generator waits for one run.
         """
         for _ in self.runs.each(points, self._check):
             yield
 
     def _results(self, points: Sequence[Floats]) -> list[Floats | FailedRun]:
-        """Readings (m,) of runs; those that were asked for before cost nothing."""
+        """Readings (m,) of runs; those made before are not made again."""
         for p in points:
             self._asked[self.runs.written(p)[self.runs.seen].tobytes()] = True
-        found = self.runs.results(points, self._check)
-        return [f if isinstance(f, FailedRun) else f[self.runs.given] for f in found]
+        results = self.runs.results(points, self._check)
+        return [f if isinstance(f, FailedRun) else f[self.runs.given] for f in results]
 
     def _check(self) -> None:
-        """Is asked while runs go on."""
+        """Report progress while runs go on; may raise to end them."""
         if self.on_state is not None:
             self.on_state(len(self.sequence.states) - 1)
 
@@ -154,10 +154,10 @@ class ElsewhereModel(ObservedModel):
         if known is not None:
             return known
         v = self.differences.values(p)
-        found = self.runs.jacobian(p, self._check)
-        if isinstance(found, FailedRun):
-            raise ModelError(f"The derivatives of the model failed: {found}.")
-        linear = Linear(p, v, found[self.runs.given])
+        jacobian = self.runs.jacobian(p, self._check)
+        if isinstance(jacobian, FailedRun):
+            raise ModelError(f"The derivatives of the model failed: {jacobian}.")
+        linear = Linear(p, v, jacobian[self.runs.given])
         if not self._checked:
             self._compare(linear)
             self._checked = True
@@ -165,7 +165,7 @@ class ElsewhereModel(ObservedModel):
         return linear
 
     def _compare(self, given: Linear) -> None:
-        """Hold given derivatives against differences.
+        """Compare given derivatives with differences.
 
         Raises:
             ModelError: they differ.
@@ -191,7 +191,7 @@ class ElsewhereModel(ObservedModel):
 
 
 def _rule(case: Case, given: Bools) -> ReadingRule:
-    """How readings are made of what runs give, (n_stages, n_channels)."""
+    """How readings follow from what runs give, (n_stages, n_channels), and zeros."""
     zero = np.array([case.zero_of(channel) for channel in case.channels], np.int64)
     changes = np.array([channel.is_zeroed for channel in case.channels], dtype=bool)
     seen = np.concatenate([np.ones((1, len(zero)), dtype=bool), given])
@@ -213,7 +213,7 @@ class ElsewhereResponse(ObservedResponse[ElsewhereModel]):
 
     @property
     def at_once(self) -> int:
-        """How many parts of a search are worked on at a time."""
+        """How many runs are made at a time."""
         return self._model.runs.at_once
 
     @contextmanager
@@ -237,7 +237,7 @@ class ElsewhereResponse(ObservedResponse[ElsewhereModel]):
             yield turn
 
     def sharpen(self, p: Floats) -> bool:
-        """From now on the Jacobian at p (n,) is by central differences; whether that is new."""
+        """Take central differences at p (n,) from now on; whether this changes the Jacobian."""
         model = self._model
         if model.runs.has_jacobian or model.differences.is_exact(p):
             return False

@@ -8,7 +8,6 @@ values at equal distances lose what is smooth and keep the noise, whose variance
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 
@@ -18,7 +17,8 @@ POINTS = 7
 """Values on the line: differences up to the sixth order."""
 ROUNDING = 1e-15
 """Relative noise of numbers that are all digits."""
-_AGREE = 4.0  # estimates of three orders that differ by less have found noise
+_AGREE = 4.0
+"""Ratio of the estimates of three successive orders up to which they are of the noise alone."""
 LARGEST_STEP = 0.1
 """Relative step at most: beyond, differences tell little of derivatives, however noisy."""
 
@@ -38,10 +38,10 @@ def noise_of(values: Floats) -> Floats:
         table = np.diff(table, axis=0)
         gain = math.factorial(2 * order) / math.factorial(order) ** 2
         levels.append(np.sqrt(np.mean(table**2, axis=0) / gain))
-    found = np.stack(levels)
-    result = found[-1].copy()  # an upper bound where no three orders agree
-    for start in range(len(found) - 3, -1, -1):
-        three = found[start : start + 3]
+    by_order = np.stack(levels)
+    result = by_order[-1].copy()  # an upper bound where no three orders agree
+    for start in range(len(by_order) - 3, -1, -1):
+        three = by_order[start : start + 3]
         agree = three.max(axis=0) <= _AGREE * three.min(axis=0)
         result[agree] = three[0][agree]  # the lowest order that has lost what is smooth
     return np.asarray(np.maximum(result, ROUNDING * np.abs(values).max(axis=0)))
@@ -84,9 +84,3 @@ def line_of(p: Floats, sizes: Floats, lower: Floats, upper: Floats, spacing: flo
     fits = (p + sign * reach >= lower) & (p + sign * reach <= upper)
     step = np.where(fits, sign * spacing * sizes, 0.0)
     return [p + k * step for k in range(POINTS)]
-
-
-def stacked(found: Sequence[Floats | None]) -> Floats | None:
-    """Values (k, m), or None where one is missing."""
-    there = [values for values in found if values is not None]
-    return np.stack(there) if len(there) == len(found) else None

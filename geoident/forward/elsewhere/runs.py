@@ -1,4 +1,4 @@
-"""What a model elsewhere is, seen from the forward model: runs at parameter vectors."""
+"""What the forward model asks of an external model: runs at parameter vectors."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class FailedRun:
 
     Args:
         reason: why, a clause.
-        folder: where what it left is kept; empty for none.
+        folder: in which its files are kept; empty for none.
     """
 
     reason: str
@@ -29,23 +29,23 @@ class FailedRun:
 
 
 class ModelRuns(Protocol):
-    """ModelRuns of a program or a function, each made once."""
+    """Runs of a program or a function; a run at the same parameters is made once."""
 
     @property
     def seen(self) -> Bools:
-        """(n,) which parameters it is given."""
+        """(n,) which parameters the model depends on."""
 
     @property
     def given(self) -> Bools:
-        """(n_stages, n_channels) which readings it gives."""
+        """(n_stages, n_channels) which readings the model gives."""
 
     @property
     def has_jacobian(self) -> bool:
-        """Whether it gives derivatives itself."""
+        """Whether the model gives derivatives itself."""
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What is to be known of the runs so far."""
+        """Notes for the user on the runs so far, sentences."""
 
     def require_trust(self) -> str:
         """Ask whether it may be run, unless that is known; raises `InputError` if it may not.
@@ -77,7 +77,7 @@ class ModelRuns(Protocol):
     def each(
         self, points: Sequence[Floats], check: Callable[[], None]
     ) -> Iterator[Floats | FailedRun]:
-        """Readings (n_stages, n_channels) in turn, each as it is there; runs go on meanwhile.
+        """Readings (n_stages, n_channels) in turn, each as soon as its run ends; others go on.
 
         Args:
             points: (n,) where.
@@ -94,13 +94,13 @@ class ModelRuns(Protocol):
 
 
 class RunsInTurn(ABC):
-    """What runs have in common that are had one after the other."""
+    """Runs whose results come one after the other."""
 
     @abstractmethod
     def each(
         self, points: Sequence[Floats], check: Callable[[], None]
     ) -> Iterator[Floats | FailedRun]:
-        """Readings (n_stages, n_channels) in turn, each as it is there.
+        """Readings (n_stages, n_channels) in turn, each as soon as its run ends.
 
         Args:
             points: (n,) where.
@@ -124,15 +124,15 @@ class RunsInTurn(ABC):
 
 
 class RunsOfAllDigits(RunsInTurn):
-    """Runs to which parameters are passed on as they are."""
+    """Runs that take parameters with all their digits."""
 
     def written(self, p: Floats) -> Floats:
         """The parameters (n,) themselves."""
         return p
 
     def quantum(self, p: Floats) -> Floats:
-        """(n,) rounding."""
-        return np.asarray(2.3e-16 * np.abs(p))
+        """(n,) one rounding of a double."""
+        return np.asarray(2.3e-16 * np.abs(p))  # eps is 2.22e-16
 
 
 class ComputedRuns(RunsOfAllDigits):
@@ -143,7 +143,7 @@ class ComputedRuns(RunsOfAllDigits):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Nothing, if not of their own."""
+        """None."""
         return ()
 
     def require_trust(self) -> str:

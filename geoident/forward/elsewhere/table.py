@@ -22,13 +22,13 @@ from geoident.model.elsewhere import RunTable, SurfaceKind
 from geoident.model.results.surface import SurfaceTable
 from geoident.units import in_unit, shown_unit
 
-_SLACK = 1e-9
-"""Part of the range of the runs by which rounding may lead beyond it."""
+_RANGE_ROUNDING = 1e-9
+"""Rounding of coordinates at the ends of the range of the runs, in parts of it."""
 
-_NEAR = 3.0
-"""Accuracies by which a reading may be beyond those of the runs before it is named."""
+_BEYOND = 3.0
+"""Accuracies beyond the readings of all runs from which on a reading is named."""
 
-_SHOWN = 6
+_SHOWN = 6  # readings that a note names
 
 
 class SurfaceRuns(ComputedRuns):
@@ -70,9 +70,9 @@ class SurfaceRuns(ComputedRuns):
     def derivatives(self, p: Floats) -> Floats:
         """Their derivatives (n_stages, n_channels, n) at p (n,)."""
         slope = self.coordinates.slope(p[self._columns])
-        found = np.zeros((len(self.surfaces), len(p)))
-        found[:, self._columns] = [gradient * slope for _, gradient in self._at(p)]
-        return self._placed(found)
+        jacobian = np.zeros((len(self.surfaces), len(p)))
+        jacobian[:, self._columns] = [gradient * slope for _, gradient in self._at(p)]
+        return self._placed(jacobian)
 
     def error_root(self, p: Floats) -> Floats:
         """A root B (n_stages, n_channels, k) of the covariance B B^T of the own errors at p (n,).
@@ -82,13 +82,13 @@ class SurfaceRuns(ComputedRuns):
         Args:
             p: (n,) where.
         """
-        found = error_root(self.surfaces, self.coordinates.of(p[self._columns]))
-        return np.asarray(np.nan_to_num(self._placed(found)))
+        root = error_root(self.surfaces, self.coordinates.of(p[self._columns]))
+        return np.asarray(np.nan_to_num(self._placed(root)))
 
     def why_outside(self, p: Floats) -> str | None:
         """Why p (n,) is outside of the runs, or None."""
         u = self.coordinates.of(p[self._columns])
-        beyond = np.flatnonzero(np.abs(u) > 1.0 + _SLACK)
+        beyond = np.flatnonzero(np.abs(u) > 1.0 + _RANGE_ROUNDING)
         if not beyond.size:
             return None
         return f"{self._table.names[int(beyond[0])]} is beyond the runs of the table"
@@ -131,14 +131,14 @@ class SurfaceRuns(ComputedRuns):
 
 def _as_read(case: Case, table: RunTable) -> Floats:
     """Readings (r, m) of the columns, those of gauges with a zero since then."""
-    found = table.readings.copy()
+    readings = table.readings.copy()
     for j, channel in enumerate(case.channels):
         zero = case.zero_of(channel) - 1  # the virgin state has no column
         if channel.is_zeroed and zero >= 0:
             since = table.readings[:, zero, j][:, None]
-            later = np.arange(found.shape[1]) >= zero
-            found[:, later, j] -= np.where(np.isnan(since), 0.0, since)
-    return np.asarray(found[:, table.given])
+            later = np.arange(readings.shape[1]) >= zero
+            readings[:, later, j] -= np.where(np.isnan(since), 0.0, since)
+    return np.asarray(readings[:, table.given])
 
 
 def _surfaces(
@@ -170,7 +170,7 @@ class TableModel(ElsewhereModel):
         self.surfaces = surfaces
 
     def domain_fault(self, p: Floats) -> str | None:
-        """Why finite p (n,) is outside the domain, or None: nothing is said beyond the runs."""
+        """Why finite p (n,) is outside the range of the runs, or None."""
         return self.surfaces.why_outside(p)
 
     def linear(self, p: Floats, *, exact: bool = False) -> Linear:
@@ -181,8 +181,8 @@ class TableModel(ElsewhereModel):
             exact: of no effect: derivatives are exact.
         """
         v = self.differences.values(p)
-        found = self.surfaces.jacobian(p, self._check)
-        return Linear(p, v, found[self.surfaces.given])
+        jacobian = self.surfaces.jacobian(p, self._check)
+        return Linear(p, v, jacobian[self.surfaces.given])
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -194,20 +194,20 @@ class TableModel(ElsewhereModel):
         return self.surfaces.table(self.case, p)
 
     def _outside(self) -> tuple[str, ...]:
-        """Readings that no run of the table comes near to."""
+        """A note on readings far outside those of all runs, if there are any."""
         case, given = self.case, self.surfaces.given
         low, high = np.full((2, *given.shape), np.nan)
         low[given], high[given] = self.surfaces.read.min(axis=0), self.surfaces.read.max(axis=0)
         rows = {channel.name: j for j, channel in enumerate(case.channels)}
         columns = {stage.name: i for i, stage in enumerate(case.stages)}
-        said = []
+        outside = []
         for reading in case.readings:
             channel = case.channels[rows[reading.channel]]
             own = (channel.offset, channel.drift, channel.drift_per_stage)
             if reading.value is None or reading.bad or any(own) or reading.stage not in columns:
                 continue
             at = columns[reading.stage], rows[reading.channel]
-            room = _NEAR * channel.sd(reading)
+            room = _BEYOND * channel.sd(reading)
             if not low[at] - room <= reading.value <= high[at] + room:
                 unit = channel.unit, channel.dimension
                 value, *ends = (
@@ -215,13 +215,13 @@ class TableModel(ElsewhereModel):
                     for x in (reading.value, float(low[at]), float(high[at]))
                 )
                 name = f" {shown_unit(*unit)}".rstrip()
-                said.append(
+                outside.append(
                     f"{reading.channel} at {reading.stage} ({value}{name}; the runs gave "
                     f"{ends[0]} to {ends[1]}{name})"
                 )
-        if not said:
+        if not outside:
             return ()
-        more = f" and {len(said) - _SHOWN} more" if len(said) > _SHOWN else ""
+        more = f" and {len(outside) - _SHOWN} more" if len(outside) > _SHOWN else ""
         return (
-            f"readings beyond what any run of the table gave: {', '.join(said[:_SHOWN])}{more}",
+            f"readings beyond what any run of the table gave: {', '.join(outside[:_SHOWN])}{more}",
         )

@@ -110,5 +110,5 @@ class RockMassModulus(Scalar):
         intact = made.get("Ei")
         if intact is None and "MR" in made:
             intact = made["MR"] * made["sigci"]
-        found = rock_mass_modulus(intact, made["GSI"], made["D"])
-        return np.asarray(found.columns)
+        modulus = rock_mass_modulus(intact, made["GSI"], made["D"])
+        return np.asarray(modulus.columns)

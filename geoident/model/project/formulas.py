@@ -60,9 +60,9 @@ class LawTerm:
                 return Dual.constant(self.value, next(iter(values.values())).n if values else 0)
             case "name":
                 return values[self.name]
-        found = [argument.at(values) for argument in self.arguments]
+        arguments = [argument.at(values) for argument in self.arguments]
         with np.errstate(all="ignore"):  # what is not finite is seen by who asks
-            return _applied(self.kind, found)
+            return _applied(self.kind, arguments)
 
 
 def _applied(kind: str, of: list[Dual]) -> Dual:

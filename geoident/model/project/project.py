@@ -62,8 +62,8 @@ class ParameterLaw:
         values = {name: Dual.constant(value, n) for name, value in covariates.items()}
         for k, constant in enumerate(self.constants):
             values[constant.name] = Dual(np.array([constants[k], *np.eye(n)[k]]))
-        found = self.formula.at(values)
-        return float(found.value), np.asarray(found.columns[1:])
+        value = self.formula.at(values)
+        return float(value.value), np.asarray(value.columns[1:])
 
 
 @dataclass(frozen=True)

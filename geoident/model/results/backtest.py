@@ -125,21 +125,21 @@ class Backtest:
         return replace(self, steps=tuple(steps))
 
 
-def bands_of(found: Backtest, step: BacktestStep) -> Bands:
+def bands_of(backtest: Backtest, step: BacktestStep) -> Bands:
     """The predictions of a fit of a backtest beside what was read, (n_channels, n_stages)."""
     given = step.prediction
-    return Bands(found.measured, given.mean, given.lower95, given.upper95)
+    return Bands(backtest.measured, given.mean, given.lower95, given.upper95)
 
 
-def predicted_before(found: Backtest) -> Prediction:
+def predicted_before(backtest: Backtest) -> Prediction:
     """Each reading of a backtest as the last fit before has predicted it, (n_channels, n_stages).
 
     ``sd`` is that of the side on which the reading is, so that (measured - mean) / sd is z; NaN
     where no fit came before.
     """
-    parts = {name: np.full(found.measured.shape, np.nan) for name in _COLUMNS}
-    for step in found.steps:
-        bands = bands_of(found, step)
+    parts = {name: np.full(backtest.measured.shape, np.nan) for name in _COLUMNS}
+    for step in backtest.steps:
+        bands = bands_of(backtest, step)
         at, (below, above) = next_read(bands), bands.sides
         sd = np.where(bands.scored, np.where(bands.measured < bands.mean, below, above), np.inf)
         for name, given in zip(

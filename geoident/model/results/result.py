@@ -91,10 +91,13 @@ class ParameterTable:
         flags = ("at_bound", "determined")
         words = ("names", "priors", "units", "dimensions", *(("fields",) if self.fields else ()))
         square = np.ix_(order, order)
-        found: dict[str, Any] = {name: getattr(self, name)[order] for name in (*columns, *flags)}
-        found |= {name: tuple(getattr(self, name)[i] for i in order) for name in words}
+        selected: dict[str, Any] = {name: getattr(self, name)[order] for name in (*columns, *flags)}
+        selected |= {name: tuple(getattr(self, name)[i] for i in order) for name in words}
         return replace(
-            self, covariance=self.covariance[square], correlation=self.correlation[square], **found
+            self,
+            covariance=self.covariance[square],
+            correlation=self.correlation[square],
+            **selected,
         )
 
 
@@ -168,12 +171,12 @@ class GaugeTable:
     @cached_property
     def finest(self) -> Mapping[str, float]:
         """The smallest standard deviation, SI, of the readings in a unit, where one is known."""
-        found: dict[str, float] = {}
+        smallest: dict[str, float] = {}
         for unit, sd in zip(self.shown_units, self.sd, strict=True):
             known = sd[sd > 0.0]
             if known.size:
-                found[unit] = min(found.get(unit, np.inf), float(known.min()))
-        return found
+                smallest[unit] = min(smallest.get(unit, np.inf), float(known.min()))
+        return smallest
 
     def in_units(self, values: Floats) -> Floats:
         """SI values (n_channels, ...) in the units in which people want to see them."""
@@ -188,16 +191,16 @@ class GaugeTable:
     @cached_property
     def rows(self) -> Mapping[tuple[int, int], Ints]:
         """Row and column of the wide tables to the (m,) readings that count there."""
-        found: dict[tuple[int, int], list[int]] = {}
+        rows: dict[tuple[int, int], list[int]] = {}
         taken = np.flatnonzero(np.isfinite(self.readings.value))
         rank = np.where(self.readings.used, 0, np.where(self.readings.bad, 2, 1))
         for k in taken[np.argsort(rank[taken], kind="stable")].tolist():
             place = self.place(k)
             if place is not None:
-                group = found.setdefault(place, [])
+                group = rows.setdefault(place, [])
                 if not group or rank[k] == rank[group[0]]:
                     group.append(k)
-        return {place: np.array(group, dtype=np.int64) for place, group in found.items()}
+        return {place: np.array(group, dtype=np.int64) for place, group in rows.items()}
 
     @cached_property
     def _places(self) -> dict[tuple[str, str], tuple[int, int]]:
@@ -611,15 +614,15 @@ class Result:
         readings = self.gauges.readings
         if readings.sensitivity is not None:
             readings = replace(readings, sensitivity=readings.sensitivity[:, named])
-        found = self.diagnostics
-        if found is not None:
-            found = replace(found, influence=found.influence[..., named])
+        diagnostics = self.diagnostics
+        if diagnostics is not None:
+            diagnostics = replace(diagnostics, influence=diagnostics.influence[..., named])
         return replace(
             self,
             parameters=self.parameters.picked(named),
             gauges=replace(self.gauges, readings=readings),
             sensitivity=None if self.sensitivity is None else self.sensitivity[..., named],
-            diagnostics=found,
+            diagnostics=diagnostics,
             history=tuple(replace(step, values=step.values[named]) for step in self.history),
             backtest=None if self.backtest is None else self.backtest.picked(named),
             posterior=None if self.posterior is None else self.posterior.picked(named),

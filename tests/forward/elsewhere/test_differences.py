@@ -6,7 +6,7 @@ from support.elsewhere import ArrayRuns
 
 from geoident.errors import ModelError
 from geoident.forward.elsewhere.differences import Differences
-from geoident.forward.elsewhere.noise import noise_of, steps_of
+from geoident.forward.elsewhere.noise import noise_of
 from geoident.forward.elsewhere.runs import FailedRun
 from geoident.model.parameter import Parameter
 
@@ -56,13 +56,6 @@ def test_noise_is_that_which_was_added():
     ]
     assert np.median(found) == pytest.approx(1e-6, rel=0.3)
     assert np.quantile(found, [0.02, 0.98]) == pytest.approx([1e-6, 1e-6], rel=3.0)
-
-
-def test_steps_grow_with_the_noise_and_are_longer_for_central_differences():
-    one = np.ones(3)
-    small, large = (steps_of(noise * one, one, one) for noise in (1e-12, 1e-6))
-    assert small == pytest.approx((2e-6, 3e-12 ** (1 / 3)))
-    assert large == pytest.approx((2e-3, 3e-6 ** (1 / 3)))
 
 
 @pytest.mark.parametrize(("digits", "forward", "central"), [(16, 1e-5, 1e-8), (7, 1e-2, 1e-3)])

@@ -1,7 +1,6 @@
 """Response surfaces: derivatives, errors of runs left out, own errors, which one is taken."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -38,7 +37,7 @@ def bent(u):
 
 
 def spread(count, seed=1, n=2):
-    """RunCoordinates (count, n) over the whole range."""
+    """Coordinates (count, n) over the whole range."""
     return 2.0 * qmc.LatinHypercube(n, seed=seed).random(count) - 1.0
 
 
@@ -215,22 +214,19 @@ def test_coordinates_follow_the_scale_of_a_parameter():
     np.testing.assert_allclose(np.diag(found) / h, there.slope(p), rtol=1e-8)
 
 
-def test_the_search_for_lengths_begins_where_it_is_likelier(monkeypatch):
-    """At those of a similar reading, or in the middle."""
-    u, starts = spread(24), []
-    best = fitted_process(u, smooth(u), smooth=True).hyperparameters
-
-    def begun(likelihood, start, **settings):
-        starts.append(np.exp(start))
-        return SimpleNamespace(x=start)
-
-    monkeypatch.setattr("scipy.optimize.minimize", begun)
-    found = fitted_process(u, smooth(u), smooth=True, near=best).hyperparameters
-    fitted_process(u, smooth(u), smooth=True, near=Hyperparameters(np.full(2, 1e-2), 0.5, True))
-    fitted_process(u, smooth(u), smooth=True)
-    np.testing.assert_allclose(starts[0], [*best.lengths, best.nugget], rtol=1e-12)
-    np.testing.assert_allclose(starts[1:], [[2.0, 2.0, 1e-6]] * 2, rtol=1e-12)
-    np.testing.assert_allclose(found.lengths, best.lengths, rtol=1e-12)
+def test_lengths_of_a_similar_reading_help_and_those_of_another_do_no_harm():
+    u = spread(24)
+    plain = fitted_process(u, smooth(u), smooth=True)
+    odd = Hyperparameters(np.full(2, 1e-2), 0.5, True)
+    other = fitted_process(u, smooth(u), smooth=True, near=odd)
+    assert other.hyperparameters.lengths.tolist() == plain.hyperparameters.lengths.tolist()
+    likelihood = ProcessLikelihood(u, smooth(u), smooth=True)
+    again = fitted_process(u, smooth(u), smooth=True, near=plain.hyperparameters).hyperparameters
+    before, after = (
+        likelihood(np.log([*given.lengths, given.nugget]))[0]
+        for given in (plain.hyperparameters, again)
+    )
+    assert after <= before + 1e-9
 
 
 def test_lengths_of_which_nothing_can_be_told_are_not_likely():

@@ -20,14 +20,22 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
+from geoident.forward.elsewhere.surfaces.polynomial import LEAST_RESIDUAL
 from geoident.model.arrays import Floats
 
 MOST_FOR_LENGTHS = 300
 """Runs from which lengths are found; of more some are drawn, since the cost grows as their cube."""
 
 _LENGTHS = (np.log(0.05), np.log(100.0))
+"""Bounds of log lengths, of runs in [-1, 1]: closer than any grid of them, and nearly linear."""
+
 _NUGGETS = (np.log(1e-8), np.log(1.0))
-_ROOT5 = np.sqrt(5.0)
+"""Bounds of log nuggets: the least keeps the matrix invertible, the largest is all noise."""
+
+_ROOT5 = np.sqrt(5.0)  # of Matern's function of order 5/2
+
+_UNLIKELY = 1e25
+"""Stands for an infinite value: the search could not step back from a true infinity."""
 
 
 @dataclass(frozen=True)
@@ -188,11 +196,8 @@ def process_with(u: Floats, y: Floats, given: Hyperparameters) -> GaussianProces
         size * system.weights,
         size**2 * system.variance,
         size * system.weights / diagonal,
-        size * np.sqrt(np.maximum(system.variance, _ROUNDING**2) / diagonal),
+        size * np.sqrt(np.maximum(system.variance, LEAST_RESIDUAL**2) / diagonal),
     )
-
-
-_ROUNDING = 1e-14
 
 
 def _size(y: Floats) -> float:
@@ -222,7 +227,7 @@ def fitted_process(
     if near is not None:
         starts.append(np.append(np.log(near.lengths), np.log(near.nugget)))
     start = starts[int(np.argmin([likelihood(theta)[0] for theta in starts]))]
-    found = minimize(
+    optimum = minimize(
         likelihood,
         start,
         jac=True,
@@ -230,7 +235,7 @@ def fitted_process(
         bounds=[_LENGTHS] * n + [_NUGGETS],
         options={"maxiter": 100, "ftol": 1e-7, "gtol": 1e-4},
     )
-    return process_with(u, y, hyperparameters_of(found.x, smooth=smooth))
+    return process_with(u, y, hyperparameters_of(optimum.x, smooth=smooth))
 
 
 def hyperparameters_of(theta: Floats, *, smooth: bool) -> Hyperparameters:
@@ -264,7 +269,7 @@ class ProcessLikelihood:
             system = _System(self._u, self._y, matrix)
         except np.linalg.LinAlgError:  # as near to singular as rounding can tell
             return _UNLIKELY, np.zeros_like(theta)
-        variance = max(system.variance, _ROUNDING**2)
+        variance = max(system.variance, LEAST_RESIDUAL**2)
         value = 0.5 * (system.free * np.log(variance) + system.log_determinants())
         left = system.projection() - np.outer(system.weights, system.weights) / variance
         bent = left * slope
@@ -273,6 +278,3 @@ class ProcessLikelihood:
             for part, size in zip(self._squared, inverse, strict=True)
         ]
         return float(value), np.array([*by_lengths, 0.5 * nugget * float(np.trace(left))])
-
-
-_UNLIKELY = 1e25

@@ -13,8 +13,11 @@ from scipy.linalg import qr, solve_triangular
 from geoident.model.arrays import Floats
 
 HIGHEST = 6
+"""Order of a polynomial at most: beyond, few runs are left to judge it by."""
 RUNS_A_TERM = 2
 """Runs for each coefficient, at least."""
+LEAST_RESIDUAL = 1e-14
+"""Residual at which a surface meets its runs but for rounding, in parts of their readings."""
 
 
 def terms(n: int, order: int) -> list[tuple[int, ...]]:
@@ -84,13 +87,13 @@ class Polynomial:
         values, slopes = _legendre(u[None], self.order)
         columns = np.arange(len(u))
         factors = values[0, columns, self._powers]
-        found = float(factors.prod(axis=1) @ self.coefficients)
+        value = float(factors.prod(axis=1) @ self.coefficients)
         gradient = np.empty(len(u))
         for j in columns.tolist():
             moved = factors.copy()
             moved[:, j] = slopes[0, j, self._powers[:, j]]
             gradient[j] = moved.prod(axis=1) @ self.coefficients
-        return found, gradient
+        return value, gradient
 
     def deviation(self, u: Floats) -> float:
         """Standard deviation of what the model and the polynomial differ by at u (n,), SI."""
@@ -120,10 +123,10 @@ def design(u: Floats, powers: tuple[tuple[int, ...], ...], order: int) -> Floats
         order: the largest of them.
     """
     values = legendre.legvander(u, order)
-    found = np.ones((len(u), len(powers)))
+    terms = np.ones((len(u), len(powers)))
     for j, column in enumerate(np.array(powers).T):
-        found *= values[:, j, column]
-    return np.asarray(found)
+        terms *= values[:, j, column]
+    return np.asarray(terms)
 
 
 def fitted_polynomial(u: Floats, y: Floats, order: int) -> Polynomial:
@@ -142,9 +145,9 @@ def fitted_polynomial(u: Floats, y: Floats, order: int) -> Polynomial:
     left = y - Q @ (Q.T @ y)
     free = len(y) - len(powers)
     # a reading that is zero in all runs, as of a gauge at its zero, leaves no size to round by
-    tiny = _ROUNDING * (float(np.abs(y).max()) or 1.0)
+    tiny = LEAST_RESIDUAL * (float(np.abs(y).max()) or 1.0)
     variance = max(float(left @ left) / free, tiny**2)
-    rest = np.maximum(1.0 - np.sum(Q**2, axis=1), _ROUNDING)
+    rest = np.maximum(1.0 - np.sum(Q**2, axis=1), LEAST_RESIDUAL)
     return Polynomial(
         powers,
         order,
@@ -154,6 +157,3 @@ def fitted_polynomial(u: Floats, y: Floats, order: int) -> Polynomial:
         left / rest,
         np.sqrt(variance / rest),
     )
-
-
-_ROUNDING = 1e-14

@@ -1,7 +1,7 @@
-"""What a response surface can say; which one is taken; how the errors of several go together.
+"""What a response surface gives, the choice of one, and the correlation of the errors of several.
 
-RunCoordinates are those of `RunCoordinates`: every parameter from -1 to 1 over the runs, on its own
-scale. A surface is of one reading.
+A surface is of one reading. Its coordinates are those of `RunCoordinates`: every parameter goes
+from -1 to 1 over the runs, on its own scale.
 """
 
 from __future__ import annotations
@@ -24,13 +24,19 @@ from geoident.model.elsewhere import SurfaceKind
 GOOD_ENOUGH = 1e-3
 """Leave-one-out error, in the accuracy of a reading, below which no other surface is tried."""
 
+_LEAST_FREEDOM = 3
+"""Degrees of freedom from which on Student's distribution has a variance."""
+
+_LEAST_EIGENVALUE = 1e-12
+"""Eigenvalue of a correlation, in parts of the largest, below which it is rounding."""
+
 
 class ResponseSurface(Protocol):
     """A function through the runs of one reading."""
 
     @property
     def words(self) -> str:
-        """What kind of function it is."""
+        """The kind of function, in words."""
 
     @property
     def freedom(self) -> int:
@@ -66,7 +72,7 @@ class RunCoordinates:
     upper: Floats
 
     def of(self, p: Floats) -> Floats:
-        """RunCoordinates of parameters p (..., n)."""
+        """Coordinates of parameters p (..., n)."""
         low, high = self._scaled(self.lower), self._scaled(self.upper)
         return np.asarray((2.0 * self._scaled(p) - low - high) / (high - low))
 
@@ -95,7 +101,7 @@ def surfaces_of(
         accuracy: (m,) of a reading at the gauge, SI.
         kind: of surface; ``auto`` takes that of the smallest leave-one-out error.
     """
-    found: list[ResponseSurface] = []
+    chosen: list[ResponseSurface] = []
     before: Hyperparameters | None = None
     for y, size in zip(readings.T, accuracy.tolist(), strict=True):
         tried: list[ResponseSurface] = []
@@ -105,8 +111,8 @@ def surfaces_of(
             tried.append(process)
         if kind != "gaussian-process" and not any(good(one, size) for one in tried):
             tried += [fitted_polynomial(u, y, order) for order in orders(len(u), u.shape[1])]
-        found.append(min(tried, key=lambda one: rms(one.errors)))
-    return tuple(found)
+        chosen.append(min(tried, key=lambda one: rms(one.errors)))
+    return tuple(chosen)
 
 
 def good(surface: ResponseSurface, accuracy: float) -> bool:
@@ -117,7 +123,7 @@ def good(surface: ResponseSurface, accuracy: float) -> bool:
 def best_process(
     u: Floats, y: Floats, accuracy: float, before: Hyperparameters | None
 ) -> GaussianProcess:
-    """The process that foretells the runs best: smooth, or with a bend here and there.
+    """The process of the best leave-one-out prediction: squared exponential, or Matern's 5/2.
 
     Args:
         u: (r, n) coordinates of the runs.
@@ -139,16 +145,13 @@ def _surprise(process: GaussianProcess) -> float:
 
 
 def calibration(surface: ResponseSurface) -> float:
-    """Factor on the standard deviation of a surface: at least 1, more where runs surprise it.
+    """Factor on the standard deviation of a surface, at least 1: rms of its z at left-out runs.
 
     Its variance is estimated from so many degrees of freedom: that of Student's distribution.
     """
     freedom = max(surface.freedom, _LEAST_FREEDOM)
     student = np.sqrt(freedom / (freedom - 2.0))
     return float(max(1.0, rms(surface.errors / surface.expected)) * student)
-
-
-_LEAST_FREEDOM = 3
 
 
 def together(surfaces: Sequence[ResponseSurface]) -> Floats:
@@ -160,14 +163,14 @@ def together(surfaces: Sequence[ResponseSurface]) -> Floats:
     size = np.sqrt(np.mean(z**2, axis=0))
     z = z / np.where(size > 0.0, size, 1.0)
     count = len(z)
-    found = z.T @ z / count
-    spread = (z**2).T @ (z**2) / count - found**2
-    off = ~np.eye(len(found), dtype=bool)
-    total = float((found[off] ** 2).sum())
+    correlation = z.T @ z / count
+    spread = (z**2).T @ (z**2) / count - correlation**2
+    off = ~np.eye(len(correlation), dtype=bool)
+    total = float((correlation[off] ** 2).sum())
     part = min(1.0, float(spread[off].sum()) / (count - 1) / total) if total > 0.0 else 0.0
-    found = (1.0 - part) * found
-    np.fill_diagonal(found, 1.0)
-    return np.asarray(found)
+    correlation = (1.0 - part) * correlation
+    np.fill_diagonal(correlation, 1.0)
+    return np.asarray(correlation)
 
 
 def error_root(surfaces: Sequence[ResponseSurface], u: Floats) -> Floats:
@@ -178,8 +181,5 @@ def error_root(surfaces: Sequence[ResponseSurface], u: Floats) -> Floats:
     """
     sd = np.array([calibration(one) * one.deviation(u) for one in surfaces])
     size, vectors = np.linalg.eigh(together(surfaces))
-    kept = size > _NOTHING * size.max(initial=0.0)
+    kept = size > _LEAST_EIGENVALUE * size.max(initial=0.0)
     return np.asarray(sd[:, None] * vectors[:, kept] * np.sqrt(size[kept]))
-
-
-_NOTHING = 1e-12
