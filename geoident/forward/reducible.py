@@ -76,6 +76,7 @@ class ReducibleResponse(StagedResponse):
             model.march, model.observation, self._last, most=most, economical=economical
         )
         self._shared.reduction = self.reduction
+        model.known_displacements = self.reduction.displacements
 
     def surrogate_obstacle(self) -> str | None:
         """Why there is no surrogate, a clause, or None if there may be one."""

@@ -23,7 +23,13 @@ from geoident.forward.gauges.instrument_errors import ReadingPlaces
 from geoident.forward.gauges.observation import MarchState, Observation
 from geoident.forward.ground.elasticity import inadmissible_moduli
 from geoident.forward.march.fields import MeshRecorder
-from geoident.forward.march.march import March, Run, RunFindings, RunOptions
+from geoident.forward.march.march import (
+    KnownDisplacements,
+    March,
+    Run,
+    RunFindings,
+    RunOptions,
+)
 from geoident.forward.march.plastic_step import PlasticFindings
 from geoident.forward.march.stage import StageEnd
 from geoident.forward.march.systems import StageSystems
@@ -129,6 +135,7 @@ class StagedKernel(ObservedModel):
 
     Attributes:
         face: what turns distances to a tunnel face into released parts.
+        known_displacements: of the states at parameters (n,), where a surrogate knows them.
     """
 
     def __init__(self, on_mesh: CaseOnMesh, observation: Observation, *, solver: Solver) -> None:
@@ -142,6 +149,7 @@ class StagedKernel(ObservedModel):
         self.face = advancing_face(on_mesh, solver)
         self.march = March(on_mesh, self.systems, self.face)
         self.actions = self.march.actions
+        self.known_displacements: Callable[[Floats], KnownDisplacements | None] = _not_known
         self._kept: ResumableMarch | None = None
         self._ways: dict[tuple[int, bytes, bytes], ReadingAdjoints] = {}
 
@@ -252,8 +260,11 @@ class StagedKernel(ObservedModel):
             ModelError: the stiffness of a stage is not positive definite.
             ValueError: ``adjoints`` where ground yields, or a reading is not linear in the state.
         """
-        back = self._way_chosen(p, query, adjoints) if query.derivatives else None
-        run, states = self._marched(p, query, back, tell)
+        # evaluations are those of the model itself; what is looked at beside them may follow
+        beside = query.survey or query.partial
+        known = self.known_displacements(p) if beside and not tell else None
+        back = self._way_chosen(p, query, adjoints) if query.derivatives and not known else None
+        run, states = self._marched(p, query, back, tell, known)
         values = self.values(p)
         recorder = MeshRecorder(self.on_mesh, self.structures) if query.fields else None
         with_members = query.survey and query.last == len(self.bases) - 1
@@ -301,14 +312,20 @@ class StagedKernel(ObservedModel):
         return self.way_back(query.places, query.last) if adjoints else None
 
     def _marched(
-        self, p: Floats, query: Query, back: ReadingAdjoints | None, tell: Tell | None
+        self,
+        p: Floats,
+        query: Query,
+        back: ReadingAdjoints | None,
+        tell: Tell | None,
+        known: KnownDisplacements | None,
     ) -> tuple[Run, Iterator[Seen] | Sequence[Seen]]:
         """A march at p (n,) and its states: of the one that is kept, or one by one."""
         kept = self._kept if tell is None else None
         here = kept is not None and np.array_equal(kept.p, p)
         if back is None and self.keeps_march and (query.derivatives or here):
             self._kept = None  # its memory is free for the next
-            march = kept if here and kept is not None else ResumableMarch(self, p, _WHOLE)
+            options = replace(_WHOLE, displacements=known)
+            march = kept if here and kept is not None else ResumableMarch(self, p, options)
             march.to(query.last, tell)
             self._kept = march
             return march.run, march.states[: query.last + 1]
@@ -322,6 +339,7 @@ class StagedKernel(ObservedModel):
             explain=query.survey or at_start,
             partial=query.partial,
             traced=back is not None,
+            displacements=known,
         )
         run = self.at(p, options)
         return run, self._seen_of(run, back, tell, coinciding=query.survey)
@@ -367,6 +385,10 @@ class StagedKernel(ObservedModel):
     def _told(self, state: int) -> None:
         if self.on_state is not None:
             self.on_state(state)
+
+
+def _not_known(_: Floats) -> None:
+    """No displacements are known before a surrogate is made."""
 
 
 def _values(end: StageEnd) -> StageEnd:

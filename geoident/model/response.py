@@ -69,6 +69,13 @@ class Evaluation:
     activity: Activity | None = None
 
 
+CERTAIN = 1e-9
+"""Relative error in energy up to which a surrogate is as good as the model.
+
+Its derivatives then agree with those of the model to about 1e-6.
+"""
+
+
 class Surrogate(Response, Protocol):
     """A model that stands for another one and estimates its own error: a reduced model."""
 

@@ -62,6 +62,7 @@ from geoident.forward.march.stage import (
     StageTask,
     UnitForces,
     elastic_step,
+    follow_displacements,
 )
 from geoident.forward.march.systems import StageSystem, StageSystems
 from geoident.forward.stages import CaseOnMesh, ConstructionState
@@ -74,6 +75,10 @@ HELD_ENTRIES = 8_000_000
 
 Their factors have ten (in the plane) to fifty times as many: 1 to 3 GB.
 """
+
+
+KnownDisplacements = Callable[[int], Floats | None]
+"""Displacements (n_dofs, 1 + n) of a state with their derivatives; None where not known."""
 
 
 @dataclass(frozen=True)
@@ -89,6 +94,7 @@ class RunOptions:
         even_only: no flow in bands of shear is looked for (`PlasticSteps`).
         traced: keep what adjoints need of every stage; without derivatives, and only where nothing
             yields.
+        displacements: of elastic states, where they are known; these are not solved for.
     """
 
     derivatives: bool = True
@@ -98,6 +104,7 @@ class RunOptions:
     partial: bool = False
     traced: bool = False
     even_only: bool = False
+    displacements: KnownDisplacements | None = None
 
 
 @dataclass(frozen=True)
@@ -301,8 +308,13 @@ class Run:
         self._clear(self._systems[number], state, carried, u)
         task = self._task(number, carried, forces, march.thermal.change(number, self._point))
         task = replace(task, motion=march.motions.change(number, self._point))
+        given = self._options.displacements
+        known = None if given is None else given(number)
         if self._plastic is not None and self._plastic.yields(state):
             du, yielded = self._plastic.step(task)
+        elif known is not None:
+            du, yielded = known[:, : u.shape[1]] - u, still
+            follow_displacements(task, self._systems, du)
         else:
             du, yielded = elastic_step(task, self._systems, self.factors), still
         if self._options.traced:

@@ -357,6 +357,25 @@ def elastic_step(task: StageTask, systems: StageSystems, last: LastFactor) -> Fl
     return np.hstack([first, others])
 
 
+def follow_displacements(task: StageTask, systems: StageSystems, du: Floats) -> None:
+    """Bring what is carried to the end of a stage whose displacement steps are known.
+
+    Args:
+        task: the stage, in which temperatures and supports stay as they are.
+        systems: the equations of the stages.
+        du: (n_dofs, 1 + n) displacement steps.
+    """
+    strain, moduli = systems.discretization.points.strain(du), task.elasticity()
+    if du.shape[1] > 1:
+        add_moduli_slopes(task, strain[..., 0], task.carried.stress[..., 1:])
+    for material, points in task.system.points_of.items():
+        task.carried.stress[:, points] += moduli[material].stress(strain[:, points])
+    if systems.structures.n_rows:
+        members = systems.structures.strain(du)
+        task.carried.members[:, 1:] += task.moduli[:, 1 : du.shape[1]] * members[:, :1]
+        task.carried.members[:] += task.moduli[:, :1] * members
+
+
 def impose_motion(task: StageTask, systems: StageSystems) -> None:
     """Bring what supports impose into what is carried, with its derivatives; those of E come later.
 

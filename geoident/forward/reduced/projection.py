@@ -132,6 +132,14 @@ class GalerkinProjection:
         self._turn_of: dict[str, Floats] = {}
         self._turn: dict[int, Floats] = {}  # by state, what makes its basis of the columns
 
+    def displacements(self, state: int, q: Floats) -> Floats:
+        """Displacements (n_dofs, k) of a state by its coordinates (N, k)."""
+        columns = self._turn[state] @ q
+        places = np.cumsum([snapshot.columns for snapshot in self._snapshots])[:-1]
+        parts = zip(self._snapshots, np.split(columns, places), strict=True)
+        first, *others = [snapshot.motion[state] @ part for snapshot, part in parts]
+        return np.asarray(sum(others, first))
+
     def stages(self) -> tuple[ReducedStage, ...] | None:
         """All states; None where the loads of the snapshots do not yet span those of the case."""
         combination = self._combination()

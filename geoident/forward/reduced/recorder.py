@@ -35,7 +35,7 @@ from geoident.forward.march.stage import StageEnd
 from geoident.forward.reduced.affine_march import AffineMarch
 from geoident.model.arrays import Floats
 
-MOST_FURTHER = 24
+MOST_FURTHER = 16
 """Further columns of an analysis at most: more of them cost more to project than they save."""
 
 _ALIKE = 1e-9

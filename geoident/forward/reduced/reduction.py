@@ -12,14 +12,17 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Sequence
 
+import numpy as np
+
 from geoident.forward.gauges.observation import Observation
-from geoident.forward.march.march import March
+from geoident.forward.march.march import KnownDisplacements, March
 from geoident.forward.reduced.affine_march import AffineMarch, affine_march
 from geoident.forward.reduced.model import ReducedModel
 from geoident.forward.reduced.projection import GalerkinProjection
 from geoident.forward.reduced.recorder import MOST_FURTHER, Recorder, Snapshot
 from geoident.forward.reduced.zones import zones_of
 from geoident.model.arrays import Floats
+from geoident.model.response import CERTAIN
 
 PROJECTED = 5.0
 """How much slower an operation of the projection is than one of a factorization, with repetitions.
@@ -62,7 +65,7 @@ class Reduction:
         self.snapshots: dict[bytes, Snapshot] = {}
         self._affine: AffineMarch | None = None  # found when the first march is to be recorded
         self._further = 0
-        self._made: tuple[tuple[bytes, ...], ReducedModel | None] | None = None
+        self._made: tuple[tuple[bytes, ...], ReducedModel | None, GalerkinProjection] | None = None
         self.obstacle = reduction_obstacle(march)
 
     def covers(self) -> bool:
@@ -92,7 +95,7 @@ class Reduction:
         if each * columns > MOST_ENTRIES:
             return "what a march leaves for it does not fit into the memory"
         # further ones need as much again beside, while they are made
-        further = MOST_FURTHER if self.economical else MOST_FURTHER // 2
+        further = MOST_FURTHER
         self._further = further if 2 * each * (columns + further) <= MOST_ENTRIES else 0
         self.most = max(1, min(self.most, MOST_ENTRIES // (each * (columns + self._further))))
         self._affine = affine
@@ -140,7 +143,9 @@ class Reduction:
         """What records an analysis at p (n,); None where the case has no reduced model."""
         if not self.covers() or self._affine is None:
             return None
-        return Recorder(self._affine, self._observation, p, further=self._further)
+        # of a search the first analysis is to reach as far as its end
+        further = 0 if self.economical and self.snapshots else self._further
+        return Recorder(self._affine, self._observation, p, further=further)
 
     def model(
         self, visited: Sequence[Floats], reference: Floats | None = None
@@ -158,10 +163,36 @@ class Reduction:
         key = (*(p.tobytes() for p in visited), reference.tobytes())
         if self._made is None or self._made[0] != key:
             snapshots = [self.snapshots[p.tobytes()] for p in visited]
-            stages = GalerkinProjection(affine, snapshots, reference).stages()
+            projection = GalerkinProjection(affine, snapshots, reference)
+            stages = projection.stages()
             model = None if stages is None else ReducedModel(affine.form, reference, stages)
-            self._made = key, model
+            self._made = key, model, projection
         return self._made[1]
+
+    def displacements(self, p: Floats) -> KnownDisplacements | None:
+        """Displacements of the states at p (n,) by the model that was made last.
+
+        None where that is not as good as an analysis, or where the virgin ground settles, whose
+        motion is forgotten.
+        """
+        _, model, projection = self._made or ((), None, None)
+        if model is None or projection is None or model.form.loads.settles:
+            return None
+        try:
+            states = model.states(p[None])
+            if not model.errors(states)[0] <= CERTAIN:
+                return None
+        except (ValueError, np.linalg.LinAlgError):
+            return None
+
+        def known(state: int) -> Floats | None:
+            return (
+                projection.displacements(state, states.states[state][0])
+                if state <= self.last
+                else None
+            )
+
+        return known
 
 
 def reduction_obstacle(march: March) -> str | None:

@@ -29,6 +29,7 @@ from geoident.model.methods import (
     ScanOptions,
     SquaredOptions,
 )
+from geoident.model.response import CERTAIN
 from geoident.model.results.result import STOPPED
 from geoident.workflow.estimating.accuracies import (
     accuracy_table,
@@ -62,7 +63,7 @@ from geoident.workflow.estimating.setup import (
     used_response,
 )
 from geoident.workflow.estimating.surface_error import is_steady, with_surface_error
-from geoident.workflow.running.cached_response import CERTAIN, EXACT, by_surrogate, substituting
+from geoident.workflow.running.cached_response import EXACT, known_nearly, substituting
 from geoident.workflow.running.control import OUT_OF_TIME, Control
 from geoident.workflow.running.evaluation_log import Log
 from geoident.workflow.running.readings import error_structure, reading_table, used_rows
@@ -98,7 +99,8 @@ def estimated(
     """The parameters that meet the readings of a setup, and all that is estimated with them.
 
     The surrogate answers linearised steps wherever it is `CERTAIN`, and a search that begins where
-    another ended wherever it is `EXACT`. At the end the model itself is asked.
+    another ended wherever it is `EXACT`. At the end the model itself is asked unless it is
+    `CERTAIN`.
 
     Where ground yields, a search that begins where another ended weighs the readings there: what
     they would say without model error is not asked for.
@@ -259,9 +261,9 @@ class _Search:
         return self._with_accuracies(at) if found is None else found
 
     def _confirmed(self, at: SearchState) -> SearchState:
-        """The same, confirmed by the model itself where the surrogate has answered."""
+        """The same, confirmed by the model itself where the surrogate has answered nearly."""
         _, problem, outcome = at
-        if outcome.status == STOPPED or not by_surrogate(problem.response, outcome.values):
+        if outcome.status == STOPPED or not known_nearly(problem.response, outcome.values):
             return at
         again = self.descent(problem.begun_at(outcome.values))
         return at._replace(outcome=after(outcome, again))

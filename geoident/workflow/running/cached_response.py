@@ -35,6 +35,7 @@ from geoident.identify.problem.responses import (
 )
 from geoident.model.arrays import Floats
 from geoident.model.response import (
+    CERTAIN,
     BilinearSystem,
     Condensed,
     Evaluation,
@@ -61,11 +62,6 @@ EXACT = 1e-6
 """Error in energy, relative, up to which the surrogate stands for the model where the model is
 asked once more at the end. What is found by it (weights of readings, and where to look at the model
 itself) is known to 0.2 % at best."""
-
-
-CERTAIN = 1e-9
-"""Error up to which it does so in a search whose weights are those of its end: steps by derivatives
-that agree to about 1e-6 are as good as those of the model."""
 
 
 class Staged(AffineElastic, YieldSystem, HasOpening, Protocol):
@@ -109,7 +105,7 @@ class CachedResponse:
         self._visited: list[Floats] = []
         self._metric = ""  # of the first condensation
         self._tolerance = 0.0
-        self._substituted: set[bytes] = set()  # where the surrogate has answered
+        self._nearly: set[bytes] = set()  # where the surrogate has answered, but is not `CERTAIN`
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -224,25 +220,28 @@ class CachedResponse:
         finally:
             self._tolerance = before
 
-    def by_surrogate(self, p: Floats) -> bool:
-        """Whether at p (n,) the surrogate has answered, and not the model."""
-        return p.tobytes() in self._substituted and ("evaluate", p.tobytes()) not in self._asked
+    def known_nearly(self, p: Floats) -> bool:
+        """Whether at p (n,) the surrogate has answered with an error that is not `CERTAIN`."""
+        return p.tobytes() in self._nearly and ("evaluate", p.tobytes()) not in self._asked
 
     def visited(self) -> Sequence[Floats]:
         """Parameter vectors (n,) of whose evaluations the surrogate is made, in their order."""
         return tuple(self._visited)
 
     def answer(self, p: Floats) -> EvaluationArrays | None:
-        """Readings, derivatives and increments of the model at p (n,), where they are known."""
-        return self._log.find("evaluate", p)
+        """Readings, derivatives and increments at p (n,), where they are known and `CERTAIN`."""
+        known = self._log.find("evaluate", p)
+        if known is not None:
+            return known
+        known = self._log.find(self._kind_of_surrogate(), p)
+        return known if known is not None and known["error"][0] <= CERTAIN else None
 
     def _substitute(self, p: Floats) -> EvaluationArrays | None:
         """What the surrogate says at p (n,); None where it is not asked or not close."""
         tolerance = self._tolerance
         if not tolerance or not self._visited or ("evaluate", p.tobytes()) in self._asked:
             return None
-        # it is another one after each evaluation
-        kind = f"surrogate {sha256(np.array(self._visited).tobytes()).hexdigest()[:16]}"
+        kind = self._kind_of_surrogate()
         known = self._log.find(kind, p)
         if known is None or ("v" not in known and known["error"][0] <= tolerance):
             known = self._ask_surrogate(p, tolerance)
@@ -251,8 +250,13 @@ class CachedResponse:
             self._log.add(kind, p, known)
         if not known["error"][0] <= tolerance:
             return None
-        self._substituted.add(p.tobytes())
+        if known["error"][0] > CERTAIN:
+            self._nearly.add(p.tobytes())
         return known
+
+    def _kind_of_surrogate(self) -> str:
+        """What its answers are called in the log: it is another one after each evaluation."""
+        return f"surrogate {sha256(np.array(self._visited).tobytes()).hexdigest()[:16]}"
 
     def _ask_surrogate(self, p: Floats, tolerance: float) -> EvaluationArrays | None:
         """The surrogate's answer at p (n,), its error alone if that is too large; None for none."""
@@ -407,6 +411,6 @@ def substituting(response: Response, tolerance: float = EXACT) -> Iterator[None]
         yield
 
 
-def by_surrogate(response: Response, p: Floats) -> bool:
-    """Whether at p (n,) a surrogate has answered, and not the model."""
-    return isinstance(response, CachedResponse) and response.by_surrogate(p)
+def known_nearly(response: Response, p: Floats) -> bool:
+    """Whether at p (n,) a surrogate has answered with an error that is not `CERTAIN`."""
+    return isinstance(response, CachedResponse) and response.known_nearly(p)

@@ -18,7 +18,7 @@ from geoident.forward.actions.motions import _centroid as centroid
 from geoident.forward.actions.motions import closed_line, interpolated
 from geoident.forward.affine import affine_obstacle
 from geoident.forward.checks import check_on_mesh
-from geoident.forward.reduced.coverage import reduction_obstacle
+from geoident.forward.reduced.reduction import reduction_obstacle
 from geoident.model.actions import Contraction, MotionField, Pressure
 from geoident.model.case import Analysis, Stage, Support
 from geoident.model.mesh import nodes_in

@@ -13,7 +13,7 @@ from support.meshes import box
 
 from geoident.errors import InputError
 from geoident.forward.affine import affine_obstacle
-from geoident.forward.reduced.coverage import reduction_obstacle
+from geoident.forward.reduced.reduction import reduction_obstacle
 from geoident.model.actions import Pressure
 from geoident.model.case import Analysis, Material, Stage, Support
 from geoident.model.ground import (
