@@ -253,7 +253,7 @@ class CollapseError(ModelError):
         motion: the same on its mesh (`geoident.model.results.yielded.Mechanism`), to be drawn;
             None where it is not known. It does not leave its process.
         reached: the last equilibrium that was found on the way to the load
-            (`geoident.forward.march.stage.LastEquilibrium`), or None; it stays there, too.
+            (`geoident.forward.analysis.stage.LastEquilibrium`), or None; it stays there, too.
     """
 
     def __init__(

@@ -42,7 +42,7 @@ _Data = TypeVar("_Data", bound=Ended)
 
 
 @dataclass(frozen=True, repr=False)
-class Found(Generic[_Data]):
+class ResultHandle(Generic[_Data]):
     """What was found, how that ended, and where it stands.
 
     Args:

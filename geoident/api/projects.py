@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from geoident.api.calling import AnyPath, Progress, control, spoken
-from geoident.api.found import Found
+from geoident.api.found import ResultHandle
 from geoident.api.tables import ResultTable
 from geoident.io.result.project import read_project_result
 from geoident.io.text.wording import did_you_mean
@@ -55,7 +55,7 @@ class SectionFit:
 
 
 @dataclass(frozen=True, repr=False)
-class ProjectFit(Found[ProjectResult]):
+class ProjectFit(ResultHandle[ProjectResult]):
     """What `fit_project` found: what the sections share, their laws, and each of them.
 
     Args:

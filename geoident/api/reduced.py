@@ -106,9 +106,14 @@ class KeptModel:
         return dict(zip(kept.names, ends, strict=True))
 
     @property
-    def marches(self) -> Floats:
+    def analyses(self) -> Floats:
         """(m, n) parameters at which the model was evaluated for it: there it is exact. SI."""
-        return self._restored.kept.marches
+        return self._restored.kept.analyses
+
+    @property
+    def marches(self) -> Floats:
+        """The old name of `analyses`, (m, n)."""
+        return self.analyses
 
     @property
     def pairs(self) -> tuple[tuple[str, str], ...]:
@@ -178,4 +183,4 @@ class KeptModel:
 
     def __repr__(self) -> str:
         names = ", ".join(self.parameters)
-        return f"KeptModel({len(self.pairs)} readings by {names}; of {len(self.marches)} marches)"
+        return f"KeptModel({len(self.pairs)} readings by {names}; of {len(self.analyses)} analyses)"

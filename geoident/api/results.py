@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from geoident.api.arrays import dataset
 from geoident.api.calling import AnyPath, spoken
-from geoident.api.found import Found
+from geoident.api.found import ResultHandle
 from geoident.api.notebook import result_html
 from geoident.api.plots import Plots
 from geoident.api.reduced import KeptModel
@@ -38,7 +38,7 @@ _MOST = 4
 
 
 @dataclass(frozen=True, repr=False)
-class ResultFile(Found[Result]):
+class ResultFile(ResultHandle[Result]):
     """A result and where it stands. In a notebook it shows its parameters and the overview.
 
     Args:

@@ -14,14 +14,14 @@ from typing import Generic, TypeVar
 from geoident.cli.options import Options
 from geoident.cli.trust import asked
 from geoident.errors import InputError
-from geoident.forward.elsewhere.model import ElsewhereModel
+from geoident.forward.external.model import ExternalModel
 from geoident.io.mesh.file import mesh_files
 from geoident.io.text.atomic import atomic_output, make_folder
 from geoident.io.text.named_files import named_files
 from geoident.io.text.text_file import decode, read_bytes
 from geoident.io.text.yaml_reader import MAX_BYTES, parse_yaml
 from geoident.model.cluster import Cluster
-from geoident.model.elsewhere import ExternalProgram, PythonFunction
+from geoident.model.external import ExternalProgram, PythonFunction
 from geoident.workflow.executing.cluster import DaskCluster
 from geoident.workflow.executing.executor import Converted, Executor
 from geoident.workflow.executing.on_cluster import in_own_folder
@@ -207,7 +207,7 @@ def run_cases(cases: Sequence[str], options: Options) -> dict[str, RunCase]:
             inputs = load_inputs(case, overrides=options.overrides)
             given = inputs.case.elsewhere
             model = build_model(inputs) if given is not None else None
-            if isinstance(model, ElsewhereModel) and isinstance(
+            if isinstance(model, ExternalModel) and isinstance(
                 given, ExternalProgram | PythonFunction
             ):
                 found[case] = RunCase(given, "")

@@ -51,7 +51,7 @@ class Stoppable(Protocol):
 
 
 @dataclass
-class Heard:
+class SignalLog:
     """The signal that was heard first.
 
     Args:
@@ -62,9 +62,9 @@ class Heard:
 
 
 @contextmanager
-def stop_runs_on_signals(runs: Stoppable) -> Iterator[Heard]:
+def stop_runs_on_signals(runs: Stoppable) -> Iterator[SignalLog]:
     """The same for many runs: the first signal lets those end that run, the second ends them."""
-    heard = Heard()
+    heard = SignalLog()
 
     def ask(number: int, frame: FrameType | None) -> None:
         if heard.code is not None:

@@ -1,1 +1,1 @@
-"""Staged construction: the march through the stages, the gauges' readings, their derivatives."""
+"""Staged construction: the analysis through the stages, the gauges' readings, their derivatives."""

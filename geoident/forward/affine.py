@@ -23,10 +23,10 @@ import numpy as np
 
 from geoident.forward.actions.forces import HELD_EDGES
 from geoident.forward.actions.thermal import NORMAL_COMPONENTS
+from geoident.forward.analysis.analysis import StagedAnalysis
 from geoident.forward.checks import inadmissible_numbers
 from geoident.forward.ground.elasticity import elasticity
 from geoident.forward.in_situ.stress import NEGLIGIBLE_IMBALANCE, in_situ_models
-from geoident.forward.march.march import March
 from geoident.forward.structures.members import rigidities
 from geoident.forward.yielding.surfaces import yield_planes
 from geoident.model.actions import WaterPressure
@@ -71,39 +71,39 @@ class EquationPart:
     explain: Callable[[Collection[str]], str | None] = lambda _: None
 
 
-def condensation_obstacle(march: March) -> str | None:
+def condensation_obstacle(analysis: StagedAnalysis) -> str | None:
     """Why the equations are not affine in displacements and parameters, or None if they are."""
-    for name in march.sequence.materials:
-        if march.case.materials[name].yields:
+    for name in analysis.sequence.materials:
+        if analysis.case.materials[name].yields:
             return f"{name} yields: its stresses are not linear in the displacements"
-    return affine_obstacle(march)
+    return affine_obstacle(analysis)
 
 
-def affine_obstacle(march: March) -> str | None:
+def affine_obstacle(analysis: StagedAnalysis) -> str | None:
     """Why the elastic equations are not affine in the parameters, a clause; None if they are."""
-    case = march.case
-    for field in march.on_mesh.fields:
+    case = analysis.case
+    for field in analysis.on_mesh.fields:
         return f"{field.constant} of {field.material} is a field: it is not linear in its modes"
     for growth in case.growths:
         return f"{growth.words}: its equations are not made as sums"
-    moved = march.motions.moved()
+    moved = analysis.motions.moved()
     if moved is not None:
         return f"the support '{moved}' is moved: its motion times a modulus is a load"
     for stage in case.stages:
         if stage.supports:
             return f"the stage '{stage.name}' changes what is held"
-    admissible = partial(_is_admissible, march)
-    return first_obstacle(_parts(march), case.parameters, admissible)
+    admissible = partial(_is_admissible, analysis)
+    return first_obstacle(_parts(analysis), case.parameters, admissible)
 
 
-def affine_yield_obstacle(march: March, material: Material) -> str | None:
+def affine_yield_obstacle(analysis: StagedAnalysis, material: Material) -> str | None:
     """Why distances and hardening of a material's yield planes are not affine, or None."""
-    parts = _yield_parts(material, march.systems.discretization.points.n_strain)
-    return first_obstacle(parts, march.case.parameters, partial(_is_admissible, march))
+    parts = _yield_parts(material, analysis.systems.discretization.points.n_strain)
+    return first_obstacle(parts, analysis.case.parameters, partial(_is_admissible, analysis))
 
 
-def _is_admissible(march: March, values: Values) -> bool:
-    return inadmissible_numbers(march.case, march.sequence, values) is None
+def _is_admissible(analysis: StagedAnalysis, values: Values) -> bool:
+    return inadmissible_numbers(analysis.case, analysis.sequence, values) is None
 
 
 def first_obstacle(
@@ -198,21 +198,21 @@ def _table(part: EquationPart, point: ParameterPoint) -> Floats:
     return np.asarray(part.columns(point).reshape(-1, point.n_columns))
 
 
-def _parts(march: March) -> Iterator[EquationPart]:
+def _parts(analysis: StagedAnalysis) -> Iterator[EquationPart]:
     """Everything of which the elastic equations of a model are made."""
-    case = march.case
+    case = analysis.case
     section = case.analysis.dim == 2
-    for name in march.sequence.materials:
+    for name in analysis.sequence.materials:
         yield stiffness_part(case.materials[name], section=section)
     yield EquationPart(
-        "the in-situ stress", march.in_situ.columns, lambda n: _explain_in_situ(case, n)
+        "the in-situ stress", analysis.in_situ.columns, lambda n: _explain_in_situ(case, n)
     )
     for name, structure in case.structures.items():
         yield _rigidity_part(name, structure)
-    yield from _prestress_parts(march)
-    yield from _force_parts(march)
-    yield from _thermal_parts(march)
-    yield from _release_parts(march)
+    yield from _prestress_parts(analysis)
+    yield from _force_parts(analysis)
+    yield from _thermal_parts(analysis)
+    yield from _release_parts(analysis)
 
 
 def stiffness_part(material: Material, *, section: bool) -> EquationPart:
@@ -290,20 +290,20 @@ def _rigidity_part(name: str, structure: Structure) -> EquationPart:
     return EquationPart(f"the stiffness of the structure '{name}'", columns, explain)
 
 
-def _prestress_parts(march: March) -> Iterator[EquationPart]:
+def _prestress_parts(analysis: StagedAnalysis) -> Iterator[EquationPart]:
     """Forces at which bars are locked off, as they act on the ground: spread over a spacing."""
-    for state in march.sequence.states:
+    for state in analysis.sequence.states:
         for name in state.stressed:
             one = replace(state, stressed={name: state.stressed[name]}, locked={})
             yield EquationPart(
                 f"the prestress of the structure '{name}' at stage '{state.name}'",
-                partial(march.systems.structures.locked, one),
+                partial(analysis.systems.structures.locked, one),
             )
 
 
-def _force_parts(march: March) -> Iterator[EquationPart]:
+def _force_parts(analysis: StagedAnalysis) -> Iterator[EquationPart]:
     """Nodal forces of every kind in every state."""
-    levels = {level for level in _water_levels(march.case) if level is not None}
+    levels = {level for level in _water_levels(analysis.case) if level is not None}
 
     def explain(names: Collection[str]) -> str | None:
         level = next((name for name in names if name in levels), None)
@@ -311,8 +311,8 @@ def _force_parts(march: March) -> Iterator[EquationPart]:
             return None
         return f"the water ends at the level {level}, so its pressure is not linear in it"
 
-    for n, state in enumerate(march.sequence.states):
-        parts = list(march.actions.parts(n))
+    for n, state in enumerate(analysis.sequence.states):
+        parts = list(analysis.actions.parts(n))
         # what holds the edges is made of what is looked at before it
         for name, forces in sorted(parts, key=lambda part: part[0] == HELD_EDGES):
             yield EquationPart(f"{name} at stage '{state.name}'", forces, explain)
@@ -330,33 +330,35 @@ def _water_levels(case: Case) -> Iterator[str | None]:
                 yield None if load.falls is None else load.falls.level.parameter
 
 
-def _thermal_parts(march: March) -> Iterator[EquationPart]:
+def _thermal_parts(analysis: StagedAnalysis) -> Iterator[EquationPart]:
     """Thermal stresses: a modulus times the expansion times the temperature."""
-    for n, state in enumerate(march.sequence.states):
-        for group in march.thermal.warmed(n):
+    for n, state in enumerate(analysis.sequence.states):
+        for group in analysis.thermal.warmed(n):
             yield EquationPart(
                 f"the thermal stress of {state.materials[group]}",
-                partial(_thermal_stress, march, n, group),
+                partial(_thermal_stress, analysis, n, group),
             )
 
 
-def _thermal_stress(march: March, state: int, group: int, point: ParameterPoint) -> Floats:
+def _thermal_stress(
+    analysis: StagedAnalysis, state: int, group: int, point: ParameterPoint
+) -> Floats:
     """E eps_0 (6, k, 1 + n) that a state imposes on the k points of a group."""
-    material = march.case.materials[march.sequence.states[state].materials[group]]
-    moduli = elasticity(material.elastic, point, section=march.case.analysis.dim == 2).columns
+    material = analysis.case.materials[analysis.sequence.states[state].materials[group]]
+    moduli = elasticity(material.elastic, point, section=analysis.case.analysis.dim == 2).columns
     per_strain = Dual(moduli[:, :NORMAL_COMPONENTS].sum(axis=1)[:, None])
-    return (per_strain * march.thermal.strain(state, group, point)).columns
+    return (per_strain * analysis.thermal.strain(state, group, point)).columns
 
 
-def _release_parts(march: March) -> Iterator[EquationPart]:
+def _release_parts(analysis: StagedAnalysis) -> Iterator[EquationPart]:
     """What groups that left still hold: a fraction of forces that depend on parameters."""
-    for n, state in enumerate(march.sequence.states):
+    for n, state in enumerate(analysis.sequence.states):
         for group, fraction in state.release.items():
             if isinstance(fraction, Scalar) and fraction.parameter is None:
                 continue
-            part = partial(march.release.part, n, group)
-            name = f"what '{march.sequence.groups[group]}' still holds at stage '{state.name}'"
-            for columns in _support_of(march, n, group):
+            part = partial(analysis.release.part, n, group)
+            name = f"what '{analysis.sequence.groups[group]}' still holds at stage '{state.name}'"
+            for columns in _support_of(analysis, n, group):
                 yield EquationPart(name, partial(_held, part, columns))
 
 
@@ -370,28 +372,28 @@ def _held(
 
 
 def _support_of(
-    march: March, state: int, group: int
+    analysis: StagedAnalysis, state: int, group: int
 ) -> Iterator[Callable[[ParameterPoint], Floats]]:
     """What the forces of a group that left are made of: its loads, and its stress.
 
     The stress is the in-situ one and, where the ground has moved, moduli times strains; less the
     thermal one.
     """
-    case, sequence = march.case, march.sequence
+    case, sequence = analysis.case, analysis.sequence
     left = next(
         n for n, before in enumerate(sequence.states)
         if group in before.leaving and (n == state or sequence.built_on[n, state])
     )  # fmt: skip
     base = sequence.states[left].base
-    yield lambda point: march.actions.carried(base, {group}, point)
-    points = march.systems.discretization.points_of[group]
-    yield lambda point: march.in_situ.columns(point)[:, points]
+    yield lambda point: analysis.actions.carried(base, {group}, point)
+    points = analysis.systems.discretization.points_of[group]
+    yield lambda point: analysis.in_situ.columns(point)[:, points]
     way = [int(n) for n in np.flatnonzero(sequence.built_on[:, base])]
     start = ParameterPoint(case.start, ())
-    if base or march.virgin(start)[1].max() > NEGLIGIBLE_IMBALANCE:
+    if base or analysis.virgin(start)[1].max() > NEGLIGIBLE_IMBALANCE:
         made_of = [sequence.states[n].materials.get(group) for n in (0, *way)]
         for name in dict.fromkeys(name for name in made_of if name is not None):
             yield stiffness_part(case.materials[name], section=case.analysis.dim == 2).columns
     for n in way:
-        if group in march.thermal.warmed(n):
-            yield partial(_thermal_stress, march, n, group)
+        if group in analysis.thermal.warmed(n):
+            yield partial(_thermal_stress, analysis, n, group)

@@ -1,6 +1,6 @@
 """The staged model as stages of arrays: its complementarity system, where it has one (theory 5).
 
-The march does not use this; the formulations of the complementarity method that solve all stages
+The analysis does not use this; the formulations of the complementarity method that solve all stages
 and parameters at once do. What is not affine in the parameters, and what is more than strain points
 under forces, is refused with its reason.
 """
@@ -14,9 +14,9 @@ import numpy as np
 import scipy.sparse as sp
 
 from geoident.forward.affine import affine_obstacle, affine_yield_obstacle
+from geoident.forward.analysis.analysis import StagedAnalysis
 from geoident.forward.ground.elasticity import ModuliAt
 from geoident.forward.in_situ.stress import NEGLIGIBLE_IMBALANCE
-from geoident.forward.march.march import March
 from geoident.forward.staged_system import Affine, LoadStage, PointLaw, PointSet, StagedSystem
 from geoident.forward.stages import numbers
 from geoident.forward.structures.members import StructureMembers, rigidities
@@ -41,67 +41,71 @@ class ReadingRows:
     offset: Floats
 
 
-def export_obstacle(march: March, point: ParameterPoint) -> str | None:
+def export_obstacle(analysis: StagedAnalysis, point: ParameterPoint) -> str | None:
     """Why the equations of a model are no `StagedSystem`, a clause, or None if they are one.
 
     Args:
-        march: the staged model.
+        analysis: the staged model.
         point: the parameters to look at, and their names.
     """
-    return next(_obstacles(march, point), None)
+    return next(_obstacles(analysis, point), None)
 
 
-def _obstacles(march: March, point: ParameterPoint) -> Iterator[str]:
-    case = march.case
+def _obstacles(analysis: StagedAnalysis, point: ParameterPoint) -> Iterator[str]:
+    case = analysis.case
     for stage in case.stages:
         if stage.release or stage.distance is not None:
             yield f"the stage '{stage.name}' releases stress in part"
         if stage.temperature:
             yield f"the stage '{stage.name}' changes temperatures"
-    why = affine_obstacle(march)
+    why = affine_obstacle(analysis)
     if why:
         yield why
     for material in case.materials.values():
-        yield from _yield_obstacles(march, material, point)
+        yield from _yield_obstacles(analysis, material, point)
 
 
-def _yield_obstacles(march: March, material: Material, point: ParameterPoint) -> Iterator[str]:
+def _yield_obstacles(
+    analysis: StagedAnalysis, material: Material, point: ParameterPoint
+) -> Iterator[str]:
     if not material.yields:
         return
     if is_smooth(material):
         remedy = "" if curved_surface(material) else " (give 'planes')"
         yield f"{material.name} yields by a smooth surface, which has no planes{remedy}"
         return
-    n_strain = march.systems.discretization.points.n_strain
+    n_strain = analysis.systems.discretization.points.n_strain
     normals = yield_planes(material, point, n_strain).normals
     for column, name in enumerate(point.names):
         if normals.slope(column) is not None:
             yield f"{name} turns the yield planes of {material.name}"
-    why = affine_yield_obstacle(march, material)
+    why = affine_yield_obstacle(analysis, material)
     if why:
         yield why
 
 
-def export(march: March, point: ParameterPoint, readings: ReadingRows, last: int) -> StagedSystem:
+def export(
+    analysis: StagedAnalysis, point: ParameterPoint, readings: ReadingRows, last: int
+) -> StagedSystem:
     """The equations of a model up to a state.
 
     Args:
-        march: the staged model, without obstacle.
+        analysis: the staged model, without obstacle.
         point: any parameters inside the domain, all n: everything is affine around them.
         readings: what is read.
         last: number of the last state.
     """
-    return _Exporter(march, point).system(readings, last)
+    return _Exporter(analysis, point).system(readings, last)
 
 
 class _Exporter:
     """Point sets are the groups, and the axial and bending rows of every structure."""
 
-    def __init__(self, march: March, point: ParameterPoint) -> None:
-        self.march, self.point, self.n = march, point, len(point.names)
+    def __init__(self, analysis: StagedAnalysis, point: ParameterPoint) -> None:
+        self.analysis, self.point, self.n = analysis, point, len(point.names)
         self.p = np.array([point.values[name] for name in point.names])
-        self.s = march.systems.discretization.points.n_strain
-        self.ground = ModuliAt(march.on_mesh, self.point, self.s)
+        self.s = analysis.systems.discretization.points.n_strain
+        self.ground = ModuliAt(analysis.on_mesh, self.point, self.s)
         self.sets: list[PointSet] = []
         self.laws: list[PointLaw] = []
         self.set_of: dict[int, int] = {}
@@ -110,7 +114,7 @@ class _Exporter:
 
     def system(self, readings: ReadingRows, last: int) -> StagedSystem:
         """All states; the virgin one only where its stress must be balanced first."""
-        virgin, imbalance = self.march.virgin(self.point)
+        virgin, imbalance = self.analysis.virgin(self.point)
         self._add_sets(virgin)
         self._add_members()
         first = 1 if imbalance.max() <= NEGLIGIBLE_IMBALANCE else 0
@@ -131,7 +135,7 @@ class _Exporter:
         return Affine(np.asarray(columns[..., 0] - slopes @ self.p), slopes)
 
     def _add_sets(self, virgin: Floats) -> None:
-        discretization, states = self.march.systems.discretization, self.march.sequence.states
+        discretization, states = self.analysis.systems.discretization, self.analysis.sequence.states
         points = discretization.points
         for group, index in discretization.points_of.items():
             own = numbers(index, points.n_points)
@@ -141,7 +145,7 @@ class _Exporter:
             self.set_of[group] = len(self.sets)
             self.sets.append(
                 PointSet(
-                    self.march.sequence.groups[group],
+                    self.analysis.sequence.groups[group],
                     points.compatibility(own),
                     points.volume[own],
                     self.affine(stress),
@@ -150,7 +154,7 @@ class _Exporter:
 
     def _add_members(self) -> None:
         """Structures: one component, the axial or the bending one, with its modulus."""
-        for part in self.march.systems.structures.parts:
+        for part in self.analysis.systems.structures.parts:
             rigidity = rigidities(part.structure, self.point)
             for bending in (False, True):
                 chosen = np.flatnonzero(part.members.bending == bending)
@@ -173,11 +177,11 @@ class _Exporter:
         )
 
     def _stage(self, number: int, first: int) -> LoadStage:
-        state, system = self.march.sequence.states[number], self.march.systems[number]
-        forces = self.march.actions.forces(number, self.point)
+        state, system = self.analysis.sequence.states[number], self.analysis.systems[number]
+        forces = self.analysis.actions.forces(number, self.point)
         if state.stressed or state.locked:
             # Strains of a bar count from where it was locked off; the force it had then acts on.
-            structures = self.march.systems.structures
+            structures = self.analysis.systems.structures
             forces = forces - structures.nodal_forces(structures.locked(state, self.point))
         yields = number > 0  # what is out of balance in the virgin state is taken as elastic
         laws = {
@@ -201,7 +205,7 @@ class _Exporter:
 
     def _point_law(self, name: str, *, yields: bool) -> PointLaw:
         elastic = self._elastic(self.ground.elasticity(name).columns)
-        material = self.march.case.materials[name]
+        material = self.analysis.case.materials[name]
         if not (yields and material.yields):
             return elastic
         planes = yield_planes(material, self.point, self.s)

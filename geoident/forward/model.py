@@ -6,13 +6,13 @@ from collections.abc import Iterator, Sequence
 
 from geoident.errors import Fault, InputError
 from geoident.fem.solvers import Solver
+from geoident.forward.analysis.analysis import RunOptions
+from geoident.forward.analysis.fields import MeshRecorder
+from geoident.forward.analysis.virgin import contradictions, overburden_notes, surface_gaps
 from geoident.forward.checks import check_on_mesh, imbalance_notes, notes_on_mesh
 from geoident.forward.gauges.observation import Observation
 from geoident.forward.ground.field import field_notes, point_field, with_modes
 from geoident.forward.in_situ.growth import growth_notes, point_growths, start_faults
-from geoident.forward.march.fields import MeshRecorder
-from geoident.forward.march.march import RunOptions
-from geoident.forward.march.virgin import contradictions, overburden_notes, surface_gaps
 from geoident.forward.openings.face import FaceState, conversion_note, face_states
 from geoident.forward.reducible import ReducibleResponse, SharedReduction
 from geoident.forward.staged import StagedKernel
@@ -86,11 +86,11 @@ class StagedModel(StagedKernel):
             self.observation,
             edges_held=self.actions.hold_edges(ParameterPoint(start, ()), unknowns),
             n_outside=max(
-                self.march.n_outside,
+                self.analysis.n_outside,
                 self.actions.n_outside,
                 *(growth.n_outside for growth in self.on_mesh.growths),
             ),
-            in_tension=self.march.virgin_tension(start),
+            in_tension=self.analysis.virgin_tension(start),
         )
         varied = field_notes(self.on_mesh.case, self.on_mesh.fields)
         growing = growth_notes(self.on_mesh.growths, self.case.start)
@@ -103,10 +103,10 @@ class StagedModel(StagedKernel):
     def virgin_notes(self) -> tuple[str, ...]:
         """What to know of the in-situ stress at the start values; nothing is factorized."""
         start = self.case.start
-        stress, imbalance = self.march.virgin(ParameterPoint(start, ()))
+        stress, imbalance = self.analysis.virgin(ParameterPoint(start, ()))
         return (
             *self._equivalent_notes(stress[..., 0]),
-            *overburden_notes(self.march, start),
+            *overburden_notes(self.analysis, start),
             *imbalance_notes(float(imbalance[0])),
             *(self.contradiction_notes(start) if self.case.imbalance_accepted else ()),
         )
@@ -122,10 +122,10 @@ class StagedModel(StagedKernel):
 
         Nothing is factorized.
         """
-        gaps = surface_gaps(self.march, self.case.start)
+        gaps = surface_gaps(self.analysis, self.case.start)
         if gaps or self.case.imbalance_accepted:
             return gaps
-        return contradictions(self.march, self.case.start)
+        return contradictions(self.analysis, self.case.start)
 
     def response(
         self, pairs: Sequence[tuple[str, str]], times: Sequence[float | None] = ()

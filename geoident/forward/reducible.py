@@ -1,7 +1,7 @@
 """The response of a staged model that may have a surrogate: the reduced model of its model.
 
-Marches with derivatives are recorded as they are made (`snapshots`), by their parameters. The
-surrogate of some parameter vectors is a function of these alone: what is not recorded is marched.
+Analyses with derivatives are recorded as they are made (`snapshots`), by their parameters. The
+surrogate of some parameter vectors is a function of these alone: what is not recorded is analysed.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from geoident.forward.staged import StagedKernel
 from geoident.model.arrays import Floats
 from geoident.model.response import Evaluation
 
-NOT_RECORDED = "no marches are recorded for one"
+NOT_RECORDED = "no analyses are recorded for one"
 
 
 class SharedReduction:
-    """The marches that were recorded last: other responses of the model may use them.
+    """The analyses that were recorded last: other responses of the model may use them.
 
     Attributes:
         reduction: those; None where none are recorded.
@@ -36,13 +36,13 @@ class SharedReduction:
 
 
 class ReducibleResponse(StagedResponse):
-    """Readings of some (channel, stage) pairs, and the reduced model of the marches for them.
+    """Readings of some (channel, stage) pairs, and the reduced model of the analyses for them.
 
     It evaluates as a `StagedResponse` does. Fulfils also the protocol ``HasSurrogate``.
 
     Args:
         model: of the case.
-        shared: the marches of other responses.
+        shared: the analyses of other responses.
         pairs: channel and stage of every reading.
         times: when each was read; None for what is known of its stage.
     """
@@ -59,11 +59,11 @@ class ReducibleResponse(StagedResponse):
         self.reduction: Reduction | None = None
 
     def record(self, *, economical: bool = True, most: int = 4) -> None:
-        """Record the marches with derivatives from now on, for a surrogate.
+        """Record the analyses with derivatives from now on, for a surrogate.
 
         Args:
-            economical: only where it costs less than the marches that a search saves by it.
-            most: of how many marches a surrogate is made at most, the last ones.
+            economical: only where it costs less than the analyses that a search saves by it.
+            most: of how many analyses a surrogate is made at most, the last ones.
         """
         model = self._model
         if self.reduction is not None or self._beyond is not None:
@@ -73,7 +73,7 @@ class ReducibleResponse(StagedResponse):
             self.reduction = known  # that of another response goes as far
             return
         self.reduction = Reduction(
-            model.march, model.observation, self._last, most=most, economical=economical
+            model.analysis, model.observation, self._last, most=most, economical=economical
         )
         self._shared.reduction = self.reduction
         model.known_displacements = self.reduction.displacements
@@ -87,12 +87,12 @@ class ReducibleResponse(StagedResponse):
     @cached_property
     def _beyond(self) -> str | None:
         """Why its readings have no reduced model, a clause, or None if they have."""
-        return beyond_reduction(self._model.march, self._model.observation, self._places.rows)
+        return beyond_reduction(self._model.analysis, self._model.observation, self._places.rows)
 
     def evaluation(self, p: Floats, *, derivatives: bool = True) -> Evaluation:
         """All that is known of the readings at p (n,).
 
-        A march with derivatives that is recorded goes as far as the surrogate is to go.
+        An analysis with derivatives that is recorded goes as far as the surrogate is to go.
         """
         reduction = self.reduction
         recorder = None
@@ -107,13 +107,13 @@ class ReducibleResponse(StagedResponse):
         return self._model.evaluation_of(p, observed, self._places, derivatives=True)
 
     def visited(self) -> Sequence[Floats]:
-        """Parameter vectors (n,) whose marches are recorded, in their order."""
+        """Parameter vectors (n,) whose analyses are recorded, in their order."""
         return () if self.reduction is None else self.reduction.recorded()
 
     def surrogate(self, visited: Sequence[Floats]) -> ReducedResponse | None:
-        """The reduced model of the marches at some parameter vectors (n,); None for none.
+        """The reduced model of the analyses at some parameter vectors (n,); None for none.
 
-        Where no march is recorded, one is made now.
+        Where no analysis is recorded, one is made now.
 
         Args:
             visited: (n,) they, the last of which counts most; those before the last `most` ones

@@ -12,11 +12,11 @@ from dataclasses import replace
 import numpy as np
 
 from geoident.forward.affine import condensation_obstacle
+from geoident.forward.analysis.analysis import RunOptions
+from geoident.forward.analysis.stage import UnitForces
 from geoident.forward.equations import ReadingRows, export, export_obstacle
 from geoident.forward.gauges.adjoints import ReadingAdjoints
 from geoident.forward.gauges.instrument_errors import ReadingPlaces
-from geoident.forward.march.march import RunOptions
-from geoident.forward.march.stage import UnitForces
 from geoident.forward.observed import ObservedResponse, Query
 from geoident.forward.openings.model import OpeningResponse, opening_in_mesh
 from geoident.forward.openings.site import Circle
@@ -35,7 +35,7 @@ class StagedResponse(ObservedResponse[StagedKernel]):
     """Readings of some (channel, stage) pairs as a function of the parameters.
 
     Fulfils the protocols ``Response``, ``AffineElastic`` and ``ComplementaritySystem`` of the
-    identifiers. The march ends with the last stage that a reading needs.
+    identifiers. The analysis ends with the last stage that a reading needs.
 
     Args:
         model: of the case.
@@ -96,7 +96,7 @@ class StagedResponse(ObservedResponse[StagedKernel]):
         """Why the equations are no `BilinearSystem`, a clause, or None if they are one."""
         model = self._model
         not_linear = model.observation.not_linear(self._places.rows)
-        return not_linear or export_obstacle(model.march, self._start_point)
+        return not_linear or export_obstacle(model.analysis, self._start_point)
 
     def system(self) -> BilinearSystem:
         """The equations of all stages as one system of vectors."""
@@ -108,7 +108,7 @@ class StagedResponse(ObservedResponse[StagedKernel]):
         added = model.instrument_errors.added(start.values, self.names, self._places)
         operator = model.observation.operator(self._places.rows)
         rows = ReadingRows(operator, self._active(), added)
-        return export(model.march, start, rows, self._last)
+        return export(model.analysis, start, rows, self._last)
 
     def opening(
         self, centre: tuple[float, float] | None, radius: float | None
@@ -125,17 +125,19 @@ class StagedResponse(ObservedResponse[StagedKernel]):
     def obstacle(self) -> str | None:
         """Why the equations are not affine in the parameters, or None if they are."""
         model = self._model
-        return model.observation.not_linear(self._places.rows) or condensation_obstacle(model.march)
+        return model.observation.not_linear(self._places.rows) or condensation_obstacle(
+            model.analysis
+        )
 
     def condense(self, p: Floats, measured: Floats, sd: Floats) -> Condensed:
         """The condensed equations at p (theory 4.1), for the whole sequence of stages at once.
 
         Let K be the operator of all stages together, block lower triangular, and G the one that
-        adds displacement increments up to readings. One march with the columns G^T gives
+        adds displacement increments up to readings. One analysis with the columns G^T gives
         S = G K^-1 G^T; forces c with S c = measured - v, in least squares where readings depend on
         each other, bring the displacements to the readings. The equation error of parameters q
         there, carried to the gauges, is G K^-1 e(q) = (measured - v) - J (q - p), with J the
-        Jacobian of a march under those forces: exact, since e is affine in q. Two factorizations a
+        Jacobian of a run under those forces: exact, since e is affine in q. Two factorizations a
         stage.
 
         Args:

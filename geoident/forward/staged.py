@@ -1,8 +1,8 @@
-"""The kernel of a case on a mesh: one march through the stages at a parameter vector (theory 2).
+"""The kernel of a case on a mesh: one analysis through the stages at a parameter vector (theory 2).
 
-A march gives what the gauges see of every state. Its derivatives travel with it (tangents, one
+An analysis gives what the gauges see of every state. Its derivatives travel with it (tangents, one
 column a parameter), or are taken back from the readings afterwards (adjoints, one column a
-reading), whichever costs less. Where nothing yields the last march with tangents is kept: who asks
+reading), whichever costs less. Where nothing yields the last run with tangents is kept: who asks
 for later stages at the same parameters goes on where it stopped.
 """
 
@@ -17,23 +17,23 @@ import numpy as np
 from geoident.errors import CollapseError
 from geoident.fem.solvers import Solver
 from geoident.fem.solvers.kept_solutions import SolutionStore
+from geoident.forward.analysis.analysis import (
+    AnalysisRun,
+    KnownDisplacements,
+    RunFindings,
+    RunOptions,
+    StagedAnalysis,
+)
+from geoident.forward.analysis.fields import MeshRecorder
+from geoident.forward.analysis.plastic_step import PlasticFindings
+from geoident.forward.analysis.stage import StageEnd
+from geoident.forward.analysis.systems import StageSystems
+from geoident.forward.analysis.virgin import contradictions
 from geoident.forward.checks import imbalance_notes, inadmissible_numbers
 from geoident.forward.gauges.adjoints import ReadingAdjoints
 from geoident.forward.gauges.instrument_errors import ReadingPlaces
-from geoident.forward.gauges.observation import MarchState, Observation
+from geoident.forward.gauges.observation import AnalysisState, Observation
 from geoident.forward.ground.elasticity import inadmissible_moduli
-from geoident.forward.march.fields import MeshRecorder
-from geoident.forward.march.march import (
-    KnownDisplacements,
-    March,
-    Run,
-    RunFindings,
-    RunOptions,
-)
-from geoident.forward.march.plastic_step import PlasticFindings
-from geoident.forward.march.stage import StageEnd
-from geoident.forward.march.systems import StageSystems
-from geoident.forward.march.virgin import contradictions
 from geoident.forward.observed import Details, Observed, ObservedModel, Query
 from geoident.forward.openings.face import advance_of, advancing_face, face_note
 from geoident.forward.stages import CaseOnMesh
@@ -45,7 +45,7 @@ from geoident.model.results.costs import Counts
 from geoident.model.results.yielded import Mechanism
 
 MOST_KEPT = 100_000_000
-"""Numbers that the states of a kept march may take: 0.8 GB."""
+"""Numbers that the states of a kept analysis may take: 0.8 GB."""
 
 _MOST_WAYS = 8
 """Sets of readings whose way back through the stages is remembered: those of a fit, of its survey
@@ -57,15 +57,15 @@ _WHOLE = RunOptions()
 Each = Callable[[StageEnd], None]
 """Is given the values of every state."""
 
-Tell = Callable[[StageEnd, Run], None]
+Tell = Callable[[StageEnd, AnalysisRun], None]
 """Is given every state of a run while its factorization is there; its arrays change afterwards."""
 
 Seen = tuple[StageEnd, Floats, tuple[str, ...]]
 """A state, what all channels see of it, and those that read one of several equal stresses."""
 
 
-class ResumableMarch:
-    """One march at one parameter vector, as far as it was asked for: it goes on where it stopped.
+class ResumableRun:
+    """One run at one parameter vector, as far as it was asked for: it goes on where it stopped.
 
     Of a state is kept what does not depend on the number of parameters: its displacements and
     stresses, and what the gauges see of it.
@@ -73,7 +73,7 @@ class ResumableMarch:
     Args:
         kernel: of the case.
         p: (n,) parameters, SI.
-        options: how to march.
+        options: how to analysis.
         keeps_ends: whether the values of the states are kept.
 
     Attributes:
@@ -94,7 +94,7 @@ class ResumableMarch:
         self._ends = self.run.states()
 
     def to(self, last: int, tell: Tell | None = None) -> None:
-        """March on to a state. It holds no factor while it waits.
+        """Analysis on to a state. It holds no factor while it waits.
 
         Args:
             last: index of the state.
@@ -147,10 +147,10 @@ class StagedKernel(ObservedModel):
         self.systems = StageSystems(on_mesh, solver)
         self.structures = self.systems.structures
         self.face = advancing_face(on_mesh, solver)
-        self.march = March(on_mesh, self.systems, self.face)
-        self.actions = self.march.actions
+        self.analysis = StagedAnalysis(on_mesh, self.systems, self.face)
+        self.actions = self.analysis.actions
         self.known_displacements: Callable[[Floats], KnownDisplacements | None] = _not_known
-        self._kept: ResumableMarch | None = None
+        self._kept: ResumableRun | None = None
         self._ways: dict[tuple[int, bytes, bytes], ReadingAdjoints] = {}
 
     @property
@@ -180,8 +180,8 @@ class StagedKernel(ObservedModel):
         return any(material.yields for material in self.case.materials.values())
 
     @property
-    def keeps_march(self) -> bool:
-        """Whether the states of a march are kept: nothing yields, and they are not too many."""
+    def keeps_analysis(self) -> bool:
+        """Whether the states of an analysis are kept: nothing yields, and they are not too many."""
         points = self.discretization.points
         each = self.discretization.n_dofs + points.n_strain * points.n_points
         return not self.yields and each * len(self.bases) <= MOST_KEPT
@@ -204,27 +204,29 @@ class StagedKernel(ObservedModel):
         return fault
 
     def forget(self) -> None:
-        """Begin the next march as a new model does: of earlier ones only analyses stay."""
-        self.march.forget()
+        """Begin the next analysis as a new model does: of earlier ones only analyses stay."""
+        self.analysis.forget()
         self.face.forget()
         self._kept = None
 
-    def at(self, p: Floats, options: RunOptions = _WHOLE) -> Run:
-        """One march at parameters p (n,); its states come one by one.
+    def at(self, p: Floats, options: RunOptions = _WHOLE) -> AnalysisRun:
+        """One analysis at parameters p (n,); its states come one by one.
 
         Args:
             p: (n,) parameters.
-            options: how to march.
+            options: how to analysis.
         """
-        return Run(self.march, ParameterPoint(self.values(p), self.names), options, self._told)
+        return AnalysisRun(
+            self.analysis, ParameterPoint(self.values(p), self.names), options, self._told
+        )
 
-    def see(self, end: StageEnd, run: Run) -> Floats:
+    def see(self, end: StageEnd, run: AnalysisRun) -> Floats:
         """What all channels see of a state, (n_channels, k)."""
-        return self.observation.values(MarchState(end, run.point, self.structures))
+        return self.observation.values(AnalysisState(end, run.point, self.structures))
 
-    def coinciding(self, end: StageEnd, run: Run) -> tuple[str, ...]:
+    def coinciding(self, end: StageEnd, run: AnalysisRun) -> tuple[str, ...]:
         """Channels that read one of several equal principal stresses at a state."""
-        return self.observation.coinciding(MarchState(end, run.point, self.structures))
+        return self.observation.coinciding(AnalysisState(end, run.point, self.structures))
 
     def way_back(self, places: ReadingPlaces, last: int) -> ReadingAdjoints:
         """The way back from some readings through the stages up to a state."""
@@ -233,7 +235,7 @@ class StagedKernel(ObservedModel):
             if len(self._ways) >= _MOST_WAYS:
                 self._ways.clear()
             self._ways[key] = ReadingAdjoints(
-                self.march, self.observation, places.rows, places.states, last
+                self.analysis, self.observation, places.rows, places.states, last
             )
         return self._ways[key]
 
@@ -246,7 +248,7 @@ class StagedKernel(ObservedModel):
         each: Each | None = None,
         tell: Tell | None = None,
     ) -> Observed:
-        """What all channels see of the states of a march at p (n,).
+        """What all channels see of the states of an analysis at p (n,).
 
         Args:
             p: (n,) parameters, SI.
@@ -264,7 +266,7 @@ class StagedKernel(ObservedModel):
         beside = query.survey or query.partial
         known = self.known_displacements(p) if beside and not tell else None
         back = self._way_chosen(p, query, adjoints) if query.derivatives and not known else None
-        run, states = self._marched(p, query, back, tell, known)
+        run, states = self._analysed(p, query, back, tell, known)
         values = self.values(p)
         recorder = MeshRecorder(self.on_mesh, self.structures) if query.fields else None
         with_members = query.survey and query.last == len(self.bases) - 1
@@ -306,29 +308,29 @@ class StagedKernel(ObservedModel):
         """The way back where derivatives are by adjoints; None where they are by tangents."""
         if adjoints is None:
             if self._kept is not None and np.array_equal(self._kept.p, p):
-                return None  # a march with tangents is there
+                return None  # an analysis with tangents is there
             way = self.way_back(query.places, query.last)
             return way if way.cost_less(len(self.names)) else None
         return self.way_back(query.places, query.last) if adjoints else None
 
-    def _marched(
+    def _analysed(
         self,
         p: Floats,
         query: Query,
         back: ReadingAdjoints | None,
         tell: Tell | None,
         known: KnownDisplacements | None,
-    ) -> tuple[Run, Iterator[Seen] | Sequence[Seen]]:
-        """A march at p (n,) and its states: of the one that is kept, or one by one."""
+    ) -> tuple[AnalysisRun, Iterator[Seen] | Sequence[Seen]]:
+        """An analysis at p (n,) and its states: of the one that is kept, or one by one."""
         kept = self._kept if tell is None else None
         here = kept is not None and np.array_equal(kept.p, p)
-        if back is None and self.keeps_march and (query.derivatives or here):
+        if back is None and self.keeps_analysis and (query.derivatives or here):
             self._kept = None  # its memory is free for the next
             options = replace(_WHOLE, displacements=known)
-            march = kept if here and kept is not None else ResumableMarch(self, p, options)
-            march.to(query.last, tell)
-            self._kept = march
-            return march.run, march.states[: query.last + 1]
+            analysis = kept if here and kept is not None else ResumableRun(self, p, options)
+            analysis.to(query.last, tell)
+            self._kept = analysis
+            return analysis.run, analysis.states[: query.last + 1]
         self.evaluations += 1
         # Where the loads collapse at the start, the user wants to know how much of them is carried;
         # who searches elsewhere, only that they are not.
@@ -345,7 +347,7 @@ class StagedKernel(ObservedModel):
         return run, self._seen_of(run, back, tell, coinciding=query.survey)
 
     def _seen_of(
-        self, run: Run, back: ReadingAdjoints | None, tell: Tell | None, *, coinciding: bool
+        self, run: AnalysisRun, back: ReadingAdjoints | None, tell: Tell | None, *, coinciding: bool
     ) -> Iterator[Seen]:
         for end in run.states():
             seen = self.see(end, run) if back is None else back.observed(end, run)
@@ -368,7 +370,7 @@ class StagedKernel(ObservedModel):
     def _notes_at(
         self, values: Values, findings: RunFindings, equal: Mapping[str, int]
     ) -> tuple[str, ...]:
-        """What the user should know of a march."""
+        """What the user should know of an analysis."""
         return (
             *face_note(self.face, self.on_mesh, values),
             *equal_notes(equal, self.case.stage_names),
@@ -380,7 +382,9 @@ class StagedKernel(ObservedModel):
     def contradiction_notes(self, values: Values) -> tuple[str, ...]:
         """Where weight and in-situ stress disagree at some values, and where that is accepted."""
         accepted = " (accepted: in_situ.equilibrium)" if self.case.imbalance_accepted else ""
-        return tuple(f"{fault.message}{accepted}" for fault in contradictions(self.march, values))
+        return tuple(
+            f"{fault.message}{accepted}" for fault in contradictions(self.analysis, values)
+        )
 
     def _told(self, state: int) -> None:
         if self.on_state is not None:
@@ -420,7 +424,7 @@ def _first_mechanism(collapses: Sequence[CollapseError]) -> Mechanism | None:
 
 
 def unbalanced_notes(found: PlasticFindings) -> Iterator[str]:
-    """What a march left unbalanced, or beyond the yield surface."""
+    """What an analysis left unbalanced, or beyond the yield surface."""
     why = (
         "with a dilation far below the friction the flow tends to shear in bands: the acoustic "
         "tensor has no positive determinant at {:.0f} % of the strain points that yield{}. A "

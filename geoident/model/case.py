@@ -19,7 +19,7 @@ from geoident.model.actions import (
     Water,
 )
 from geoident.model.arrays import Floats
-from geoident.model.elsewhere import Elsewhere
+from geoident.model.external import ExternalSource
 from geoident.model.gauges import Channel, Reading, StageReadings, taken_together
 from geoident.model.ground import Elastic, Field, Growth
 from geoident.model.in_situ import InSitu
@@ -288,7 +288,7 @@ class Case:
     when_read: tuple[StageReadings, ...] = ()
     structures: Mapping[str, Structure] = field(default_factory=dict)
     imbalance_accepted: bool = False
-    elsewhere: Elsewhere | None = None
+    elsewhere: ExternalSource | None = None
     face: FaceProfile | None = None
 
     @property

@@ -1,7 +1,7 @@
 """Numbers together with their derivatives by the parameters (dual numbers).
 
 A formula written with dual numbers is its own exact derivative: products follow the product rule,
-functions the chain rule. Columns are kept as the march keeps them: the value first, then one
+functions the chain rule. Columns are kept as the analysis keeps them: the value first, then one
 derivative per parameter. They are the one way in which the program differentiates what a case says:
 moduli, yield planes, in-situ stress, loads and structures alike.
 """

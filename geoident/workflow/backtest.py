@@ -1,8 +1,8 @@
 """``geoident backtest``: fit the stages up to each one that was read, and predict the later ones.
 
 The model is built once. Every fit does all that ``fit`` does (it estimates accuracies and model
-error too), marches no farther than its last stage, and begins where the one before ended; one more
-march of all stages gives its predictions.
+error too), analyses no farther than its last stage, and begins where the one before ended; one more
+analysis of all stages gives its predictions.
 """
 
 from __future__ import annotations

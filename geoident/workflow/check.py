@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from geoident.fem.solvers.threads import one_thread
-from geoident.forward.elsewhere.table import TableModel
+from geoident.forward.external.table import TableModel
 from geoident.forward.gauges.placement import placements
 from geoident.forward.model import StagedModel
 from geoident.forward.observed import ObservedModel
@@ -18,7 +18,7 @@ from geoident.forward.reduced.stress_rows import beyond_reduction
 from geoident.forward.stages import released_by
 from geoident.model.actions import FaceDistance
 from geoident.model.case import Case
-from geoident.model.elsewhere import ConvergenceLaw, RunTable
+from geoident.model.external import ConvergenceLaw, RunTable
 from geoident.model.gauges import ReadingTable, named_channels
 from geoident.model.mesh import Mesh
 from geoident.model.methods import method_name
@@ -202,7 +202,7 @@ def _keeping_notes(model: StagedModel | None) -> tuple[str, ...]:
     others = [
         name
         for row, name in enumerate(observation.channels)
-        if beyond_reduction(model.march, observation, np.array([row])) is not None
+        if beyond_reduction(model.analysis, observation, np.array([row])) is not None
     ]
     if not others:
         return ()

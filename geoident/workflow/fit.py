@@ -53,7 +53,7 @@ from geoident.workflow.running.reading_units import noted, unit_doubts
 from geoident.workflow.running.readings import as_stated, unused_notes
 from geoident.workflow.scoring.convergence import convergence_notes
 from geoident.workflow.scoring.extrapolation import extrapolation_findings, stress_levels
-from geoident.workflow.scoring.ladder import climb
+from geoident.workflow.scoring.ladder import fit_ladder
 from geoident.workflow.scoring.trials import LastStage, added, last_stage
 
 ENOUGH = 1e-4
@@ -70,7 +70,7 @@ def fit(job: Job, control: Control) -> Finished:
         Interrupted: a stop was asked for; a checkpoint is there.
     """
     if job.inputs.case.fit.ladder:
-        return climb(job, control, _fit)
+        return fit_ladder(job, control, _fit)
     return _fit(job, control)
 
 

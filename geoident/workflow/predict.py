@@ -12,7 +12,7 @@ import numpy as np
 
 from geoident.errors import ExitCode, Fault, InputError, Location, ModelError, Term, UsageError
 from geoident.fem.solvers.threads import one_thread
-from geoident.forward.elsewhere.table import TableModel
+from geoident.forward.external.table import TableModel
 from geoident.forward.observed import ObservedModel, Survey
 from geoident.forward.reduced.case_model import ReducedCaseModel
 from geoident.identify import Assessment, Problem, assess
@@ -103,7 +103,7 @@ class PredictRequest:
 
 
 @dataclass(frozen=True)
-class Known:
+class FitKnowledge:
     """What a fit knows of the parameters of the case to predict.
 
     Args:
@@ -414,7 +414,7 @@ def _unplaced(field: Field) -> Field:
 
 def what_is_known(
     fit: Result, origin: Case, model: ObservedModel, case: Case, others: str = ""
-) -> Known:
+) -> FitKnowledge:
     """What a fit knows, for the parameters of the case of a model, matched by name.
 
     How well they are known is assessed again from the sensitivities that the fit holds.
@@ -449,7 +449,7 @@ def what_is_known(
         nothing = replace(problem, measured=problem.measured[:0], sd=problem.sd[:0], shared=None)
         known = KnownErrors(case, nothing, computed[:0], jacobian[:0, order], ())
         model_error = None if model_error is None else model_error.of_nothing_used()
-    return Known(
+    return FitKnowledge(
         parameters,
         pick_assessment(assessment, order),
         readings,
@@ -459,7 +459,9 @@ def what_is_known(
     )
 
 
-def _followed(task: Task, known: Known, survey: Survey, model: ObservedModel) -> Known:
+def _followed(
+    task: Task, known: FitKnowledge, survey: Survey, model: ObservedModel
+) -> FitKnowledge:
     """With the posterior where a bound truncates it, as the fit has it; not for another case.
 
     Args:
@@ -478,7 +480,9 @@ def _followed(task: Task, known: Known, survey: Survey, model: ObservedModel) ->
     return replace(known, assessment=assessment, nonlinearity=nonlinearity)
 
 
-def _at_rivals(task: Task, known: Known, model: ObservedModel, stages: Bools) -> list[Prediction]:
+def _at_rivals(
+    task: Task, known: FitKnowledge, model: ObservedModel, stages: Bools
+) -> list[Prediction]:
     """What the other minima of a fit predict, in their order, as the fit has it.
 
     Args:
@@ -499,7 +503,7 @@ def _at_rivals(task: Task, known: Known, model: ObservedModel, stages: Bools) ->
 
 
 def _others(
-    task: Task, known: Known, model: ObservedModel, stages: Bools
+    task: Task, known: FitKnowledge, model: ObservedModel, stages: Bools
 ) -> tuple[list[Prediction], tuple[str, ...]]:
     """What the other minima of a fit predict, and a note where they have to be left out.
 
@@ -562,7 +566,7 @@ def _of_another_case(task: Task, model: ObservedModel, stages: Bools) -> list[Pr
 
 
 def _with_later(
-    known: Known, model: ObservedModel, case: Case, survey: Survey
+    known: FitKnowledge, model: ObservedModel, case: Case, survey: Survey
 ) -> KnownErrors | None:
     """What is known of shared errors, with the model error in the readings of a case."""
     if known.errors is None:
@@ -592,7 +596,7 @@ def pick_assessment(assessment: Assessment, order: Ints) -> Assessment:
     )
 
 
-def _readings(task: Task, known: Known) -> ReadingTable:
+def _readings(task: Task, known: FitKnowledge) -> ReadingTable:
     """The readings of the case to predict, those of which the fit knows used as it did."""
     if task.request.case is None:
         return known.readings
@@ -616,7 +620,7 @@ def _readings(task: Task, known: Known) -> ReadingTable:
     return reading_table(case, [why_unused(reading) for reading in case.readings])
 
 
-def _result(task: Task, known: Known, survey: Survey, model: ObservedModel) -> Result:
+def _result(task: Task, known: FitKnowledge, survey: Survey, model: ObservedModel) -> Result:
     case, fit = task.inputs.case, task.fit
     p = known.parameters.values
     readings = with_computed(_readings(task, known), case, model, survey, p)

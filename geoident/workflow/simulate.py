@@ -11,7 +11,7 @@ import numpy as np
 
 from geoident.errors import CollapseError, InputError, Term, UsageError
 from geoident.fem.solvers.threads import one_thread
-from geoident.forward.elsewhere.model import ElsewhereModel
+from geoident.forward.external.model import ExternalModel
 from geoident.forward.model import StagedModel
 from geoident.forward.observed import ObservedModel
 from geoident.forward.reduced.case_model import ReducedCaseModel
@@ -161,7 +161,7 @@ def simulate(
     found = None
     if to.fields is not None:
         computed, found = _with_fields(model, p, to.fields, files, force=to.force)
-    elif isinstance(model, ElsewhereModel):
+    elif isinstance(model, ExternalModel):
         computed = model.computed(p)  # derivatives would take more runs
     else:
         computed = model.survey(p, fields=False).computed

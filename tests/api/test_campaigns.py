@@ -7,8 +7,8 @@ import pytest
 import geoident
 from geoident import batch
 from geoident.errors import InputError
-from tests.support.elsewhere import PYTHON, SCRIPT
-from tests.support.elsewhere import write_case as write_elsewhere
+from tests.support.external import PYTHON, SCRIPT
+from tests.support.external import write_case as write_elsewhere
 from tests.support.trench import write_case
 
 CAMPAIGN = """\

@@ -7,8 +7,8 @@ import pytest
 
 from geoident import batch, export, fit_project, report
 from geoident.errors import InputError, UsageError
-from tests.support.elsewhere import PYTHON, SCRIPT
-from tests.support.elsewhere import write_case as write_elsewhere
+from tests.support.external import PYTHON, SCRIPT
+from tests.support.external import write_case as write_elsewhere
 from tests.support.projects import SECTIONS, example
 from tests.support.trench import write_case
 

@@ -3,8 +3,8 @@
 Run: python tests/benchmarks/anisotropy.py [elements]
 
 Ratios within one run; seconds depend on the machine. `K(p)`: the values of the stiffness matrix for
-new moduli. `components`: K_h for every modulus h, as theory 1 has it: K = sum c_h K_h. `march`: one
-stage with its Jacobian by all moduli, per parameter.
+new moduli. `components`: K_h for every modulus h, as theory 1 has it: K = sum c_h K_h. `analysis`:
+one stage with its Jacobian by all moduli, per parameter.
 """
 
 from __future__ import annotations

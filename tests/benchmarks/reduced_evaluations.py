@@ -2,7 +2,7 @@
 
     python tests/benchmarks/reduced_evaluations.py CASE RESULT [--count 100000]
 
-The reduced model is that of `geoident sample`: of marches at the fit's answer and, one after the
+The reduced model is that of `geoident sample`: of analyses at the fit's answer and, one after the
 other, where the bound of its error is largest among draws around it. Prints one line of JSON:
 seconds to make it and to evaluate it, and how many readings are proven to be off by no more than
 2 % of their accuracy; factorizations before and, none, after it was made.
@@ -22,7 +22,7 @@ from geoident.workflow.running.readings import select_readings
 from geoident.workflow.running.reduced_answers import CLOSE, reduced_around
 
 TRAINING = 200
-"""Draws among which the marches of the reduced model are placed."""
+"""Draws among which the analyses of the reduced model are placed."""
 
 AT_ONCE = 500
 

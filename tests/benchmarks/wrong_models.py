@@ -155,14 +155,14 @@ def source_digest() -> str:
     for path in sorted(root.rglob("*.py")):
         if path.relative_to(root).parts[0] not in SAYING:
             found.update(path.read_bytes())
-    for part in (Run, one_run, _judged, read_places):
+    for part in (AnalysisRun, one_run, _judged, read_places):
         found.update(inspect.getsource(part).encode())
     found.update(repr(WORDS).encode())
     return found.hexdigest()[:16]
 
 
 @dataclass(frozen=True)
-class Run:
+class AnalysisRun:
     """What came of one run.
 
     Args:
@@ -186,7 +186,7 @@ class Run:
     size: float
 
     @classmethod
-    def from_text(cls, text: str) -> Run:
+    def from_text(cls, text: str) -> AnalysisRun:
         """What `as_text` wrote."""
         raw = json.loads(text)
         arrays = {k: np.array(v) for k, v in raw.items() if isinstance(v, list) and k != "said"}
@@ -215,15 +215,15 @@ class Kept:
 
     paths: Sequence[Path]
     digest: str = field(default_factory=source_digest)
-    runs: dict[str, Run] = field(default_factory=dict)
+    runs: dict[str, AnalysisRun] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         for path in self.paths:
             for line in path.read_text().splitlines() if path.exists() else ():
                 key, _, text = line.partition("\t")
-                self.runs[key] = Run.from_text(text)
+                self.runs[key] = AnalysisRun.from_text(text)
 
-    def run(self, key: str, make: Callable[[], Run]) -> Run:
+    def run(self, key: str, make: Callable[[], AnalysisRun]) -> AnalysisRun:
         """A run, made if it was not made before.
 
         Args:
@@ -239,7 +239,7 @@ class Kept:
         return self.runs[key]
 
 
-def one_run(site: Site, name: str, run: int, setting: str, folder: Path) -> Run:
+def one_run(site: Site, name: str, run: int, setting: str, folder: Path) -> AnalysisRun:
     """Draw readings, fit, compare.
 
     Args:
@@ -271,7 +271,7 @@ def one_run(site: Site, name: str, run: int, setting: str, folder: Path) -> Run:
     return _judged(site, found.data, exact, noisy + offset[:, None])
 
 
-def _judged(site: Site, result: Result, exact: np.ndarray, later: np.ndarray) -> Run:
+def _judged(site: Site, result: Result, exact: np.ndarray, later: np.ndarray) -> AnalysisRun:
     assert result.prediction is not None
     assert result.gauges.stages == tuple(s.name for s in site.truth[0].stages)
     there = read_places(site, site.later)
@@ -286,7 +286,7 @@ def _judged(site: Site, result: Result, exact: np.ndarray, later: np.ndarray) ->
         for kind, words in WORDS.items()
         if any(word in text for text in result.findings for word in words)
     }
-    return Run(
+    return AnalysisRun(
         (later[there] >= lower) & (later[there] <= upper),
         0.5 * (upper - lower),
         np.array([channel.accuracy for channel in site.truth[0].channels])[there[0]],
@@ -307,7 +307,9 @@ COLUMNS = (
 )  # fmt: skip
 
 
-def cells(name: str, setting: str, runs: Sequence[Run], known: np.ndarray | None) -> list[str]:
+def cells(
+    name: str, setting: str, runs: Sequence[AnalysisRun], known: np.ndarray | None
+) -> list[str]:
     """One row of the table, one text for each of `COLUMNS`.
 
     Args:

@@ -39,7 +39,7 @@ WORSE = 1.01
 
 
 @dataclass(frozen=True)
-class Run:
+class AnalysisRun:
     """One identification."""
 
     success: bool
@@ -48,7 +48,7 @@ class Run:
     excess: float
 
 
-def attempt(given: Task, options: MethodOptions, *, noise: float) -> Run:
+def attempt(given: Task, options: MethodOptions, *, noise: float) -> AnalysisRun:
     """Identify once; a model without solution anywhere is a failure."""
     counts, begin = given.problem.response.counts, time.perf_counter()
     try:
@@ -57,16 +57,16 @@ def attempt(given: Task, options: MethodOptions, *, noise: float) -> Run:
         phi = np.inf
     used = given.problem.response.counts.factorizations - counts.factorizations
     limit = WORSE * given.objective if noise else EXACT**2 * len(given.problem.measured)
-    return Run(phi <= limit, used, time.perf_counter() - begin, phi / limit)
+    return AnalysisRun(phi <= limit, used, time.perf_counter() - begin, phi / limit)
 
 
-def runs(site: Site, options: MethodOptions, *, truths: int, noise: float) -> Iterator[Run]:
+def runs(site: Site, options: MethodOptions, *, truths: int, noise: float) -> Iterator[AnalysisRun]:
     """One after the other, each with its own truth."""
     for seed in range(truths):
         yield attempt(task(site, seed, noise=noise), options, noise=noise)
 
 
-def line(label: str, found: list[Run]) -> str:
+def line(label: str, found: list[AnalysisRun]) -> str:
     """A row of the table."""
     good = sum(run.success for run in found)
     factorizations = [run.factorizations for run in found]

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import yaml
 from support.calculix import PROGRAM, REMEDY
-from support.elsewhere import trusted
+from support.external import trusted
 
 from geoident.io.case.file import read_case
 from geoident.units import read_quantity

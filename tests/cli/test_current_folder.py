@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.support.elsewhere import EXTERNAL, PROGRAM, PYTHON, SCRIPT
-from tests.support.elsewhere import write_case as write_elsewhere
+from tests.support.external import EXTERNAL, PROGRAM, PYTHON, SCRIPT
+from tests.support.external import write_case as write_elsewhere
 from tests.support.trench import write_case
 
 NAMES = sorted(

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 from click.testing import CliRunner
-from support.elsewhere import OWN, READINGS
+from support.external import OWN, READINGS
 
 from geoident.cli.app import geoident
 from geoident.io.result.file import read_identity, read_result

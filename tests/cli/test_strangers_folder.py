@@ -9,8 +9,8 @@ import pytest
 
 import geoident
 from geoident.errors import ExitCode
-from tests.support.elsewhere import PYTHON, SCRIPT
-from tests.support.elsewhere import write_case as write_elsewhere
+from tests.support.external import PYTHON, SCRIPT
+from tests.support.external import write_case as write_elsewhere
 
 CAMPAIGN = """\
 format: geoident-campaign/1

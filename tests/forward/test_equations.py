@@ -1,4 +1,4 @@
-"""The staged model as arrays: they answer as the march does, and say why they are none."""
+"""The staged model as arrays: they answer as the analysis does, and say why they are none."""
 
 from __future__ import annotations
 
@@ -147,7 +147,7 @@ def obstacle(**changes):
     staged = braced(structures={}, channels=FAR, **changes)
     names = tuple(p.name for p in staged.case.parameters)
     values = {p.name: p.start for p in staged.case.parameters}
-    return export_obstacle(staged.march, ParameterPoint(values, names))
+    return export_obstacle(staged.analysis, ParameterPoint(values, names))
 
 
 def one(**stage):
@@ -168,9 +168,9 @@ def test_a_distance_to_the_face_is_a_release():
     staged = braced(structures={}, channels=FAR, **one())
     stages = (*staged.case.stages, SimpleNamespace(name="face", release={}, distance=ONE,
                                                    temperature={}))  # fmt: skip
-    march = SimpleNamespace(case=SimpleNamespace(stages=stages))
+    analysis = SimpleNamespace(case=SimpleNamespace(stages=stages))
     point = ParameterPoint({}, ())
-    assert export_obstacle(march, point) == "the stage 'face' releases stress in part"
+    assert export_obstacle(analysis, point) == "the stage 'face' releases stress in part"
 
 
 def grounds(*surfaces, **more):

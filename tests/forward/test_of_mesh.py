@@ -44,7 +44,7 @@ def test_another_mesh_takes_the_place_of_the_last():
 
 def test_what_was_found_goes_with_the_mesh_and_that_of_the_next_stays():
     known, find, one, two = OfMesh[list](), Finder(), mesh(), mesh()
-    class_of_found = type("Found", (), {})
+    class_of_found = type("ResultHandle", (), {})
     found = known(one, "a", class_of_found)
     gone = weakref.ref(found)
     del found, one

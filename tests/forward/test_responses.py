@@ -1,4 +1,4 @@
-"""What a staged model and its responses say, and what they keep of a march."""
+"""What a staged model and its responses say, and what they keep of an analysis."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from support.meshes import box, regroup
 from support.yielding import mohr, rock
 
 from geoident.errors import CollapseError
-from geoident.forward.march.march import RunOptions
-from geoident.forward.staged import ResumableMarch, equal_notes, unbalanced_notes
+from geoident.forward.analysis.analysis import RunOptions
+from geoident.forward.staged import ResumableRun, equal_notes, unbalanced_notes
 from geoident.forward.stages import VIRGIN
 from geoident.model.actions import Pressure
 from geoident.model.case import Stage
@@ -190,14 +190,14 @@ def test_states_one_by_one_as_far_as_they_are_wanted():
     whole = staged().survey(P, fields=False).computed
     one, told = staged(), []
     one.on_state = told.append
-    march = ResumableMarch(one, P, RunOptions(derivatives=False))
-    first = march.computed(1)
+    analysis = ResumableRun(one, P, RunOptions(derivatives=False))
+    first = analysis.computed(1)
     assert told == [0, 1]
     np.testing.assert_allclose(first[:, 0], whole[:, 0], rtol=1e-10, atol=1e-18)
     assert np.isnan(first[:, 1:]).all()
-    march.computed(0)
+    analysis.computed(0)
     assert told == [0, 1]
-    np.testing.assert_allclose(march.computed(4), whole, rtol=1e-10, atol=1e-18)
+    np.testing.assert_allclose(analysis.computed(4), whole, rtol=1e-10, atol=1e-18)
     assert told == [0, 1, 2, 3, 4]
     np.testing.assert_allclose(staged().computed(P), whole, rtol=1e-10, atol=1e-18)
 
@@ -216,7 +216,7 @@ def test_condensed_equations_with_errors_that_are_shared():
     same = [np.asarray(x) for x in vars(by_matrix).values()]
     for x, y in zip(rows, same, strict=True):
         np.testing.assert_allclose(x, y, rtol=1e-7, atol=1e-9 * np.abs(x).max())
-    # at readings that are computed nothing is to be corrected: the Jacobian is that of the march
+    # at readings that are computed nothing is to be corrected: the Jacobian is that of the analysis
     still = [np.asarray(x) for x in vars(response.condense(P, v, sd)).values()]
     np.testing.assert_allclose(still[0], v, rtol=1e-9)
     size = np.abs(jacobian).max(axis=0)

@@ -84,7 +84,7 @@ def test_the_exported_arrays_answer_as_the_march(responses) -> None:
         found, slopes = arrays.evaluate(p)
         assert found == pytest.approx(v, rel=1e-9, abs=1e-12)
         assert slopes == pytest.approx(jacobian, rel=1e-7, abs=1e-7 * np.abs(jacobian).max())
-        assert any(steps.any() for _, _, laws in arrays.march(p) for steps in laws.values())
+        assert any(steps.any() for _, _, laws in arrays.analysis(p) for steps in laws.values())
 
 
 def test_the_bilinear_system_holds_at_what_the_march_finds(responses) -> None:
@@ -95,7 +95,7 @@ def test_the_bilinear_system_holds_at_what_the_march_finds(responses) -> None:
         np.testing.assert_array_equal(np.flatnonzero(kinds < 0), np.sort(system.multipliers))
         arrays = ArrayModel(staged)
         x: list[np.ndarray] = []
-        for stage, (du, borne, steps) in zip(staged.stages, arrays.march(p), strict=True):
+        for stage, (du, borne, steps) in zip(staged.stages, arrays.analysis(p), strict=True):
             x.append(du[stage.dofs, 0])
             for s in stage.laws:
                 x += [borne.stress[:, arrays.places[s], 0].ravel(), steps[s].ravel()]

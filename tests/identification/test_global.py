@@ -41,13 +41,13 @@ def multipliers(problem: Problem, p: np.ndarray) -> np.ndarray:
     """Steps of the multipliers of all pairs, in the order of the condensed system."""
     model = problem.response
     assert isinstance(model, ArrayModel)
-    steps = model.march(p)
+    steps = model.analysis(p)
     return np.concatenate([step[2][s].ravel() for step in steps for s in sorted(step[2])])
 
 
 @pytest.mark.parametrize("pressures", [(4.5,), (4.0, 4.5)])
 def test_the_condensed_system_is_the_model(pressures: tuple[float, ...]) -> None:
-    """Complementary slacks, and the misfits, from the multipliers of the march."""
+    """Complementary slacks, and the misfits, from the multipliers of the analysis."""
     problem = two_layers((3, 2), pressures, start=(1.2, 1.2))
     system, p = condensed_of(problem), np.array([0.8, 0.9])
     lam = multipliers(problem, p) / system.multiplier_size
@@ -130,7 +130,7 @@ def test_history_is_kept_from_stage_to_stage_and_a_prior_counts(
     assert found.certificate.bound <= found.objective
     assert found.certificate.gap < 1e-2
 
-    def objective(p: np.ndarray) -> float:  # of the march, stage by stage
+    def objective(p: np.ndarray) -> float:  # of the analysis, stage by stage
         return phi(problem, p) + float(((p[0] - 1.2) / 0.1) ** 2)
 
     assert found.objective == pytest.approx(objective(found.values), rel=1e-6)

@@ -189,7 +189,7 @@ WITH_LAW = ParameterLaw(
 
 
 def moved_by_gsi() -> CubicSpline:
-    """Logarithms of the inward motions of elements: marches at GSI from 12 to 64, between them.
+    """Logarithms of the inward motions of elements: analyses at GSI from 12 to 64, between them.
 
     Poor rock is known to 0.03 of GSI: the mesh is that large, and errs by 0.1 mm there. One of 50
     radii errs by 0.5 mm, and its intervals hold 89 % of the sections.

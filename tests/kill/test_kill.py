@@ -179,7 +179,7 @@ SCAN = ["scan", "case.yaml", "--set", "fit.scan.points=11"]
 
 
 def scanned(words, *, at=None):
-    """What a scan in a process of its own computes: marches, adjoints, answers of either model.
+    """What a scan in a process of its own computes: analyses, adjoints, answers of either model.
 
     It kills itself when it has computed so many of a kind.
     """

@@ -29,7 +29,7 @@ WIDTH = 1200  # px
 
 
 @dataclass(frozen=True)
-class Run:
+class AnalysisRun:
     """What happened.
 
     Attributes:
@@ -45,7 +45,7 @@ class Run:
     long: bool = True
 
 
-def run_page(page: Page, folder: Path, *, long: bool = True) -> Run:
+def run_page(page: Page, folder: Path, *, long: bool = True) -> AnalysisRun:
     """Write the files of a page and run its commands in their order, in an empty folder.
 
     Args:
@@ -65,7 +65,7 @@ def run_page(page: Page, folder: Path, *, long: bool = True) -> Run:
             output, code = run_command(step.line, folder)
             outputs.append(output)
             codes.append(code)
-    return Run(folder, tuple(outputs), tuple(codes), long)
+    return AnalysisRun(folder, tuple(outputs), tuple(codes), long)
 
 
 def given_files(page: Page) -> list[Path]:
@@ -90,7 +90,7 @@ def run_command(line: str, folder: Path) -> tuple[str, int]:
     raise ValueError(f"a page may run geoident and gmsh, not: {line}")
 
 
-def faults(page: Page, run: Run) -> list[str]:
+def faults(page: Page, run: AnalysisRun) -> list[str]:
     """What in a page is not as it was when run: outputs, exit codes, pictures that are missing."""
     found = []
     commands = [command for command in page.commands if run.long or not command.long]
@@ -103,7 +103,7 @@ def faults(page: Page, run: Run) -> list[str]:
     return found + [f"no command makes {p.name}" for p in lost]
 
 
-def renew(page: Page, run: Run) -> None:
+def renew(page: Page, run: AnalysisRun) -> None:
     """Write the outputs of a run into a page, and its files and pictures beside it.
 
     A picture is a file that a command made, or the figure of that name in the report.
@@ -138,11 +138,11 @@ def small(picture: bytes, *, width: int = WIDTH, colours: int = COLOURS) -> byte
     return kept.getvalue()
 
 
-def _made(run: Run, picture: Path) -> Path | None:
+def _made(run: AnalysisRun, picture: Path) -> Path | None:
     return next(iter(sorted(run.folder.rglob(picture.name))), None)
 
 
-def _drawn(run: Run) -> dict[str, Picture]:
+def _drawn(run: AnalysisRun) -> dict[str, Picture]:
     """The figures of the report of the result, by name."""
     path = run.folder / "case.fit.h5"
     return {p.name: p for p in album(read_result(path)).all} if path.exists() else {}
@@ -169,4 +169,4 @@ def _gmsh(words: list[str]) -> int:
     return 0
 
 
-__all__ = ["Command", "Run", "faults", "given_files", "renew", "run_page", "small"]
+__all__ = ["AnalysisRun", "Command", "faults", "given_files", "renew", "run_page", "small"]

@@ -1,4 +1,4 @@
-"""The march against CalculiX, an independent program, on the same mesh."""
+"""The analysis against CalculiX, an independent program, on the same mesh."""
 
 from __future__ import annotations
 

@@ -17,9 +17,9 @@ from geoident.errors import CollapseError
 from geoident.fem.elasticity import UniformModuli
 from geoident.fem.yielding.plane_laws import PolyhedralLaw
 from geoident.fem.yielding.planes import YieldPlanes
-from geoident.forward.march.constitutive import Ground
-from geoident.forward.march.equilibrium import Balance, solve
-from geoident.forward.march.stage_equations import NoEquilibrium, StageEquations
+from geoident.forward.analysis.constitutive import Ground
+from geoident.forward.analysis.equilibrium import Balance, solve
+from geoident.forward.analysis.stage_equations import NoEquilibrium, StageEquations
 from geoident.forward.staged_system import Affine, LoadStage, PointLaw, StagedSystem, bilinear
 from geoident.model.arrays import Floats, Ints
 from geoident.model.dual import Dual
@@ -108,13 +108,13 @@ class ArrayModel:
     def evaluate(self, p: Floats) -> tuple[Floats, Floats]:
         self.counts = replace(self.counts, evaluations=self.counts.evaluations + 1)
         table = np.zeros((self.staged.rows.shape[0], 1 + len(self.names)))
-        for number, (du, _, _) in enumerate(self.march(p)):
+        for number, (du, _, _) in enumerate(self.analysis(p)):
             table += self.staged.active[number][:, None] * (self.staged.rows @ du)
         table[:, 0] += self.staged.offset.at(p)
         table[:, 1:] += self.staged.offset.slopes
         return table[:, 0], table[:, 1:]
 
-    def march(self, p: Floats) -> list[tuple[Floats, _Borne, dict[int, Floats]]]:
+    def analysis(self, p: Floats) -> list[tuple[Floats, _Borne, dict[int, Floats]]]:
         """Steps of displacements with derivatives, what is borne, multipliers of the stage."""
         done: list[tuple[Floats, _Borne, dict[int, Floats]]] = []
         for stage in self.staged.stages:
@@ -134,7 +134,7 @@ class ArrayModel:
         points = np.zeros((len(pairs), len(self.staged.stages)), dtype=np.int64)
         reached = np.full(len(pairs), -np.inf)
         distances, slopes = np.zeros(len(pairs)), np.zeros((len(pairs), len(self.names)))
-        for j, (_, borne, steps) in enumerate(self.march(p)):
+        for j, (_, borne, steps) in enumerate(self.analysis(p)):
             for r, (s, law, a) in enumerate(pairs):
                 law_ = self.staged.laws[law]
                 distances[r] = law_.distances.at(p)[a]

@@ -2,7 +2,7 @@
 
 CalculiX is given the mesh that is present at the first stage, the in-situ stress as initial
 stress, the supports and the nodal forces that act; it finds the displacement that restores
-equilibrium, which is what the march finds for that stage.
+equilibrium, which is what the analysis finds for that stage.
 """
 
 from __future__ import annotations

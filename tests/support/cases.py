@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from geoident.fem.solvers import pick_solver
+from geoident.forward.analysis.stage import StageEnd
 from geoident.forward.checks import check_on_mesh
 from geoident.forward.ground.elasticity import elasticity
 from geoident.forward.in_situ.stress import InSituStress, StressPlaces
-from geoident.forward.march.stage import StageEnd
 from geoident.forward.model import StagedModel, staged_model
 from geoident.forward.stages import CaseOnMesh
 from geoident.model.case import (
@@ -167,7 +167,7 @@ NOWHERE = ParameterPoint({}, ())
 
 def imbalance(staged: StagedModel) -> float:
     """Of the in-situ stress of a case without parameters, relative to the forces at work."""
-    return float(staged.march.virgin(NOWHERE)[1][0])
+    return float(staged.analysis.virgin(NOWHERE)[1][0])
 
 
 def virgin(staged: StagedModel) -> StageEnd:

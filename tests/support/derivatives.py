@@ -1,6 +1,6 @@
 """Exact derivatives against Richardson's extrapolation of central differences.
 
-A march costs, and four of them for each parameter most of all. So all parameters are moved at once,
+A run costs, and four of them for each parameter most of all. So all parameters are moved at once,
 each as far as its column of the Jacobian moves the readings as much as the others do: a column that
 is wrong shows there as it does alone. Only where the differences do not agree along that way (by
 a mistake, or as the readings bend too much along it) each parameter is moved by itself.

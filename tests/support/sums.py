@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from geoident.forward.reduced.affine_march import AffineForm
+from geoident.forward.reduced.affine_analysis import AffineForm
 from geoident.forward.reduced.loads import LoadForm
 from geoident.forward.reduced.model import ReducedModel
 from geoident.forward.reduced.projection import ReducedStage, ZoneResidual

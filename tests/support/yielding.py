@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from geoident.forward.march.march import RunOptions
-from geoident.forward.march.stage import StageEnd
+from geoident.forward.analysis.analysis import RunOptions
+from geoident.forward.analysis.stage import StageEnd
 from geoident.forward.model import StagedModel
 from geoident.model.actions import Pressure
 from geoident.model.case import Material, Stage
@@ -90,14 +90,14 @@ def parameters(**values: float) -> tuple[Parameter, ...]:
     )
 
 
-def marched(
+def analysed(
     staged: StagedModel, p: np.ndarray = NOTHING, *, explain: bool = True
 ) -> list[StageEnd]:
     """Copies of all states, with derivatives."""
-    march = staged.at(p, RunOptions(explain=explain)).states()
+    analysis = staged.at(p, RunOptions(explain=explain)).states()
     return [
         StageEnd(s.state, s.u.copy(), s.stress.copy(), s.members.copy(), s.yielded.copy())
-        for s in march
+        for s in analysis
     ]
 
 

@@ -6,7 +6,7 @@ import pytest
 from support.trench import write_case
 
 from geoident.fem import stiffness
-from geoident.forward.march import systems
+from geoident.forward.analysis import systems
 from geoident.workflow import check as module
 from geoident.workflow.check import check
 from tests.support.commands import run_command

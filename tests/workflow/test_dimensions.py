@@ -23,7 +23,7 @@ from geoident.io.readings.file import parse_readings
 from geoident.io.readings.table import Layout, Origin
 from geoident.io.result.file import read_result, write_result
 from geoident.io.schema.section import Section
-from geoident.io.schema.values import AxialStiffness, Of
+from geoident.io.schema.values import AxialStiffness, QuantityType
 from geoident.model.case import Stage
 from geoident.model.gauges import Channel
 from geoident.model.results.summary import CaseSummary, GaugeSummary
@@ -195,9 +195,9 @@ def test_what_gauges_read_is_what_their_accuracies_say():
     assert set(READ) == {"length", "angle", "pressure", "strain", *FORCES}
     read = dimensions_of([ConvergenceSection, ForceSection, ConvergenceSection])
     assert read == ("length", "force")
-    assert quantity_read(READ) == Of(None)
-    assert quantity_read(("length",)) == Of("length")
-    assert quantity_read(read, above=0.0) == Of(None, above=0.0)
+    assert quantity_read(READ) == QuantityType(None)
+    assert quantity_read(("length",)) == QuantityType("length")
+    assert quantity_read(read, above=0.0) == QuantityType(None, above=0.0)
 
 
 def test_a_reading_in_the_case_must_be_of_the_quantity_of_its_channel(tmp_path, monkeypatch):

@@ -8,7 +8,7 @@ from datetime import date
 import numpy as np
 import pytest
 from support.commands import run_command
-from support.elsewhere import gauge_values, write_table_case
+from support.external import gauge_values, write_table_case
 from support.squares import case_of, grid
 
 from geoident.api import fit

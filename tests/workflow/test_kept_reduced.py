@@ -141,7 +141,7 @@ def test_draws_ask_it_and_evaluate_the_model_once(kept, fitted, tmp_path):
     found = sampled(kept / "case.fit.h5", tmp_path / "kept.sample.h5")
     assert "those of the reduced model that the fit keeps" in note_of(found)
     assert note_of(found).endswith("none is of the full model.")
-    assert found.counts.factorizations == 2  # one march of two stages
+    assert found.counts.factorizations == 2  # one analysis of two stages
     path = kept / "none.fit.h5"
     write_result(replace(fitted.data, reduced=None), path, overwrite=False)
     plain = sampled(path, tmp_path / "none.sample.h5")

@@ -363,14 +363,14 @@ def test_a_fit_asks_for_the_stages_that_it_uses_and_for_all_where_the_mesh_count
     coarse, monkeypatch
 ):
     """Whether it counts is the same question in both; drift of a gauge is no error of the mesh."""
-    marched = []
+    analysed = []
 
-    class Counted(module.ResumableMarch):
+    class Counted(module.ResumableRun):
         def computed(self, last):
-            marched.append(last)
+            analysed.append(last)
             return super().computed(last)
 
-    monkeypatch.setattr(module, "ResumableMarch", Counted)
+    monkeypatch.setattr(module, "ResumableRun", Counted)
     text = coarse.read_text().replace(
         "accuracy: 0.1 mm}", "accuracy: 0.1 mm, drift: 1 mm/month}", 1
     )
@@ -381,11 +381,11 @@ def test_a_fit_asks_for_the_stages_that_it_uses_and_for_all_where_the_mesh_count
     dated = [f"{row},2024-01-{20 if 'heading' in row else 31}" for row in rows]
     path.write_text("\n".join([f"{head},date", *dated]) + "\n")
     for accuracy, asked in (("100 mm", [1]), ("0.1 mm", [1, 2])):
-        marched.clear()
+        analysed.clear()
         rough = tuple(f"gauges.{name}.accuracy={accuracy}" for name in ("CV", "R", "S"))
         job = plan_fit(Request(str(coarse), rough, force=True, fresh=True))
         found, _, outcome = estimated(prepare(job), job.methods, NoLog(), Control(Silent()))
-        assert marched == asked
+        assert analysed == asked
         whole = mesh_error(found.model, found.model.case, outcome.values)
         first = found.readings.used
         rows = [whole.channels.index(name) for name in np.array(found.readings.channel)[first]]
@@ -394,7 +394,7 @@ def test_a_fit_asks_for_the_stages_that_it_uses_and_for_all_where_the_mesh_count
 
 
 def test_what_the_finer_mesh_costs_is_counted(coarse, monkeypatch):
-    """A factorization for each stage on the finer mesh; the march of the search goes on."""
+    """A factorization for each stage on the finer mesh; the analysis of the search goes on."""
     override = ("fit.model_error=none",)
     job = plan_fit(Request(str(coarse), override, force=True, fresh=True))
     found, problem, outcome = estimated(prepare(job), job.methods, NoLog(), Control(Silent()))

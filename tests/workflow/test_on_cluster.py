@@ -6,9 +6,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from support.elsewhere import EXTERNAL, PROGRAM, trusted
-from support.elsewhere import write_case as write_program
 from support.executors import ClusterHere
+from support.external import EXTERNAL, PROGRAM, trusted
+from support.external import write_case as write_program
 from support.projects import SECTIONS, example
 from support.real_cluster import free_port
 from support.trench import write_case

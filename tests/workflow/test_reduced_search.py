@@ -1,4 +1,4 @@
-"""A fit by way of the reduced model: fewer marches, the same answer, also when cut short."""
+"""A fit by way of the reduced model: fewer analyses, the same answer, also when cut short."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def measured():
 
 
 def solved(measured, log, *, reduced, stop=10**9):
-    """The outcome of a fit, and how many marches it made; ended after some evaluations."""
+    """The outcome of a fit, and how many analyses it made; ended after some evaluations."""
     staged = plane()
     inner = staged.response(PAIRS_PLANE)
     if reduced:

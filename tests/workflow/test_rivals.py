@@ -18,7 +18,7 @@ SECOND = {**TRUTH, "dip": np.radians(52.4), "K0": 1.4}
 
 
 @pytest.fixture(scope="module")
-def torn(tmp_path_factory):
+def tension_limit(tmp_path_factory):
     """A fit whose five readings two or three attitudes of the strata meet alike."""
     case = write_case(tmp_path_factory.mktemp("torn"), gauges=FEW)
     write_readings(case, SECOND, seed=5)
@@ -26,8 +26,8 @@ def torn(tmp_path_factory):
     return case.with_name("case.fit.h5"), ended.exit_code, json.loads(ended.stdout)
 
 
-def test_a_rival_of_like_odds_is_named_and_leaves_the_dip_undetermined(torn):
-    path, code, told = torn
+def test_a_rival_of_like_odds_is_named_and_leaves_the_dip_undetermined(tension_limit):
+    path, code, told = tension_limit
     result = read_result(path)
     rivals = result.rivals
     assert code == 4
@@ -48,8 +48,8 @@ def test_a_rival_of_like_odds_is_named_and_leaves_the_dip_undetermined(torn):
     assert "rival 1" in result_text(result)
 
 
-def test_predictions_hold_what_each_of_the_minima_lets_expect(torn):
-    path, _, _ = torn
+def test_predictions_hold_what_each_of_the_minima_lets_expect(tension_limit):
+    path, _, _ = tension_limit
     result = read_result(path)
     second = result.gauges.stages.index("second")
     band = result.prediction.upper95[:, second] - result.prediction.lower95[:, second]
@@ -61,8 +61,8 @@ def test_predictions_hold_what_each_of_the_minima_lets_expect(torn):
     assert inside[:, second].mean() >= 0.8
 
 
-def test_a_prediction_from_the_result_holds_the_minima_too(torn):
-    path, _, _ = torn
+def test_a_prediction_from_the_result_holds_the_minima_too(tension_limit):
+    path, _, _ = tension_limit
     ended = run_command("predict", str(path), "--force")
     assert ended.exit_code == 0, ended.output
     one, other = (read_result(p).prediction for p in (path, path.with_name("case.predict.h5")))
@@ -70,12 +70,12 @@ def test_a_prediction_from_the_result_holds_the_minima_too(torn):
         np.testing.assert_allclose(getattr(one, name), getattr(other, name), rtol=1e-6)
 
 
-def test_a_prediction_of_another_case_holds_the_minima_too(torn, tmp_path):
+def test_a_prediction_of_another_case_holds_the_minima_too(tension_limit, tmp_path):
     """The same ground in a copy of the case: predictions are as uncertain as in the case.
 
     But for what lies along a bound, which is followed in the case of the fit alone.
     """
-    path, _, _ = torn
+    path, _, _ = tension_limit
     for name in ("case.yaml", "adit.inp", "readings.csv"):
         (tmp_path / name).write_bytes((path.parent / name).read_bytes())
     text = (tmp_path / "case.yaml").read_text()
@@ -92,8 +92,10 @@ def test_a_prediction_of_another_case_holds_the_minima_too(torn, tmp_path):
     assert not any("nearly as low, which these bands leave out" in note for note in other.notes)
 
 
-def test_where_the_mesh_of_the_fit_has_changed_it_is_said_that_minima_are_left_out(torn, tmp_path):
-    path, _, _ = torn
+def test_where_the_mesh_of_the_fit_has_changed_it_is_said_that_minima_are_left_out(
+    tension_limit, tmp_path
+):
+    path, _, _ = tension_limit
     for name in ("case.yaml", "adit.inp", "readings.csv", "case.fit.h5"):
         (tmp_path / name).write_bytes((path.parent / name).read_bytes())
     (tmp_path / "new.yaml").write_text(

@@ -1,6 +1,6 @@
 """Solutions that took long, kept outside of the process: who is killed begins again where it was.
 
-A march through a million unknowns takes minutes, and what a fit keeps of its work are whole
+An analysis through a million unknowns takes minutes, and what a fit keeps of its work are whole
 evaluations: one that is cut short at its end would be lost. Its solutions are not. They are found
 by the bits of what they solve, so that whoever asks the same again gets the same bits back, and
 nothing else is ever taken for them.

@@ -1,4 +1,4 @@
-"""Yield laws and their return mapping: what the march needs at the strain points of one material.
+"""Yield laws and their return mapping: what the run needs at the strain points of one material.
 
 For a trial stress s* = sigma_old + E C du the holonomic step of theory 5 ends at an admissible
 stress sigma, with plastic multipliers dlam >= 0 of the planes of the law. A law has numbers only: E

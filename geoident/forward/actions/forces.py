@@ -25,7 +25,12 @@ from geoident.fem.loads import (
 from geoident.forward.actions.supports import group_nodes
 from geoident.forward.actions.thermal import NORMAL_COMPONENTS
 from geoident.forward.in_situ.overburden import Overburden
-from geoident.forward.in_situ.stress import InSituStress, OnTheGround, StressPlaces, edges_held
+from geoident.forward.in_situ.stress import (
+    CoverAndSurcharge,
+    InSituStress,
+    StressPlaces,
+    edges_held,
+)
 from geoident.forward.in_situ.water import FacePressure, PorePressure, is_wet
 from geoident.forward.stages import CaseOnMesh, ConstructionState
 from geoident.model.actions import FaceLoad, PointForce, Pressure, Seismic, Traction, Water
@@ -343,7 +348,7 @@ class _CoveredEdge:
         elements = patch.element.repeat(geometry.positions.shape[1])
         above = Overburden(on_mesh).above(positions, elements)
         self._open = above.uncovered
-        self._on_top = OnTheGround(model, mesh, positions, above)
+        self._on_top = CoverAndSurcharge(model, mesh, positions, above)
 
     def forces(self, point: ParameterPoint) -> Floats:
         """Forces (n_dofs, 1 + n), N: per area in plan, so as sigma n of a vertical stress."""

@@ -7,10 +7,10 @@ from functools import cached_property
 
 import numpy as np
 
-from geoident.forward.gauges.observation import MarchState, Observation
-from geoident.forward.march.adjoint import AdjointMarch, AdjointPlan, ReadingSeeds, reach
-from geoident.forward.march.march import March, Run
-from geoident.forward.march.stage import LinearRows, StageEnd
+from geoident.forward.analysis.adjoint import AdjointAnalysis, AdjointPlan, ReadingSeeds, reach
+from geoident.forward.analysis.analysis import AnalysisRun, StagedAnalysis
+from geoident.forward.analysis.stage import LinearRows, StageEnd
+from geoident.forward.gauges.observation import AnalysisState, Observation
 from geoident.model.arrays import Floats, Ints
 from geoident.model.dual import ParameterPoint
 
@@ -22,7 +22,7 @@ class ReadingAdjoints:
     """Some readings of a model (g), and the way back from them.
 
     Args:
-        march: of the model.
+        analysis: of the model.
         observation: its channels.
         rows: (g,) channels.
         states: (g,) states.
@@ -30,9 +30,14 @@ class ReadingAdjoints:
     """
 
     def __init__(
-        self, march: March, observation: Observation, rows: Ints, states: Ints, last: int
+        self,
+        analysis: StagedAnalysis,
+        observation: Observation,
+        rows: Ints,
+        states: Ints,
+        last: int,
     ) -> None:
-        self._march, self._observation = march, observation
+        self._analysis, self._observation = analysis, observation
         self.rows, self.states = rows, states
         self.last = last
         self._plan: AdjointPlan | None = None
@@ -51,12 +56,12 @@ class ReadingAdjoints:
     @cached_property
     def obstacle(self) -> str | None:
         """Why there are no adjoints, a clause, or None if there are."""
-        march = self._march
-        for built in march.sequence.states[: self.last + 1]:
+        analysis = self._analysis
+        for built in analysis.sequence.states[: self.last + 1]:
             for name in built.materials.values():
-                if march.case.materials[name].yields:
+                if analysis.case.materials[name].yields:
                     return f"{name} yields"
-        discretization, structures = march.systems.discretization, march.systems.structures
+        discretization, structures = analysis.systems.discretization, analysis.systems.structures
         points = discretization.points
         nothing = StageEnd(
             0,
@@ -65,7 +70,7 @@ class ReadingAdjoints:
             np.zeros((structures.n_rows, 1)),
             np.zeros(points.n_points, dtype=bool),
         )
-        state = MarchState(nothing, ParameterPoint(march.case.start, ()), structures)
+        state = AnalysisState(nothing, ParameterPoint(analysis.case.start, ()), structures)
         if self._observation.linear(state, self._channels) is None:
             return "a channel reads a principal stress"
         return None
@@ -73,7 +78,7 @@ class ReadingAdjoints:
     @cached_property
     def _columns(self) -> int:
         """Columns for which adjoints solve, all states."""
-        states = self._march.sequence.states[: self.last + 1]
+        states = self._analysis.sequence.states[: self.last + 1]
         seeds = self._seeds(LinearRows())
         weights = np.array([seeds.at(n) for n in range(len(states))])
         return int(reach([state.base for state in states], weights).sum())
@@ -90,25 +95,25 @@ class ReadingAdjoints:
             return False
         return self._columns < _TANGENT * n * (self.last + 1) and self.obstacle is None
 
-    def observed(self, end: StageEnd, run: Run) -> Floats:
+    def observed(self, end: StageEnd, run: AnalysisRun) -> Floats:
         """What all channels see of a state of a traced run, (n_channels, 1 + n).
 
         The derivatives are those at a state that stays as it is, by the parameters that are no
         modes: of water in the pores, of the rigidity that makes strains of forces.
         """
-        structures = self._march.systems.structures
+        structures = self._analysis.systems.structures
         if self._observation.displacements_only:
-            return self._observation.values(MarchState(end, run.point, structures))
-        point = self._march.without_modes(run.given)
+            return self._observation.values(AnalysisState(end, run.point, structures))
+        point = self._analysis.without_modes(run.given)
         more = point.n_columns - 1
 
         def kept(values: Floats) -> Floats:
             return np.pad(values, [(0, 0)] * (values.ndim - 1) + [(0, more)])
 
         still = replace(end, u=kept(end.u), stress=kept(end.stress), members=kept(end.members))
-        return self._observation.values(MarchState(still, point, structures))
+        return self._observation.values(AnalysisState(still, point, structures))
 
-    def table(self, run: Run, end: StageEnd, observed: Floats) -> Floats:
+    def table(self, run: AnalysisRun, end: StageEnd, observed: Floats) -> Floats:
         """The readings and their derivatives by all n parameters, (g, 1 + n).
 
         Without what gauges add by themselves. The run forgets its factors.
@@ -121,19 +126,19 @@ class ReadingAdjoints:
         Raises:
             ValueError: a reading is not linear in the state.
         """
-        march = self._march
-        state = MarchState(end, run.point, march.systems.structures)
+        analysis = self._analysis
+        state = AnalysisState(end, run.point, analysis.systems.structures)
         rows = self._observation.linear(state, self._channels)
         if rows is None:
             raise ValueError("a reading is not linear in the state")
         seeds = self._seeds(rows)
         if self._plan is None:
-            self._plan = AdjointPlan(march, seeds, self.last)
-        back = AdjointMarch(march, self._plan, run.traces, run.factors, run.given, seeds)
+            self._plan = AdjointPlan(analysis, seeds, self.last)
+        back = AdjointAnalysis(analysis, self._plan, run.traces, run.factors, run.given, seeds)
         jacobian = back.jacobian()[self._of]
         run.factors.forget()
         direct = self._observation.readings(observed, self.rows, self.states)
-        names = march.without_modes(run.given).names
+        names = analysis.without_modes(run.given).names
         if direct.shape[1] > 1:
             jacobian[:, [run.given.names.index(name) for name in names]] += direct[:, 1:]
         return np.hstack([direct[:, :1], jacobian])

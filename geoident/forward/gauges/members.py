@@ -29,10 +29,10 @@ import scipy.sparse as sp
 from geoident.errors import Fault
 from geoident.fem.location import REACH, Site, format_point
 from geoident.fem.structures import section_forces
-from geoident.forward.gauges.observation import MarchState
+from geoident.forward.analysis.stage import LinearRows
+from geoident.forward.gauges.observation import AnalysisState
 from geoident.forward.gauges.placement import Placed, unbroken
 from geoident.forward.gauges.stress import Spots, StressReadings, readers_of
-from geoident.forward.march.stage import LinearRows
 from geoident.forward.stages import CaseOnMesh
 from geoident.forward.structures.members import StructureMembers, rigidities
 from geoident.forward.structures.placing import facing_balance, present_throughout, straight_pieces
@@ -68,7 +68,7 @@ class MemberReadings:
         self._channels = channels
         self._places: dict[str, _PlaceOnBeam] = {}
 
-    def linear(self, state: MarchState, wanted: Bools) -> LinearRows:
+    def linear(self, state: AnalysisState, wanted: Bools) -> LinearRows:
         """What a unit of every member force adds to the values.
 
         Args:
@@ -81,16 +81,16 @@ class MemberReadings:
         units = replace(state, end=end, point=ParameterPoint(state.point.values, ()))
         return LinearRows(members=sp.csr_array(self.values(units)[:, 1:]))
 
-    def values(self, state: MarchState) -> Floats:
+    def values(self, state: AnalysisState) -> Floats:
         """Values (g, 1 + n + k) at a state, SI."""
         rows = [self._read(channel, state) for channel in self._channels]
         return np.array(rows).reshape(len(rows), state.end.members.shape[1])
 
-    def coinciding(self, state: MarchState) -> tuple[str, ...]:
+    def coinciding(self, state: AnalysisState) -> tuple[str, ...]:
         """None: there are no principal values."""
         return ()
 
-    def _read(self, channel: Channel, state: MarchState) -> Floats:
+    def _read(self, channel: Channel, state: AnalysisState) -> Floats:
         part, forces = state.structures.part(channel.structure), state.end.members
         if isinstance(part.structure, Bars):
             if channel.kind == "load-cell":
@@ -176,7 +176,7 @@ class BeamTilts:
         self._channels = channels
         self._linear: LinearRows | None = None
 
-    def linear(self, state: MarchState, wanted: Bools) -> LinearRows:
+    def linear(self, state: AnalysisState, wanted: Bools) -> LinearRows:
         """What a unit motion of every node of the beams adds to the values; found once."""
         if self._linear is None:
             members = {
@@ -194,16 +194,16 @@ class BeamTilts:
             self._linear = LinearRows(u=sp.csr_array(found))
         return self._linear
 
-    def values(self, state: MarchState) -> Floats:
+    def values(self, state: AnalysisState) -> Floats:
         """Values (g, 1 + n + k) at a state, rad."""
         rows = [self._read(channel, state) for channel in self._channels]
         return np.array(rows).reshape(len(rows), state.end.u.shape[1])
 
-    def coinciding(self, state: MarchState) -> tuple[str, ...]:
+    def coinciding(self, state: AnalysisState) -> tuple[str, ...]:
         """None: there are no principal values."""
         return ()
 
-    def _read(self, channel: Channel, state: MarchState) -> Floats:
+    def _read(self, channel: Channel, state: AnalysisState) -> Floats:
         members = state.structures.part(channel.structure).members
         place = nearest(members.ends, np.array(channel.second))
         bent = section_forces(members, members.operator @ state.end.u)  # of unit stiffness

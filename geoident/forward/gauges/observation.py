@@ -1,6 +1,6 @@
-"""What gauges read of the states of a march: one quantity each, and all channels together.
+"""What gauges read of the states of an analysis: one quantity each, and all channels together.
 
-An observable turns a state of the march into values with derivatives. What a channel reads is its
+An observable turns a state of the run into values with derivatives. What a channel reads is its
 value there less that at the zero of the channel, and what the instrument adds by itself
 (`instrument_errors`). A new quantity is one class more, which says what it makes of displacements,
 stresses and member forces, and one function, which places its channels, finds from when to when
@@ -20,21 +20,21 @@ from typing import Protocol
 import numpy as np
 import scipy.sparse as sp
 
+from geoident.forward.analysis.stage import LinearRows, StageEnd
 from geoident.forward.gauges.zeros import ReadingRule
-from geoident.forward.march.stage import LinearRows, StageEnd
 from geoident.forward.structures.members import Structures
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.dual import ParameterPoint
 
 
 @dataclass(frozen=True)
-class MarchState:
-    """A state of the march, as observables see it.
+class AnalysisState:
+    """A state of the analysis, as observables see it.
 
     Args:
         end: displacements, stresses and member forces; columns are the value, n derivatives and k
             responses to unit forces.
-        point: the parameters, and the n of them by which the march differentiates.
+        point: the parameters, and the n of them by which the analysis differentiates.
         structures: linings and bolts.
     """
 
@@ -46,7 +46,7 @@ class MarchState:
 class Observable(Protocol):
     """What some channels (g) read."""
 
-    def linear(self, state: MarchState, wanted: Bools) -> LinearRows | None:
+    def linear(self, state: AnalysisState, wanted: Bools) -> LinearRows | None:
         """The derivative of the values by the state.
 
         Args:
@@ -57,10 +57,10 @@ class Observable(Protocol):
             None where a wanted channel is not linear in the state.
         """
 
-    def values(self, state: MarchState) -> Floats:
+    def values(self, state: AnalysisState) -> Floats:
         """Values (g, 1 + n + k) at a state, SI, and their derivatives."""
 
-    def coinciding(self, state: MarchState) -> tuple[str, ...]:
+    def coinciding(self, state: AnalysisState) -> tuple[str, ...]:
         """Names of channels that read one of several equal principal values at a state."""
 
     @property
@@ -78,15 +78,15 @@ class RelativeDisplacements:
     def __init__(self, rows: sp.csr_array) -> None:
         self.rows = rows
 
-    def linear(self, state: MarchState, wanted: Bools) -> LinearRows:
+    def linear(self, state: AnalysisState, wanted: Bools) -> LinearRows:
         """G' itself."""
         return LinearRows(u=self.rows)
 
-    def values(self, state: MarchState) -> Floats:
+    def values(self, state: AnalysisState) -> Floats:
         """Values (g, 1 + n + k) at a state, SI."""
         return np.asarray(self.rows @ state.end.u)
 
-    def coinciding(self, state: MarchState) -> tuple[str, ...]:
+    def coinciding(self, state: AnalysisState) -> tuple[str, ...]:
         """None: there are no principal values."""
         return ()
 
@@ -107,14 +107,14 @@ class Observation(ReadingRule):
     snapped: tuple[str, ...] = ()
     as_built: tuple[str, ...] = ()
 
-    def values(self, state: MarchState) -> Floats:
+    def values(self, state: AnalysisState) -> Floats:
         """What all channels see of a state since placing, (n_channels, 1 + n + k), SI."""
         table = np.empty((len(self.channels), state.end.u.shape[1]))
         for rows, observable in self.parts:
             table[rows] = observable.values(state)
         return table
 
-    def coinciding(self, state: MarchState) -> tuple[str, ...]:
+    def coinciding(self, state: AnalysisState) -> tuple[str, ...]:
         """Channels that read, at a state, one of several equal principal stresses."""
         found = []
         for rows, observable in self.parts:
@@ -145,7 +145,7 @@ class Observation(ReadingRule):
             raise ValueError("a channel reads more than displacements")
         return sp.csr_array(sp.vstack([matrix for _, matrix in given]))[place[rows]]
 
-    def linear(self, state: MarchState, rows: Ints) -> LinearRows | None:
+    def linear(self, state: AnalysisState, rows: Ints) -> LinearRows | None:
         """What some channels (g,) read as a linear function of a state; None where it is not.
 
         Args:

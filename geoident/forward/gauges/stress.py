@@ -1,6 +1,6 @@
 """Stresses, pressures of cells and of water: what gauges read of the stress at a point.
 
-The stress sigma' of the march is that of the skeleton. Together with the water it is
+The stress sigma' of the analysis is that of the skeleton. Together with the water it is
 sigma = sigma' - p; that is what an overcoring cell, a flat jack or a pressure cell feels, unless
 the case asks for the effective one. Tension is positive; a channel that counts compression reads
 the negative.
@@ -23,11 +23,11 @@ from geoident.errors import Fault
 from geoident.fem.kinematics import Kinematics
 from geoident.fem.location import Site, format_point
 from geoident.fem.recovery import Recovery, recovery
+from geoident.forward.analysis.stage import LinearRows
 from geoident.forward.gauges.beyond_mesh import beside_fault, is_beside
-from geoident.forward.gauges.observation import MarchState
+from geoident.forward.gauges.observation import AnalysisState
 from geoident.forward.gauges.placement import Placed, best_site, point_fault
 from geoident.forward.in_situ.water import PorePressure
-from geoident.forward.march.stage import LinearRows
 from geoident.forward.stages import CaseOnMesh, ConstructionSequence
 from geoident.model.actions import Water
 from geoident.model.arrays import Bools, Floats
@@ -137,7 +137,7 @@ class StressReadings:
     def __init__(self, readers: Sequence[Reader], water: PoreWater) -> None:
         self._readers, self._water = readers, water
 
-    def linear(self, state: MarchState, wanted: Bools) -> LinearRows | None:
+    def linear(self, state: AnalysisState, wanted: Bools) -> LinearRows | None:
         """Components are linear in the stress; principal values are not."""
         n_strain, n_points, _ = state.end.stress.shape
         rows = [np.empty(0, np.int64)]
@@ -156,16 +156,16 @@ class StressReadings:
         shape = len(self._readers), n_strain * n_points
         return LinearRows(stress=sp.csr_array(entries, shape=shape))
 
-    def values(self, state: MarchState) -> Floats:
+    def values(self, state: AnalysisState) -> Floats:
         """Values (g, 1 + n + k) at a state, Pa."""
         found = [reader.read(stress) for reader, stress in self._stresses(state)]
         return np.array(found).reshape(len(found), state.end.stress.shape[2])
 
-    def coinciding(self, state: MarchState) -> tuple[str, ...]:
+    def coinciding(self, state: AnalysisState) -> tuple[str, ...]:
         """Names of channels whose principal value is one of several equal ones there."""
         return tuple(r.name for r, stress in self._stresses(state) if r.coincides(stress))
 
-    def _stresses(self, state: MarchState) -> Iterator[tuple[Reader, Floats]]:
+    def _stresses(self, state: AnalysisState) -> Iterator[tuple[Reader, Floats]]:
         pressure = self._water.at(state.end.state, state.point)
         for reader, own in zip(self._readers, pressure, strict=True):
             stress = reader.recovery.at(state.end.stress)
@@ -186,17 +186,17 @@ class PorePressures:
     def __init__(self, water: PoreWater) -> None:
         self._water = water
 
-    def linear(self, state: MarchState, wanted: Bools) -> LinearRows:
+    def linear(self, state: AnalysisState, wanted: Bools) -> LinearRows:
         """Nothing of the state is in it."""
         return LinearRows()
 
-    def values(self, state: MarchState) -> Floats:
+    def values(self, state: AnalysisState) -> Floats:
         """Values (g, 1 + n + k) at a state, Pa."""
         found = self._water.at(state.end.state, state.point)
         more = state.end.u.shape[1] - found.shape[1]
         return np.pad(found, ((0, 0), (0, more)))
 
-    def coinciding(self, state: MarchState) -> tuple[str, ...]:
+    def coinciding(self, state: AnalysisState) -> tuple[str, ...]:
         """None: there are no principal values."""
         return ()
 

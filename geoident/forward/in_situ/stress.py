@@ -205,7 +205,7 @@ class _Heim:
         return self._depths.at(point).positive_part() * point.number(model.unit_weight)
 
 
-class OnTheGround:
+class CoverAndSurcharge:
     """What lies on the ground at places with no ground above, and above all places below.
 
     The cover between the top of the mesh and the surface, and the surcharge.
@@ -255,7 +255,7 @@ class _Geostatic:
         self._groups, self._names = places.groups, on_mesh.sequence.groups
         self._dim = positions.shape[1]
         self._above = Overburden(on_mesh).above(positions, places.elements)
-        self._on_top = OnTheGround(model, mesh, positions, self._above)
+        self._on_top = CoverAndSurcharge(model, mesh, positions, self._above)
         self._pores = None if case.water is None else PorePressure(case.water, mesh, positions)
         self._wet = is_wet(case.water, self._groups, self._names)
         self.n_outside = self._on_top.n_outside

@@ -1,6 +1,6 @@
 """Pressure of water: in the pores below a table, and on faces below a level.
 
-With water in the pores the stress of the march is the *effective* stress sigma' of the skeleton,
+With water in the pores the stress of the analysis is the *effective* stress sigma' of the skeleton,
 and the ground as a whole carries sigma = sigma' - p (Terzaghi). Equilibrium of the whole,
 C^T V (sigma' - p) = f, reads for the skeleton C^T V sigma' = f + C^T V p: the pressure is a load,
 and so is its change from stage to stage. Densities below the table are those of saturated ground.

@@ -169,7 +169,7 @@ class WallReaction(Protocol):
 
         Raises:
             NoFinalMotion: without support the opening has none, or no part of it is found.
-            ModelError: the march has no solution otherwise.
+            ModelError: the analysis has no solution otherwise.
         """
 
     def forget(self) -> None:

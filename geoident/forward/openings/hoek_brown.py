@@ -82,11 +82,11 @@ class HoekBrownLimit:
             lambda radial: 2.0 * (radial - far) + self._height(radial),
             lambda radial: radial + self.hoop(radial) - 2.0 * pressure,
             lambda radial: 2.0 + self._rise(radial),
-            (float(self.torn.value), far),
+            (float(self.tension_limit.value), far),
         )
 
     @property
-    def torn(self) -> Dual:
+    def tension_limit(self) -> Dual:
         """sigma_r below which the rock mass is torn, -s sigci / mb, Pa."""
         return -self.s * self.sigci / self.mb
 

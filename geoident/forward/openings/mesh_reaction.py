@@ -9,15 +9,15 @@ counted from the state before the tunnel, its K released parts lambda solve
 
     F_k = ubar_k(lambda, p) - s_k(p) ubar_end(lambda, p) = 0 ,    k = 1 .. K,
 
-where the states k are those of a march of their own: the stages with a distance one after the
+where the states k are those of an analysis of their own: the stages with a distance one after the
 other, with nothing built, and at last all of the stress released. The parts are parameters of
-that march, so one march gives F and its derivatives by lambda and p; Newton's method solves it, and
+that run, so one run gives F and its derivatives by lambda and p; Newton's method solves it, and
 
     dlambda/dp = - (dF/dlambda)^-1 dF/dp .
 
 Where the ground yields, ubar is convex in what is released: a step beyond all of the stress is
 halved, and from above Newton's method comes down. The next parameter vector starts at
-lambda + dlambda/dp dp, which leaves one or two marches.
+lambda + dlambda/dp dp, which leaves one or two analyses.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ from geoident.fem.faces import FacetPatch, patches
 from geoident.fem.loads import pressure_forces, traction_weights
 from geoident.fem.solvers import Solver
 from geoident.forward.actions.release import ReleasedParts
-from geoident.forward.march.march import March, Run, RunOptions
-from geoident.forward.march.systems import StageSystems
+from geoident.forward.analysis.analysis import AnalysisRun, RunOptions, StagedAnalysis
+from geoident.forward.analysis.systems import StageSystems
 from geoident.forward.openings.advance import NoFinalMotion
 from geoident.forward.stages import CaseOnMesh, used_groups
 from geoident.model.actions import FaceDistance
@@ -48,7 +48,7 @@ _SMALL = 1e-8
 _MOST_MARCHES = 40
 
 _END = " all released"
-"""Name of the last stage of the march; no stage can have it, with its blank."""
+"""Name of the last stage of the analysis; no stage can have it, with its blank."""
 
 
 @dataclass(frozen=True)
@@ -92,7 +92,7 @@ class MeshReaction:
             on_mesh.turned,
             on_mesh.growths,
         )
-        self._march = March(alone, StageSystems(alone, solver), parts)
+        self._analysis = StagedAnalysis(alone, StageSystems(alone, solver), parts)
         self._end = len(alone.sequence.states) - 1
         self._before = self._end - len(chain) - 1
         self._states = [self._before + 1 + distances.index(release) for release in self.releases]
@@ -101,7 +101,7 @@ class MeshReaction:
 
     def forget(self) -> None:
         """Begin the next solution as a new model does."""
-        self._march.forget()
+        self._analysis.forget()
         self._last = None
 
     def parts(self, shares: Sequence[Dual], point: ParameterPoint) -> dict[FaceDistance, Dual]:
@@ -113,7 +113,7 @@ class MeshReaction:
 
         Raises:
             NoFinalMotion: without support the opening has none, or no part of it is found.
-            ModelError: the march has no solution otherwise.
+            ModelError: the analysis has no solution otherwise.
         """
         found = self._known_at(point)
         if found is None:
@@ -163,7 +163,7 @@ class MeshReaction:
         """Motion of the wall, m, by n parameters and K parts: (K, 1 + n + K), and its end."""
         given = dict(zip(self._names, map(float, parts), strict=True))
         wider = ParameterPoint({**point.values, **given}, (*point.names, *self._names))
-        run = Run(self._march, wider, RunOptions(explain=False))
+        run = AnalysisRun(self._analysis, wider, RunOptions(explain=False))
         try:
             found = [self._inwards @ end.u for end in run.states()]
         except CollapseError as collapse:

@@ -16,7 +16,7 @@ import numpy as np
 from geoident.forward.checks import inadmissible_numbers
 from geoident.forward.gauges.instrument_errors import InstrumentErrors, ReadingPlaces
 from geoident.forward.gauges.observation import Observation
-from geoident.forward.reduced.affine_march import AffineForm
+from geoident.forward.reduced.affine_analysis import AffineForm
 from geoident.forward.reduced.loads import LoadForm
 from geoident.forward.reduced.model import ReducedModel
 from geoident.forward.reduced.moduli import MaterialSpan, RigiditySpan, Span
@@ -36,7 +36,7 @@ def kept_model(
     observation: Observation,
     case: Case,
     *,
-    marches: Sequence[Floats],
+    analyses: Sequence[Floats],
     built_on: Bools,
 ) -> KeptReducedModel:
     """The arrays of a reduced model.
@@ -45,7 +45,7 @@ def kept_model(
         reduced: the model.
         observation: the gauges of the case.
         case: of which it is.
-        marches: (n,) parameters of which it was made.
+        analyses: (n,) parameters of which it was made.
         built_on: (n_states, n_states) see `ConstructionSequence.built_on`.
 
     Raises:
@@ -68,7 +68,7 @@ def kept_model(
         reference=model.reference,
         lower=np.array([q.lower for q in case.parameters]),
         upper=np.array([q.upper for q in case.parameters]),
-        marches=np.array(marches).reshape(-1, len(model.form.names)),
+        analyses=np.array(analyses).reshape(-1, len(model.form.names)),
         materials=materials,
         channels=observation.channels,
         weights=observation.weights,

@@ -20,9 +20,9 @@ from itertools import combinations
 import numpy as np
 
 from geoident.forward.actions.release import Held
+from geoident.forward.analysis.analysis import StagedAnalysis
 from geoident.forward.in_situ.stress import NEGLIGIBLE_IMBALANCE
-from geoident.forward.march.march import March
-from geoident.forward.reduced.points import MarchPoints
+from geoident.forward.reduced.points import AnalysisPoints
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.dual import ParameterPoint
 
@@ -71,18 +71,20 @@ def monomials(x: Floats, exponents: Ints) -> Floats:
     return np.asarray(np.prod(x[:, None, :] ** exponents, axis=2))
 
 
-def load_form(march: March, names: Sequence[str], samples: Floats, last: int) -> LoadForm | None:
+def load_form(
+    analysis: StagedAnalysis, names: Sequence[str], samples: Floats, last: int
+) -> LoadForm | None:
     """The form of the loads of a case up to a state; None where they have none.
 
     Args:
-        march: of the case.
+        analysis: of the case.
         names: of the n parameters.
         samples: (b, n) parameter vectors spread over the domain, the last ones its ends.
         last: the last state.
     """
     scale = np.abs(samples).max(axis=0)
     scale[scale == 0.0] = 1.0
-    loads = _Loads(march, names, last)
+    loads = _Loads(analysis, names, last)
     moves = loads.moved_by(samples[:2])
     for exponents in _forms(moves):
         count = len(exponents)
@@ -120,18 +122,18 @@ def _forms(moves: Bools) -> Iterator[Ints]:
 class _Loads:
     """In-situ stress and forces of some states as one vector, each part by its size."""
 
-    def __init__(self, march: March, names: Sequence[str], last: int) -> None:
-        self.march, self.names, self.last = march, tuple(names), last
+    def __init__(self, analysis: StagedAnalysis, names: Sequence[str], last: int) -> None:
+        self.analysis, self.names, self.last = analysis, tuple(names), last
         self._sizes: list[float] = []
         self._known: dict[bytes, Floats] = {}
 
     def _parts(self, p: Floats, *, slopes: bool = False) -> list[Floats]:
         values = dict(zip(self.names, map(float, p), strict=True))
         point = ParameterPoint(values, self.names if slopes else ())
-        march = self.march
-        stress = march.in_situ.columns(point)
-        stress[:, ~march.systems[0].present] = 0.0
-        states, structures = march.sequence.states[: self.last + 1], march.systems.structures
+        analysis = self.analysis
+        stress = analysis.in_situ.columns(point)
+        stress[:, ~analysis.systems[0].present] = 0.0
+        states, structures = analysis.sequence.states[: self.last + 1], analysis.systems.structures
         jacked = np.zeros((structures.n_rows, point.n_columns))
         for state in states:
             jacked += structures.given(state, point)
@@ -144,11 +146,11 @@ class _Loads:
             stress: (s, n_points, 1 + n) in situ.
             point: the parameters.
         """
-        march, held = self.march, dict[int, Held]()
-        for n, state in enumerate(march.sequence.states[: self.last + 1]):
-            forces = march.actions.forces(n, point)
-            held[n] = march.release.held(n, held[state.base], stress, point) if n else {}
-            yield forces + march.release.forces(n, held[n], point)
+        analysis, held = self.analysis, dict[int, Held]()
+        for n, state in enumerate(analysis.sequence.states[: self.last + 1]):
+            forces = analysis.actions.forces(n, point)
+            held[n] = analysis.release.held(n, held[state.base], stress, point) if n else {}
+            yield forces + analysis.release.forces(n, held[n], point)
 
     def moved_by(self, samples: Floats) -> Bools:
         """(n,) parameters by which any of them has a derivative."""
@@ -180,7 +182,10 @@ class _Loads:
 
     def split(self, fields: Floats) -> tuple[Floats, tuple[Floats, ...]]:
         """Stress and forces of bars (s, n_points, r), forces (n_dofs, r), of vectors (r, ...)."""
-        points, n_dofs = MarchPoints(self.march.systems), self.march.systems.discretization.n_dofs
+        points, n_dofs = (
+            AnalysisPoints(self.analysis.systems),
+            self.analysis.systems.discretization.n_dofs,
+        )
         n_rows = points.n_points - points.n_ground
         sizes = (points.n_strain * points.n_ground, n_rows, *[n_dofs] * (self.last + 1))
         parts = np.split(fields, np.cumsum(sizes)[:-1], axis=1)
@@ -211,10 +216,10 @@ def _shortened(
     spread[:, there] = rows[kept]
     stress, forces = loads.split(spread)
     mix = (left[:, kept] * size[kept]).T
-    march, settles = loads.march, False
+    analysis, settles = loads.analysis, False
     form = LoadForm(scale, exponents, mix, stress, forces, settles)
     psi, _ = form.coordinates(samples[-_CHECKS:])
-    in_situ = stress[:, : march.systems.discretization.points.n_points]
-    of_samples = march.imbalance(in_situ @ psi.T, forces[0] @ psi.T)
+    in_situ = stress[:, : analysis.systems.discretization.points.n_points]
+    of_samples = analysis.imbalance(in_situ @ psi.T, forces[0] @ psi.T)
     settles = bool(of_samples.max(initial=0.0) > NEGLIGIBLE_IMBALANCE)
     return LoadForm(scale, exponents, mix, stress, forces, settles)

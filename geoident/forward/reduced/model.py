@@ -1,11 +1,11 @@
 """The reduced model: all states at many parameter vectors, with their error in energy.
 
-With q_j the coordinates of u_j, the equations of a state are those of the march (theory 2), tested
+With q_j the coordinates of u_j, the equations of a state are those of the run (theory 2), tested
 with the basis of the state:
 
     sum_m sum_r theta_mr(p) [ M_jj q_j + sum_l M_jl q_l ] = F_j psi(p)
 
-The march with the stress sigma~ that they leave out of balance, rho_j = f_j - C^T V sigma~_j, is
+The analysis with the stress sigma~ that they leave out of balance, rho_j = f_j - C^T V sigma~_j, is
 the true one under other forces. With s the error of the stress, every stage adds a part that is in
 equilibrium with rho_j and takes away what is a strain of the stage from what it carried,
 
@@ -27,7 +27,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from geoident.forward.reduced.affine_march import AffineFactors, AffineForm
+from geoident.forward.reduced.affine_analysis import AffineFactors, AffineForm
 from geoident.forward.reduced.moduli import relative_eigenvalues
 from geoident.forward.reduced.projection import ReducedStage
 from geoident.forward.reduced.stress_rows import StageForces
@@ -49,7 +49,7 @@ class ReducedStates:
 
 @dataclass(frozen=True, eq=False)
 class ReducedModel:
-    """The march on the space of few states.
+    """The analysis on the space of few states.
 
     Args:
         form: of moduli and loads.

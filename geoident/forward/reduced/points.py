@@ -9,16 +9,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from geoident.forward.march.systems import StageSystem, StageSystems
+from geoident.forward.analysis.systems import StageSystem, StageSystems
 from geoident.forward.stages import ConstructionState, Index, numbers
 from geoident.model.arrays import Floats
 
 
-class MarchPoints:
+class AnalysisPoints:
     """Strain points of the ground, then the members.
 
     Args:
-        systems: of the march.
+        systems: of the analysis.
 
     Attributes:
         n_strain: components s of a strain.

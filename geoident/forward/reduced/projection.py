@@ -30,7 +30,7 @@ import numpy as np
 import scipy.linalg as sla
 
 from geoident.fem.solvers.threads import run_tasks
-from geoident.forward.reduced.affine_march import AffineMarch
+from geoident.forward.reduced.affine_analysis import AffineAnalysis
 from geoident.forward.reduced.recorder import Snapshot
 from geoident.forward.reduced.stress_rows import StageForces
 from geoident.forward.reduced.zones import StressTerm, Zone
@@ -110,17 +110,17 @@ class GalerkinProjection:
     """Makes the stages of a reduced model from snapshots.
 
     Args:
-        affine: the march with the form of its moduli and loads.
+        affine: the analysis with the form of its moduli and loads.
         snapshots: at least one.
         reference: (n,) parameters whose moduli measure.
     """
 
     def __init__(
-        self, affine: AffineMarch, snapshots: Sequence[Snapshot], reference: Floats
+        self, affine: AffineAnalysis, snapshots: Sequence[Snapshot], reference: Floats
     ) -> None:
         self._affine, self._snapshots = affine, tuple(snapshots)
         self._spans, self._loads = affine.form.spans, affine.form.loads
-        self._base = [state.base for state in affine.march.sequence.states]
+        self._base = [state.base for state in affine.analysis.sequence.states]
         self._points = affine.points
         at = affine.form.at(reference[None])
         self._at_reference = {name: c[0] for name, c in at.moduli.items()}

@@ -29,10 +29,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from geoident.forward.analysis.analysis import AnalysisRun
+from geoident.forward.analysis.stage import StageEnd
 from geoident.forward.gauges.observation import Observation
-from geoident.forward.march.march import Run
-from geoident.forward.march.stage import StageEnd
-from geoident.forward.reduced.affine_march import AffineMarch
+from geoident.forward.reduced.affine_analysis import AffineAnalysis
 from geoident.model.arrays import Floats
 
 MOST_FURTHER = 16
@@ -100,7 +100,7 @@ class Recorder:
     """
 
     def __init__(
-        self, affine: AffineMarch, observation: Observation, p: Floats, *, further: int
+        self, affine: AffineAnalysis, observation: Observation, p: Floats, *, further: int
     ) -> None:
         self._affine, self._observation = affine, observation
         self._spans, self._loads, self._points = affine.form.spans, affine.form.loads, affine.points
@@ -113,7 +113,7 @@ class Recorder:
         none = np.zeros((len(self._psi), len(self._further)))
         self.snapshot = Snapshot(p.copy(), np.hstack([self._psi, none]), self._turns())
 
-    def add(self, end: StageEnd, run: Run) -> None:
+    def add(self, end: StageEnd, run: AnalysisRun) -> None:
         """Record a state.
 
         Args:
@@ -193,7 +193,7 @@ class Recorder:
         largest = max(np.abs(s[:, h]).max() for s in self._slopes.values())
         return b if left > _ALIKE * largest else None
 
-    def _with_further(self, number: int, u: Floats, run: Run) -> Floats:
+    def _with_further(self, number: int, u: Floats, run: AnalysisRun) -> Floats:
         """Displacements (n_dofs, M) of all columns of a state, those that need others after them.
 
         Args:
@@ -201,8 +201,8 @@ class Recorder:
             u: (n_dofs, 1 + n) of the state and its scaled derivatives.
             run: the analysis there.
         """
-        factor = run.factors.find(self._affine.march.sequence.states[number])
-        system, first = self._affine.march.systems[number], u.shape[1]
+        factor = run.factors.find(self._affine.analysis.sequence.states[number])
+        system, first = self._affine.analysis.systems[number], u.shape[1]
         while u.shape[1] < first + len(self._further):
             known = u.shape[1]
             ready = self._further[known - first :]

@@ -14,9 +14,9 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from geoident.forward.analysis.analysis import KnownDisplacements, StagedAnalysis
 from geoident.forward.gauges.observation import Observation
-from geoident.forward.march.march import KnownDisplacements, March
-from geoident.forward.reduced.affine_march import AffineMarch, affine_march
+from geoident.forward.reduced.affine_analysis import AffineAnalysis, affine_analysis
 from geoident.forward.reduced.model import ReducedModel
 from geoident.forward.reduced.projection import GalerkinProjection
 from geoident.forward.reduced.recorder import MOST_FURTHER, Recorder, Snapshot
@@ -30,7 +30,7 @@ PROJECTED = 5.0
 Measured on `cases/cavern`: whole fits took a seventh longer with the reduced model than without.
 """
 
-DEAR = "for a mesh of this size it costs more than the marches that it saves"
+DEAR = "for a mesh of this size it costs more than the analyses that it saves"
 
 MOST_ENTRIES = 200_000_000
 """Numbers that snapshots may keep: 1.6 GB."""
@@ -40,7 +40,7 @@ class Reduction:
     """The reduced models of a staged model.
 
     Args:
-        march: of the case.
+        analysis: of the case.
         observation: its gauges.
         last: the last state wanted.
         most: how many analyses are kept at most, the newest.
@@ -53,20 +53,20 @@ class Reduction:
 
     def __init__(
         self,
-        march: March,
+        analysis: StagedAnalysis,
         observation: Observation,
         last: int,
         *,
         most: int = 4,
         economical: bool = True,
     ) -> None:
-        self._march, self._observation = march, observation
+        self._analysis, self._observation = analysis, observation
         self.last, self.most, self.economical = last, most, economical
         self.snapshots: dict[bytes, Snapshot] = {}
-        self._affine: AffineMarch | None = None  # found when the first march is to be recorded
+        self._affine: AffineAnalysis | None = None  # found when the first run is to be recorded
         self._further = 0
         self._made: tuple[tuple[bytes, ...], ReducedModel | None, GalerkinProjection] | None = None
-        self.obstacle = reduction_obstacle(march)
+        self.obstacle = reduction_obstacle(analysis)
 
     def covers(self) -> bool:
         """Whether there is nothing against it; loads and moduli are looked at once."""
@@ -76,24 +76,24 @@ class Reduction:
 
     def _prepare(self) -> str | None:
         """Look at moduli and loads; why there is no reduced model, a clause, or None."""
-        march, points = self._march, self._march.systems.discretization.points
+        analysis, points = self._analysis, self._analysis.systems.discretization.points
         if self.economical and points.n_strain < 6:
             return DEAR  # factorizations in the plane are cheap
-        affine = affine_march(march, zones_of(march.on_mesh), self.last, self._observation)
+        affine = affine_analysis(analysis, zones_of(analysis.on_mesh), self.last, self._observation)
         if affine is None:
             return "its loads are no polynomials of low degree in the parameters"
         settles = affine.form.loads.settles
-        if settles and any(state.release for state in march.sequence.states):
+        if settles and any(state.release for state in analysis.sequence.states):
             return "stress is released in part that is not the one in situ: that is out of balance"
         if self.economical and self._dear(affine):
             return DEAR
         # numbers that an analysis leaves by each column: motions, what is seen, how ground settled
         own = points.n_strain * points.n_points if settles else 0
-        n_dofs, seen = march.systems.discretization.n_dofs, len(self._observation.channels)
+        n_dofs, seen = analysis.systems.discretization.n_dofs, len(self._observation.channels)
         each = self.last * n_dofs + (self.last + 1) * seen + own
         columns = 1 + len(affine.form.names)
         if each * columns > MOST_ENTRIES:
-            return "what a march leaves for it does not fit into the memory"
+            return "what an analysis leaves for it does not fit into the memory"
         # further ones need as much again beside, while they are made
         further = MOST_FURTHER
         self._further = further if 2 * each * (columns + further) <= MOST_ENTRIES else 0
@@ -101,7 +101,7 @@ class Reduction:
         self._affine = affine
         return None
 
-    def _dear(self, affine: AffineMarch) -> bool:
+    def _dear(self, affine: AffineAnalysis) -> bool:
         """Whether a reduced model would cost more than the analyses that it saves, in space.
 
         Counted are multiplications and additions: of a factorization by nested dissection, about
@@ -110,7 +110,7 @@ class Reduction:
         columns = 3 * (1 + len(affine.form.names))
         projecting = factorizing = 0.0
         for state in range(1, self.last + 1):
-            factorizing += 20.0 * float(self._march.systems[state].pattern.lower.n) ** 2
+            factorizing += 20.0 * float(self._analysis.systems[state].pattern.lower.n) ** 2
             for zone in affine.zones[state]:
                 terms = {(other, material) for other, material, _ in zone.parts if other}
                 blocks = 1 + sum(affine.form.spans[material].rank for _, material in terms)
@@ -195,41 +195,41 @@ class Reduction:
         return known
 
 
-def reduction_obstacle(march: March) -> str | None:
-    """Why the march of a case has no reduced model, a clause, or None if it may have one.
+def reduction_obstacle(analysis: StagedAnalysis) -> str | None:
+    """Why the analysis of a case has no reduced model, a clause, or None if it may have one.
 
     Whether its loads have the form that is needed is found by trying, see `loads.load_form`.
     """
-    return next(_obstacles(march), None)
+    return next(_obstacles(analysis), None)
 
 
-def _obstacles(march: March) -> Iterator[str]:
-    case, states = march.case, march.sequence.states
+def _obstacles(analysis: StagedAnalysis) -> Iterator[str]:
+    case, states = analysis.case, analysis.sequence.states
     if not case.parameters:
         yield "nothing is sought"
-    for name in march.sequence.materials:
+    for name in analysis.sequence.materials:
         if case.materials[name].yields:
             yield f"{name} yields: its stresses are not linear in the displacements"
-    for field in march.on_mesh.fields:
+    for field in analysis.on_mesh.fields:
         yield f"{field.constant} of {field.material} is a field"
     for growth in case.growths:
         yield growth.words
     for name, count in Counter(name for state in states for name in state.stressed).items():
         if count > 1:
             yield f"the bars of '{name}' are stressed more than once"
-    yield from _obstacles_of_stages(march)
+    yield from _obstacles_of_stages(analysis)
 
 
-def _obstacles_of_stages(march: March) -> Iterator[str]:
-    moved = march.motions.moved()
+def _obstacles_of_stages(analysis: StagedAnalysis) -> Iterator[str]:
+    moved = analysis.motions.moved()
     if moved is not None:
         yield f"the support '{moved}' is moved"
-    for stage in march.case.stages:
+    for stage in analysis.case.stages:
         if stage.supports:
             yield f"the stage '{stage.name}' changes what is held"
         if stage.temperature:
             yield f"the stage '{stage.name}' changes temperatures"
-    for state in march.sequence.states:
+    for state in analysis.sequence.states:
         if state.base and state.release.keys() & state.leaving:
             yield (
                 f"the stage '{state.name}' releases in part the stress of ground that other stages "

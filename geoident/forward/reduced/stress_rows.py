@@ -13,10 +13,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from geoident.forward.gauges.observation import MarchState, Observable, Observation
-from geoident.forward.march.march import March
-from geoident.forward.march.stage import StageEnd
-from geoident.forward.reduced.points import MarchPoints
+from geoident.forward.analysis.analysis import StagedAnalysis
+from geoident.forward.analysis.stage import StageEnd
+from geoident.forward.gauges.observation import AnalysisState, Observable, Observation
+from geoident.forward.reduced.points import AnalysisPoints
 from geoident.forward.reduced.zones import StressTerm
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.dual import ParameterPoint
@@ -64,13 +64,13 @@ class StageForces:
     terms: Mapping[StressTerm, Floats]
 
 
-def stress_rows(march: March, observation: Observation) -> StressRows:
+def stress_rows(analysis: StagedAnalysis, observation: Observation) -> StressRows:
     """The channels of a case that read stresses or forces in a way that is covered."""
-    points = MarchPoints(march.systems)
+    points = AnalysisPoints(analysis.systems)
     s = points.n_strain
     channels, own = [], list[tuple[Ints, Floats]]()
     for row, observable, wanted in _others(observation):
-        found = _covered(march, observable, wanted)
+        found = _covered(analysis, observable, wanted)
         if found is None:
             continue
         stress, members = found
@@ -87,18 +87,18 @@ def stress_rows(march: March, observation: Observation) -> StressRows:
     return StressRows(np.array(channels, dtype=np.int64), every, weights)
 
 
-def beyond_reduction(march: March, observation: Observation, rows: Ints) -> str | None:
+def beyond_reduction(analysis: StagedAnalysis, observation: Observation, rows: Ints) -> str | None:
     """Why some channels have no reduced model, a clause, or None if they have.
 
     Args:
-        march: of the case.
+        analysis: of the case.
         observation: its gauges.
         rows: (g,) the channels.
     """
     if observation.not_linear(rows) is None:
         return None
     for row, observable, wanted in _others(observation):
-        if row in rows and _covered(march, observable, wanted) is None:
+        if row in rows and _covered(analysis, observable, wanted) is None:
             name = observation.channels[row]
             return f"gauge '{name}' reads more than displacements, normal stresses and forces"
     return None
@@ -114,15 +114,17 @@ def _others(observation: Observation) -> list[tuple[int, Observable, Bools]]:
     return found
 
 
-def _covered(march: March, observable: Observable, wanted: Bools) -> tuple[Floats, Floats] | None:
+def _covered(
+    analysis: StagedAnalysis, observable: Observable, wanted: Bools
+) -> tuple[Floats, Floats] | None:
     """Weights of the stresses (s n_points,) and of the forces (n_rows,); None if not covered."""
-    start = march.case.start
+    start = analysis.case.start
     moved = {name: value * (1.0 + _MOVED) + 1e-12 for name, value in start.items()}
-    nothing = _nothing(march)
+    nothing = _nothing(analysis)
     found = []
     for values in (start, moved):
         point = ParameterPoint(values, ())
-        state = MarchState(nothing, point, march.systems.structures)
+        state = AnalysisState(nothing, point, analysis.systems.structures)
         rows = observable.linear(state, wanted)
         if rows is None or rows.u is not None:
             return None
@@ -135,7 +137,7 @@ def _covered(march: March, observable: Observable, wanted: Bools) -> tuple[Float
             )
         )
         found.append((stress, members))
-        for number in range(len(march.sequence.states)):
+        for number in range(len(analysis.sequence.states)):
             still = replace(state, end=replace(nothing, state=number))
             if np.any(observable.values(still)[wanted]):  # something beside the stress
                 return None
@@ -145,13 +147,13 @@ def _covered(march: March, observable: Observable, wanted: Bools) -> tuple[Float
     return found[0] if any(part.any() for part in found[0]) else None
 
 
-def _nothing(march: March) -> StageEnd:
+def _nothing(analysis: StagedAnalysis) -> StageEnd:
     """A state without displacements, stresses and forces."""
-    points = march.systems.discretization.points
+    points = analysis.systems.discretization.points
     return StageEnd(
         0,
-        np.zeros((march.systems.discretization.n_dofs, 1)),
+        np.zeros((analysis.systems.discretization.n_dofs, 1)),
         np.zeros((points.n_strain, points.n_points, 1)),
-        np.zeros((march.systems.structures.n_rows, 1)),
+        np.zeros((analysis.systems.structures.n_rows, 1)),
         np.zeros(points.n_points, dtype=bool),
     )

@@ -1,6 +1,6 @@
 """Of what the stress of every strain point is made: the history of the ground (theory 14).
 
-With u_j the displacements of the end of state j, counted as the march counts them, the stress at a
+With u_j the displacements of the end of state j, counted as the run counts them, the stress at a
 point of an elastic case is
 
     sigma_j = sigma_0 + E_0 C d_0 + sum_k E_k C (u_end(k) - u_start(k))
@@ -16,8 +16,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from geoident.forward.march.march import March
-from geoident.forward.reduced.points import MarchPoints
+from geoident.forward.analysis.analysis import StagedAnalysis
+from geoident.forward.reduced.points import AnalysisPoints
 from geoident.forward.stages import CaseOnMesh, numbers
 from geoident.model.arrays import Ints
 
@@ -135,23 +135,23 @@ def zones_of(on_mesh: CaseOnMesh) -> tuple[tuple[Zone, ...], ...]:
     return tuple(found)
 
 
-def member_zones(march: March, points: MarchPoints) -> tuple[tuple[Zone, ...], ...]:
+def member_zones(analysis: StagedAnalysis, points: AnalysisPoints) -> tuple[tuple[Zone, ...], ...]:
     """The zones of every state that are members: those of a structure with one rigidity.
 
     Bars that a jack or a press holds in a state work without stiffness: they are no zone of it, and
     begin from there.
 
     Args:
-        march: of the case.
-        points: of the march.
+        analysis: of the case.
+        points: of the analysis.
     """
     of_state: list[dict[str, StressHistory]] = []
     found = []
-    for number, state in enumerate(march.sequence.states):
+    for number, state in enumerate(analysis.sequence.states):
         before = {} if number == 0 else of_state[state.base]
         histories: dict[str, StressHistory] = {}
         zones = []
-        for part in march.systems.structures.parts:
+        for part in analysis.systems.structures.parts:
             if part.name not in state.structures:
                 continue
             if part.name in state.stressed:

@@ -1,4 +1,4 @@
-"""Collects the forces in linings and bolts during a march."""
+"""Collects the forces in linings and bolts during an analysis."""
 
 from __future__ import annotations
 

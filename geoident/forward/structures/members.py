@@ -1,7 +1,7 @@
 """Beams and bars in the sequence of stages: which stand when, what they bear, derivatives.
 
 A structure works like a group of elements. It is built free of stress, its forces q (see
-`fem.structures`) grow with the motion since then, and they end when it is dismantled. In the march
+`fem.structures`) grow with the motion since then, and they end when it is dismantled. In the run
 
     q <- q + D(p) B du ,      r = f - C^T V sigma - B^T w q
 
@@ -139,14 +139,14 @@ class Structures:
     def bar(self, name: str, number: int, members: Floats, point: ParameterPoint) -> Floats:
         """Axial force N of one bar, N, tension positive: (1 + n + k,), with its derivatives.
 
-        The march carries it per metre out of plane or of the whole turn; one bar bears its share,
+        The run carries it per metre out of plane or of the whole turn; one bar bears its share,
         which may itself depend on parameters (a spacing).
 
         Args:
             name: of the structure: bolts, struts or anchors.
             number: of the bar in it, from 0.
-            members: (n_rows, 1 + n + k) what the march carries.
-            point: the parameters, and the n of them by which the march differentiates.
+            members: (n_rows, 1 + n + k) what the analysis carries.
+            point: the parameters, and the n of them by which the analysis differentiates.
         """
         part = self.part(name)
         assert isinstance(part.structure, Bars)
@@ -235,7 +235,7 @@ class Structures:
         Args:
             state: at the end of the stage.
             forces: (n_rows, 1 + n + k) carried from the stage before, changed in place.
-            point: the parameters, and the n of them by which the march differentiates.
+            point: the parameters, and the n of them by which the analysis differentiates.
         """
         forces[self.begins_anew(state)] = 0.0
         if state.stressed:

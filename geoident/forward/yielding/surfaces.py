@@ -62,7 +62,7 @@ from geoident.model.yielding import (
 class YieldLaws:
     """Yield laws of all materials of a case at one parameter vector, each made once.
 
-    A law keeps the active sets that it meets, so one serves a whole march.
+    A law keeps the active sets that it meets, so one serves a whole analysis.
 
     Args:
         ground: moduli of the materials at the parameters, with the case on its mesh.

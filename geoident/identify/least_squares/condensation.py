@@ -47,7 +47,7 @@ it). Large errors can also keep it from coming to rest, and it then says so. It 
 the solution from far away; follow it by ``gauss-newton``.
 
 **Several stages.** K, u and F are those of all stages, stacked: du_j is driven by the stress that
-earlier stages left, so K is block lower triangular and K^-1 is the march through the stages. The
+earlier stages left, so K is block lower triangular and K^-1 is the analysis through the stages. The
 algebra above holds unchanged, with the stress left computed from the corrected displacements z;
 only S is no longer symmetric.
 

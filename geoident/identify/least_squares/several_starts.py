@@ -31,7 +31,7 @@ import numpy as np
 from geoident.errors import ModelError
 from geoident.identify.least_squares.acceptance import Iterate, Step
 from geoident.identify.least_squares.descent import Descent, Ending
-from geoident.identify.problem.ahead import Look, in_turns
+from geoident.identify.problem.ahead import SearchTask, in_turns
 from geoident.identify.problem.outcome import LocalMinimum
 from geoident.identify.problem.scaling import Scaling
 from geoident.model.arrays import Floats
@@ -163,7 +163,7 @@ class SeveralStarts:
     parameters: Sequence[Parameter]
     starts: int | None
     freedom: int
-    look: Callable[[Floats], Look]
+    look: Callable[[Floats], SearchTask]
     also: Sequence[Floats] = ()
     because: str = ""
     _endings: list[Ending[Iterate]] = field(default_factory=list)

@@ -6,10 +6,9 @@ one as if there were no others. A model that has several processes works on them
 knows the answers when their turn comes.
 
 What is found does not depend on that. Before each part and after the last the model forgets what
-others have left to begin from (`TakesTurns.turns`), so that a part has the same numbers wherever it
-is computed. Which parts there are does not
-depend on the number of processes. A part may be named in vain: the search may turn elsewhere before
-it comes to it.
+others have left to begin from (`SpeculativeResponse.turns`), so that a part has the same numbers
+wherever it is computed. Which parts there are does not depend on the number of processes. A part
+may be named in vain: the search may turn elsewhere before it comes to it.
 """
 
 from __future__ import annotations
@@ -37,7 +36,7 @@ Turn = Callable[[int], None]
 """Is told the number of the part that is begun; returns when the answers to it may be asked for."""
 
 
-class Look(Protocol):
+class SearchTask(Protocol):
     """A part of a search. It is sent to other processes."""
 
     def __call__(self, response: Response) -> None:
@@ -45,14 +44,14 @@ class Look(Protocol):
 
 
 @runtime_checkable
-class TakesTurns(Response, Protocol):
+class SpeculativeResponse(Response, Protocol):
     """A model that works on parts of a search before it is their turn."""
 
     @property
     def at_once(self) -> int:
         """How many parts it works on at a time; 1 where it does not look ahead."""
 
-    def turns(self, looks: Sequence[Look]) -> AbstractContextManager[Turn]:
+    def turns(self, looks: Sequence[SearchTask]) -> AbstractContextManager[Turn]:
         """Work on parts of a search meanwhile.
 
         Args:
@@ -112,14 +111,14 @@ def apart(problem: Problem) -> ProblemApart:
 
 
 @contextmanager
-def in_turns(response: Response, looks: Iterable[Look]) -> Iterator[Turn]:
+def in_turns(response: Response, looks: Iterable[SearchTask]) -> Iterator[Turn]:
     """Parts of a search, for any model.
 
     Args:
         response: the model.
         looks: they, in their order.
     """
-    if not isinstance(response, TakesTurns):
+    if not isinstance(response, SpeculativeResponse):
         yield lambda number: None
         return
     with response.turns(list(looks)) as turn:
@@ -128,7 +127,7 @@ def in_turns(response: Response, looks: Iterable[Look]) -> Iterator[Turn]:
 
 def at_once(response: Response) -> int:
     """How many parts of a search a model works on at a time."""
-    return response.at_once if isinstance(response, TakesTurns) else 1
+    return response.at_once if isinstance(response, SpeculativeResponse) else 1
 
 
 def begins_near(response: Response) -> bool:

@@ -10,11 +10,11 @@ from pydantic import Discriminator, Field, Tag, model_validator
 from geoident.io.case.in_situ import surface_of
 from geoident.io.schema.section import Alternatives, Context, Section, SectionFaults, refuse
 from geoident.io.schema.values import (
+    CaseNumber,
     Coefficient,
     Coefficients,
     Coordinates,
     Forces,
-    Given,
     Level,
     LevelOrGroup,
     LineForces,
@@ -142,16 +142,16 @@ class LoadSection(Section):
         kind = next(kind for kind in _LOADS if getattr(self, kind) is not None)
         return _LOADS[kind](self, getattr(self, kind), context)
 
-    def _pressure(self, given: Given, context: Context) -> Pressure:
+    def _pressure(self, given: CaseNumber, context: Context) -> Pressure:
         return Pressure(self.on or "", given.scalar)
 
-    def _traction(self, given: Sequence[Given], context: Context) -> Traction:
+    def _traction(self, given: Sequence[CaseNumber], context: Context) -> Traction:
         return Traction(self.on or "", _scalars(given, context.at("traction")))
 
     def _water(self, given: WaterLoadSection, context: Context) -> WaterPressure:
         return given.load(self.on or "", context.at("water"))
 
-    def _force(self, given: Sequence[Given], context: Context) -> PointForce:
+    def _force(self, given: Sequence[CaseNumber], context: Context) -> PointForce:
         plane = context.analysis is Analysis.PLANE_STRAIN
         wanted, wrong, unit = (
             ("line_force", "force", "kN/m") if plane else ("force", "line_force", "kN")
@@ -164,7 +164,7 @@ class LoadSection(Section):
         at = None if self.at is None else _point(self.at, context.at("at"))
         return PointForce(self.on or "" if at is None else at, value)
 
-    def _seismic(self, given: Sequence[Given], context: Context) -> Seismic:
+    def _seismic(self, given: Sequence[CaseNumber], context: Context) -> Seismic:
         return Seismic(_scalars(given, context.at("seismic")))
 
 
@@ -278,14 +278,14 @@ def build_temperature(
     }
 
 
-def _weight(given: Given | None) -> Scalar:
+def _weight(given: CaseNumber | None) -> Scalar:
     return scalar_of(given) or WATER
 
 
-def _scalars(given: Sequence[Given], context: Context) -> tuple[Scalar, ...]:
+def _scalars(given: Sequence[CaseNumber], context: Context) -> tuple[Scalar, ...]:
     context.vector(given, f"the {str(context.path[-1]).replace('_', ' ')}")
     return tuple(number.scalar for number in given)
 
 
-def _point(given: Sequence[Given], context: Context) -> tuple[float, ...]:
+def _point(given: Sequence[CaseNumber], context: Context) -> tuple[float, ...]:
     return context.vector(given, "the point") or ()

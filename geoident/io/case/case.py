@@ -26,7 +26,7 @@ from pydantic import (
 from pydantic_core import PydanticKnownError
 
 from geoident.io.case.actions import LoadSection, WaterSection, build_loads
-from geoident.io.case.elsewhere.section import ConvergenceLawSection, ElsewhereSection
+from geoident.io.case.external.section import ConvergenceLawSection, ElsewhereSection
 from geoident.io.case.face import FaceSection, build_face
 from geoident.io.case.fit import FitSection
 from geoident.io.case.frames import oriented
@@ -47,7 +47,7 @@ from geoident.io.schema.section import Context, Section, SectionFaults
 from geoident.io.schema.values import (
     Acceleration,
     Accelerations,
-    Given,
+    CaseNumber,
     Name,
     ParameterName,
     Text,
@@ -304,7 +304,7 @@ def build_case(section: CaseSection, faults: Faults) -> Case:
 
 def circle_of(section: CaseSection) -> float | None:
     """Radius of an opening without mesh, m; None where there is a mesh, or no radius."""
-    given: Given | None = getattr(section.fit.options("closed-form"), "radius", None)
+    given: CaseNumber | None = getattr(section.fit.options("closed-form"), "radius", None)
     return None if given is None or section.mesh is not None else given.factor
 
 
@@ -342,9 +342,9 @@ def _seek_strengths(materials: Mapping[str, Material]) -> bool:
     )
 
 
-def numbers_of(node: object, path: KeyPath = ()) -> list[tuple[KeyPath, Given]]:
+def numbers_of(node: object, path: KeyPath = ()) -> list[tuple[KeyPath, CaseNumber]]:
     """Every number of a case, or of a part of it that stands at a path, with its path."""
-    found: list[tuple[KeyPath, Given]] = []
+    found: list[tuple[KeyPath, CaseNumber]] = []
     _add_numbers(node, path, found)
     return found
 
@@ -353,12 +353,12 @@ _PLAIN = frozenset([type(None), str, float, int, bool])
 """Most of what a case holds: it is no number with a unit, and has none inside."""
 
 
-def _add_numbers(node: object, path: KeyPath, found: list[tuple[KeyPath, Given]]) -> None:
+def _add_numbers(node: object, path: KeyPath, found: list[tuple[KeyPath, CaseNumber]]) -> None:
     if type(node) in _PLAIN:
         return
-    if isinstance(node, Given) and isinstance(node.field, GrowthBase | RockMassModulusSection):
+    if isinstance(node, CaseNumber) and isinstance(node.field, GrowthBase | RockMassModulusSection):
         _add_numbers(node.field, path, found)
-    elif isinstance(node, Given):
+    elif isinstance(node, CaseNumber):
         found.append((path if node.field is None else (*path, "field", "mean"), node))
     elif isinstance(node, BaseModel):
         for name, key in _keys_of(type(node)):

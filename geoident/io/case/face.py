@@ -11,9 +11,9 @@ from pydantic import BaseModel, Discriminator, Field, Tag
 from geoident.io.case.parameters import ParameterSection
 from geoident.io.schema.section import Context, Section
 from geoident.io.schema.values import (
+    CaseNumber,
     Coefficient,
     Coordinates,
-    Given,
     Level,
     Multiple,
     Name,
@@ -58,11 +58,11 @@ class FaceBase(Section):
         "the reaction curve of the circular opening without support, so that its wall has moved "
         "by that part. mesh: so that the wall of the tunnel in the mesh, without support, has "
         "moved by that part in the mean, whatever its shape, its ground and the in-situ stress; it "
-        "takes some marches more. direct: the part s itself. In elastic ground all are the same.",
+        "takes some analyses more. direct: the part s itself. In elastic ground all are the same.",
     )
 
     @property
-    def constants(self) -> tuple[Given, ...]:
+    def constants(self) -> tuple[CaseNumber, ...]:
         """Those of the profile that may be parameters."""
         return ()
 
@@ -87,18 +87,18 @@ class PanetSection(FaceBase):
 
     profile: Literal["panet"]
     alpha: Coefficient = Field(
-        Given("0.25", 0.25, None, "dimensionless"),
+        CaseNumber("0.25", 0.25, None, "dimensionless"),
         description="Part of its final motion that the wall has made at the face.",
         examples=[0.25],
     )
     m: Multiple = Field(
-        Given("0.75", 0.75, None, "dimensionless"),
+        CaseNumber("0.75", 0.75, None, "dimensionless"),
         description="How far the face reaches, in radii.",
         examples=[0.75],
     )
 
     @property
-    def constants(self) -> tuple[Given, ...]:
+    def constants(self) -> tuple[CaseNumber, ...]:
         """Alpha and m."""
         return self.alpha, self.m
 
@@ -108,16 +108,16 @@ class ChernSection(FaceBase):
 
     profile: Literal["chern"]
     reach: Multiple = Field(
-        Given("1.10", 1.10, None, "dimensionless"),
+        CaseNumber("1.10", 1.10, None, "dimensionless"),
         description="How far the face reaches, in radii.",
         examples=[1.1],
     )
     exponent: Multiple = Field(
-        Given("1.7", 1.7, None, "dimensionless"), description="Exponent.", examples=[1.7]
+        CaseNumber("1.7", 1.7, None, "dimensionless"), description="Exponent.", examples=[1.7]
     )
 
     @property
-    def constants(self) -> tuple[Given, ...]:
+    def constants(self) -> tuple[CaseNumber, ...]:
         """Reach and exponent."""
         return self.reach, self.exponent
 
@@ -178,7 +178,9 @@ def _with_stages(
     return node.model_copy(update=changed) if changed else node
 
 
-def _stage_at(given: Given, stages: Sequence[StageSection], path: KeyPath, faults: Faults) -> str:
+def _stage_at(
+    given: CaseNumber, stages: Sequence[StageSection], path: KeyPath, faults: Faults
+) -> str:
     found = [s.name for s in stages if s.distance and s.distance.scalar == given.scalar]
     if found:
         return found[0]
@@ -316,7 +318,7 @@ class FaceCheck:
             hint = "It counts from the centre; where nothing yields it is the tunnel's."
             self._faults.add((*_AT, "plastic_radius"), "out-of-range", message, hint)
 
-    def _require(self, key: str, given: Given, holds: Any, words: str) -> None:
+    def _require(self, key: str, given: CaseNumber, holds: Any, words: str) -> None:
         """A number, or both bounds of its parameter, must be as they should."""
         parameter = self._parameters.get(given.parameter or "")
         if parameter is not None:
@@ -357,7 +359,7 @@ class FaceCheck:
                 hint = "A face goes on or stands still: correct one of the distances."
                 self._faults.add(("stages", other, "distance"), "face-order", message, hint)
 
-    def _lowest(self, given: Given) -> float:
+    def _lowest(self, given: CaseNumber) -> float:
         parameter = self._parameters.get(given.parameter or "")
         if parameter is None:
             return given.factor if given.parameter is None else 0.0

@@ -25,9 +25,9 @@ from geoident.io.case.case import (
     build_case,
     tied_parameters,
 )
-from geoident.io.case.elsewhere.build import build_elsewhere
-from geoident.io.case.elsewhere.surroundings import Surroundings
-from geoident.io.case.elsewhere.table import within_runs
+from geoident.io.case.external.build import build_elsewhere
+from geoident.io.case.external.surroundings import ModelContext
+from geoident.io.case.external.table import within_runs
 from geoident.io.case.face import with_zero_stages
 from geoident.io.case.gauges.channel_errors import described_channels
 from geoident.io.case.readings_by_stage import read_all
@@ -36,7 +36,7 @@ from geoident.io.case.site_files.measured_values import with_measured
 from geoident.io.case.site_files.point_tables import with_tables
 from geoident.io.loaded import LoadedCase
 from geoident.io.schema.faults import add_schema_faults, likely_tags, node_at, paths_of
-from geoident.io.schema.partial import Rest
+from geoident.io.schema.partial import ValidPart
 from geoident.io.schema.values import kind_of
 from geoident.io.text.faults import Faults, Places
 from geoident.io.text.head import refuse_no_case
@@ -48,7 +48,7 @@ from geoident.io.text.wording import shorten
 from geoident.io.text.yaml_reader import MAX_BYTES, Node, parse_yaml
 from geoident.io.text.yaml_writer import yaml_text
 from geoident.model.case import Case, KeyPath
-from geoident.model.elsewhere import Elsewhere, RunTable
+from geoident.model.external import ExternalSource, RunTable
 from geoident.model.methods import LOSS_OPTIONS, METHOD_OPTIONS, method_name
 
 STDIN_NAME = "<stdin>"
@@ -116,7 +116,7 @@ def parse_case(
     faults = Faults(places)
     built = _build(section, folder, faults, with_mesh=with_mesh)
     if faults.found:
-        left = _left(Rest.all_of(places), faults, built, folder)
+        left = _left(ValidPart.all_of(places), faults, built, folder)
         raise FaultyCase(faults, left)
     case = replace(built.case, notes=(*built.case.notes, *_idle_notes(idle)))
     chain = [method_name(options) for options in case.fit.methods]
@@ -202,11 +202,11 @@ def _build(section: CaseSection, folder: Path, faults: Faults, *, with_mesh: boo
 
 def _elsewhere(
     section: CaseSection, case: Case, dates: Mapping[str, float], folder: Path, faults: Faults
-) -> Elsewhere | None:
+) -> ExternalSource | None:
     """The program, function, table or law of a case; None for one of ground."""
     if section.model is None:
         return None
-    around = Surroundings(
+    around = ModelContext(
         parameters={parameter.name: parameter for parameter in case.parameters},
         channels=case.channels,
         stages=case.stage_names[1:],
@@ -231,7 +231,7 @@ class PartOfCase:
 
     case: Case
     mesh_path: str
-    rest: Rest
+    rest: ValidPart
 
 
 class FaultyCase(InputError):
@@ -273,7 +273,7 @@ _ROUNDS = 5
 """Times that what is left of a case may show further faults when these are left out as well."""
 
 
-def _left(rest: Rest, faults: Faults, built: _Built, folder: Path) -> PartOfCase | None:
+def _left(rest: ValidPart, faults: Faults, built: _Built, folder: Path) -> PartOfCase | None:
     """What is left of a case without all that is wrong in it; None where that is no case.
 
     Args:
@@ -342,7 +342,7 @@ def _validate(places: Places, folder: Path) -> tuple[CaseSection, Places]:
         ]
         add_schema_faults(faults, errors, places.data, known)
         paths += paths_of(errors, places.data)
-    left = _further(Rest.all_of(places).without(paths), faults, folder)
+    left = _further(ValidPart.all_of(places).without(paths), faults, folder)
     raise FaultyCase(faults, left)
 
 
@@ -382,7 +382,7 @@ def _put(data: Node, path: KeyPath, node: Node) -> None:
         holder[str(path[-1])] = node
 
 
-def _further(rest: Rest | None, faults: Faults, folder: Path) -> PartOfCase | None:
+def _further(rest: ValidPart | None, faults: Faults, folder: Path) -> PartOfCase | None:
     """Note what is wrong in the rest of a case that has wrong entries; what is left then."""
     if rest is None:
         return None

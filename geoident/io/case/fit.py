@@ -18,15 +18,15 @@ from geoident.io.case.model_error import ModelErrorValue, model_error_options
 from geoident.io.schema.section import Section
 from geoident.io.schema.values import (
     AnyQuantity,
+    CaseNumber,
     Count,
     CountOr,
     Exactly,
-    Given,
     Length,
     Name,
-    Of,
     ParameterName,
     Positive,
+    QuantityType,
     SharesUnit,
     require_text,
     shape_of,
@@ -50,8 +50,8 @@ DEFAULT_FOR_STRENGTHS = "complementarity"
 _RANGES: Mapping[str, Any] = {
     "restarts": Annotated[int, Count(least=0)],
     "points": Annotated[int, Count(least=2)],
-    "beta": Annotated[Given, Of(DIMENSIONLESS, above=0.0, below=1.0)],
-    "gamma": Annotated[Given, Of(DIMENSIONLESS, above=1.0)],
+    "beta": Annotated[CaseNumber, QuantityType(DIMENSIONLESS, above=0.0, below=1.0)],
+    "gamma": Annotated[CaseNumber, QuantityType(DIMENSIONLESS, above=1.0)],
 }
 PlanePoint = Annotated[
     list[Length],
@@ -59,7 +59,7 @@ PlanePoint = Annotated[
     Exactly(2),
     Field(description="Coordinates x and y.", examples=[["0 m", "3 m"]]),
 ]
-Radius = Annotated[Given, Of("length", above=0.0)]
+Radius = Annotated[CaseNumber, QuantityType("length", above=0.0)]
 _KINDS: Mapping[Any, Any] = {float: Positive, int: Annotated[int, Count(least=1)]}
 
 
@@ -233,7 +233,7 @@ def _plain(value: Any) -> Any:
     """An option as numbers in SI units."""
     if isinstance(value, list):
         return tuple(_plain(entry) for entry in value)
-    return value.factor if isinstance(value, Given) else value
+    return value.factor if isinstance(value, CaseNumber) else value
 
 
 def _field_name(name: str) -> str:
@@ -268,7 +268,7 @@ def _annotation(name: str, hint: Any) -> Any:
 
 def _default(value: object) -> object:
     if isinstance(value, float):
-        return Given(f"{value:g}", value, None, DIMENSIONLESS)
+        return CaseNumber(f"{value:g}", value, None, DIMENSIONLESS)
     return value
 
 

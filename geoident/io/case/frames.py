@@ -10,7 +10,7 @@ from dataclasses import replace
 from math import hypot, isclose, pi
 
 from geoident.io.schema.section import Context
-from geoident.io.schema.values import Given, scalar_of
+from geoident.io.schema.values import CaseNumber, scalar_of
 from geoident.model.case import KeyPath
 from geoident.model.ground import Attitude, Axes, Vector3
 from geoident.model.parameter import Parameter, Scalar
@@ -29,7 +29,7 @@ ATTITUDE_OR_AXES = "dip dip_direction? rotation?", "axis_1 axis_2"
 
 
 def oriented(
-    parameters: Sequence[Parameter], ties: Iterable[tuple[KeyPath, Given]]
+    parameters: Sequence[Parameter], ties: Iterable[tuple[KeyPath, CaseNumber]]
 ) -> tuple[Parameter, ...]:
     """Parameters that know after which turn they mean the same ground.
 
@@ -43,7 +43,7 @@ def oriented(
     return tuple(_oriented(parameter, ties) for parameter in parameters)
 
 
-def _oriented(parameter: Parameter, ties: Sequence[tuple[KeyPath, Given]]) -> Parameter:
+def _oriented(parameter: Parameter, ties: Sequence[tuple[KeyPath, CaseNumber]]) -> Parameter:
     mine = [(path, given.factor) for path, given in ties if given.parameter == parameter.name]
     if not mine or any(path[-1] not in TURNS or factor == 0.0 for path, factor in mine):
         return parameter
@@ -63,7 +63,7 @@ def _common(periods: Sequence[float]) -> float | None:
 
 
 def _strike_of(
-    path: KeyPath, factor: float, ties: Sequence[tuple[KeyPath, Given]]
+    path: KeyPath, factor: float, ties: Sequence[tuple[KeyPath, CaseNumber]]
 ) -> tuple[str, float] | None:
     """The parameter of the dip direction beside a dip, with half a turn of it."""
     if path[-1] != "dip":
@@ -76,7 +76,10 @@ def _strike_of(
 
 
 def attitude(
-    context: Context, dip: Given | None, direction: Given | None, rotation: Given | None = None
+    context: Context,
+    dip: CaseNumber | None,
+    direction: CaseNumber | None,
+    rotation: CaseNumber | None = None,
 ) -> Attitude:
     """A frame by angles; a solid without direction of the dip is noted as a fault.
 
@@ -101,9 +104,9 @@ def attitude(
 
 def strata(
     context: Context,
-    dip: Given | None,
-    direction: Given | None,
-    normal: Sequence[Given] | None,
+    dip: CaseNumber | None,
+    direction: CaseNumber | None,
+    normal: Sequence[CaseNumber] | None,
 ) -> Attitude | Axes:
     """A frame by angles, or by the normal if there is one.
 
@@ -118,7 +121,7 @@ def strata(
     return _axes_about(_unit_vector(context.at("normal"), normal))
 
 
-def axes_along(context: Context, first: Sequence[Given], second: Sequence[Given]) -> Axes:
+def axes_along(context: Context, first: Sequence[CaseNumber], second: Sequence[CaseNumber]) -> Axes:
     """A frame by two vectors; a fault if they are not perpendicular.
 
     Args:
@@ -137,7 +140,7 @@ def axes_along(context: Context, first: Sequence[Given], second: Sequence[Given]
     return Axes(one, upright)
 
 
-def _unit_vector(context: Context, given: Sequence[Given]) -> Vector3:
+def _unit_vector(context: Context, given: Sequence[CaseNumber]) -> Vector3:
     """A vector of length one; (0, 0, 1) with a fault where there is none."""
     numbers = [number.factor for number in given]
     if len(numbers) not in {context.dim, 3}:

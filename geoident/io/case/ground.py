@@ -16,11 +16,11 @@ from geoident.io.case.yielding.sections import YieldSections, build_yields, fiel
 from geoident.io.schema.section import Alternatives, Context, Section, refuse
 from geoident.io.schema.values import (
     Angle,
+    CaseNumber,
     Coefficient,
     Density,
     DirectionVector,
     Expansion,
-    Given,
     Ratio,
     Stress,
     scalar_of,
@@ -319,7 +319,7 @@ def _check_start(
     context.at(*keys).refuse("out-of-range", message, hint)
 
 
-def _written(section: MaterialSection, constant: str) -> tuple[tuple[str, ...], Given]:
+def _written(section: MaterialSection, constant: str) -> tuple[tuple[str, ...], CaseNumber]:
     """Where a constant is written, and its number: also one from which E follows."""
     modulus = getattr(section, "E", None)
     if isinstance(modulus, DerivedModulus) and hasattr(modulus.inner, constant):

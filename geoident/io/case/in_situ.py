@@ -10,9 +10,9 @@ from pydantic import Discriminator, Field, Tag, model_validator
 from geoident.io.schema.section import Alternatives, Context, Section, refuse
 from geoident.io.schema.values import (
     Angle,
+    CaseNumber,
     Coefficient,
     Flag,
-    Given,
     LevelOrGroup,
     Name,
     Stress,
@@ -332,7 +332,7 @@ def build_in_situ(
     return section.stress(context), zones
 
 
-def surface_of(given: Given | str) -> Surface:
+def surface_of(given: CaseNumber | str) -> Surface:
     """A level, or the name of a group."""
     return given if isinstance(given, str) else given.scalar
 
@@ -352,13 +352,13 @@ def _components(
     return xx, yy, zz, xy, yz, xz
 
 
-def _ratio(given: Given | dict[str, Given]) -> StressRatio:
-    if isinstance(given, Given):
+def _ratio(given: CaseNumber | dict[str, CaseNumber]) -> StressRatio:
+    if isinstance(given, CaseNumber):
         return given.scalar
     return {group: ratio.scalar for group, ratio in given.items()}
 
 
-def _require_plan(azimuth: Given | None, context: Context) -> None:
+def _require_plan(azimuth: CaseNumber | None, context: Context) -> None:
     if azimuth is not None and context.dim == 2:
         message = "a plane model has no azimuth"
         hint = "K0 acts along x, K0_across out of plane."

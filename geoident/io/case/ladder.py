@@ -18,7 +18,7 @@ from pydantic import BaseModel, Discriminator, Field, Tag
 from geoident.io.case.ground import MaterialSection
 from geoident.io.case.parameters import ParameterSection
 from geoident.io.schema.section import Context, Section
-from geoident.io.schema.values import Angle, Given, Name, Text
+from geoident.io.schema.values import Angle, CaseNumber, Name, Text
 from geoident.io.text.wording import listing
 from geoident.model.case import Analysis, KeyPath, Rung, format_path
 
@@ -63,7 +63,7 @@ def build_ladder(
     entries: Sequence[Symmetry | RungSection],
     materials: Mapping[str, MaterialSection],
     parameters: Mapping[str, ParameterSection],
-    ties: Iterable[tuple[KeyPath, Given]],
+    ties: Iterable[tuple[KeyPath, CaseNumber]],
     context: Context,
 ) -> tuple[Rung, ...]:
     """The rungs as changes to the case; what is wrong with one is noted as a fault.
@@ -121,7 +121,7 @@ class _Ladder:
 
     materials: Mapping[str, MaterialSection]
     parameters: Mapping[str, ParameterSection]
-    ties: tuple[tuple[KeyPath, Given], ...]
+    ties: tuple[tuple[KeyPath, CaseNumber], ...]
 
     def symmetric(self, section: RungSection, place: Context) -> _Changes:
         """The changes that give a material another symmetry."""

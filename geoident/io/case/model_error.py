@@ -11,7 +11,7 @@ from pydantic import Discriminator, Field, Tag
 
 from geoident.io.schema.estimated import ESTIMATE, NONE, SizeOrWord
 from geoident.io.schema.section import Section
-from geoident.io.schema.values import Given, GivenSize
+from geoident.io.schema.values import CaseNumber, GivenSize
 from geoident.io.text.wording import Refusal, did_you_mean, shorten
 from geoident.model.methods import ModelErrorOptions
 from geoident.units import DIMENSIONLESS
@@ -23,7 +23,7 @@ _LARGEST = 2.0
 
 @dataclass(frozen=True)
 class RelativeError(SizeOrWord):
-    """Annotation of a `Given`: a part of the motion, ``estimate`` or ``none`` (a NaN, a zero)."""
+    """Annotation of a `CaseNumber`: part of the motion, ``estimate`` or ``none`` (NaN, zero)."""
 
     dimension: str | None = DIMENSIONLESS
     expected = "a part of the computed motion, such as 15 %, or estimate or none"
@@ -38,7 +38,7 @@ class RelativeError(SizeOrWord):
         near = did_you_mean(text, (ESTIMATE, NONE))
         return near if near.startswith("Did") else "Write it such as 15 %."
 
-    def refuse_size(self, given: Given) -> None:
+    def refuse_size(self, given: CaseNumber) -> None:
         """Judge a size.
 
         Raises:
@@ -55,8 +55,8 @@ class RelativeError(SizeOrWord):
 class ModelErrorSection(Section):
     """How far the ground may differ from the model."""
 
-    size: Annotated[Given, RelativeError()] = Field(
-        Given(ESTIMATE, math.nan, None, DIMENSIONLESS),
+    size: Annotated[CaseNumber, RelativeError()] = Field(
+        CaseNumber(ESTIMATE, math.nan, None, DIMENSIONLESS),
         description="Part of the computed motion by which the model is wrong; `estimate` from what "
         "is left of the readings, or `none`.",
     )
@@ -73,12 +73,13 @@ def _shape(value: object) -> str:
 
 
 ModelErrorValue = Annotated[
-    Annotated[Given, RelativeError(), Tag("text")] | Annotated[ModelErrorSection, Tag("mapping")],
+    Annotated[CaseNumber, RelativeError(), Tag("text")]
+    | Annotated[ModelErrorSection, Tag("mapping")],
     Discriminator(_shape),
 ]
 
 
-def model_error_options(value: Given | ModelErrorSection | None) -> ModelErrorOptions:
+def model_error_options(value: CaseNumber | ModelErrorSection | None) -> ModelErrorOptions:
     """What a case says of the model error, for the model.
 
     Args:

@@ -8,7 +8,7 @@ from typing import Literal
 from pydantic import Field, model_validator
 
 from geoident.io.schema.section import Section, SectionFaults
-from geoident.io.schema.values import AnyQuantity, Bounds, Given
+from geoident.io.schema.values import AnyQuantity, Bounds, CaseNumber
 from geoident.model.case import KeyPath
 from geoident.model.parameter import Parameter, Prior
 from geoident.units import DIMENSIONLESS, DIMENSIONS, UNITS, with_article
@@ -61,8 +61,8 @@ class ParameterSection(Section):
             unit=self.start.unit,
         )
 
-    def _numbers(self) -> list[tuple[KeyPath, Given]]:
-        numbers: list[tuple[KeyPath, Given]] = [
+    def _numbers(self) -> list[tuple[KeyPath, CaseNumber]]:
+        numbers: list[tuple[KeyPath, CaseNumber]] = [
             (("bounds", n), b) for n, b in enumerate(self.bounds)
         ]
         if self.prior:
@@ -117,7 +117,7 @@ class ParameterSection(Section):
 
 
 def start_values(
-    numbers: Iterable[Given], parameters: Mapping[str, ParameterSection]
+    numbers: Iterable[CaseNumber], parameters: Mapping[str, ParameterSection]
 ) -> dict[str, float] | None:
     """The parameters at their starts, by name, SI.
 

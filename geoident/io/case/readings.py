@@ -11,7 +11,7 @@ from geoident.io.case.gauges.accuracy import computable
 from geoident.io.case.site_files.file import ReadingsFileSection
 from geoident.io.case.site_files.values import READ, quantity_read
 from geoident.io.schema.section import Section
-from geoident.io.schema.values import Given, Name, Text, require_text
+from geoident.io.schema.values import CaseNumber, Name, Text, require_text
 from geoident.io.text.dates import DateError, read_date, utc_offset
 from geoident.io.text.wording import Refusal, shorten
 
@@ -37,8 +37,8 @@ Date = Annotated[
     BeforeValidator(_date),
     WithJsonSchema({"type": "string", "description": "a date such as 2024-03-01 [14:30]"}),
 ]
-ReadValue = Annotated[Given, quantity_read(READ)]
-ReadAccuracy = Annotated[Given, quantity_read(READ, above=0.0), AfterValidator(computable)]
+ReadValue = Annotated[CaseNumber, quantity_read(READ)]
+ReadAccuracy = Annotated[CaseNumber, quantity_read(READ, above=0.0), AfterValidator(computable)]
 
 
 class ReadingSection(Section):

@@ -11,13 +11,13 @@ from dataclasses import replace
 
 from geoident.io.case.actions import WaterSection
 from geoident.io.case.case import CaseSection, circle_of, numbers_of
-from geoident.io.case.elsewhere.section import ConvergenceLawSection
+from geoident.io.case.external.section import ConvergenceLawSection
 from geoident.io.case.face import FaceCheck, groups_released
 from geoident.io.case.fit import AxisSection
 from geoident.io.case.in_situ import GeostaticModel, HeimModel
 from geoident.io.case.ladder import names_of_sets
 from geoident.io.case.stages import ABSENT, Begin, check_sequence
-from geoident.io.schema.values import Given
+from geoident.io.schema.values import CaseNumber
 from geoident.io.text.faults import Faults
 from geoident.model.case import VIRGIN, KeyPath, format_path
 from geoident.units import rate_of, with_article
@@ -130,7 +130,7 @@ def _check_compression(section: CaseSection, faults: Faults) -> None:
         if not isinstance(model, HeimModel):
             continue
         for key in ("vertical", "unit_weight"):
-            given: Given | None = getattr(model, key)
+            given: CaseNumber | None = getattr(model, key)
             if given is None or not _is_negative(given, section):
                 continue
             tied = given.parameter is not None
@@ -142,7 +142,7 @@ def _check_compression(section: CaseSection, faults: Faults) -> None:
             faults.add((*path, key), "tension", message, hint)
 
 
-def _is_negative(given: Given, section: CaseSection) -> bool:
+def _is_negative(given: CaseNumber, section: CaseSection) -> bool:
     """Whether a number is below zero, whatever its parameter becomes."""
     if given.parameter is None:
         return given.factor < 0
@@ -234,7 +234,7 @@ def _check_added(section: CaseSection, faults: Faults) -> None:
     for name, gauge in section.gauges.items():
         read = gauge.dimension
         for key, wanted in (("offset", read), ("drift", rate_of(read)), ("drift_per_stage", read)):
-            given: Given | None = getattr(gauge, key)
+            given: CaseNumber | None = getattr(gauge, key)
             if given is not None and given.parameter in section.parameters and not given.dimension:
                 tie = replace(given, dimension=wanted)
                 path: KeyPath = ("gauges", name, key)
@@ -249,7 +249,7 @@ def _check_fit_elsewhere(section: CaseSection, faults: Faults) -> None:
         faults.add(("fit", "ladder"), "no-ground", message, "Remove it.", key=True)
 
 
-def _check_dimension(path: KeyPath, given: Given, start: Given, faults: Faults) -> None:
+def _check_dimension(path: KeyPath, given: CaseNumber, start: CaseNumber, faults: Faults) -> None:
     if given.dimension != start.dimension:
         message = f"'{given.text}' is {with_article(given.dimension)}; "
         message += f"{with_article(start.dimension)} is expected, as for the start '{start.text}'"
@@ -271,7 +271,7 @@ def _check_ties(section: CaseSection, faults: Faults) -> None:
 
 
 def _check_tie(
-    section: CaseSection, path: KeyPath, given: Given, name: str, faults: Faults
+    section: CaseSection, path: KeyPath, given: CaseNumber, name: str, faults: Faults
 ) -> None:
     parameter = section.parameters.get(name)
     if parameter is None:

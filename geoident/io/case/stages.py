@@ -24,10 +24,10 @@ from geoident.io.case.structures import BeamSection, StructureSection, negative_
 from geoident.io.case.supports.section import FREE, StageSupportValue, build_stage_supports
 from geoident.io.schema.section import Context, Section
 from geoident.io.schema.values import (
+    CaseNumber,
     Coefficient,
     Flag,
     Force,
-    Given,
     Level,
     Name,
     scalar_of,
@@ -351,7 +351,7 @@ class _Ground:
         for name, force in stage.prestress.items():
             self._stress(path, stage, name, force)
 
-    def _stress(self, path: KeyPath, stage: StageSection, name: str, force: Given) -> None:
+    def _stress(self, path: KeyPath, stage: StageSection, name: str, force: CaseNumber) -> None:
         """Bars whose force a stage gives."""
         place = (*path, "prestress", name)
         section = self.begin.structures.get(name)

@@ -13,15 +13,15 @@ from geoident.io.schema.values import (
     Area,
     AxialStiffness,
     BendingStiffness,
+    CaseNumber,
     Coordinates,
     Density,
     Force,
-    Given,
     Line,
     Modulus,
     Multiple,
     Name,
-    Of,
+    QuantityType,
     Ratio,
     Size,
     Stress,
@@ -98,7 +98,7 @@ class BeamSection(_StructureBase):
             message = f"found density and {other}; density with a thickness, or weight is expected"
             faults.add((), "wrong-pair", message, "Give its weight in one of these ways.")
         for key in ("density", "weight"):
-            given: Given | None = getattr(self, key)
+            given: CaseNumber | None = getattr(self, key)
             if given is not None and given.parameter is None and given.factor < 0:
                 message = f"'{given.text}' is negative"
                 faults.add((key,), "out-of-range", message, "Weight acts with gravity: drop the -.")
@@ -237,7 +237,7 @@ class _BarSection(_StructureBase):
                     place.refuse("zero-length", message, "Give their 'number'.")
 
 
-def negative_force(given: Given) -> tuple[str, str] | None:
+def negative_force(given: CaseNumber) -> tuple[str, str] | None:
     """What is wrong with a prestress that is no parameter, and the remedy; None if nothing is."""
     if given.parameter is not None or given.factor >= 0:
         return None
@@ -291,7 +291,7 @@ class AnchorSection(_BarSection):
     """Ground anchors from a head to a toe: free up to the grout, held by the ground along it."""
 
     kind: Literal["anchor"]
-    grouted: Annotated[Given, Of("length", above=0.0)] = Field(
+    grouted: Annotated[CaseNumber, QuantityType("length", above=0.0)] = Field(
         description="Length at the second end, the toe, along which grout ties the bar to the "
         "ground; before it the bar is free.",
         examples=["6 m"],
@@ -320,7 +320,7 @@ class AnchorSection(_BarSection):
         return Anchors(**self._given(context), grouted=self.grouted.factor)
 
 
-def _place(point: list[Given]) -> list[float]:
+def _place(point: list[CaseNumber]) -> list[float]:
     return [coordinate.factor for coordinate in point]
 
 

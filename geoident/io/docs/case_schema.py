@@ -16,7 +16,7 @@ from pydantic.json_schema import GenerateJsonSchema
 
 from geoident.io.case.case import CaseSection
 from geoident.io.schema.section import Section
-from geoident.io.schema.values import Given
+from geoident.io.schema.values import CaseNumber
 from geoident.units import DIMENSIONS, units_of
 
 Schema = Mapping[str, Any]
@@ -73,7 +73,7 @@ class _Generator(GenerateJsonSchema):
         return False
 
     def encode_default(self, dft: Any) -> Any:
-        if isinstance(dft, Given):
+        if isinstance(dft, CaseNumber):
             return dft.text if dft.unit else dft.factor
         return super().encode_default(dft)
 

@@ -15,7 +15,7 @@ from geoident.io.project.formula import parse_formula
 from geoident.io.project.sections import LawSection, ProjectFile, SiteSection
 from geoident.io.schema.estimated import NONE
 from geoident.io.schema.faults import add_schema_faults, paths_of
-from geoident.io.schema.values import Given, kind_of
+from geoident.io.schema.values import CaseNumber, kind_of
 from geoident.io.text.faults import Faults, Places
 from geoident.io.text.kinds import refuse_other_kind
 from geoident.io.text.overrides import is_path, parse_path, written_value
@@ -181,7 +181,7 @@ def _without(data: Mapping[str, Any], wrong: Iterable[KeyPath]) -> dict[str, Any
 
 def _covariates(found: ProjectFile, faults: Faults) -> tuple[Covariate, ...]:
     """What is known of every section: the same names, in units of the same dimensions."""
-    first: dict[str, Given] = {}
+    first: dict[str, CaseNumber] = {}
     for section in found.sections:
         for name, given in section.covariates.items():
             first.setdefault(name, given)
@@ -268,7 +268,7 @@ def _check_names(
         faults.add(where, "unknown-name", message, near)
 
 
-def _scatter(given: Given) -> Scatter:
+def _scatter(given: CaseNumber) -> Scatter:
     if math.isnan(given.factor):
         return Scatter("estimate")
     if given.text == NONE:

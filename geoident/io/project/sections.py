@@ -14,8 +14,8 @@ from geoident.io.schema.estimated import ESTIMATE, NONE, SizeOrWord
 from geoident.io.schema.section import Section
 from geoident.io.schema.values import (
     AnyQuantity,
+    CaseNumber,
     Flag,
-    Given,
     Name,
     ParameterName,
     Text,
@@ -33,7 +33,7 @@ def _formula(value: object) -> str:
 
 @dataclass(frozen=True)
 class ScatterSize(SizeOrWord):
-    """Annotation of a `Given`: a standard deviation, ``estimate`` or ``none`` (a NaN, a zero)."""
+    """Annotation of a `CaseNumber`: standard deviation, ``estimate`` or ``none`` (NaN, zero)."""
 
     dimension: str | None = None
     expected = "a standard deviation, such as 30 %, or estimate or none"
@@ -45,7 +45,7 @@ class ScatterSize(SizeOrWord):
         """What to write in place of a text that is neither."""
         return did_you_mean(text, (ESTIMATE, NONE), what="Words")
 
-    def refuse_size(self, given: Given) -> None:
+    def refuse_size(self, given: CaseNumber) -> None:
         """Judge a size.
 
         Raises:
@@ -93,8 +93,8 @@ class LawSection(Section):
         {}, description="Name to a constant of the law, which is found; it has its bounds and may "
         "have a prior as a parameter of a case.",
     )  # fmt: skip
-    scatter: Annotated[Given, ScatterSize()] = Field(
-        Given(ESTIMATE, math.nan, None, DIMENSIONLESS),
+    scatter: Annotated[CaseNumber, ScatterSize()] = Field(
+        CaseNumber(ESTIMATE, math.nan, None, DIMENSIONLESS),
         description="Standard deviation by which sections scatter about the law: `estimate`d from "
         "them, given, or `none`. Of a parameter with `scale: log` it is that of the logarithm "
         "(30 % or 0.3), else in the unit of the parameter.",

@@ -31,7 +31,7 @@ def write_reduced(file: h5py.File, found: KeptReducedModel) -> None:
     blocks = found.blocks
     axes: dict[str, Any] = {
         "parameter": found.names,
-        "march": np.arange(1, 1 + len(found.marches)),
+        "march": np.arange(1, 1 + len(found.analyses)),
         "material": found.materials,
         "gauge": found.channels,
         "state": np.arange(len(found.readable)),
@@ -44,7 +44,7 @@ def write_reduced(file: h5py.File, found: KeptReducedModel) -> None:
     out.group.attrs["form"] = plain_text(found.form)
     for name in _OF_PARAMETERS:
         out.add(name, getattr(found, name), "parameter")
-    out.add("marches", found.marches, "march", "parameter")
+    out.add("marches", found.analyses, "march", "parameter")
     out.add("weights", found.weights, "part", "gauge")
     out.add("zero", found.zero, "gauge")
     out.add("readable", found.readable, "state", "gauge")
@@ -64,13 +64,13 @@ def read_reduced(file: h5py.File) -> KeptReducedModel:
     group = TableReader(file, GROUP)
     names, channels = group.texts("parameter"), group.texts("gauge")
     n, c = len(names), len(channels)
-    marches, states = (len(group.array(axis, "iu")) for axis in ("march", "state"))
+    analyses, states = (len(group.array(axis, "iu")) for axis in ("march", "state"))
     readings = len(group.array("reading", "iu"))
     found: dict[str, Any] = {name: group.floats(name, n) for name in _OF_PARAMETERS}
     return KeptReducedModel(
         form=group.attribute("form", str),
         names=names,
-        marches=group.floats("marches", marches, n),
+        analyses=group.floats("marches", analyses, n),
         materials=group.texts("material"),
         channels=channels,
         weights=group.floats("weights", len(group.texts("part")), c),

@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 from pydantic import GetJsonSchemaHandler
 from pydantic_core import CoreSchema
 
-from geoident.io.schema.values import Given, Of, or_words, require_text
+from geoident.io.schema.values import CaseNumber, QuantityType, or_words, require_text
 from geoident.io.text.wording import Refusal, shorten
 from geoident.units import DIMENSIONLESS, UnitError
 
@@ -18,8 +18,8 @@ ESTIMATE, NONE = "estimate", "none"
 
 
 @dataclass(frozen=True)
-class SizeOrWord(Of):
-    """Annotation of a `Given`: a size, ``estimate`` or ``none`` (a NaN, a zero).
+class SizeOrWord(QuantityType):
+    """Annotation of a `CaseNumber`: a size, ``estimate`` or ``none`` (a NaN, a zero).
 
     Attributes:
         expected: what is expected, for messages.
@@ -38,24 +38,24 @@ class SizeOrWord(Of):
         """What to write in place of a text that is neither."""
 
     @abstractmethod
-    def refuse_size(self, given: Given) -> None:
+    def refuse_size(self, given: CaseNumber) -> None:
         """Judge a size.
 
         Raises:
             Refusal: it is out of range.
         """
 
-    def parse(self, value: object) -> Given:
+    def parse(self, value: object) -> CaseNumber:
         """The size that a text says.
 
         Raises:
             Refusal: no such text, or a size out of range.
         """
-        if isinstance(value, Given):
+        if isinstance(value, CaseNumber):
             return value
         text = require_text(value, self.words()).strip()
         if text in (ESTIMATE, NONE):
-            return Given(text, math.nan if text == ESTIMATE else 0.0, None, DIMENSIONLESS)
+            return CaseNumber(text, math.nan if text == ESTIMATE else 0.0, None, DIMENSIONLESS)
         try:
             given = super().parse(text)
         except (UnitError, Refusal) as error:

@@ -67,7 +67,7 @@ _REFERENCE = re.compile(r"\$\{?([A-Za-z_]\w*)")
 
 
 @dataclass(frozen=True)
-class Rest:
+class ValidPart:
     """A case without its wrong entries.
 
     Args:
@@ -90,7 +90,7 @@ class Rest:
     stand_ins: frozenset[str] = frozenset()
 
     @classmethod
-    def all_of(cls, places: Places) -> Rest:
+    def all_of(cls, places: Places) -> ValidPart:
         """A case of which nothing is left out yet.
 
         Args:
@@ -103,7 +103,7 @@ class Rest:
         """Whether it can be said which ground is there at which stage."""
         return not self.keys & {"groups", "stages"}
 
-    def without(self, faults: Iterable[KeyPath]) -> Rest | None:
+    def without(self, faults: Iterable[KeyPath]) -> ValidPart | None:
         """The case without the entries in which something is wrong; None if too little is left.
 
         Args:
@@ -135,7 +135,7 @@ class Rest:
         if whole & {"materials", "groups"}:
             names.add(_STAND_IN)
         names.update(_words(gone))
-        return Rest(
+        return ValidPart(
             replace(self.places, data=data),
             frozenset(keys),
             frozenset(names),

@@ -9,7 +9,7 @@ from typing import Any, ClassVar, NoReturn
 from pydantic import BaseModel, ConfigDict, ValidationInfo, model_validator
 from pydantic_core import PydanticCustomError
 
-from geoident.io.schema.values import Given
+from geoident.io.schema.values import CaseNumber
 from geoident.io.text.faults import Faults
 from geoident.model.case import Analysis, KeyPath
 
@@ -108,10 +108,10 @@ class Section(BaseModel):
         return self
 
     @property
-    def numbers(self) -> list[Given]:
+    def numbers(self) -> list[CaseNumber]:
         """The numbers of the section itself, not of what is below it."""
         values = [getattr(self, name) for name in type(self).model_fields]
-        return [part for value in values if isinstance(value, Given) for part in value.parts]
+        return [part for value in values if isinstance(value, CaseNumber) for part in value.parts]
 
 
 @dataclass(frozen=True)
@@ -148,7 +148,7 @@ class Context:
         """
         self.faults.add(self.path, code, message, hint, key=key)
 
-    def vector(self, given: Sequence[Given], what: str) -> tuple[float, ...] | None:
+    def vector(self, given: Sequence[CaseNumber], what: str) -> tuple[float, ...] | None:
         """Components (dim,) in SI units; None, with a fault, where there are more or fewer.
 
         Args:

@@ -126,7 +126,7 @@ Text = Annotated[str, BeforeValidator(lambda value: require_text(value, "a text"
 
 
 @dataclass(frozen=True)
-class Given:
+class CaseNumber:
     """A number as the case gives it.
 
     Args:
@@ -152,19 +152,19 @@ class Given:
         return Scalar(self.factor, self.parameter)
 
     @property
-    def parts(self) -> list[Given]:
+    def parts(self) -> list[CaseNumber]:
         """The numbers that are given: itself, or those from which it follows."""
         return [self]
 
 
-def scalar_of(given: Given | None) -> Scalar | None:
+def scalar_of(given: CaseNumber | None) -> Scalar | None:
     """The number for the model; None where nothing is given."""
     return None if given is None else given.scalar
 
 
 @dataclass(frozen=True)
-class Of:
-    """Annotation of a `Given`: what the number must be.
+class QuantityType:
+    """Annotation of a `CaseNumber`: what the number must be.
 
     Args:
         dimension: key of `geoident.units.DIMENSIONS`, or None for any.
@@ -178,14 +178,14 @@ class Of:
     above: float | None = None
     below: float | None = None
 
-    def parse(self, value: object) -> Given:
+    def parse(self, value: object) -> CaseNumber:
         """The number that a text says.
 
         Raises:
             UnitError: no quantity, or one of another dimension.
             Refusal: no text, a tie where none may be, or a number outside its range.
         """
-        if isinstance(value, Given):
+        if isinstance(value, CaseNumber):
             return value
         if isinstance(value, dict) and "field" in value:
             message = f"found a field; {self.words()} is expected"
@@ -194,7 +194,7 @@ class Of:
         tie = _TIE.fullmatch(text.strip()) if len(text) <= _LONGEST else None
         if tie is not None and self.tied:
             factor = _factor(tie[1] or ("-1" if tie[2] else "1"), text)
-            return Given(text, factor, tie[3], self.dimension or "")
+            return CaseNumber(text, factor, tie[3], self.dimension or "")
         if text.strip().startswith("$") or tie is not None:
             raise self._refuse_tie(text, well_formed=tie is not None)
         given = self._quantity(text)
@@ -205,7 +205,7 @@ class Of:
         """What is expected, for a message."""
         return with_article(self.dimension) if self.dimension else "a number with its unit"
 
-    def _quantity(self, text: str) -> Given:
+    def _quantity(self, text: str) -> CaseNumber:
         try:
             quantity = read_quantity(text, self.dimension or "")
         except UnitError as error:
@@ -216,7 +216,7 @@ class Of:
             raise UnitError(error.message, f"{tie} {error.hint}".strip()) from error
         if self.dimension is not None:
             quantity = require_dimension(quantity, self.dimension, text)
-        return Given(text, quantity.value, None, quantity.dimension, quantity.unit)
+        return CaseNumber(text, quantity.value, None, quantity.dimension, quantity.unit)
 
     def _refuse_tie(self, text: str, *, well_formed: bool) -> Refusal:
         if self.tied and not well_formed:
@@ -225,7 +225,7 @@ class Of:
         message = f"'{shorten(text)}': a parameter cannot be used here; {self.words()} is expected"
         return Refusal("bad-tie", message, "Write the number itself.")
 
-    def _in_range(self, given: Given) -> Given:
+    def _in_range(self, given: CaseNumber) -> CaseNumber:
         if self.tied and self.above == 0.0 and 0.0 < given.factor < 1.0 / LARGEST:
             message = f"'{given.text}' is too small to be computed with"
             raise Refusal("out-of-range", message, "Check its exponent.")
@@ -310,7 +310,7 @@ def _factor(number: str, text: str) -> float:
     return factor
 
 
-def _require_angle(given: Given) -> None:
+def _require_angle(given: CaseNumber) -> None:
     """Refuse an angle of more than a whole turn: it is in degrees, whatever unit it is given.
 
     Raises:
@@ -418,7 +418,7 @@ _NUMBER_OR_TIE = re.compile(r"\s*(?:[-+.]?\s*[0-9]|[-+]?\s*\$)")
 
 def level_or_group(value: object) -> str:
     """``level`` or ``group``: what begins as a number or a tie is a level, else it is a name."""
-    if isinstance(value, Given):
+    if isinstance(value, CaseNumber):
         return "level"
     return "level" if _NUMBER_OR_TIE.match(str(value)) else "group"
 
@@ -510,38 +510,38 @@ def shape_of(value: object) -> str:
     return "list" if isinstance(value, list | tuple) else "text"
 
 
-Length = Annotated[Given, Of("length")]
-Stress = Annotated[Given, Of("pressure", tied=True)]
-Modulus = Annotated[Given, Of("pressure", tied=True, above=0.0)]
-Ratio = Annotated[Given, Of(DIMENSIONLESS, tied=True, above=-1.0, below=0.5)]
-Density = Annotated[Given, Of("density", tied=True)]
-Angle = Annotated[Given, Of("angle", tied=True)]
-UnitWeight = Annotated[Given, Of("unit weight", tied=True)]
-Offset = Annotated[Given, Of("length", tied=True)]
-Drift = Annotated[Given, Of("velocity", tied=True)]
-Coefficient = Annotated[Given, Of(DIMENSIONLESS, tied=True)]
-Level = Annotated[Given, Of("length", tied=True)]
-Force = Annotated[Given, Of("force", tied=True)]
-LineForce = Annotated[Given, Of("line load", tied=True)]
-TemperatureChange = Annotated[Given, Of("temperature", tied=True)]
-Expansion = Annotated[Given, Of("expansion", tied=True)]
-Size = Annotated[Given, Of("length", tied=True, above=0.0)]
-Area = Annotated[Given, Of("area", tied=True, above=0.0)]
-Multiple = Annotated[Given, Of(DIMENSIONLESS, tied=True, above=0.0)]
-AxialStiffness = Annotated[Given, Of("force", tied=True, above=0.0)]
-WallStiffness = Annotated[Given, Of("line load", tied=True, above=0.0)]
-BendingStiffness = Annotated[Given, Of("bending stiffness", tied=True, above=0.0)]
-Positive = Annotated[Given, Of(DIMENSIONLESS, above=0.0)]
-TiedLength = Annotated[Given, Of("length", tied=True, above=0.0)]
-TiedTime = Annotated[Given, Of("time", tied=True, above=0.0)]
-Dimensionless = Annotated[Given, Of(DIMENSIONLESS)]
-GivenAngle = Annotated[Given, Of("angle")]
-GivenSize = Annotated[Given, Of("length", above=0.0)]
-Acceleration = Annotated[Given, Of("acceleration")]
-AnyQuantity = Annotated[Given, Of(None)]
+Length = Annotated[CaseNumber, QuantityType("length")]
+Stress = Annotated[CaseNumber, QuantityType("pressure", tied=True)]
+Modulus = Annotated[CaseNumber, QuantityType("pressure", tied=True, above=0.0)]
+Ratio = Annotated[CaseNumber, QuantityType(DIMENSIONLESS, tied=True, above=-1.0, below=0.5)]
+Density = Annotated[CaseNumber, QuantityType("density", tied=True)]
+Angle = Annotated[CaseNumber, QuantityType("angle", tied=True)]
+UnitWeight = Annotated[CaseNumber, QuantityType("unit weight", tied=True)]
+Offset = Annotated[CaseNumber, QuantityType("length", tied=True)]
+Drift = Annotated[CaseNumber, QuantityType("velocity", tied=True)]
+Coefficient = Annotated[CaseNumber, QuantityType(DIMENSIONLESS, tied=True)]
+Level = Annotated[CaseNumber, QuantityType("length", tied=True)]
+Force = Annotated[CaseNumber, QuantityType("force", tied=True)]
+LineForce = Annotated[CaseNumber, QuantityType("line load", tied=True)]
+TemperatureChange = Annotated[CaseNumber, QuantityType("temperature", tied=True)]
+Expansion = Annotated[CaseNumber, QuantityType("expansion", tied=True)]
+Size = Annotated[CaseNumber, QuantityType("length", tied=True, above=0.0)]
+Area = Annotated[CaseNumber, QuantityType("area", tied=True, above=0.0)]
+Multiple = Annotated[CaseNumber, QuantityType(DIMENSIONLESS, tied=True, above=0.0)]
+AxialStiffness = Annotated[CaseNumber, QuantityType("force", tied=True, above=0.0)]
+WallStiffness = Annotated[CaseNumber, QuantityType("line load", tied=True, above=0.0)]
+BendingStiffness = Annotated[CaseNumber, QuantityType("bending stiffness", tied=True, above=0.0)]
+Positive = Annotated[CaseNumber, QuantityType(DIMENSIONLESS, above=0.0)]
+TiedLength = Annotated[CaseNumber, QuantityType("length", tied=True, above=0.0)]
+TiedTime = Annotated[CaseNumber, QuantityType("time", tied=True, above=0.0)]
+Dimensionless = Annotated[CaseNumber, QuantityType(DIMENSIONLESS)]
+GivenAngle = Annotated[CaseNumber, QuantityType("angle")]
+GivenSize = Annotated[CaseNumber, QuantityType("length", above=0.0)]
+Acceleration = Annotated[CaseNumber, QuantityType("acceleration")]
+AnyQuantity = Annotated[CaseNumber, QuantityType(None)]
 
 
-def _in_order(bounds: list[Given]) -> list[Given]:
+def _in_order(bounds: list[CaseNumber]) -> list[CaseNumber]:
     """Bounds of which the lower is below the upper, as far as they can be compared.
 
     Raises:
@@ -573,9 +573,11 @@ Accelerations = Annotated[list[Acceleration], SharesUnit()]
 Stresses = Annotated[list[Stress], SharesUnit()]
 Forces = Annotated[list[Force], SharesUnit()]
 LineForces = Annotated[list[LineForce], SharesUnit()]
-TemperatureValues = Annotated[list[Annotated[Given, Of("temperature")]], SharesUnit()]
+TemperatureValues = Annotated[
+    list[Annotated[CaseNumber, QuantityType("temperature")]], SharesUnit()
+]
 Coefficients = list[Coefficient]
-DirectionVector = list[Annotated[Given, Of(DIMENSIONLESS)]]
+DirectionVector = list[Annotated[CaseNumber, QuantityType(DIMENSIONLESS)]]
 _GROUP = {"type": "string", "pattern": "^[^-+.$0-9]", "description": "name of a group of faces"}
 LevelOrGroup = Annotated[
     Annotated[Level, Tag("level")] | Annotated[Name, WithJsonSchema(_GROUP), Tag("group")],

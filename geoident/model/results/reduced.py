@@ -25,7 +25,7 @@ class KeptReducedModel:
         reference: (n,) parameters whose moduli measure, SI.
         lower: (n,) least parameters for which it was made, SI.
         upper: (n,) largest ones, SI.
-        marches: (m, n) where it was made, SI: there it is exact.
+        analyses: (m, n) where it was made, SI: there it is exact.
         materials: of which there is ground in any state, and rigidities of structures.
         channels: names of all channels.
         weights: (2, n_channels) how often a reading counts the state of its stage and its zero.
@@ -42,7 +42,7 @@ class KeptReducedModel:
     reference: Floats
     lower: Floats
     upper: Floats
-    marches: Floats
+    analyses: Floats
     materials: tuple[str, ...]
     channels: tuple[str, ...]
     weights: Floats

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from geoident.errors import Fault, InputError, ModelError
-from geoident.forward.elsewhere.model import ElsewhereModel
+from geoident.forward.external.model import ExternalModel
 from geoident.forward.observed import ObservedModel
 from geoident.io.bridges.commands import for_dakota
 from geoident.io.bridges.dakota import (
@@ -102,10 +102,10 @@ def _answered(model: ObservedModel, request: DakotaRequest) -> str:
     slopes = any(one.parts & GRADIENT for one in request.asked)
     case = model.case
     sensitivity = np.zeros((len(case.channels), len(case.stages), len(p)))
-    if isinstance(model, ElsewhereModel) and not slopes:
+    if isinstance(model, ExternalModel) and not slopes:
         computed = model.computed(p)  # derivatives would take more runs
     else:
-        survey = model.survey(p, fields=isinstance(model, ElsewhereModel))
+        survey = model.survey(p, fields=isinstance(model, ExternalModel))
         computed, sensitivity = survey.computed, survey.sensitivity
     values = np.zeros(len(places))
     gradients = np.zeros((len(places), len(columns)))

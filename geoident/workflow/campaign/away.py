@@ -18,7 +18,7 @@ from geoident.io.text.named_files import named_files
 from geoident.io.text.text_file import decode, read_bytes
 from geoident.io.text.yaml_reader import MAX_BYTES, parse_yaml
 from geoident.model.cluster import Cluster
-from geoident.model.elsewhere import Elsewhere, ExternalProgram, PythonFunction
+from geoident.model.external import ExternalProgram, ExternalSource, PythonFunction
 from geoident.model.results.many.campaign import FAILED, RunRecord
 from geoident.workflow.campaign.one_run import RunTask, checkpoint_of, compute
 from geoident.workflow.campaign.plan import CampaignPlan, model_of
@@ -135,7 +135,7 @@ def cluster_executor(
     )
 
 
-def _model(plan: CampaignPlan) -> Elsewhere | None:
+def _model(plan: CampaignPlan) -> ExternalSource | None:
     """The model of the base case where that is elsewhere, with paths as they are there.
 
     Raises:

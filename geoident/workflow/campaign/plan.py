@@ -11,7 +11,7 @@ from pathlib import Path
 
 from geoident import __version__
 from geoident.errors import Fault, InputError, Location, OutputError, Term
-from geoident.forward.elsewhere.model import ElsewhereModel
+from geoident.forward.external.model import ExternalModel
 from geoident.io.campaign.file import FaultyCampaign, read_campaign
 from geoident.io.case.file import FaultyCase, parse_case
 from geoident.io.mesh.file import mesh_files
@@ -31,7 +31,7 @@ from geoident.io.text.yaml_reader import MAX_BYTES, Node, parse_yaml
 from geoident.model.campaign import SEED, Campaign, Setting, Variation, overrides_of, paths_of
 from geoident.model.case import format_path
 from geoident.model.cluster import Cluster
-from geoident.model.elsewhere import Elsewhere
+from geoident.model.external import ExternalSource
 from geoident.model.results.many.campaign import RunRecord
 from geoident.workflow.campaign.sampling import sampled
 from geoident.workflow.programs.digest import model_files
@@ -188,7 +188,7 @@ def require_trust(plan: CampaignPlan) -> tuple[str, ...]:
     if inputs.case.elsewhere is None:
         return ()
     model = build_model(inputs)
-    return (model.runs.require_trust(),) if isinstance(model, ElsewhereModel) else ()
+    return (model.runs.require_trust(),) if isinstance(model, ExternalModel) else ()
 
 
 def _known(
@@ -284,7 +284,7 @@ def _of_model(campaign: Campaign, data: Node) -> tuple[str, ...]:
     return ()
 
 
-def model_of(campaign: Campaign, data: Node) -> Elsewhere | None:
+def model_of(campaign: Campaign, data: Node) -> ExternalSource | None:
     """The model of the base case where that is elsewhere; None of one with ground of its own.
 
     Args:

@@ -18,11 +18,11 @@ from geoident.errors import InputError, ModelError
 from geoident.fem.refinement.finer import halved, raised
 from geoident.fem.refinement.singularity import exponent, openings
 from geoident.fem.solvers import pick_solver
+from geoident.forward.analysis.analysis import RunOptions
 from geoident.forward.gauges.instrument_errors import ReadingPlaces
 from geoident.forward.gauges.kinds import reads_displacements
-from geoident.forward.march.march import RunOptions
 from geoident.forward.model import StagedModel, staged_model
-from geoident.forward.staged import ResumableMarch
+from geoident.forward.staged import ResumableRun
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case
 from geoident.model.cells import CELLS
@@ -105,8 +105,8 @@ def _finer(how: str, model: StagedModel, case: Case, p: Floats, *notes: str) -> 
     at = np.array([values[name] for name in fine.names], dtype=np.float64)
     # bands of shear are as wide as elements: what they move is no error of the mesh
     options = RunOptions(derivatives=False, partial=True, explain=False, even_only=True)
-    march = ResumableMarch(fine, at, options, keeps_ends=False)
-    return Refinement(how, model, fine, march, *orders(model), notes)
+    analysis = ResumableRun(fine, at, options, keeps_ends=False)
+    return Refinement(how, model, fine, analysis, *orders(model), notes)
 
 
 def not_computed(error: Exception) -> str:
@@ -145,7 +145,7 @@ class Refinement:
         how: as of a `MeshError`.
         model: of the case.
         fine: with half the edges, or elements of second order.
-        march: of that.
+        analysis: of that.
         order: of convergence of displacements.
         corner: the sharpest opening of the ground, rad.
         notes: why it is not another, sentences.
@@ -154,7 +154,7 @@ class Refinement:
     how: str
     model: StagedModel
     fine: StagedModel
-    march: ResumableMarch
+    analysis: ResumableRun
     order: float
     corner: float
     notes: tuple[str, ...] = ()
@@ -168,7 +168,7 @@ class Refinement:
         Raises:
             ModelError: the refined model has no solution there.
         """
-        return self._table(computed, self.march.computed(len(self.fine.bases) - 1) - computed)
+        return self._table(computed, self.analysis.computed(len(self.fine.bases) - 1) - computed)
 
     def of_readings(self, values: Values, read: ReadingTable, v: Floats) -> MeshError:
         """The error of the g readings used, for which no later stage is computed.
@@ -190,7 +190,7 @@ class Refinement:
         computed = np.full((len(case.channels), len(case.stages)), np.nan)
         computed[at] = v - drift[:, 0]
         last = int(places.states.max(initial=0))
-        return self._table(computed, self.march.computed(last) - computed)
+        return self._table(computed, self.analysis.computed(last) - computed)
 
     def _table(self, computed: Floats, change: Floats) -> MeshError:
         model, q = self.model, self.order
@@ -217,7 +217,7 @@ def _left(how: str, q: Floats) -> Floats:
 
 
 def by_recovery(model: StagedModel, p: Floats, why: str) -> MeshError:
-    """The error of all readings from the jumps of the stress; one march gives both.
+    """The error of all readings from the jumps of the stress; one analysis gives both.
 
     Args:
         model: of the case.

@@ -14,7 +14,7 @@ from geoident.identify.assessment.model_error import SIZES, SizeWeights
 from geoident.identify.problem.errors import ErrorStructure
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case
-from geoident.model.elsewhere import ConvergenceLaw
+from geoident.model.external import ConvergenceLaw
 from geoident.model.gauges import Channel, ReadingTable
 from geoident.model.methods import (
     ComplementarityOptions,

@@ -15,8 +15,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from geoident.fem.elements import reference_element
+from geoident.forward.analysis.stage import StageEnd
 from geoident.forward.ground.elasticity import elasticity
-from geoident.forward.march.stage import StageEnd
 from geoident.forward.model import StagedModel
 from geoident.model.arrays import Floats, Ints
 from geoident.model.dual import ParameterPoint

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from geoident.errors import TimeIsUp
-from geoident.forward.elsewhere.table import TableModel
+from geoident.forward.external.table import TableModel
 from geoident.forward.model import StagedModel
 from geoident.identify import descend, identify
 from geoident.identify.assessment.variance_components import VarianceComponents

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from geoident.forward.elsewhere.table import TableModel
+from geoident.forward.external.table import TableModel
 from geoident.forward.observed import ObservedModel
 from geoident.model.arrays import Floats
 from geoident.model.case import Case

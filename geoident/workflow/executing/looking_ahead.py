@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 from geoident.errors import ModelError
-from geoident.identify.problem.ahead import Look, ReadingsAt
+from geoident.identify.problem.ahead import ReadingsAt, SearchTask
 from geoident.model.arrays import Floats
 from geoident.model.results.costs import NO_COST, Counts
 from geoident.workflow.executing.executor import Answered
@@ -54,12 +54,12 @@ class Recording:
 class Beside(Protocol):
     """Processes that work on parts of a search: `running.workers.ModelWorkers`, or a toy."""
 
-    def at_once(self, looks: Sequence[Look] = ()) -> int:
+    def at_once(self, looks: Sequence[SearchTask] = ()) -> int:
         """How many work on parts of a search; 1 for this one alone."""
 
     def look(
         self,
-        looks: Sequence[Look],
+        looks: Sequence[SearchTask],
         pairs: Sequence[tuple[str, str]],
         times: Sequence[float | None],
     ) -> Iterator[Answered[Recording]]:
@@ -101,7 +101,7 @@ class Keeps(Protocol):
         """The answer at p (n,) if it is kept; raises `ModelError` where there is none."""
 
 
-class LookedAhead:
+class Prefetched:
     """Parts of a search that other processes work on, and the turn of each.
 
     Nothing is begun before something is asked that is not known: a run that goes on finds most of
@@ -116,7 +116,7 @@ class LookedAhead:
         turn: number of the part whose turn it is.
     """
 
-    def __init__(self, response: Keeps, where: ResponseBeside, looks: Sequence[Look]) -> None:
+    def __init__(self, response: Keeps, where: ResponseBeside, looks: Sequence[SearchTask]) -> None:
         self.turn = 0
         self._response, self._where, self._looks = response, where, looks
         self._sent: list[int] = []
@@ -164,7 +164,7 @@ class LookedAhead:
         where = self._where
         self._answers = where.processes.look(looks, where.pairs, where.times)
 
-    def _new(self, look: Look) -> Look | None:
+    def _new(self, look: SearchTask) -> SearchTask | None:
         """What of a part is not known; None for nothing."""
         if not isinstance(look, ReadingsAt):
             return look

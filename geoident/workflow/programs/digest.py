@@ -10,8 +10,8 @@ from itertools import chain
 from pathlib import Path
 
 from geoident.errors import Fault, InputError, Location
-from geoident.io.elsewhere.imports import imported_files, words_of
-from geoident.model.elsewhere import Elsewhere, ExternalProgram
+from geoident.io.external.imports import imported_files, words_of
+from geoident.model.external import ExternalProgram, ExternalSource
 
 
 def executable(program: ExternalProgram) -> str | None:
@@ -23,7 +23,7 @@ def executable(program: ExternalProgram) -> str | None:
     return shutil.which(name)
 
 
-def model_files(given: Elsewhere) -> tuple[str, ...]:
+def model_files(given: ExternalSource) -> tuple[str, ...]:
     """Paths of all files that decide what runs of a model elsewhere give, its program among them.
 
     Args:
@@ -39,7 +39,7 @@ def model_files(given: Elsewhere) -> tuple[str, ...]:
     return tuple(dict.fromkeys(chain(given.inputs, *with_imports)))
 
 
-def names_of(given: Elsewhere, folder: Path) -> list[str]:
+def names_of(given: ExternalSource, folder: Path) -> list[str]:
     """What the files of a model are called: another name may make another model of them.
 
     Args:

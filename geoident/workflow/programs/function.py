@@ -11,16 +11,16 @@ from typing import Any
 
 import numpy as np
 
-from geoident.forward.elsewhere.runs import FailedRun, RunsOfAllDigits
+from geoident.forward.external.runs import FailedRun, RunsOfAllDigits
 from geoident.io.text.wording import shorten
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case
-from geoident.model.elsewhere import PythonFunction
+from geoident.model.external import PythonFunction
 from geoident.workflow.executing.executor import SetUp
 from geoident.workflow.executing.parcel import relative
 from geoident.workflow.programs.digest import ModelFiles, names_of
 from geoident.workflow.programs.guard import Readable
-from geoident.workflow.programs.logged_runs import LoggedRuns, MadeThere, RunItem, made_there
+from geoident.workflow.programs.logged_runs import LoggedRuns, RemoteRun, RunItem, made_there
 from geoident.workflow.programs.program import executed
 from geoident.workflow.programs.run_log import RunLog
 from geoident.workflow.programs.trust import Execution, Permission
@@ -103,7 +103,7 @@ class FunctionRuns(LoggedRuns, RunsOfAllDigits):
             asked.append((key, RunItem(key, name, values)))
         return self.in_turn(asked, check)
 
-    def portable(self) -> tuple[SetUp[RunItem, MadeThere], tuple[str, ...], tuple[str, ...]]:
+    def portable(self) -> tuple[SetUp[RunItem, RemoteRun], tuple[str, ...], tuple[str, ...]]:
         """What makes runs in another process, files that it needs, and no program."""
         function = self._function
         there = replace(
@@ -218,7 +218,7 @@ class FunctionRuns(LoggedRuns, RunsOfAllDigits):
 
 def set_up_function(
     case: Case, function: PythonFunction, folder: str
-) -> Callable[[RunItem], MadeThere]:
+) -> Callable[[RunItem], RemoteRun]:
     """In a process far away: what calls a function.
 
     Args:

@@ -22,7 +22,7 @@ from urllib.parse import urlsplit
 from urllib.request import url2pathname
 
 import geoident
-from geoident.io.elsewhere.imports import is_program, words_of
+from geoident.io.external.imports import is_program, words_of
 from geoident.workflow.executing.processes import path_without_here
 
 _STARTS = ("subprocess.Popen", "os.system", "os.exec", "os.posix_spawn")

@@ -17,9 +17,9 @@ from pathlib import Path
 from typing import Any
 
 from geoident.errors import ExitCode, Interrupted
-from geoident.forward.elsewhere.runs import FailedRun, RunsInTurn
+from geoident.forward.external.runs import FailedRun, RunsInTurn
 from geoident.model.arrays import Floats
-from geoident.model.elsewhere import ExternalProgram, PythonFunction
+from geoident.model.external import ExternalProgram, PythonFunction
 from geoident.workflow.executing.executor import (
     Answered,
     RemoteExecutor,
@@ -33,7 +33,7 @@ from geoident.workflow.executing.stop import StopRequest
 from geoident.workflow.executing.threads import WaitingThreads
 from geoident.workflow.executing.worker import STOP
 from geoident.workflow.programs.digest import ModelFiles
-from geoident.workflow.programs.run_log import Made, RunLog
+from geoident.workflow.programs.run_log import CompletedRun, RunLog
 from geoident.workflow.programs.travelling import RunsMade, RunsThere, begin_there, keep_runs
 from geoident.workflow.programs.trust import Permission
 
@@ -57,7 +57,7 @@ class RunItem:
 
 
 @dataclass(frozen=True)
-class MadeThere:
+class RemoteRun:
     """A run that was made on another machine.
 
     Args:
@@ -67,7 +67,7 @@ class MadeThere:
     """
 
     item: RunItem
-    made: Made | None
+    made: CompletedRun | None
     files: RunsMade
 
 
@@ -95,8 +95,8 @@ class LoggedRuns(RunsInTurn):
         self._failed: dict[str, FailedRun] = {}
         self._asked: set[str] = set()
         self._ended = False
-        self._begin: Callable[[], RemoteExecutor[RunItem, MadeThere]] | None = None
-        self._there: RemoteExecutor[RunItem, MadeThere] | None = None
+        self._begin: Callable[[], RemoteExecutor[RunItem, RemoteRun]] | None = None
+        self._there: RemoteExecutor[RunItem, RemoteRun] | None = None
         self._check: Callable[[], None] = lambda: None
 
     @abstractmethod
@@ -108,7 +108,7 @@ class LoggedRuns(RunsInTurn):
         """End the runs that are being made."""
 
     @abstractmethod
-    def portable(self) -> tuple[SetUp[RunItem, MadeThere], tuple[str, ...], tuple[str, ...]]:
+    def portable(self) -> tuple[SetUp[RunItem, RemoteRun], tuple[str, ...], tuple[str, ...]]:
         """What makes them in another process, files that it needs, and programs."""
 
     @property
@@ -152,7 +152,7 @@ class LoggedRuns(RunsInTurn):
 
         with ExitStack() as held:
 
-            def begin() -> RemoteExecutor[RunItem, MadeThere]:
+            def begin() -> RemoteExecutor[RunItem, RemoteRun]:
                 named = {layout.name(path): Path(path) for path in files}
                 parcel = packed(named, here=layout.here, programs=programs)
                 made = cluster.begin(set_up, parcel, check=self._moment)
@@ -215,7 +215,7 @@ class LoggedRuns(RunsInTurn):
             elif answer.set_aside:
                 item, count = items[answer.number], len(answer.losses)
                 why = f"it has cost {count} processes, and the last one {answer.losses[-1]}"
-                self._log.add(item.key, Made(FailedRun(why), answer.seconds), item.values)
+                self._log.add(item.key, CompletedRun(FailedRun(why), answer.seconds), item.values)
             yield answer
 
     def _moment(self) -> None:
@@ -223,8 +223,8 @@ class LoggedRuns(RunsInTurn):
         self._check()
 
     def _begun(
-        self, begin: Callable[[], RemoteExecutor[RunItem, MadeThere]]
-    ) -> RemoteExecutor[RunItem, MadeThere]:
+        self, begin: Callable[[], RemoteExecutor[RunItem, RemoteRun]]
+    ) -> RemoteExecutor[RunItem, RemoteRun]:
         if self._there is None:
             self._there = begin()
         return self._there
@@ -241,7 +241,7 @@ class LoggedRuns(RunsInTurn):
         if made is not None:
             self._log.add(item.key, made, item.values)
 
-    def made(self, item: RunItem) -> Made | None:
+    def made(self, item: RunItem) -> CompletedRun | None:
         """Make a run; None where runs were ended meanwhile.
 
         Raises:
@@ -254,7 +254,7 @@ class LoggedRuns(RunsInTurn):
         self._files.require_unchanged()
         found = self.found(item)
         self._files.require_unchanged()
-        return None if self._ended else Made(found, time.monotonic() - began)
+        return None if self._ended else CompletedRun(found, time.monotonic() - began)
 
     def end(self) -> None:
         """End the runs that are being made, and begin no more."""
@@ -265,7 +265,7 @@ class LoggedRuns(RunsInTurn):
         """Runs may be made again after they were ended."""
         self._ended = False
 
-    def _take(self, there: MadeThere) -> None:
+    def _take(self, there: RemoteRun) -> None:
         """Keep a run that was made on another machine.
 
         Raises:
@@ -280,7 +280,7 @@ class LoggedRuns(RunsInTurn):
         self._log.add(there.item.key, replace(there.made, found=found), there.item.values)
 
 
-def made_there(runs: LoggedRuns, folder: Path) -> Callable[[RunItem], MadeThere]:
+def made_there(runs: LoggedRuns, folder: Path) -> Callable[[RunItem], RemoteRun]:
     """In a process far away: what makes a run, and takes what it leaves.
 
     Args:
@@ -289,9 +289,9 @@ def made_there(runs: LoggedRuns, folder: Path) -> Callable[[RunItem], MadeThere]
     """
     begin_there({})
 
-    def make(item: RunItem) -> MadeThere:
+    def make(item: RunItem) -> RemoteRun:
         runs.begin_again()
-        made: list[Made | None] = []
+        made: list[CompletedRun | None] = []
         with RunsThere(folder, ()) as there:
             threads = WaitingThreads(1, runs.made, check=STOP.check, end=runs.end)
             with suppress(Interrupted):
@@ -299,7 +299,7 @@ def made_there(runs: LoggedRuns, folder: Path) -> Callable[[RunItem], MadeThere]
         for name in {Path(file).parts[0] for file in there.made.files or {}}:
             shutil.rmtree(folder / name, ignore_errors=True)
             (folder / name).mkdir(exist_ok=True)  # so that no other run has its name
-        return MadeThere(item, made[0] if made else None, there.made)
+        return RemoteRun(item, made[0] if made else None, there.made)
 
     return make
 

@@ -22,9 +22,9 @@ from typing import Any
 import numpy as np
 
 from geoident.errors import Fault, InputError, OutputError
-from geoident.forward.elsewhere.runs import FailedRun
-from geoident.io.elsewhere.outputs import NotFound, RunFiles
-from geoident.io.elsewhere.templates import (
+from geoident.forward.external.runs import FailedRun
+from geoident.io.external.outputs import NotFound, RunFiles
+from geoident.io.external.templates import (
     CannotBeFilled,
     field_texts,
     filled,
@@ -34,10 +34,10 @@ from geoident.io.elsewhere.templates import (
 from geoident.io.text.wording import did_you_mean
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case
-from geoident.model.elsewhere import (
+from geoident.model.external import (
     ConvergenceLaw,
-    Elsewhere,
     ExternalProgram,
+    ExternalSource,
     FunctionValue,
     InstructedValue,
     JinjaTemplate,
@@ -58,7 +58,7 @@ from geoident.workflow.programs.digest import (
     names_of,
 )
 from geoident.workflow.programs.guard import Readable
-from geoident.workflow.programs.logged_runs import LoggedRuns, MadeThere, RunItem, made_there
+from geoident.workflow.programs.logged_runs import LoggedRuns, RemoteRun, RunItem, made_there
 from geoident.workflow.programs.run_folders import new_folder
 from geoident.workflow.programs.run_log import RunLog
 from geoident.workflow.programs.trust import Execution, Permission
@@ -90,7 +90,7 @@ def _named(output: Output) -> Output:
     return replace(output, how=replace(how, path=Path(how.path).name))
 
 
-def executed(given: Elsewhere) -> str:
+def executed(given: ExternalSource) -> str:
     """What a model elsewhere runs, in words; of a table, what it has.
 
     Args:
@@ -255,7 +255,7 @@ class ProgramRuns(LoggedRuns):
         """Parameters p (n,) by name."""
         return dict(zip(self._names, map(float, p), strict=True))
 
-    def portable(self) -> tuple[SetUp[RunItem, MadeThere], tuple[str, ...], tuple[str, ...]]:
+    def portable(self) -> tuple[SetUp[RunItem, RemoteRun], tuple[str, ...], tuple[str, ...]]:
         """What makes runs in another process, files that it needs, and programs."""
         program, programs = self._program, program_of(self._program)
         there = as_seen_from_here(program)
@@ -364,7 +364,7 @@ class ProgramRuns(LoggedRuns):
 
 def set_up_program(
     case: Case, program: ExternalProgram, folder: str, moved: Mapping[str, str]
-) -> Callable[[RunItem], MadeThere]:
+) -> Callable[[RunItem], RemoteRun]:
     """In a process far away: what makes runs of a program.
 
     Args:

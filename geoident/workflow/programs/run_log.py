@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from geoident.errors import OutputError
-from geoident.forward.elsewhere.runs import FailedRun
+from geoident.forward.external.runs import FailedRun
 from geoident.io.text.atomic import refuse_link
 from geoident.model.arrays import Floats
 
@@ -26,7 +26,7 @@ FILE = "runs.jsonl"
 
 
 @dataclass(frozen=True)
-class Made:
+class CompletedRun:
     """A run that was made.
 
     Args:
@@ -49,7 +49,7 @@ class RunLog:
 
     def __init__(self, folder: Path, model: str, *, again: bool = False) -> None:
         self._file, self._model, self._lock = folder / FILE, model, threading.Lock()
-        self._known: dict[str, Made] = {}
+        self._known: dict[str, CompletedRun] = {}
         try:
             lines = self._file.read_text(encoding="utf-8").splitlines()
         except OSError:
@@ -57,11 +57,11 @@ class RunLog:
         for line in lines:
             self._take(line, again=again)
 
-    def find(self, key: str) -> Made | None:
+    def find(self, key: str) -> CompletedRun | None:
         """The run of a key, or None."""
         return self._known.get(key)
 
-    def add(self, key: str, made: Made, values: Mapping[str, float]) -> None:
+    def add(self, key: str, made: CompletedRun, values: Mapping[str, float]) -> None:
         """Keep a run.
 
         Args:
@@ -102,7 +102,7 @@ class RunLog:
                 found = FailedRun(str(entry["failed"]), str(entry["folder"]))
             else:
                 found = np.array(entry["readings"], dtype=np.float64)
-            self._known[str(entry["key"])] = Made(found, float(entry["seconds"]))
+            self._known[str(entry["key"])] = CompletedRun(found, float(entry["seconds"]))
         except (ValueError, KeyError, TypeError):
             return
 

@@ -20,7 +20,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from geoident.forward.elsewhere.runs import FailedRun
+from geoident.forward.external.runs import FailedRun
 from geoident.workflow.executing.processes import environment_of_programs, path_without_here
 from geoident.workflow.programs.guard import Guard, Readable
 

@@ -1,6 +1,6 @@
 """A model asked at thousands of parameter vectors: in processes, kept on disk as it goes.
 
-One march at a parameter vector answers for the used readings and for all that the gauges could
+One analysis at a parameter vector answers for the used readings and for all that the gauges could
 read. Answers are kept in the checkpoint in blocks, so that a run goes on where it was cut short:
 samplers that are given the same seed ask the same again.
 

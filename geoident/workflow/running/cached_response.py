@@ -25,7 +25,7 @@ from typing import Protocol
 import numpy as np
 
 from geoident.errors import ModelError, TimeIsUp
-from geoident.identify.problem.ahead import Look, Turn
+from geoident.identify.problem.ahead import SearchTask, Turn
 from geoident.identify.problem.responses import (
     AffineElastic,
     ComplementaritySystem,
@@ -47,7 +47,7 @@ from geoident.model.results.costs import Counts
 from geoident.model.yielding import Activity
 from geoident.workflow.executing.looking_ahead import (
     EvaluationArrays,
-    LookedAhead,
+    Prefetched,
     Recording,
     ResponseBeside,
 )
@@ -97,7 +97,7 @@ class CachedResponse:
     ) -> None:
         self.failures: list[tuple[str, Floats, ModelError]] = []
         self._inner, self._log, self._before, self._elsewhere = inner, log, before, elsewhere
-        self._ahead: LookedAhead | None = None
+        self._ahead: Prefetched | None = None
         self._no_solution: dict[tuple[str, bytes], ModelError] = {}  # told by other processes
         self._spent = self._begun = inner.counts
         self._asked: set[tuple[str, bytes]] = set()
@@ -289,7 +289,7 @@ class CachedResponse:
         return 1 if self._elsewhere is None else self._elsewhere.processes.at_once()
 
     @contextmanager
-    def turns(self, looks: Sequence[Look]) -> Iterator[Turn]:
+    def turns(self, looks: Sequence[SearchTask]) -> Iterator[Turn]:
         """Work on parts of a search meanwhile; each begins with a model that has forgotten others.
 
         Args:
@@ -299,7 +299,7 @@ class CachedResponse:
         several = where is not None and len(looks) > 1 and where.processes.at_once(looks) > 1
         # what others evaluate gives no surrogate here, which is to answer a part of what they ask
         if where is not None and several and not (self._tolerance and self._surrogate()):
-            self._ahead = LookedAhead(self, where, looks)
+            self._ahead = Prefetched(self, where, looks)
 
         def turn(number: int) -> None:
             inner.forget()

@@ -90,7 +90,7 @@ def carry_over(
         other: of the fit of some.
         p: (n,) parameters, SI.
         rows: (g,) which of the readings of the first the second has too.
-        n_states: how far the second marches, with the virgin state.
+        n_states: how far the second analyses, with the virgin state.
         visited: (n,) parameters at which the first was evaluated with derivatives: they serve the
             surrogate of the second.
     """

@@ -16,7 +16,7 @@ from geoident import __version__
 from geoident.errors import Fault, InputError, Location, ModelError, Term
 from geoident.fem.solvers import pick_solver
 from geoident.forward.checks import faults_on_mesh
-from geoident.forward.elsewhere.model import ElsewhereModel
+from geoident.forward.external.model import ExternalModel
 from geoident.forward.ground.field import mode_parameters
 from geoident.forward.model import StagedModel, staged_model
 from geoident.forward.observed import ObservedModel
@@ -28,7 +28,7 @@ from geoident.io.result.file import FORMAT
 from geoident.io.text.text_file import STDIN, require_file, seen_from
 from geoident.model.arrays import Floats
 from geoident.model.case import Case, Source
-from geoident.model.elsewhere import ConvergenceLaw, Elsewhere, ExternalProgram, RunTable
+from geoident.model.external import ConvergenceLaw, ExternalProgram, ExternalSource, RunTable
 from geoident.model.mesh import Mesh
 from geoident.model.methods import MethodOptions, method_name
 from geoident.model.results.result import Provenance, Result
@@ -304,7 +304,7 @@ def _in_case(fault: Fault, case: Case) -> Fault:
 
 def build_model(
     inputs: Inputs, *, solver: str = "auto", fresh: bool = False
-) -> StagedModel | OpeningModel | ElsewhereModel:
+) -> StagedModel | OpeningModel | ExternalModel:
     """The staged model of a case, the closed form where it has no mesh, its runs if elsewhere.
 
     Args:
@@ -330,8 +330,8 @@ def build_model(
 
 
 def _model_elsewhere(
-    case: Case, elsewhere: Elsewhere, folder: Path, *, fresh: bool
-) -> ElsewhereModel:
+    case: Case, elsewhere: ExternalSource, folder: Path, *, fresh: bool
+) -> ExternalModel:
     """The runs, the table of runs or the law of a case; each is imported where it is needed.
 
     Args:
@@ -341,20 +341,20 @@ def _model_elsewhere(
         fresh: runs that failed before are made again.
     """
     if isinstance(elsewhere, RunTable):
-        from geoident.forward.elsewhere.table import SurfaceRuns, TableModel  # noqa: PLC0415
+        from geoident.forward.external.table import SurfaceRuns, TableModel  # noqa: PLC0415
 
         return TableModel(case, SurfaceRuns(case, elsewhere))
     if isinstance(elsewhere, ConvergenceLaw):
-        from geoident.forward.elsewhere.convergence import LawModel  # noqa: PLC0415
+        from geoident.forward.external.convergence import LawModel  # noqa: PLC0415
 
         return LawModel(case, elsewhere)
     if isinstance(elsewhere, ExternalProgram):
         from geoident.workflow.programs.program import ProgramRuns  # noqa: PLC0415
 
-        return ElsewhereModel(case, ProgramRuns(case, elsewhere, folder, again=fresh))
+        return ExternalModel(case, ProgramRuns(case, elsewhere, folder, again=fresh))
     from geoident.workflow.programs.function import FunctionRuns  # noqa: PLC0415
 
-    return ElsewhereModel(case, FunctionRuns(case, elsewhere, folder, again=fresh))
+    return ExternalModel(case, FunctionRuns(case, elsewhere, folder, again=fresh))
 
 
 def start_values(case: Case, model: ObservedModel) -> Floats:

@@ -23,7 +23,7 @@ CLOSE = 0.02
 """Part of the accuracy of a reading by which the reduced model may be off."""
 
 MARCHES = 8
-"""Marches of which the reduced model is made at most."""
+"""Analyses of which the reduced model is made at most."""
 
 MADE = "a reduced model"
 """What one is called that a command makes for itself."""
@@ -38,7 +38,7 @@ def reduced_around(
     response: ReducibleResponse,
     centre: Floats,
     training: Floats,
-    marches: int = MARCHES,
+    analyses: int = MARCHES,
     also: Sequence[Floats] = (),
 ) -> ReducedResponse | None:
     """The reduced model of a response for many readings; None where there is none.
@@ -47,11 +47,11 @@ def reduced_around(
         response: whose readings are asked for.
         centre: (n,) parameters in the middle of what will be asked.
         training: (k, n) some of what will be asked.
-        marches: of which it is made at most.
+        analyses: of which it is made at most.
         also: (n,) parameters of which it is to be made beside.
     """
     try:
-        return response.surrogate_around(centre, training, most=marches, also=also)
+        return response.surrogate_around(centre, training, most=analyses, also=also)
     except (ModelError, ValueError):
         return None
 

@@ -23,7 +23,7 @@ from geoident.forward.reduced.kept import RestoredModel, kept_model
 from geoident.forward.reduced.response import ReducedResponse
 from geoident.forward.reducible import ReducibleResponse
 from geoident.identify.direct.scan import grid_axes
-from geoident.identify.problem.ahead import Look, ReadingsAt, Turn, at_once, in_turns
+from geoident.identify.problem.ahead import ReadingsAt, SearchTask, Turn, at_once, in_turns
 from geoident.identify.problem.problem import Discrepancy, Problem
 from geoident.model.arrays import Floats
 from geoident.model.methods import ScanOptions
@@ -41,10 +41,10 @@ LEAST = 0.01
 """Error of the discrepancy that does not matter."""
 
 MARCHES_OF_GRID = 10
-"""Marches of which the reduced model of a grid is made at most: grids are wide."""
+"""Analyses of which the reduced model of a grid is made at most: grids are wide."""
 
 _WORTH = 10
-"""Points for each march of which the reduced model is made, from which on it is made."""
+"""Points for each analysis of which the reduced model is made, from which on it is made."""
 
 _MOST = 0.9
 """Part of the points of a grid at which a kept model must be close enough to be the only one."""
@@ -150,7 +150,7 @@ class LedReadings(LedByReduced):
         return at_once(self.inner)
 
     @contextmanager
-    def turns(self, looks: Sequence[Look]) -> Iterator[Turn]:
+    def turns(self, looks: Sequence[SearchTask]) -> Iterator[Turn]:
         """Have the model work on what the reduced one does not answer.
 
         Args:
@@ -166,7 +166,7 @@ class LedReadings(LedByReduced):
 
             yield begin
 
-    def _for_the_model(self, look: Look) -> Look | None:
+    def _for_the_model(self, look: SearchTask) -> SearchTask | None:
         """What of a part the reduced model does not answer; None for nothing."""
         if not isinstance(look, ReadingsAt):
             return look
@@ -276,7 +276,7 @@ class ReducedInLog:
         Args:
             centre: (n,) around which it was made.
             reduced: the model.
-            response: of whose marches it is made.
+            response: of whose analyses it is made.
             spent: what it has cost.
         """
         model = self._model
@@ -284,7 +284,7 @@ class ReducedInLog:
             reduced,
             model.observation,
             model.case,
-            marches=response.visited(),
+            analyses=response.visited(),
             built_on=model.sequence.built_on,
         )
         arrays = {name: getattr(kept, name) for name in _NUMBERS}
@@ -311,14 +311,14 @@ class ReducedInLog:
             reference=known["reference"],
             lower=known["lower"],
             upper=known["upper"],
-            marches=known["marches"],
+            analyses=known["analyses"],
             rows=known["rows"].astype(np.int64),
             states=known["states"].astype(np.int64),
         )
         return RestoredModel(kept, model.case).response(self._pairs, self._times)
 
 
-_NUMBERS = ("reference", "lower", "upper", "marches", "rows", "states")
+_NUMBERS = ("reference", "lower", "upper", "analyses", "rows", "states")
 _BLOCK = "block "
 
 

@@ -19,12 +19,12 @@ from typing import Self
 from geoident.errors import Interrupted, ModelError, TimeIsUp
 from geoident.fem.solvers import pick_solver
 from geoident.fem.solvers.threads import one_thread
-from geoident.forward.elsewhere.model import ElsewhereModel
+from geoident.forward.external.model import ExternalModel
 from geoident.forward.model import StagedModel, staged_model
 from geoident.forward.observed import ObservedModel
 from geoident.forward.openings.model import OpeningModel, opening_model
 from geoident.forward.reducible import ReducibleResponse
-from geoident.identify.problem.ahead import Look, ReadingsAt
+from geoident.identify.problem.ahead import ReadingsAt, SearchTask
 from geoident.model.case import Case
 from geoident.model.mesh import Mesh
 from geoident.model.results.summary import CostEstimate
@@ -95,7 +95,7 @@ class ModelParts:
 
 
 @dataclass(frozen=True)
-class LookTask:
+class SearchPartTask:
     """A part of a search for another process.
 
     Args:
@@ -105,13 +105,13 @@ class LookTask:
         seconds: for which it may take, or None.
     """
 
-    look: Look
+    look: SearchTask
     pairs: tuple[tuple[str, str], ...]
     times: tuple[float | None, ...]
     seconds: float | None
 
 
-def look_on(parts: ModelParts) -> Callable[[LookTask], Recording]:
+def look_on(parts: ModelParts) -> Callable[[SearchPartTask], Recording]:
     """In a process of its own: the model, and what looks with it.
 
     Args:
@@ -120,7 +120,7 @@ def look_on(parts: ModelParts) -> Callable[[LookTask], Recording]:
     return partial(_looked, parts.build())
 
 
-def _looked(model: ObservedModel, task: LookTask) -> Recording:
+def _looked(model: ObservedModel, task: SearchPartTask) -> Recording:
     control, found = Control(stop=STOP, max_time=task.seconds), Recording()
 
     def before() -> None:
@@ -155,8 +155,8 @@ class ModelWorkers:
         self, parts: ModelParts, jobs: int | None, control: Control, model: ObservedModel
     ) -> None:
         self._parts, self._jobs, self._control, self._model = parts, jobs, control, model
-        self._processes: BegunExecutor[LookTask, Recording] | None = None
-        self._remote: RemoteExecutor[LookTask, Recording] | None = None
+        self._processes: BegunExecutor[SearchPartTask, Recording] | None = None
+        self._remote: RemoteExecutor[SearchPartTask, Recording] | None = None
 
     def __enter__(self) -> Self:
         return self
@@ -171,7 +171,7 @@ class ModelWorkers:
         if processes is not None:
             processes.__exit__(kind, error, trace)
 
-    def at_once(self, looks: Sequence[Look] = ()) -> int:
+    def at_once(self, looks: Sequence[SearchTask] = ()) -> int:
         """How many processes work on parts of a search; 1 for this one alone.
 
         Args:
@@ -195,7 +195,7 @@ class ModelWorkers:
 
     def look(
         self,
-        looks: Sequence[Look],
+        looks: Sequence[SearchTask],
         pairs: Sequence[tuple[str, str]],
         times: Sequence[float | None],
     ) -> Iterator[Answered[Recording]]:
@@ -207,12 +207,14 @@ class ModelWorkers:
             times: when each was read.
         """
         control = self._control
-        tasks = (LookTask(look, tuple(pairs), tuple(times), control.remaining()) for look in looks)
+        tasks = (
+            SearchPartTask(look, tuple(pairs), tuple(times), control.remaining()) for look in looks
+        )
         processes = self._ready(looks)
         with control.stop.heard_by(processes.ask_to_stop):
             yield from processes.run(tasks)
 
-    def _ready(self, looks: Sequence[Look]) -> BegunExecutor[LookTask, Recording]:
+    def _ready(self, looks: Sequence[SearchTask]) -> BegunExecutor[SearchPartTask, Recording]:
         """The processes that are there, or are begun for some parts."""
         cluster = self._control.cluster
         if cluster is not None:
@@ -222,7 +224,7 @@ class ModelWorkers:
             self._processes = LocalProcesses(jobs, partial(look_on, self._parts)).__enter__()
         return self._processes
 
-    def _there(self, cluster: Workplace) -> RemoteExecutor[LookTask, Recording]:
+    def _there(self, cluster: Workplace) -> RemoteExecutor[SearchPartTask, Recording]:
         """Those of a cluster."""
         if self._remote is None:
             self._remote = cluster.begin(partial(look_on, self._parts)).__enter__()
@@ -264,7 +266,7 @@ def runs_on_cluster(model: ObservedModel, control: Control) -> AbstractContextMa
         model: of a case.
         control: of the command.
     """
-    if control.cluster is None or not isinstance(model, ElsewhereModel):
+    if control.cluster is None or not isinstance(model, ExternalModel):
         return nullcontext()
     from geoident.workflow.programs.logged_runs import LoggedRuns  # noqa: PLC0415 - there alone
 
@@ -276,7 +278,7 @@ def _fitting(cost: CostEstimate) -> int:
     return int(_MEMORY * _memory() / cost.memory)
 
 
-def _evaluations(look: Look) -> int:
+def _evaluations(look: SearchTask) -> int:
     return len(look.points) if isinstance(look, ReadingsAt) else _DESCENT
 
 

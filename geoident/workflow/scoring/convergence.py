@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from geoident.forward.elsewhere.convergence import LawModel
+from geoident.forward.external.convergence import LawModel
 from geoident.forward.observed import ObservedModel
 from geoident.identify.assessment.prediction_bands import predict_band
 from geoident.model.dual import Dual

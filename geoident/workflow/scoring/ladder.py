@@ -36,7 +36,7 @@ class _Climbed:
     why: str = ""
 
 
-def climb(job: Job, control: Control, fit_one: Callable[[Job, Control], Finished]) -> Finished:
+def fit_ladder(job: Job, control: Control, fit_one: Callable[[Job, Control], Finished]) -> Finished:
     """Fits all models of a case, and writes that which the readings ask for as its result.
 
     Args:

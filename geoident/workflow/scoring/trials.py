@@ -249,7 +249,7 @@ def _some_of(places: Bools) -> Bools:
 def hand_on(before: PartialFit, setup: Setup, last: int, log: Log) -> None:
     """Give a fit of more stages what the one before has computed at its answer, where it begins.
 
-    An elastic march is kept, and goes on where it was left; one in which ground yields is not.
+    An elastic analysis is kept, and goes on where it was left; one in which ground yields is not.
 
     Args:
         before: the fit of fewer stages.
@@ -413,7 +413,7 @@ def last_stage(
         answer: (n,) its parameters, SI.
         log: of its evaluations.
         control: progress, budget and stops.
-        response: of its search: what that knows at the answer, and of the marches that its reduced
+        response: of its search: what that knows at the answer, and of the analyses that its reduced
             model is made of, is not computed again.
 
     Raises:

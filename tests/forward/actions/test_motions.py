@@ -293,8 +293,8 @@ def test_a_wall_in_a_solid_moves_towards_its_axis():
 def test_who_does_not_cover_motions_says_so():
     response, _, _, staged = _problem()
     del response
-    assert "the support 'x1' is moved" in (affine_obstacle(staged.march) or "")
-    assert reduction_obstacle(staged.march) == "the support 'x1' is moved"
+    assert "the support 'x1' is moved" in (affine_obstacle(staged.analysis) or "")
+    assert reduction_obstacle(staged.analysis) == "the support 'x1' is moved"
 
 
 GRID = tuple((float(x), float(y)) for x in range(3) for y in range(3))

@@ -261,5 +261,5 @@ def test_what_cannot_be_is_said_with_its_place():
     assert staged.admissible(p) is None
     assert "must be positive" in staged.admissible(np.array([1e6, -1e6]))
     assert "E of soil grows with depth: at the start values" in "\n".join(staged.notes)
-    assert reduction_obstacle(staged.march) == "E of soil grows with depth"
-    assert "E of soil grows with depth" in affine_obstacle(staged.march)
+    assert reduction_obstacle(staged.analysis) == "E of soil grows with depth"
+    assert "E of soil grows with depth" in affine_obstacle(staged.analysis)

@@ -52,7 +52,7 @@ def _stub(yields, last):
     materials = {f"of {n}": SimpleNamespace(yields=n in yields) for n in range(3)}
     materials["rock"] = SimpleNamespace(yields=False)
     points = SimpleNamespace(n_strain=4, n_points=5)
-    march = SimpleNamespace(
+    analysis = SimpleNamespace(
         sequence=SimpleNamespace(states=states),
         case=SimpleNamespace(materials=materials, start={}),
         systems=SimpleNamespace(
@@ -64,7 +64,7 @@ def _stub(yields, last):
         zero=np.zeros(2, int), weights=np.ones((2, 2)),
         linear=lambda state, rows: None if 1 in rows else rows,
     )  # fmt: skip
-    return lambda row: ReadingAdjoints(march, observation, np.array([row]), np.array([1]), last)
+    return lambda row: ReadingAdjoints(analysis, observation, np.array([row]), np.array([1]), last)
 
 
 def test_ground_that_yields_up_to_the_last_state_has_no_adjoints():

@@ -15,9 +15,9 @@ from support.tunnels import walled, with_lines
 
 from geoident.errors import InputError
 from geoident.fem.structures import section_forces
+from geoident.forward.analysis.stage import StageEnd
 from geoident.forward.gauges.members import nearest
-from geoident.forward.gauges.observation import MarchState
-from geoident.forward.march.stage import StageEnd
+from geoident.forward.gauges.observation import AnalysisState
 from geoident.model.actions import Traction
 from geoident.model.case import Stage, Support
 from geoident.model.dual import ParameterPoint
@@ -420,7 +420,7 @@ def test_the_inside_is_where_a_point_is():
 
 def _state_of(staged, columns=4):
     """Random member forces and motions with two derivatives and one unit force; where they are."""
-    structures = staged.march.systems.structures
+    structures = staged.analysis.systems.structures
     random = np.random.default_rng(21)
     end = StageEnd(
         1,
@@ -430,7 +430,7 @@ def _state_of(staged, columns=4):
         np.zeros(1, dtype=bool),
     )
     point = ParameterPoint({"E": E_WALL, "t": THICKNESS}, ("E", "t"))
-    return MarchState(end, point, structures), structures.part("wall")
+    return AnalysisState(end, point, structures), structures.part("wall")
 
 
 def _observed(staged, state):

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from geoident.forward.gauges.observation import MarchState, Observation, RelativeDisplacements
-from geoident.forward.march.stage import LinearRows
+from geoident.forward.analysis.stage import LinearRows
+from geoident.forward.gauges.observation import AnalysisState, Observation, RelativeDisplacements
 
 NAMES = ("moves", "presses", "shifts", "major", "given")
 # a change since state 1, a value, a change since 3, what there was in the virgin state, a value
@@ -53,7 +53,7 @@ def _observation(parts=PARTS):
 
 def _state(number=0, columns=2):
     u = np.arange(6.0 * columns).reshape(6, columns) + 1.0
-    return MarchState(SimpleNamespace(u=u, state=number), None, None)
+    return AnalysisState(SimpleNamespace(u=u, state=number), None, None)
 
 
 def test_values_stand_in_the_rows_of_their_channels():
@@ -76,9 +76,9 @@ def test_readings_count_their_stage_and_their_zero():
         observed[0, 3], observed[4, 0] - observed[1, 0], observed[1, 4],
     ]  # fmt: skip
     np.testing.assert_array_equal(found, exact)
-    torn = observed.copy()
-    torn[0, 1] = torn[2, 3] = torn[0, 4] = np.nan
-    np.testing.assert_array_equal(_observation().readings(torn, rows, states), exact)
+    tension_limit = observed.copy()
+    tension_limit[0, 1] = tension_limit[2, 3] = tension_limit[0, 4] = np.nan
+    np.testing.assert_array_equal(_observation().readings(tension_limit, rows, states), exact)
     short = _observation().readings(observed[:3], np.array([2, 0]), np.array([1, 2]))
     np.testing.assert_array_equal(
         short, [observed[1, 2] - observed[2, 2], observed[2, 0] - observed[1, 0]]

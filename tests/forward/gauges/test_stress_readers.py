@@ -10,7 +10,7 @@ import pytest
 from support.force_gauges import gauge
 
 from geoident.fem.recovery import Recovery
-from geoident.forward.gauges.observation import MarchState
+from geoident.forward.gauges.observation import AnalysisState
 from geoident.forward.gauges.stress import (
     PRINCIPAL,
     PorePressures,
@@ -151,7 +151,7 @@ def test_stresses_are_read_with_the_water_or_without():
     """With one derivative of the water, and one more column of a unit force."""
     readers, places = _readings()
     stress = RANDOM.standard_normal((4, 7, 3))
-    state = MarchState(SimpleNamespace(stress=stress, state=1), None, None)
+    state = AnalysisState(SimpleNamespace(stress=stress, state=1), None, None)
     found = StressReadings(readers, _Water()).values(state)
     at = [np.tensordot(place.weights, stress[:, place.points], axes=([0], [1])) for place in places]
     whole = at[0].copy()
@@ -163,7 +163,7 @@ def test_stresses_are_read_with_the_water_or_without():
     assert StressReadings(readers, _Water()).coinciding(state) == ()
     even = np.zeros((4, 7, 3))
     even[:3, :, 0] = -1.0
-    same = MarchState(SimpleNamespace(stress=even, state=1), None, None)
+    same = AnalysisState(SimpleNamespace(stress=even, state=1), None, None)
     assert StressReadings(readers, _Water()).coinciding(same) == ("major",)
 
 
@@ -171,7 +171,7 @@ def test_components_are_rows_of_the_stresses_at_points():
     readers, _ = _readings()
     readings = StressReadings(readers, _Water())
     stress = RANDOM.standard_normal((4, 7, 1))
-    state = MarchState(SimpleNamespace(stress=stress, state=0), None, None)
+    state = AnalysisState(SimpleNamespace(stress=stress, state=0), None, None)
     assert readings.linear(state, np.array([True, True, True])) is None
     rows = readings.linear(state, np.array([True, False, True]))
     assert rows.u is None
@@ -189,7 +189,7 @@ def test_components_are_rows_of_the_stresses_at_points():
 
 def test_pressures_of_water_know_nothing_of_the_state():
     pressures = PorePressures(_Water())
-    state = MarchState(SimpleNamespace(u=np.zeros((9, 4)), state=1), None, None)
+    state = AnalysisState(SimpleNamespace(u=np.zeros((9, 4)), state=1), None, None)
     exact = [[6.0, 1.0, 0, 0], [10.0, 0.5, 0, 0], [14.0, 0.25, 0, 0]]
     np.testing.assert_array_equal(pressures.values(state), exact)
     rows = pressures.linear(state, np.ones(3, dtype=bool))

@@ -1,4 +1,4 @@
-"""Anisotropic ground in the march: turning everything turns the answer; exact derivatives."""
+"""Anisotropic ground in the analysis: turning everything turns the answer; exact derivatives."""
 
 from __future__ import annotations
 

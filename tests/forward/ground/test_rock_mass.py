@@ -59,5 +59,5 @@ def test_motions_are_those_of_the_modulus():
 
 def test_condensation_says_why_it_cannot():
     staged, _ = pressed(Ei=Scalar(1.0, "Ei"))
-    said = str(affine_obstacle(staged.march))
+    said = str(affine_obstacle(staged.analysis))
     assert "E of rock follows from its GSI" in said

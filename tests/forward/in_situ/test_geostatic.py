@@ -13,8 +13,8 @@ from support.meshes import KINDS, box, regroup
 from geoident.fem.kinematics import kinematics_of
 from geoident.fem.location import Locator
 from geoident.fem.orientation import oriented
+from geoident.forward.analysis.virgin import local_imbalance
 from geoident.forward.in_situ.overburden import Overburden
-from geoident.forward.march.virgin import local_imbalance
 from geoident.forward.stages import CaseOnMesh
 from geoident.model.actions import Pressure, Seismic, Traction, Water, WaterPressure
 from geoident.model.case import Analysis, Stage, Support
@@ -68,7 +68,7 @@ def stress_of(staged):
     """Positions (m, dim), groups (m,) by name, and the in-situ stress (n_strain, m)."""
     points = staged.discretization.points
     names = np.array(staged.sequence.groups)[staged.sequence.group_of[points.element]]
-    return points.position, names, staged.march.in_situ.columns(NOWHERE)[..., 0]
+    return points.position, names, staged.analysis.in_situ.columns(NOWHERE)[..., 0]
 
 
 def total_at(z, *, q=0.0):
@@ -311,7 +311,7 @@ def test_curved_layers_converge_with_the_mesh():
 
 
 def part_out_of_balance(staged):
-    return local_imbalance(staged.march, NOWHERE).part
+    return local_imbalance(staged.analysis, NOWHERE).part
 
 
 @pytest.mark.parametrize("kind", ["tri3", "tri6", "quad4", "quad8", "tet4"])
@@ -356,7 +356,7 @@ def test_what_is_told_is_the_imbalance_of_the_stress_and_not_of_its_derivatives(
     ratios = {"sand": Scalar(0.5), "clay": Scalar(1.0, "K0"), "rock": Scalar(0.5)}
     parameter = Parameter("K0", 0.55, 0.1, 2.0)
     staged = heavy(layered("tri6", warp=dip), GeostaticStress(K0=ratios), parameters=(parameter,))
-    _, (stress, derivative) = staged.march.virgin(ParameterPoint({"K0": 0.55}, ("K0",)))
+    _, (stress, derivative) = staged.analysis.virgin(ParameterPoint({"K0": 0.55}, ("K0",)))
     assert derivative > 2 * stress
     run = staged.at(np.array([0.55]))
     next(run.states())
@@ -411,7 +411,7 @@ def p(name):
 @pytest.mark.parametrize("held", [None, True])
 def test_every_number_is_differentiated_exactly(kind, held):
     staged, names, values = free_in_everything(kind, held)
-    columns = staged.march.in_situ.columns
+    columns = staged.analysis.in_situ.columns
     at = ParameterPoint(values, names)
     for h, name in enumerate(names):
         step = 1e-5 * abs(values[name])

@@ -175,10 +175,10 @@ def heavy(mesh, surface, **more):
 def test_depth_is_counted_vertically_below_the_topography(kind):
     staged = heavy(hill(kind), "y1")
     positions = staged.discretization.points.position
-    stress = staged.march.in_situ.columns(NOWHERE)[1, :, 0]
+    stress = staged.analysis.in_situ.columns(NOWHERE)[1, :, 0]
     expected = -WEIGHT * (level_of(positions[:, 0]) - positions[:, 1])
     np.testing.assert_allclose(stress, expected, atol=1e-9 * WEIGHT * 60)
-    assert staged.march.n_outside == 0
+    assert staged.analysis.n_outside == 0
 
 
 @pytest.mark.parametrize("kind", ["quad4", "quad8"])
@@ -219,7 +219,11 @@ def test_surfaces_of_solids_and_ground_beside_their_footprint():
             supports=rollers(3),
             in_situ=HeimStress(K0=Scalar(1.0), unit_weight=Scalar(1.0), surface=surface),
         )
-        return staged.discretization.points.position, staged, staged.march.in_situ.columns(NOWHERE)
+        return (
+            staged.discretization.points.position,
+            staged,
+            staged.analysis.in_situ.columns(NOWHERE),
+        )
 
     where, _, stress = heavy_under("z1")
     expected = -(8 * (1 + 0.05 * where[:, 0] + 0.02 * where[:, 1]) - where[:, 2])
@@ -227,7 +231,7 @@ def test_surfaces_of_solids_and_ground_beside_their_footprint():
     where, staged, half = heavy_under("part")
     left = where[:, 0] < 4
     np.testing.assert_allclose(half[2, left, 0], expected[left], atol=1e-9)
-    assert staged.march.n_outside == np.count_nonzero(~left)
+    assert staged.analysis.n_outside == np.count_nonzero(~left)
     beside = np.flatnonzero(~left & (half[2, :, 0] < 0))
     level = -half[2, beside, 0] + where[beside, 2]
     rim = 8 * (1 + 0.05 * 4 + 0.02 * where[beside, 1])

@@ -11,8 +11,8 @@ from support.meshes import box, regroup
 
 from geoident.forward.in_situ.overburden import Overburden
 from geoident.forward.in_situ.stress import (
+    CoverAndSurcharge,
     InSituStress,
-    OnTheGround,
     StressPlaces,
     edges_held,
     in_situ_models,
@@ -237,19 +237,19 @@ def test_the_cover_is_what_lies_between_the_mesh_and_the_surface():
     for level, thick in ((10.0, [2.0, 2.0, 0.5]), (7.0, [-1.0, -1.0, -2.5])):
         model = GeostaticStress(Scalar(1.0), surface=Scalar(level), cover=Scalar(2e4),
                                 surcharge=Scalar(7e3))  # fmt: skip
-        lies = OnTheGround(model, mesh, at, above)
+        lies = CoverAndSurcharge(model, mesh, at, above)
         np.testing.assert_allclose(lies.thickness(POINT).value, thick, rtol=1e-12)
         pressure = 7e3 + 2e4 * np.maximum(thick, 0.0)
         np.testing.assert_allclose(lies.pressure(POINT).value, pressure, rtol=1e-12)
-        bare = OnTheGround(replace(model, cover=None, surcharge=None), mesh, at, above)
+        bare = CoverAndSurcharge(replace(model, cover=None, surcharge=None), mesh, at, above)
         np.testing.assert_array_equal(bare.pressure(POINT).value, 0.0)
-    none = OnTheGround(GeostaticStress(Scalar(1.0), cover=Scalar(2e4)), mesh, at, above)
+    none = CoverAndSurcharge(GeostaticStress(Scalar(1.0), cover=Scalar(2e4)), mesh, at, above)
     np.testing.assert_array_equal(none.thickness(POINT).value, 0.0)
     assert none.n_outside == 0
     # a millionth of the mesh is no cover: 8 m and 8e-6 of it
     for more, counts in ((7e-6, False), (9e-6, True)):
         near = GeostaticStress(Scalar(1.0), surface=Scalar(8.0 + more), cover=Scalar(2e4))
-        thick = OnTheGround(near, mesh, at, above).thickness(POINT).value
+        thick = CoverAndSurcharge(near, mesh, at, above).thickness(POINT).value
         assert (thick[0] > 0.0) == counts
 
 

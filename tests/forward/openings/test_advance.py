@@ -209,7 +209,7 @@ def test_a_mesh_of_hoek_and_brown_moves_by_the_profile():
 
 
 def test_derivatives_on_a_mesh_are_exact():
-    """Through the march and backwards where the ground is elastic, and through flow."""
+    """Through the analysis and backwards where the ground is elastic, and through flow."""
     E, x, two = Scalar(1.0, "E"), Scalar(1.0, "x"), Scalar(1.0, "two")
     face = profile("chern", constants=(Scalar(1.1), two))
     numbers = {"E": 5e9, "x": 1.4, "two": 1.6}

@@ -125,9 +125,9 @@ def limit(sigci=40.0, mb=1.1, s=0.002, a=0.52, K=1.3) -> HoekBrownLimit:
 
 def test_rock_that_is_torn_bears_nothing():
     """sigma_t - sigma_r = sigci (mb sigma_r / sigci + s)^a, none below -s sigci / mb."""
-    found, torn = limit(), -0.002 * 40.0 / 1.1
-    assert float(found.torn.value) == pytest.approx(torn, rel=1e-14)
-    for radial in (torn - 0.01, torn, torn + 0.01, 3.0):
+    found, tension_limit = limit(), -0.002 * 40.0 / 1.1
+    assert float(found.tension_limit.value) == pytest.approx(tension_limit, rel=1e-14)
+    for radial in (tension_limit - 0.01, tension_limit, tension_limit + 0.01, 3.0):
         scaled = max(1.1 * radial / 40.0 + 0.002, 0.0)
         height = 40.0 * scaled**0.52
         at = Dual(np.array([radial]))

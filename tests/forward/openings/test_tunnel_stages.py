@@ -87,7 +87,7 @@ def test_the_mean_motion_of_the_wall_is_that_of_its_lines():
 
 
 def reaction():
-    """The reaction of an oval by a cohesion, and the parts at which it was marched."""
+    """The reaction of an oval by a cohesion, and the parts at which it was analysed."""
     c = Scalar(1.0, "c")
     found = staged(
         oval(1, 4), rock(5e9, 0.25, mohr(c, 0.5)), face=profile("chern", conversion="mesh"),
@@ -118,34 +118,34 @@ def test_parts_are_sought_from_where_the_last_ones_lead():
     plain = wall.parts([Dual(np.array([share])) for share in (0.4, 0.9)],
                        ParameterPoint({"c": 2 * MPa}, ()))  # fmt: skip
     assert [plain[r].columns.tolist() for r in wall.releases] == columns[:, :1].tolist()
-    marches = len(asked)
+    analyses = len(asked)
     near = wall.parts(shares, at(2.01 * MPa))
-    np.testing.assert_allclose(asked[marches], columns @ [1.0, 0.01 * MPa], rtol=1e-12)
+    np.testing.assert_allclose(asked[analyses], columns @ [1.0, 0.01 * MPa], rtol=1e-12)
     found = np.array([near[r].columns[0] for r in wall.releases])
-    np.testing.assert_allclose(found, asked[marches], rtol=1e-3)
+    np.testing.assert_allclose(found, asked[analyses], rtol=1e-3)
     assert np.abs(columns[:, 1]).max() > 0.0
     # where they would lead beyond all of the stress, from the last ones
     columns = np.array([near[r].columns for r in wall.releases])
     wall._last.columns[:, 1] = 1.0
-    marches = len(asked)
+    analyses = len(asked)
     wall.parts(shares, at(2.02 * MPa))
-    np.testing.assert_array_equal(asked[marches], columns[:, 0])
+    np.testing.assert_array_equal(asked[analyses], columns[:, 0])
     wall._last.columns[:, 1] = -1.0
-    marches, columns = len(asked), wall._last.columns[:, 0].copy()
+    analyses, columns = len(asked), wall._last.columns[:, 0].copy()
     wall.parts(shares, at(2.03 * MPa))
-    np.testing.assert_array_equal(asked[marches], columns)
+    np.testing.assert_array_equal(asked[analyses], columns)
     wall.forget()
-    marches = len(asked)
+    analyses = len(asked)
     wall.parts(shares, at(2.03 * MPa))
-    np.testing.assert_array_equal(asked[marches], [0.4, 0.9])
+    np.testing.assert_array_equal(asked[analyses], [0.4, 0.9])
 
 
 def test_derivatives_that_were_not_known_are_sought():
     wall, asked = reaction()
     shares = [Dual(np.array([share])) for share in (0.4, 0.9)]
     wall.parts(shares, ParameterPoint({"c": 2 * MPa}, ()))
-    marches = len(asked)
+    analyses = len(asked)
     wide = [Dual(np.array([share, 0.0])) for share in (0.4, 0.9)]
     found = wall.parts(wide, at(2 * MPa))
-    assert len(asked) > marches
+    assert len(asked) > analyses
     assert all(found[r].columns.shape == (2,) for r in wall.releases)

@@ -221,7 +221,7 @@ def test_a_mesh_too_small_for_it_has_none():
     response.record()
     response.evaluate(np.array([q.start for q in staged.case.parameters]))
     assert response.surrogate(response.visited()) is None
-    why = "for a mesh of this size it costs more than the marches that it saves"
+    why = "for a mesh of this size it costs more than the analyses that it saves"
     assert response.surrogate_obstacle() == why
 
 
@@ -231,7 +231,7 @@ def test_what_does_not_fit_into_the_memory_is_said(monkeypatch):
     response.record(economical=False)
     response.evaluate(np.array([q.start for q in plane().case.parameters]))
     assert response.surrogate(response.visited()) is None
-    why = "what a march leaves for it does not fit into the memory"
+    why = "what an analysis leaves for it does not fit into the memory"
     assert response.surrogate_obstacle() == why
 
 
@@ -256,7 +256,7 @@ def test_a_model_that_is_kept_answers_as_the_one_it_was(name):
     """Readings, derivatives and errors of all and of some readings, without the mesh."""
     staged, response, reduced = made(name)
     pairs, case, visited = CASES[name][1], staged.case, response.visited()
-    kept = kept_model(reduced, staged.observation, case, marches=visited,
+    kept = kept_model(reduced, staged.observation, case, analyses=visited,
                       built_on=staged.sequence.built_on)  # fmt: skip
     again = RestoredModel(kept, case)
     assert again.pairs == tuple(pairs)
@@ -282,7 +282,7 @@ def test_a_model_whose_errors_are_unknown_is_not_kept():
     staged, response, _ = made("plane")
     surrogate = response.surrogate(response.visited())
     with pytest.raises(ValueError, match="knows nothing of the errors of its readings"):
-        kept_model(surrogate, staged.observation, staged.case, marches=response.visited(),
+        kept_model(surrogate, staged.observation, staged.case, analyses=response.visited(),
                    built_on=staged.sequence.built_on)  # fmt: skip
     with pytest.raises(ValueError, match="nothing is known of the errors"):
         surrogate.estimated(spread(staged, 2))

@@ -24,7 +24,7 @@ def test_there_is_none_unless_marches_are_recorded():
 
 
 def test_it_depends_on_what_was_visited_alone():
-    """Whether the marches were made before, in which order, and what else was visited."""
+    """Whether the analyses were made before, in which order, and what else was visited."""
     staged, response = recording(most=3)
     visited = spread(staged, 4, seed=3)
     before, asked = response.surrogate(visited[:3]), 1.01 * visited[0]

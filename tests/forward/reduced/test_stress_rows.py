@@ -7,11 +7,11 @@ import pytest
 from support.force_gauges import gauge
 from support.reduced import braced
 
+from geoident.forward.analysis.stage import StageEnd
 from geoident.forward.checks import inadmissible_numbers
-from geoident.forward.gauges.observation import MarchState
-from geoident.forward.march.stage import StageEnd
-from geoident.forward.reduced.affine_march import _samples
-from geoident.forward.reduced.points import MarchPoints
+from geoident.forward.gauges.observation import AnalysisState
+from geoident.forward.reduced.affine_analysis import _samples
+from geoident.forward.reduced.points import AnalysisPoints
 from geoident.forward.reduced.stress_rows import beyond_reduction, stress_rows
 from geoident.model.dual import ParameterPoint
 
@@ -33,11 +33,11 @@ def staged():
 
 def test_sums_over_points_and_members_are_what_gauges_read(staged):
     """Of any stresses and forces; strains by a rigidity that is sought are no such sums."""
-    march, observation = staged.march, staged.observation
-    found = stress_rows(march, observation)
+    analysis, observation = staged.analysis, staged.observation
+    found = stress_rows(analysis, observation)
     assert found.channels.tolist() == [0, 1, 4, 5]
     assert np.all(np.diff(found.points) > 0)
-    points, systems = MarchPoints(march.systems), march.systems
+    points, systems = AnalysisPoints(analysis.systems), analysis.systems
     random = np.random.default_rng(8)
     stress = random.standard_normal((points.n_strain, points.n_ground, 1))
     members = random.standard_normal((systems.structures.n_rows, 1))
@@ -45,8 +45,8 @@ def test_sums_over_points_and_members_are_what_gauges_read(staged):
         2, np.zeros((systems.discretization.n_dofs, 1)), stress, members,
         np.zeros(points.n_ground, dtype=bool),
     )  # fmt: skip
-    point = ParameterPoint(march.case.start, ())
-    exact = observation.values(MarchState(end, point, systems.structures))[:, 0]
+    point = ParameterPoint(analysis.case.start, ())
+    exact = observation.values(AnalysisState(end, point, systems.structures))[:, 0]
     joined = points.joined(stress, members)[:, found.points, 0]
     seen = np.einsum("csq,sq->c", found.weights, joined)
     np.testing.assert_allclose(seen, exact[found.channels], rtol=1e-12)
@@ -54,25 +54,25 @@ def test_sums_over_points_and_members_are_what_gauges_read(staged):
 
 
 def test_gauges_that_are_no_such_sums_are_named(staged):
-    march, observation = staged.march, staged.observation
-    assert beyond_reduction(march, observation, np.array([0, 1, 4, 5])) is None
+    analysis, observation = staged.analysis, staged.observation
+    assert beyond_reduction(analysis, observation, np.array([0, 1, 4, 5])) is None
     said = "gauge '{}' reads more than displacements, normal stresses and forces"
-    assert beyond_reduction(march, observation, np.array([4, 2])) == said.format("of bolts")
-    assert beyond_reduction(march, observation, np.array([3])) == said.format("major")
+    assert beyond_reduction(analysis, observation, np.array([4, 2])) == said.format("of bolts")
+    assert beyond_reduction(analysis, observation, np.array([3])) == said.format("major")
 
 
 def test_moduli_and_loads_are_looked_at_all_over_the_domain(staged):
     """At corners and 24 and more vectors between them, each of them possible."""
-    march = staged.march
-    names = tuple(q.name for q in march.case.parameters)
-    found = _samples(march, names)
+    analysis = staged.analysis
+    names = tuple(q.name for q in analysis.case.parameters)
+    found = _samples(analysis, names)
     assert len(found) >= 24 + 3 * len(names)
-    lower, upper = (np.array([getattr(q, side) for q in march.case.parameters])
+    lower, upper = (np.array([getattr(q, side) for q in analysis.case.parameters])
                     for side in ("lower", "upper"))  # fmt: skip
     assert np.all(found >= lower - 1e-9 * np.abs(lower))
     assert np.all(found <= upper + 1e-9 * np.abs(upper))
     assert len(np.unique(found, axis=0)) == len(found)
     for p in found:
         values = dict(zip(names, map(float, p), strict=True))
-        assert inadmissible_numbers(march.case, march.sequence, values) is None
+        assert inadmissible_numbers(analysis.case, analysis.sequence, values) is None
     assert np.linalg.matrix_rank((found - found.mean(axis=0)) / np.ptp(found, axis=0)) == len(names)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from support.reduced import braced, plane, spread
 
+from geoident.forward.analysis.analysis import RunOptions
 from geoident.forward.ground.elasticity import elasticity
-from geoident.forward.march.march import RunOptions
-from geoident.forward.reduced.points import MarchPoints
+from geoident.forward.reduced.points import AnalysisPoints
 from geoident.forward.reduced.zones import (
     Segment,
     StressHistory,
@@ -91,10 +91,10 @@ def test_zones_of_the_stages_of_a_lined_heading():
 
 def test_zones_of_members_begin_when_they_are_built_or_released_by_the_jack():
     staged = braced()
-    march = staged.march
-    points = MarchPoints(march.systems)
-    zones = member_zones(march, points)
-    parts = {part.name: part for part in march.systems.structures.parts}
+    analysis = staged.analysis
+    points = AnalysisPoints(analysis.systems)
+    zones = member_zones(analysis, points)
+    parts = {part.name: part for part in analysis.systems.structures.parts}
     assert [len(of) for of in zones] == [0, 3, 3, 4, 3]
 
     def said(state):
@@ -127,11 +127,11 @@ def test_zones_of_members_begin_when_they_are_built_or_released_by_the_jack():
 def test_points_of_ground_and_members_are_strained_and_bear_alike():
     """Strains of both, the virtual work of both, and what a stage clears."""
     staged = braced()
-    march = staged.march
-    points, structures = MarchPoints(march.systems), march.systems.structures
-    ground = march.systems.discretization.points
+    analysis = staged.analysis
+    points, structures = AnalysisPoints(analysis.systems), analysis.systems.structures
+    ground = analysis.systems.discretization.points
     random = np.random.default_rng(2)
-    u, v = random.standard_normal((2, march.systems.discretization.n_dofs, 3))
+    u, v = random.standard_normal((2, analysis.systems.discretization.n_dofs, 3))
     assert points.n_points == ground.n_points + structures.n_rows
     whole = points.strain(u)
     np.testing.assert_array_equal(whole[:, : points.n_ground], ground.strain(u))
@@ -144,7 +144,7 @@ def test_points_of_ground_and_members_are_strained_and_bear_alike():
     first = np.array([points.n_ground])
     np.testing.assert_allclose(points.strain(u, first), whole[:, first], rtol=1e-13)
     assert points.strain(u, np.array([], dtype=np.int64)).shape == (points.n_strain, 0, 3)
-    state, system = march.sequence.states[2], march.systems[2]
+    state, system = analysis.sequence.states[2], analysis.systems[2]
     stress = random.standard_normal(whole.shape)
     cleared = stress.copy()
     points.clear(cleared, state, system)
@@ -161,7 +161,7 @@ def test_points_of_ground_and_members_are_strained_and_bear_alike():
     points.clear_begun(begun, state)
     placed = np.zeros(points.n_ground, dtype=bool)
     for group in state.placed:
-        placed[march.systems.discretization.points_of[group]] = True
+        placed[analysis.systems.discretization.points_of[group]] = True
     gone = np.concatenate([placed, structures.begins_anew(state)])
     assert placed.any()
     assert structures.begins_anew(state).any()
@@ -174,11 +174,11 @@ def test_stresses_of_a_march_are_the_sums_of_its_zones(build):
     """sigma_0 and E C u of every part, at any parameters."""
     staged = build()
     p = spread(staged, 1, seed=11)[0]
-    march = staged.march
-    points = MarchPoints(march.systems)
+    analysis = staged.analysis
+    points = AnalysisPoints(analysis.systems)
     every = [
         (*ground, *members)
-        for ground, members in zip(zones_of(staged.on_mesh), member_zones(march, points),
+        for ground, members in zip(zones_of(staged.on_mesh), member_zones(analysis, points),
                                    strict=True)
     ]  # fmt: skip
     run = staged.at(p, RunOptions(derivatives=False))
@@ -187,12 +187,12 @@ def test_stresses_of_a_march_are_the_sums_of_its_zones(build):
         motion[end.state] = end.u.copy()
         stresses[end.state] = points.joined(end.stress[...].copy(), end.members.copy())
     point = run.point
-    in_situ = march.in_situ.columns(point)[..., :1]
-    structures = march.systems.structures
-    given = sum(structures.given(state, point)[:, :1] for state in march.sequence.states)
+    in_situ = analysis.in_situ.columns(point)[..., :1]
+    structures = analysis.systems.structures
+    given = sum(structures.given(state, point)[:, :1] for state in analysis.sequence.states)
     start = points.joined(in_situ, given + np.zeros((structures.n_rows, 1)))
-    for number in range(1, len(march.sequence.states)):
-        state = march.sequence.states[number]
+    for number in range(1, len(analysis.sequence.states)):
+        state = analysis.sequence.states[number]
         moduli = structures.moduli(state, point)[:, 0] if structures.n_rows else np.zeros(0)
         for zone in every[number]:
             mine = zone.points
@@ -203,8 +203,8 @@ def test_stresses_of_a_march_are_the_sums_of_its_zones(build):
                 if other == 0:
                     continue
                 strain = points.strain(motion[other], mine)
-                if material in march.case.materials:
-                    elastic = march.case.materials[material].elastic
+                if material in analysis.case.materials:
+                    elastic = analysis.case.materials[material].elastic
                     E = elasticity(elastic, point, section=True).columns[:4, :4, 0]
                     found = found + sign * np.einsum("ij,jqk->iqk", E, strain)
                 else:

@@ -257,7 +257,7 @@ def test_what_a_beam_weighs_by_its_length(beam, weight, slope):
         structures={"wall": beam},
         stages=(Stage("one"), Stage("two", build=("wall",))),
     )
-    structures, states = staged.march.systems.structures, staged.on_mesh.sequence.states
+    structures, states = staged.analysis.systems.structures, staged.on_mesh.sequence.states
     assert list(structures.weights(states[1])) == []
     ((name, forces),) = structures.weights(states[2])
     assert name == "the weight of the structure 'wall'"

@@ -9,10 +9,10 @@ from support.derivatives import assert_exact
 from support.tunnels import walled
 from support.yielding import NOTHING, Cavity, mohr, parameters, rock
 
-from geoident.forward.march import equilibrium, viscous_path
-from geoident.forward.march.march import RunOptions
-from geoident.forward.march.plastic_step import PlasticSteps
-from geoident.forward.march.stage_equations import StageEquations
+from geoident.forward.analysis import equilibrium, viscous_path
+from geoident.forward.analysis.analysis import RunOptions
+from geoident.forward.analysis.plastic_step import PlasticSteps
+from geoident.forward.analysis.stage_equations import StageEquations
 from geoident.model.case import Stage
 from geoident.model.parameter import Scalar
 from geoident.model.structures import Beam
@@ -86,8 +86,8 @@ def test_what_is_left_of_a_load_is_the_largest_force_out_of_balance(monkeypatch,
     staged, again = (CAVITY.staged(mesh, mohr(1e6, np.pi / 4, psi=0.0)) for _ in range(2))
     run = staged.at(NOTHING, RunOptions(derivatives=False))
     stresses = [end.stress.copy() for end in run.states()]
-    system, points = staged.march.systems[1], staged.discretization.points
-    forces = staged.march.actions.forces(1, run.point)
+    system, points = staged.analysis.systems[1], staged.discretization.points
+    forces = staged.analysis.actions.forces(1, run.point)
     out_of_balance = [
         np.abs((forces - points.forces(stress, system.volume))[system.pattern.dofs]).max()
         for stress in stresses
@@ -118,8 +118,8 @@ def test_where_the_even_flow_folds_back_the_rest_of_the_overstress_is_said(monke
     staged = CAVITY.staged(mesh, mohr(1e6, np.pi / 4, psi=0.0))
     run = staged.at(NOTHING, RunOptions(derivatives=False))
     _, end = run.states()
-    system, points = staged.march.systems[1], staged.discretization.points
-    forces = staged.march.actions.forces(1, run.point)
+    system, points = staged.analysis.systems[1], staged.discretization.points
+    forces = staged.analysis.actions.forces(1, run.point)
     rest = (forces - points.forces(end.stress, system.volume))[system.pattern.dofs]
     assert np.abs(rest).max() < 1e-7 * np.abs(forces).max() + 1e-7 * 30e6  # all of it is carried
     assert run.findings.plastic.unbalanced == {}

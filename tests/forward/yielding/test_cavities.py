@@ -12,7 +12,7 @@ import pytest
 from support.cases import model
 from support.closed_forms import plastic_sphere
 from support.meshes import from_grid, regroup
-from support.yielding import Cavity, constant, marched, mohr, rock
+from support.yielding import Cavity, analysed, constant, mohr, rock
 
 from geoident.forward.openings.closed_forms import Opening, PlasticState, Rock, mohr_coulomb
 from geoident.model.case import Analysis, Stage, Support
@@ -41,7 +41,7 @@ def opened(kind: str, psi: float | None, *, n: int, layers: int, reach: float):
     """Wall displacements and the plastic radius, found and exact."""
     mesh = CAVITY.mesh(kind, n=n, layers=layers, reach=reach)
     staged = CAVITY.staged(mesh, mohr(C, PHI, psi=psi))
-    (standing,) = marched(staged)[1:]
+    (standing,) = analysed(staged)[1:]
     truth = exact(psi)
     wall = truth.displacement(np.array([CAVITY.radius])).value
     radius = CAVITY.plastic_radius(staged, standing)
@@ -89,7 +89,7 @@ def test_error_of_the_wall_falls_with_the_mesh_and_the_domain(psi):
 def test_stresses_around_the_opening(psi, verification):
     mesh = CAVITY.mesh("quad8", n=4, layers=60, reach=40)
     staged = CAVITY.staged(mesh, mohr(C, PHI, psi=psi))
-    stress = marched(staged)[-1].stress[..., 0]
+    stress = analysed(staged)[-1].stress[..., 0]
     at = staged.discretization.points.position
     r = np.linalg.norm(at, axis=1)
     near = (r > CAVITY.radius) & (r < 6 * CAVITY.radius) & staged.systems[1].present
@@ -121,7 +121,7 @@ def test_slice_of_the_opening_about_its_axis(psi):
         in_situ=constant(*(-CAVITY.pressure,) * 3),
         stages=(Stage("open", excavate=("core",)),),
     )
-    standing = marched(staged)[-1]
+    standing = analysed(staged)[-1]
     truth = exact(psi)
     at_wall = np.abs(mesh.points[:, 0] - 1) < 1e-9
     wall = standing.u[0::2, 0][at_wall]
@@ -147,7 +147,7 @@ def sphere(strength: tuple[float, float], psi: float | None) -> tuple[float, flo
 def test_spherical_cavity_about_its_axis(kind, psi, verification):
     mesh = CAVITY.mesh(kind, n=4, layers=40, reach=20)
     staged = CAVITY.staged(mesh, mohr(*ABOUT_AXIS, psi=psi), analysis=Analysis.AXISYMMETRIC)
-    standing = marched(staged)[-1]
+    standing = analysed(staged)[-1]
     R, wall = sphere(ABOUT_AXIS, psi)
     found = CAVITY.outwards(staged, standing)
     assert found.mean() == pytest.approx(wall, rel=0.01)
@@ -161,7 +161,7 @@ def octant(kind: str, psi: float | None, *, n: int, layers: int, reach: float) -
     """Error of the mean wall displacement."""
     mesh = CAVITY.mesh(kind, 3, n=n, layers=layers, reach=reach)
     staged = CAVITY.staged(mesh, mohr(*IN_SPACE, psi=psi))
-    standing = marched(staged)[-1]
+    standing = analysed(staged)[-1]
     return abs(CAVITY.outwards(staged, standing).mean() / sphere(IN_SPACE, psi)[1] - 1)
 
 
@@ -187,7 +187,7 @@ def closures(fit: str, sides: tuple[int, ...]) -> np.ndarray:
     found = []
     for planes in sides:
         staged = CAVITY.staged(mesh, mohr(C, PHI, planes=planes or None, fit=fit))
-        found.append(-CAVITY.outwards(staged, marched(staged)[-1]).mean())
+        found.append(-CAVITY.outwards(staged, analysed(staged)[-1]).mean())
     return np.array(found)
 
 

@@ -19,9 +19,9 @@ from support.plastic import Planes, polyhedral
 
 from geoident.fem.elasticity import UniformModuli
 from geoident.fem.solvers.direct import NotPositiveDefinite
-from geoident.forward.march.collapse import limit_of
-from geoident.forward.march.constitutive import Flow, Ground
-from geoident.forward.march.stage_equations import StageEquations
+from geoident.forward.analysis.collapse import limit_of
+from geoident.forward.analysis.constitutive import Flow, Ground
+from geoident.forward.analysis.stage_equations import StageEquations
 
 
 def bar(load: float, k: float, h: float) -> StageEquations:

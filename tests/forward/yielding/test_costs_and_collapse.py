@@ -12,15 +12,15 @@ import numpy as np
 import pytest
 from support.cases import displacement, material, model, rollers
 from support.meshes import box
-from support.yielding import NOTHING, Cavity, given, marched, mohr, parameters, rock
+from support.yielding import NOTHING, Cavity, analysed, given, mohr, parameters, rock
 
 from geoident.errors import CollapseError, ModelError
 from geoident.fem.yielding.domain import NoProjection
 from geoident.fem.yielding.plane_laws import PolyhedralLaw
-from geoident.forward.march import plastic_step
-from geoident.forward.march.collapse import collapse_error
-from geoident.forward.march.march import RunOptions
-from geoident.forward.march.stage_equations import NoEquilibrium
+from geoident.forward.analysis import plastic_step
+from geoident.forward.analysis.analysis import RunOptions
+from geoident.forward.analysis.collapse import collapse_error
+from geoident.forward.analysis.stage_equations import NoEquilibrium
 from geoident.model.actions import Traction
 from geoident.model.case import Stage, Support
 from geoident.model.in_situ import HeimStress
@@ -65,7 +65,7 @@ def test_second_evaluation_at_the_same_place_is_the_first(planes):
 
 
 def peak(n: int) -> float:
-    """Memory per strain point of a plastic march, bytes, without the mesh."""
+    """Memory per strain point of a plastic analysis, bytes, without the mesh."""
     mesh = box("quad4", (n, n), size=(4.0, 4.0))
     staged = model(
         mesh,
@@ -181,7 +181,7 @@ def test_virgin_stress_outside_the_surface_is_refused_with_place_and_factor(plan
     staged = virgin(mohr(c, 0.0, planes=planes, fit="circumscribed"))
     deepest = 10.0 - staged.discretization.points.position[:, 1].min()
     with pytest.raises(ModelError, match="in-situ stress is outside the yield surface") as caught:
-        marched(staged)
+        analysed(staged)
     assert not isinstance(caught.value, CollapseError)
     factor = 2e4 * deepest * 0.7 / (2 * c)
     assert f"by a factor of {factor:.3g}" in str(caught.value)
@@ -199,7 +199,7 @@ def test_virgin_stress_outside_the_surface_is_refused_with_the_plane(k, size):
     staged = virgin(given(normals, [1e9, k, 1e9, 1e9]))
     vertical = 2e4 * (10.0 - staged.discretization.points.position[:, 1].min())
     with pytest.raises(ModelError, match="in-situ stress is outside the yield surface") as caught:
-        marched(staged)
+        analysed(staged)
     said = size.format(vertical / k if k else vertical)
     assert f", at its p1: {said}" in str(caught.value)
 
@@ -210,10 +210,10 @@ def test_virgin_ground_exactly_on_the_surface_is_allowed(planes):
     phi = 0.5
     surface = mohr(0.0, phi, planes=planes, fit="circumscribed")
     K_a = np.tan(np.pi / 4 - phi / 2) ** 2
-    for standing in marched(virgin(surface, K0=K_a)):
+    for standing in analysed(virgin(surface, K0=K_a)):
         assert np.abs(standing.u).max() < 1e-6
     with pytest.raises(ModelError, match="outside the yield surface"):
-        marched(virgin(surface, K0=0.98 * K_a))
+        analysed(virgin(surface, K0=0.98 * K_a))
 
 
 def test_planes_that_contradict_each_other_are_named_with_a_remedy():

@@ -11,9 +11,9 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 from support.cases import model
 from support.meshes import from_grid, regroup
-from support.yielding import NOTHING, Cavity, constant, hoek, marched, rock
+from support.yielding import NOTHING, Cavity, analysed, constant, hoek, rock
 
-from geoident.forward.march.march import RunOptions
+from geoident.forward.analysis.analysis import RunOptions
 from geoident.forward.openings.closed_forms import GroundState, Opening, Rock, flow_slope
 from geoident.forward.openings.hoek_brown import HoekBrownLimit
 from geoident.model.case import Analysis, Stage, Support
@@ -66,7 +66,7 @@ def opened(psi: float, *, n: int, layers: int, reach: float):
         for k, part in enumerate((0.6, 0.9, 1.0))
     )
     staged = cavity.staged(mesh, surface, stages=stages)
-    end = marched(staged)[-1]
+    end = analysed(staged)[-1]
     wall = cavity.outwards(staged, end)
     assert np.ptp(wall) < 1e-3 * np.abs(wall).max()
     return wall.mean(), cavity.plastic_radius(staged, end)

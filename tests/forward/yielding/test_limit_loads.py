@@ -11,10 +11,10 @@ from support.cases import model
 from support.closed_forms import lame_cylinder, tresca_cylinder
 from support.meshes import from_grid
 from support.tunnels import walled
-from support.yielding import NOTHING, cylinder, marched, mohr, rock
+from support.yielding import NOTHING, analysed, cylinder, mohr, rock
 
 from geoident.errors import CollapseError
-from geoident.forward.march import collapse
+from geoident.forward.analysis import collapse
 from geoident.forward.model import StagedModel
 from geoident.model.actions import Pressure
 from geoident.model.case import Stage, Support
@@ -75,7 +75,7 @@ def test_outer_face_of_a_partly_plastic_cylinder(edge, verification):
     pressure, exact = tresca_cylinder(inner=A, outer=B, edge=edge, c=C, E=E, nu=NU)
     mesh = walled("quad8", **SHAPE)
     staged = cylinder(mesh, [pressure], mohr(C, 0.0), E=E, nu=NU)
-    standing = marched(staged)[-1]
+    standing = analysed(staged)[-1]
     r = np.linalg.norm(mesh.points, axis=1)
     outer = np.abs(r - B) < 1e-9
     moved = np.linalg.norm(standing.u[:, 0].reshape(-1, 2)[outer], axis=1)

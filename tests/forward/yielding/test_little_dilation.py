@@ -18,9 +18,9 @@ from support.meshes import box, elevate, regroup, with_outer_faces
 from support.yielding import NOTHING, Cavity, constant, hoek, mohr, parameters, rock
 
 from geoident.errors import CollapseError
-from geoident.forward.march import equilibrium, plastic_step
-from geoident.forward.march.bands import band_at
-from geoident.forward.march.march import RunOptions
+from geoident.forward.analysis import equilibrium, plastic_step
+from geoident.forward.analysis.analysis import RunOptions
+from geoident.forward.analysis.bands import band_at
 from geoident.forward.model import StagedModel
 from geoident.forward.openings.closed_forms import Opening, Rock, flow_slope, mohr_coulomb
 from geoident.forward.openings.hoek_brown import HoekBrownLimit
@@ -110,7 +110,7 @@ def parametric(size: float) -> StagedModel:
 
 @pytest.mark.parametrize("size", [0.10, pytest.param(0.05, marks=pytest.mark.slow)])
 def test_derivatives_without_dilation_are_those_of_the_response(size):
-    """By differences of marches that start afresh, where Newton's method alone finds no state.
+    """By differences of analyses that start afresh, where Newton's method alone finds no state.
 
     By both strengths at once, which the readings feel alike; by E: in `test_derivatives.py`.
     """

@@ -8,7 +8,7 @@ from support.cases import displacement, model, rollers
 from support.meshes import box, regroup
 from support.yielding import constant, mohr, parameters, rock
 
-from geoident.forward.march import equilibrium, plastic_step, stage_equations
+from geoident.forward.analysis import equilibrium, plastic_step, stage_equations
 from geoident.model.case import Stage
 from geoident.model.parameter import Scalar
 

@@ -9,7 +9,7 @@ import pytest
 from support.cases import model, rollers
 from support.meshes import box, regroup
 from support.tunnels import walled
-from support.yielding import NOTHING, Cavity, constant, given, marched, mohr, rock
+from support.yielding import NOTHING, Cavity, analysed, constant, given, mohr, rock
 
 from geoident.errors import CollapseError
 from geoident.model.actions import Traction
@@ -43,7 +43,7 @@ def bar(*stages: Stage, hardening: float = 0.0, planes=None, **changes):
 def lengths(staged) -> np.ndarray:
     """Motion of the upper edge, state by state."""
     top = np.flatnonzero(np.abs(staged.mesh.points[:, 1] - 1) < 1e-9)
-    return np.array([s.u[2 * top + 1, 0].mean() for s in marched(staged)])
+    return np.array([s.u[2 * top + 1, 0].mean() for s in analysed(staged)])
 
 
 def test_beyond_yield_and_back_and_beyond_on_the_other_side():
@@ -86,7 +86,7 @@ def test_residual_strain_of_perfect_plasticity():
         **both,
     )
     top = np.abs(mesh.points[:, 1] - 1) < 1e-9
-    moved = [s.u[1::2, 0][top] for s in marched(staged)[1:]]
+    moved = [s.u[1::2, 0][top] for s in analysed(staged)[1:]]
     # Sum of both stresses is 2 sigma; the weak one bears K at most. s1: the strong one bears 5 K,
     # so eps = 5 K / E and the weak one has flowed 4 K / E. Unloaded, both move back together by
     # 3 K / E, the weak one to -2 K: it flows back at -K, the strong one bears +K.
@@ -164,7 +164,7 @@ def test_lift_is_placed_free_of_stress_and_then_yields():
         gravity=(0.0, -10.0),
         stages=(Stage("second", install={"rock": "rock"}),),
     )
-    states = marched(staged)
+    states = analysed(staged)
     middle = np.abs(mesh.points[:, 1] - 1) < 1e-9
     # Stress in the lower lift afterwards: -(2 - y) weight; plastic where 2 - y > 1.2.
     plastic = 0.5 * (0.8 * weight) ** 2 / weight / h
@@ -190,8 +190,8 @@ def released(*parts: float, cohesion: float = 1e6, planes: int | None = None):
 def test_partial_release_is_a_pressure_inside():
     """Half released is the closed form's opening under half of the pressure; and it only grows."""
     staged = released(0.5, 1.0)
-    states = marched(staged)
-    at_once = marched(released(1.0))[-1]
+    states = analysed(staged)
+    at_once = analysed(released(1.0))[-1]
     inwards = [-CAVITY.outwards(staged, s).mean() for s in states[1:]]
     straight = -CAVITY.outwards(staged, at_once).mean()
     assert inwards[0] < 0.5 * inwards[1]
@@ -212,7 +212,7 @@ def test_parts_of_a_release_follow_the_ground_reaction_curve():
     ground = Rock(number(CAVITY.E), number(CAVITY.nu), stress, stress)
     strength = mohr_coulomb(number(2e6), number(0.5), number(0.5))
     opening = Opening(CAVITY.radius, ground, strength)
-    for part, standing in zip(parts, marched(staged)[1:], strict=True):
+    for part, standing in zip(parts, analysed(staged)[1:], strict=True):
         inner = number((1 - part) * CAVITY.pressure)
         exact = opening.under(inner).displacement(np.array([CAVITY.radius])).value[0]
         found = CAVITY.outwards(staged, standing).mean()
@@ -230,7 +230,7 @@ def test_lining_in_yielding_ground_is_in_equilibrium_with_it():
     )
     staged = CAVITY.staged(mesh, mohr(1e6, 0.5), stages=stages, structures={"lining": lining})
     survey = staged.survey(NOTHING, fields=True)
-    states = marched(staged)
+    states = analysed(staged)
     inwards = [-CAVITY.outwards(staged, s).mean() for s in states[1:]]
     pressure = EA / CAVITY.radius**2 * (inwards[1] - inwards[0])
     np.testing.assert_allclose(survey.members.axial[:, 1], -pressure * CAVITY.radius, rtol=0.01)
@@ -241,11 +241,13 @@ def test_lining_in_yielding_ground_is_in_equilibrium_with_it():
         stages=(Stage("open", excavate=("core",), release={"core": Scalar(0.7)}),
                 Stage("more", release={"core": Scalar(part)})),
     )  # fmt: skip
-    assert -CAVITY.outwards(alone, marched(alone)[-1]).mean() == pytest.approx(inwards[1], rel=0.01)
+    assert -CAVITY.outwards(alone, analysed(alone)[-1]).mean() == pytest.approx(
+        inwards[1], rel=0.01
+    )
     assert states[2].yielded.sum() >= states[1].yielded.sum() > 0
     bare = replace(stages[1], build=())
     unlined = CAVITY.staged(mesh, mohr(1e6, 0.5), stages=(stages[0], bare))
-    assert -CAVITY.outwards(unlined, marched(unlined)[-1]).mean() > 1.2 * inwards[1]
+    assert -CAVITY.outwards(unlined, analysed(unlined)[-1]).mean() > 1.2 * inwards[1]
 
 
 def test_constant_stress_without_change_of_load_does_nothing():
@@ -257,6 +259,6 @@ def test_constant_stress_without_change_of_load_does_nothing():
         in_situ=constant(-3e6, -2e6, -2.5e6),
         stages=(Stage("nothing"), Stage("still nothing")),
     )
-    for standing in marched(staged)[1:]:
+    for standing in analysed(staged)[1:]:
         assert not standing.yielded.any()
         assert np.abs(standing.u).max() < 1e-12

@@ -21,12 +21,12 @@ import scipy.sparse as sp
 from scipy.optimize import linprog
 from support.cases import NOWHERE, model
 from support.meshes import box
-from support.yielding import NOTHING, constant, given, marched, rock
+from support.yielding import NOTHING, analysed, constant, given, rock
 
 from geoident.errors import CollapseError
 from geoident.fem.yielding.plane_laws import PolyhedralLaw
+from geoident.forward.analysis.stage import StageEnd
 from geoident.forward.ground.elasticity import ModuliAt
-from geoident.forward.march.stage import StageEnd
 from geoident.forward.model import StagedModel
 from geoident.forward.yielding.surfaces import YieldLaws
 from geoident.model.actions import Traction
@@ -101,7 +101,7 @@ def carried_by_all(name: str, seed: int, hardening: float) -> tuple[StagedModel,
     for load in (0.6, 0.45, 0.34, 0.25, 0.19, 0.14):
         staged = system(name, seed, hardening=hardening, load=load)
         try:
-            return staged, marched(staged, explain=False)
+            return staged, analysed(staged, explain=False)
         except CollapseError:
             continue
     raise AssertionError(name)

@@ -173,7 +173,7 @@ def test_intervals_cover():
 # The rules of the estimate one by one, on likelihoods that are given
 
 
-class Given:
+class CaseNumber:
     """-2 l by its value, half of its slope and the information; minima of parabolas by default."""
 
     def __init__(self, curvature, minimum, *, value=None, information=None):
@@ -190,7 +190,7 @@ class Given:
 
 
 def test_an_estimate_has_the_covariance_of_the_information_and_its_normal_interval():
-    found = estimate_components(Given([4.0, 25.0], [1.5, -2.0]), np.zeros(2))
+    found = estimate_components(CaseNumber([4.0, 25.0], [1.5, -2.0]), np.zeros(2))
     np.testing.assert_allclose(found.log_factor, [1.5, -2.0])
     np.testing.assert_allclose(found.covariance, np.diag([0.25, 0.04]))
     half = 1.959963984540054 * np.array([0.5, 0.2])
@@ -202,7 +202,7 @@ def test_an_estimate_has_the_covariance_of_the_information_and_its_normal_interv
 @pytest.mark.parametrize(("half", "begins_at_zero"), [(3.99, False), (4.01, True)])
 def test_an_interval_wider_than_a_factor_of_seven_begins_at_zero(half, begins_at_zero):
     """Its upper end is where -2 l has risen by 3.84: for a parabola the same place."""
-    likelihood = Given([(1.959963984540054 / half) ** 2, 9.0], [1.0, 0.0])
+    likelihood = CaseNumber([(1.959963984540054 / half) ** 2, 9.0], [1.0, 0.0])
     found = estimate_components(likelihood, np.zeros(2))
     assert np.isneginf(found.lower[0]) == begins_at_zero
     assert 0.0 <= found.upper[0] - (1.0 + half) + 1e-9 <= 1e-3
@@ -217,28 +217,30 @@ def test_what_the_residuals_show_nothing_of_is_at_its_lowest(information, rise, 
     def value(t):
         return 7.0 + rise * (t[0] == -18.0) + t[1] ** 2
 
-    likelihood = Given([0.0, 1.0], [2.0, 3.0], value=value, information=np.diag([information, 1.0]))
+    likelihood = CaseNumber(
+        [0.0, 1.0], [2.0, 3.0], value=value, information=np.diag([information, 1.0])
+    )
     found = _vanished(likelihood, np.array([2.0, 3.0]))
     assert found.tolist() == [-18.0 if vanishes else 2.0, 3.0]
 
 
 def test_factors_end_at_their_bounds():
-    found = estimate_components(Given([1.0, 1.0], [-30.0, 30.0]), np.zeros(2))
+    found = estimate_components(CaseNumber([1.0, 1.0], [-30.0, 30.0]), np.zeros(2))
     assert found.log_factor.tolist() == [-18.0, 18.0]
     assert found.lower.tolist() == [-np.inf, 18.0]
     np.testing.assert_array_equal(found.covariance, np.zeros((2, 2)))
     # -2 l of the first has risen by 3.84 above that at -18 where its parabola says so
     assert 0.0 <= found.upper[0] - (-30.0 + np.sqrt(144.0 + 1.959963984540054**2)) <= 1e-3
     assert found.upper[1] == np.inf
-    likelihood = Given([1.0, 1.0], [-30.0, 30.0])
+    likelihood = CaseNumber([1.0, 1.0], [-30.0, 30.0])
     assert _minimised(likelihood, np.array([-40.0, 40.0])).tolist() == [-18.0, 18.0]
     assert likelihood.asked == [[-18.0, 18.0]]  # both are held there by their slopes
-    inwards = _minimised(Given([1.0, 1.0], [-17.0, 17.0]), np.array([-18.0, 18.0]))
+    inwards = _minimised(CaseNumber([1.0, 1.0], [-17.0, 17.0]), np.array([-18.0, 18.0]))
     np.testing.assert_allclose(inwards, [-17.0, 17.0])
 
 
 def test_steps_are_three_long_at_most():
-    likelihood = Given([2.0, 5.0], [10.0, -4.0])
+    likelihood = CaseNumber([2.0, 5.0], [10.0, -4.0])
     np.testing.assert_allclose(_minimised(likelihood, np.zeros(2)), [10.0, -4.0])
     expected = [[0.0, 0.0], [3.0, -3.0], [6.0, -4.0], [9.0, -4.0], [10.0, -4.0]]
     np.testing.assert_allclose(likelihood.asked, expected, atol=1e-12)
@@ -246,14 +248,14 @@ def test_steps_are_three_long_at_most():
 
 def test_a_hundred_steps_are_made_at_most():
     """With a hundred times the information, a step makes a hundredth of what is left."""
-    likelihood = Given([1.0], [1.0], information=[[100.0]])
+    likelihood = CaseNumber([1.0], [1.0], information=[[100.0]])
     assert _minimised(likelihood, np.zeros(1)) == pytest.approx([1.0 - 0.99**100])
     assert len(likelihood.asked) == 100
 
 
 def test_a_step_of_a_ten_millionth_is_the_last():
     """Steps of 0.9 of what is left: 0.9, 0.09, ...; the eighth is 0.9e-7."""
-    likelihood = Given([1.0], [1.0], information=[[1.0 / 0.9]])
+    likelihood = CaseNumber([1.0], [1.0], information=[[1.0 / 0.9]])
     assert _minimised(likelihood, np.zeros(1)) == pytest.approx([1.0], abs=2e-8)
     assert len(likelihood.asked) == 8
 
@@ -314,7 +316,7 @@ def test_a_tenth_of_what_is_not_seen_counts(part):
 
 
 def test_an_upper_end_that_is_never_reached_is_infinite():
-    flat = Given([0.0, 1.0], [0.0, 0.0], value=lambda t: 1.0 + (t[0] >= 17.0) + t[1] ** 2)
+    flat = CaseNumber([0.0, 1.0], [0.0, 0.0], value=lambda t: 1.0 + (t[0] >= 17.0) + t[1] ** 2)
     t = np.array([-18.0, 2.0])
     assert _upper_end(flat, t, 0, 6.1) == np.inf
     assert 17.0 <= _upper_end(flat, t, 0, 5.9) <= 17.001
@@ -416,7 +418,7 @@ def test_an_interval_that_reaches_the_lowest_factor_begins_at_zero_and_only_that
     """Of four components: one seen, one hardly, two that are not told apart."""
     information = np.diag([25.0, 0.04, 9.0, 9.0])
     information[2, 3] = information[3, 2] = 9.0
-    likelihood = Given([25.0, 0.04, 9.0, 9.0], [1.5, 2.0, 0.0, 0.0], information=information)
+    likelihood = CaseNumber([25.0, 0.04, 9.0, 9.0], [1.5, 2.0, 0.0, 0.0], information=information)
     found = estimate_components(likelihood, np.zeros(4))
     half = 1.959963984540054
     assert found.lower[0] == pytest.approx(1.5 - half / 5.0)

@@ -3,7 +3,7 @@
 import jsonschema
 import pytest
 import yaml
-from support.elsewhere import EXTERNAL, PYTHON, SCRIPT, TEMPLATE, write_case
+from support.external import EXTERNAL, PYTHON, SCRIPT, TEMPLATE, write_case
 
 from geoident.errors import InputError
 from geoident.io.case.file import parse_case, read_case

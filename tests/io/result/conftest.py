@@ -201,7 +201,7 @@ def make_reduced() -> KeptReducedModel:
         reference=np.array([1.5e10, 8e6]),
         lower=np.array([2e9, 2e6]),
         upper=np.array([8e10, 2e7]),
-        marches=np.array([[1.5e10, 8e6], [1.4e10, 8.5e6], [2e10, 7e6]]),
+        analyses=np.array([[1.5e10, 8e6], [1.4e10, 8.5e6], [2e10, 7e6]]),
         materials=("rock", "Beton"),
         channels=CHANNELS,
         weights=np.array([[1.0, 1.0, 1.0], [-1.0, -1.0, 0.0]]),

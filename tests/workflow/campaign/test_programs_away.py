@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
-from support.elsewhere import EXTERNAL, PROGRAM, PYTHON, SCRIPT, write_case
+from support.external import EXTERNAL, PROGRAM, PYTHON, SCRIPT, write_case
 
 import geoident
 from geoident.cli.app import geoident as app

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from support.calculix import PROGRAM, REMEDY, write_first_stage
 from support.cases import material, model, rollers
-from support.elsewhere import trusted
+from support.external import trusted
 from support.meshes import box, regroup
 
 from geoident.identify import Problem, identify

@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from support.elsewhere import PYTHON, SCRIPT, trusted, write_case
+from support.external import PYTHON, SCRIPT, trusted, write_case
 
 import geoident
 from geoident.errors import InputError, ModelError

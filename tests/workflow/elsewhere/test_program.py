@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from support.commands import run_command
-from support.elsewhere import EXTERNAL, OWN, PROGRAM, READINGS, trusted, write_case
+from support.external import EXTERNAL, OWN, PROGRAM, READINGS, trusted, write_case
 
 from geoident.errors import ExitCode, InputError, Interrupted, ModelError
 from geoident.io.result.file import read_result

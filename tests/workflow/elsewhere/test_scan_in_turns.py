@@ -8,7 +8,7 @@ import pytest
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.jobs import Request, plan_scan
 from geoident.workflow.scan import scan
-from tests.support.elsewhere import PYTHON, SCRIPT, trusted, write_case
+from tests.support.external import PYTHON, SCRIPT, trusted, write_case
 
 MEETING = """
 import os, time

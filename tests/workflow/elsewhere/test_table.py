@@ -5,12 +5,12 @@ import json
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from support.elsewhere import OWN, READINGS, TABLE, gauge_values, write_table_case
+from support.external import OWN, READINGS, TABLE, gauge_values, write_table_case
 
 import geoident as api
 from geoident.cli.app import geoident
 from geoident.errors import InputError, UsageError
-from geoident.forward.elsewhere.surfaces.surface import calibration
+from geoident.forward.external.surfaces.surface import calibration
 from geoident.io.result.file import read_result
 from geoident.workflow.estimating.estimate import look
 from geoident.workflow.estimating.finished import evaluation_log
@@ -317,7 +317,7 @@ def test_what_is_found_is_off_by_the_errors_of_gauges_and_surfaces(
 
     Where J^T S^-1 (m - s) = 0, with the surfaces s and their derivatives J, the mean derivatives F
     of the formula f on the way from the truth lead to J^T S^-1 (m - f(truth) + f - s - F dp) = 0.
-    That the surfaces err as much as they say is for `tests/forward/elsewhere/test_surfaces.py`.
+    That the surfaces err as much as they say is for `tests/forward/external/test_surfaces.py`.
     """
     case, truth = site(tmp_path, surface, runs, accuracy, seed)
     found, known = searched(case, "fit.model_error=none")

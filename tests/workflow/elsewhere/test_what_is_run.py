@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from support.commands import run_command
-from support.elsewhere import EXTERNAL, HEAD, PROGRAM, PYTHON, SCRIPT, trusted, write_case
+from support.external import EXTERNAL, HEAD, PROGRAM, PYTHON, SCRIPT, trusted, write_case
 
 from geoident.errors import ExitCode, InputError
 from geoident.workflow.campaign.plan import plan_campaign

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from scipy.optimize import least_squares
-from support.elsewhere import EXTERNAL, PROGRAM, PYTHON, SCRIPT, write_case
+from support.external import EXTERNAL, PROGRAM, PYTHON, SCRIPT, write_case
 from support.projects import MESHED, SECTIONS, example, meshed, trenches, without
 
 from geoident import fit_project as fit_project_here

@@ -19,7 +19,13 @@ from pydantic_core import CoreSchema
 
 from geoident.io.schema.estimated import ESTIMATE
 from geoident.io.schema.section import Section, SectionFaults
-from geoident.io.schema.values import Given, Of, or_words, quantity_pattern, require_text
+from geoident.io.schema.values import (
+    CaseNumber,
+    QuantityType,
+    or_words,
+    quantity_pattern,
+    require_text,
+)
 from geoident.io.text.wording import Refusal, shorten
 from geoident.model.gauges import PARTS, ErrorParts
 from geoident.units import (
@@ -38,7 +44,7 @@ _ROOT = re.compile(r"(.*?)\s*/\s*(?:sqrt\s*\(\s*([A-Za-z]+)\s*\)|([A-Za-z]+)\s*\
 
 
 @dataclass(frozen=True)
-class Typical:
+class UsualErrors:
     """Standard deviations that are usual for a kind of gauge, SI.
 
     Args:
@@ -56,22 +62,22 @@ class Typical:
     unit: str = ""
 
 
-TYPICAL: Mapping[str, Typical] = {
-    "extensometer": Typical(1e-4, head=0.5e-4, unit="mm"),
-    "convergence": Typical(2e-4, epoch=1e-4, unit="mm"),
-    "settlement": Typical(3e-4, epoch=3e-4, unit="mm"),
-    "levelling": Typical(3e-4, epoch=3e-4, unit="mm"),
-    "displacement": Typical(1e-3, epoch=0.5e-3, unit="mm"),
-    "target": Typical(1e-3, epoch=0.5e-3, unit="mm"),
-    "distortion": Typical(5e-5, unit="mrad"),
-    "line-of-sight": Typical(2e-3, epoch=1e-3, unit="mm"),
-    "inclinometer": Typical(1e-4, along=2e-4, unit="mm"),
-    "tilt": Typical(5e-5, unit="mrad"),
-    "strain": Typical(5e-6, unit="microstrain"),
-    "load-cell": Typical(5e3, unit="kN"),
-    "pressure-cell": Typical(1e4, unit="kPa"),
-    "stress": Typical(5e5, unit="MPa"),
-    "piezometer": Typical(1e3, unit="kPa"),
+TYPICAL: Mapping[str, UsualErrors] = {
+    "extensometer": UsualErrors(1e-4, head=0.5e-4, unit="mm"),
+    "convergence": UsualErrors(2e-4, epoch=1e-4, unit="mm"),
+    "settlement": UsualErrors(3e-4, epoch=3e-4, unit="mm"),
+    "levelling": UsualErrors(3e-4, epoch=3e-4, unit="mm"),
+    "displacement": UsualErrors(1e-3, epoch=0.5e-3, unit="mm"),
+    "target": UsualErrors(1e-3, epoch=0.5e-3, unit="mm"),
+    "distortion": UsualErrors(5e-5, unit="mrad"),
+    "line-of-sight": UsualErrors(2e-3, epoch=1e-3, unit="mm"),
+    "inclinometer": UsualErrors(1e-4, along=2e-4, unit="mm"),
+    "tilt": UsualErrors(5e-5, unit="mrad"),
+    "strain": UsualErrors(5e-6, unit="microstrain"),
+    "load-cell": UsualErrors(5e3, unit="kN"),
+    "pressure-cell": UsualErrors(1e4, unit="kPa"),
+    "stress": UsualErrors(5e5, unit="MPa"),
+    "piezometer": UsualErrors(1e3, unit="kPa"),
 }
 """Kind of gauge to what is usual.
 
@@ -98,8 +104,8 @@ UNKNOWN_SIZE = (
 
 
 @dataclass(frozen=True)
-class StandardDeviationOf(Of):
-    """Annotation of a `Given`: a standard deviation, or ``estimate``, which has no dimension.
+class StandardDeviationOf(QuantityType):
+    """Annotation of a `CaseNumber`: a standard deviation, or ``estimate``, which has no dimension.
 
     Args:
         per_root_length: as it adds up along a casing, as in ``0.2 mm/sqrt(m)``.
@@ -109,20 +115,20 @@ class StandardDeviationOf(Of):
     per_root_length: bool = False
     usual: bool = True
 
-    def parse(self, value: object) -> Given:
+    def parse(self, value: object) -> CaseNumber:
         """The size that a text says.
 
         Raises:
             UnitError: no quantity.
             Refusal: no text, or a size below zero.
         """
-        if isinstance(value, Given):
+        if isinstance(value, CaseNumber):
             return value
         text = require_text(value, self.words())
         if text.strip() == ESTIMATE:
             if not self.usual:
                 raise Refusal("no-size", *UNKNOWN_SIZE)
-            return Given(ESTIMATE, math.nan, None, self.dimension or ESTIMATE)
+            return CaseNumber(ESTIMATE, math.nan, None, self.dimension or ESTIMATE)
         given = self._along(text) if self.per_root_length else super().parse(text)
         if not given.factor >= 0.0:
             message = f"'{shorten(text)}' is negative; a standard deviation is expected"
@@ -157,7 +163,7 @@ class StandardDeviationOf(Of):
         described["x-quantity"] = f"{described['x-quantity']} or `{ESTIMATE}`"
         return described
 
-    def _along(self, text: str) -> Given:
+    def _along(self, text: str) -> CaseNumber:
         match = _ROOT.fullmatch(text.strip())
         unit = (match[2] or match[3]) if match else ""
         if match is None or UNITS.get(unit, ("",))[0] != "length":
@@ -165,10 +171,10 @@ class StandardDeviationOf(Of):
             raise Refusal("unit", message, "It grows with the root of the length of casing.")
         size = read_quantity(match[1])
         value = size.value / math.sqrt(UNITS[unit][1])
-        return Given(text, value, None, size.dimension, size.unit)
+        return CaseNumber(text, value, None, size.dimension, size.unit)
 
 
-def computable(given: Given) -> Given:
+def computable(given: CaseNumber) -> CaseNumber:
     """A standard deviation that can be computed with.
 
     Raises:
@@ -181,7 +187,7 @@ def computable(given: Given) -> Given:
     raise Refusal("out-of-range", message, f"{hint}a gauge that tells nothing is best left out.")
 
 
-AccuracyPart = Annotated[Given, StandardDeviationOf(None)]
+AccuracyPart = Annotated[CaseNumber, StandardDeviationOf(None)]
 
 
 class ErrorsSection(Section):
@@ -210,7 +216,7 @@ class ErrorsSection(Section):
         description="Of the set-up, which all readings of a survey share on a day of a stage.",
         examples=["0.2 mm"],
     )
-    along: Annotated[Given, StandardDeviationOf(None, per_root_length=True)] | None = Field(
+    along: Annotated[CaseNumber, StandardDeviationOf(None, per_root_length=True)] | None = Field(
         None,
         description="What adds up along a casing, as a random walk from its reference end.",
         examples=["0.2 mm/sqrt(m)"],
@@ -225,21 +231,24 @@ def accuracy_shape(value: object) -> str:
 AS_PARTS = Annotated[ErrorsSection, Tag("mapping")]
 ACCURACY = Discriminator(accuracy_shape)
 LengthAccuracy = Annotated[
-    Annotated[Given, StandardDeviationOf("length", above=0.0), Tag("text")] | AS_PARTS, ACCURACY
+    Annotated[CaseNumber, StandardDeviationOf("length", above=0.0), Tag("text")] | AS_PARTS,
+    ACCURACY,
 ]
 AngleAccuracy = Annotated[
-    Annotated[Given, StandardDeviationOf("angle", above=0.0), Tag("text")] | AS_PARTS, ACCURACY
+    Annotated[CaseNumber, StandardDeviationOf("angle", above=0.0), Tag("text")] | AS_PARTS, ACCURACY
 ]
 PressureAccuracy = Annotated[
-    Annotated[Given, StandardDeviationOf("pressure", above=0.0), Tag("text")] | AS_PARTS, ACCURACY
+    Annotated[CaseNumber, StandardDeviationOf("pressure", above=0.0), Tag("text")] | AS_PARTS,
+    ACCURACY,
 ]
 StrainAccuracy = Annotated[
-    Annotated[Given, StandardDeviationOf("strain", above=0.0), Tag("text")] | AS_PARTS, ACCURACY
+    Annotated[CaseNumber, StandardDeviationOf("strain", above=0.0), Tag("text")] | AS_PARTS,
+    ACCURACY,
 ]
 ForceAccuracy = Annotated[
-    Annotated[Given, StandardDeviationOf(None, above=0.0), Tag("text")] | AS_PARTS, ACCURACY
+    Annotated[CaseNumber, StandardDeviationOf(None, above=0.0), Tag("text")] | AS_PARTS, ACCURACY
 ]
-AnyAccuracy = Given | ErrorsSection
+AnyAccuracy = CaseNumber | ErrorsSection
 FORCES = ("force", "line load", "moment per length")
 """Dimensions of forces of structures; the accuracy of a load cell may have any of them."""
 
@@ -258,7 +267,7 @@ def dimension_read(kind: type[Section]) -> str | None:
 
 def _dimension(marks: Iterable[object]) -> str | None:
     for mark in marks:
-        if isinstance(mark, Of):
+        if isinstance(mark, QuantityType):
             if mark.dimension is not None:
                 return mark.dimension
         elif mark is not ErrorsSection and (found := _dimension(get_args(mark))):
@@ -276,7 +285,7 @@ def check_parts(given: AnyAccuracy, dimension: str, kind: str, key: str = "accur
         key: under which they stand.
     """
     faults = SectionFaults()
-    if isinstance(given, Given):
+    if isinstance(given, CaseNumber):
         if given.dimension == dimension:
             _refuse_nonsense(given, (key,), kind, faults)
         faults.raise_any()
@@ -284,7 +293,7 @@ def check_parts(given: AnyAccuracy, dimension: str, kind: str, key: str = "accur
     if given.reading is not None and given.reading.dimension == dimension:
         _refuse_nonsense(given.reading, (key, "reading"), kind, faults)
     for name in PARTS:
-        part: Given | None = getattr(given, name)
+        part: CaseNumber | None = getattr(given, name)
         if part is not None and part.text != ESTIMATE and part.dimension != dimension:
             message = f"'{shorten(part.text)}' is {with_article(part.dimension)}; "
             message += f"{with_article(dimension)} is expected"
@@ -298,7 +307,9 @@ def check_parts(given: AnyAccuracy, dimension: str, kind: str, key: str = "accur
     faults.raise_any()
 
 
-def _refuse_nonsense(given: Given, key: tuple[str, ...], kind: str, faults: SectionFaults) -> None:
+def _refuse_nonsense(
+    given: CaseNumber, key: tuple[str, ...], kind: str, faults: SectionFaults
+) -> None:
     """Refuse an error of a reading that no instrument of a kind has, by far.
 
     Args:
@@ -337,8 +348,8 @@ def error_parts(given: AnyAccuracy, kind: str, survey: str) -> ErrorParts | None
         kind: of the gauge.
         survey: to which the gauge belongs.
     """
-    usual = TYPICAL.get(kind, Typical(1.0))
-    if isinstance(given, Given):
+    usual = TYPICAL.get(kind, UsualErrors(1.0))
+    if isinstance(given, CaseNumber):
         if given.text != ESTIMATE:
             return None
         known = (("reading", _component(kind, "reading")),)
@@ -346,7 +357,7 @@ def error_parts(given: AnyAccuracy, kind: str, survey: str) -> ErrorParts | None
     sizes: dict[str, float] = {}
     estimated: dict[str, str] = {}
     for name in PARTS:
-        part: Given | None = getattr(given, name)
+        part: CaseNumber | None = getattr(given, name)
         if part is None and name == "zero":
             sizes[name] = sizes["reading"]
             estimated |= {name: estimated["reading"]} if "reading" in estimated else {}
@@ -380,7 +391,7 @@ def unit_shown(given: AnyAccuracy, kind: str, dimension: str) -> str:
     """
     if dimension == "length":
         return "mm"
-    parts = [given] if isinstance(given, Given) else [given.reading, given.zero, given.epoch]
+    parts = [given] if isinstance(given, CaseNumber) else [given.reading, given.zero, given.epoch]
     units = [part.unit for part in parts if part is not None and part.unit]
     usual = TYPICAL[kind].unit if kind in TYPICAL else ""
     fitting = [u for u in (*units, usual) if UNITS.get(u, ("",))[0] == dimension]

@@ -27,21 +27,21 @@ from geoident.io.case.gauges.value import (
 from geoident.io.schema.estimated import ESTIMATE
 from geoident.io.schema.section import Alternatives, Context, SectionFaults
 from geoident.io.schema.values import (
+    CaseNumber,
     Coordinates,
     Count,
     DirectionVector,
     Flag,
-    Given,
     Name,
-    Of,
+    QuantityType,
 )
 from geoident.model.gauges import Channel, Reads
 
 Principal = Literal["major", "intermediate", "minor", "plane-major", "plane-minor"]
 
-PressureOffset = Annotated[Given, Of("pressure", tied=True)]
-PressureRate = Annotated[Given, Of("pressure rate", tied=True)]
-ForceOffset = Annotated[Given, Of(None, tied=True)]
+PressureOffset = Annotated[CaseNumber, QuantityType("pressure", tied=True)]
+PressureRate = Annotated[CaseNumber, QuantityType("pressure rate", tied=True)]
+ForceOffset = Annotated[CaseNumber, QuantityType(None, tied=True)]
 ForceRate = ForceOffset
 
 
@@ -241,7 +241,7 @@ class LoadCellSection(ValueGauge):
     @property
     def dimension(self) -> str:
         """Dimension of what it reads: of one bar a force, of a beam a force or moment per metre."""
-        if isinstance(self.accuracy, Given) and self.accuracy.text != ESTIMATE:
+        if isinstance(self.accuracy, CaseNumber) and self.accuracy.text != ESTIMATE:
             return self.accuracy.dimension
         if self.point is None:
             return "force"
@@ -253,7 +253,7 @@ class LoadCellSection(ValueGauge):
         if self.dimension in FORCES:
             self.note_other_dimensions(faults)
         else:
-            assert isinstance(self.accuracy, Given)
+            assert isinstance(self.accuracy, CaseNumber)
             message = f"'{self.accuracy.text}' is no force, line load or moment per length"
             hint = "Forces of one bar in kN; N and Q of a beam in kN/m, M in kNm/m."
             faults.add(("accuracy",), "unit", message, hint)

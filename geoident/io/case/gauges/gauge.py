@@ -30,12 +30,12 @@ from geoident.io.case.gauges.accuracy import (
 from geoident.io.schema.estimated import ESTIMATE
 from geoident.io.schema.section import Alternatives, Context, Section
 from geoident.io.schema.values import (
+    CaseNumber,
     Coordinates,
     Drift,
-    Given,
     Name,
-    Of,
     Offset,
+    QuantityType,
     scalar_of,
     shape_of,
 )
@@ -43,7 +43,7 @@ from geoident.model.arrays import Vector
 from geoident.model.case import VIRGIN, KeyPath
 from geoident.model.gauges import Channel, ErrorParts, MovingPoint, Reads
 
-GivenLength = Annotated[Given, Of("length", above=0.0)]
+GivenLength = Annotated[CaseNumber, QuantityType("length", above=0.0)]
 Motion = tuple[str, Vector | None, Vector, Vector]
 """Kind of gauge, reference point (None: fixed ground), point, unit vector along which it moves."""
 
@@ -111,7 +111,7 @@ class GaugeBase(Section):
     @property
     def dimension(self) -> str:
         """Dimension of what the gauge reads."""
-        if isinstance(self.accuracy, Given) and self.accuracy.text != ESTIMATE:
+        if isinstance(self.accuracy, CaseNumber) and self.accuracy.text != ESTIMATE:
             return self.accuracy.dimension
         return dimension_read(type(self)) or "length"
 
@@ -123,7 +123,7 @@ class GaugeBase(Section):
     @property
     def states_zero(self) -> bool:
         """Whether the case itself says how accurate the zero is."""
-        return not isinstance(self.accuracy, Given) and self.accuracy.zero is not None
+        return not isinstance(self.accuracy, CaseNumber) and self.accuracy.zero is not None
 
     @property
     def stated_errors(self) -> ErrorParts:
@@ -131,7 +131,7 @@ class GaugeBase(Section):
         parts = error_parts(self.accuracy, self.kind_name, self.survey or "")
         if parts is not None:
             return parts
-        assert isinstance(self.accuracy, Given)
+        assert isinstance(self.accuracy, CaseNumber)
         return ErrorParts(self.accuracy.factor)
 
     def channel_names(self, name: str) -> list[str]:
@@ -193,7 +193,7 @@ Reference = Annotated[
 """What a motion is relative to: fixed ground, or a point."""
 
 
-def point_of(given: list[Given], place: Context) -> Vector | None:
+def point_of(given: list[CaseNumber], place: Context) -> Vector | None:
     """A point (dim,), m; None, with a fault, where it has another number of coordinates.
 
     Args:

@@ -23,19 +23,19 @@ from geoident.io.case.gauges.gauge import (
 )
 from geoident.io.schema.section import Alternatives, Context, SectionFaults
 from geoident.io.schema.values import (
+    CaseNumber,
     Coordinates,
     DirectionVector,
-    Given,
     GivenAngle,
     Line,
     Name,
-    Of,
+    QuantityType,
 )
 from geoident.model.arrays import Vector
 from geoident.model.gauges import Channel
 
-AngleOffset = Annotated[Given, Of("angle", tied=True)]
-AngleRate = Annotated[Given, Of("angle rate", tied=True)]
+AngleOffset = Annotated[CaseNumber, QuantityType("angle", tied=True)]
+AngleRate = Annotated[CaseNumber, QuantityType("angle rate", tied=True)]
 
 _ON_LINE = 1e-9
 """Lengths below this part of a distance count as zero."""

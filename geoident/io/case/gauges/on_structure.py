@@ -8,7 +8,7 @@ from dataclasses import replace
 from geoident.io.case.gauges.gauge import GaugeBase, unit_vector
 from geoident.io.case.gauges.value import ValueGauge, optional_point
 from geoident.io.schema.section import Context
-from geoident.io.schema.values import Given
+from geoident.io.schema.values import CaseNumber
 from geoident.model.gauges import Channel
 from geoident.model.structures import Bars, Beam, Structure, Struts
 
@@ -18,9 +18,9 @@ TOWARDS = "A point on the inside of the beam; needed where ground is on both sid
 def on_structure(
     section: ValueGauge,
     name: str,
-    point: list[Given] | None,
+    point: list[CaseNumber] | None,
     bar: int | None,
-    towards: list[Given] | None,
+    towards: list[CaseNumber] | None,
     context: Context,
 ) -> list[Channel]:
     """The channel of a gauge on some structure; the place on a bar is found later.

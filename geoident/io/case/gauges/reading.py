@@ -11,15 +11,16 @@ from geoident.io.case.gauges.accuracy import ACCURACY, AS_PARTS, UNKNOWN_SIZE, S
 from geoident.io.case.gauges.value import DRIFT, ValueGauge
 from geoident.io.schema.estimated import ESTIMATE
 from geoident.io.schema.section import Context, SectionFaults
-from geoident.io.schema.values import Given, Of
+from geoident.io.schema.values import CaseNumber, QuantityType
 from geoident.model.gauges import PARTS, Channel
 from geoident.units import DIMENSIONLESS
 
 OfAnyDimension = Annotated[
-    Annotated[Given, StandardDeviationOf(None, above=0.0, usual=False), Tag("text")] | AS_PARTS,
+    Annotated[CaseNumber, StandardDeviationOf(None, above=0.0, usual=False), Tag("text")]
+    | AS_PARTS,
     ACCURACY,
 ]
-PlainOffset = Annotated[Given, Of(None, tied=True)]
+PlainOffset = Annotated[CaseNumber, QuantityType(None, tied=True)]
 PlainRate = PlainOffset
 
 
@@ -45,8 +46,8 @@ class PlainReadingSection(ValueGauge):
     def _sizes_are_given(self) -> PlainReadingSection:
         given = self.accuracy
         faults = SectionFaults()
-        for name in () if isinstance(given, Given) else PARTS:
-            part: Given | None = getattr(given, name)
+        for name in () if isinstance(given, CaseNumber) else PARTS:
+            part: CaseNumber | None = getattr(given, name)
             if part is not None and part.text == ESTIMATE:
                 faults.add(("accuracy", name), "no-size", *UNKNOWN_SIZE)
         self.note_other_dimensions(faults)
@@ -56,7 +57,7 @@ class PlainReadingSection(ValueGauge):
     @property
     def dimension(self) -> str:
         """Dimension of what the gauge reads: that of its accuracy."""
-        given = self.accuracy if isinstance(self.accuracy, Given) else self.accuracy.reading
+        given = self.accuracy if isinstance(self.accuracy, CaseNumber) else self.accuracy.reading
         return given.dimension if given is not None else DIMENSIONLESS
 
     def channels(self, name: str, context: Context) -> list[Channel]:

@@ -24,21 +24,21 @@ from geoident.io.case.gauges.value import (
 )
 from geoident.io.schema.section import Alternatives, Context, SectionFaults
 from geoident.io.schema.values import (
+    CaseNumber,
     Coordinates,
     Count,
     DirectionVector,
-    Given,
     Length,
     Line,
     Name,
-    Of,
+    QuantityType,
     SharesUnit,
 )
 from geoident.model.arrays import Vector
 from geoident.model.gauges import Channel, MovingPoint, Reads
 
-StrainOffset = Annotated[Given, Of("strain", tied=True)]
-StrainRate = Annotated[Given, Of("strain rate", tied=True)]
+StrainOffset = Annotated[CaseNumber, QuantityType("strain", tied=True)]
+StrainRate = Annotated[CaseNumber, QuantityType("strain rate", tied=True)]
 Stations = Annotated[list[Length], SharesUnit()]
 
 _MOST_STATIONS = 10_000
@@ -146,7 +146,7 @@ class StrainSection(ValueGauge):
         return [replace(found, quantity=self.component or "")]
 
     def _between(
-        self, name: str, between: Sequence[list[Given]], context: Context
+        self, name: str, between: Sequence[list[CaseNumber]], context: Context
     ) -> list[Channel]:
         place = context.at("between")
         first, second = (point_of(point, place.at(n)) for n, point in enumerate(between))

@@ -19,10 +19,10 @@ from geoident.io.case.gauges.gauge import (
 )
 from geoident.io.schema.section import Alternatives, Context, SectionFaults
 from geoident.io.schema.values import (
+    CaseNumber,
     Coordinates,
     DirectionVector,
     Exactly,
-    Given,
     Length,
     SharesUnit,
 )
@@ -61,7 +61,8 @@ class TargetSection(GaugeBase):
         None, min_length=2, description="Points of the axis from its beginning on."
     )
     start_chainage: Length = Field(
-        Given("0 m", 0.0, None, "length", "m"), description="Chainage where the alignment begins."
+        CaseNumber("0 m", 0.0, None, "length", "m"),
+        description="Chainage where the alignment begins.",
     )
     beside: Annotated[list[Length], SharesUnit(), Exactly(2)] | None = Field(
         None,

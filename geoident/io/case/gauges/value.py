@@ -13,7 +13,7 @@ from pydantic import Field
 
 from geoident.io.case.gauges.gauge import GaugeBase, point_of, unit_vector
 from geoident.io.schema.section import Context, SectionFaults
-from geoident.io.schema.values import Given, Name
+from geoident.io.schema.values import CaseNumber, Name
 from geoident.model.arrays import Vector
 from geoident.model.case import VIRGIN
 from geoident.model.gauges import Channel, Reads
@@ -45,7 +45,7 @@ class ValueGauge(GaugeBase):
         """
         read = self.dimension
         for key, wanted in (("offset", read), ("drift", rate_of(read)), ("drift_per_stage", read)):
-            given: Given | None = getattr(self, key)
+            given: CaseNumber | None = getattr(self, key)
             if given is None or given.parameter is not None or given.dimension == wanted:
                 continue
             message = f"'{given.text}' is {with_article(given.dimension)}; the accuracy says that "
@@ -75,12 +75,12 @@ class ValueGauge(GaugeBase):
         return replace(found, reads=self.made_of, quantity=part)
 
 
-def optional_point(given: list[Given] | None, place: Context) -> Vector | None:
+def optional_point(given: list[CaseNumber] | None, place: Context) -> Vector | None:
     """A point, if one is given; None, with a fault, for no point."""
     return None if given is None else point_of(given, place)
 
 
-def unit_direction(given: list[Given] | None, place: Context) -> Vector | None:
+def unit_direction(given: list[CaseNumber] | None, place: Context) -> Vector | None:
     """A unit vector (dim,), zeros where none is given; None, with a fault, for no vector."""
     if given is None:
         return (0.0,) * place.dim
@@ -97,7 +97,7 @@ def has_component(component: str, place: Context) -> bool:
     return False
 
 
-def refuse_no_direction(key: str, given: list[Given] | None, faults: SectionFaults) -> None:
+def refuse_no_direction(key: str, given: list[CaseNumber] | None, faults: SectionFaults) -> None:
     """A fault where a vector has no direction.
 
     Args:

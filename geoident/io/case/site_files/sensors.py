@@ -11,20 +11,20 @@ from geoident.io.readings.survey import SurveyGrid, axes_of_azimuth
 from geoident.io.schema.section import Section, SectionFaults
 from geoident.io.schema.values import (
     AnyQuantity,
+    CaseNumber,
     Dimensionless,
     DirectionVector,
     Exactly,
-    Given,
     GivenAngle,
     Length,
     Name,
-    Of,
     Positive,
+    QuantityType,
     SharesUnit,
 )
 from geoident.units import DIMENSIONLESS, with_article
 
-GivenTemperature = Annotated[Given, Of("temperature")]
+GivenTemperature = Annotated[CaseNumber, QuantityType("temperature")]
 Raw = Literal["Hz", "digits", "mV/V", "mV", "V", "mA", "Ohm"]
 
 
@@ -140,7 +140,7 @@ class TransformationSection(Section):
         "northing and height; their lengths do not matter.",
     )
     scale: Positive = Field(
-        Given("1", 1.0, None, DIMENSIONLESS),
+        CaseNumber("1", 1.0, None, DIMENSIONLESS),
         description="Of the survey's projection: its lengths by true ones, such as 0.9996.",
     )
     origin: Annotated[list[Length], SharesUnit(), Exactly(3)] | None = Field(

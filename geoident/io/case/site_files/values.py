@@ -12,7 +12,7 @@ from geoident.io.case.gauges.kinds import GaugeSection
 from geoident.io.readings.table import COLUMNS, POINT_COLUMNS
 from geoident.io.readings.workbook import range_problem
 from geoident.io.schema.section import Section
-from geoident.io.schema.values import Of, require_text
+from geoident.io.schema.values import QuantityType, require_text
 from geoident.io.text.dates import format_problem
 from geoident.io.text.text_file import encoding_problem
 from geoident.io.text.wording import Refusal, listing, shorten
@@ -37,9 +37,9 @@ def dimensions_of(kinds: Iterable[type[Section]]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(found))
 
 
-def quantity_read(read: Sequence[str], *, above: float | None = None) -> Of:
+def quantity_read(read: Sequence[str], *, above: float | None = None) -> QuantityType:
     """What a reading must be that stands in the case: any quantity where gauges read several."""
-    return Of(read[0] if len(read) == 1 else None, above=above)
+    return QuantityType(read[0] if len(read) == 1 else None, above=above)
 
 
 READ = dimensions_of(get_args(get_args(GaugeSection)[0]))

@@ -9,9 +9,9 @@ from pydantic import Discriminator, Field, Tag, model_validator
 
 from geoident.io.schema.section import Context, Section, SectionFaults
 from geoident.io.schema.values import (
+    CaseNumber,
     Coefficient,
     Coordinates,
-    Given,
     Length,
     Level,
     SharesUnit,
@@ -153,7 +153,7 @@ class SupportSection(Section):
         motions = tuple(
             (c, given.scalar)
             for c, axis in enumerate(_AXES)
-            if isinstance(given := getattr(self, axis), Given)
+            if isinstance(given := getattr(self, axis), CaseNumber)
         )
         return Support(name, tuple(sorted(held)), at, motions, measured, wall)
 
@@ -164,7 +164,7 @@ class SupportSection(Section):
         axis = None if self.axis is None else _AXES.index(self.axis)
         return [c for c in range(analysis.dim) if c != axis]
 
-    def _wall(self, part: Given, context: Context) -> Contraction:
+    def _wall(self, part: CaseNumber, context: Context) -> Contraction:
         """The contraction of the wall."""
         solid = context.analysis is Analysis.SOLID
         if part.parameter is None and not -1 < part.factor < 1:

@@ -20,10 +20,10 @@ from geoident.io.schema.section import Alternatives, Context, Section, refuse
 from geoident.io.schema.values import (
     Angle,
     AnyQuantity,
+    CaseNumber,
     Coordinates,
     Count,
     DirectionVector,
-    Given,
     GivenAngle,
     GivenSize,
     Modulus,
@@ -153,7 +153,7 @@ class FieldBase(Section):
         None, description="How the axes of the lengths lie; along the model's axes if missing."
     )
     smoothness: Positive = Field(
-        Given("1.5", 1.5, None, DIMENSIONLESS),
+        CaseNumber("1.5", 1.5, None, DIMENSIONLESS),
         description="Smoothness nu of the Matern correlation: 0.5 is exponential (rough), 1.5 once "
         "differentiable, 2.5 twice.",
     )
@@ -283,7 +283,7 @@ def _upright(context: Context) -> Attitude | Axes:
 
 
 def _point_value(
-    section: PointValueSection, mean: Given, context: Context, origin: str
+    section: PointValueSection, mean: CaseNumber, context: Context, origin: str
 ) -> PointValue | None:
     """One measured value; None, with a fault, where it is none."""
     position = context.at("at").vector(section.at, "the point")

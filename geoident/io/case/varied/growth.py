@@ -14,8 +14,8 @@ from pydantic import (
 
 from geoident.io.schema.section import Context, Section
 from geoident.io.schema.values import (
+    CaseNumber,
     Coefficient,
-    Given,
     LevelOrGroup,
     Modulus,
     Stress,
@@ -33,7 +33,7 @@ class GrowthBase(Section):
 
     @property
     @abstractmethod
-    def base(self) -> Given:
+    def base(self) -> CaseNumber:
         """The number from which it grows."""
 
     @abstractmethod
@@ -79,7 +79,7 @@ class DepthGrowthSection(GrowthBase):
     )
 
     @property
-    def base(self) -> Given:
+    def base(self) -> CaseNumber:
         """The modulus at the surface."""
         return self.at
 
@@ -116,7 +116,7 @@ class StressGrowthSection(GrowthBase):
     )
 
     @property
-    def base(self) -> Given:
+    def base(self) -> CaseNumber:
         """The modulus at the reference pressure."""
         return self.reference
 

@@ -21,7 +21,7 @@ from geoident.io.case.varied.rock_mass import KEY, DerivedModulus, RockMassModul
 from geoident.io.schema.section import Context, Section
 from geoident.io.schema.values import (
     Angle,
-    Given,
+    CaseNumber,
     Modulus,
     Stress,
 )
@@ -31,15 +31,15 @@ from geoident.model.ground import Growth
 
 @dataclass(frozen=True)
 class _InPlaceOfNumber(ABC):
-    """Annotation of a `Given`: it is written as a section, which becomes its `field`."""
+    """Annotation of a `CaseNumber`: it is written as a section, which becomes its `field`."""
 
     section: type[Section]
 
     @abstractmethod
-    def _given(self, section: Any) -> Given:
+    def _given(self, section: Any) -> CaseNumber:
         """The number that stands for the section."""
 
-    def _written(self, given: Given) -> Any:
+    def _written(self, given: CaseNumber) -> Any:
         """How the section is written."""
         return given.field.model_dump(by_alias=True, exclude_none=True)
 
@@ -61,25 +61,25 @@ class _InPlaceOfNumber(ABC):
 class FieldOf(_InPlaceOfNumber):
     """It is written as a field, and the number is its mean."""
 
-    def _given(self, section: Any) -> Given:
-        mean: Given = section.field.mean
+    def _given(self, section: Any) -> CaseNumber:
+        mean: CaseNumber = section.field.mean
         return replace(mean, field=section.field)
 
-    def _written(self, given: Given) -> Any:
+    def _written(self, given: CaseNumber) -> Any:
         return {"field": super()._written(given)}
 
 
 class GrowthOf(_InPlaceOfNumber):
     """It is written as growth, and the number is what it grows from."""
 
-    def _given(self, section: GrowthBase) -> Given:
+    def _given(self, section: GrowthBase) -> CaseNumber:
         return replace(section.base, field=section)
 
 
 class FormulaOf(_InPlaceOfNumber):
     """It is written as what it follows from."""
 
-    def _given(self, section: RockMassModulusSection) -> Given:
+    def _given(self, section: RockMassModulusSection) -> CaseNumber:
         return DerivedModulus.of(section)
 
 
@@ -88,7 +88,7 @@ _BY_DEPTH, _BY_STRESS = DepthGrowthSection.model_fields, StressGrowthSection.mod
 
 def _number_or_varied(value: object) -> str:
     """Which form a modulus has, by the keys that only one form has."""
-    if isinstance(value, Given) and isinstance(value.field, GrowthBase):
+    if isinstance(value, CaseNumber) and isinstance(value.field, GrowthBase):
         return "<depth>" if isinstance(value.field, DepthGrowthSection) else "<stress>"
     if isinstance(value, dict) and "field" not in value:
         if not value.keys().isdisjoint(_BY_DEPTH):
@@ -106,33 +106,33 @@ def _number_varied_or_derived(value: object) -> str:
 
 
 def _number_or_field(value: object) -> str:
-    varied = value.field is not None if isinstance(value, Given) else isinstance(value, dict)
+    varied = value.field is not None if isinstance(value, CaseNumber) else isinstance(value, dict)
     return "<field>" if varied else "<number>"
 
 
 FieldModulus = Annotated[
     Annotated[Modulus, Tag("<number>")]
-    | Annotated[Given, FieldOf(VariedModulusSection), Tag("<field>")]
-    | Annotated[Given, GrowthOf(DepthGrowthSection), Tag("<depth>")]
-    | Annotated[Given, GrowthOf(StressGrowthSection), Tag("<stress>")],
+    | Annotated[CaseNumber, FieldOf(VariedModulusSection), Tag("<field>")]
+    | Annotated[CaseNumber, GrowthOf(DepthGrowthSection), Tag("<depth>")]
+    | Annotated[CaseNumber, GrowthOf(StressGrowthSection), Tag("<stress>")],
     Discriminator(_number_or_varied),
 ]
 YoungModulus = Annotated[
     Annotated[Modulus, Tag("<number>")]
-    | Annotated[Given, FieldOf(VariedModulusSection), Tag("<field>")]
-    | Annotated[Given, GrowthOf(DepthGrowthSection), Tag("<depth>")]
-    | Annotated[Given, GrowthOf(StressGrowthSection), Tag("<stress>")]
-    | Annotated[Given, FormulaOf(RockMassModulusSection), Tag("<rock mass>")],
+    | Annotated[CaseNumber, FieldOf(VariedModulusSection), Tag("<field>")]
+    | Annotated[CaseNumber, GrowthOf(DepthGrowthSection), Tag("<depth>")]
+    | Annotated[CaseNumber, GrowthOf(StressGrowthSection), Tag("<stress>")]
+    | Annotated[CaseNumber, FormulaOf(RockMassModulusSection), Tag("<rock mass>")],
     Discriminator(_number_varied_or_derived),
 ]
 FieldStrength = Annotated[
     Annotated[Stress, Tag("<number>")]
-    | Annotated[Given, FieldOf(VariedModulusSection), Tag("<field>")],
+    | Annotated[CaseNumber, FieldOf(VariedModulusSection), Tag("<field>")],
     Discriminator(_number_or_field),
 ]
 FieldAngle = Annotated[
     Annotated[Angle, Tag("<number>")]
-    | Annotated[Given, FieldOf(VariedAngleSection), Tag("<field>")],
+    | Annotated[CaseNumber, FieldOf(VariedAngleSection), Tag("<field>")],
     Discriminator(_number_or_field),
 ]
 
@@ -157,7 +157,7 @@ def fields_in(
     found = []
     for name in type(section).model_fields:
         given = getattr(section, name)
-        if isinstance(given, Given) and isinstance(given.field, FieldBase):
+        if isinstance(given, CaseNumber) and isinstance(given.field, FieldBase):
             place, constant = context.at(name, "field"), (names or {}).get(name, name)
             found.append(
                 given.field.built(place, material=material, constant=constant, surface=surface)
@@ -177,5 +177,5 @@ def growths_in(section: Section, context: Context, *, material: str) -> tuple[Gr
     return tuple(
         value.field.built(context.at(name), material=material, constant=name)
         for name, value in given
-        if isinstance(value, Given) and isinstance(value.field, GrowthBase)
+        if isinstance(value, CaseNumber) and isinstance(value.field, GrowthBase)
     )

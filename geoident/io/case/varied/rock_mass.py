@@ -11,7 +11,7 @@ from math import nan
 from pydantic import Field
 
 from geoident.io.schema.section import Alternatives, Section
-from geoident.io.schema.values import Coefficient, Given, Modulus, Multiple, scalar_of
+from geoident.io.schema.values import CaseNumber, Coefficient, Modulus, Multiple, scalar_of
 from geoident.model.empirical.rock_mass import RockMassModulus
 from geoident.model.parameter import Scalar
 
@@ -70,7 +70,7 @@ class RockMassModulusSection(Section):
 
 
 @dataclass(frozen=True)
-class DerivedModulus(Given):
+class DerivedModulus(CaseNumber):
     """A modulus that follows from the numbers of its section, which is its ``field``."""
 
     @classmethod
@@ -90,6 +90,6 @@ class DerivedModulus(Given):
         return self.inner.modulus()
 
     @property
-    def parts(self) -> list[Given]:
+    def parts(self) -> list[CaseNumber]:
         """The numbers that are given, from which it follows."""
         return self.inner.numbers

@@ -18,10 +18,10 @@ from geoident.io.case.varied.number import FieldAngle, FieldStrength, fields_in
 from geoident.io.schema.section import Alternatives, Context, Section
 from geoident.io.schema.values import (
     Angle,
+    CaseNumber,
     Coefficient,
     Count,
     DirectionVector,
-    Given,
     Multiple,
     Name,
     Stress,
@@ -435,7 +435,7 @@ def _check_strengths(
     if found is None:
         return
     key = section.key_of(found.constant)
-    given: Given = getattr(section, key)
+    given: CaseNumber = getattr(section, key)
     message, hint = f"'{given.text}': {found.limit}", "Correct the number or its unit."
     if given.parameter is not None:
         message = f"'{given.text}' is {found.shown} at the start; {found.limit}"

@@ -1,0 +1,1 @@
+"""The analysis through the stages: equations, equilibrium and derivatives."""

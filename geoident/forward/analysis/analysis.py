@@ -1,0 +1,402 @@
+"""The analysis through the stages and its exact derivatives (theory 2).
+
+At every stage, with sigma the stress at the end of the stage before (zero in what is placed now),
+
+    r_j = f_j - C^T V sigma                     over the points that are present
+    K_j du_j = r_j
+    sigma <- sigma + E C du_j ,   u <- u + du_j
+
+and, for every parameter h, with the same factorization,
+
+    g_h = dsigma/dp_h + dE/dp_h C du_j
+    K_j ddu_j/dp_h = df_j/dp_h - C^T V g_h
+    dsigma/dp_h <- g_h + E C ddu_j/dp_h
+
+where supports impose a motion w_j, C w_j takes part in the strain of the step and w_j in u
+(linings and bolts add their internal forces and stiffness in the same way, see `structures`),
+so one factorization per stage and two calls of the solver give the response and its whole
+Jacobian. All columns travel together: column 0 of every array is the state, columns 1..n are
+the derivatives. A change of temperature takes its strain eps_0 from C du_j (see `thermal`).
+
+Stages form a tree: u and sigma "of the stage before" are those of the stage on which a stage
+builds. Load cases that do not build on each other branch off the same one. Stages in a row on the
+same ground of the same materials (load cases, mostly) share one factorization.
+
+A *push* adds forces: to the state (condensation's corrected displacements), or as further columns
+that carry the response to unit forces (its flexibility). It costs no further factorization.
+
+A *run* is one analysis at one parameter vector: it owns all that it computes and returns what it
+found, so any number of runs of one model may be under way.
+
+Computed once per mesh: C, V, the gradient products. Once per set of present groups: pattern,
+analysis, which points are there. Per parameter vector and change of ground: values of K,
+factorization.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from geoident.errors import CollapseError
+from geoident.forward.actions.forces import Actions
+from geoident.forward.actions.motions import GivenMotions
+from geoident.forward.actions.release import Held, PartialRelease, ReleasedParts
+from geoident.forward.actions.thermal import NORMAL_COMPONENTS, ThermalStrains
+from geoident.forward.analysis.plastic_step import (
+    PlasticFindings,
+    PlasticSteps,
+    WarmStart,
+)
+from geoident.forward.analysis.stage import (
+    BaseStates,
+    ElasticTrace,
+    LastEquilibrium,
+    LastFactor,
+    StageEnd,
+    StageTask,
+    StressState,
+    UnitForces,
+    elastic_step,
+    follow_displacements,
+)
+from geoident.forward.analysis.systems import StageSystem, StageSystems
+from geoident.forward.ground.elasticity import ModuliAt
+from geoident.forward.in_situ.stress import NEGLIGIBLE_IMBALANCE, InSituStress, StressPlaces
+from geoident.forward.stages import CaseOnMesh, ConstructionState
+from geoident.model.arrays import Bools, Floats
+from geoident.model.dual import ParameterPoint
+from geoident.model.parameter import Values
+
+HELD_ENTRIES = 8_000_000
+"""Entries of the stiffness matrices whose factors are held at once for adjoints.
+
+Their factors have ten (in the plane) to fifty times as many: 1 to 3 GB.
+"""
+
+
+KnownDisplacements = Callable[[int], Floats | None]
+"""Displacements (n_dofs, 1 + n) of a state with their derivatives; None where not known."""
+
+
+@dataclass(frozen=True)
+class RunOptions:
+    """How an analysis is made.
+
+    Args:
+        derivatives: carry the derivatives by all parameters.
+        last: index of the last state wanted; None for all.
+        unit_forces: forces beside those of the case.
+        explain: find the part of the load that can be carried, where there is a collapse.
+        partial: go on after a collapse with the states that do not build on it.
+        even_only: no flow in bands of shear is looked for (`PlasticSteps`).
+        traced: keep what adjoints need of every stage; without derivatives, and only where nothing
+            yields.
+        displacements: of elastic states, where they are known; these are not solved for.
+    """
+
+    derivatives: bool = True
+    last: int | None = None
+    unit_forces: UnitForces | None = None
+    explain: bool = True
+    partial: bool = False
+    traced: bool = False
+    even_only: bool = False
+    displacements: KnownDisplacements | None = None
+
+
+@dataclass(frozen=True)
+class RunFindings:
+    """What an analysis found beside its states.
+
+    Args:
+        imbalance: of the in-situ stress as given: largest force that is out of balance, relative to
+            the forces at work.
+        collapses: stages at which the ground cannot carry the loads.
+        plastic: where materials yield; None in a case where none can.
+    """
+
+    imbalance: float
+    collapses: tuple[CollapseError, ...]
+    plastic: PlasticFindings | None
+
+
+class StagedAnalysis:
+    """Analyses a case on its mesh through the stages, for any parameter values.
+
+    Args:
+        on_mesh: the case on its mesh.
+        systems: the equations of the stages.
+        parts: how much of the stress is released.
+    """
+
+    def __init__(self, on_mesh: CaseOnMesh, systems: StageSystems, parts: ReleasedParts) -> None:
+        self.on_mesh, self.systems = on_mesh, systems
+        self.case, self.sequence = on_mesh.case, on_mesh.sequence
+        self.actions = Actions(on_mesh, systems.structures.weights)
+        self.thermal = ThermalStrains(on_mesh)
+        self.motions = GivenMotions(on_mesh)
+        points = on_mesh.discretization.points
+        groups = self.sequence.group_of[points.element]
+        self.in_situ = InSituStress(on_mesh, StressPlaces(points.position, groups))
+        self.release = PartialRelease(on_mesh, self.actions, parts)
+        self.warm = WarmStart()
+
+    def forget(self) -> None:
+        """Forget where Newton's method may start, and the factors that it starts with."""
+        self.warm = WarmStart()
+
+    @property
+    def n_outside(self) -> int:
+        """Strain points beside the surface from which the in-situ stress counts depth."""
+        return self.in_situ.n_outside
+
+    def without_modes(self, point: ParameterPoint) -> ParameterPoint:
+        """The same, differentiated by what is not the mode of a field."""
+        modes = {name for one in self.on_mesh.fields for name in one.names}
+        return ParameterPoint(point.values, tuple(n for n in point.names if n not in modes))
+
+    def virgin_tension(self, values: Values) -> bool:
+        """Whether most of the virgin ground is pulled on average, sigma_xx + yy + zz > 0."""
+        stress, _ = self.virgin(ParameterPoint(values, ()))
+        here = stress[:NORMAL_COMPONENTS, self.systems[0].present, 0]
+        pulled = here.sum(axis=0) > 0.0
+        return bool(2 * np.count_nonzero(pulled) > pulled.size)
+
+    def virgin(self, point: ParameterPoint) -> tuple[Floats, Floats]:
+        """The in-situ stress (n_strain, n_points, 1 + n) as given, and how far out of balance.
+
+        The second is that of the stress and of each of its derivatives (1 + n,), see `imbalance`.
+        """
+        system, stress = self.systems[0], self.in_situ.columns(point)
+        stress[:, ~system.present] = 0.0
+        return stress, self.imbalance(stress, self.actions.forces(0, point))
+
+    def imbalance(self, stress: Floats, forces: Floats) -> Floats:
+        """Largest out-of-balance force (k,) of a free unknown relative to the forces at work.
+
+        Args:
+            stress: (n_strain, n_points, k) of the virgin state.
+            forces: (n_dofs, k) that act on it.
+        """
+        system = self.systems[0]
+        internal = self.systems.discretization.points.forces(stress, system.volume)
+        rest = np.abs(forces - internal)[system.dofs].max(axis=0, initial=0.0)
+        scale = np.maximum(np.abs(internal).max(axis=0), np.abs(forces).max(axis=0))
+        return np.asarray(rest / np.where(scale > 0, scale, 1.0))
+
+
+class AnalysisRun:
+    """One analysis at one parameter vector: its states one by one, then what it found.
+
+    Args:
+        analysis: what does not depend on parameters.
+        point: the parameters, all of the case.
+        options: how to analysis.
+        tell: is told the index of every state that was computed.
+    """
+
+    def __init__(
+        self,
+        analysis: StagedAnalysis,
+        point: ParameterPoint,
+        options: RunOptions,
+        tell: Callable[[int], None] = lambda state: None,
+    ) -> None:
+        self._tell = tell
+        systems = analysis.systems
+        self._analysis, self._systems, self._options = analysis, systems, options
+        self._structures = systems.structures
+        self.given, derivatives = point, options.derivatives and not options.traced
+        self._point = point if derivatives else ParameterPoint(point.values, ())
+        self._ordinary = analysis.without_modes(point) if options.traced else self._point
+        self._slopes = np.zeros((0, 0))
+        self.traces: list[ElasticTrace] = []
+        n_strain = systems.discretization.points.n_strain
+        self._ground = ModuliAt(analysis.on_mesh, point, n_strain)
+        self._plastic: PlasticSteps | None = None
+        if any(material.yields for material in analysis.case.materials.values()):
+            self._plastic = PlasticSteps(
+                analysis.case,
+                systems,
+                analysis.warm,
+                self._ground,
+                explain=options.explain,
+                even_only=options.even_only,
+            )
+        self.factors = LastFactor(HELD_ENTRIES if options.traced else 0)
+        self._held: dict[int, Held] = {0: {}}
+        self._imbalance = 0.0
+        self._collapses: list[CollapseError] = []
+
+    @property
+    def point(self) -> ParameterPoint:
+        """The parameters, and those by which the analysis differentiates."""
+        return self._point
+
+    @property
+    def findings(self) -> RunFindings:
+        """What was found so far; all of it once the states are through."""
+        plastic = None if self._plastic is None else self._plastic.findings
+        return RunFindings(self._imbalance, tuple(self._collapses), plastic)
+
+    def states(self) -> Iterator[StageEnd]:
+        """The end of every stage, the virgin state first.
+
+        Raises:
+            ModelError: the stiffness of a stage is not positive definite, the virgin stress is
+                outside a yield surface, or the ground collapses (`CollapseError`), unless the
+                options say to go on: then that state and all that build on it are NaN.
+        """
+        analysis, unit = self._analysis, self._options.unit_forces
+        u, carried = self._at_rest()
+        last = self._options.last
+        states = analysis.sequence.states[: None if last is None else last + 1]
+        bases = BaseStates(states)
+        lost: set[int] = set()
+        for n, state in enumerate(states):
+            yielded, last_found = None, None
+            if n == 0 or state.base not in lost:
+                bases.go_to(n, u, carried)
+                forces = np.zeros_like(u)
+                acting = analysis.actions.forces(n, self._ordinary)
+                forces[:, : self._point.n_columns] = acting[:, : self._point.n_columns]
+                self._slopes = acting[:, 1:]
+                if unit is not None:
+                    unit.add_to(forces, n)
+                try:
+                    yielded = self._advance(n, u, carried, forces)
+                except CollapseError as error:
+                    if not self._options.partial:
+                        raise
+                    self._collapses.append(error)
+                    last_found = _last_of(error, u[:, 0])
+            self._tell(n)
+            if yielded is None:
+                lost.add(n)
+                yield replace(_unknown(n, u, carried), last=last_found)
+            else:
+                yield StageEnd(n, u, carried.stress, carried.members, yielded, forces)
+                bases.leave(n, u, carried)
+        if not self._options.traced:
+            self.factors.forget()
+
+    def _at_rest(self) -> tuple[Floats, StressState]:
+        """Displacements (n_dofs, 1 + n + k) and what is carried, all zero."""
+        points, unit = self._systems.discretization.points, self._options.unit_forces
+        columns = self._point.n_columns + (unit.n_columns if unit else 0)
+        stress = np.zeros((points.n_strain, points.n_points, columns))
+        members = np.zeros((self._structures.n_rows, columns))
+        return np.zeros((self._systems.discretization.n_dofs, columns)), StressState(
+            stress, members
+        )
+
+    def _advance(self, number: int, u: Floats, carried: StressState, forces: Floats) -> Bools:
+        """Bring a state to equilibrium; updates u (n_dofs, 1 + n + k) and what is carried.
+
+        Returns:
+            (n_points,) the strain points that yield.
+        """
+        still = np.zeros(carried.stress.shape[1], dtype=bool)
+        if number == 0:
+            self._begin(carried, forces)
+            return still
+        analysis, state = self._analysis, self._analysis.sequence.states[number]
+        held = analysis.release.held(number, self._held[state.base], carried.stress, self._point)
+        self._held[number] = held
+        forces += analysis.release.forces(number, held, self._point)
+        self._clear(self._systems[number], state, carried, u)
+        task = self._task(number, carried, forces, analysis.thermal.change(number, self._point))
+        task = replace(task, motion=analysis.motions.change(number, self._point))
+        given = self._options.displacements
+        known = None if given is None else given(number)
+        if self._plastic is not None and self._plastic.yields(state):
+            du, yielded = self._plastic.step(task)
+        elif known is not None:
+            du, yielded = known[:, : u.shape[1]] - u, still
+            follow_displacements(task, self._systems, du)
+        else:
+            du, yielded = elastic_step(task, self._systems, self.factors), still
+        if self._options.traced:
+            values = {group: support[:, 0].copy() for group, support in held.items()}
+            self.traces.append(ElasticTrace(task, du[:, 0], self._slopes, values))
+        u += du
+        return yielded
+
+    def _begin(self, carried: StressState, forces: Floats) -> None:
+        """Set the in-situ stress; bring it to equilibrium if it is not, and forget the motion.
+
+        What is out of balance is small; it is taken as elastic. Where the stress then is must be
+        inside the yield surfaces.
+        """
+        system, stress, n = self._systems[0], carried.stress, self._point.n_columns
+        given = self._analysis.in_situ.columns(self._ordinary)
+        given[:, ~system.present] = 0.0
+        stress[..., :n] = given[..., :n]
+        stress[:, ~system.present] = 0.0
+        imbalance = self._analysis.imbalance(stress, forces)
+        self._imbalance = float(imbalance[0])
+        if self._options.traced:
+            acting = np.hstack([forces, self._slopes])
+            imbalance = self._analysis.imbalance(given, acting)
+        task = self._task(0, carried, forces)
+        stepped = bool(imbalance.max() > NEGLIGIBLE_IMBALANCE)  # it may come as K0 changes
+        du = np.zeros(len(forces))
+        if stepped:
+            du = elastic_step(task, self._systems, self.factors)[:, 0]
+        if self._options.traced:
+            trace = ElasticTrace(task, du, self._slopes, {}, given[..., 1:], stepped)
+            self.traces.append(trace)
+        if self._plastic is not None:
+            self._plastic.refuse_virgin(task)
+
+    def _clear(
+        self, system: StageSystem, state: ConstructionState, carried: StressState, u: Floats
+    ) -> None:
+        """What is gone or placed anew carries nothing; nodes that are gone forget their motion."""
+        carried.clear(~system.present)
+        for group in state.placed:
+            carried.clear(self._systems.discretization.points_of[group])
+        self._structures.begin(state, carried.members, self._point)
+        u[~system.touched] = 0.0
+
+    def _task(
+        self, number: int, carried: StressState, forces: Floats, thermal: Floats | None = None
+    ) -> StageTask:
+        """A state to be brought to equilibrium.
+
+        ``thermal`` is the normal strain (n_points, 1 + n) of a change of temperature.
+        """
+        system, state = self._systems[number], self._analysis.sequence.states[number]
+        moduli = self._structures.moduli(state, self._point)
+        task = StageTask(
+            number, system, state, self._point, self._ground, carried, forces, moduli, thermal
+        )
+        if thermal is not None:
+            _impose(task, thermal)
+        return task
+
+
+def _last_of(error: CollapseError, before: Floats) -> LastEquilibrium | None:
+    """What was found on the way to a load that is not carried, after displacements (n_dofs,)."""
+    found = error.reached
+    return replace(found, u=before + found.u) if isinstance(found, LastEquilibrium) else None
+
+
+def _unknown(state: int, u: Floats, carried: StressState) -> StageEnd:
+    """A state that is not reached."""
+    still = np.zeros(carried.stress.shape[1], dtype=bool)
+    nan = np.nan
+    return StageEnd(state, u * nan, carried.stress * nan, carried.members * nan, still)
+
+
+def _impose(task: StageTask, thermal: Floats) -> None:
+    """Take E eps_0 from the stress, with the derivatives of eps_0; those of E come later."""
+    moduli = task.elasticity()
+    for material, mine in task.system.points_of.items():
+        normal = thermal[mine]
+        strain = np.zeros((task.carried.stress.shape[0], *normal.shape))
+        strain[:NORMAL_COMPONENTS] = normal
+        task.carried.stress[:, mine, : thermal.shape[1]] -= moduli[material].stress(strain)

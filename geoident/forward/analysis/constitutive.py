@@ -1,0 +1,246 @@
+"""The ground of a stage at its strain points: what it bears at given strains (theory 5).
+
+Materials are elastic, and where one yields its law brings the trial stress to the yield surface. A
+stage asks for the stress, for what flow takes of the potential, for the change of the stiffness and
+for derivatives; and it tells which planes its points reach (`ReachedPlanes`). Nothing else in the
+analysis knows of planes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from geoident.fem.elasticity import Moduli
+from geoident.fem.yielding.law import ReturnStep, YieldLaw
+from geoident.fem.yielding.localisation import may_localise
+from geoident.forward.analysis.stage import StageTask
+from geoident.forward.stages import Index, numbers
+from geoident.forward.yielding.surfaces import YieldLaws
+from geoident.model.arrays import Bools, Floats, Ints
+from geoident.model.yielding import Activity
+
+
+@dataclass(frozen=True)
+class Ground:
+    """The strain points of one material.
+
+    Args:
+        name: of the material.
+        points: which they are.
+        elasticity: E at these points.
+        law: its yield law, or None.
+        hardened: (y, m) multipliers of earlier stages at these points, or None.
+    """
+
+    name: str
+    points: Index
+    elasticity: Moduli
+    law: YieldLaw | None = None
+    hardened: Floats | None = None
+
+    @property
+    def yields(self) -> bool:
+        """Whether it has a yield law."""
+        return self.law is not None
+
+    @property
+    def associated(self) -> bool:
+        """Whether its flow, if it yields, has a potential."""
+        return self.law is None or self.law.associated
+
+    @property
+    def hardens(self) -> bool:
+        """Whether multipliers of earlier stages count."""
+        return self.law is not None and self.law.hardens
+
+    def among(self, points: Ints, n_points: int) -> Ground | None:
+        """Its part among some points (q,), ascending, numbered by them; None where there is none.
+
+        Args:
+            points: (q,) strain points of the mesh.
+            n_points: number of them all.
+        """
+        own = numbers(self.points, n_points)
+        _, mine, here = np.intersect1d(own, points, assume_unique=True, return_indices=True)
+        if not mine.size:
+            return None
+        law = None if self.law is None else self.law.at(mine)
+        hardened = None if self.hardened is None else self.hardened[:, mine]
+        return Ground(self.name, here, self.elasticity.at(mine), law, hardened)
+
+    def bear(self, stress: Floats, strain: Floats, viscosity: float) -> Flow | None:
+        """How it flows at strains of a step; None for a material that does not yield.
+
+        Args:
+            stress: (s, m) before, of all points; afterwards, at its own, what they bear then.
+            strain: (s, m) of the step.
+            viscosity: part of the overstress s* - P(s*) that is kept (`viscous_path`).
+
+        Raises:
+            NoReturn: flow that is not associated leads nowhere.
+            NoProjection: a projection does not end.
+        """
+        mine = self.points
+        trial = stress[:, mine] + self.elasticity.stress(strain[:, mine])
+        if self.law is None:
+            stress[:, mine] = trial
+            return None
+        projection = self.law.project(trial, self.hardened)
+        stress[:, mine] = projection.stress
+        if viscosity > 0.0:
+            stress[:, mine] += viscosity * (trial - projection.stress)
+        return Flow(self, projection, stress.shape[1])
+
+    def limit(self, plane: int, point: int, stress: Floats) -> tuple[str, float]:
+        """Name and distance k, Pa, of a plane.
+
+        Args:
+            plane: its number.
+            point: by place among those of this ground.
+            stress: (s, m) any stress of this ground.
+        """
+        assert self.law is not None
+        distances = -self.law.excess(np.zeros_like(stress))
+        return self.law.planes.names[plane], float(distances[plane, point])
+
+
+def grounds_of(task: StageTask, laws: YieldLaws) -> list[Ground]:
+    """The materials that are there in a stage.
+
+    Args:
+        task: the stage.
+        laws: how they yield at its parameters.
+    """
+    moduli, grounds = task.elasticity(), []
+    for name, points in task.system.points_of.items():
+        law, hardened = laws.at(name, points), None
+        if law is not None and law.hardens:
+            hardened = task.carried.multipliers(name, points, 0)
+        grounds.append(Ground(name, points, moduli[name], law, hardened))
+    return grounds
+
+
+@dataclass(frozen=True, eq=False)
+class Flow:
+    """What a material that yields does at the strains of a step.
+
+    Args:
+        ground: its strain points.
+        projection: of their trial stresses.
+        n_points: number of strain points of the mesh.
+    """
+
+    ground: Ground
+    projection: ReturnStep
+    n_points: int
+
+    @cached_property
+    def points(self) -> Ints:
+        """(q,) the strain points with an active plane, ascending."""
+        return numbers(self.ground.points, self.n_points)[self.projection.yielded]
+
+    @property
+    def multipliers(self) -> Floats:
+        """(q, y) dlam >= 0 of the step at these points."""
+        return self.projection.multipliers
+
+    @property
+    def flowing(self) -> Bools:
+        """(q,) points with a positive multiplier."""
+        return np.asarray((self.multipliers > 0.0).any(axis=1))
+
+    @property
+    def reserve(self) -> Floats:
+        """(q,) what the potential of theory 5 loses against the elastic one, J/m3."""
+        return self.projection.reserve
+
+    def softening(self, viscosity: float) -> Floats:
+        """T E - E (q, s, s): what the consistent tangent differs from the elasticity.
+
+        Args:
+            viscosity: part of the overstress that is kept.
+        """
+        reduction = self.projection.reduction
+        change = (1.0 - viscosity) * (reduction - np.eye(reduction.shape[1]))
+        return np.asarray(change @ self._moduli)
+
+    def may_localise(self) -> Bools:
+        """(q,) points at which shear may go into a band."""
+        return may_localise(self.projection.reduction @ self._moduli)
+
+    @property
+    def _moduli(self) -> Floats:
+        return self.ground.elasticity.matrices(self.projection.yielded)
+
+    def derivatives(
+        self, trial: Floats, before: Floats | None = None, *, of_law: bool, viscosity: float
+    ) -> tuple[Floats, Floats | None]:
+        """Derivatives of stress (s, q, n) and multipliers (y, q, n), as in `ReturnStep`.
+
+        Args:
+            trial: (s, q, n) of the trial stress.
+            before: (y, q, n) of the multipliers of earlier stages; None for zero.
+            of_law: the first columns are by the parameters of the law.
+            viscosity: part of the overstress that is kept.
+        """
+        stress, multipliers = self.projection.derivatives(trial, before, of_law=of_law)
+        if viscosity > 0.0:
+            stress = stress + viscosity * (trial - stress)
+        return stress, multipliers
+
+
+class ReachedPlanes:
+    """Which yield planes the strain points of an analysis reach.
+
+    Args:
+        laws: of all materials that yield, at the parameters of the analysis.
+        stages: names of the stages.
+    """
+
+    def __init__(self, laws: YieldLaws, stages: tuple[str, ...]) -> None:
+        self._planes, self._stages = laws.limits, stages
+        ends = np.cumsum([0, *map(len, self._planes.values())])
+        self._rows = {
+            name: slice(int(first), int(last))
+            for name, first, last in zip(self._planes, ends[:-1], ends[1:], strict=True)
+        }
+        shape = (int(ends[-1]), len(stages))
+        self._points = np.zeros(shape, dtype=np.int64)
+        self._biactive = np.zeros(shape, dtype=np.int64)
+        self._margin = np.full(shape[0], -np.inf)
+
+    def flow(self, state: int, flow: Flow) -> None:
+        """What flows at the end of a state.
+
+        Args:
+            state: index of the state.
+            flow: of one material.
+        """
+        place = self._rows[flow.ground.name], state - 1
+        flowing = (flow.multipliers > 0.0).sum(axis=0)
+        self._points[place] = np.maximum(self._points[place], flowing)
+        self._biactive[place] = flow.projection.biactive.sum(axis=0)
+
+    def reach(self, ground: Ground, stress: Floats) -> Floats:
+        """Note and return the yield functions psi (y, m) at stresses (s, m) of a ground, Pa."""
+        assert ground.law is not None
+        excess = ground.law.excess(stress, ground.hardened)
+        rows = self._rows[ground.name]
+        self._margin[rows] = np.maximum(self._margin[rows], excess.max(axis=1, initial=-np.inf))
+        return excess
+
+    def activity(self) -> Activity:
+        """Which planes were reached, with slopes by all parameters."""
+        distances = np.concatenate([p.distances.columns for p in self._planes.values()])
+        return Activity(
+            planes=tuple(f"{m}: {name}" for m, p in self._planes.items() for name in p.names),
+            stages=self._stages,
+            points=self._points,
+            biactive=self._biactive,
+            distances=distances[:, 0].copy(),
+            reached=distances[:, 0] + self._margin,
+            slopes=distances[:, 1:].copy(),
+        )

@@ -1,0 +1,320 @@
+"""The nonlinear equations of one stage with yielding points, on arrays (theory 5).
+
+They need strain points, weights, grounds (`constitutive`) and a way to factorize; a mesh or a frame
+gives them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+
+from geoident.fem.patches import Patch
+from geoident.fem.solvers.direct import Factor, NotPositiveDefinite
+from geoident.fem.yielding.domain import NoReturn
+from geoident.forward.analysis.constitutive import Flow, Ground
+from geoident.model.arrays import Floats, Ints
+
+ELASTIC_PARTS = (1e-10, 1e-7, 1e-5, 1e-4, 1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3, 1.0)
+"""Parts of the elastic stiffness left in a tangent, by level."""
+
+LARGE = 10_000
+"""Unknowns from which on a factorization costs more than a few places solved by themselves."""
+
+
+class Operators(Protocol):
+    """C and C^T V: `geoident.fem.kinematics.StrainPoints`, or a frame's."""
+
+    @property
+    def n_points(self) -> int:
+        """Number m of strain points."""
+
+    def strain(self, u: Floats) -> Floats:
+        """Strains (s, m, ...) of displacements (n_dofs, ...)."""
+
+    def forces(self, stress: Floats, volume: Floats) -> Floats:
+        """Nodal forces (n_dofs, ...) of stresses (s, m, ...) with weights (m,)."""
+
+
+class Tangents(Protocol):
+    """Makes factors of stiffness matrices."""
+
+    def __call__(self, points: Ints, change: Floats, *, symmetric: bool) -> Factor:
+        """Factor of the elastic K plus changes at some points.
+
+        Args:
+            points: (q,) strain points, ascending.
+            change: (q, s, s) changes of V E there.
+            symmetric: whether they are symmetric matrices.
+        """
+
+
+class Patches(Protocol):
+    """Parts of the ground whose equations are solved by themselves."""
+
+    def around(self, unknowns: Ints, most: int) -> Patch | None:
+        """The patch around unknowns (w,); None where more than a number of them would move."""
+
+    def within(self, patch: Patch) -> Tangents:
+        """What makes factors of the stiffness of a patch."""
+
+
+class NoEquilibrium(ArithmeticError):
+    """The loads of a stage cannot be carried, or no equilibrium was found.
+
+    Args:
+        mechanism: (n_dofs,) how the ground moves, or None.
+        limit: whether it moves without end under this load: no doubt is left.
+        even: the last equilibrium on the path of viscous grounds, of flow without potential;
+            None where there is none.
+    """
+
+    def __init__(
+        self, mechanism: Floats | None, *, limit: bool = False, even: Balance | None = None
+    ) -> None:
+        self.mechanism = mechanism
+        self.limit = limit
+        self.even = even
+        super().__init__("no equilibrium")
+
+
+@dataclass(frozen=True)
+class Trial:
+    """Displacements and what they make.
+
+    Args:
+        du: (n_dofs,) displacement step.
+        stress: (s, m) projected stress.
+        flows: of every ground, None where it does not yield.
+        residual: (n,) r at the unknowns.
+        scale: largest force at work, N.
+    """
+
+    du: Floats
+    stress: Floats
+    flows: tuple[Flow | None, ...]
+    residual: Floats
+    scale: float
+
+    @cached_property
+    def error(self) -> float:
+        """Largest out-of-balance force relative to the forces at work."""
+        worst = float(np.abs(self.residual).max(initial=0.0))
+        return worst / self.scale if self.scale > 0 else worst
+
+
+@dataclass(frozen=True)
+class Balance:
+    """Where Newton's method ended: equilibrium at the end of a stage, if it converged.
+
+    Args:
+        trial: displacements, stresses, flow.
+        factor: of the tangent before the last step, or None if none was made.
+        made_at: where it was made; None where a part of the elastic stiffness was left in it.
+        converged: whether the forces are in balance.
+        viscosity: part of the overstress that is kept (`viscous_path`).
+        unbalanced: part of the change of load that is left, where no more could be done.
+        short: part by which displacements are short of those without viscosity.
+    """
+
+    trial: Trial
+    factor: Factor | None
+    made_at: Trial | None
+    converged: bool = True
+    viscosity: float = 0.0
+    unbalanced: float = 0.0
+    short: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class StageEquations:
+    """The nonlinear equations of one stage.
+
+    Args:
+        operators: C and C^T V.
+        volume: (m,) V, zero at absent points.
+        dofs: (n,) degrees of freedom that are unknown.
+        grounds: materials with their points.
+        stress: (s, m) stress before, of all points.
+        forces: (n_dofs,) f.
+        tangents: makes factors.
+        members: nodal forces (n_dofs,) of linings and bolts at a displacement step, or None.
+        viscosity: part of the overstress s* - P(s*) that is kept (`viscous_path`).
+        patches: parts that can be solved by themselves; None for none.
+    """
+
+    operators: Operators
+    volume: Floats
+    dofs: Ints
+    grounds: Sequence[Ground]
+    stress: Floats
+    forces: Floats
+    tangents: Tangents
+    members: Callable[[Floats], Floats] | None = None
+    viscosity: float = 0.0
+    patches: Patches | None = None
+
+    @property
+    def large(self) -> bool:
+        """Whether a factorization costs more than a few places, or steps, solved by themselves."""
+        return len(self.dofs) >= LARGE
+
+    @cached_property
+    def associated(self) -> bool:
+        """Whether the flow of all materials that yield is associated."""
+        return all(ground.associated for ground in self.grounds)
+
+    def under(self, forces: Floats) -> StageEquations:
+        """The same ground under other forces (n_dofs,)."""
+        return replace(self, forces=forces)
+
+    def viscous(self, part: float) -> StageEquations:
+        """The same of a ground that keeps a part of its overstress."""
+        return replace(self, viscosity=part) if part != self.viscosity else self
+
+    def within(self, patch: Patch, tangents: Tangents, du: Floats) -> StageEquations:
+        """Those of a patch, where all else stays; its displacements are those of its own.
+
+        Args:
+            patch: which unknowns move.
+            tangents: makes factors of their stiffness.
+            du: (n_dofs,) displacement step of all else.
+        """
+        n = self.operators.n_points
+        parts = (ground.among(patch.points, n) for ground in self.grounds)
+        members: Callable[[Floats], Floats] | None = None
+        if self.members is not None:
+            of_all = self.members
+
+            def members(own: Floats) -> Floats:
+                moved = du.copy()
+                moved[patch.dofs] = own
+                return of_all(moved)[patch.dofs]
+
+        return StageEquations(
+            patch,
+            volume=self.volume[patch.points],
+            dofs=patch.places,
+            grounds=[part for part in parts if part is not None],
+            stress=np.ascontiguousarray(self.stress[:, patch.points]),
+            forces=self.forces[patch.dofs],
+            tangents=tangents,
+            members=members,
+        )
+
+    def before(self) -> Floats:
+        """(n_dofs,) forces that hold what is carried into the stage."""
+        internal = self.operators.forces(self.stress, self.volume)
+        return internal if self.members is None else internal + self.members(0.0 * internal)
+
+    @cached_property
+    def _at_work(self) -> float:
+        """Largest force that is given or carried, N.
+
+        Signs at random keep the forces of an element from cancelling those of the next, so that
+        stress in equilibrium with itself counts.
+        """
+        signs = np.random.default_rng(0).choice([-1.0, 1.0], self.stress.shape)
+        alone = self.operators.forces(self.stress * signs, self.volume)
+        return max(float(np.abs(f).max(initial=0.0)) for f in (self.forces, self.before(), alone))
+
+    def at(self, du: Floats) -> Trial:
+        """Stresses and residual at a displacement step (n_dofs,)."""
+        stress = self.stress.copy()
+        strain = self.operators.strain(du)
+        flows = [self._flow(ground, stress, strain) for ground in self.grounds]
+        internal = self.operators.forces(stress, self.volume)
+        if self.members is not None:
+            internal = internal + self.members(du)
+        scale = max(np.abs(internal).max(initial=0.0), self._at_work)
+        rest = (self.forces - internal)[self.dofs]
+        return Trial(du, stress, tuple(flows), rest, float(scale))
+
+    def _flow(self, ground: Ground, stress: Floats, strain: Floats) -> Flow | None:
+        """How one material flows; its stress in place."""
+        try:
+            return ground.bear(stress, strain, self.viscosity)
+        except NoReturn as error:
+            raise NoEquilibrium(None) from error
+
+    def elastic_forces(self, free: Floats) -> Floats:
+        """K x (n,) of displacements x (n,) of the unknowns where nothing yields, N."""
+        du = self.spread(free)
+        strain, stress = self.operators.strain(du), np.zeros_like(self.stress)
+        for ground in self.grounds:
+            stress[:, ground.points] = ground.elasticity.stress(strain[:, ground.points])
+        forces = self.operators.forces(stress, self.volume)
+        if self.members is not None:
+            forces = forces + self.members(du) - self.members(0.0 * du)
+        return np.asarray(forces[self.dofs])
+
+    def distance(self, trial: Trial) -> float:
+        """How far displacements are from equilibrium, to compare them: Pi, or else the residual.
+
+        Pi counts all stresses, the residual the worst node: of two guesses the one of lower Pi
+        takes fewer steps, by a third near the solution.
+        """
+        if not self.associated:
+            return trial.error
+        strain = self.operators.strain(trial.du)
+        energy = -float(self.forces @ trial.du)
+        if self.members is not None:
+            ends = self.members(0.0 * trial.du) + self.members(trial.du)
+            energy += 0.5 * float(ends @ trial.du)
+        for ground, flow in zip(self.grounds, trial.flows, strict=True):
+            mine = ground.points
+            stress = self.stress[:, mine] + 0.5 * ground.elasticity.stress(strain[:, mine])
+            energy += float(self.volume[mine] @ (stress * strain[:, mine]).sum(axis=0))
+            if flow is not None:
+                energy -= float(self.volume[flow.points] @ flow.reserve)
+        return energy
+
+    def factor(self, trial: Trial, *, least: int = 0) -> tuple[Factor, int]:
+        """Factor of the consistent tangent, and the level of `ELASTIC_PARTS` it needed.
+
+        Without a potential, where pivots need not be positive, level 0 leaves nothing of the
+        elastic stiffness: eigenvalues may be so small that it would be seen in derivatives.
+        """
+        points, change = self.changes(trial)
+        for level in range(least, len(ELASTIC_PARTS)):
+            left = ELASTIC_PARTS[level] if level or self.associated else 0.0
+            part = (1.0 - left) * change
+            try:
+                return self.tangents(points, part, symmetric=self.associated), level
+            except NotPositiveDefinite:
+                if level == len(ELASTIC_PARTS) - 1 or not len(points):
+                    raise
+        raise AssertionError
+
+    def flowing(self, trial: Trial) -> list[Flow]:
+        """What yields somewhere."""
+        return [flow for flow in trial.flows if flow is not None and flow.points.size]
+
+    def changes(self, trial: Trial) -> tuple[Ints, Floats]:
+        """Points (q,) that yield, ascending, and (T E - E) V (q, s, s) there."""
+        points, changes = [np.empty(0, dtype=np.int64)], []
+        for flow in self.flowing(trial):
+            points.append(flow.points)
+            weights = self.volume[flow.points][:, None, None]
+            changes.append(flow.softening(self.viscosity) * weights)
+        joined = np.concatenate(points)
+        if not changes:
+            s = self.stress.shape[0]
+            return joined, np.empty((0, s, s))
+        order = np.argsort(joined, kind="stable")
+        return joined[order], np.concatenate(changes)[order]
+
+    def localising(self, trial: Trial) -> float:
+        """The part of the strain points that yield at which shear may go into a band."""
+        found = [flow.may_localise() for flow in self.flowing(trial)]
+        return float(np.concatenate(found).mean()) if found else 0.0
+
+    def spread(self, free: Floats) -> Floats:
+        """(n_dofs,) displacements of values (n,) at the unknowns."""
+        full = np.zeros(self.forces.shape[0])
+        full[self.dofs] = free
+        return full

@@ -1,0 +1,57 @@
+"""Factors of the tangents of one stage and parameter vector, on the whole mesh or on a patch."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import scipy.sparse as sp
+
+from geoident.fem.elasticity import Moduli
+from geoident.fem.patches import Patch, PatchTangents, patch_around
+from geoident.fem.solvers.direct import Factor
+from geoident.fem.solvers.splu import general_factor
+from geoident.forward.analysis.stage import StageTask
+from geoident.forward.analysis.systems import StageSystems
+from geoident.model.arrays import Floats, Ints
+
+
+class StageTangents:
+    """Tangents of one stage and parameter vector.
+
+    Args:
+        systems: the equations of the stages.
+        task: the stage.
+        moduli: E of its materials, Pa.
+    """
+
+    def __init__(
+        self, systems: StageSystems, task: StageTask, moduli: Mapping[str, Moduli]
+    ) -> None:
+        self._systems, self._system = systems, task.system
+        self._elastic = systems.values(task.system, task.state, moduli, task.point.values)
+
+    def __call__(self, points: Ints, change: Floats, *, symmetric: bool) -> Factor:
+        """Factor of K plus changes (q, s, s) of V E at some points (q,)."""
+        values = self._elastic
+        if len(points):
+            tangents = self._systems.tangents(self._system)
+            below, above = tangents.added(points, change, symmetric=symmetric)
+            if not symmetric:
+                counts = self._systems.solver_counts
+                lower = self._system.pattern.lower
+                return general_factor(lower, values + below, values + above, counts)
+            values = values + below
+        analysis = self._systems.analysis(self._system)
+        assert analysis is not None
+        return analysis.factorize(values)
+
+    def around(self, unknowns: Ints, most: int) -> Patch | None:
+        """The patch around unknowns (w,); None where more than a number of them would move."""
+        system, points = self._system, self._systems.discretization.points
+        return patch_around(points, system.present, system.dofs, unknowns, most)
+
+    def within(self, patch: Patch) -> PatchTangents:
+        """What makes factors of the stiffness of a patch."""
+        lower, mine = self._system.pattern.lower, patch.unknowns
+        whole = sp.csc_array((self._elastic, lower.indices, lower.indptr), shape=(lower.n, lower.n))
+        return PatchTangents(patch, sp.csc_array(whole[:, mine][mine]))

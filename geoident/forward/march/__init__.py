@@ -1,1 +1,0 @@
-"""The march through the stages: equations, equilibrium and derivatives."""

@@ -1,0 +1,40 @@
+"""What of a case its model elsewhere refers to."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from geoident.io.text.faults import Faults
+from geoident.model.case import KeyPath
+from geoident.model.gauges import Channel
+from geoident.model.parameter import Parameter
+
+FindFile = Callable[[str, KeyPath], str]
+"""Path of a file that the case names at a key; notes a fault if it is not there."""
+
+
+@dataclass(frozen=True)
+class ModelContext:
+    """What of a case its model elsewhere refers to.
+
+    Args:
+        parameters: by name.
+        channels: in their order.
+        stages: names in their order.
+        tied: names of the parameters that gauges use.
+        folder: of the case.
+        find: finds files.
+        faults: is told what is wrong.
+        dates: stage to the date of its end, seconds since 1970, where dates are given.
+    """
+
+    parameters: Mapping[str, Parameter]
+    channels: Sequence[Channel]
+    stages: Sequence[str]
+    tied: frozenset[str]
+    folder: Path
+    find: FindFile
+    faults: Faults
+    dates: Mapping[str, float] = field(default_factory=dict)
