@@ -112,7 +112,7 @@ def test_sheet_header_rows_units_range_and_blanks_are_declared(read):
     book = workbook(rows, sheet="March", at="C3", merged=["D4:E4"])
     book.create_sheet("Notes")
     case = read(
-        DATES + "{file: r.xlsx, layout: wide, sheet: Analysis, range: 'C3:G9', header_row: 4,\n"
+        DATES + "{file: r.xlsx, layout: wide, sheet: March, range: 'C3:G9', header_row: 4,\n"
         "  header_rows: 2, unit_row: true, data_row: 8, blank: [n/a, '---'],\n"
         "  columns: {date: Date}, channels: {EX1.a5: Extensometer a5, CV1: Tape CV1}}",
         book,
