@@ -1,8 +1,8 @@
-"""Where a prior contradicts the readings, and which parameters these tie to each other.
+"""Priors that contradict the readings, and pairs of strongly correlated parameters.
 
-Each prior is left out in turn (theory 6.6): how far its mean then lies from what all the rest says,
-in the standard deviation of that distance, is a standard normal number where prior, errors and
-model are right.
+Each prior is left out in turn (theory 6.6). The distance of its mean from the estimate without it,
+divided by the standard deviation of that distance, is a standard normal number where prior, errors
+and model are right.
 """
 
 from __future__ import annotations
@@ -19,18 +19,18 @@ from geoident.model.results.bands import NORMAL_95
 from geoident.units import in_unit, shown_unit
 
 FALSE_ALARMS = 0.05
-"""Part of the fits with right priors in which one of them is said to contradict the readings."""
+"""Part of the fits with right priors in which one of them is reported as contradicting."""
 
 TIED = 0.95
-"""Size of a correlation from which on two parameters are said to be tied to each other."""
+"""Size of a correlation from which on two parameters are reported as strongly correlated."""
 
-_SEEN = 1e-6
-"""Part of the variance of a prior that the rest must leave, for the distance to mean something."""
+_LEAST_VARIANCE_LEFT = 1e-6
+"""Of 1 - h: below it only this prior determines the parameter, and the distance is 0 / 0."""
 
 
 @dataclass(frozen=True)
 class PriorConflict:
-    """A prior that is far from what all the rest says.
+    """A prior that is far from the estimate without it.
 
     Args:
         parameter: number of the parameter.
@@ -48,70 +48,70 @@ class PriorConflict:
 def prior_conflicts(
     x: Floats, rows: Floats, residuals: Floats, covariance: Floats, named: Bools
 ) -> tuple[PriorConflict, ...]:
-    """The priors that contradict all the rest, the farthest first.
+    """The priors that contradict readings and other priors, the farthest first.
 
     Args:
         x: (n,) the estimate, scaled.
         rows: (k, n) of the priors, by x.
         residuals: (k,) of the priors at the estimate.
         covariance: (n, n) of x; zero rows for what a bound holds.
-        named: (n,) parameters whose priors people have written.
+        named: (n,) parameters of the case; modes of fields are not judged.
     """
     of = [int(np.argmax(np.abs(row))) for row in rows]
     judged = [k for k, i in enumerate(of) if named[i] and covariance[i, i] > 0.0]
     if not judged:
         return ()
     limit = -float(ndtri(0.5 * FALSE_ALARMS / len(judged)))
-    found = []
+    conflicts = []
     for k in judged:
         moved = covariance @ rows[k]
         left = 1.0 - float(rows[k] @ moved)  # 1 - h: what the rest leaves of the variance
-        if left < _SEEN:
+        if left < _LEAST_VARIANCE_LEFT:
             continue
         distance = float(residuals[k]) / np.sqrt(left)
         if abs(distance) > limit:
             i = of[k]
             without = float(x[i] + moved[i] * residuals[k] / left)
             sd = np.sqrt(covariance[i, i] + moved[i] ** 2 / left)
-            found.append(PriorConflict(i, float(distance), without, float(sd)))
-    return tuple(sorted(found, key=lambda one: -abs(one.distance)))
+            conflicts.append(PriorConflict(i, float(distance), without, float(sd)))
+    return tuple(sorted(conflicts, key=lambda one: -abs(one.distance)))
 
 
 def conflict_sentences(
-    found: Sequence[PriorConflict], parameters: Sequence[Parameter], reference: Floats
+    conflicts: Sequence[PriorConflict], parameters: Sequence[Parameter], reference: Floats
 ) -> tuple[str, ...]:
-    """What is said of priors that contradict the readings.
+    """One sentence for each prior that contradicts the readings.
 
     Args:
-        found: the conflicts.
+        conflicts: the priors and their distances.
         parameters: the n unknowns.
         reference: (n,) by which linear parameters are divided in x.
     """
-    return tuple(_conflict(one, parameters[one.parameter], reference) for one in found)
+    return tuple(_conflict(one, parameters[one.parameter], reference) for one in conflicts)
 
 
-def _conflict(found: PriorConflict, parameter: Parameter, reference: Floats) -> str:
+def _conflict(conflict: PriorConflict, parameter: Parameter, reference: Floats) -> str:
     prior = parameter.prior
     assert prior is not None
-    size = 1.0 if parameter.scale == "log" else float(reference[found.parameter])
-    ends = [found.x + step * NORMAL_95 * found.sd_x for step in (0.0, -1.0, 1.0)]
+    size = 1.0 if parameter.scale == "log" else float(reference[conflict.parameter])
+    ends = [conflict.x + step * NORMAL_95 * conflict.sd_x for step in (0.0, -1.0, 1.0)]
     natural = [float(np.exp(x)) if parameter.scale == "log" else size * x for x in ends]
     unit = parameter.unit, parameter.dimension
     value, low, high = (f"{in_unit(number, *unit):.3g}" for number in natural)
     mean, sd = (f"{in_unit(number, *unit):.3g}" for number in (prior.mean, prior.sd))
     word = shown_unit(*unit)
-    chance = 2.0 * float(ndtr(-abs(found.distance)))
+    chance = 2.0 * float(ndtr(-abs(conflict.distance)))
     return (
         f"The prior of {parameter.name} ({mean} +- {sd} {word}".rstrip()
         + f") contradicts the readings: without it they give {value} {word}".rstrip()
-        + f" (95 %: {low} to {high}), {abs(found.distance):.1f} standard deviations from it, which "
-        f"chance makes in {_one_of(chance)} fits. The result lies between the two: one of prior, "
-        "accuracies and model is wrong."
+        + f" (95 %: {low} to {high}), {abs(conflict.distance):.1f} standard deviations from it. By "
+        f"chance this happens in {_one_of(chance)} fits. The result lies between the two: prior, "
+        "accuracies or model are wrong."
     )
 
 
 def _one_of(chance: float) -> str:
-    """A chance in words.
+    """A probability in words.
 
     >>> _one_of(0.0124), _one_of(1e-9)
     ('1 of 81', 'less than 1 of 10 000')
@@ -120,31 +120,33 @@ def _one_of(chance: float) -> str:
 
 
 def tied_sentences(
-    parameters: Sequence[Parameter], correlation: Floats, said: Sequence[str]
+    parameters: Sequence[Parameter], correlation: Floats, inseparable: Sequence[str]
 ) -> Iterator[str]:
-    """Pairs of parameters that the readings hardly tell apart, though each has its interval.
+    """A sentence for each strongly correlated pair of parameters.
 
     Args:
         parameters: the k that the case names.
         correlation: (k, k) NaN where they are not determined.
-        said: sentences before, which name what cannot be separated at all.
+        inseparable: sentences on parameters that cannot be separated at all, which are not repeated.
     """
     for i, one in enumerate(parameters):
         for j in range(i + 1, len(parameters)):
             other, size = parameters[j], float(correlation[i, j])
-            if not abs(size) >= TIED or _together(one.name, other.name, said):
+            if not abs(size) >= TIED or _in_one_sentence(one.name, other.name, inseparable):
                 continue
             how = (
                 "both larger or both smaller" if size > 0.0 else "one larger and the other smaller"
             )
             yield (
-                f"The readings tie {one.name} and {other.name} to each other (correlation "
-                f"{size:.2f}): {how}, they would be met nearly as well. What is known of one from "
-                "elsewhere, as a prior, would narrow both."
+                f"{one.name} and {other.name} are strongly correlated ({size:.2f}): with {how}, the "
+                "readings would be fitted nearly as well. A prior on one of them would narrow "
+                "both."
             )
 
 
-def _together(one: str, other: str, said: Sequence[str]) -> bool:
-    head = [text.partition(":")[0] for text in said if text.startswith("The readings cannot sepa")]
+def _in_one_sentence(one: str, other: str, sentences: Sequence[str]) -> bool:
+    head = [
+        text.partition(":")[0] for text in sentences if text.startswith("The readings cannot sepa")
+    ]
     words = [text.replace(",", " ").split() for text in head]
     return any(one in named and other in named for named in words)

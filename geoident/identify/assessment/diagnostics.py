@@ -1,10 +1,10 @@
-"""How each reading bears on the answer: residuals, leverage, influence (Cook & Weisberg 1982).
+"""How each reading affects the estimate: residuals, leverage, influence (Cook & Weisberg 1982).
 
 At the estimate, with the weights w of the loss, the weighted rows B = sqrt(w)/s J (dp/dx) of the
 readings and the covariance C of the parameters x (readings and priors, bounds held fixed),
 
     standardized  e   = (v* - v) / s
-    leverage      H   = B C B^T ,  h_i its diagonal: 0 does not bear, 1 decides alone
+    leverage      H   = B C B^T ,  h_i its diagonal: 0 has no influence, 1 decides alone
     studentized   t_i = e_i / sqrt(1 - h_i) :  the residual in its own standard deviation
     influence     D_I = C B_I^T (1 - H_II)^-1 sqrt(w) e_I  in standard deviations of x   (DFBETAS)
     distance          = D_I^T C^+ D_I / n                                       (Cook's distance)
@@ -18,7 +18,7 @@ A reading without which some parameter would have no information has h = 1: its 
 nothing and its t is NaN, its influence infinite.
 
 **Readings that share errors** (theory 7). With the covariance under the loss, S = diag(s^2/w) +
-B B^T, and P = S^-1 - S^-1 J C J^T S^-1, each reading is judged by what the others let expect,
+B B^T, and P = S^-1 - S^-1 J C J^T S^-1, each reading is compared with its expectation given the others,
 
     standardized  e_i = d_i / sqrt(s_i^2 + var_i)      d_i = (S^-1 (v* - v))_i / (S^-1)_ii
     leverage      h_i = 1 - P_ii / (S^-1)_ii
@@ -49,7 +49,7 @@ ALONE = 1.0 - 1e-9
 
 @dataclass(frozen=True)
 class ReadingInfluence:
-    """How each of g readings bears on the answer, for n parameters.
+    """How each of g readings affects the estimate of n parameters.
 
     Args:
         standardized: (g,) e.
@@ -132,12 +132,12 @@ def _diagnose_correlated(
     pull = covariance.solve(jacobian * assessment.slope)
     force, own = covariance.solve(gap), covariance.inverse_diagonal
     left = np.maximum(own - np.einsum("gi,ij,gj->g", pull, C, pull), 0.0) / own
-    # errors of a set, given those of all others, weigh what it tells
+    # rows of a set are weighted by the covariance of its errors given all others
     moved = np.column_stack([pull, force]) / own[:, None]
     for rows in _members(sets):
         if len(rows) > 1:
-            told = np.column_stack([pull[rows], force[rows]])
-            moved[rows] = covariance.without_others(rows, told)
+            of_set = np.column_stack([pull[rows], force[rows]])
+            moved[rows] = covariance.without_others(rows, of_set)
     influence, distance = _removed(pull, moved, sets, C)
     e = force / own / np.sqrt(1.0 / own + problem.sd**2 - weighted.sd**2)
     spare = np.where(left > 1.0 - ALONE, left, np.nan)
@@ -178,7 +178,7 @@ def _removed(pull: Floats, moved: Floats, sets: Ints, C: Floats) -> tuple[Floats
     order = np.argsort(sets, kind="stable")
     begins = np.flatnonzero(np.diff(sets[order], prepend=-1))
     change, distance = np.zeros((len(begins), n)), np.zeros(len(begins))
-    some = max(1, _TOGETHER // max(1, n) ** 2)
+    some = max(1, _ENTRIES_AT_ONCE // max(1, n) ** 2)
     for slab in np.split(np.arange(len(begins)), np.arange(some, len(begins), some)):
         if not len(slab):
             continue
@@ -187,21 +187,24 @@ def _removed(pull: Floats, moved: Floats, sets: Ints, C: Floats) -> tuple[Floats
         both = np.add.reduceat(
             pull[rows][:, :, None] * moved[rows][:, None, :], begins[slab] - begins[slab[0]]
         )
-        squares, told = both[:, :, :-1], both[:, :, -1]
+        squares, gradient = both[:, :, :-1], both[:, :, -1]
         H = F.T @ squares @ F
         alone = np.linalg.eigvalsh(H).max(axis=1, initial=0.0) >= ALONE
-        step = np.zeros_like(told)
+        step = np.zeros_like(gradient)
         spare = np.eye(n) - H[~alone]
-        step[~alone] = np.linalg.solve(spare, (told[~alone] @ F)[:, :, None])[:, :, 0]
-        found = np.divide(step @ F.T, sd, out=np.zeros_like(told), where=sd > 0.0)
+        step[~alone] = np.linalg.solve(spare, (gradient[~alone] @ F)[:, :, None])[:, :, 0]
+        shift = np.divide(step @ F.T, sd, out=np.zeros_like(gradient), where=sd > 0.0)
         reached = np.einsum("ij,sjk,ki->si", C, squares[alone], C)
-        seen = np.sqrt(np.maximum(reached, 0.0)) > 1e-9 * sd
-        found[alone] = np.where(seen, np.inf, 0.0)
-        change[slab] = found
+        seen = np.sqrt(np.maximum(reached, 0.0)) > _UNMOVED * sd
+        shift[alone] = np.where(seen, np.inf, 0.0)
+        change[slab] = shift
         distance[slab] = np.sum(step**2, axis=1) / max(1, int(np.count_nonzero(sd)))
         distance[slab[alone]] = np.inf
     return change[sets], distance[sets]
 
 
-_TOGETHER = 1_000_000
-"""Entries of the matrices of sets that are made at once."""
+_ENTRIES_AT_ONCE = 1_000_000
+"""Entries of the (n, n) matrices of sets that are made at once: 8 MB."""
+
+_UNMOVED = 1e-9
+"""Effect of a set on a parameter, in its standard deviations, that is rounding."""

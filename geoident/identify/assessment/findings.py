@@ -30,10 +30,10 @@ SIMILAR = 0.05
 
 
 LEANING = 0.5
-"""Share of a parameter's variance that comes from the prior of another from which it is said."""
+"""Share of a parameter's variance that comes from the prior of another from which on the sentence says so."""
 
 PAIR_HALF_WIDTH = 0.5
-"""A ratio or product is worth saying if its logarithm is known to this half width."""
+"""A ratio or product is reported if its logarithm is known to this half width."""
 
 
 @dataclass(frozen=True)
@@ -123,7 +123,7 @@ def join(names: Sequence[str], last: str = "and") -> str:
 
 @dataclass(frozen=True)
 class Knowledge:
-    """What the singular values say.
+    """What the singular values tell of the n parameters.
 
     Args:
         parameters: the n unknowns.
@@ -163,17 +163,17 @@ def describe_gaps(known: Knowledge, covariance: Floats) -> tuple[str, ...]:
     """All findings at an estimate.
 
     Args:
-        known: what the singular values say.
+        known: the singular directions, and which parameters are on bounds or known from priors.
         covariance: (n, n) SI, the undetermined directions as far as the bounds allow.
     """
     gaps = known.whole.undetermined_vectors
     remaining = list(known.directions(gaps))
     held = list(known.directions(without(known.readings.undetermined_vectors, gaps)))
-    said = {d.indices[0] for d in remaining + held if d.single}
+    reported = {d.indices[0] for d in remaining + held if d.single}
     return (
         *(_gap(d, _determined_pair(known, d, covariance)) for d in remaining),
         *(_held(known, d, _determined_pair(known, d, covariance)) for d in held),
-        *_prior_only(known, said),
+        *_prior_only(known, reported),
         *_bounds(known),
     )
 
@@ -225,10 +225,10 @@ def _log_sd(values: Floats, covariance: Floats, pair: tuple[int, int], sign: flo
     return float(np.sqrt(max(variance, 0.0)))
 
 
-def _prior_only(known: Knowledge, said: set[int]) -> Iterator[str]:
+def _prior_only(known: Knowledge, reported: set[int]) -> Iterator[str]:
     """Parameters that hardly gained from the readings."""
     for i, parameter in enumerate(known.parameters):
-        if known.from_prior[i] and i not in said:
+        if known.from_prior[i] and i not in reported:
             leaning = _leaning_on(known, i)
             also = f" The results for {join(leaning)} rest mainly on that prior." if leaning else ""
             yield (
@@ -261,7 +261,7 @@ def _bounds(known: Knowledge) -> Iterator[str]:
             low = known.values[i] - parameter.lower < parameter.upper - known.values[i]
             side, way, more = ("lower", "above", "less") if low else ("upper", "below", "more")
             yield (
-                f"{parameter.name} lies on its {side} bound: the readings tell how far {way} it "
-                f"the ground may be, not that it ends there. If the ground may have {more}, widen "
-                "the bound."
+                f"{parameter.name} lies on its {side} bound: the readings limit how far {way} it "
+                f"the value may be, but the bound itself is an assumption. If the ground may have "
+                f"{more}, widen the bound."
             )

@@ -1,6 +1,6 @@
 """How much of the posterior a minimum holds, and how well a model explains readings (theory 12).
 
-Around a minimum x_0 with residuals r and Jacobian J in the scaled parameters (see `discrepancy`),
+Around a minimum x_0 with residuals r and Jacobian J in the scaled parameters (see `problem.problem`),
 phi is that of the linearised model, and the parameters stay within their bounds:
 
     M = integral over the bounds of exp(-|r + J (x - x_0)|^2 / 2) dx
@@ -44,7 +44,7 @@ FLAT = 100.0
 """Standard deviation R, in ranges: wide enough to change no density between the bounds by more than
 a ten-thousandth, narrow enough to make the curvature invertible."""
 
-_LOG_2PI = float(np.log(2.0 * np.pi))
+_LOG_2PI = float(np.log(2.0 * np.pi))  # of normal densities
 
 
 @dataclass(frozen=True)

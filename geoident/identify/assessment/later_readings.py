@@ -1,4 +1,4 @@
-"""Later readings, given those that were used: what both share of their errors is known in part.
+"""Later readings, given those that were used: the errors that both share are known in part.
 
 With Sigma the covariance of the used readings, J their Jacobian and C that of later readings with
 used ones (the error of a zero, for instance, is in all of them), the best prediction of later
@@ -99,8 +99,8 @@ def simulated_readings(
 
     Args:
         problem: the used readings, with their own standard deviations as the loss leaves them.
-        answers: (k, g) what the model says of the used readings at each draw, SI.
-        later_answers: (k, m) what it says of the later ones.
+        answers: (k, g) the model's used readings at each draw, SI.
+        later_answers: (k, m) the model's later readings.
         later: the errors of the later readings, with the shared errors of the used ones.
         rng: of random numbers.
     """

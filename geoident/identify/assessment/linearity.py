@@ -1,7 +1,7 @@
-"""Whether the model is linear enough for the intervals that are said (theory 6.7).
+"""Whether the model is linear enough for the reported intervals (theory 6.7).
 
 The ends of a 95 % interval are where phi is 3.84 above its minimum if the model is linear. Where
-the least known parameter is known so badly that it need not be, the model is asked at both ends.
+the least known parameter has a wide interval, the model is evaluated at both of its ends.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ UNCERTAIN = 0.15
 A reading that is inversely proportional to a parameter deviates by 15 % of its change there."""
 
 OFF = 1.2
-"""Factor between the end of an interval and where it should be from which on it is said."""
+"""Factor between the end of an interval and where it should be from which on it is reported."""
 
 
 @dataclass(frozen=True)
 class IntervalEnds:
-    """What the model says of the ends of an interval.
+    """Growth of phi at the ends of an interval.
 
     Args:
         parameter: its number.
@@ -49,7 +49,7 @@ class IntervalEnds:
 def interval_ends(problem: Problem, assessment: Assessment, values: Floats) -> IntervalEnds | None:
     """Phi at the ends of the interval of the least known parameter; the others follow it.
 
-    None where that is known well enough, where a bound is near (`open_path` asks there), and with
+    None where that is known well enough, where a bound is near (`profile_path` evaluates the model there), and with
     robust losses, which are not quadratic anyway.
 
     Args:
@@ -59,9 +59,11 @@ def interval_ends(problem: Problem, assessment: Assessment, values: Floats) -> I
     """
     if not isinstance(problem.loss, SquaredOptions) or assessment.at_bound.any():
         return None
-    asked = assessment.determined & ~assessment.beyond_bounds & (values != 0.0)
-    asked &= np.array([not q.field for q in problem.parameters], dtype=np.bool_)
-    relative = np.where(asked, assessment.sd, 0.0) / np.where(values != 0.0, np.abs(values), 1.0)
+    candidates = assessment.determined & ~assessment.beyond_bounds & (values != 0.0)
+    candidates &= np.array([not q.field for q in problem.parameters], dtype=np.bool_)
+    relative = np.where(candidates, assessment.sd, 0.0) / np.where(
+        values != 0.0, np.abs(values), 1.0
+    )
     if not len(values) or not relative.max() > UNCERTAIN:
         return None
     i = int(np.argmax(relative))

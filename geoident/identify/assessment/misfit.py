@@ -36,20 +36,25 @@ LEFT_OUT = 0.2
 """Part of the readings that a robust loss may disregard."""
 
 _FEWEST, _DRAWS = 200, 2000
+"""Repetitions: 2000 give the mean of four squares within 2 %; of more than 10,000 readings, whose
+mean square scatters less, 200 give it within 0.1 %."""
+
 _ENTRIES = 20_000_000
-"""Of all repetitions together; with more readings there are fewer of them."""
+"""Numbers of all repetitions together; with more readings there are fewer of them."""
 
 _TOGETHER = 2_000_000
+"""Numbers of repetitions that are made at once: 16 MB."""
+
 _ZERO = 1e-10
 """Singular values below this part of the largest are no directions."""
 
 _LEAST = 0.5
-"""Degrees of freedom below which nothing can be said."""
+"""Degrees of freedom below which the residuals are not judged."""
 
 
 @dataclass(frozen=True)
 class Misfit:
-    """Squares of the residuals, and what the errors let expect of them.
+    """Squares of the residuals, and their distribution if the errors are as stated.
 
     Args:
         squares: sum over the readings that count.
@@ -115,9 +120,9 @@ def _judged(squares: float, mean: float, spread: float) -> Misfit:
     return Misfit(squares, mean, freedom, float(chdtrc(freedom, x)), float(chdtr(freedom, x)))
 
 
-def limit(found: Misfit, probability: float) -> float:
+def limit(judged: Misfit, probability: float) -> float:
     """The scale that chance exceeds with a probability."""
-    return float(np.sqrt(chdtri(found.freedom, probability) / found.freedom))
+    return float(np.sqrt(chdtri(judged.freedom, probability) / judged.freedom))
 
 
 def _total_sd(problem: Problem) -> Floats:

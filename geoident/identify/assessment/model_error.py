@@ -82,13 +82,13 @@ def _factor_prior() -> Floats:
 
 def _zero_prior() -> Floats:
     """(z,) of `ZEROS`; their sum is one."""
-    found = np.exp(-0.5 * (ZEROS / ZERO_SD) ** 2) * np.gradient(ZEROS)
-    return np.asarray(found / found.sum())
+    density = np.exp(-0.5 * (ZEROS / ZERO_SD) ** 2) * np.gradient(ZEROS)
+    return np.asarray(density / density.sum())
 
 
 @dataclass(frozen=True)
 class SizeWeights:
-    """What the residuals say of the size of the model error, and of the errors of the gauges.
+    """Probabilities of the size of the model error, and of the errors of the gauges.
 
     Args:
         joint: (m, f, z) of `SIZES`, `FACTORS` and `ZEROS`, with the priors; their sum is one. f and
@@ -172,8 +172,8 @@ def weigh_sizes(likelihood: Likelihood, start: Floats) -> SizeWeights:
     """
     values, t = np.empty((len(SIZES), 1, 1)), start
     for m, eta in enumerate(SIZES.tolist()):
-        t, found = likeliest_factors(_held(likelihood, eta), t)
-        values[m] = found.value
+        t, terms = likeliest_factors(_held(likelihood, eta), t)
+        values[m] = terms.value
     prior = np.ones((1, 1))
     joint = _weights(values, prior)
     size = mean_size(joint[:, 0, 0])
@@ -193,7 +193,7 @@ def weigh_all(
         likelihood: of all errors of the gauges as stated, without model error.
         columns: (g, r) of the model error at eta = 1, SI.
         zeros: (g, k) errors of zeros as large as the accuracies; None where they are known.
-        free: whether scatter and zeros may be other than stated; else they are looked at, no more.
+        free: whether scatter and zeros may be other than stated; else they are as stated.
     """
     sizes = ZEROS if zeros is not None else ZEROS[:1]
     sums = _Sums(likelihood, columns, zeros)
@@ -207,9 +207,9 @@ def weigh_all(
     joint = _weights(values, prior)
     empty = np.zeros(0)
     unknown = VarianceComponents(empty, np.zeros((0, 0)), empty, empty, np.nan)
-    found = SizeWeights(joint, values, prior, unknown)
-    factor, zero = np.array([found.factor]), found.zero
-    used = _Spectrum(sums, zero).values(np.array([found.size]), factor)
+    weights = SizeWeights(joint, values, prior, unknown)
+    factor, zero = np.array([weights.factor]), weights.zero
+    used = _Spectrum(sums, zero).values(np.array([weights.size]), factor)
     roots = [*factor, factor[0] * max(zero, _NOTHING)][: len(sizes[:2])] if free else []
     t = 2.0 * np.log(np.array(roots))
     at_used = VarianceComponents(t, np.zeros((len(t), len(t))), t, t, float(used[0, 0]))
@@ -280,7 +280,7 @@ class _Sums:
         gauges = stated if zeros is None else sp.csr_array(sp.hstack([stated, zeros]))
         self._of_zero = np.arange(gauges.shape[1]) >= stated.shape[1]
         blocks, self._wide = SharedErrors(sp.csr_array(gauges)).parts
-        jacobian, self.given, prior = _seen(likelihood)
+        jacobian, self.given, prior = _without_unseen(likelihood)
         self.modes = columns.shape[1]
         own = 1.0 / structure.sd
         F = np.hstack([
@@ -313,21 +313,21 @@ class _Sums:
             directions that no reading sees.
         """
         size = np.where(self._of_zero, zero, 1.0)
-        found, log_root = self._whole.copy(), 0.0
+        product, log_root = self._whole.copy(), 0.0
         for shared, squares, mixed in self._blocks:
             scale = size[shared]
             A = np.eye(shared.shape[1]) + scale[:, :, None] * squares * scale[:, None, :]
             L = np.linalg.cholesky(A)
-            less = (np.linalg.inv(L) @ (scale[:, :, None] * mixed)).reshape(-1, len(found))
-            found -= less.T @ less
+            less = (np.linalg.inv(L) @ (scale[:, :, None] * mixed)).reshape(-1, len(product))
+            product -= less.T @ less
             log_root += float(np.log(np.diagonal(L, axis1=1, axis2=2)).sum())
         w, scale = len(self._wide), size[self._wide]
-        found[:w] *= scale[:, None]
-        found[:, :w] *= scale
-        L = np.linalg.cholesky(np.eye(w) + found[:w, :w])
-        less = solve_triangular(L, found[:w, w:], lower=True)
+        product[:w] *= scale[:, None]
+        product[:, :w] *= scale
+        L = np.linalg.cholesky(np.eye(w) + product[:w, :w])
+        less = solve_triangular(L, product[:w, w:], lower=True)
         log_root += float(np.log(np.diag(L)).sum())
-        return found[w:, w:] - less.T @ less, self._constant + 2.0 * log_root
+        return product[w:, w:] - less.T @ less, self._constant + 2.0 * log_root
 
 
 class _Spectrum:
@@ -339,19 +339,19 @@ class _Spectrum:
     """
 
     def __init__(self, sums: _Sums, zero: float) -> None:
-        found, self._constant = sums.at(zero)
+        product, self._constant = sums.at(zero)
         r = sums.modes
-        value, vectors = np.linalg.eigh(found[:r, :r])
+        value, vectors = np.linalg.eigh(product[:r, :r])
         kept = value > _NO_MODE * value.max(initial=0.0)
         self._lambda = value[kept]
-        self._along = (vectors[:, kept].T @ found[:r, r:]) / np.sqrt(self._lambda)[:, None]
-        self._across = found[r:, r:] - self._along.T @ self._along
+        self._along = (vectors[:, kept].T @ product[:r, r:]) / np.sqrt(self._lambda)[:, None]
+        self._across = product[r:, r:] - self._along.T @ self._along
         self._rest = sums.readings - len(self._lambda)
         self._given = sums.given
 
     def values(self, sizes: Floats, factors: Floats) -> Floats:
         """-2 l at sizes (m,) and factors (f,), (m, f)."""
-        found = np.empty((len(sizes), len(factors)))
+        minus_two_l = np.empty((len(sizes), len(factors)))
         square = factors**2
         for m, eta in enumerate(sizes.tolist()):
             variance = square[:, None] + eta**2 * self._lambda
@@ -360,15 +360,15 @@ class _Spectrum:
             sums = sums + self._across / square[:, None, None] + self._given
             M, pull = sums[:, :-1, :-1], sums[:, :-1, -1:]
             least = sums[:, -1, -1] - np.sum(pull * np.linalg.solve(M, pull), axis=(1, 2))
-            found[m] = np.log(variance).sum(axis=1) + self._rest * np.log(square)
-            found[m] += np.linalg.slogdet(M)[1] + least
-        return found + self._constant
+            minus_two_l[m] = np.log(variance).sum(axis=1) + self._rest * np.log(square)
+            minus_two_l[m] += np.linalg.slogdet(M)[1] + least
+        return minus_two_l + self._constant
 
 
-def _seen(likelihood: RestrictedLikelihood) -> tuple[Floats, Floats, float]:
+def _without_unseen(likelihood: RestrictedLikelihood) -> tuple[Floats, Floats, float]:
     """The likelihood's parameters, without directions of which the readings see nothing.
 
-    What priors say of these is a constant, and what they say of the others by them.
+    The priors integrate these out: they leave a constant and change the priors of the others.
 
     Args:
         likelihood: with a Jacobian (g, q).

@@ -1,7 +1,7 @@
 """The posterior along a parameter that its bound truncates, where the model is not linear there.
 
-On a bound the linearised model is known on one side only, at its end: it says little of what is
-predicted far from there (theory 6.3). So for the parameter t whose bound truncates the posterior
+On a bound the linearised model is known on one side only, at its end: it tells little of predictions
+far from there (theory 6.3). So for the parameter t whose bound truncates the posterior
 most, the posterior itself is computed at a few points of a path on which the other parameters
 follow: at each the model is evaluated, one Gauss-Newton step of the others gives the least phi
 there and their conditional covariance C, and
@@ -25,7 +25,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from geoident.identify.assessment.truncated_normal import Posterior, truncated_normal
-from geoident.identify.assessment.uncertainty import Assessment, with_posterior
+from geoident.identify.assessment.uncertainty import UNBOUNDED_RANGE, Assessment, with_posterior
 from geoident.identify.problem.problem import Problem
 from geoident.identify.problem.scaling import Scaling
 from geoident.model.arrays import Bools, Floats
@@ -64,7 +64,7 @@ _FINE = 800
 
 @dataclass(frozen=True)
 class PathReadings:
-    """What the model says at one parameter vector.
+    """Readings and derivatives of the model at one parameter vector.
 
     Args:
         used: (g,) the used readings, SI.
@@ -226,7 +226,7 @@ class _Profile:
         self.estimate: _Point = at_estimate
 
     def points(self) -> list[_Point]:
-        """All of them; none where the linearised model says the same as the farthest."""
+        """All of them; none where the linearised model agrees with the farthest."""
         unit = np.eye(len(self.x))[[self.i]]
         low, high = float(self.lower[self.i]), float(self.upper[self.i])
         limits = np.array([low]), np.array([high])
@@ -282,7 +282,9 @@ class _Profile:
         A = np.concatenate(
             [problem.whiten(readings.used_jacobian * slope), scaling.prior_jacobian(values)]
         )
-        width = np.where(np.isfinite(self.upper - self.lower), self.upper - self.lower, 10.0)
+        width = np.where(
+            np.isfinite(self.upper - self.lower), self.upper - self.lower, UNBOUNDED_RANGE
+        )
         others = np.flatnonzero((width > 0.0) & (np.arange(len(dx)) != self.i))
         step, log_volume = np.zeros(len(dx)), 0.0
         if len(others):

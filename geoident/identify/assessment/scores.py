@@ -1,4 +1,4 @@
-"""How well predictions came true: coverage, sharpness, scores, and what chance does (theory 13).
+"""How well predictions came true: coverage, sharpness, scores and their p-values (theory 13).
 
 A prediction is a mean with a 95 % band. The band may be asymmetric: it is read as a normal density
 in two pieces that meet at the mean, with the standard deviations
@@ -31,7 +31,7 @@ _SEED = 13
 
 
 def scores(bands: Bands, accuracy: Floats, kinds: Sequence[str]) -> Scores:
-    """What is said of many predictions together; see `Scores`.
+    """Coverage, sharpness and scores of many predictions together; see `Scores`.
 
     Readings of different kinds (motions, stresses) have no common unit: widths are relative to the
     root mean square of the scored readings of their kind, densities are per accuracy.

@@ -21,7 +21,7 @@ from geoident.model.arrays import Bools, Floats
 from geoident.model.results.bands import NORMAL_95
 
 RANK = 1e-10
-"""Singular values below this part of the largest say nothing."""
+"""Singular values below this part of the largest are rounding."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""The normal posterior truncated at the bounds, and what linear functions of it are (theory 6.3).
+"""The normal posterior truncated at the bounds, and its linear functions (theory 6.3).
 
 With the model linearised at the estimate, the posterior of the scaled parameters x is normal within
 the bounds and zero outside. Written from the estimate, dx = x - x^,
@@ -75,7 +75,7 @@ _POSITIVE_ROOM = 1e-16
 
 @dataclass(frozen=True)
 class Summary:
-    """What l linear functions of the deviations from the estimate are.
+    """Intervals and variances of l linear functions of the deviations from the estimate.
 
     Args:
         rms: (l,) root of the mean square: the deviation from zero, which stands for the estimate.
@@ -204,8 +204,8 @@ def truncated_normal(
     whole one.
 
     >>> half = truncated_normal(np.zeros(1), np.eye(1), np.zeros(1), np.full(1, np.inf))
-    >>> found = half.summary(np.eye(1), limits=(np.zeros(1), np.full(1, np.inf)))
-    >>> found.lower95.tolist(), found.upper95.round(2).tolist()
+    >>> interval = half.summary(np.eye(1), limits=(np.zeros(1), np.full(1, np.inf)))
+    >>> interval.lower95.tolist(), interval.upper95.round(2).tolist()
     ([0.0], [1.96])
     """
     sd = np.sqrt(np.sum(factor**2, axis=1))
@@ -218,7 +218,9 @@ def truncated_normal(
     inside = ndtr((upper[R] - mean[R]) / sd[R]) - ndtr((lower[R] - mean[R]) / sd[R])
     if always is not None:
         inside[always == R] = -1.0
-    R = R[np.argsort(inside, kind="stable")][: factor.shape[1]]  # what is cut most comes first
+    R = R[np.argsort(inside, kind="stable")][
+        : factor.shape[1]
+    ]  # the variables that bounds truncate most come first
     Q, U = np.linalg.qr(factor[R].T)
     u = _sobol(len(R) + 1, LOG2_DRAWS)
     y, log_weight = _conditioned(U.T, lower[R] - mean[R], upper[R] - mean[R], u[1:])
@@ -245,7 +247,7 @@ def log_probability_within(mean: Floats, covariance: Floats, lower: Floats, uppe
     if not len(R):
         return 0.0
     _, alone = _between(a[R], b[R], np.full(len(R), 0.5))
-    R = R[np.argsort(alone, kind="stable")]  # what is cut most first: the others then vary little
+    R = R[np.argsort(alone, kind="stable")]  # the most truncated first: the others then vary little
     if len(R) == 1:
         return float(alone[0])
     correlation = (covariance / np.outer(sd, sd))[np.ix_(R, R)]

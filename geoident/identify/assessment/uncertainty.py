@@ -169,13 +169,13 @@ def assess(
         rows, free = scaling.prior_jacobian(values), _scaled(held, width)[0]
         gradient = np.divide(A.T @ r, width, out=np.zeros_like(width), where=width > 0.0)
         step = -free @ gradient  # to the least misfit: a point of a grid is beside it
-        found = prior_conflicts(
+        contradicting = prior_conflicts(
             scaling.to_scaled(values) + step, rows, of_priors + rows @ step, free, named
         )
-        conflicts = conflict_sentences(found, problem.parameters, scaling.reference)
+        conflicts = conflict_sentences(contradicting, problem.parameters, scaling.reference)
         pressed = _pressed(A.T @ r, problem.parameters, values, on_bound)
     mean, factor = _uncut(scaling, whole, width, pressed)
-    posterior = truncated_normal(mean, factor, *_room(scaling, width, values))
+    posterior = truncated_normal(mean, factor, *_bounds_from_estimate(scaling, width, values))
     every_x, every_gap_x = _scaled(whole, width)
     # a prior is knowledge too: what is known from it alone has its number, and says so
     numbered = (determined | (known_enough & from_prior)) & varies
@@ -214,7 +214,7 @@ def _knowledge(
     P: Floats,
     width: Floats,
 ) -> Knowledge:
-    """What the singular values say of the parameters that the case names.
+    """The singular directions of the parameters that the case names.
 
     The modes of fields, of which nothing single is said, are left free within their priors: with
     B_m their columns and P_m^T P_m their precision, the readings have the covariance
@@ -276,7 +276,7 @@ def _uncut(
     return -factor @ (size * (whole.V.T @ pressed)), factor
 
 
-def _room(scaling: Scaling, width: Floats, values: Floats) -> tuple[Floats, Floats]:
+def _bounds_from_estimate(scaling: Scaling, width: Floats, values: Floats) -> tuple[Floats, Floats]:
     """The bounds (n,), (n,) in x from the estimate; infinite for parameters that are given."""
     x, fixed = scaling.to_scaled(values), width <= 0.0
     return (
@@ -309,8 +309,8 @@ def with_posterior(
         names = [problem.parameters[i].name for i in np.flatnonzero(lost)]
         verb, seem = ("is", "it seems") if len(names) == 1 else ("are", "they seem")
         findings += (
-            f"{join(names)} {verb} not determined: near the answer {seem} to be known, but far "
-            "from it the readings are met nearly as well.",
+            f"{join(names)} {verb} not determined: near the estimate {seem} to be known, but "
+            "values far from it fit the readings nearly as well.",
         )
     return replace(
         assessment,

@@ -13,7 +13,7 @@ the interval of the textbooks.
 
 Bounds truncate what is normal (see `truncated_normal`), and that is done at the most likely
 accuracies. The ends of its intervals are then farther out by the factors by which the quantiles of
-the mixture are farther out than those of the normal. The degrees of freedom that are said are those
+the mixture are farther out than those of the normal. The degrees of freedom that are reported are those
 of the t distribution whose 95 % interval is as much wider.
 """
 
@@ -50,10 +50,10 @@ _STEP, _LONGEST = 0.9, 1.0
 """Between two points: in standard deviations, and at most in the logarithm of a variance."""
 
 _GRID = 2
-"""Components up to which all points of a grid are taken; of more, those of a lattice."""
+"""Components up to which all points of a grid are taken; of more, Halton points."""
 
-_LATTICE, _WIDER = 800, 1.5
-"""Points of that, and how much wider than the normal approximation they are spread."""
+_HALTON_POINTS, _WIDER = 800, 1.5
+"""Number of Halton points, and how much wider than the normal approximation they are spread."""
 
 _RISE = 24.0
 """Rise of -2 l from which on nothing is left."""
@@ -65,29 +65,29 @@ _UNSEEN = 1e-8
 """Directions of the parameters with singular values below this part of the largest are left out."""
 
 
-def with_possible(likelihood: Likelihood, found: VarianceComponents) -> VarianceComponents:
+def with_possible(likelihood: Likelihood, likeliest: VarianceComponents) -> VarianceComponents:
     """The factors with points that stand for all that the residuals leave possible.
 
-    Components that the readings cannot tell apart keep their ratio.
+    Components that the readings cannot separate keep their ratio.
 
     Args:
         likelihood: of the factors.
-        found: the most likely ones.
+        likeliest: the factors of lowest -2 l.
     """
-    best = found.log_factor
-    axes = _axes(found)
+    best = likeliest.log_factor
+    axes = _axes(likeliest)
     if not axes.shape[1]:
-        return found
+        return likeliest
 
     def rise(z: Floats) -> float:
         """Of -2 l at axes times z (d,); infinite where that is out of range."""
         t = best + axes @ z
         if np.any((t > HIGHEST) | (t < np.minimum(best, LEAST) - 1e-9)):
             return np.inf
-        return likelihood.value(t) - found.minus_two_l
+        return likelihood.value(t) - likeliest.minus_two_l
 
     ends = np.array([_ends(rise, axes, k, best) for k in range(axes.shape[1])])
-    z, log_weight = _grid(axes, ends) if axes.shape[1] <= _GRID else _lattice(ends)
+    z, log_weight = _grid(axes, ends) if axes.shape[1] <= _GRID else _halton(ends)
     rises = np.array([rise(one) for one in z])
     kept = np.isfinite(rises)
     log_odds = log_weight[kept] - 0.5 * rises[kept]
@@ -96,16 +96,16 @@ def with_possible(likelihood: Likelihood, found: VarianceComponents) -> Variance
     points = (z[kept] @ axes.T)[some]
     before = np.array([-0.5 * likelihood.weak_prior(best + t) for t in points])
     flat = log_weight[kept][some] + before
-    return replace(found, possible=VariancePoints(points, odds[some] / odds[some].sum(), flat))
+    return replace(likeliest, possible=VariancePoints(points, odds[some] / odds[some].sum(), flat))
 
 
-def _axes(found: VarianceComponents) -> Floats:
+def _axes(likeliest: VarianceComponents) -> Floats:
     """Directions of t (c, d) along which it is not known, one step long each."""
-    best = found.log_factor
-    unsure = (np.diag(found.covariance) > SURE**2) & np.isfinite(found.upper)
-    vanished = np.flatnonzero((best <= LOWEST) & np.isfinite(found.upper))
+    best = likeliest.log_factor
+    unsure = (np.diag(likeliest.covariance) > SURE**2) & np.isfinite(likeliest.upper)
+    vanished = np.flatnonzero((best <= LOWEST) & np.isfinite(likeliest.upper))
     inner = np.flatnonzero(unsure & (best > LOWEST))
-    size, vectors = np.linalg.eigh(found.covariance[np.ix_(inner, inner)])
+    size, vectors = np.linalg.eigh(likeliest.covariance[np.ix_(inner, inner)])
     axes = np.zeros((len(best), len(inner) + len(vanished)))
     axes[inner, : len(inner)] = vectors * np.sqrt(np.maximum(size, 0.0))
     longest = np.abs(axes).max(axis=0, initial=0.0)
@@ -127,13 +127,13 @@ def _ends(
         while rise((last + 1.0) * unit) < _RISE:
             last += 1.0
         return first, last
-    found = []
+    ends = []
     for sign in (-1.0, 1.0):
         steps = 0.0
         while rise(sign * (steps + 1.0) * unit) < _RISE:
             steps += 1.0
-        found.append(sign * steps)
-    return found[0], found[1]
+        ends.append(sign * steps)
+    return ends[0], ends[1]
 
 
 def _grid(axes: Floats, ends: Floats) -> tuple[Floats, Floats]:
@@ -143,14 +143,14 @@ def _grid(axes: Floats, ends: Floats) -> tuple[Floats, Floats]:
     return z, np.zeros(len(z))
 
 
-def _lattice(ends: Floats) -> tuple[Floats, Floats]:
-    """Points (K, d) of a lattice, dense in the middle, and the logarithms (K,) of their weights.
+def _halton(ends: Floats) -> tuple[Floats, Floats]:
+    """Halton points (K, d), dense in the middle, and the logarithms (K,) of their weights.
 
     Between ends far apart on both sides they are normal, else even.
     """
     from scipy.stats import qmc  # noqa: PLC0415 - a quarter of a second, and few fits need it
 
-    u = qmc.Halton(len(ends), scramble=False).random(_LATTICE + 1)[1:]  # without the corner
+    u = qmc.Halton(len(ends), scramble=False).random(_HALTON_POINTS + 1)[1:]  # without the corner
     normal = ends[:, 0] < 0.0
     z = ends[:, 0] + u * (ends[:, 1] - ends[:, 0])
     deviates = ndtri(u[:, normal])

@@ -19,7 +19,7 @@ groups of equal size the estimator of the analysis of variance.
 
 Where a factor falls to `LOWEST`, the residuals show nothing of it. Its interval, and that of one of
 which they show hardly any, begins at zero and ends where -2 l is 3.84 above its minimum. Components
-that the readings cannot tell apart keep their ratio (a pseudo-inverse of I moves only what is
+that the readings cannot separate keep their ratio (a pseudo-inverse of I moves only what is
 seen).
 
 Of many readings all this takes sums alone: the products [B, J, y]^T diag(1/s^2) [B, J, y] of the
@@ -58,13 +58,23 @@ LOWEST = -18.0
 """Logarithm of the smallest factor of a variance: a ten-thousandth of the first accuracy."""
 
 HIGHEST = 18.0
+"""Logarithm of the largest factor of a variance: ten thousand times the first accuracy."""
 
 _UNSEEN = 1e-8
 """Directions of the parameters with singular values below this part of the largest are left out."""
 
-_TOGETHER = 1e-6
-"""Eigenvalues of the information, scaled to a diagonal of ones, below which components are not told
-apart."""
+_INSEPARABLE = 1e-6
+"""Eigenvalues of the information, scaled to a diagonal of ones, below which components cannot be
+separated."""
+
+_TAKES_PART = 0.1
+"""Entry of a unit vector of such a direction from which on a component has a part in it."""
+
+_NO_INFORMATION = 1e-12
+"""Least diagonal of the information by which it is scaled: no division by zero."""
+
+_END_WITHIN = 1e-3
+"""Width of the bracket of an upper end in t: the accuracy there within 0.05 %."""
 
 _NOTHING = 1e-3
 """Information on a logarithm of a variance below which the residuals show nothing of it."""
@@ -72,8 +82,15 @@ _NOTHING = 1e-3
 _HARDLY = 4.0
 """Half width of an interval of t from which on it begins at zero: a factor of 7 on the accuracy."""
 
-_MOST_STEPS = 100
+_MOST_STEPS, _LONGEST, _CONVERGED = 100, 3.0, 1e-7
+"""Steps of Fisher's scoring at most, the longest and the last of them in t. A factor of e^3 on a
+variance is as far as the information at one t can be trusted; six steps reach either end."""
+
+_MOST_HALVINGS, _ROUNDING_OF_LIKELIHOOD = 30, 1e-12
+"""Of one step, down to a billionth; and the part by which -2 l may rise: its terms nearly cancel."""
+
 _CHI_SQUARED_95 = NORMAL_95**2
+"""Rise of -2 l at the ends of a 95 % interval of one factor."""
 
 
 class VariancePoints(NamedTuple):
@@ -98,7 +115,7 @@ class VarianceComponents:
         log_factor: (c,) t.
         covariance: (c, c) of t.
         lower: (c,) lower end of the 95 % interval of t; -inf where the residuals show nothing.
-        upper: (c,) upper end; inf where the readings do not tell it from the others.
+        upper: (c,) upper end; inf where the readings cannot separate it from the others.
         minus_two_l: -2 l, up to a constant.
         possible: those that are possible as well; None where all are known well enough.
     """
@@ -156,11 +173,11 @@ class ConditionalLikelihood:
 
     def terms(self, t: Floats) -> LikelihoodTerms:
         """The same with its derivatives by these."""
-        found = self.whole.terms(np.append(t, self.last))
+        terms = self.whole.terms(np.append(t, self.last))
         return LikelihoodTerms(
-            found.value + self.weak_prior(t),
-            found.gradient[:-1] + 0.5 * t / self.spread**2,
-            found.information[:-1, :-1] + 0.25 * np.eye(len(t)) / self.spread**2,
+            terms.value + self.weak_prior(t),
+            terms.gradient[:-1] + 0.5 * t / self.spread**2,
+            terms.information[:-1, :-1] + 0.25 * np.eye(len(t)) / self.spread**2,
         )
 
     def weak_prior(self, t: Floats) -> float:
@@ -370,10 +387,10 @@ def _products(columns: sp.csr_array, more: Floats, weight: Floats) -> Floats:
     k, g = columns.shape[1] + more.shape[1], len(weight)
     if columns.nnz < _SPARSE * columns.shape[0] * columns.shape[1]:
         return products(sp.csr_array(sp.hstack([columns, sp.csr_array(more)])), weight)
-    found = np.zeros((k, k))
+    total = np.zeros((k, k))
     for rows in np.array_split(np.arange(g), max(1, -(-g * k // _SMALL))):
-        found += products(np.hstack([columns[rows].toarray(), more[rows]]), weight[rows])
-    return found
+        total += products(np.hstack([columns[rows].toarray(), more[rows]]), weight[rows])
+    return total
 
 
 _MANY_SHARED = 2000
@@ -427,82 +444,74 @@ def estimate_components(likelihood: Likelihood, start: Floats) -> VarianceCompon
         likelihood: of the factors.
         start: (c,) logarithms of factors to begin with.
     """
-    t, found = likeliest_factors(likelihood, start)
+    t, terms = likeliest_factors(likelihood, start)
     inner = (t > LOWEST) & (t < HIGHEST)
     covariance = np.zeros((len(t), len(t)))
     square = np.ix_(inner, inner)
-    covariance[square], unseen = _inverse(found.information[square])
+    covariance[square], unseen = _inverse(terms.information[square])
     half = NORMAL_95 * np.sqrt(np.diag(covariance))
     lower, upper = t - half, t + half
-    apart = np.zeros(len(t), dtype=np.bool_)
-    apart[inner] = unseen
-    small = ~apart & ((t <= LOWEST) | (half > _HARDLY))
-    lower[apart | small] = -np.inf
-    upper[apart | (t >= HIGHEST)] = np.inf
+    inseparable = np.zeros(len(t), dtype=np.bool_)
+    inseparable[inner] = unseen
+    small = ~inseparable & ((t <= LOWEST) | (half > _HARDLY))
+    lower[inseparable | small] = -np.inf
+    upper[inseparable | (t >= HIGHEST)] = np.inf
     for c in np.flatnonzero(small).tolist():
-        upper[c] = _upper_end(likelihood, t, c, found.value + _CHI_SQUARED_95)
-    return VarianceComponents(t, covariance, lower, upper, found.value)
+        upper[c] = _upper_end(likelihood, t, c, terms.value + _CHI_SQUARED_95)
+    return VarianceComponents(t, covariance, lower, upper, terms.value)
 
 
 def likeliest_factors(likelihood: Likelihood, start: Floats) -> tuple[Floats, LikelihoodTerms]:
     """The logarithms t (c,) of the factors that the residuals make most likely, and -2 l there.
 
+    Fisher's scoring within `LOWEST` and `HIGHEST`. Factors of which the residuals show nothing are
+    set to the lowest.
+
     Args:
         likelihood: of the factors.
         start: (c,) logarithms of factors to begin with.
     """
-    t = _vanished(likelihood, _minimised(likelihood, start))
+    t = np.clip(start, LOWEST, HIGHEST)
+    for _ in range(_MOST_STEPS):
+        at = likelihood.terms(t)
+        moving = ((t > LOWEST) | (at.gradient <= 0.0)) & ((t < HIGHEST) | (at.gradient >= 0.0))
+        if not moving.any():
+            break
+        inverse, _ = _inverse(at.information[np.ix_(moving, moving)])
+        step = np.zeros(len(t))
+        step[moving] = np.clip(-0.5 * inverse @ at.gradient[moving], -_LONGEST, _LONGEST)
+        before, t = t, _descend(likelihood, t, step, at.value)
+        if np.abs(t - before).max() <= _CONVERGED:
+            break
+    at = likelihood.terms(t)
+    lowest = at.value
+    for c in np.flatnonzero(np.diag(at.information) < _NOTHING).tolist():
+        trial = t.copy()
+        trial[c] = LOWEST
+        if likelihood.value(trial) <= lowest + _NOTHING:
+            t = trial
     return t, likelihood.terms(t)
 
 
-def _vanished(likelihood: Likelihood, t: Floats) -> Floats:
-    """The factors (c,), at their lowest where the residuals show nothing of them."""
-    found = likelihood.terms(t)
-    for c in np.flatnonzero(np.diag(found.information) < _NOTHING).tolist():
-        trial = t.copy()
-        trial[c] = LOWEST
-        if likelihood.value(trial) <= found.value + _NOTHING:
-            t = trial
-    return t
-
-
-def _minimised(likelihood: Likelihood, start: Floats) -> Floats:
-    """The t (c,) of the lowest -2 l, by Fisher's scoring."""
-    t = np.clip(start, LOWEST, HIGHEST)
-    for _ in range(_MOST_STEPS):
-        here = likelihood.terms(t)
-        held = ((t <= LOWEST) & (here.gradient > 0.0)) | ((t >= HIGHEST) & (here.gradient < 0.0))
-        moving = ~held
-        if not moving.any():
-            return t
-        step = np.zeros(len(t))
-        inverse, _ = _inverse(here.information[np.ix_(moving, moving)])
-        step[moving] = np.clip(-0.5 * inverse @ here.gradient[moving], -3.0, 3.0)
-        reached = _descended(likelihood.value, t, step, here.value)
-        change = float(np.abs(reached - t).max())
-        t = reached
-        if change <= 1e-7:
-            return t
-    return t
-
-
-def _descended(value: Callable[[Floats], float], t: Floats, step: Floats, before: float) -> Floats:
-    """The end of a step, shortened until -2 l does not rise; t itself if it always does."""
-    for _ in range(30):
+def _descend(likelihood: Likelihood, t: Floats, step: Floats, value: float) -> Floats:
+    """The end of a step, halved until -2 l does not rise above its value; t if it always does."""
+    for _ in range(_MOST_HALVINGS):
         trial = np.clip(t + step, LOWEST, HIGHEST)
-        if value(trial) <= before + 1e-12 * abs(before):
+        if likelihood.value(trial) <= value + _ROUNDING_OF_LIKELIHOOD * abs(value):
             return trial
         step = 0.5 * step
     return t
 
 
 def _inverse(information: Floats) -> tuple[Floats, Bools]:
-    """Pseudo-inverse (c, c), and which components (c,) have a part in what is not seen."""
-    scale = np.sqrt(np.maximum(np.diag(information), 1e-12))
+    """Pseudo-inverse (c, c), and which components (c,) have a part in directions left out of it."""
+    scale = np.sqrt(np.maximum(np.diag(information), _NO_INFORMATION))
     size, vectors = np.linalg.eigh(information / np.outer(scale, scale))
-    seen = size > _TOGETHER
+    seen = size > _INSEPARABLE
     inverse = (vectors[:, seen] / size[seen]) @ vectors[:, seen].T / np.outer(scale, scale)
-    return inverse, np.asarray(np.any(np.abs(vectors[:, ~seen]) > 0.1, axis=1), dtype=np.bool_)
+    return inverse, np.asarray(
+        np.any(np.abs(vectors[:, ~seen]) > _TAKES_PART, axis=1), dtype=np.bool_
+    )
 
 
 def _upper_end(likelihood: Likelihood, t: Floats, c: int, level: float) -> float:
@@ -516,7 +525,7 @@ def _upper_end(likelihood: Likelihood, t: Floats, c: int, level: float) -> float
 
     if at(high) < level:
         return np.inf
-    while high - low > 1e-3:
+    while high - low > _END_WITHIN:
         middle = 0.5 * (low + high)
         low, high = (middle, high) if at(middle) < level else (low, middle)
     return high
