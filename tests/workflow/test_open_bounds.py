@@ -41,7 +41,7 @@ def test_what_rests_on_an_open_strength_is_not_determined(opening):
     assert not found["parameters"]["c"]["determined"]
     for prediction in found["predictions"]:
         assert prediction["sd"] is None or np.isinf(prediction["sd"])
-    assert any("how far above it the ground may be" in text for text in found["findings"])
+    assert any("how far above it the value may be" in text for text in found["findings"])
 
 
 def test_predict_says_what_the_fit_says(opening):

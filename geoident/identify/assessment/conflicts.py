@@ -105,8 +105,8 @@ def _conflict(conflict: PriorConflict, parameter: Parameter, reference: Floats) 
         f"The prior of {parameter.name} ({mean} +- {sd} {word}".rstrip()
         + f") contradicts the readings: without it they give {value} {word}".rstrip()
         + f" (95 %: {low} to {high}), {abs(conflict.distance):.1f} standard deviations from it. By "
-        f"chance this happens in {_one_of(chance)} fits. The result lies between the two: prior, "
-        "accuracies or model are wrong."
+        f"chance this happens in {_one_of(chance)} fits. The result lies between the two: the "
+        "prior, the accuracies or the model is wrong."
     )
 
 
@@ -127,7 +127,7 @@ def tied_sentences(
     Args:
         parameters: the k that the case names.
         correlation: (k, k) NaN where they are not determined.
-        inseparable: sentences on parameters that cannot be separated at all, which are not repeated.
+        inseparable: sentences on parameters that cannot be separated at all.
     """
     for i, one in enumerate(parameters):
         for j in range(i + 1, len(parameters)):
@@ -138,9 +138,9 @@ def tied_sentences(
                 "both larger or both smaller" if size > 0.0 else "one larger and the other smaller"
             )
             yield (
-                f"{one.name} and {other.name} are strongly correlated ({size:.2f}): with {how}, the "
-                "readings would be fitted nearly as well. A prior on one of them would narrow "
-                "both."
+                f"{one.name} and {other.name} are strongly correlated ({size:.2f}): "
+                f"{how}, they would fit the readings nearly as well. A prior on one of them would "
+                "narrow both."
             )
 
 

@@ -18,7 +18,8 @@ A reading without which some parameter would have no information has h = 1: its 
 nothing and its t is NaN, its influence infinite.
 
 **Readings that share errors** (theory 7). With the covariance under the loss, S = diag(s^2/w) +
-B B^T, and P = S^-1 - S^-1 J C J^T S^-1, each reading is compared with its expectation given the others,
+B B^T, and P = S^-1 - S^-1 J C J^T S^-1, each reading is compared with
+its expectation given the others,
 
     standardized  e_i = d_i / sqrt(s_i^2 + var_i)      d_i = (S^-1 (v* - v))_i / (S^-1)_ii
     leverage      h_i = 1 - P_ii / (S^-1)_ii

@@ -30,7 +30,7 @@ SIMILAR = 0.05
 
 
 LEANING = 0.5
-"""Share of a parameter's variance that comes from the prior of another from which on the sentence says so."""
+"""Share of a parameter's variance due to the prior of another from which on this is reported."""
 
 PAIR_HALF_WIDTH = 0.5
 """A ratio or product is reported if its logarithm is known to this half width."""

@@ -1,7 +1,7 @@
 """How much of the posterior a minimum holds, and how well a model explains readings (theory 12).
 
-Around a minimum x_0 with residuals r and Jacobian J in the scaled parameters (see `problem.problem`),
-phi is that of the linearised model, and the parameters stay within their bounds:
+Around a minimum x_0 with residuals r and Jacobian J in the scaled parameters (see
+`problem.problem`), phi is that of the linearised model and the parameters stay within their bounds:
 
     M = integral over the bounds of exp(-|r + J (x - x_0)|^2 / 2) dx
       = exp(-phi_m / 2) (2 pi)^(n/2) |H|^(-1/2) P,         H = J^T J + R^-2

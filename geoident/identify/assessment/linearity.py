@@ -49,8 +49,8 @@ class IntervalEnds:
 def interval_ends(problem: Problem, assessment: Assessment, values: Floats) -> IntervalEnds | None:
     """Phi at the ends of the interval of the least known parameter; the others follow it.
 
-    None where that is known well enough, where a bound is near (`profile_path` evaluates the model there), and with
-    robust losses, which are not quadratic anyway.
+    None where that is known well enough, where a bound is near (`profile_path` evaluates the
+    model there), and with robust losses, which are not quadratic anyway.
 
     Args:
         problem: of the fit.

@@ -1,7 +1,7 @@
 """The posterior along a parameter that its bound truncates, where the model is not linear there.
 
-On a bound the linearised model is known on one side only, at its end: it tells little of predictions
-far from there (theory 6.3). So for the parameter t whose bound truncates the posterior
+On a bound the linearised model is known on one side only, at its end: it tells little of
+predictions far from there (theory 6.3). So for the parameter t whose bound truncates the posterior
 most, the posterior itself is computed at a few points of a path on which the other parameters
 follow: at each the model is evaluated, one Gauss-Newton step of the others gives the least phi
 there and their conditional covariance C, and

@@ -13,8 +13,8 @@ the interval of the textbooks.
 
 Bounds truncate what is normal (see `truncated_normal`), and that is done at the most likely
 accuracies. The ends of its intervals are then farther out by the factors by which the quantiles of
-the mixture are farther out than those of the normal. The degrees of freedom that are reported are those
-of the t distribution whose 95 % interval is as much wider.
+the mixture are farther out than those of the normal. The degrees of freedom reported
+are those of the t distribution whose 95 % interval is as much wider.
 """
 
 from __future__ import annotations

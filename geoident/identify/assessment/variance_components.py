@@ -33,7 +33,6 @@ parameters on a bound.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple, Protocol
@@ -87,7 +86,7 @@ _MOST_STEPS, _LONGEST, _CONVERGED = 100, 3.0, 1e-7
 variance is as far as the information at one t can be trusted; six steps reach either end."""
 
 _MOST_HALVINGS, _ROUNDING_OF_LIKELIHOOD = 30, 1e-12
-"""Of one step, down to a billionth; and the part by which -2 l may rise: its terms nearly cancel."""
+"""Of one step, down to a billionth; and the part by which -2 l may rise by rounding."""
 
 _CHI_SQUARED_95 = NORMAL_95**2
 """Rise of -2 l at the ends of a 95 % interval of one factor."""

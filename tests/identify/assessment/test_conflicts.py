@@ -88,7 +88,7 @@ def test_a_prior_of_twice_what_the_readings_say_is_named(tmp_path):
     (said,) = [q for q in read_result(tmp_path / "case.fit.h5").findings if "contradicts" in q]
     assert "The prior of E (20 +- 4 GPa) contradicts the readings: without it they give" in said
     assert "GPa (95 %:" in said
-    assert "one of prior, accuracies and model is wrong" in said
+    assert "the prior, the accuracies or the model is wrong" in said
     assert "contradicts the readings" in " ".join(ended.stderr.split())
     path.write_text(text.replace("20 GPa, sd", "6 GPa, sd"))
     run_command("fit", path)
@@ -107,9 +107,9 @@ def test_the_sentence_has_the_fit_without_the_prior_and_how_seldom_chance_makes_
     ends = (11.5, 17.0) if scale == "log" else (12.0, 16.0)
     assert said == (
         "The prior of E (8 +- 2 GPa) contradicts the readings: without it they give 14 GPa "
-        f"(95 %: {ends[0]:.3g} to {ends[1]:.3g}), 2.8 standard deviations from it, which chance "
-        "makes in 1 of 196 fits. The result lies between the two: one of prior, accuracies and "
-        "model is wrong."
+        f"(95 %: {ends[0]:.3g} to {ends[1]:.3g}), 2.8 standard deviations from it. By chance "
+        "this happens in 1 of 196 fits. The result lies between the two: the prior, the "
+        "accuracies or the model is wrong."
     )
 
 
@@ -125,11 +125,11 @@ def test_parameters_that_can_make_up_for_each_other_are_named_though_both_have_i
     assert found.determined.all()
     assert found.correlation[0, 1] < -0.95
     (said,) = found.findings
-    assert said.startswith("The readings tie E and K0 to each other (correlation -0.9")
-    assert "): one larger and the other smaller, they would be met nearly as well. " in said
+    assert said.startswith("E and K0 are strongly correlated (-0.9")
+    assert "): one larger and the other smaller, they would fit the readings nearly " in said
     (said,) = tied([[1.0, -1.0], [1.0, -1.3], [1.0, -0.9]]).findings
-    assert said.startswith("The readings tie E and K0 to each other (correlation 0.9")
-    assert "): both larger or both smaller, they would be met nearly as well. " in said
+    assert said.startswith("E and K0 are strongly correlated (0.9")
+    assert "): both larger or both smaller, they would fit the readings nearly " in said
 
 
 def test_nothing_is_said_of_less_tied_ones_or_twice_of_what_cannot_be_separated():

@@ -156,8 +156,9 @@ def test_a_value_on_a_bound_up_to_rounding_is_on_it(away, at_bound):
         side = "lower" if value < 0.5 else "upper"
         way, beyond = ("above", "less") if side == "lower" else ("below", "more")
         said = (
-            f"a lies on its {side} bound: the readings tell how far {way} it the ground may be, "
-            f"not that it ends there. If the ground may have {beyond}, widen the bound."
+            f"a lies on its {side} bound: the readings limit how far {way} it the value may "
+            f"be, but the bound itself is an assumption. If the ground may have {beyond}, widen "
+            "the bound."
         )
         assert found.findings == ((said,) if at_bound else ())
 

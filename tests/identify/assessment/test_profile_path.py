@@ -146,7 +146,7 @@ def test_what_seems_determined_on_its_bound_stays_so_only_where_it_is(make_probl
     else:
         assert np.isnan([known.sd[0], known.lower95[0], known.upper95[0]]).all()
         assert known.findings[:-1] == linear.findings
-        assert known.findings[-1].startswith("c is not determined: near the answer it seems")
+        assert known.findings[-1].startswith("c is not determined: near the estimate it seems")
 
 
 def test_far_from_bounds_nothing_is_evaluated(make_problem):

@@ -121,12 +121,12 @@ def test_what_lies_on_a_bound_is_said_with_its_side():
     )
     low, high = describe_gaps(known, np.eye(3))
     assert low == (
-        "E lies on its lower bound: the readings tell how far above it the ground may be, not that "
-        "it ends there. If the ground may have less, widen the bound."
+        "E lies on its lower bound: the readings limit how far above it the value may be, but the "
+        "bound itself is an assumption. If the ground may have less, widen the bound."
     )
     assert high == (
-        "s lies on its upper bound: the readings tell how far below it the ground may be, not that "
-        "it ends there. If the ground may have more, widen the bound."
+        "s lies on its upper bound: the readings limit how far below it the value may be, but the "
+        "bound itself is an assumption. If the ground may have more, widen the bound."
     )
     held = (replace(known.parameters[0], lower=0.5, upper=0.5), *known.parameters[1:])
     assert describe_gaps(replace(known, parameters=held), np.eye(3)) == (high,)

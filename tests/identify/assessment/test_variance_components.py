@@ -9,12 +9,8 @@ from geoident.identify.assessment.variance_components import (
     ConditionalLikelihood,
     LikelihoodTerms,
     RestrictedLikelihood,
-    _descended,
-    _inverse,
-    _minimised,
-    _upper_end,
-    _vanished,
     estimate_components,
+    likeliest_factors,
     likelihood_at,
 )
 from geoident.identify.problem import errors
@@ -179,13 +175,12 @@ class CaseNumber:
     def __init__(self, curvature, minimum, *, value=None, information=None):
         self.a, self.m = np.array(curvature, dtype=float), np.array(minimum, dtype=float)
         self.information = np.diag(self.a) if information is None else np.array(information)
-        self.given, self.asked = value, []
+        self.given = value
 
     def value(self, t):
         return float(self.a @ (t - self.m) ** 2) if self.given is None else self.given(t)
 
     def terms(self, t):
-        self.asked.append(t.tolist())
         return LikelihoodTerms(self.value(t), 2.0 * self.a * (t - self.m), self.information)
 
 
@@ -220,7 +215,7 @@ def test_what_the_residuals_show_nothing_of_is_at_its_lowest(information, rise, 
     likelihood = CaseNumber(
         [0.0, 1.0], [2.0, 3.0], value=value, information=np.diag([information, 1.0])
     )
-    found = _vanished(likelihood, np.array([2.0, 3.0]))
+    found, _ = likeliest_factors(likelihood, np.array([2.0, 3.0]))
     assert found.tolist() == [-18.0 if vanishes else 2.0, 3.0]
 
 
@@ -233,95 +228,11 @@ def test_factors_end_at_their_bounds():
     assert 0.0 <= found.upper[0] - (-30.0 + np.sqrt(144.0 + 1.959963984540054**2)) <= 1e-3
     assert found.upper[1] == np.inf
     likelihood = CaseNumber([1.0, 1.0], [-30.0, 30.0])
-    assert _minimised(likelihood, np.array([-40.0, 40.0])).tolist() == [-18.0, 18.0]
-    assert likelihood.asked == [[-18.0, 18.0]]  # both are held there by their slopes
-    inwards = _minimised(CaseNumber([1.0, 1.0], [-17.0, 17.0]), np.array([-18.0, 18.0]))
+    at_ends, _ = likeliest_factors(likelihood, np.array([-40.0, 40.0]))
+    assert at_ends.tolist() == [-18.0, 18.0]
+    near = CaseNumber([1.0, 1.0], [-17.0, 17.0])
+    inwards, _ = likeliest_factors(near, np.array([-18.0, 18.0]))
     np.testing.assert_allclose(inwards, [-17.0, 17.0])
-
-
-def test_steps_are_three_long_at_most():
-    likelihood = CaseNumber([2.0, 5.0], [10.0, -4.0])
-    np.testing.assert_allclose(_minimised(likelihood, np.zeros(2)), [10.0, -4.0])
-    expected = [[0.0, 0.0], [3.0, -3.0], [6.0, -4.0], [9.0, -4.0], [10.0, -4.0]]
-    np.testing.assert_allclose(likelihood.asked, expected, atol=1e-12)
-
-
-def test_a_hundred_steps_are_made_at_most():
-    """With a hundred times the information, a step makes a hundredth of what is left."""
-    likelihood = CaseNumber([1.0], [1.0], information=[[100.0]])
-    assert _minimised(likelihood, np.zeros(1)) == pytest.approx([1.0 - 0.99**100])
-    assert len(likelihood.asked) == 100
-
-
-def test_a_step_of_a_ten_millionth_is_the_last():
-    """Steps of 0.9 of what is left: 0.9, 0.09, ...; the eighth is 0.9e-7."""
-    likelihood = CaseNumber([1.0], [1.0], information=[[1.0 / 0.9]])
-    assert _minimised(likelihood, np.zeros(1)) == pytest.approx([1.0], abs=2e-8)
-    assert len(likelihood.asked) == 8
-
-
-@pytest.mark.parametrize(("rise", "taken"), [(0.9e-12, 1.0), (1.1e-12, 0.5)])
-@pytest.mark.parametrize("before", [8.0, -8.0])
-def test_a_step_is_halved_until_nothing_rises_but_by_rounding(rise, taken, before):
-    def value(t):
-        return before + 8.0 * rise * (t[0] > 0.6)
-
-    found = _descended(value, np.zeros(1), np.ones(1), before)
-    assert found.tolist() == [taken]
-
-
-def test_a_step_that_always_rises_is_none():
-    asked = []
-
-    def value(t):
-        asked.append(t[0])
-        return 2.0
-
-    assert _descended(value, np.array([1.0]), np.ones(1), 1.0).tolist() == [1.0]
-    assert asked == [1.0 + 0.5**k for k in range(30)]
-    asked.clear()
-    _descended(value, np.array([17.5, -17.5]), np.array([1.0, -1.0]), 1.0)
-    assert asked[:2] == [18.0, 18.0]
-
-
-@pytest.mark.parametrize(("apart", "unseen"), [(0.9e-6, True), (1.1e-6, False)])
-def test_components_of_nearly_one_effect_are_not_told_apart(apart, unseen):
-    scale = np.array([2.0, 10.0])
-    rho = 1.0 - apart
-    inverse, found = _inverse(np.outer(scale, scale) * np.array([[1.0, rho], [rho, 1.0]]))
-    assert found.tolist() == [unseen, unseen]
-    together = np.full((2, 2), 0.5) / (1.0 + rho)
-    difference = np.array([[0.5, -0.5], [-0.5, 0.5]]) / apart
-    expected = together if unseen else together + difference
-    np.testing.assert_allclose(inverse * np.outer(scale, scale), expected, rtol=1e-6)
-
-
-def test_a_component_without_information_is_not_seen():
-    inverse, unseen = _inverse(np.diag([4.0, 0.0]))
-    np.testing.assert_allclose(inverse, np.diag([0.25, 0.0]))
-    assert unseen.tolist() == [False, True]
-    small, seen = _inverse(np.diag([4.0, 1e-12]))
-    np.testing.assert_allclose(small, np.diag([0.25, 1e12]))
-    assert seen.tolist() == [False, False]
-
-
-@pytest.mark.parametrize("part", [0.06, 0.070, 0.072, 0.09])
-def test_a_tenth_of_what_is_not_seen_counts(part):
-    """Null direction v of the information, in the scaling w = v sqrt(1 - v^2)."""
-    v = np.array([part, *[np.sqrt((1.0 - part**2) / 2.0)] * 2])
-    w = v * np.sqrt(1.0 - v**2)
-    _, unseen = _inverse(np.eye(3) - np.outer(v, v))
-    assert unseen.tolist() == [w[0] / np.linalg.norm(w) > 0.1, True, True]
-    assert unseen[0] == (part > 0.071)
-
-
-def test_an_upper_end_that_is_never_reached_is_infinite():
-    flat = CaseNumber([0.0, 1.0], [0.0, 0.0], value=lambda t: 1.0 + (t[0] >= 17.0) + t[1] ** 2)
-    t = np.array([-18.0, 2.0])
-    assert _upper_end(flat, t, 0, 6.1) == np.inf
-    assert 17.0 <= _upper_end(flat, t, 0, 5.9) <= 17.001
-    assert _upper_end(flat, t, 0, 6.0) == pytest.approx(17.0, abs=1e-3)
-    assert t.tolist() == [-18.0, 2.0]
 
 
 # The model linearised at the estimate
