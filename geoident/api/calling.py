@@ -69,7 +69,7 @@ def control(
     Args:
         progress: is told of every iteration.
         max_time: seconds after which a search ends with what it has.
-        jobs: number of processes; None for the cores there are, where it is worth while.
+        jobs: number of processes; None for all cores, where that saves time.
         cluster: address of a scheduler of dask, ``local``, or the path of a cluster file.
 
     Raises:

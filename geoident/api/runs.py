@@ -54,8 +54,8 @@ def fit(
         output: file or existing folder of the result; ``CASE.fit.h5`` beside the case if None.
         seed: of random numbers.
         max_time: seconds after which the search ends with what it has.
-        jobs: number of processes for what a search can compute at a time; None for the cores there
-            are, where it is worth while.
+        jobs: number of processes for what a search can compute at a time; None for all cores,
+            where that saves time.
         cluster: in place of processes of this machine: address of a scheduler of dask, ``local``,
             or the path of a cluster file.
         force: overwrite a result of other input.
@@ -93,8 +93,8 @@ def scan(
         case: as loaded, or its path.
         output: file or existing folder of the result; ``CASE.scan.h5`` beside the case if None.
         max_time: seconds after which the scan ends with what it has.
-        jobs: number of processes for what a scan can compute at a time; None for the cores there
-            are, where it is worth while.
+        jobs: number of processes for what a scan can compute at a time; None for all cores,
+            where that saves time.
         cluster: in place of processes of this machine: address of a scheduler of dask, ``local``,
             or the path of a cluster file.
         force: overwrite a result of other input.
@@ -139,8 +139,8 @@ def backtest(
         output: file or existing folder of the result; ``CASE.backtest.h5`` beside the case if None.
         seed: of random numbers.
         max_time: seconds after which it ends with what it has.
-        jobs: number of processes for what a search can compute at a time; None for the cores there
-            are, where it is worth while.
+        jobs: number of processes for what a search can compute at a time; None for all cores,
+            where that saves time.
         cluster: in place of processes of this machine: address of a scheduler of dask, ``local``,
             or the path of a cluster file.
         force: overwrite a result of other input.
@@ -230,8 +230,8 @@ def sample(
         output: file or existing folder of the result; beside the fit if None.
         seed: of random numbers.
         max_time: seconds after which sampling ends with what it has.
-        jobs: number of processes that evaluate the model; None for the cores there are, where it
-            is worth while.
+        jobs: number of processes that evaluate the model; None for all cores, where that
+            saves time.
         cluster: in place of processes of this machine: address of a scheduler of dask, ``local``,
             or the path of a cluster file.
         force: overwrite a sample of other input.

@@ -124,7 +124,7 @@ _OPTIONS: dict[str, Callable[[Any], Any]] = {
         type=click.IntRange(min=1),
         metavar="N",
         help="Number of processes: for cases, or for what one search can compute at a time.  "
-        "[default: the cores there are, for one case where it is worth while]",
+        "[default: all cores, for one case where it saves time]",
     ),
     "overrides": click.option(
         "--set",

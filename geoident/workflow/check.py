@@ -155,8 +155,8 @@ def _elsewhere(case: Case) -> str:
     if isinstance(case.elsewhere, ConvergenceLaw):
         return words
     if isinstance(case.elsewhere, RunTable):
-        return f"the model is elsewhere: {words}, and response surfaces between them"
-    return f"the model is elsewhere: {words}; a run gives all readings at one parameter vector"
+        return f"the model is external: {words}, and response surfaces between them"
+    return f"the model is external: {words}; a run gives all readings at one parameter vector"
 
 
 def _surface(model: ObservedModel) -> SurfaceTable | None:
@@ -192,7 +192,7 @@ def _right_hand_sides(model: ObservedModel, readings: ReadingTable) -> tuple[int
 def _keeping_notes(model: StagedModel | None) -> tuple[str, ...]:
     """Why the reduced model that a fit is to keep will not be there, or what it does not give."""
     if model is None:
-        return ("no reduced model will be kept: the case is a closed form, which costs nothing",)
+        return ("no reduced model will be kept: the case is a closed form and needs none",)
     response = model.response(())
     response.record(economical=False)
     why = response.surrogate_obstacle()

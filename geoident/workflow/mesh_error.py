@@ -1,4 +1,4 @@
-"""``geoident check --mesh-error``: how much of each reading's accuracy the mesh eats."""
+"""``geoident check --mesh-error``: how much of each reading's accuracy is lost to mesh error."""
 
 from __future__ import annotations
 

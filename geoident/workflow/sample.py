@@ -48,7 +48,7 @@ from geoident.workflow.running.answers import (
     BeginWorkers,
     Compute,
     KeptAnswers,
-    WhereWorthWhile,
+    WhereTimeIsSaved,
     here,
     in_processes,
 )
@@ -319,7 +319,7 @@ def _computed(
     begin: BeginWorkers = partial(LocalProcesses, most) if cluster is None else cluster.begin
     processes = partial(in_processes, begin, build_elsewhere, (parts, readings), asked.beside)
     unasked = jobs is None and cluster is None
-    with WhereWorthWhile(asked, processes, WORTH if unasked else 0.0) as compute:
+    with WhereTimeIsSaved(asked, processes, WORTH if unasked else 0.0) as compute:
         yield compute
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from geoident.workflow.estimating.setup import prepare
 from geoident.workflow.executing.executor import Answered
-from geoident.workflow.running.answers import Asked, WhereWorthWhile, here, in_processes
+from geoident.workflow.running.answers import Asked, WhereTimeIsSaved, here, in_processes
 from geoident.workflow.running.jobs import Request, plan_fit
 from tests.support.trench import write_case
 
@@ -113,7 +113,7 @@ def test_processes_are_begun_once_it_takes_long(case, points, alone, begun, wort
             yield compute
         ended.append(True)
 
-    with WhereWorthWhile(asked, processes, worth) as compute:
+    with WhereTimeIsSaved(asked, processes, worth) as compute:
         found = bits(compute(points[:16])) + bits(compute(points[16:]))
         assert list(compute(points[:0])) == []
     assert found == alone

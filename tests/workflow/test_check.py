@@ -69,16 +69,16 @@ def test_simulate_says_which_gauge_it_can_compute_nowhere(case):
     done = run_command("simulate", case, "--set", silent)
     assert done.exit_code == 0
     assert "core" not in done.stdout
-    assert "can be read at no stage after the zero: core, as" in " ".join(done.stderr.split())
-    assert "at no stage" not in run_command("simulate", case).stderr
+    assert "no readable stage after the zero: core, as" in " ".join(done.stderr.split())
+    assert "no readable stage" not in run_command("simulate", case).stderr
 
 
 def test_a_gauge_that_nobody_can_read_is_said(case):
     silent = "{kind: settlement, point: [3 m, 3.5 m], accuracy: 1 mm}"
     notes = check(case, overrides=[f"gauges.core={silent}"]).summary.notes
-    (note,) = [note for note in notes if "at no stage" in note]
-    assert note.startswith("can be read at no stage after the zero: core, as ")
+    (note,) = [note for note in notes if "no readable stage" in note]
+    assert note.startswith("no readable stage after the zero: core, as ")
     late = "{kind: settlement, point: [1 m, 4 m], accuracy: 1 mm, zero: second}"
     notes = check(case, overrides=[f"gauges.late={late}"]).summary.notes
     assert any(note.endswith("late, as it is zeroed at the last stage") for note in notes)
-    assert not any("at no stage" in note for note in check(case).summary.notes)
+    assert not any("no readable stage" in note for note in check(case).summary.notes)

@@ -256,7 +256,7 @@ def test_a_sentence_says_whether_it_matters():
         (1e-6, "The mesh is too coarse for these readings: {mean} ({most}). Halve the elements "
          "where the ground moves most, or take elements of second order."),
         (4e-4, "The mesh is fine enough: {mean} ({most})."),
-        (1.0, "The mesh eats little of the accuracy of the readings ({most})."),
+        (1.0, "Little of the accuracy of the readings is lost to mesh error ({most})."),
     ):  # fmt: skip
         one = replace(found, accuracy=np.full(found.error.shape, accuracy))
         i, j = np.unravel_index(one.share.argmax(), one.share.shape)

@@ -53,7 +53,7 @@ def command(campaign: str, processes: int | None, cluster: str | None, options: 
     the command of each run: fit, simulate, predict or scan. Writes into CAMPAIGN.batch one HDF5
     file a run, runs.csv and campaign.h5 with all runs, and prints the path of the folder; with
     --json one line a run as it ends. Runs that are up to date are not computed again. A run whose
-    process is lost is begun again, and set aside when it has cost three. An interrupted campaign
+    process is lost is begun again, and skipped after three crashes. An interrupted campaign
     goes on by the same command.
     """
     from geoident.cli.campaign import run_campaign

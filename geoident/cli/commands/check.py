@@ -79,7 +79,8 @@ def _note_unread(case: str) -> None:
 @click.option(
     "--mesh-error",
     is_flag=True,
-    help="Halve every edge of the mesh and say how much of each reading's accuracy the mesh eats.",
+    help="Halve every edge of the mesh and report how much of each reading's accuracy is lost to "
+    "mesh error.",
 )
 @takes("overrides", "solver", "force", "as_json", "trust", after=_next)
 def command(

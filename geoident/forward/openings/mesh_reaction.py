@@ -142,7 +142,7 @@ class MeshReaction:
         for _ in range(_MOST_MARCHES):
             wall, end = self._moved(parts, point)
             if not end[0] > 0.0:
-                msg = "its wall does not move inwards on the whole"
+                msg = "the mean convergence is outward"
                 raise NoFinalMotion(msg)
             off = wall - np.multiply.outer(shares.value, end)
             off[:, 1 : 1 + n] -= shares.columns[:, 1:] * end[0]

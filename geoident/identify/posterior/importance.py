@@ -359,7 +359,7 @@ class ImportanceSampler:
         Args:
             proposal: to draw from.
             name: of the sampler, for the progress.
-            least: efficiency below which something else is worth while.
+            least: efficiency below which another sampler is tried.
         """
         drawn = self._more(WeightedDraws.none_of(proposal), FIRST, name)
         while not self.stopped and drawn.reliable(least):

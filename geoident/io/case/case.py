@@ -82,7 +82,7 @@ class _Absent:
 
 
 def _or_elsewhere(instead: object) -> WrapValidator:
-    """A key that is required but where the model is elsewhere."""
+    """A key that is required but where the model is external."""
 
     def validate(value: Any, handler: ValidatorFunctionWrapHandler, info: ValidationInfo) -> Any:
         if not isinstance(value, _Absent):
@@ -108,7 +108,7 @@ _GROUND = ("analysis", "materials", "groups")
 
 
 def _says_what_a_model_needs(schema: dict[str, Any]) -> None:
-    """Keys of the ground are required but where the model is elsewhere."""
+    """Keys of the ground are required but where the model is external."""
     schema["required"] = ["format"]
     schema["if"] = {"required": ["model"]}
     schema["else"] = {"required": list(_GROUND)}
@@ -234,7 +234,7 @@ _OF_THE_GROUND = (
 
 def _refuse_ground(section: CaseSection, faults: SectionFaults) -> None:
     """A model elsewhere has its ground, its construction and its gauges there."""
-    why = "the model is elsewhere ('model'), so this would change nothing"
+    why = "the model is external ('model'), so this would change nothing"
     for key in _OF_THE_GROUND:
         if key in section.model_fields_set and getattr(section, key):
             faults.add((key,), "no-ground", why, "Remove it.")
@@ -246,7 +246,7 @@ def _refuse_ground(section: CaseSection, faults: SectionFaults) -> None:
             faults.add(("stages", n, key), "no-ground", why, "Leave the name of the stage only.")
     for name, gauge in section.gauges.items():
         if not isinstance(gauge, PlainReadingSection):
-            message = f"the model is elsewhere, and geoident cannot place a gauge '{gauge.kind}'"
+            message = f"the model is external, and geoident cannot place a gauge '{gauge.kind}'"
             hint = "Write 'kind: reading' with its accuracy; 'model' says what it reads."
             faults.add(("gauges", name, "kind"), "no-place", message, hint)
     if not section.stages:

@@ -151,9 +151,9 @@ class FitBase(Section):
     mesh_error: bool = Field(
         True,
         description="Whether a fit halves the elements of the mesh once, at the end, to see how "
-        "much of the readings' accuracy the mesh eats (where that costs less than the fit; else "
-        "second order in space or the jumps of the stress tell), says it, and widens intervals and "
-        "bands by it.",
+        "much of the readings' accuracy is lost to mesh error (where that costs less than the fit; "
+        "else second order in space or the jumps of the stress tell), says it, and widens "
+        "intervals and bands by it.",
     )
     reduced: ReducedUse = Field(
         True,

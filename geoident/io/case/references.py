@@ -243,7 +243,7 @@ def _check_added(section: CaseSection, faults: Faults) -> None:
 
 def _check_fit_elsewhere(section: CaseSection, faults: Faults) -> None:
     """What asks for the equations of a model is not there."""
-    why = "the model is elsewhere ('model')"
+    why = "the model is external ('model')"
     if section.fit.ladder:
         message = f"{why}, so geoident cannot make simpler ones of it"
         faults.add(("fit", "ladder"), "no-ground", message, "Remove it.", key=True)

@@ -336,7 +336,7 @@ class Table:
             message = f"the accuracy '{cell.text}' is not positive"
             self.refuse((number, cell.column), "out-of-range", message)
         elif accuracy is not None and not LEAST_SD <= accuracy <= MOST_SD:
-            message = f"the accuracy '{cell.text}' is no accuracy of a gauge"
+            message = f"the accuracy '{cell.text}' is implausible for a gauge"
             hint = f"From {LEAST_SD:g} to {MOST_SD:g} is expected."
             self.refuse((number, cell.column), "out-of-range", message, hint)
         return accuracy

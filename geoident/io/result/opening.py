@@ -1,4 +1,4 @@
-"""The groups ``/opening`` and ``/face``: ground reaction in closed form; a face that goes on."""
+"""The groups ``/opening`` and ``/face``: ground reaction in closed form; an advancing face."""
 
 from __future__ import annotations
 

@@ -25,7 +25,7 @@ def _duration(value: object) -> float:
         raise Refusal("bad-time", f"'{shorten(text)}' is not a time", hint)
     seconds = sum(float(number) * _SECONDS[unit] for number, unit in parts)
     if seconds <= 0.0:
-        raise Refusal("bad-time", "a time of nothing leaves no time", "Remove the key.")
+        raise Refusal("bad-time", "the time must be positive", "Remove the key.")
     return seconds
 
 

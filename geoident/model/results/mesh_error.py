@@ -1,4 +1,4 @@
-"""How much of the accuracy of readings the mesh eats."""
+"""How much of the accuracy of readings is lost to mesh error."""
 
 from __future__ import annotations
 

@@ -249,7 +249,7 @@ def _model_error(result: Result) -> Html:
 
 
 def _surface(result: Result) -> tuple[Block, ...]:
-    """How well runs that are left out are foretold, and the table of it."""
+    """The leave-one-out error of the runs, and its table."""
     if result.surface is None:
         return ()
     said = tag("p", surface.surface_words(result.surface))

@@ -136,7 +136,7 @@ def opening_object(found: GroundReaction) -> dict[str, Any]:
 
 
 def face_object(found: FaceAdvance) -> dict[str, Any]:
-    """A tunnel face that goes on, SI: its profile, and what distances to it say of the stages."""
+    """An advancing tunnel face, SI: its profile, and what distances to it say of the stages."""
     columns = {
         "stage": found.stages,
         "distance": found.stage_distance,

@@ -208,7 +208,7 @@ def _scatter(found: Diagnostics) -> list[str]:
         ]
     if found.below < SIGNIFICANCE and EXACT < found.misfit < TOO_SMALL:
         return [
-            f"The residuals are only {found.misfit:.2g} of what the stated accuracies let expect "
+            f"The residuals are only {found.misfit:.2g} of what the stated accuracies imply "
             f"({_by_chance(found.below)}): the gauges are more accurate than stated, and the "
             "intervals wider than they need be. Write 'accuracies: estimate' under 'fit' to let "
             "the residuals say how accurate they are."

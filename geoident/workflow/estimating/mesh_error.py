@@ -1,4 +1,4 @@
-"""How much of each reading's accuracy the mesh eats: by one uniform refinement (theory 9.4).
+"""How much of each reading's accuracy is lost to mesh error: one uniform refinement (theory 9.4).
 
 A reading of a mesh with edges h errs by about C h^q, so halving the edges changes it by
 (1 - 2^-q) of its error: the error is the change by 1 - 2^-q. The order q is that of the elements,
@@ -294,7 +294,7 @@ _TURNS = (np.radians(1.0), np.radians(46.0))
 
 
 def _chord_notes(model: StagedModel) -> tuple[str, ...]:
-    """What new nodes on straight edges do not tell of curved walls."""
+    """Why new nodes on straight edges miss the error of curved walls."""
     if _order(model) == 2:
         return ()
     sequence, typical = model.sequence, 0.0
@@ -326,7 +326,7 @@ def mesh_sentence(found: MeshError, which: Bools) -> str:
     worst = f"{size} at {found.channels[i]} in {found.stages[j]}, {share[i, j]:.2g} accuracies"
     scatter = found.scatter(which)
     if scatter < NOTICED:
-        return f"The mesh eats little of the accuracy of the readings (at most {worst})."
+        return f"Little of the accuracy of the readings is lost to mesh error (at most {worst})."
     eaten = f"the error of the readings by the mesh is {scatter:.2g} of their accuracy in the mean"
     if scatter < MATTERS:
         return f"The mesh is fine enough: {eaten} (at most {worst})."

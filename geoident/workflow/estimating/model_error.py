@@ -71,7 +71,7 @@ def no_model_error(
     return (
         f"{len(places)} readings are too few beside {unknown} parameters to say how well the model "
         f"describes the ground ({ENOUGH} more than parameters would do): intervals and bands are "
-        "those of a model without error. 'model_error: 15 %' under 'fit' takes one for granted."
+        "those of a model without error. 'model_error: 15 %' under 'fit' assumes one."
     )
 
 
@@ -146,7 +146,7 @@ def _not_asked(case: Case, methods: Sequence[MethodOptions]) -> str | None:
         )
     if case.elsewhere is not None:
         return (
-            "The model is elsewhere and its readings have no place, so no model error is "
+            "The model is external and its readings have no place, so no model error is "
             "estimated: intervals and bands are those of a model without error."
         )
     if isinstance(last, ScanOptions):
@@ -272,7 +272,7 @@ class FittedModelError:
                 f"{said}, which does not explain the residuals: the model does not describe the "
                 "ground, or readings are wrong."
             )
-        return f"{said}: the residuals do not tell errors of gauges and of the model apart."
+        return f"{said}: gauge error and model error cannot be separated by the residuals."
 
     def offset(self) -> str:
         """How large the errors of the zeros are; empty where the readings do not show any."""

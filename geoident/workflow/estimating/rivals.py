@@ -238,11 +238,11 @@ def rival_findings(rivals: Rivals | None, table: ParameterTable) -> tuple[str, .
         f"(misfit {rivals.objectives[0]:.4g}): {_others(rivals, shown, table)}."
     ]
     if rivals.settled:
-        said.append("The intervals and bands hold 95 % of all of them together.")
+        said.append("The intervals and bands cover all minima at 95 %.")
     elif apart.any():
         names = join([name for name, far in zip(table.names, apart, strict=True) if far])
         said.append(
-            f"The readings do not tell which holds, so {names} "
+            f"The readings cannot decide between them, so {names} "
             f"{'is' if apart.sum() == 1 else 'are'} not determined: an interval around one of them "
             "would hold less than 95 %. A reading where the predictions of the two differ, or a "
             "prior, would decide."

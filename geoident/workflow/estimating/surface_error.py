@@ -90,8 +90,8 @@ def surface_sentence(found: SurfaceTable) -> str:
     part = float(found.left_out[k] / found.accuracy[k])
     worst = f"{size} at {found.channels[k]} in {found.stages[k]}, {part:.2g} accuracies"
     said = (
-        f"Runs of {found.file} that are left out are foretold by the others within {worst}, or "
-        f"better. At these parameters the error of the response surfaces is {found.part:.2g} of "
+        f"The largest leave-one-out error of the runs in {found.file} is {worst}. "
+        f"At these parameters the error of the response surfaces is {found.part:.2g} of "
         "the accuracy in the mean"
     )
     if found.part < NOTICED:

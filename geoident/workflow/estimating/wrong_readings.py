@@ -93,7 +93,7 @@ def accuracy_residuals(gauges: GaugeTable) -> tuple[str, ...]:
         f"{gauges.channels[i]} at {gauges.stages[j]} is {size} from what is computed, "
         f"{_shown(float(times[i, j]))} of its accuracies: if the accuracy is right, the model or "
         "the reading is wrong. `geoident compare` says whether another model (anisotropic, "
-        "yielding, stressed otherwise) describes the ground better.",
+        "yielding, different in-situ stress) describes the ground better.",
     )
 
 

@@ -265,13 +265,13 @@ def _answered(
         yield from found.value
 
 
-class WhereWorthWhile:
+class WhereTimeIsSaved:
     """A computation in this process until it takes long, then in several; a context.
 
     Args:
         asked: the model in this process.
         processes: begins the computation in several.
-        worth: seconds that it must take to be worth while.
+        worth: seconds from which on several processes save time.
     """
 
     def __init__(
@@ -308,6 +308,6 @@ class WhereWorthWhile:
             began = time.perf_counter()
 
     def _takes_long(self, left: int) -> bool:
-        """It has taken as long as is worth while, or so many points are going to."""
+        """Several processes save time: it has taken so long, or so many points are going to."""
         expected = left * self._spent / max(self._count, 1)
         return max(self._spent, expected) >= self._worth

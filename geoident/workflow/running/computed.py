@@ -138,6 +138,6 @@ def silent_gauges(model: ObservedModel) -> tuple[str, ...]:
             why = next((why for why in reasons if why), "it is zeroed at the last stage")
             silent.setdefault(why, []).append(channel.name)
     return tuple(
-        f"can be read at no stage after the zero: {named_channels(names)}, as {why}"
+        f"no readable stage after the zero: {named_channels(names)}, as {why}"
         for why, names in silent.items()
     )

@@ -17,9 +17,7 @@ from geoident.workflow.executing.stop import StopRequest
 OUT_OF_TIME = "The time that was given is used up; the same command goes on from here."
 
 
-NOTHING_SENT = (
-    "Nothing of this could be computed at a time, or all of it was known: the cluster was not used."
-)
+NOTHING_SENT = "There was nothing to run in parallel: the cluster was not used."
 
 GRACE = 5.0
 """Seconds after its time for which an evaluation that has begun may go on."""
@@ -94,7 +92,7 @@ class Control:
         out_of_time: the limit was reached.
         started: when, by the clock of the machine that never goes back, s.
         further: seconds after the limit from which on `GRACE` counts.
-        jobs: processes that may work on it; None for the cores there are, where it is worth while.
+        jobs: processes that may work on it; None for all cores, where that saves time.
         cluster: where what can be computed at a time is computed instead; None for processes here.
     """
 

@@ -88,7 +88,7 @@ def made_to_keep(
         others: (n,) parameters of its other minima: there it is exact, too.
     """
     if not isinstance(model, StagedModel):
-        return NONE.format("the case is a closed form, which costs nothing")
+        return NONE.format("the case is a closed form and needs none")
     places = readable(model, case)
     linear = [
         beyond_reduction(model.analysis, model.observation, places[k : k + 1, 0]) is None

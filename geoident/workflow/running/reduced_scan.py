@@ -205,7 +205,7 @@ def with_reduced_readings(
     kept: ReducedResponse | None = None,
     beside: ReducedInLog | None = None,
 ) -> Problem:
-    """The problem of a scan, with a reduced model where the case has one and it is worth while.
+    """The problem of a scan, with a reduced model where the case has one and it saves time.
 
     Args:
         problem: of the scan.

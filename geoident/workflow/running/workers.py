@@ -146,7 +146,7 @@ class ModelWorkers:
 
     Args:
         parts: of the model.
-        jobs: number of processes; None for the cores there are, where that is worth while.
+        jobs: number of processes; None for all cores, where that saves time.
         control: of the command.
         model: in this process, which tells what an evaluation costs.
     """

@@ -134,7 +134,7 @@ def test_no_closed_form(tmp_path, keys, why):
     ],
 )
 def test_stages_without_a_closed_form(tmp_path, keys, why):
-    said_of_gauge = f"can be read at no stage after the zero: C, as {why}"
+    said_of_gauge = f"no readable stage after the zero: C, as {why}"
     assert f"{said_of_gauge} - closed form of a circular opening of radius 2 m" in said(
         tmp_path, **keys
     )

@@ -234,7 +234,7 @@ FAULTS = {
         "[17.5, 3 m]",
         "«[12.5, 3 m]",
         "gauges.EX1.anchors.a5",
-        ["both points are the same"],
+        ["the two points coincide"],
     ),
     "unknown zero": ("zero: heading", "zero: «headin", "gauges.CV1.zero", ["mean 'heading'?"]),
     "no direction": (

@@ -57,7 +57,7 @@ ROW = 'column: "{gauge}", row: {stage: "{stage}"}'
         ("files: [opening.py]", "files: [opning.py]", 6, "missing-file", "there is no file"),
         ("kind: external", "kind: extern", 3, "not-listed", "found 'extern'"),
         ("format: geoident-case/1", "format: geoident-case/1\nsupports: {a: x}", 2, "no-ground",
-         "the model is elsewhere"),
+         "the model is external"),
         ("{name: open}", "{name: open, excavate: [t]}", 12, "no-ground", "would change nothing"),
         ("H: {kind: reading,", "H: {kind: convergence, between: [[0 m, 0 m], [1 m, 0 m]],", 14,
          "no-place", "cannot place a gauge 'convergence'"),

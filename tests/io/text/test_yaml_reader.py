@@ -68,7 +68,7 @@ def test_byte_order_mark_and_windows_lines_are_fine():
 )
 def test_traps_are_refused_where_they_stand(content, code, place):
     faults = refused(content)
-    assert faults[0].code == code
+    assert faults[0].code == code, faults
     if place:
         assert (faults[0].location.line, faults[0].location.column) == place
 

@@ -186,7 +186,7 @@ def test_nothing_is_run_before_somebody_has_said_so(tmp_path):
     assert not (tmp_path / "case.runs").exists()
     checked = run_command("check", case)
     assert checked.exit_code == 0
-    assert "the model is elsewhere: `" in checked.output
+    assert "the model is external: `" in checked.output
     assert not (tmp_path / "case.runs").exists()
     assert run_command("simulate", case, "--trust").exit_code == 0
     assert run_command("simulate", case).exit_code == 0  # remembered
@@ -218,7 +218,7 @@ def test_predict_scan_show_and_report_work_on_it(tmp_path):
         done = run_command(*step)
         assert done.exit_code == 0, done.output
     page = (tmp_path / "page.html").read_text(encoding="utf-8")
-    assert "The model is elsewhere (external): " in page
+    assert "The model is external (external): " in page
     fitted_half = read_result(tmp_path / "case.fit.h5").gauges.computed[:, 0]
     prediction = read_result(tmp_path / "case.predict.h5").prediction
     np.testing.assert_allclose(prediction.mean[:, 1], 2.0 * fitted_half, rtol=1e-2)

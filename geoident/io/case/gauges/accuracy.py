@@ -182,7 +182,7 @@ def computable(given: CaseNumber) -> CaseNumber:
     """
     if given.factor == 0.0 or LEAST_SD <= given.factor <= MOST_SD:
         return given
-    message = f"'{shorten(given.text)}' is no accuracy of a gauge"
+    message = f"'{shorten(given.text)}' is an implausible accuracy for a gauge"
     hint = f"From {LEAST_SD:g} to {MOST_SD:g} of the SI unit is expected; "
     raise Refusal("out-of-range", message, f"{hint}a gauge that tells nothing is best left out.")
 
@@ -302,7 +302,7 @@ def check_parts(given: AnyAccuracy, dimension: str, kind: str, key: str = "accur
         hint = f"Write 'reading: ...' in a unit of {dimension}."
         faults.add((key,), "missing-key", "'reading' is missing", hint)
     elif given.reading is not None and given.reading.factor == 0.0:
-        message = "a reading without an error of its own would fix the answer alone"
+        message = "the reading error must exceed zero"
         faults.add((key, "reading"), "out-of-range", message, "Write one above zero.")
     faults.raise_any()
 
@@ -327,7 +327,7 @@ def _refuse_nonsense(
         return
     unit = shown_unit(usual.unit, given.dimension)
     size = f"{in_unit(usual.reading, usual.unit, given.dimension):.3g} {unit}"
-    message = f"'{shorten(given.text)}' is no accuracy of a gauge"
+    message = f"'{shorten(given.text)}' is an implausible accuracy for a gauge"
     hint = f"Gauges of the kind {kind} have about {size}; is it another unit?"
     faults.add(key, "out-of-range", message, hint)
 

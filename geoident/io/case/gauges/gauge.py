@@ -225,7 +225,7 @@ def distance(
 
 def refuse_one_point(place: Context) -> None:
     """Note that the two points of a gauge are one."""
-    message = "both points are the same, so nothing can be read between them"
+    message = "the two points coincide"
     place.refuse("zero-length", message, "Correct the coordinates of one.")
 
 

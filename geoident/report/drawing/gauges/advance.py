@@ -1,4 +1,4 @@
-"""A tunnel face that goes on: the profile by which its wall moves, stages and first readings."""
+"""An advancing tunnel face: the profile by which its wall moves, stages and first readings."""
 
 from __future__ import annotations
 

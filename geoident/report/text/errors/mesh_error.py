@@ -23,7 +23,7 @@ _HOW = {
 
 
 def mesh_error_table(found: MeshError) -> TextTable:
-    """Readings by the share of their accuracy that the mesh eats, the largest first."""
+    """Readings by the share of their accuracy that is lost to mesh error, the largest first."""
     rows = []
     for i, j in _places(found)[:_MOST]:
         unit = found.units[i], found.dimensions[i]

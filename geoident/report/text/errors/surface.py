@@ -39,12 +39,10 @@ def surface_words(found: SurfaceTable | None) -> str:
     """What the columns of the table are, in a sentence; empty where there is none."""
     if found is None:
         return ""
-    more = (
-        f" Of {len(found)} readings the {_MOST} that are told worst." if len(found) > _MOST else ""
-    )
+    more = f" The {_MOST} largest of {len(found)} readings." if len(found) > _MOST else ""
     return (
-        f"Through {found.runs} runs of {found.file}. left out: root mean square error of runs that "
-        "are foretold by the others; here: standard deviation of the surface at these parameters."
+        f"Through {found.runs} runs of {found.file}. left out: root mean square leave-one-out "
+        "error; here: standard deviation of the surface at these parameters."
         f"{more}"
     )
 

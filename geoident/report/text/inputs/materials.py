@@ -83,7 +83,7 @@ def ground_sentences(case: CaseTexts, numbers: SaidNumbers) -> tuple[str, ...]:
         return (f"Convergence law of Sulem, Panet and Guenot (1987): {law}.",)
     if model:
         run = model.get("command") or [model.get("function") or model.get("file", "")]
-        return (f"The model is elsewhere ({model.get('kind')}): {' '.join(map(str, run))}.",)
+        return (f"The model is external ({model.get('kind')}): {' '.join(map(str, run))}.",)
     stress = entries(case, "in_situ")
     parts = [
         f"{key.replace('_', ' ')} = {_by_group(value, numbers)}"
