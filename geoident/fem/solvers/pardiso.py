@@ -37,10 +37,10 @@ ONE_THREAD = 1e10
 For small matrices all cores together are hardly faster, and their time adds up to more.
 """
 
-_SPD = 2
+_SPD = 2  # mtype of real symmetric positive definite matrices
 _ANALYSE, _FACTORIZE, _SOLVE, _RELEASE, _RELEASE_FACTOR = 11, 22, 33, -1, 0
 _NOT_DEFINITE = (-4, -7)  # zero or negative pivot, singular diagonal matrix
-_NO_MEMORY = (-2, -9)
+_NO_MEMORY = (-2, -9)  # in main memory; in the file beside it
 _SAME_BITS = 2  # MKL_CBWR_AUTO
 
 

@@ -53,7 +53,7 @@ _BETWEEN = 1e5
 """Times the tolerance: what a point may lack that falls between two sets by rounding."""
 
 _Number = TypeVar("_Number", bound=np.generic)
-_UNKNOWN = -1
+_UNKNOWN = -1  # number of a set of planes that has no row yet
 
 
 class _Rows(Generic[_Number]):

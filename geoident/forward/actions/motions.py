@@ -30,6 +30,7 @@ _ON_LINE = 1e-9
 """Extent of points across a line or plane, relative to that along it, that is rounding."""
 
 _HALVINGS = 40
+"""Of a distance, down to the rounding of the coordinates at its ends."""
 
 
 @dataclass(frozen=True)

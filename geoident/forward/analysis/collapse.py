@@ -33,6 +33,8 @@ from geoident.model.arrays import Floats
 from geoident.model.results.yielded import Mechanism
 
 _BALANCED = 1e-7
+"""Unbalanced force, of the largest, at which a prescribed displacement is in equilibrium."""
+
 _STANDS_STILL = 2e-4
 """Relative growth of t over a doubling of the displacement that counts as the limit."""
 
@@ -46,8 +48,13 @@ _HALF = 0.5
 """Part of the largest rate of shear from which on a mechanism shears strongly."""
 
 _MOST_DOUBLINGS = 24
+"""Of the elastic displacement: far beyond, where `_SOFTER` and `_LONG` end the search."""
+
 _LEAST_GROWTH = 1.05
+"""Of the displacement, from one equilibrium to the next: the search ends below it."""
+
 _MOST_STEPS = 40
+"""Of Newton at one displacement; where it converges, it takes 5 to 15."""
 
 
 @dataclass(frozen=True)

@@ -52,7 +52,7 @@ LOCAL_IMBALANCE = 0.01
 _NOTHING = 1e-9
 """Local forces, in parts of the largest, that count as none."""
 
-_GRAVITY = 9.81
+_GRAVITY = 9.81  # m/s^2
 
 _SHOWN = 8  # groups in a note
 

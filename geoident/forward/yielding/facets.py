@@ -35,7 +35,7 @@ Gauge = Callable[[Floats], Floats]
 _DRAWS = 4000
 """Deviators over which ratios are averaged: they scatter by 0.1 at most, their mean by 0.002."""
 
-_SEED = 20
+_SEED = 20  # any: the same faces in each run
 _PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2))
 
 

@@ -24,6 +24,8 @@ from geoident.model.parameter import Values
 from geoident.model.yielding import HoekBrown
 
 _TUNNEL = 0.47, -0.94
+"""Factor and exponent of sigma3_max around deep tunnels (Hoek, Carranza-Torres & Corkum 2002)."""
+
 _LEAST = 1e-3
 """Of sigci: smaller stresses are none to fit a line to."""
 

@@ -125,6 +125,8 @@ def _upper(vectors: Floats) -> Floats:
 
 _PAIRS = ((0, 1), (1, 0), (0, 2), (2, 0), (1, 2), (2, 1))
 _SINES = (0.0, 0.125, 0.25, 0.375, 0.5, 0.75, 0.95)
+"""Sines of the friction angle, 0 to 72 degrees, at which the smallest ratio is looked for."""
+
 _BETWEEN_SINES = 0.995  # what the smallest ratio may fall between those
 
 
