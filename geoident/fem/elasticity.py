@@ -37,14 +37,18 @@ VOIGT = {
 _FIRST, _SECOND = np.array([(0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2)]).T
 
 
-def isotropic(constants: Constants) -> Dual:
-    """E (6, 6) from E and nu, or K and G: lambda J_lambda + mu J_mu."""
+def lame_constants(constants: Constants) -> tuple[Dual, Dual]:
+    """Lambda and mu from E and nu, or K and G."""
     if "E" in constants:
         E, nu = constants["E"], constants["nu"]
-        lame, mu = E * nu / ((1.0 + nu) * (1.0 - 2.0 * nu)), E / (2.0 * (1.0 + nu))
-    else:
-        K, mu = constants["K"], constants["G"]
-        lame = K - mu * (2.0 / 3.0)
+        return E * nu / ((1.0 + nu) * (1.0 - 2.0 * nu)), E / (2.0 * (1.0 + nu))
+    K, mu = constants["K"], constants["G"]
+    return K - mu * (2.0 / 3.0), mu
+
+
+def isotropic(constants: Constants) -> Dual:
+    """E (6, 6) from E and nu, or K and G: lambda J_lambda + mu J_mu."""
+    lame, mu = lame_constants(constants)
     normal = np.arange(6) < 3
     return lame * np.outer(normal, normal).astype(np.float64) + mu * np.diag(
         np.where(normal, 2.0, 1.0)

@@ -25,7 +25,7 @@ from geoident.forward.actions.forces import HELD_EDGES
 from geoident.forward.actions.thermal import NORMAL_COMPONENTS
 from geoident.forward.analysis.analysis import StagedAnalysis
 from geoident.forward.checks import inadmissible_numbers
-from geoident.forward.ground.elasticity import elasticity
+from geoident.forward.ground.elasticity import elastic_matrix
 from geoident.forward.in_situ.stress import NEGLIGIBLE_IMBALANCE, in_situ_models
 from geoident.forward.structures.members import rigidities
 from geoident.forward.yielding.surfaces import yield_planes
@@ -34,7 +34,13 @@ from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case, Material
 from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.empirical.rock_mass import RockMassModulus
-from geoident.model.ground import Isotropic, TransverselyIsotropic, angles, constants, numbers_of
+from geoident.model.ground import (
+    Isotropic,
+    TransverselyIsotropic,
+    angles,
+    constants,
+    elastic_scalars,
+)
 from geoident.model.in_situ import GeostaticStress, HeimStress
 from geoident.model.parameter import Parameter, Scalar, Values
 from geoident.model.structures import Structure
@@ -224,14 +230,16 @@ def stiffness_part(material: Material, *, section: bool) -> EquationPart:
     """
     return EquationPart(
         f"the stiffness of {material.name}",
-        lambda point: elasticity(material.elastic, point, section=section).columns,
+        lambda point: elastic_matrix(material.elastic, point, section=section).columns,
         lambda names: _explain_stiffness(material, names),
     )
 
 
 def _explain_stiffness(material: Material, names: Collection[str]) -> str | None:
     elastic = material.elastic
-    tied = [name for name, s in numbers_of(elastic).items() if not s.parameters.isdisjoint(names)]
+    tied = [
+        name for name, s in elastic_scalars(elastic).items() if not s.parameters.isdisjoint(names)
+    ]
     for name in tied:
         if name.startswith("nu") or name in angles(elastic):
             remedy = " (K and G enter linearly)" if isinstance(elastic, Isotropic) else ""
@@ -345,7 +353,9 @@ def _thermal_stress(
 ) -> Floats:
     """E eps_0 (6, k, 1 + n) that a state imposes on the k points of a group."""
     material = analysis.case.materials[analysis.sequence.states[state].materials[group]]
-    moduli = elasticity(material.elastic, point, section=analysis.case.analysis.dim == 2).columns
+    moduli = elastic_matrix(
+        material.elastic, point, section=analysis.case.analysis.dim == 2
+    ).columns
     per_strain = Dual(moduli[:, :NORMAL_COMPONENTS].sum(axis=1)[:, None])
     return (per_strain * analysis.thermal.strain(state, group, point)).columns
 

@@ -204,7 +204,7 @@ class _Exporter:
         return self.law_of[key]
 
     def _point_law(self, name: str, *, yields: bool) -> PointLaw:
-        elastic = self._elastic(self.ground.elasticity(name).columns)
+        elastic = self._elastic(self.ground.elastic_matrix(name).columns)
         material = self.analysis.case.materials[name]
         if not (yields and material.yields):
             return elastic

@@ -92,7 +92,7 @@ class Observed:
 
     Args:
         seen: (m, n_channels, 1 + n) what channels see of the first m states, SI, with derivatives;
-            of other width where these were not asked for or stand in ``jacobian``.
+            the last axis has length 1 if none were asked for, or if they are in ``jacobian``.
         jacobian: (g, n) of the readings that were asked for, where derivatives came by adjoints.
         failures: why stages have no equilibrium.
         details: what else it knows.

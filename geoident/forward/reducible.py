@@ -1,6 +1,6 @@
 """The response of a staged model that may have a surrogate: the reduced model of its model.
 
-Analyses with derivatives are recorded as they are made (`snapshots`), by their parameters. The
+Analyses with derivatives are recorded as they are made (`Reduction`), by their parameters. The
 surrogate of some parameter vectors is a function of these alone: what is not recorded is analysed.
 """
 

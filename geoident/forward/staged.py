@@ -73,7 +73,7 @@ class ResumableRun:
     Args:
         kernel: of the case.
         p: (n,) parameters, SI.
-        options: how to analysis.
+        options: how the run is made.
         keeps_ends: whether the values of the states are kept.
 
     Attributes:
@@ -94,7 +94,7 @@ class ResumableRun:
         self._ends = self.run.states()
 
     def to(self, last: int, tell: Tell | None = None) -> None:
-        """Analysis on to a state. It holds no factor while it waits.
+        """Go on to a state. No factor is held while the run waits.
 
         Args:
             last: index of the state.
@@ -204,7 +204,7 @@ class StagedKernel(ObservedModel):
         return fault
 
     def forget(self) -> None:
-        """Begin the next analysis as a new model does: of earlier ones only analyses stay."""
+        """Begin the next run as a new model does: only the symbolic factorizations stay."""
         self.analysis.forget()
         self.face.forget()
         self._kept = None
@@ -214,7 +214,7 @@ class StagedKernel(ObservedModel):
 
         Args:
             p: (n,) parameters.
-            options: how to analysis.
+            options: how the run is made.
         """
         return AnalysisRun(
             self.analysis, ParameterPoint(self.values(p), self.names), options, self._told

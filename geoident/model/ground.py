@@ -380,7 +380,7 @@ def angles_of(frame: Frame) -> dict[str, Scalar]:
     return scalars_of(frame)
 
 
-def numbers_of(elastic: Elastic) -> dict[str, Scalar]:
+def elastic_scalars(elastic: Elastic) -> dict[str, Scalar]:
     """All numbers on which the elasticity matrix depends, by name."""
     return {**constants(elastic), **angles(elastic)}
 

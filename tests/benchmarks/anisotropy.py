@@ -22,7 +22,7 @@ from support.anisotropy import general, random_definite, ties
 from support.cases import model, rollers
 from support.meshes import box
 
-from geoident.forward.ground.elasticity import elasticity
+from geoident.forward.ground.elasticity import elastic_matrix
 from geoident.model.actions import Pressure
 from geoident.model.case import Material, Stage
 from geoident.model.dual import Dual, ParameterPoint
@@ -59,7 +59,7 @@ def measure(cells: int, elastic: Isotropic | Anisotropic, starts: dict[str, floa
     rock = case.case.materials["rock"].elastic
 
     def moduli() -> Dual:
-        return elasticity(rock, ParameterPoint(starts, tuple(starts)), section=False)
+        return elastic_matrix(rock, ParameterPoint(starts, tuple(starts)), section=False)
 
     def assemble() -> None:
         case.systems.values(system, state, {"rock": moduli().value.copy()}, starts)

@@ -11,7 +11,7 @@ import numpy as np
 from geoident.fem.solvers import pick_solver
 from geoident.forward.analysis.stage import StageEnd
 from geoident.forward.checks import check_on_mesh
-from geoident.forward.ground.elasticity import elasticity
+from geoident.forward.ground.elasticity import elastic_matrix
 from geoident.forward.in_situ.stress import InSituStress, StressPlaces
 from geoident.forward.model import StagedModel, staged_model
 from geoident.forward.stages import CaseOnMesh
@@ -177,7 +177,7 @@ def virgin(staged: StagedModel) -> StageEnd:
 
 def moduli_at(material: Material, values: dict[str, float], n_strain: int) -> np.ndarray:
     """The elasticity matrix (s, s) of a material at parameter values."""
-    found = elasticity(material.elastic, ParameterPoint(values, ()), section=n_strain < 6)
+    found = elastic_matrix(material.elastic, ParameterPoint(values, ()), section=n_strain < 6)
     return found.value[:n_strain, :n_strain]
 
 

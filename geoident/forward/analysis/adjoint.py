@@ -324,7 +324,7 @@ class AdjointAnalysis:
         rest = -(self._plan.forces @ self._special_stress(task, carried.d))
         rest[self._plan.read] += carried.u
         if self._structures.n_rows:
-            rest -= self._structures.nodal_forces(task.moduli[:, :1] * carried.members)
+            rest -= self._structures.nodal_forces(task.rigidities[:, :1] * carried.members)
         dofs = task.system.dofs
         later = self._let_go_later(task, carried.M)
         if later is not None:
@@ -351,11 +351,13 @@ class AdjointAnalysis:
         """Forces (n_dofs, k) of the ground and structures of a stage at displacements."""
         stress = self._points.strain(u)
         for material, mine in task.system.points_of.items():
-            moduli = task.ground.moduli(material, mine).value
+            moduli = task.ground_moduli.moduli(material, mine).value
             stress[:, mine] = moduli.stress(stress[:, mine])
         found = self._points.forces(stress, task.system.volume)
         if self._structures.n_rows:
-            found += self._structures.nodal_forces(task.moduli[:, :1] * self._structures.strain(u))
+            found += self._structures.nodal_forces(
+                task.rigidities[:, :1] * self._structures.strain(u)
+            )
         return found
 
     def _special_stress(self, task: StageTask, d: Floats) -> Floats:
@@ -365,7 +367,7 @@ class AdjointAnalysis:
             place = self._plan.place[mine]
             here = np.flatnonzero(place >= 0)
             if len(here):
-                moduli = task.ground.moduli(material, mine).value.at(here)
+                moduli = task.ground_moduli.moduli(material, mine).value.at(here)
                 stress[:, place[here]] = moduli.stress(d[:, place[here]])
         stress *= task.system.volume[self._plan.special][None, :, None]
         return stress.reshape(d.shape[0] * d.shape[1], d.shape[2])
@@ -431,7 +433,7 @@ class AdjointAnalysis:
         motion = self._imposed(task.number)
         imposed = None if motion is None else points.strain(motion)
         for material, mine in task.system.points_of.items():
-            moduli = task.ground.moduli(material, mine)
+            moduli = task.ground_moduli.moduli(material, mine)
             if imposed is not None:
                 by_ordinary[:, mine] += moduli.value.stress(imposed[:, mine])
             if trace.stepped:
@@ -474,7 +476,7 @@ class AdjointAnalysis:
             slopes += moduli * structures.strain(trace.du)[:, None]
         motion = self._imposed(task.number)
         if motion is not None:
-            slopes += task.moduli[:, :1] * structures.strain(motion)
+            slopes += task.rigidities[:, :1] * structures.strain(motion)
         if task.state.stressed:
             begun = np.zeros((structures.n_rows, self._ordinary.n_columns))
             structures.begin(task.state, begun, self._ordinary)

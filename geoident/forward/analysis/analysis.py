@@ -194,7 +194,7 @@ class AnalysisRun:
     Args:
         analysis: what does not depend on parameters.
         point: the parameters, all of the case.
-        options: how to analysis.
+        options: how the run is made.
         tell: is told the index of every state that was computed.
     """
 
@@ -267,7 +267,7 @@ class AnalysisRun:
                 if unit is not None:
                     unit.add_to(forces, n)
                 try:
-                    yielded = self._advance(n, u, carried, forces)
+                    yielded = self._advance_to_state(n, u, carried, forces)
                 except CollapseError as error:
                     if not self._options.partial:
                         raise
@@ -293,7 +293,9 @@ class AnalysisRun:
             stress, members
         )
 
-    def _advance(self, number: int, u: Floats, carried: StressState, forces: Floats) -> Bools:
+    def _advance_to_state(
+        self, number: int, u: Floats, carried: StressState, forces: Floats
+    ) -> Bools:
         """Bring a state to equilibrium; updates u (n_dofs, 1 + n + k) and what is carried.
 
         Returns:
@@ -393,8 +395,11 @@ def _unknown(state: int, u: Floats, carried: StressState) -> StageEnd:
 
 
 def _impose(task: StageTask, thermal: Floats) -> None:
-    """Take E eps_0 from the stress, with the derivatives of eps_0; those of E come later."""
-    moduli = task.elasticity()
+    """Take E eps_0 from the stress, with the derivatives of eps_0.
+
+    Those by the moduli (dE/dp) are added in `elastic_step`.
+    """
+    moduli = task.moduli_by_material()
     for material, mine in task.system.points_of.items():
         normal = thermal[mine]
         strain = np.zeros((task.carried.stress.shape[0], *normal.shape))

@@ -114,7 +114,7 @@ def grounds_of(task: StageTask, laws: YieldLaws) -> list[Ground]:
         task: the stage.
         laws: how they yield at its parameters.
     """
-    moduli, grounds = task.elasticity(), []
+    moduli, grounds = task.moduli_by_material(), []
     for name, points in task.system.points_of.items():
         law, hardened = laws.at(name, points), None
         if law is not None and law.hardens:

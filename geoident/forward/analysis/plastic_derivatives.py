@@ -18,7 +18,7 @@ import numpy as np
 
 from geoident.forward.actions.thermal import NORMAL_COMPONENTS
 from geoident.forward.analysis.constitutive import Flow
-from geoident.forward.analysis.stage import StageTask, add_moduli_slopes
+from geoident.forward.analysis.stage import StageTask, add_stress_from_moduli_slopes
 from geoident.forward.analysis.stage_equations import Balance, StageEquations, Trial
 from geoident.forward.analysis.systems import StageSystems
 from geoident.model.arrays import Floats
@@ -47,7 +47,7 @@ def plastic_derivatives(
     trial, structures, points = balance.trial, systems.structures, systems.discretization.points
     du = trial.du if task.motion is None else trial.du + task.motion[:, 0]
     members = task.carried.members[:, 1:]
-    members[:, : task.n] += task.moduli[:, 1:] * structures.strain(du)[:, None]
+    members[:, : task.n] += task.rigidities[:, 1:] * structures.strain(du)[:, None]
     slopes = _at_rest(task, systems, equations, trial, du)
     rest = task.forces[:, 1:] - points.forces(slopes, task.system.volume)
     if structures.n_rows:
@@ -57,7 +57,7 @@ def plastic_derivatives(
         ddu[equations.dofs] = _solved(equations, balance, rest[equations.dofs])
     task.carried.stress[..., 1:] = slopes + _following(task, points.strain(ddu), equations, trial)
     if structures.n_rows:
-        members += task.moduli[:, :1] * structures.strain(ddu)
+        members += task.rigidities[:, :1] * structures.strain(ddu)
     return ddu
 
 
@@ -69,7 +69,7 @@ def _at_rest(
     strain = systems.discretization.points.strain(du)
     if task.thermal is not None:
         strain[:NORMAL_COMPONENTS] -= task.thermal[:, 0]
-    add_moduli_slopes(task, strain, slopes)
+    add_stress_from_moduli_slopes(task, strain, slopes)
     for flow in equations.flowing(trial):
         before, mine = None, flow.points
         if flow.ground.hardens:

@@ -348,7 +348,7 @@ class PlasticSteps:
         if self.systems.structures.n_rows:
 
             def members(du: Floats) -> Floats:
-                more = task.moduli[:, 0] * self.systems.structures.strain(du)
+                more = task.rigidities[:, 0] * self.systems.structures.strain(du)
                 total = (task.carried.members[:, 0] + more)[:, None]
                 return self.systems.structures.nodal_forces(total)[:, 0]
 
@@ -411,7 +411,7 @@ class PlasticSteps:
         """The state of what is carried after the step."""
         task.carried.stress[..., 0] = trial.stress
         if self.systems.structures.n_rows:
-            task.carried.members[:, 0] += task.moduli[:, 0] * self.systems.structures.strain(
+            task.carried.members[:, 0] += task.rigidities[:, 0] * self.systems.structures.strain(
                 trial.du
             )
         for flow in equations.flowing(trial):

@@ -220,10 +220,10 @@ class StageTask:
         system: its equations.
         state: what is there.
         point: the parameters, and those to differentiate by.
-        ground: the moduli there.
+        ground_moduli: of all materials.
         carried: before the stage, without what left; thermal strains are in it. Changed in place.
         forces: (n_dofs, 1 + n + k).
-        moduli: (n_rows, 1 + n) of structures.
+        rigidities: (n_rows, 1 + n) of structures.
         thermal: (n_points, 1 + n) normal strains, or None.
         motion: (n_dofs, 1 + n) displacement step that supports impose, zero where nothing is given;
             None for none.
@@ -233,10 +233,10 @@ class StageTask:
     system: StageSystem
     state: ConstructionState
     point: ParameterPoint
-    ground: ModuliAt
+    ground_moduli: ModuliAt
     carried: StressState
     forces: Floats
-    moduli: Floats
+    rigidities: Floats
     thermal: Floats | None
     motion: Floats | None = None
 
@@ -245,9 +245,11 @@ class StageTask:
         """Number of parameters to differentiate by."""
         return len(self.point.names)
 
-    def elasticity(self) -> dict[str, Moduli]:
+    def moduli_by_material(self) -> dict[str, Moduli]:
         """E of every material that is there, at its points, Pa."""
-        return {m: self.ground.moduli(m, mine).value for m, mine in self.system.points_of.items()}
+        return {
+            m: self.ground_moduli.moduli(m, mine).value for m, mine in self.system.points_of.items()
+        }
 
 
 @dataclass(frozen=True, eq=False)
@@ -303,22 +305,22 @@ class LastFactor:
         """Forget all."""
         self._held.clear()
 
-    def uses(self, analysis: SymbolicFactorization) -> bool:
-        """Whether a factor that is held would be lost by another factorization of an analysis."""
-        return any(held[2] is analysis for held in self._held)
+    def uses(self, symbolic: SymbolicFactorization) -> bool:
+        """Whether a factor that is held would be lost by another factorization by the same."""
+        return any(held[2] is symbolic for held in self._held)
 
     def keep(
-        self, state: ConstructionState, factor: Factor, analysis: SymbolicFactorization, size: int
+        self, state: ConstructionState, factor: Factor, symbolic: SymbolicFactorization, size: int
     ) -> None:
         """Hold a factorization.
 
         Args:
             state: for which it was made.
             factor: of K there.
-            analysis: of which it is the last factor.
+            symbolic: of which it is the last factor.
             size: entries of K.
         """
-        self._held.append((_what_stands(state), factor, analysis, size))
+        self._held.append((_what_stands(state), factor, symbolic, size))
 
 
 def elastic_step(task: StageTask, systems: StageSystems, last: LastFactor) -> Floats:
@@ -339,7 +341,9 @@ def elastic_step(task: StageTask, systems: StageSystems, last: LastFactor) -> Fl
     """
     factor, structures = factorize(task, systems, last), systems.structures
     impose_motion(task, systems)
-    first = _advance(task, systems, factor, task.carried.columns(slice(1)), task.forces[:, :1])
+    first = _solve_columns(
+        task, systems, factor, task.carried.columns(slice(1)), task.forces[:, :1]
+    )
     if task.motion is not None:
         first += task.motion[:, :1]
     if task.forces.shape[1] == 1:
@@ -347,11 +351,11 @@ def elastic_step(task: StageTask, systems: StageSystems, last: LastFactor) -> Fl
     strain = systems.discretization.points.strain(first[:, 0])
     if task.thermal is not None:
         strain[:NORMAL_COMPONENTS] -= task.thermal[:, 0]
-    add_moduli_slopes(task, strain, task.carried.stress[..., 1:])
+    add_stress_from_moduli_slopes(task, strain, task.carried.stress[..., 1:])
     members = task.carried.members[:, 1 : 1 + task.n]
-    members += task.moduli[:, 1:] * structures.strain(first)
-    rest = task.carried.columns(slice(1, None))
-    others = _advance(task, systems, factor, rest, task.forces[:, 1:])
+    members += task.rigidities[:, 1:] * structures.strain(first)
+    slopes = task.carried.columns(slice(1, None))
+    others = _solve_columns(task, systems, factor, slopes, task.forces[:, 1:])
     if task.motion is not None:
         others[:, : task.n] += task.motion[:, 1:]
     return np.hstack([first, others])
@@ -365,19 +369,21 @@ def follow_displacements(task: StageTask, systems: StageSystems, du: Floats) -> 
         systems: the equations of the stages.
         du: (n_dofs, 1 + n) displacement steps.
     """
-    strain, moduli = systems.discretization.points.strain(du), task.elasticity()
+    strain, moduli = systems.discretization.points.strain(du), task.moduli_by_material()
     if du.shape[1] > 1:
-        add_moduli_slopes(task, strain[..., 0], task.carried.stress[..., 1:])
+        add_stress_from_moduli_slopes(task, strain[..., 0], task.carried.stress[..., 1:])
     for material, points in task.system.points_of.items():
         task.carried.stress[:, points] += moduli[material].stress(strain[:, points])
     if systems.structures.n_rows:
         members = systems.structures.strain(du)
-        task.carried.members[:, 1:] += task.moduli[:, 1 : du.shape[1]] * members[:, :1]
-        task.carried.members[:] += task.moduli[:, :1] * members
+        task.carried.members[:, 1:] += task.rigidities[:, 1 : du.shape[1]] * members[:, :1]
+        task.carried.members[:] += task.rigidities[:, :1] * members
 
 
 def impose_motion(task: StageTask, systems: StageSystems) -> None:
-    """Bring what supports impose into what is carried, with its derivatives; those of E come later.
+    """Bring what supports impose into what is carried, with its derivatives.
+
+    Those by the moduli (dE/dp) are added in `elastic_step`.
 
     The other nodes stay where they are for now: what they are then out of balance by, the step of
     the stage takes away.
@@ -388,33 +394,33 @@ def impose_motion(task: StageTask, systems: StageSystems) -> None:
     """
     if task.motion is None:
         return
-    strain, moduli = systems.discretization.points.strain(task.motion), task.elasticity()
+    strain, moduli = systems.discretization.points.strain(task.motion), task.moduli_by_material()
     columns = task.motion.shape[1]
     for material, mine in task.system.points_of.items():
         task.carried.stress[:, mine, :columns] += moduli[material].stress(strain[:, mine])
     if systems.structures.n_rows:
-        more = task.moduli[:, :1] * systems.structures.strain(task.motion)
+        more = task.rigidities[:, :1] * systems.structures.strain(task.motion)
         task.carried.members[:, :columns] += more
 
 
-def add_moduli_slopes(task: StageTask, strain: Floats, slopes: Floats) -> None:
+def add_stress_from_moduli_slopes(task: StageTask, strain: Floats, stress_slopes: Floats) -> None:
     """dsigma/dp_h += dE/dp_h eps for the moduli that depend on parameters.
 
     Args:
         task: the stage.
         strain: eps (s, n_points) of the step, without thermal strains.
-        slopes: (s, n_points, n + k), changed in place.
+        stress_slopes: dsigma/dp (s, n_points, n + k), changed in place.
     """
     columns = {name: column for column, name in enumerate(task.point.names)}
     for material, mine in task.system.points_of.items():
-        moduli = task.ground.moduli(material, mine)
+        moduli = task.ground_moduli.moduli(material, mine)
         for name, slope in moduli.slopes.items():
             if name in columns:
-                slopes[:, mine, columns[name]] += slope.stress(strain[:, mine])
+                stress_slopes[:, mine, columns[name]] += slope.stress(strain[:, mine])
         for modes in moduli.modes:
             change, phi = modes.moduli.stress(strain[:, mine]), modes.modes
             for some, place in _runs(modes.field.names, columns):
-                slopes[:, mine, place] += change[..., None] * phi[None, :, some]
+                stress_slopes[:, mine, place] += change[..., None] * phi[None, :, some]
 
 
 def _runs(names: Sequence[str], columns: Mapping[str, int]) -> Iterator[tuple[slice, slice]]:
@@ -436,14 +442,14 @@ def not_positive_definite(stage: str, place: str) -> ModelError:
     return ModelError(msg, hint)
 
 
-def _advance(
+def _solve_columns(
     task: StageTask,
     systems: StageSystems,
     factor: Factor | None,
     carried: StressState,
     forces: Floats,
 ) -> Floats:
-    """Balance forces and what is carried in some columns; updates the latter, returns du."""
+    """Displacements (n_dofs, k) that balance forces and stress; adds the stress that they make."""
     points, structures = systems.discretization.points, systems.structures
     rest = forces - points.forces(carried.stress, task.system.volume)
     if structures.n_rows:
@@ -452,11 +458,11 @@ def _advance(
     if factor is not None:
         dofs = task.system.dofs
         du[dofs] = factor.solve(rest[dofs])
-    strain, moduli = points.strain(du), task.elasticity()
+    strain, moduli = points.strain(du), task.moduli_by_material()
     for material, mine in task.system.points_of.items():
         carried.stress[:, mine] += moduli[material].stress(strain[:, mine])
     if structures.n_rows:
-        carried.members[:] += task.moduli[:, :1] * structures.strain(du)
+        carried.members[:] += task.rigidities[:, :1] * structures.strain(du)
     return du
 
 
@@ -472,25 +478,25 @@ def factorize(task: StageTask, systems: StageSystems, last: LastFactor) -> Facto
         ModelError: the stiffness is not positive definite.
     """
     system, state = task.system, task.state
-    analysis = systems.analysis(system)
-    if analysis is None:
+    symbolic = systems.symbolic(system)
+    if symbolic is None:
         return None
-    found = last.find(state)
-    if found is not None:
-        return found
+    held = last.find(state)
+    if held is not None:
+        return held
     size = len(system.pattern.lower.indices)
     last.make_room(size)
     spare = 0
-    while last.uses(analysis):
+    while last.uses(symbolic):
         spare += 1
-        analysis = systems.analysis(system, spare) or analysis
+        symbolic = systems.symbolic(system, spare) or symbolic
     try:
-        values = systems.values(system, state, task.elasticity(), task.point.values)
-        factor = analysis.factorize(values)
+        values = systems.values(system, state, task.moduli_by_material(), task.point.values)
+        factor = symbolic.factorize(values)
     except NotPositiveDefinite as error:
         place = systems.describe_unknown(system, error.unknown)
         raise not_positive_definite(state.name, place) from error
-    last.keep(state, factor, analysis, size)
+    last.keep(state, factor, symbolic, size)
     return factor
 
 

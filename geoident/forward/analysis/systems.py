@@ -1,4 +1,4 @@
-"""The equations of the stages, prepared: who is there, patterns, orders, analyses."""
+"""The equations of the stages, prepared: patterns, orders, symbolic factorizations."""
 
 from __future__ import annotations
 
@@ -112,25 +112,25 @@ class StageSystems:
         self._point_blocks = PointBlocks(mesh, geometries, discretization.kinematics)
         self._pointwise = PointwiseStiffness(self._point_blocks)
         self._tangents: dict[SystemKey, TangentPattern] = {}
-        self._analyses: dict[tuple[SystemKey, int], SymbolicFactorization | None] = {}
-        self._analysed: dict[tuple[bytes, int], SymbolicFactorization] = {}
+        self._symbolic_of_system: dict[tuple[SystemKey, int], SymbolicFactorization | None] = {}
+        self._symbolic_of_pattern: dict[tuple[bytes, int], SymbolicFactorization] = {}
 
     def __getitem__(self, state: int) -> StageSystem:
         if state not in self._systems:
             self._systems[state] = self._prepare(state)
         return self._systems[state]
 
-    def analysis(self, system: StageSystem, spare: int = 0) -> SymbolicFactorization | None:
-        """The analysed pattern of a state; None if nothing is free to move.
+    def symbolic(self, system: StageSystem, spare: int = 0) -> SymbolicFactorization | None:
+        """The symbolic factorization of K of a state; None if nothing is free to move.
 
         Args:
             system: the equations of the state.
-            spare: number of a further analysis of the same pattern, where its factors are in use.
+            spare: number of a further one of the same pattern, where its factors are in use.
         """
         key = system.key, spare
-        if key not in self._analyses:
-            self._analyses[key] = self._analyse(system.pattern.lower, spare)
-        return self._analyses[key]
+        if key not in self._symbolic_of_system:
+            self._symbolic_of_system[key] = self._analyse_pattern(system.pattern.lower, spare)
+        return self._symbolic_of_system[key]
 
     def tangents(self, system: StageSystem) -> TangentPattern:
         """Where changes of moduli at strain points go in K of a state."""
@@ -147,7 +147,7 @@ class StageSystems:
         self,
         system: StageSystem,
         state: ConstructionState,
-        laws: Mapping[str, Moduli],
+        moduli: Mapping[str, Moduli],
         values: Values,
     ) -> Floats:
         """Values (nnz,) of K at a state.
@@ -158,17 +158,23 @@ class StageSystems:
         Args:
             system: the equations of the state.
             state: what is there.
-            laws: material to its moduli at its points, Pa.
+            moduli: material to its moduli at its points, Pa.
             values: parameters by name, SI.
         """
         map_of = self.discretization.kinematics.stiffness_map
-        maps = {n: map_of(law.matrix) for n, law in laws.items() if isinstance(law, UniformModuli)}
-        ground = {g: maps[material] for g, material in state.materials.items() if material in maps}
-        total = system.pattern.values(self._blocks, ground | self.structures.maps(state, values))
-        for name in laws.keys() - maps.keys():
+        maps = {
+            n: map_of(one.matrix) for n, one in moduli.items() if isinstance(one, UniformModuli)
+        }
+        ground_maps = {
+            g: maps[material] for g, material in state.materials.items() if material in maps
+        }
+        total = system.pattern.values(
+            self._blocks, ground_maps | self.structures.maps(state, values)
+        )
+        for name in moduli.keys() - maps.keys():
             points = numbers(system.points_of[name], len(system.volume))
             tangents = self.tangents(system)
-            total += self._pointwise.values(tangents, name, points, laws[name], system.volume)
+            total += self._pointwise.values(tangents, name, points, moduli[name], system.volume)
         return total
 
     def work(self, points: Ints, stress: Floats) -> sp.csr_array:
@@ -235,15 +241,15 @@ class StageSystems:
             )
         return self._patterns[key]
 
-    def _analyse(self, lower: LowerPattern, spare: int) -> SymbolicFactorization | None:
+    def _analyse_pattern(self, lower: LowerPattern, spare: int) -> SymbolicFactorization | None:
         if lower.n == 0:
             return None
         parts = [lower.indptr, lower.indices]
         parts += [] if lower.places is None else [lower.places.dofs]
         key = hashlib.sha256(b"".join(part.tobytes() for part in parts)).digest(), spare
-        if key not in self._analysed:
-            self._analysed[key] = self._solver.analyse(lower)
-        return self._analysed[key]
+        if key not in self._symbolic_of_pattern:
+            self._symbolic_of_pattern[key] = self._solver.analyse(lower)
+        return self._symbolic_of_pattern[key]
 
 
 def _moved_to_end(order: Ints, nodes: Ints) -> Ints:

@@ -41,9 +41,9 @@ class StageTangents:
                 lower = self._system.pattern.lower
                 return general_factor(lower, values + below, values + above, counts)
             values = values + below
-        analysis = self._systems.analysis(self._system)
-        assert analysis is not None
-        return analysis.factorize(values)
+        symbolic = self._systems.symbolic(self._system)
+        assert symbolic is not None
+        return symbolic.factorize(values)
 
     def around(self, unknowns: Ints, most: int) -> Patch | None:
         """The patch around unknowns (w,); None where more than a number of them would move."""

@@ -11,11 +11,11 @@ from __future__ import annotations
 import numpy as np
 
 from geoident.errors import Fault
-from geoident.forward.ground.elasticity import elasticity
+from geoident.forward.ground.elasticity import elastic_matrix
 from geoident.model.arrays import Floats
 from geoident.model.case import Analysis, Case, KeyPath, Material
 from geoident.model.dual import ParameterPoint
-from geoident.model.ground import Anisotropic, Elastic, numbers_of
+from geoident.model.ground import Anisotropic, Elastic, elastic_scalars
 from geoident.model.parameter import Parameter, Scalar, Values
 
 _NEGLIGIBLE = 1e-9  # of the largest modulus: rounding of turned axes is 1e-16 of it
@@ -34,7 +34,7 @@ def section_faults(case: Case) -> list[Fault]:
 
 def _is_known(case: Case, elastic: Elastic) -> bool:
     """Whether all parameters of a material are there: in a faulty case some may be missing."""
-    ties = {name for number in numbers_of(elastic).values() for name in number.parameters}
+    ties = {name for number in elastic_scalars(elastic).values() for name in number.parameters}
     return ties <= case.start.keys()
 
 
@@ -55,7 +55,7 @@ def _fault(case: Case, material: Material) -> Fault | None:
 
 def _section_moduli(elastic: Elastic, values: Values) -> Floats:
     """E (6, 6) in the axes of a section, Pa."""
-    return elasticity(elastic, ParameterPoint(values, ()), section=True).value
+    return elastic_matrix(elastic, ParameterPoint(values, ()), section=True).value
 
 
 def trials(parameters: tuple[Parameter, ...]) -> list[Values]:

@@ -43,7 +43,7 @@ from geoident.model.ground import (
     bounded,
     breach,
     constants,
-    numbers_of,
+    elastic_scalars,
 )
 from geoident.model.parameter import Values
 
@@ -56,7 +56,7 @@ _FORMULAS: Mapping[type, Callable[[formulas.Constants], Dual]] = {
 }
 
 
-def elasticity(elastic: Elastic, point: ParameterPoint, *, section: bool) -> Dual:
+def elastic_matrix(elastic: Elastic, point: ParameterPoint, *, section: bool) -> Dual:
     """E (6, 6) in the axes of the model, or of a plane section, Pa.
 
     Args:
@@ -185,7 +185,7 @@ def field_moduli(
         n_strain: number s of strain components of the analysis.
         growths: of the material; one of these or of the fields at least.
     """
-    own = {name for scalar in numbers_of(elastic).values() for name in scalar.parameters}
+    own = {name for scalar in elastic_scalars(elastic).values() for name in scalar.parameters}
     own = own.union(*(growth.names for growth in growths))
     local = ParameterPoint(point.values, tuple(name for name in point.names if name in own))
     by_modes = any(name in point.names for field in fields for name in field.names)
@@ -212,7 +212,7 @@ def grows_whole(
 
 def _grown(elastic: Elastic, growth: PointGrowth, local: ParameterPoint, s: int) -> MaterialModuli:
     """E of the typical number times a factor of every point, with the derivatives of both."""
-    matrix = Dual(elasticity(elastic, local, section=s < 6).columns[:s, :s])
+    matrix = Dual(elastic_matrix(elastic, local, section=s < 6).columns[:s, :s])
     found = np.ascontiguousarray(growth.value(local).columns / growth.typical)
     value = ScaledModuli(np.ascontiguousarray(matrix.value), np.ascontiguousarray(found[:, 0]))
     slopes: dict[str, Moduli] = {}
@@ -254,7 +254,7 @@ def _scaled(
     Where tests hold the field, the factor also depends on the mean m, by m^-pull.
     """
     section = s < 6
-    matrix = Dual(elasticity(elastic, local, section=section).columns[:s, :s])
+    matrix = Dual(elastic_matrix(elastic, local, section=section).columns[:s, :s])
     mean = local.number(constants(elastic)[field.constant])
     factor = field.factor(local.values, float(mean.value))
     value = ScaledModuli(np.ascontiguousarray(matrix.value), factor)
@@ -346,7 +346,7 @@ class ModuliAt:
                 elastic, s = self.on_mesh.elastic(material), self.n_strain
                 found = field_moduli(elastic, fields, self.point, s, growths)
             else:
-                found = uniform_moduli(self.elasticity(material), self.point.names)
+                found = uniform_moduli(self.elastic_matrix(material), self.point.names)
             self._moduli[material] = found
         found = self._moduli[material]
         if points is None or isinstance(found.value, UniformModuli):
@@ -362,14 +362,14 @@ class ModuliAt:
             self._parts[material] = kept
         return kept[1]
 
-    def elasticity(self, material: str) -> Dual:
+    def elastic_matrix(self, material: str) -> Dual:
         """E (s, s) of a material, Pa; where a constant is a field, that of its mean.
 
         Where one grows, that of its typical number.
         """
         if material not in self._elasticities:
             elastic, s = self.on_mesh.elastic(material), self.n_strain
-            full = elasticity(elastic, self.point, section=s < 6)
+            full = elastic_matrix(elastic, self.point, section=s < 6)
             self._elasticities[material] = Dual(np.ascontiguousarray(full.columns[:s, :s]))
         return self._elasticities[material]
 

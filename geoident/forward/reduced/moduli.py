@@ -18,12 +18,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from geoident.forward.ground.elasticity import elasticity
+from geoident.fem.elasticity import lame_constants
+from geoident.forward.ground.elasticity import elastic_matrix
 from geoident.forward.structures.members import rigidities
 from geoident.model.arrays import Floats
 from geoident.model.case import Material
-from geoident.model.dual import ParameterPoint
-from geoident.model.ground import Isotropic, numbers_of
+from geoident.model.dual import Dual, ParameterPoint
+from geoident.model.ground import Isotropic, constants, elastic_scalars
 from geoident.model.parameter import Scalar
 from geoident.model.structures import Structure
 
@@ -67,7 +68,7 @@ class MaterialSpan:
             shape = (len(values), self.rank)
             return np.broadcast_to(self.fixed, shape), np.zeros((*shape, len(self.names)))
         elastic = self.material.elastic
-        plain = all(type(scalar) is Scalar for scalar in numbers_of(elastic).values())
+        plain = all(type(scalar) is Scalar for scalar in elastic_scalars(elastic).values())
         if isinstance(elastic, Isotropic) and plain:
             found = _isotropic(elastic, self.names, values, self.basis)
         else:
@@ -164,7 +165,7 @@ def moduli_at(material: Material, names: Sequence[str], values: Floats, section:
         section: the model is a plane section.
     """
     point = ParameterPoint(dict(zip(names, map(float, values), strict=True)), names)
-    return elasticity(material.elastic, point, section=section).columns
+    return elastic_matrix(material.elastic, point, section=section).columns
 
 
 def span_of(
@@ -179,7 +180,7 @@ def span_of(
         n_strain: number s of strain components.
     """
     section, s = n_strain < 6, n_strain
-    scalars = numbers_of(material.elastic).values()
+    scalars = elastic_scalars(material.elastic).values()
     moved = any(not scalar.parameters.isdisjoint(names) for scalar in scalars)
     if not moved:
         samples = samples[:1]
@@ -192,40 +193,25 @@ def span_of(
 
 
 def _isotropic(elastic: Isotropic, names: Sequence[str], values: Floats, basis: Floats) -> Floats:
-    """Coordinates (b, r, 1 + n) of isotropic moduli, all at once."""
+    """Coordinates (b, r, 1 + n) of isotropic moduli at parameter vectors (b, n), all at once."""
+
+    def number(scalar: Scalar) -> Dual:
+        columns = np.zeros((len(values), 1 + len(names)))
+        if scalar.parameter in names:
+            k = names.index(scalar.parameter)
+            columns[:, 0], columns[:, 1 + k] = scalar.factor * values[:, k], scalar.factor
+        else:
+            columns[:, 0] = scalar.factor
+        return Dual(columns)
+
+    lame, mu = lame_constants({n: number(scalar) for n, scalar in constants(elastic).items()})
     s = basis.shape[1]
     volumetric, shear = np.zeros((s, s)), np.diag([2.0] * 3 + [1.0] * (s - 3))
     volumetric[:3, :3] = 1.0
-    places = {name: k for k, name in enumerate(names)}
-
-    def number(scalar: Scalar) -> tuple[Floats, int | None]:
-        k = None if scalar.parameter is None else places.get(scalar.parameter)
-        return (
-            np.full(len(values), scalar.factor) if k is None else scalar.factor * values[:, k]
-        ), k
-
-    if elastic.E is not None and elastic.nu is not None:
-        (E, at_one), (nu, at_other) = number(elastic.E), number(elastic.nu)
-        down = (1.0 + nu) * (1.0 - 2.0 * nu)
-        lame, mu = E * nu / down, E / (2.0 * (1.0 + nu))
-        by_one = nu / down, 1.0 / (2.0 * (1.0 + nu))
-        by_other = E * (1.0 + 2.0 * nu**2) / down**2, -mu / (1.0 + nu)
-        factors = elastic.E.factor, elastic.nu.factor
-    else:
-        assert elastic.K is not None
-        assert elastic.G is not None
-        (K, at_one), (mu, at_other) = number(elastic.K), number(elastic.G)
-        lame, one, none = K - 2.0 * mu / 3.0, np.ones_like(K), np.zeros_like(K)
-        by_one, by_other = (one, none), (-2.0 / 3.0 * one, one)
-        factors = elastic.K.factor, elastic.G.factor
-    parts = np.zeros((len(values), 2, 1 + len(names)))
-    parts[:, 0, 0], parts[:, 1, 0] = lame, mu
-    for at, slopes, factor in ((at_one, by_one, factors[0]), (at_other, by_other, factors[1])):
-        if at is not None:
-            parts[:, 0, 1 + at] += factor * slopes[0]
-            parts[:, 1, 1 + at] += factor * slopes[1]
-    units = np.einsum("rij,kij->rk", basis, np.stack([volumetric, shear]))
-    return np.asarray(np.einsum("rk,bkn->brn", units, parts))
+    of_lame, of_mu = (np.einsum("rij,ij->r", basis, one) for one in (volumetric, shear))
+    return np.asarray(
+        of_lame[:, None] * lame.columns[:, None] + of_mu[:, None] * mu.columns[:, None]
+    )
 
 
 def relative_eigenvalues(matrices: Floats, reference: Floats) -> Floats:

@@ -101,7 +101,7 @@ class StructureMembers:
 class Structures:
     """All structures of a case that ever stand.
 
-    `structure_checks` has made sure that each finds its nodes and elements.
+    `structures.checks` has made sure that each finds its nodes and elements.
 
     Args:
         on_mesh: the case on its mesh.

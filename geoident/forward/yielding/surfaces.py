@@ -117,7 +117,7 @@ class YieldLaws:
             EmptyDomain: no stress satisfies the planes of a smooth surface.
         """
         if material not in self._laws:
-            planes, elasticity = self.limits.get(material), self._ground.elasticity(material)
+            planes, elasticity = self.limits.get(material), self._ground.elastic_matrix(material)
             if planes is None:
                 self._laws[material] = None
             elif isinstance(planes, HoekBrownConstants):

@@ -42,17 +42,17 @@ class Iterate:
     Args:
         x: (n,) scaled parameters.
         p: (n,) parameters, SI.
-        model: residuals and their derivative there.
+        linearization: residuals and their derivative there.
     """
 
     x: Floats
     p: Floats
-    model: Linearization
+    linearization: Linearization
 
     @property
     def phi(self) -> float:
         """The discrepancy."""
-        return self.model.objective
+        return self.linearization.objective
 
 
 IterateT = TypeVar("IterateT", bound=Iterate)
@@ -111,7 +111,7 @@ class Acceptance(Generic[IterateT]):
                 self.radius *= 2.0
         elif self._detour >= DETOUR or not _nearer(self.point, step, trial):
             # to where the parabola through phi, its slope and the trial is lowest
-            J, r = self.point.model.jacobian, self.point.model.residual
+            J, r = self.point.linearization.jacobian, self.point.linearization.residual
             slope = 2.0 * float(r @ (J @ step.d))
             part = float(np.clip(-0.5 * slope / (-gain - slope), 0.2, 0.5))
             self._shorten(part * step.length)
@@ -145,7 +145,7 @@ class Acceptance(Generic[IterateT]):
 
 def _nearer(point: Iterate, step: Step, trial: Iterate) -> bool:
     """The natural level test of the module's head."""
-    J = point.model.jacobian[:, step.d != 0.0]
-    before = smallest_solution(J, point.model.residual)
-    after = smallest_solution(J, trial.model.residual)
+    J = point.linearization.jacobian[:, step.d != 0.0]
+    before = smallest_solution(J, point.linearization.residual)
+    after = smallest_solution(J, trial.linearization.residual)
     return float(np.linalg.norm(after)) <= NEARER * float(np.linalg.norm(before))

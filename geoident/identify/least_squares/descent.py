@@ -258,7 +258,7 @@ class Stopping:
     def _unseen(self, point: Iterate) -> float:
         """Differences of phi at a point that noise of the computed readings may make."""
         noise = self.noise()
-        size = float(np.linalg.norm(noise * point.model.residual[: len(noise)]))
+        size = float(np.linalg.norm(noise * point.linearization.residual[: len(noise)]))
         return UNSEEN_SD * 2.0 * math.sqrt(2.0) * size + float(noise @ noise)
 
     def negligible(self, full: Step) -> bool:
@@ -272,7 +272,7 @@ class Stopping:
 
 def gradient_cosines(box: TrustBox, point: Iterate) -> Floats:
     """|J_h^T r| / (|J_h| |r|) of every parameter h, (n,); 0 where a bound holds it."""
-    J, r = point.model.jacobian, point.model.residual
+    J, r = point.linearization.jacobian, point.linearization.residual
     low, high = box.sides(point.x, 1.0)
     g = J.T @ r
     g[((g > 0.0) & (low == 0.0)) | ((g < 0.0) & (high == 0.0))] = 0.0

@@ -1,7 +1,7 @@
 """Gauss-Newton in a trust region, with bounds (theory 4.2).
 
-With the weighted residuals r and their Jacobian J in the scaled parameters x (see `discrepancy`),
-each iteration minimises the linearised discrepancy
+With the weighted residuals r and their Jacobian J in the scaled parameters x (see
+`problem.problem.Discrepancy`), each iteration minimises the linearised discrepancy
 
     m(d) = |r + J d|^2    over    lower <= x + d <= upper  and  d in the trust region
 
@@ -198,7 +198,7 @@ def gauss_newton_step(box: TrustBox, point: Iterate, radius: float) -> Step:
         point: where from.
         radius: length at most; may be infinite.
     """
-    J, r = point.model.jacobian, point.model.residual
+    J, r = point.linearization.jacobian, point.linearization.residual
     d = bounded_least_squares(J, r, *box.sides(point.x, radius))
     change = J @ d
     gain = -float(change @ (2.0 * r + change))
@@ -215,7 +215,7 @@ def phi_after_step(box: TrustBox, point: Iterate, free: Bools) -> float:
     """
     if not free.any():
         return point.phi
-    J, r = point.model.jacobian[:, free], point.model.residual
+    J, r = point.linearization.jacobian[:, free], point.linearization.residual
     low, high = box.sides(point.x, FIRST_RADIUS)
     d = bounded_least_squares(J, r, low[free], high[free])
     return float(np.sum((r + J @ d) ** 2))

@@ -292,7 +292,7 @@ def at_minimum(one: Iterate, x: Floats, angles: Angles) -> bool:
         x: (n,) scaled parameters.
         angles: which of them are angles.
     """
-    J = one.model.jacobian
+    J = one.linearization.jacobian
     return any(bool(np.linalg.norm(J @ d) <= SAME) for d in angles.differences(one.x, x))
 
 

@@ -220,7 +220,7 @@ class Discrepancy:
             own, z = own_residuals(self.problem, readings)
             f, _ = transformed(self.problem.loss, own)
             return np.concatenate([f, z, self.scaling.prior_residuals(p)])
-        f, _ = transformed(self.problem.loss, self.misfit(readings))
+        f, _ = transformed(self.problem.loss, self.whitened_residuals(readings))
         return np.concatenate([f, self.scaling.prior_residuals(p)])
 
     @property
@@ -228,7 +228,7 @@ class Discrepancy:
         """Shared errors are found beside the parameters, as the loss is robust."""
         return self.problem.shared is not None and not isinstance(self.problem.loss, SquaredOptions)
 
-    def misfit(self, readings: Floats) -> Floats:
+    def whitened_residuals(self, readings: Floats) -> Floats:
         """White v - v* (g,) where the model answers readings v (g,), whatever the loss."""
         return self.problem.whiten(readings - self.problem.measured)
 
@@ -244,7 +244,7 @@ class Discrepancy:
         Of readings (g,) that the model answers at p (n,), SI.
         """
         prior = self.scaling.prior_residuals(p)
-        misfit = self.misfit(readings)
+        misfit = self.whitened_residuals(readings)
         return float(misfit @ misfit + prior @ prior)
 
     def objective_of(self, p: Floats, readings: Floats) -> float:
@@ -275,11 +275,11 @@ class Discrepancy:
         why = self.problem.response.admissible(p)
         if why is not None:
             raise ModelError(why)
-        found = self.linearized(p, *self.problem.response.evaluate(p))
+        found = self.linearization_of(p, *self.problem.response.evaluate(p))
         _require_finite(found)
         return found
 
-    def linearized(self, p: Floats, readings: Floats, jacobian: Floats) -> Linearization:
+    def linearization_of(self, p: Floats, readings: Floats, jacobian: Floats) -> Linearization:
         """The same where the answer of the model is known.
 
         Args:
@@ -299,7 +299,7 @@ class Discrepancy:
             return _projected(problem, v, dv_dx)
         if problem.shared is not None:
             return problem.whiten(dv_dx)
-        _, slope = transformed(problem.loss, self.misfit(v))
+        _, slope = transformed(problem.loss, self.whitened_residuals(v))
         return dv_dx * (slope / problem.sd)[:, None]
 
 

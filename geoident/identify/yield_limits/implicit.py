@@ -307,7 +307,7 @@ class ImplicitSearch:
         while left > 0 and not self._enough(best, fruitless):
             most = min(left, self._patience(best) - fruitless)
             around = best.point
-            known = Iterate(around.x, around.p, around.model)
+            known = Iterate(around.x, around.p, around.linearization)
             drawn = deepcopy(restarts)
             places = [self._place(drawn, around) for _ in range(min(most, at_once(self.model)))]
             looks = [

@@ -154,7 +154,7 @@ class Restarts:
             best: the best point, its unreached planes brought near.
             unit: (n,) what counts as a step of one in x.
         """
-        d = self._hardly_seen(best.model.jacobian * unit, np.sqrt(best.phi))
+        d = self._hardly_seen(best.linearization.jacobian * unit, np.sqrt(best.phi))
         down, idle = self._share(LOWERED, len(d)), best.unreached
         d[idle] = np.where(down > 0.0, -BELOW * down, RISE * self._share(1.0, len(d)))[idle]
         reached = self._strength & ~idle

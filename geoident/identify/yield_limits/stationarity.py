@@ -95,7 +95,7 @@ def check(
     if exact or (steepness <= FLAT and not kinks(point.activity)):
         return StationarityCheck(point, steepness, 0, None)
     unit = evaluator.box.unit(point.x)
-    J, r = point.model.jacobian, point.model.residual
+    J, r = point.linearization.jacobian, point.linearization.residual
     newton = bounded_least_squares(J, r, *evaluator.box.sides(point.x, PROBE)) / unit
     axes = np.eye(len(unit))
     lowest, probes, place = point.phi, 0, None
@@ -198,7 +198,7 @@ def certificate(
         "its planes: its interval has no upper end."
         for name in above
     ]
-    idle = unreached(activity, checked.point.model.jacobian)
+    idle = unreached(activity, checked.point.linearization.jacobian)
     least = checked.point.p - headroom(activity)
     return Certificate(
         kind=kind,

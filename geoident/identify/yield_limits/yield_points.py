@@ -53,11 +53,11 @@ def yield_evaluator(
 
     def brought_near(point: Iterate) -> YieldIterate:
         activity = model.activity(point.p)
-        idle = unreached(activity, point.model.jacobian)
+        idle = unreached(activity, point.linearization.jacobian)
         room = headroom(activity) - CLOSE * np.abs(point.p)
         near = idle & np.isfinite(room) & (room > 0.0)
         x = scaling.to_scaled(np.where(near, point.p - np.where(near, room, 0.0), point.p))
-        return YieldIterate(x, scaling.to_natural(x), point.model, idle, activity)
+        return YieldIterate(x, scaling.to_natural(x), point.linearization, idle, activity)
 
     return Evaluator(discrepancy, history, brought_near)
 

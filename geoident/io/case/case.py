@@ -29,7 +29,7 @@ from geoident.io.case.actions import LoadSection, WaterSection, build_loads
 from geoident.io.case.external.section import ConvergenceLawSection, ElsewhereSection
 from geoident.io.case.face import FaceSection, build_face
 from geoident.io.case.fit import FitSection
-from geoident.io.case.frames import oriented
+from geoident.io.case.frames import with_periods
 from geoident.io.case.gauges.kinds import GaugeSection, build_channels
 from geoident.io.case.gauges.reading import PlainReadingSection
 from geoident.io.case.ground import MaterialSection, build_materials
@@ -257,7 +257,7 @@ def build_case(section: CaseSection, faults: Faults) -> Case:
     """The case in SI units, without mesh and readings; what does not fit its axes is a fault."""
     context = Context((), Analysis(section.analysis), faults)
     gravity = section.gravity is not None
-    ties = [(path, given) for path, given in numbers_of(section) if given.parameter]
+    ties = [(path, given) for path, given in numbers_with_paths(section) if given.parameter]
     in_situ, zones = build_in_situ(section.in_situ, context.at("in_situ"))
     materials = build_materials(section.materials, section.parameters, context.at("materials"))
     if section.mesh is None and section.model is None:
@@ -270,7 +270,9 @@ def build_case(section: CaseSection, faults: Faults) -> Case:
         title=section.title,
         analysis=context.analysis,
         mesh_file=None,
-        parameters=oriented([p.parameter(name) for name, p in section.parameters.items()], ties),
+        parameters=with_periods(
+            [p.parameter(name) for name, p in section.parameters.items()], ties
+        ),
         materials=materials,
         groups={group: None if m == ABSENT else m for group, m in section.groups.items()},
         supports=tuple(build_supports(section.supports, context.at("supports")).values()),
@@ -342,7 +344,7 @@ def _seek_strengths(materials: Mapping[str, Material]) -> bool:
     )
 
 
-def numbers_of(node: object, path: KeyPath = ()) -> list[tuple[KeyPath, CaseNumber]]:
+def numbers_with_paths(node: object, path: KeyPath = ()) -> list[tuple[KeyPath, CaseNumber]]:
     """Every number of a case, or of a part of it that stands at a path, with its path."""
     found: list[tuple[KeyPath, CaseNumber]] = []
     _add_numbers(node, path, found)
@@ -379,5 +381,5 @@ def _keys_of(section: type[BaseModel]) -> tuple[tuple[str, str], ...]:
 
 def tied_parameters(section: CaseSection) -> frozenset[str]:
     """Names of the parameters that the case itself refers to by ``$NAME``."""
-    found = (given.parameter for _, given in numbers_of(section))
+    found = (given.parameter for _, given in numbers_with_paths(section))
     return frozenset(name for name in found if name is not None)

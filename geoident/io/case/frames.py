@@ -28,7 +28,7 @@ ATTITUDE_OR_AXES = "dip dip_direction? rotation?", "axis_1 axis_2"
 """Ways to say where three axes point."""
 
 
-def oriented(
+def with_periods(
     parameters: Sequence[Parameter], ties: Iterable[tuple[KeyPath, CaseNumber]]
 ) -> tuple[Parameter, ...]:
     """Parameters that know after which turn they mean the same ground.

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from geoident.io.case.frames import ATTITUDE_OR_AXES, attitude, axes_along, strata
-from geoident.io.case.parameters import ParameterSection, start_values
+from geoident.io.case.parameters import ParameterSection, numbers_at_start
 from geoident.io.case.varied.number import FieldModulus, YoungModulus, fields_in, growths_in
 from geoident.io.case.varied.rock_mass import KEY, DerivedModulus
 from geoident.io.case.yielding.sections import YieldSections, build_yields, fields_of_yields
@@ -66,7 +66,7 @@ class _MaterialBase(Section):
         return self
 
     @abstractmethod
-    def elasticity(self, context: Context) -> Elastic:
+    def build_elastic(self, context: Context) -> Elastic:
         """The elasticity for the model; what cannot be is noted as a fault."""
 
     def _scalars(self, names: Sequence[str]) -> dict[str, Scalar]:
@@ -89,7 +89,7 @@ class IsotropicSection(_MaterialBase):
     K: FieldModulus | None = Field(None, description="Bulk modulus.")
     G: FieldModulus | None = Field(None, description="Shear modulus.")
 
-    def elasticity(self, context: Context) -> Isotropic:
+    def build_elastic(self, context: Context) -> Isotropic:
         """By the pair that is given."""
         return Isotropic(*map(scalar_of, (self.E, self.nu, self.K, self.G)))
 
@@ -150,7 +150,7 @@ class TransverselyIsotropicSection(_InclinedBase):
     L: FieldModulus | None = Field(None, description="Love's L, shear modulus of normal and plane.")
     N: FieldModulus | None = Field(None, description="Love's N, shear modulus in the plane.")
 
-    def elasticity(self, context: Context) -> TransverselyIsotropic | LoveModuli:
+    def build_elastic(self, context: Context) -> TransverselyIsotropic | LoveModuli:
         """By engineering constants or Love's moduli."""
         frame = strata(context, self.dip, self.dip_direction, self.normal)
         if self.E_p is not None:
@@ -188,7 +188,7 @@ class OrthotropicSection(_InclinedBase):
         None, description=f"Axis 2, at a right angle to 1, {_VECTOR}"
     )
 
-    def elasticity(self, context: Context) -> Orthotropic:
+    def build_elastic(self, context: Context) -> Orthotropic:
         """By nine constants, and angles or axes."""
         frame = (
             attitude(context, self.dip, self.dip_direction, self.rotation)
@@ -237,7 +237,7 @@ class AnisotropicSection(_MaterialBase):
     c56: Stress | None = _entry("yz", "xz", "0 if missing")
     c66: FieldModulus | None = _entry("xz", "xz", "needed in a solid")
 
-    def elasticity(self, context: Context) -> Anisotropic:
+    def build_elastic(self, context: Context) -> Anisotropic:
         """By the entries that are given; a solid needs two more."""
         entries = {name: scalar_of(getattr(self, name)) for name in ENTRIES}
         for name in ("c55", "c66"):
@@ -278,7 +278,7 @@ def build_materials(
     materials = {}
     for name, section in sections.items():
         place = context.at(name)
-        elastic, growths = section.elasticity(place), growths_in(section, place, material=name)
+        elastic, growths = section.build_elastic(place), growths_in(section, place, material=name)
         _check_start(bounded(elastic, growths), section, parameters, place)
         materials[name] = Material(
             name,
@@ -302,7 +302,7 @@ def _check_start(
     context: Context,
 ) -> None:
     """Note a constant that is inadmissible at the start of the parameters."""
-    starts = start_values(section.numbers, parameters)
+    starts = numbers_at_start(section.numbers, parameters)
     found = None if starts is None else breach(elastic, starts)
     if found is None:
         return

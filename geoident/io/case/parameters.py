@@ -116,7 +116,7 @@ class ParameterSection(Section):
             faults.add(("bounds", 0), "bad-prior", message, "Raise the bound or use kind: normal.")
 
 
-def start_values(
+def numbers_at_start(
     numbers: Iterable[CaseNumber], parameters: Mapping[str, ParameterSection]
 ) -> dict[str, float] | None:
     """The parameters at their starts, by name, SI.

@@ -10,7 +10,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import replace
 
 from geoident.io.case.actions import WaterSection
-from geoident.io.case.case import CaseSection, circle_of, numbers_of
+from geoident.io.case.case import CaseSection, circle_of, numbers_with_paths
 from geoident.io.case.external.section import ConvergenceLawSection
 from geoident.io.case.face import FaceCheck, groups_released
 from geoident.io.case.fit import AxisSection
@@ -259,7 +259,7 @@ def _check_dimension(path: KeyPath, given: CaseNumber, start: CaseNumber, faults
 def _check_ties(section: CaseSection, faults: Faults) -> None:
     """Note ties to unknown parameters or of another dimension, and parameters without any use."""
     used = names_of_sets(section.fit.ladder or ())
-    for path, given in numbers_of(section):
+    for path, given in numbers_with_paths(section):
         if given.parameter is not None:
             used.add(given.parameter)
             _check_tie(section, path, given, given.parameter, faults)

@@ -16,7 +16,7 @@ import scipy.sparse as sp
 
 from geoident.fem.elements import reference_element
 from geoident.forward.analysis.stage import StageEnd
-from geoident.forward.ground.elasticity import elasticity
+from geoident.forward.ground.elasticity import elastic_matrix
 from geoident.forward.model import StagedModel
 from geoident.model.arrays import Floats, Ints
 from geoident.model.dual import ParameterPoint
@@ -61,7 +61,7 @@ class EnergyError:
             mine = np.flatnonzero(
                 np.isin(model.sequence.group_of[points.element], groups) & present
             )
-            elastic = elasticity(
+            elastic = elastic_matrix(
                 model.case.materials[material].elastic,
                 self._point,
                 section=points.n_strain < _SOLID,

@@ -90,10 +90,10 @@ def weighed_minima(
         return None, None
     discrepancy = Discrepancy(problem)
     scaling, p = discrepancy.scaling, outcome.values
-    best = Iterate(scaling.to_scaled(p), p, discrepancy.linearized(p, computed, jacobian))
+    best = Iterate(scaling.to_scaled(p), p, discrepancy.linearization_of(p, computed, jacobian))
     points = [best, *_near(discrepancy, outcome.minima, best.phi + RIVAL)]
     points = distinct_minima(points, Angles(problem.parameters, scaling))
-    masses = [laplace_mass(point.model, point.x, scaling) for point in points]
+    masses = [laplace_mass(point.linearization, point.x, scaling) for point in points]
     evidence = _evidence(problem, best, computed, masses)
     if len(points) == 1:
         return None, evidence

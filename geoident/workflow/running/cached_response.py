@@ -9,9 +9,9 @@
                  came from: limits and patience that go by them do not depend on interruptions.
                  Factorizations and solutions are what this run has done;
     prefetches   parts of a search that know nothing of each other are worked on by other processes
-                 before they are asked for (`prefetched`);
-    substitutes  where a search allows an error, the surrogate of the model answers if the bound of
-                 its error is below that (`substituting`).
+                 before they are asked for (`ahead`);
+    substitutes  where a search allows an error, the surrogate of the model answers if the estimate
+                 of its error is below that (`substituting`).
 """
 
 from __future__ import annotations

@@ -183,7 +183,7 @@ class LedReadings(LedByReduced):
     def _close(self, p: Floats, v: Floats, error: Floats) -> bool:
         """Whether the discrepancy of readings v (g,) at p (n,) is right, with their errors."""
         off = float(np.linalg.norm(error / self.discrepancy.problem.sd))
-        residual = float(np.linalg.norm(self.discrepancy.misfit(v)))
+        residual = float(np.linalg.norm(self.discrepancy.whitened_residuals(v)))
         phi = self.discrepancy.objective_of(p, v)
         return bool(off * (2.0 * residual + off) <= LEAST + NEAR * phi)
 

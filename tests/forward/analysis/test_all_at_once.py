@@ -334,9 +334,9 @@ def test_states_of_the_same_ground_share_what_is_prepared():
     assert systems[2] is systems[2]
     lined, test, bench = systems[2], systems[3], systems[4]
     assert lined.key == test.key != bench.key
-    assert systems.analysis(lined) is systems.analysis(test)
-    assert systems.analysis(lined) is not systems.analysis(bench)
-    assert systems.analysis(lined, 1) is not systems.analysis(lined)
+    assert systems.symbolic(lined) is systems.symbolic(test)
+    assert systems.symbolic(lined) is not systems.symbolic(bench)
+    assert systems.symbolic(lined, 1) is not systems.symbolic(lined)
     assert systems.tangents(lined) is systems.tangents(test) is not systems.tangents(bench)
 
 

@@ -37,7 +37,7 @@ from geoident.model.ground import (
     LoveModuli,
     Orthotropic,
     TransverselyIsotropic,
-    numbers_of,
+    elastic_scalars,
 )
 from geoident.model.in_situ import ConstantStress
 from geoident.model.mesh import Mesh
@@ -160,7 +160,7 @@ def staged_in(elastic, dim: int):
         upper=lambda c: np.all(np.abs(c - 0.5) < 0.3, axis=1) & (c[:, -1] > 0.5),
         lower=lambda c: np.all(np.abs(c - 0.5) < 0.3, axis=1),
     )
-    names = sorted({s.parameter for s in numbers_of(elastic).values() if s.parameter})
+    names = sorted({s.parameter for s in elastic_scalars(elastic).values() if s.parameter})
     rng = np.random.default_rng(2)
     fill = Scalar(0.25, "E_p") if "E_p" in names else Scalar(5e9)
     channels = tuple(
@@ -254,7 +254,7 @@ NOT_AFFINE = {
 
 def _bend(elastic) -> float:
     """How far the law at a midpoint is from the mean of the laws at the ends."""
-    names = {s.parameter for s in numbers_of(elastic).values() if s.parameter}
+    names = {s.parameter for s in elastic_scalars(elastic).values() if s.parameter}
     starts = {**STARTS, "E": 10e9}
     one = {n: starts[n] for n in names}
     two = {n: v * (1.1 + 0.02 * k) for k, (n, v) in enumerate(sorted(one.items()))}
@@ -266,7 +266,7 @@ def _bend(elastic) -> float:
 def obstacle_of(elastic) -> str | None:
     """Why the stiffness is not affine in the parameters to which its numbers are tied."""
     starts = {**STARTS, "E": 10e9}
-    names = dict.fromkeys(s.parameter for s in numbers_of(elastic).values() if s.parameter)
+    names = dict.fromkeys(s.parameter for s in elastic_scalars(elastic).values() if s.parameter)
     parameters = tuple(Parameter(n, starts[n], starts[n] * 0.8, starts[n] * 1.2) for n in names)
     material = Material("rock", elastic)
     return first_obstacle([stiffness_part(material, section=False)], parameters)

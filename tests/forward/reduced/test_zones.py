@@ -7,7 +7,7 @@ import pytest
 from support.reduced import braced, plane, spread
 
 from geoident.forward.analysis.analysis import RunOptions
-from geoident.forward.ground.elasticity import elasticity
+from geoident.forward.ground.elasticity import elastic_matrix
 from geoident.forward.reduced.points import AnalysisPoints
 from geoident.forward.reduced.zones import (
     Segment,
@@ -205,7 +205,7 @@ def test_stresses_of_a_march_are_the_sums_of_its_zones(build):
                 strain = points.strain(motion[other], mine)
                 if material in analysis.case.materials:
                     elastic = analysis.case.materials[material].elastic
-                    E = elasticity(elastic, point, section=True).columns[:4, :4, 0]
+                    E = elastic_matrix(elastic, point, section=True).columns[:4, :4, 0]
                     found = found + sign * np.einsum("ij,jqk->iqk", E, strain)
                 else:
                     found = found + sign * moduli[mine - points.n_ground, None] * strain

@@ -136,7 +136,7 @@ def law_of(staged: StagedModel) -> PolyhedralLaw:
 
 
 def moduli_of(staged: StagedModel) -> np.ndarray:
-    return ground_of(staged).elasticity("rock").value
+    return ground_of(staged).elastic_matrix("rock").value
 
 
 def ground_of(staged: StagedModel) -> ModuliAt:

@@ -234,7 +234,7 @@ def given_up(phi, gain, length, *, best=10.0, status="converged", away=0.4):
     The best one has ended at 1; the whole has five readings more than parameters.
     """
     model = SimpleNamespace(jacobian=np.eye(1))
-    minimum = SimpleNamespace(phi=best, x=np.array([1.0]), model=model)
+    minimum = SimpleNamespace(phi=best, x=np.array([1.0]), linearization=model)
     search = SimpleNamespace(
         _endings=[SimpleNamespace(point=minimum, status=status)],
         freedom=5,

@@ -105,14 +105,14 @@ def test_residuals_are_those_of_readings_then_of_priors(problem):
     prior = (0.8 - 0.5) / 0.2
     found = Discrepancy(problem)
     np.testing.assert_allclose(found.residuals(p, function(p)), [*r, prior])
-    np.testing.assert_allclose(found.misfit(function(p)), r)
+    np.testing.assert_allclose(found.whitened_residuals(function(p)), r)
     assert found.squares(p, function(p)) == pytest.approx(r @ r + prior**2)
     assert found.objective(p) == pytest.approx(r @ r + prior**2)
     for loss in LOSSES:
         f, _ = transformed(loss, r)
         robust = Discrepancy(replace(problem, loss=loss))
         np.testing.assert_allclose(robust.residuals(p, function(p)), [*f, prior])
-        np.testing.assert_allclose(robust.misfit(function(p)), r)
+        np.testing.assert_allclose(robust.whitened_residuals(function(p)), r)
         assert robust.squares(p, function(p)) == pytest.approx(r @ r + prior**2)
 
 
@@ -129,7 +129,7 @@ def test_the_slope_of_phi_is_that_of_differences(problem, loss, common):
         assert gradient == pytest.approx((up - down) / 2e-5, rel=1e-6)
     p = np.array([1.5, 0.8])
     v, J = given.response.evaluate(p)
-    again = found.linearized(p, v, J)
+    again = found.linearization_of(p, v, J)
     np.testing.assert_array_equal(again.residual, at.residual)
     np.testing.assert_allclose(again.jacobian, at.jacobian, rtol=1e-12)
 

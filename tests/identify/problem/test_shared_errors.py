@@ -151,9 +151,9 @@ def test_without_shared_errors_not_a_bit_changes(make_problem, measured):
     plain = make_problem(line, parameters(), measured, SD)
     assert plain.covariance is None
     v = line(np.array([1.7, 0.9]))
-    np.testing.assert_array_equal(Discrepancy(plain).misfit(v), (v - measured) / SD)
+    np.testing.assert_array_equal(Discrepancy(plain).whitened_residuals(v), (v - measured) / SD)
     nothing = replace(plain, shared=SharedErrors(sp.csr_array((8, 0))))
-    np.testing.assert_array_equal(Discrepancy(nothing).misfit(v), (v - measured) / SD)
+    np.testing.assert_array_equal(Discrepancy(nothing).whitened_residuals(v), (v - measured) / SD)
 
 
 @pytest.mark.parametrize("loss", ROBUST)

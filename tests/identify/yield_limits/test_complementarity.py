@@ -361,6 +361,10 @@ def test_a_thousandth_less_is_no_better():
     search = evaluator_of(problem_of(kinked(), [0.9, 3.05], sd=1.0))
     one = search.evaluate(np.log([1.1]))
     assert not is_better(one, one)
-    less = replace(one, model=replace(one.model, residual=0.9996 * one.model.residual))
-    lower = replace(one, model=replace(one.model, residual=0.9994 * one.model.residual))
+    less = replace(
+        one, linearization=replace(one.linearization, residual=0.9996 * one.linearization.residual)
+    )
+    lower = replace(
+        one, linearization=replace(one.linearization, residual=0.9994 * one.linearization.residual)
+    )
     assert (is_better(less, one), is_better(lower, one)) == (False, True)

@@ -67,7 +67,7 @@ def searched(residuals, jacobian=((1.0, 0.0), (0.0, 1.0)), *, parameters=None, f
     found = activity() if found is None else found
 
     def look(point):
-        return YieldIterate(point.x, point.p, point.model, np.zeros(2, dtype=bool), found)
+        return YieldIterate(point.x, point.p, point.linearization, np.zeros(2, dtype=bool), found)
 
     evaluator = Evaluator(Discrepancy(problem), history, look)
     return evaluator, history, evaluator.evaluate(evaluator.scaling.start)

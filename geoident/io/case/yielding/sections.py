@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Discriminator, Field, Tag
 
 from geoident.io.case.frames import strata
-from geoident.io.case.parameters import ParameterSection, start_values
+from geoident.io.case.parameters import ParameterSection, numbers_at_start
 from geoident.io.case.varied.number import FieldAngle, FieldStrength, fields_in
 from geoident.io.schema.section import Alternatives, Context, Section
 from geoident.io.schema.values import (
@@ -430,7 +430,7 @@ def _check_strengths(
     context: Context,
 ) -> None:
     """Note a strength that is inadmissible as given, or at the start of the parameters."""
-    starts = start_values(section.numbers, parameters)
+    starts = numbers_at_start(section.numbers, parameters)
     found = None if starts is None else surface.breach(starts)
     if found is None:
         return

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from geoident.forward.ground.elasticity import elasticity
+from geoident.forward.ground.elasticity import elastic_matrix
 from geoident.forward.yielding.hoek_brown import hoek_brown, hoek_brown_share
 from geoident.forward.yielding.surfaces import curved_surface, is_smooth, yield_planes
 from geoident.model.arrays import Floats, Ints
@@ -196,7 +196,7 @@ def plastic_strain(scene: Scene) -> Floats | None:
         for material, elements in _materials_at(scene, case, state):
             here = elements[steady[elements]]
             if material.yields and not material.fields and len(here):
-                stiffness = elasticity(material.elastic, point, section=not scene.solid).value
+                stiffness = elastic_matrix(material.elastic, point, section=not scene.solid).value
                 elastic = np.linalg.solve(stiffness[:s, :s], change[:, here])
                 plastic = total[:, here] - elastic
                 squares = (plastic[:3] ** 2).sum(axis=0) + 0.5 * (plastic[3:] ** 2).sum(axis=0)
