@@ -199,7 +199,7 @@ class ReducibleResponse(StagedResponse):
             visited.append(p)
         reduction = self.reduction
         assert reduction is not None
-        found = self._reduced(reduction, visited[-reduction.most :], centre)
-        if found is not None:
-            found.ratios = ratios
-        return found
+        surrogate_there = self._reduced(reduction, visited[-reduction.most :], centre)
+        if surrogate_there is not None:
+            surrogate_there.ratios = ratios
+        return surrogate_there

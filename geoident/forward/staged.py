@@ -423,7 +423,7 @@ def _first_mechanism(collapses: Sequence[CollapseError]) -> Mechanism | None:
     return next((motion for motion in motions if isinstance(motion, Mechanism)), None)
 
 
-def unbalanced_notes(found: PlasticFindings) -> Iterator[str]:
+def unbalanced_notes(findings: PlasticFindings) -> Iterator[str]:
     """What an analysis left unbalanced, or beyond the yield surface."""
     why = (
         "with a dilation far below the friction the flow tends to shear in bands: the acoustic "
@@ -432,16 +432,16 @@ def unbalanced_notes(found: PlasticFindings) -> Iterator[str]:
     )
 
     def reason(stage: str) -> str:
-        bands = found.localising[stage]
+        bands = findings.localising[stage]
         return why.format(100 * bands.part, f", and {bands.band}" if bands.band else "")
 
-    for stage, part in found.unbalanced.items():
+    for stage, part in findings.unbalanced.items():
         yield (
             f"at stage '{stage}' {100 * part:.2g} % of the change of load is not balanced: "
             + reason(stage)
         )
-    for stage, part in found.overstressed.items():
-        short = 100 * found.localising[stage].short
+    for stage, part in findings.overstressed.items():
+        short = 100 * findings.localising[stage].short
         yield (
             f"at stage '{stage}' the ground keeps {100 * part:.1g} % of the stress beyond the "
             f"yield surface, where the even flow ends (motions are short by {short:.1g} % of the "

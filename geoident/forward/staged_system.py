@@ -222,10 +222,10 @@ class _Rows:
     def bilinear(self, n_unknowns: int) -> Bilinear:
         """All that was added."""
         shape = len(self.constant), n_unknowns
-        found = {h: _matrix(blocks, shape) for h, blocks in self._blocks.items()}
-        by_x = found.pop(None)
+        matrices = {h: _matrix(blocks, shape) for h, blocks in self._blocks.items()}
+        by_x = matrices.pop(None)
         return Bilinear(
-            self.constant, self.by_p, by_x, {h: A for h, A in found.items() if h is not None}
+            self.constant, self.by_p, by_x, {h: A for h, A in matrices.items() if h is not None}
         )
 
 

@@ -236,8 +236,8 @@ class CaseOnMesh:
             states = self.sequence.states
             groups = {g for state in states for g, m in state.materials.items() if m == material}
             element = self.discretization.points.element
-            mine = np.isin(self.sequence.group_of[element], sorted(groups))
-            self._material_points[material] = np.flatnonzero(mine)
+            of_material = np.isin(self.sequence.group_of[element], sorted(groups))
+            self._material_points[material] = np.flatnonzero(of_material)
         return self._material_points[material]
 
     @cached_property
@@ -270,8 +270,8 @@ class CaseOnMesh:
     def elastic(self, material: str) -> Elastic:
         """The elasticity of a material; of constants that grow, at their typical numbers."""
         typical = {g.growth.constant: Scalar(g.typical) for g in self.elastic_growths(material)}
-        found = self.case.materials[material].elastic
-        return with_constants(found, typical) if typical else found
+        elastic = self.case.materials[material].elastic
+        return with_constants(elastic, typical) if typical else elastic
 
     def strength_fields(self, material: str) -> tuple[PointField, ...]:
         """Strengths of a material that are fields."""
@@ -289,10 +289,10 @@ class CaseOnMesh:
             fields: at the strain points.
             growths: constants that grow, at the strain points.
         """
-        found = replace(self, case=case, fields=fields, growths=growths)
+        changed = replace(self, case=case, fields=fields, growths=growths)
         given = {entry.name for entry in dataclass_fields(self)}
-        found.__dict__.update({k: v for k, v in self.__dict__.items() if k not in given})
-        return found
+        changed.__dict__.update({k: v for k, v in self.__dict__.items() if k not in given})
+        return changed
 
     @cached_property
     def boundaries(self) -> Mapping[str, tuple[FacetPatch, ...]]:
@@ -304,7 +304,7 @@ class CaseOnMesh:
             made_of.setdefault(material, []).append(group)
         here = {m: np.isin(self.sequence.group_of, groups) for m, groups in made_of.items()}
         table = self.table
-        return {m: patches(self.mesh, table, table.free(mine)) for m, mine in here.items()}
+        return {m: patches(self.mesh, table, table.free(elements)) for m, elements in here.items()}
 
     def missing_group(
         self, path: KeyPath, what: str, among: str, groups: Mapping[str, object]
@@ -406,10 +406,10 @@ def _held_after(
     before: ConstructionState, stage: Stage, number: int
 ) -> tuple[dict[str, Support], dict[str, int]]:
     """What is held at the end of a stage of a number, and since when each support does so."""
-    said = {name: one for name, one in stage.supports.items() if one is not None}
+    given = {name: one for name, one in stage.supports.items() if one is not None}
     stays = {name: one for name, one in before.supports.items() if name not in stage.supports}
-    since = {name: before.held_since[name] for name in stays} | dict.fromkeys(said, number)
-    return stays | said, since
+    since = {name: before.held_since[name] for name in stays} | dict.fromkeys(given, number)
+    return stays | given, since
 
 
 def _stressed_at_building(stage: Stage, known: Mapping[str, Structure]) -> dict[str, Scalar]:
@@ -459,7 +459,7 @@ def listed(names: Mapping[str, object]) -> str:
 
 def _coverage_faults(case: Case, mesh: Mesh, count: Ints) -> list[Fault]:
     faults = []
-    for wrong, found, hint in (
+    for wrong, state, hint in (
         (count == 0, "in none of the groups of the case", "list their group under 'groups'"),
         (count > 1, "in several groups of the case", "give every element to one group"),
     ):
@@ -467,7 +467,7 @@ def _coverage_faults(case: Case, mesh: Mesh, count: Ints) -> list[Fault]:
             elements = np.flatnonzero(wrong)
             named = [g for g, e in mesh.groups.items() if np.isin(e, elements).any()]
             where = f" (in the mesh they are in: {', '.join(sorted(named))})" if named else ""
-            message = f"{len(elements)} elements of {mesh.file} are {found}{where}; first: "
+            message = f"{len(elements)} elements of {mesh.file} are {state}{where}; first: "
             message += ", ".join(str(element_number(mesh, e)) for e in elements[:_SHOWN])
             absent = "; a group that is never present is written 'NAME: absent'"
             faults.append(

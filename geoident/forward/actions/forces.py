@@ -257,11 +257,13 @@ class Actions:
         edges: dict[int, list[_Edge]] = {}
         for g in map(int, np.unique(group_of_row)):
             model = case.in_situ_of.get(sequence.groups[g], case.in_situ)
-            mine = partial(patches, self._mesh, table, rows[group_of_row == g])
+            patches_of_group = partial(patches, self._mesh, table, rows[group_of_row == g])
             if edges_held(model):
-                edges[g] = [_HeldEdge(self._on_mesh, patch) for patch in mine()]
+                edges[g] = [_HeldEdge(self._on_mesh, patch) for patch in patches_of_group()]
             elif isinstance(model, GeostaticStress) and (model.surcharge or model.cover):
-                edges[g] = [_CoveredEdge(self._on_mesh, patch, model) for patch in mine()]
+                edges[g] = [
+                    _CoveredEdge(self._on_mesh, patch, model) for patch in patches_of_group()
+                ]
         return edges
 
     def _ready_loads(self) -> dict[tuple[int, str], ReadyLoad]:
@@ -318,14 +320,14 @@ class _HeldEdge:
     def forces(self, point: ParameterPoint) -> Floats:
         """Forces (n_dofs, 1 + n), N; those of the last parameters are known, for all stages."""
         if self._known is None or self._known[0] is not point:
-            found = self._made(point)
-            some = np.flatnonzero(found.any(axis=1))
-            self._known = point, some, found[some]
-            return found
+            nodal_forces = self._made(point)
+            some = np.flatnonzero(nodal_forces.any(axis=1))
+            self._known = point, some, nodal_forces[some]
+            return nodal_forces
         _, some, values = self._known
-        found = np.zeros((self._mesh.n_nodes * self._mesh.dim, point.n_columns))
-        found[some] = values
-        return found
+        nodal_forces = np.zeros((self._mesh.n_nodes * self._mesh.dim, point.n_columns))
+        nodal_forces[some] = values
+        return nodal_forces
 
     def _made(self, point: ParameterPoint) -> Floats:
         stress = self._skeleton.columns(point)

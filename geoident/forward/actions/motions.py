@@ -55,13 +55,13 @@ class GivenMotions:
 
     def moved(self) -> str | None:
         """The first support that any stage moves, or None."""
-        found = (
+        names = (
             name
             for state in self._states[1:]
             for name, support in state.supports.items()
             if support.moves
         )
-        return next(found, None)
+        return next(names, None)
 
     def change(self, state: int, point: ParameterPoint) -> Floats | None:
         """Displacement step (n_dofs, 1 + n) that a state imposes; None where nothing moves.
@@ -209,17 +209,17 @@ def interpolated(field: MotionField, positions: Floats) -> tuple[Floats, Bools]:
     np.fill_diagonal(apart, np.inf)
     allowed = 0.5 * float(np.median(apart.min(axis=1)))
     between = _between(near, values)
-    found = between(wanted)
-    beyond = np.flatnonzero(np.isnan(found).any(axis=1))
+    motion = between(wanted)
+    beyond = np.flatnonzero(np.isnan(motion).any(axis=1))
     low, high = np.zeros(len(beyond)), np.ones(len(beyond))
     for _ in range(_HALVINGS):  # towards the middle, until they are between the points
         half = 0.5 * (low + high)
         outside = np.isnan(between(half[:, None] * wanted[beyond])).any(axis=1)
         high, low = np.where(outside, half, high), np.where(outside, low, half)
-    found[beyond] = between(low[:, None] * wanted[beyond])
+    motion[beyond] = between(low[:, None] * wanted[beyond])
     far = np.zeros(len(positions), dtype=bool)
     far[beyond] = (1.0 - low) * np.linalg.norm(wanted[beyond], axis=1) > allowed
-    return found, far
+    return motion, far
 
 
 class _Along:
@@ -241,8 +241,8 @@ def _between(places: Floats, values: Floats) -> Callable[[Floats], Floats]:
 
     if places.shape[1] == 1:
         return _Along(places, values)
-    found: Callable[[Floats], Floats] = LinearNDInterpolator(places, values)
-    return found
+    interpolate: Callable[[Floats], Floats] = LinearNDInterpolator(places, values)
+    return interpolate
 
 
 def motion_faults(on_mesh: CaseOnMesh) -> list[Fault]:
@@ -251,8 +251,10 @@ def motion_faults(on_mesh: CaseOnMesh) -> list[Fault]:
     Args:
         on_mesh: the case on its mesh, which has the groups of all supports.
     """
-    found = [f for path, one in support_keys(on_mesh.case) for f in _own_faults(on_mesh, path, one)]
-    return found or list(_contradictions(on_mesh))
+    faults = [
+        f for path, one in support_keys(on_mesh.case) for f in _own_faults(on_mesh, path, one)
+    ]
+    return faults or list(_contradictions(on_mesh))
 
 
 def _own_faults(on_mesh: CaseOnMesh, path: KeyPath, support: Support) -> Iterator[Fault]:
@@ -279,7 +281,7 @@ def _contradictions(on_mesh: CaseOnMesh) -> Iterator[Fault]:
     """Nodes that two supports move differently, or that one holds and the other moves."""
     case, mesh, motions = on_mesh.case, on_mesh.mesh, GivenMotions(on_mesh)
     point = ParameterPoint(case.start, tuple(case.start))
-    said: set[tuple[str, str]] = set()
+    reported: set[tuple[str, str]] = set()
     for n, state in enumerate(on_mesh.sequence.states):
         if not n or not any(one.moves for one in state.supports.values()):
             continue
@@ -294,8 +296,8 @@ def _contradictions(on_mesh: CaseOnMesh) -> Iterator[Fault]:
             if differ.any():
                 dof = int(dofs[np.flatnonzero(differ)[0]])
                 other = names[owner[dof]]
-                if (other, name) not in said:
-                    said.add((other, name))
+                if (other, name) not in reported:
+                    reported.add((other, name))
                     moving = name if state.supports[name].moves else other
                     path = support_key(moving, state.held_since[moving])
                     yield _two_motions(case, mesh, path, (other, name), dof)

@@ -118,6 +118,6 @@ class PartialRelease:
         """C_g^T V sigma, (n_dofs, 1 + n + k)."""
         points = self._discretization.points
         volume = np.zeros(points.n_points)
-        mine = self._discretization.points_of[group]
-        volume[mine] = points.volume[mine]
+        at = self._discretization.points_of[group]
+        volume[at] = points.volume[at]
         return points.forces(stress, volume)

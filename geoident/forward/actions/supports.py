@@ -59,8 +59,8 @@ def support_keys(case: Case) -> list[tuple[KeyPath, Support]]:
     """Every support of the case with the key where it is written."""
     keys: list[tuple[KeyPath, Support]] = [(("supports", s.group), s) for s in case.supports]
     for n, stage in enumerate(case.stages):
-        said = ((name, one) for name, one in stage.supports.items() if one is not None)
-        keys += [(("stages", n, "supports", name), one) for name, one in said]
+        given = ((name, one) for name, one in stage.supports.items() if one is not None)
+        keys += [(("stages", n, "supports", name), one) for name, one in given]
     return keys
 
 

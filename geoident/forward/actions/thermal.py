@@ -39,8 +39,8 @@ class ThermalStrains:
             return None
         strain = np.zeros((self._discretization.points.n_points, point.n_columns))
         for group in warmed:
-            mine = self._discretization.points_of[group]
-            strain[mine] = self.strain(state, group, point).columns
+            at = self._discretization.points_of[group]
+            strain[at] = self.strain(state, group, point).columns
         return strain
 
     def warmed(self, state: int) -> list[int]:
@@ -100,7 +100,7 @@ def interpolate(field: TemperatureField, positions: Floats) -> Floats:
     points, given = np.array(field.points), np.array(field.values)
     nearest = np.asarray(NearestNDInterpolator(points, given)(positions))
     try:
-        found = np.asarray(LinearNDInterpolator(points, given)(positions))
+        inside = np.asarray(LinearNDInterpolator(points, given)(positions))
     except QhullError:  # too few points, or all on a line
         return nearest
-    return np.where(np.isnan(found), nearest, found)
+    return np.where(np.isnan(inside), nearest, inside)

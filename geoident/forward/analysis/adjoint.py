@@ -280,9 +280,9 @@ class AdjointAnalysis:
         n_read = len(self._plan.read)
         n_rows, parts = self._structures.n_rows, self._left.pop(number, [])
         if len(parts) == 1 and len(parts[0][0]) == k:
-            found = parts[0][1]
+            adjoint = parts[0][1]
         else:
-            found = _Adjoint(
+            adjoint = _Adjoint(
                 np.zeros((n_dofs, k)),
                 np.zeros((n_read, k)),
                 np.zeros((s, len(self._plan.special), k)),
@@ -290,16 +290,16 @@ class AdjointAnalysis:
             )
             for theirs, part in parts:
                 at = _together(np.searchsorted(columns, theirs))
-                found.M[:, at] += part.M
-                found.u[:, at] += part.u
-                found.d[..., at] += part.d
-                found.members[:, at] += part.members
+                adjoint.M[:, at] += part.M
+                adjoint.u[:, at] += part.u
+                adjoint.d[..., at] += part.d
+                adjoint.members[:, at] += part.members
                 for group, held in part.held.items():
-                    found.held.setdefault(group, np.zeros((n_dofs, k)))[:, at] += held
-        self._add_seeds(number, columns, found)
-        return found
+                    adjoint.held.setdefault(group, np.zeros((n_dofs, k)))[:, at] += held
+        self._add_seeds(number, columns, adjoint)
+        return adjoint
 
-    def _add_seeds(self, number: int, columns: Ints, found: _Adjoint) -> None:
+    def _add_seeds(self, number: int, columns: Ints, adjoint: _Adjoint) -> None:
         """What readings depend on a state itself."""
         weights = self._plan.weights[number, self._first + columns]
         here = np.flatnonzero(weights)
@@ -309,15 +309,15 @@ class AdjointAnalysis:
         scale = sp.diags_array(weights[here])
         if rows.u is not None:
             own = sp.csr_array(scale @ rows.u[channels])[:, self._plan.read]
-            found.u[:, here] += own.T.toarray()
+            adjoint.u[:, here] += own.T.toarray()
         if rows.stress is not None:
             stress = sp.csr_array(scale @ rows.stress[channels]).tocoo()
             component, point = np.divmod(stress.col, self._points.n_points)
             place = component, self._plan.place[point], here[stress.row]
-            np.add.at(found.d, place, -stress.data / self._points.volume[point])
+            np.add.at(adjoint.d, place, -stress.data / self._points.volume[point])
         if rows.members is not None and self._structures.n_rows:
             forces = (scale @ rows.members[channels]).T.toarray()
-            found.members[:, here] -= forces / self._structures.weight[:, None]
+            adjoint.members[:, here] -= forces / self._structures.weight[:, None]
 
     def _solved(self, task: StageTask, carried: _Adjoint) -> Floats:
         """The adjoint displacements w (n_dofs, k)."""
@@ -350,24 +350,24 @@ class AdjointAnalysis:
     def _forces_of(self, task: StageTask, u: Floats) -> Floats:
         """Forces (n_dofs, k) of the ground and structures of a stage at displacements."""
         stress = self._points.strain(u)
-        for material, mine in task.system.points_of.items():
-            moduli = task.ground_moduli.moduli(material, mine).value
-            stress[:, mine] = moduli.stress(stress[:, mine])
-        found = self._points.forces(stress, task.system.volume)
+        for material, points in task.system.points_of.items():
+            moduli = task.ground_moduli.moduli(material, points).value
+            stress[:, points] = moduli.stress(stress[:, points])
+        forces = self._points.forces(stress, task.system.volume)
         if self._structures.n_rows:
-            found += self._structures.nodal_forces(
+            forces += self._structures.nodal_forces(
                 task.rigidities[:, :1] * self._structures.strain(u)
             )
-        return found
+        return forces
 
     def _special_stress(self, task: StageTask, d: Floats) -> Floats:
         """V E d (n_strain n_special, k) at the special points, zero where they are absent."""
         stress = np.zeros_like(d)
-        for material, mine in task.system.points_of.items():
-            place = self._plan.place[mine]
+        for material, points in task.system.points_of.items():
+            place = self._plan.place[points]
             here = np.flatnonzero(place >= 0)
             if len(here):
-                moduli = task.ground_moduli.moduli(material, mine).value.at(here)
+                moduli = task.ground_moduli.moduli(material, points).value.at(here)
                 stress[:, place[here]] = moduli.stress(d[:, place[here]])
         stress *= task.system.volume[self._plan.special][None, :, None]
         return stress.reshape(d.shape[0] * d.shape[1], d.shape[2])

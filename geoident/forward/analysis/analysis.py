@@ -383,8 +383,8 @@ class AnalysisRun:
 
 def _last_of(error: CollapseError, before: Floats) -> LastEquilibrium | None:
     """What was found on the way to a load that is not carried, after displacements (n_dofs,)."""
-    found = error.reached
-    return replace(found, u=before + found.u) if isinstance(found, LastEquilibrium) else None
+    reached = error.reached
+    return replace(reached, u=before + reached.u) if isinstance(reached, LastEquilibrium) else None
 
 
 def _unknown(state: int, u: Floats, carried: StressState) -> StageEnd:
@@ -400,8 +400,8 @@ def _impose(task: StageTask, thermal: Floats) -> None:
     Those by the moduli (dE/dp) are added in `elastic_step`.
     """
     moduli = task.moduli_by_material()
-    for material, mine in task.system.points_of.items():
-        normal = thermal[mine]
+    for material, points in task.system.points_of.items():
+        normal = thermal[points]
         strain = np.zeros((task.carried.stress.shape[0], *normal.shape))
         strain[:NORMAL_COMPONENTS] = normal
-        task.carried.stress[:, mine, : thermal.shape[1]] -= moduli[material].stress(strain)
+        task.carried.stress[:, points, : thermal.shape[1]] -= moduli[material].stress(strain)

@@ -80,20 +80,20 @@ def limit_of(equations: StageEquations) -> Limit:
     alpha, growth = 0.25 * compliance, 2.0
     last, reached = Limit(0.0, rest.du), 0.0
     while alpha <= 2.0**_MOST_DOUBLINGS * compliance:
-        found = _controlled(before, load, alpha, last)
-        if found is None:
+        limit = _controlled(before, load, alpha, last)
+        if limit is None:
             if growth < _LEAST_GROWTH or not reached:
                 return last
             growth = float(np.sqrt(growth))
             alpha = growth * reached
             continue
-        softer = alpha > _SOFTER * compliance * found.fraction
-        if softer and _strain(before, found) > _LONG:
+        softer = alpha > _SOFTER * compliance * limit.fraction
+        if softer and _strain(before, limit) > _LONG:
             return last
-        if found.fraction >= 1.0:
-            return Limit(1.0, found.du)
-        grown = found.fraction - last.fraction
-        last = found if grown > 0.0 else last
+        if limit.fraction >= 1.0:
+            return Limit(1.0, limit.du)
+        grown = limit.fraction - last.fraction
+        last = limit if grown > 0.0 else last
         still = _STANDS_STILL * last.fraction * np.log2(growth)
         if alpha > compliance and grown <= still:
             return last
@@ -102,9 +102,9 @@ def limit_of(equations: StageEquations) -> Limit:
     return last
 
 
-def _strain(equations: StageEquations, found: Limit) -> float:
+def _strain(equations: StageEquations, limit: Limit) -> float:
     """The largest strain."""
-    return float(np.abs(equations.operators.strain(found.du)).max())
+    return float(np.abs(equations.operators.strain(limit.du)).max())
 
 
 def _controlled(before: StageEquations, load: Floats, alpha: float, start: Limit) -> Limit | None:
@@ -177,8 +177,8 @@ def collapse_error(
         hint += "elements. See whether support that acts in this stage, a larger dilation, or "
         hint += "larger elements where it shears carry it: then it does not lack strength."
     if np.isfinite(fraction):
-        said = "is carried" if proven else "was brought to equilibrium"
-        msg += f"; {100 * fraction:.3g} % of the change of load of this stage {said}"
+        carried = "is carried" if proven else "was brought to equilibrium"
+        msg += f"; {100 * fraction:.3g} % of the change of load of this stage {carried}"
     motion = None
     if mechanism is not None:
         msg += describe_mechanism(on_mesh, task.system, mechanism)

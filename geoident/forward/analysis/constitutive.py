@@ -64,12 +64,12 @@ class Ground:
             n_points: number of them all.
         """
         own = numbers(self.points, n_points)
-        _, mine, here = np.intersect1d(own, points, assume_unique=True, return_indices=True)
-        if not mine.size:
+        _, rows, here = np.intersect1d(own, points, assume_unique=True, return_indices=True)
+        if not rows.size:
             return None
-        law = None if self.law is None else self.law.at(mine)
-        hardened = None if self.hardened is None else self.hardened[:, mine]
-        return Ground(self.name, here, self.elasticity.at(mine), law, hardened)
+        law = None if self.law is None else self.law.at(rows)
+        hardened = None if self.hardened is None else self.hardened[:, rows]
+        return Ground(self.name, here, self.elasticity.at(rows), law, hardened)
 
     def bear(self, stress: Floats, strain: Floats, viscosity: float) -> Flow | None:
         """How it flows at strains of a step; None for a material that does not yield.
@@ -83,15 +83,15 @@ class Ground:
             NoReturn: flow that is not associated leads nowhere.
             NoProjection: a projection does not end.
         """
-        mine = self.points
-        trial = stress[:, mine] + self.elasticity.stress(strain[:, mine])
+        points = self.points
+        trial = stress[:, points] + self.elasticity.stress(strain[:, points])
         if self.law is None:
-            stress[:, mine] = trial
+            stress[:, points] = trial
             return None
         projection = self.law.project(trial, self.hardened)
-        stress[:, mine] = projection.stress
+        stress[:, points] = projection.stress
         if viscosity > 0.0:
-            stress[:, mine] += viscosity * (trial - projection.stress)
+            stress[:, points] += viscosity * (trial - projection.stress)
         return Flow(self, projection, stress.shape[1])
 
     def limit(self, plane: int, point: int, stress: Floats) -> tuple[str, float]:

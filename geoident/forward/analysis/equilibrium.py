@@ -248,22 +248,22 @@ def follow_slope(
     free = d[equations.dofs]
     slope = float(trial.residual @ free)
     following = equations.at(trial.du + d) if whole is None else whole
-    found = float(following.residual @ free)
-    if found >= -_HARDLY_RISEN * slope:
+    slope_there = float(following.residual @ free)
+    if slope_there >= -_HARDLY_RISEN * slope:
         return following, 1.0
-    low, s_low, high, s_high = 0.0, slope, 1.0, found
+    low, s_low, high, s_high = 0.0, slope, 1.0, slope_there
     share = 1.0
     for _ in range(40):
         share = (low * s_high - high * s_low) / (s_high - s_low)
         share = float(np.clip(share, low + 0.02 * (high - low), high - 0.02 * (high - low)))
         following = equations.at(trial.du + share * d)
-        found = float(following.residual @ free)
-        if abs(found) <= 0.3 * slope:
+        slope_there = float(following.residual @ free)
+        if abs(slope_there) <= 0.3 * slope:
             break
-        if found > 0.0:
-            low, s_low, s_high = share, found, 0.5 * s_high
+        if slope_there > 0.0:
+            low, s_low, s_high = share, slope_there, 0.5 * s_high
         else:
-            high, s_high, s_low = share, found, 0.5 * s_low
+            high, s_high, s_low = share, slope_there, 0.5 * s_low
     return following, share
 
 

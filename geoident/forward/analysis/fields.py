@@ -73,13 +73,13 @@ class FieldRecorder:
 
     def add(self, end: StageEnd) -> None:
         """Record a state (column 0 of its arrays)."""
-        found = self._shown(end.state, end.u[:, 0], end.stress[..., 0], end.yielded)
-        self._displacement.append(found.displacement)
-        self._stress.append(found.stress)
-        self._yielded.append(found.yielded)
-        if not np.isfinite(found.displacement).all():
+        shown = self._shown(end.state, end.u[:, 0], end.stress[..., 0], end.yielded)
+        self._displacement.append(shown.displacement)
+        self._stress.append(shown.stress)
+        self._yielded.append(shown.yielded)
+        if not np.isfinite(shown.displacement).all():
             self._last[end.state] = self._last_found(end)
-            found.yielded[:] = False
+            shown.yielded[:] = False
 
     def series(self) -> FieldSeries:
         """All that was recorded."""
@@ -116,12 +116,12 @@ class FieldRecorder:
     def _last_states(self) -> LastStates | None:
         if not self._last:
             return None
-        found = list(self._last.values())
+        states = list(self._last.values())
         return LastStates(
             np.array(list(self._last), dtype=np.int64),
-            np.stack([one.displacement for one in found]),
-            np.stack([one.stress for one in found]),
-            np.stack([one.yielded for one in found]),
+            np.stack([one.displacement for one in states]),
+            np.stack([one.stress for one in states]),
+            np.stack([one.yielded for one in states]),
         )
 
     def _yielded_so_far(self, number: int, yielded: Bools) -> Bools:
@@ -169,8 +169,8 @@ class ReactionRecorder:
     def add(self, end: StageEnd) -> None:
         """Record a state (column 0 of its arrays)."""
         mesh, discretization = self._on_mesh.mesh, self._on_mesh.discretization
-        found = np.full((len(self._names), mesh.dim), np.nan)
-        self._forces.append(found)
+        forces = np.full((len(self._names), mesh.dim), np.nan)
+        self._forces.append(forces)
         supports = self._states[end.state].supports
         if end.forces is None or not supports:
             return
@@ -184,9 +184,9 @@ class ReactionRecorder:
         for name, support in supports.items():
             nodes = support_nodes(mesh, support)
             for component in support.components:
-                mine = nodes[free[nodes, component]]
-                found[self._names.index(name), component] = rest[mine, component].sum()
-                free[mine, component] = False
+                free_nodes = nodes[free[nodes, component]]
+                forces[self._names.index(name), component] = rest[free_nodes, component].sum()
+                free[free_nodes, component] = False
 
     def table(self) -> SupportReactions:
         """All that was recorded."""

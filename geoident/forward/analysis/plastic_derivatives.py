@@ -71,11 +71,11 @@ def _at_rest(
         strain[:NORMAL_COMPONENTS] -= task.thermal[:, 0]
     add_stress_from_moduli_slopes(task, strain, slopes)
     for flow in equations.flowing(trial):
-        before, mine = None, flow.points
+        before, points = None, flow.points
         if flow.ground.hardens:
-            before = task.carried.multipliers(flow.ground.name, mine, _DERIVATIVES)
-        slopes[:, mine], more = flow.derivatives(
-            slopes[:, mine], before, of_law=True, viscosity=equations.viscosity
+            before = task.carried.multipliers(flow.ground.name, points, _DERIVATIVES)
+        slopes[:, points], more = flow.derivatives(
+            slopes[:, points], before, of_law=True, viscosity=equations.viscosity
         )
         _add_multipliers(task, flow, more)
     return slopes
@@ -85,8 +85,8 @@ def _following(task: StageTask, strain: Floats, equations: StageEquations, trial
     """T E C ddu (s, n_points, n + k) of strains C ddu, which are overwritten."""
     stress = strain
     for ground in equations.grounds:
-        mine = ground.points
-        stress[:, mine] = ground.elasticity.stress(stress[:, mine])
+        points = ground.points
+        stress[:, points] = ground.elasticity.stress(stress[:, points])
     for flow in equations.flowing(trial):
         stress[:, flow.points], more = flow.derivatives(
             stress[:, flow.points], of_law=False, viscosity=equations.viscosity

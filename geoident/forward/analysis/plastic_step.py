@@ -292,16 +292,16 @@ class PlasticSteps:
             part = 0.5 * (least + most)
             under = equations.under(before + part * (equations.forces - before))
             try:
-                found = solve(
+                balance = solve(
                     under,
                     [np.zeros_like(before), du],
                     even_only=even_only,
                     budget=None if error.limit else budget,
                 )
-                if self._means_nothing(under, found):
-                    raise NoEquilibrium(found.trial.du)
-                least, du = part, found.trial.du
-                reached = _last(under, found.trial)
+                if self._means_nothing(under, balance):
+                    raise NoEquilibrium(balance.trial.du)
+                least, du = part, balance.trial.du
+                reached = _last(under, balance.trial)
             except NoEquilibrium as failed:
                 most = part
                 if failed.mechanism is not None and (failed.limit or not error.limit):
@@ -338,10 +338,10 @@ class PlasticSteps:
             band = band_at(equations, balance.trial)
         if band is None:
             return Localisation(part, balance.short)
-        said = f"a band has lost its stability, with half of its strain in {band.points} of the "
-        said += f"{band.yielding} strain points that yield"
-        said += describe_mechanism(self.systems.on_mesh, task.system, band.mode)
-        return Localisation(part, balance.short, said)
+        text = f"a band has lost its stability, with half of its strain in {band.points} of the "
+        text += f"{band.yielding} strain points that yield"
+        text += describe_mechanism(self.systems.on_mesh, task.system, band.mode)
+        return Localisation(part, balance.short, text)
 
     def _equations(self, task: StageTask, grounds: Sequence[Ground]) -> StageEquations:
         members: Callable[[Floats], Floats] | None = None
@@ -372,10 +372,10 @@ class PlasticSteps:
         """Equilibrium, or the reason why there is none."""
         try:
             starts = [np.zeros_like(equations.forces), *guesses]
-            found = solve(equations, starts, even_only=self.even_only)
-            if self._means_nothing(equations, found):
-                raise NoEquilibrium(found.trial.du)
-            return found
+            balance = solve(equations, starts, even_only=self.even_only)
+            if self._means_nothing(equations, balance):
+                raise NoEquilibrium(balance.trial.du)
+            return balance
         except NoEquilibrium as error:
             if not equations.associated:
                 raise
@@ -384,10 +384,10 @@ class PlasticSteps:
                 raise collapse_error(self.systems.on_mesh, task, np.nan, error.mechanism) from error
             return self._after_limit(task, equations, error)
 
-    def _means_nothing(self, equations: StageEquations, found: Balance) -> bool:
+    def _means_nothing(self, equations: StageEquations, balance: Balance) -> bool:
         """Whether yielding points are strained beyond what small strains can describe."""
-        flows = equations.flowing(found.trial)
-        strain = self.systems.discretization.points.strain(found.trial.du)
+        flows = equations.flowing(balance.trial)
+        strain = self.systems.discretization.points.strain(balance.trial.du)
         return any(np.abs(strain[:, flow.points]).max() > _WITHOUT_MEANING for flow in flows)
 
     def _after_limit(

@@ -142,8 +142,8 @@ class StressState:
             points: (q,) strain points.
             columns: of what is carried.
         """
-        found = self.hardened.get(material)
-        return None if found is None else found[:, points, columns]
+        hardened = self.hardened.get(material)
+        return None if hardened is None else hardened[:, points, columns]
 
     def add_multipliers(self, material: str, points: Index, columns: slice, more: Floats) -> None:
         """Add multipliers of a material that hardens.
@@ -248,7 +248,8 @@ class StageTask:
     def moduli_by_material(self) -> dict[str, Moduli]:
         """E of every material that is there, at its points, Pa."""
         return {
-            m: self.ground_moduli.moduli(m, mine).value for m, mine in self.system.points_of.items()
+            m: self.ground_moduli.moduli(m, points).value
+            for m, points in self.system.points_of.items()
         }
 
 
@@ -396,8 +397,8 @@ def impose_motion(task: StageTask, systems: StageSystems) -> None:
         return
     strain, moduli = systems.discretization.points.strain(task.motion), task.moduli_by_material()
     columns = task.motion.shape[1]
-    for material, mine in task.system.points_of.items():
-        task.carried.stress[:, mine, :columns] += moduli[material].stress(strain[:, mine])
+    for material, points in task.system.points_of.items():
+        task.carried.stress[:, points, :columns] += moduli[material].stress(strain[:, points])
     if systems.structures.n_rows:
         more = task.rigidities[:, :1] * systems.structures.strain(task.motion)
         task.carried.members[:, :columns] += more
@@ -412,25 +413,25 @@ def add_stress_from_moduli_slopes(task: StageTask, strain: Floats, stress_slopes
         stress_slopes: dsigma/dp (s, n_points, n + k), changed in place.
     """
     columns = {name: column for column, name in enumerate(task.point.names)}
-    for material, mine in task.system.points_of.items():
-        moduli = task.ground_moduli.moduli(material, mine)
+    for material, points in task.system.points_of.items():
+        moduli = task.ground_moduli.moduli(material, points)
         for name, slope in moduli.slopes.items():
             if name in columns:
-                stress_slopes[:, mine, columns[name]] += slope.stress(strain[:, mine])
+                stress_slopes[:, points, columns[name]] += slope.stress(strain[:, points])
         for modes in moduli.modes:
-            change, phi = modes.moduli.stress(strain[:, mine]), modes.modes
+            change, phi = modes.moduli.stress(strain[:, points]), modes.modes
             for some, place in _runs(modes.field.names, columns):
-                stress_slopes[:, mine, place] += change[..., None] * phi[None, :, some]
+                stress_slopes[:, points, place] += change[..., None] * phi[None, :, some]
 
 
 def _runs(names: Sequence[str], columns: Mapping[str, int]) -> Iterator[tuple[slice, slice]]:
     """Modes (a part of names) whose columns stand together, and these columns."""
-    found = [(k, columns[name]) for k, name in enumerate(names) if name in columns]
-    for n, (k, column) in enumerate(found):
-        if n and (k - 1, column - 1) == found[n - 1]:
+    places = [(k, columns[name]) for k, name in enumerate(names) if name in columns]
+    for n, (k, column) in enumerate(places):
+        if n and (k - 1, column - 1) == places[n - 1]:
             continue
         end = n + 1
-        while end < len(found) and found[end] == (k + end - n, column + end - n):
+        while end < len(places) and places[end] == (k + end - n, column + end - n):
             end += 1
         yield slice(k, k + end - n), slice(column, column + end - n)
 
@@ -459,8 +460,8 @@ def _solve_columns(
         dofs = task.system.dofs
         du[dofs] = factor.solve(rest[dofs])
     strain, moduli = points.strain(du), task.moduli_by_material()
-    for material, mine in task.system.points_of.items():
-        carried.stress[:, mine] += moduli[material].stress(strain[:, mine])
+    for material, at in task.system.points_of.items():
+        carried.stress[:, at] += moduli[material].stress(strain[:, at])
     if structures.n_rows:
         carried.members[:] += task.rigidities[:, :1] * structures.strain(du)
     return du

@@ -266,9 +266,9 @@ class StageEquations:
             ends = self.members(0.0 * trial.du) + self.members(trial.du)
             energy += 0.5 * float(ends @ trial.du)
         for ground, flow in zip(self.grounds, trial.flows, strict=True):
-            mine = ground.points
-            stress = self.stress[:, mine] + 0.5 * ground.elasticity.stress(strain[:, mine])
-            energy += float(self.volume[mine] @ (stress * strain[:, mine]).sum(axis=0))
+            points = ground.points
+            stress = self.stress[:, points] + 0.5 * ground.elasticity.stress(strain[:, points])
+            energy += float(self.volume[points] @ (stress * strain[:, points]).sum(axis=0))
             if flow is not None:
                 energy -= float(self.volume[flow.points] @ flow.reserve)
         return energy
@@ -310,8 +310,8 @@ class StageEquations:
 
     def localising(self, trial: Trial) -> float:
         """The part of the strain points that yield at which shear may go into a band."""
-        found = [flow.may_localise() for flow in self.flowing(trial)]
-        return float(np.concatenate(found).mean()) if found else 0.0
+        localising = [flow.may_localise() for flow in self.flowing(trial)]
+        return float(np.concatenate(localising).mean()) if localising else 0.0
 
     def spread(self, free: Floats) -> Floats:
         """(n_dofs,) displacements of values (n,) at the unknowns."""

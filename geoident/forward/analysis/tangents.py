@@ -52,6 +52,6 @@ class StageTangents:
 
     def within(self, patch: Patch) -> PatchTangents:
         """What makes factors of the stiffness of a patch."""
-        lower, mine = self._system.pattern.lower, patch.unknowns
+        lower, unknowns = self._system.pattern.lower, patch.unknowns
         whole = sp.csc_array((self._elastic, lower.indices, lower.indptr), shape=(lower.n, lower.n))
-        return PatchTangents(patch, sp.csc_array(whole[:, mine][mine]))
+        return PatchTangents(patch, sp.csc_array(whole[:, unknowns][unknowns]))

@@ -114,9 +114,11 @@ class _Disagreement:
 def _weight_faults(analysis: StagedAnalysis, values: Values) -> list[Fault]:
     """Unit weights of in-situ stresses that are not those of the ground."""
     groups: dict[_Disagreement, list[str]] = {}
-    for group, found in _disagreements(analysis, values):
-        groups.setdefault(found, []).append(group)
-    return [_weight_fault(analysis.case, found, names) for found, names in groups.items()]
+    for group, disagreement in _disagreements(analysis, values):
+        groups.setdefault(disagreement, []).append(group)
+    return [
+        _weight_fault(analysis.case, disagreement, names) for disagreement, names in groups.items()
+    ]
 
 
 def _disagreements(analysis: StagedAnalysis, values: Values) -> Iterator[tuple[str, _Disagreement]]:
@@ -132,16 +134,16 @@ def _disagreements(analysis: StagedAnalysis, values: Values) -> Iterator[tuple[s
         growth = _growth(zone or case.in_situ, case.analysis.dim)
         if growth is None:
             continue
-        mine = group_of_point == g
+        of_group = group_of_point == g
         if growth.surface not in depths:
             levels = Depths(analysis.on_mesh.mesh, growth.surface, points.position)
             depths[growth.surface] = levels.at(ParameterPoint(values, ())).value
-        stressed = depths[growth.surface][mine] > 0.0
+        stressed = depths[growth.surface][of_group] > 0.0
         density = case.materials[material].density.value(values)
         prefix: KeyPath = ("in_situ",) if zone is None else ("in_situ", "groups", name)
         grows = growth.value(values)
         for wet in (False, True):
-            if not (stressed & (below_table[mine] == wet)).any():
+            if not (stressed & (below_table[of_group] == wet)).any():
                 continue
             water = None if case.water is None else case.water.unit_weight.value(values)
             own = density * (pull or 0.0) - (water or 0.0 if wet else 0.0)
@@ -166,62 +168,68 @@ def _below_table(analysis: StagedAnalysis, values: Values) -> Bools:
     return np.asarray(wet & (depth.value > 0.0))
 
 
-def _weight_fault(case: Case, found: _Disagreement, groups: list[str]) -> Fault:
+def _weight_fault(case: Case, disagreement: _Disagreement, groups: list[str]) -> Fault:
     """The sentence about groups of one material."""
-    stress = f"the in-situ stress of {_listed(groups)} grows by {_weight(found.grows)} with depth"
-    density = f"{found.density:.4g} kg/m3"
-    if found.gravity is None:
-        right = found.grows / _GRAVITY
+    stress = (
+        f"the in-situ stress of {_listed(groups)} grows by {_weight(disagreement.grows)} with depth"
+    )
+    density = f"{disagreement.density:.4g} kg/m3"
+    if disagreement.gravity is None:
+        right = disagreement.grows / _GRAVITY
         weighs = "the ground weighs 0 kN/m3"
         message = f"{stress}, but there is no gravity: {weighs}"
         given = (
-            f"'{found.material}' has {density}"
-            if found.density
-            else f"'{found.material}' has no density: {right:.4g} kg/m3 would be"
-            f" {_weight(found.grows)}"
+            f"'{disagreement.material}' has {density}"
+            if disagreement.density
+            else f"'{disagreement.material}' has no density: {right:.4g} kg/m3 would be"
+            f" {_weight(disagreement.grows)}"
         )
         hint = f"Add 'gravity: 9.81 m/s2' ({given}), {ACCEPT}."
-        return case.source.fault(found.path, code="no-gravity", message=message, hint=hint)
-    own = found.density * found.gravity
-    weighs = _weight(own - (found.water or 0.0))
-    product = f"{density} x {found.gravity:.4g} m/s2"
-    if found.water is None:
-        message = f"{stress}, but density times gravity of '{found.material}' is {weighs}"
+        return case.source.fault(disagreement.path, code="no-gravity", message=message, hint=hint)
+    own = disagreement.density * disagreement.gravity
+    weighs = _weight(own - (disagreement.water or 0.0))
+    product = f"{density} x {disagreement.gravity:.4g} m/s2"
+    if disagreement.water is None:
+        message = f"{stress}, but density times gravity of '{disagreement.material}' is {weighs}"
         message += f" ({product})"
     else:
         message = (
-            f"{stress}, but below the water table '{found.material}' weighs "
-            f"{weighs} ({product} less {_weight(found.water)} of water; "
+            f"{stress}, but below the water table '{disagreement.material}' weighs "
+            f"{weighs} ({product} less {_weight(disagreement.water)} of water; "
             "in-situ stresses are effective)"
         )
-    right = (found.grows + (found.water or 0.0)) / found.gravity if found.gravity else 0.0
-    hint = (
-        f"Correct '{found.path[-1]}' ({weighs}) or the density ({right:.4g} kg/m3), or let 'model: "
-        f"geostatic' take the weight from the densities, {ACCEPT}."
+    right = (
+        (disagreement.grows + (disagreement.water or 0.0)) / disagreement.gravity
+        if disagreement.gravity
+        else 0.0
     )
-    return case.source.fault(found.path, code="unit-weight", message=message, hint=hint)
+    hint = (
+        f"Correct '{disagreement.path[-1]}' ({weighs}) or the density ({right:.4g} kg/m3), or let "
+        f"'model: geostatic' take the weight from the densities, {ACCEPT}."
+    )
+    return case.source.fault(disagreement.path, code="unit-weight", message=message, hint=hint)
 
 
 def _balance_faults(analysis: StagedAnalysis, values: Values) -> list[Fault]:
     """The initial state is out of balance somewhere by too much of the local stress."""
-    found = local_imbalance(analysis, ParameterPoint(values, ()))
-    if found.part <= LOCAL_IMBALANCE:
+    imbalance = local_imbalance(analysis, ParameterPoint(values, ()))
+    if imbalance.part <= LOCAL_IMBALANCE:
         return []
     unit = "kN" if analysis.case.analysis is not Analysis.PLANE_STRAIN else "kN/m"
-    where = f"in '{found.group}'"
-    if found.across:
-        where = f"where {_listed(found.across)} meet,"
+    where = f"in '{imbalance.group}'"
+    if imbalance.across:
+        where = f"where {_listed(imbalance.across)} meet,"
     message = (
-        f"the initial state is out of balance near {format_point(found.position)} {where} "
-        f"by {100 * found.part:.2g} % of the local stress: {found.rest / 1e3:.3g} "
-        f"of {found.size / 1e3:.3g} {unit}"
+        f"the initial state is out of balance near {format_point(imbalance.position)} {where} "
+        f"by {100 * imbalance.part:.2g} % of the local stress: {imbalance.rest / 1e3:.3g} "
+        f"of {imbalance.size / 1e3:.3g} {unit}"
     )
     hint = (
         "Hold the edges of the model ('supports', or 'held: true'), and let weight, water, loads "
         "and in-situ stress agree, as 'model: geostatic' does; where slopes or dipping layers "
         f"remain, {ACCEPT[3:]}."
     )
-    hint = _meeting_hint(found.across) if found.across else hint
+    hint = _meeting_hint(imbalance.across) if imbalance.across else hint
     path = ("in_situ",)
     return [analysis.case.source.fault(path, code="out-of-balance", message=message, hint=hint)]
 
@@ -314,15 +322,15 @@ def _meeting(analysis: StagedAnalysis, node: int, stress: Floats, axis: int) -> 
     near = np.isin(points.element, around[present[around]])
     beside = points.position[near, axis] - mesh.points[node, axis]
     group = sequence.group_of[points.element[near]]
-    found = np.unique(group)
-    if beside.min() > 0.0 or beside.max() < 0.0 or len(found) < 2:
+    groups = np.unique(group)
+    if beside.min() > 0.0 or beside.max() < 0.0 or len(groups) < 2:
         return ()  # the edge of the ground, or one kind of it
-    sums = np.array([stress[:, near][:, group == one].sum(axis=1) for one in found])
+    sums = np.array([stress[:, near][:, group == one].sum(axis=1) for one in groups])
     up = mesh.dim - 1
     along, vertical = sums[:, axis], sums[:, up]
     ratio = along / np.where(vertical == 0.0, 1.0, vertical)
     differ = np.ptp(ratio) > LOCAL_IMBALANCE * np.abs(ratio).max()
-    return tuple(sequence.groups[one] for one in found) if differ else ()
+    return tuple(sequence.groups[one] for one in groups) if differ else ()
 
 
 def _at_corners(mesh: Mesh, forces: Floats) -> Floats:
@@ -358,9 +366,9 @@ def _internal_forces(analysis: StagedAnalysis, stress: Floats) -> tuple[Floats, 
     owner, first = np.zeros(mesh.n_nodes, dtype=np.int64), 0
     for (block, span), geometry in zip(spans(mesh.blocks), discretization.geometries, strict=True):
         n_el, n_q = geometry.volumes.shape
-        mine = stress[:, first : first + n_el * n_q].reshape(-1, n_el, n_q)
+        of_block = stress[:, first : first + n_el * n_q].reshape(-1, n_el, n_q)
         first += n_el * n_q
-        pulls = np.einsum("cij,ceq->eqij", adds, mine * geometry.volumes)
+        pulls = np.einsum("cij,ceq->eqij", adds, of_block * geometry.volumes)
         forces = np.einsum("eqij,eqaj->eai", pulls, geometry.gradients)
         here = present[span]
         nodes = block.nodes[here]
@@ -421,15 +429,15 @@ def overburden_notes(analysis: StagedAnalysis, values: Values) -> list[str]:
         analysis.case.analysis.dim - 1, :, 0
     ]
     group_of_point = sequence.group_of[points.element]
-    said = []
+    ranges = []
     for g in wanted[:_SHOWN]:
-        mine = -stress[group_of_point == g] / 1e3
-        said.append(f"'{sequence.groups[g]}' {mine.min():.3g} .. {mine.max():.3g} kPa")
+        vertical = -stress[group_of_point == g] / 1e3
+        ranges.append(f"'{sequence.groups[g]}' {vertical.min():.3g} .. {vertical.max():.3g} kPa")
     more = f" and {len(wanted) - _SHOWN} more groups" if len(wanted) > _SHOWN else ""
     effective = "" if analysis.case.water is None else "effective "
     return [
         f"vertical {effective}in-situ stress by the weight above, at the start values, in "
-        f"compression: {', '.join(said)}{more}"
+        f"compression: {', '.join(ranges)}{more}"
     ]
 
 

@@ -185,10 +185,10 @@ def follow_path(equations: StageEquations, budget: StepBudget | None = None) -> 
     """
     viscous = equations.viscous(_FIRST)
     start = viscous.at(0.0 * equations.forces)
-    found = newton(viscous, start, balanced=_ON_THE_PATH, budget=budget)
-    if not found.converged:
+    balance = newton(viscous, start, balanced=_ON_THE_PATH, budget=budget)
+    if not balance.converged:
         return None
-    last = replace(found, viscosity=_FIRST)
+    last = replace(balance, viscosity=_FIRST)
     known, growing = [last], 0
     while last.viscosity > 0.0:
         following = _next(equations, known, budget)
@@ -229,7 +229,7 @@ def _next(
         except NoEquilibrium:
             continue
         balanced = _ON_THE_PATH if mu > 0.0 else BALANCED
-        found = newton(viscous, trial, balanced=balanced, budget=budget)
-        if found.converged:
-            return replace(found, viscosity=mu)
+        balance = newton(viscous, trial, balanced=balanced, budget=budget)
+        if balance.converged:
+            return replace(balance, viscosity=mu)
     return None

@@ -77,12 +77,12 @@ def allowed_distance(mesh: Mesh, outline: tuple[FacetPatch, ...], place: Floats)
     corners = [p.nodes[:, : CELLS[p.kind].n_corners] for p in outline]
     middles = [mesh.points[nodes].mean(axis=1) for nodes in corners]
     number = _nearest(np.concatenate(middles), place)
-    mine = [row for nodes in corners for row in nodes][number]
-    normal = _normal(mesh.points[mine])
-    size = float(np.linalg.norm(np.ptp(mesh.points[mine], axis=0)))
+    face = [row for nodes in corners for row in nodes][number]
+    normal = _normal(mesh.points[face])
+    size = float(np.linalg.norm(np.ptp(mesh.points[face], axis=0)))
     turns = [0.0]
     for nodes in corners:
-        for other in nodes[np.isin(nodes, mine).sum(axis=1) == mesh.dim - 1]:
+        for other in nodes[np.isin(nodes, face).sum(axis=1) == mesh.dim - 1]:
             cosine = abs(float(normal @ _normal(mesh.points[other])))
             angle = float(np.arccos(min(1.0, cosine)))
             turns.append(angle if angle < _CORNER else 0.0)

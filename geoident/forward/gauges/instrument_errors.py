@@ -142,9 +142,9 @@ def _read_at(case: Case) -> dict[tuple[int, int], list[float]]:
     """State and channel to the times of its good readings, where they are known."""
     states = {name: n for n, name in enumerate(case.stage_names)}
     rows = {channel.name: n for n, channel in enumerate(case.channels)}
-    found: dict[tuple[int, int], list[float]] = {}
+    times: dict[tuple[int, int], list[float]] = {}
     for reading in case.readings:
         if reading.time is not None and reading.value is not None and not reading.bad:
             place = states[reading.stage], rows[reading.channel]
-            found.setdefault(place, []).append(reading.time)
-    return found
+            times.setdefault(place, []).append(reading.time)
+    return times

@@ -71,15 +71,15 @@ def observe(on_mesh: CaseOnMesh) -> tuple[Observation, list[Fault]]:
     parts, snapped, as_built, faults = [], set[str](), set[str](), list[Fault]()
     placing = [placing_of(channel) for channel in channels]
     for place in dict.fromkeys(placing):
-        mine = np.flatnonzero([other is place for other in placing])
-        placed = place([channels[row] for row in mine], on_mesh)
+        rows = np.flatnonzero([other is place for other in placing])
+        placed = place([channels[row] for row in rows], on_mesh)
         faults += placed.faults
         snapped |= set(placed.snapped)
         as_built |= set(placed.as_built)
-        readable[mine] = placed.readable
+        readable[rows] = placed.readable
         if not placed.faults:
-            parts.append((mine, placed.observable))
-        for row in mine:
+            parts.append((rows, placed.observable))
+        for row in rows:
             reasons[row] = placed.unreadable
     names = tuple(channel.name for channel in channels)
     zero = np.array([on_mesh.case.zero_of(channel) for channel in channels], np.int64)

@@ -94,16 +94,16 @@ class MemberReadings:
         part, forces = state.structures.part(channel.structure), state.end.members
         if isinstance(part.structure, Bars):
             if channel.kind == "load-cell":
-                found = state.structures.bar(part.name, channel.member, forces, state.point)
-                return -found if channel.compression else found
+                force = state.structures.bar(part.name, channel.member, forces, state.point)
+                return -force if channel.compression else force
             smeared = forces[part.rows.start + channel.member]
             axial, _ = rigidities(part.structure, state.point)
             return _scaled(smeared, 1.0 / axial)
         if channel.name not in self._places:
             found_place = nearest(part.members.ends, np.array(channel.second))
             self._places[channel.name] = found_place.seen_from(channel.towards)
-        found = _of_beam(part, self._places[channel.name], channel, forces, state.point)
-        return -found if channel.compression else found
+        force = _of_beam(part, self._places[channel.name], channel, forces, state.point)
+        return -force if channel.compression else force
 
 
 @dataclass(frozen=True)
@@ -184,14 +184,14 @@ class BeamTilts:
             }
             moved = [np.unique(m.operator.indices) for m in members.values()]
             dofs = np.unique(np.concatenate([np.empty(0, np.int64), *moved]))
-            found = sp.lil_array((len(self._channels), len(state.end.u)))
+            rows = sp.lil_array((len(self._channels), len(state.end.u)))
             for start in range(0, len(dofs), _TOGETHER):
                 some = dofs[start : start + _TOGETHER]
                 u = np.zeros((len(state.end.u), 1 + len(some)))
                 u[some, 1 + np.arange(len(some))] = 1.0
                 units = replace(state, end=replace(state.end, u=u))
-                found[:, some] = self.values(units)[:, 1:]
-            self._linear = LinearRows(u=sp.csr_array(found))
+                rows[:, some] = self.values(units)[:, 1:]
+            self._linear = LinearRows(u=sp.csr_array(rows))
         return self._linear
 
     def values(self, state: AnalysisState) -> Floats:
@@ -208,7 +208,7 @@ class BeamTilts:
         place = nearest(members.ends, np.array(channel.second))
         bent = section_forces(members, members.operator @ state.end.u)  # of unit stiffness
         assert members.nodes is not None
-        found = []
+        tilts = []
         for piece, xi in zip(place.pieces, place.along, strict=True):
             first, second = (state.end.u.reshape(-1, 2, state.end.u.shape[1])[node]
                              for node in members.nodes[piece])  # fmt: skip
@@ -216,8 +216,8 @@ class BeamTilts:
             (x1, y1), (x2, y2) = members.ends[piece]
             psi = np.array([y1 - y2, x2 - x1]) @ (second - first) / length**2
             k1, k2 = bent.bent_first[piece], bent.bent_second[piece]
-            found.append(psi + length * (k1 * xi + (k2 - k1) * xi**2 / 2 - (2 * k1 + k2) / 6))
-        return np.asarray(-np.sign(channel.direction[0]) * np.mean(found, axis=0))
+            tilts.append(psi + length * (k1 * xi + (k2 - k1) * xi**2 / 2 - (2 * k1 + k2) / 6))
+        return np.asarray(-np.sign(channel.direction[0]) * np.mean(tilts, axis=0))
 
 
 def tilts_of_beams(channels: Sequence[Channel], on_mesh: CaseOnMesh) -> Placed:
@@ -237,18 +237,18 @@ def _of_beam(
 ) -> Floats:
     """A force or a fibre strain of a beam, (1 + n + k,)."""
     assert isinstance(part.structure, Beam)
-    found = part.section_forces(members)
+    section = part.section_forces(members)
     if channel.kind == "load-cell" and channel.quantity != "M":
-        forces = found.axial if channel.quantity == "N" else found.shear
+        forces = section.axial if channel.quantity == "N" else section.shear
         return np.asarray(forces[place.pieces].mean(axis=0))
     if channel.kind == "load-cell":
-        return _between(place, found.first, found.second)
+        return _between(place, section.first, section.second)
     axial, bending = rigidities(part.structure, point)
-    strain = _scaled(found.stretch[place.pieces].mean(axis=0), 1.0 / axial)
+    strain = _scaled(section.stretch[place.pieces].mean(axis=0), 1.0 / axial)
     if channel.quantity == "axis":
         return strain
     distance = _fibre_distance(part.structure, channel, point)
-    bent = _scaled(_between(place, found.bent_first, found.bent_second), distance / bending)
+    bent = _scaled(_between(place, section.bent_first, section.bent_second), distance / bending)
     return strain + bent if channel.quantity == "inside" else strain - bent
 
 

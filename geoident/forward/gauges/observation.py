@@ -116,13 +116,13 @@ class Observation(ReadingRule):
 
     def coinciding(self, state: AnalysisState) -> tuple[str, ...]:
         """Channels that read, at a state, one of several equal principal stresses."""
-        found = []
+        names = []
         for rows, observable in self.parts:
             named = observable.coinciding(state)
             if named:
                 read = {self.channels[row] for row in rows if self._counts(row, state.end.state)}
-                found += [name for name in named if name in read]
-        return tuple(found)
+                names += [name for name in named if name in read]
+        return tuple(names)
 
     def _counts(self, row: int, state: int) -> bool:
         """Whether the readings of a channel are made of a state."""
@@ -136,9 +136,9 @@ class Observation(ReadingRule):
         Raises:
             ValueError: one of them reads something else (see `not_linear`).
         """
-        found = [(mine, observable.rows) for mine, observable in self.parts]
-        given = [(mine, matrix) for mine, matrix in found if matrix is not None]
-        here = np.concatenate([np.empty(0, np.int64), *(mine for mine, _ in given)])
+        parts = [(channels, observable.rows) for channels, observable in self.parts]
+        given = [(channels, matrix) for channels, matrix in parts if matrix is not None]
+        here = np.concatenate([np.empty(0, np.int64), *(channels for channels, _ in given)])
         place = np.full(len(self.channels), -1)
         place[here] = np.arange(len(here))
         if (place[rows] < 0).any():
@@ -154,23 +154,23 @@ class Observation(ReadingRule):
         """
         place = np.full(len(self.channels), -1)
         place[rows] = np.arange(len(rows))
-        found: dict[str, list[sp.csr_array]] = {"u": [], "stress": [], "members": []}
-        for mine, observable in self.parts:
-            wanted = place[mine] >= 0
+        blocks: dict[str, list[sp.csr_array]] = {"u": [], "stress": [], "members": []}
+        for channels, observable in self.parts:
+            wanted = place[channels] >= 0
             if not wanted.any():
                 continue
             own = observable.linear(state, wanted)
             if own is None:
                 return None
             spread = sp.csr_array(
-                (np.ones(wanted.sum()), (place[mine[wanted]], np.flatnonzero(wanted))),
-                shape=(len(rows), len(mine)),
+                (np.ones(wanted.sum()), (place[channels[wanted]], np.flatnonzero(wanted))),
+                shape=(len(rows), len(channels)),
             )
-            for name, parts in found.items():
+            for name, parts in blocks.items():
                 matrix = getattr(own, name)
                 if matrix is not None:
                     parts.append(sp.csr_array(spread @ matrix))
-        summed = {name: sum(parts[1:], parts[0]) for name, parts in found.items() if parts}
+        summed = {name: sum(parts[1:], parts[0]) for name, parts in blocks.items() if parts}
         return LinearRows(**summed)
 
     @property
@@ -180,8 +180,8 @@ class Observation(ReadingRule):
 
     def not_linear(self, rows: Ints) -> str | None:
         """Why some channels (g,) are not linear in the displacements, or None if they are."""
-        for mine, observable in self.parts:
-            others = np.intersect1d(mine, rows)
+        for channels, observable in self.parts:
+            others = np.intersect1d(channels, rows)
             if observable.rows is None and len(others):
                 name = self.channels[others[0]]
                 return f"gauge '{name}' reads something else than displacements"

@@ -114,8 +114,12 @@ def unbroken(
     later = states >= zero
     if placed_next:
         way[zero], later = False, later & built_on[zero]
-    found = np.asarray(~(~here[:, None] & way).any(axis=0) & later)
-    return found if not placed_next or found[zero + 1 :].any() else np.zeros_like(found)
+    unbroken_from = np.asarray(~(~here[:, None] & way).any(axis=0) & later)
+    return (
+        unbroken_from
+        if not placed_next or unbroken_from[zero + 1 :].any()
+        else np.zeros_like(unbroken_from)
+    )
 
 
 def point_fault(
@@ -145,7 +149,7 @@ def point_fault(
             code="gauge-outside",
             message=f"point {place} of gauge '{channel.name}' lies outside the mesh",
             hint=f"the mesh reaches from {format_point(low)} to {format_point(high)}"
-            + (f"; {said}" if (said := suspected_unit(low, high)) else ""),
+            + (f"; {unit_hint}" if (unit_hint := suspected_unit(low, high)) else ""),
         )
     groups = sorted({sequence.groups[sequence.group_of[site.element]] for site in sites})
     when, hint = "is never there", "correct the point"

@@ -35,11 +35,11 @@ def strains(channels: Sequence[Channel], on_mesh: CaseOnMesh) -> Placed:
             continue
         element, sequence = spot.site.element, on_mesh.sequence
         group = sequence.group_of == sequence.group_of[element]
-        found = recovery(on_mesh.mesh, kinematics, element, group, spot.place)
+        recovered = recovery(on_mesh.mesh, kinematics, element, group, spot.place)
         weights = component_weights(spot.channel, spot.signs, kinematics.n_strain)
         if not spot.channel.quantity:
             weights[NORMAL_COMPONENTS:] /= 2.0
-        rows.append(sp.csr_array(weights[None] @ found.gradients))
+        rows.append(sp.csr_array(weights[None] @ recovered.gradients))
         if is_placed_after(sequence, on_mesh.case.zero_of(spot.channel), spot.site):
             as_built.append(spot.channel.name)
     operator = sp.csr_array(sp.vstack(rows))

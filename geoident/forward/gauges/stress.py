@@ -158,8 +158,8 @@ class StressReadings:
 
     def values(self, state: AnalysisState) -> Floats:
         """Values (g, 1 + n + k) at a state, Pa."""
-        found = [reader.read(stress) for reader, stress in self._stresses(state)]
-        return np.array(found).reshape(len(found), state.end.stress.shape[2])
+        readings = [reader.read(stress) for reader, stress in self._stresses(state)]
+        return np.array(readings).reshape(len(readings), state.end.stress.shape[2])
 
     def coinciding(self, state: AnalysisState) -> tuple[str, ...]:
         """Names of channels whose principal value is one of several equal ones there."""
@@ -192,9 +192,9 @@ class PorePressures:
 
     def values(self, state: AnalysisState) -> Floats:
         """Values (g, 1 + n + k) at a state, Pa."""
-        found = self._water.at(state.end.state, state.point)
-        more = state.end.u.shape[1] - found.shape[1]
-        return np.pad(found, ((0, 0), (0, more)))
+        pressure = self._water.at(state.end.state, state.point)
+        more = state.end.u.shape[1] - pressure.shape[1]
+        return np.pad(pressure, ((0, 0), (0, more)))
 
     def coinciding(self, state: AnalysisState) -> tuple[str, ...]:
         """None: there are no principal values."""
@@ -324,19 +324,19 @@ class Spots:
             as_built: whether ground that is placed right after the zero will do.
         """
         kinematics = on_mesh.kinematics
-        found, faults = [], []
+        spots, faults = [], []
         for row, channel in enumerate(channels):
             place, signs = kinematics.in_section(channel.second)
             sites = on_mesh.locator.sites(place) if given is None else given[row]
             site, there = _site(channel, sites, on_mesh, as_built=as_built)
-            found.append(_Spot(channel, np.array(place), signs, site, there))
+            spots.append(_Spot(channel, np.array(place), signs, site, there))
             beside = None if given else beside_fault(on_mesh, channel, channel.second, sites)
             if site is None or beside is not None:
                 faults.append(beside or point_fault(on_mesh, channel, channel.second, sites))
-        snapped = (s.channel.name for s in found if s.site is not None and is_beside(s.site))
-        readable = np.array([spot.there for spot in found], dtype=np.bool_)
-        shape = (len(found), len(on_mesh.sequence.states))
-        return cls(tuple(found), readable.reshape(shape), tuple(snapped), tuple(faults))
+        snapped = (s.channel.name for s in spots if s.site is not None and is_beside(s.site))
+        readable = np.array([spot.there for spot in spots], dtype=np.bool_)
+        shape = (len(spots), len(on_mesh.sequence.states))
+        return cls(tuple(spots), readable.reshape(shape), tuple(snapped), tuple(faults))
 
     def water(self, on_mesh: CaseOnMesh) -> PoreWater:
         """The water in the pores at these places."""
@@ -375,14 +375,14 @@ def _site(
 def _reader(spot: _Spot, site: Site, on_mesh: CaseOnMesh, kinematics: Kinematics) -> Reader:
     channel, group_of = spot.channel, on_mesh.sequence.group_of
     group = group_of == group_of[site.element]
-    found = recovery(on_mesh.mesh, kinematics, site.element, group, spot.place)
+    recovered = recovery(on_mesh.mesh, kinematics, site.element, group, spot.place)
     sign = -1.0 if channel.compression else 1.0
     total = not channel.effective
     if channel.quantity in PRINCIPAL:
         axes, rank = PRINCIPAL[channel.quantity]
-        return Reader(channel.name, found, None, axes, rank, sign, total)
+        return Reader(channel.name, recovered, None, axes, rank, sign, total)
     weights = component_weights(channel, spot.signs, kinematics.n_strain)
-    return Reader(channel.name, found, weights, (), 0, sign, total)
+    return Reader(channel.name, recovered, weights, (), 0, sign, total)
 
 
 def component_weights(channel: Channel, signs: Floats, n_strain: int) -> Floats:

@@ -28,8 +28,8 @@ def section_faults(case: Case) -> list[Fault]:
     if case.analysis is Analysis.SOLID:
         return []
     known = [m for m in case.materials.values() if _is_known(case, m.elastic)]
-    found = [_fault(case, material) for material in known]
-    return [fault for fault in found if fault is not None]
+    faults = [_fault(case, material) for material in known]
+    return [fault for fault in faults if fault is not None]
 
 
 def _is_known(case: Case, elastic: Elastic) -> bool:

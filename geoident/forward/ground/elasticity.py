@@ -213,11 +213,13 @@ def grows_whole(
 def _grown(elastic: Elastic, growth: PointGrowth, local: ParameterPoint, s: int) -> MaterialModuli:
     """E of the typical number times a factor of every point, with the derivatives of both."""
     matrix = Dual(elastic_matrix(elastic, local, section=s < 6).columns[:s, :s])
-    found = np.ascontiguousarray(growth.value(local).columns / growth.typical)
-    value = ScaledModuli(np.ascontiguousarray(matrix.value), np.ascontiguousarray(found[:, 0]))
+    growth_columns = np.ascontiguousarray(growth.value(local).columns / growth.typical)
+    value = ScaledModuli(
+        np.ascontiguousarray(matrix.value), np.ascontiguousarray(growth_columns[:, 0])
+    )
     slopes: dict[str, Moduli] = {}
     for n, name in enumerate(local.names):
-        slope, grows = matrix.slope(n), found[:, 1 + n]
+        slope, grows = matrix.slope(n), growth_columns[:, 1 + n]
         parts = [] if slope is None else [ScaledModuli(slope, value.factor)]
         if grows.any():
             parts.append(ScaledModuli(value.matrix, np.ascontiguousarray(grows)))
@@ -344,21 +346,21 @@ class ModuliAt:
             growths = self.on_mesh.elastic_growths(material)
             if fields or growths:
                 elastic, s = self.on_mesh.elastic(material), self.n_strain
-                found = field_moduli(elastic, fields, self.point, s, growths)
+                moduli = field_moduli(elastic, fields, self.point, s, growths)
             else:
-                found = uniform_moduli(self.elastic_matrix(material), self.point.names)
-            self._moduli[material] = found
-        found = self._moduli[material]
-        if points is None or isinstance(found.value, UniformModuli):
-            return found
-        mine = self.on_mesh.material_points(material)
+                moduli = uniform_moduli(self.elastic_matrix(material), self.point.names)
+            self._moduli[material] = moduli
+        moduli = self._moduli[material]
+        if points is None or isinstance(moduli.value, UniformModuli):
+            return moduli
+        of_material = self.on_mesh.material_points(material)
         wanted = places_of(points, self.on_mesh.discretization.points.n_points)
-        if len(wanted) == len(mine):
-            return found
+        if len(wanted) == len(of_material):
+            return moduli
         # The points of a stage are asked for several times, always as the same object.
         kept = self._parts.get(material)
         if kept is None or kept[0] is not points:
-            kept = points, found.at(np.searchsorted(mine, wanted))
+            kept = points, moduli.at(np.searchsorted(of_material, wanted))
             self._parts[material] = kept
         return kept[1]
 
@@ -378,10 +380,10 @@ def inadmissible(material: Material, values: Values) -> str | None:
     """Why moduli or strengths are none, a sentence, or None if they are."""
     breaches = (surface.breach(values) for surface in material.yields)
     elastic = bounded(material.elastic, material.growths)
-    found = breach(elastic, values) or next(filter(None, breaches), None)
-    if found is None:
+    reason = breach(elastic, values) or next(filter(None, breaches), None)
+    if reason is None:
         return None
-    return f"{found.constant} of {material.name} is {found.shown}, {found.limit}"
+    return f"{reason.constant} of {material.name} is {reason.shown}, {reason.limit}"
 
 
 def inadmissible_moduli(
@@ -402,9 +404,9 @@ def inadmissible_moduli(
     """
     elastic, given = material.elastic, constants(material.elastic)
     for growth in growths:
-        said = not_positive(growth, values)
-        if said is not None:
-            return said
+        reason = not_positive(growth, values)
+        if reason is not None:
+            return reason
     for field in fields:
         with np.errstate(over="ignore"):
             factor = field.factor(values, given[field.constant].value(values))
@@ -412,9 +414,9 @@ def inadmissible_moduli(
             return f"{field.constant} of {material.name} is beyond all measure at a strain point"
     if grows_whole(elastic, fields, growths) or (not growths and scales_whole(elastic, fields)):
         return None
-    found = field_moduli(elastic, fields, ParameterPoint(values, ()), n_strain, growths).value
+    moduli = field_moduli(elastic, fields, ParameterPoint(values, ()), n_strain, growths).value
     points = fields[0].points if fields else growths[0].points
-    matrices = found.matrices(np.arange(len(points)))
+    matrices = moduli.matrices(np.arange(len(points)))
     if np.linalg.eigvalsh(matrices).min() > 0.0:
         return None
     grown = (growth.growth.constant for growth in growths)
@@ -428,11 +430,11 @@ def inadmissible_moduli(
 def not_positive(one: PointGrowth, values: Values) -> str | None:
     """Where a constant is not positive at parameter values, half a sentence; None for nowhere."""
     with np.errstate(all="ignore"):
-        found = one.value(ParameterPoint(values, ())).value
-    if np.isfinite(found).all() and found.min() > 0.0:
+        stiffness = one.value(ParameterPoint(values, ())).value
+    if np.isfinite(stiffness).all() and stiffness.min() > 0.0:
         return None
-    worst = int(np.argmin(np.where(np.isfinite(found), found, -np.inf)))
-    number, where = found[worst], format_point(one.positions[worst])
+    worst = int(np.argmin(np.where(np.isfinite(stiffness), stiffness, -np.inf)))
+    number, where = stiffness[worst], format_point(one.positions[worst])
     return f"{one.growth.words}: it is {number:.4g} Pa at {where}, where it must be positive"
 
 

@@ -152,11 +152,11 @@ def field_faults(case: Case, not_in: Callable[[str, tuple[float, ...]], str | No
     faults = []
     for field in case.fields:
         for test in field.measured:
-            found = not_in(field.material, test.position)
-            if found is None:
+            reason = not_in(field.material, test.position)
+            if reason is None:
                 continue
             origin = f" ({test.origin})" if test.origin else ""
-            message = f"the measured point {format_point(test.position)}{origin} {found}"
+            message = f"the measured point {format_point(test.position)}{origin} {reason}"
             hint = f"Correct its coordinates, or remove it: it says nothing of {field.material!r}."
             faults.append(
                 case.source.fault(

@@ -43,8 +43,8 @@ def _point_growth(on_mesh: CaseOnMesh, growth: Growth) -> PointGrowth | None:
     if isinstance(law, WithDepth):
         depths = Depths(on_mesh.mesh, law.surface, positions)
         scalars: tuple[Surface, ...] = (growth.base, law.gradient, law.surface)
-        found = (s.parameter for s in scalars if isinstance(s, Scalar))
-        names = frozenset(name for name in found if name is not None)
+        ties = (s.parameter for s in scalars if isinstance(s, Scalar))
+        names = frozenset(name for name in ties if name is not None)
         value, outside = partial(_by_depth, growth.base, law, depths), depths.n_outside
     else:
         groups = on_mesh.sequence.group_of[given.element[points]]
@@ -113,14 +113,14 @@ def start_faults(case: Case, growths: tuple[PointGrowth, ...]) -> list[Fault]:
         pressure = 1.0 if isinstance(law, WithDepth) else law.pressure.value(case.start)
         least = 1.0 if isinstance(law, WithDepth) else law.least.value(case.start)
         if pressure <= 0.0 or least <= 0.0:
-            found = "its 'pressure' and 'least' must be positive"
-            message = f"{one.growth.words}, and {found} at the start values"
+            wrong = "its 'pressure' and 'least' must be positive"
+            message = f"{one.growth.words}, and {wrong} at the start values"
             hint = "Correct the start of the parameter."
         else:
-            said = not_positive(one, case.start)
-            if said is None:
+            reason = not_positive(one, case.start)
+            if reason is None:
                 continue
-            message = f"{said} at the start values"
+            message = f"{reason} at the start values"
             hint = "Correct the base, the growth, or the surface from which depth is counted."
         path = one.growth.path
         faults.append(case.source.fault(path, code="out-of-range", message=message, hint=hint))
@@ -133,9 +133,9 @@ def growth_notes(growths: tuple[PointGrowth, ...], values: Values) -> list[str]:
 
 
 def _growth_note(one: PointGrowth, values: Values) -> str:
-    growth, found = one.growth, one.value(ParameterPoint(values, ())).value
-    low, high = int(np.argmin(found)), int(np.argmax(found))
-    ends = _shown(found[low], growth), _shown(found[high], growth)
+    growth, factors = one.growth, one.value(ParameterPoint(values, ())).value
+    low, high = int(np.argmin(factors)), int(np.argmax(factors))
+    ends = _shown(factors[low], growth), _shown(factors[high], growth)
     note = f"{growth.words}: at the start values {ends[0]} "
     if ends[0] == ends[1]:
         note += "everywhere"
@@ -143,7 +143,7 @@ def _growth_note(one: PointGrowth, values: Values) -> str:
         note += f"near {format_point(one.positions[low])} to {ends[1]} near "
         note += format_point(one.positions[high])
     if isinstance(growth.law, WithStress):
-        note += _floor(one, growth.law, found, values)
+        note += _floor(one, growth.law, factors, values)
     return note
 
 
@@ -158,11 +158,11 @@ def _per_cent(part: float) -> str:
     return f"{min(100.0 * part, 99.9):.{2 if part < 0.99 else 3}g} %"
 
 
-def _floor(one: PointGrowth, law: WithStress, found: Floats, values: Values) -> str:
+def _floor(one: PointGrowth, law: WithStress, factors: Floats, values: Values) -> str:
     """How much of the ground has no more than the least stress."""
     least, pressure = law.least.value(values), law.pressure.value(values)
     floor = one.growth.base.value(values) * (least / pressure) ** law.exponent.value(values)
-    part = float(np.mean(np.abs(found - floor) <= 1e-12 * floor))
+    part = float(np.mean(np.abs(factors - floor) <= 1e-12 * floor))
     if law.exponent.value(values) == 0.0 or part == 0.0:
         return ""
     kPa = 1e-3 * least

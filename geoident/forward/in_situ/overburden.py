@@ -218,12 +218,12 @@ class Overburden:
         """Loads on faces that act from the beginning, with the faces."""
         mesh, table = self._mesh, self._on_mesh.table
         present = self._on_mesh.sequence.present(0)
-        found = []
+        loaded = []
         for load in self._on_mesh.case.loads.values():
             if isinstance(load, FaceLoad):
                 faces = load_patches(mesh, table, load.group, present) or ()
-                found.append((load, _pieces(mesh, faces)))
-        return tuple(found)
+                loaded.append((load, _pieces(mesh, faces)))
+        return tuple(loaded)
 
 
 def _scaled(number: Dual, each: Floats) -> Dual:
@@ -333,17 +333,17 @@ def _met(index: _PlanIndex, pieces: _Pieces, positions: Floats, plan: Floats) ->
         positions: (m, dim) the places, m.
         plan: (m, dim - 1) where their lines pass.
     """
-    found: list[tuple[Ints, Ints, Floats]] = []
+    meetings: list[tuple[Ints, Ints, Floats]] = []
     meets = _lines_met if plan.shape[1] == 1 else _triangles_met
     for near_piece, near_place in index.near(pieces.corners):
         met = meets(pieces.corners[near_piece], pieces.nodes[near_piece], plan[near_place])
         met &= pieces.sign[near_piece] != 0
         piece, place = near_piece[met], near_place[met]
         levels = _levels(pieces.corners[piece], positions[place, :-1])
-        found.append((place, piece, levels))
-    place = np.concatenate([np.empty(0, np.int64), *(p for p, _, _ in found)])
-    piece = np.concatenate([np.empty(0, np.int64), *(p for _, p, _ in found)])
-    level = np.concatenate([np.empty(0), *(z for _, _, z in found)])
+        meetings.append((place, piece, levels))
+    place = np.concatenate([np.empty(0, np.int64), *(p for p, _, _ in meetings)])
+    piece = np.concatenate([np.empty(0, np.int64), *(p for _, p, _ in meetings)])
+    level = np.concatenate([np.empty(0), *(z for _, _, z in meetings)])
     return _Meetings(place, pieces.sign[piece], pieces.plan[piece], level)
 
 

@@ -192,8 +192,8 @@ class _Heim:
         vertical = -self._overburden(point)
         along = vertical * point.number(model.K0)
         across = vertical * point.number(model.K0 if model.K0_across is None else model.K0_across)
-        found = _components(vertical, along, across, model.azimuth, point, self._dim)
-        return _with_tectonic(found, model.tectonic, point)
+        components = _components(vertical, along, across, model.azimuth, point, self._dim)
+        return _with_tectonic(components, model.tectonic, point)
 
     def _overburden(self, point: ParameterPoint) -> Dual:
         """Vertical pressure (m,), compression positive."""
@@ -232,8 +232,10 @@ class CoverAndSurcharge:
         none = point.constant(np.zeros(self._n))
         if self._cover is None:
             return none
-        found = none + self._cover.at(point)
-        return Dual(np.where(np.abs(found.columns[:, :1]) > self._tolerance, found.columns, 0.0))
+        thickness = none + self._cover.at(point)
+        return Dual(
+            np.where(np.abs(thickness.columns[:, :1]) > self._tolerance, thickness.columns, 0.0)
+        )
 
     def pressure(self, point: ParameterPoint) -> Dual:
         """Vertical pressure (m,), Pa."""
@@ -270,8 +272,8 @@ class _Geostatic:
         across = (
             along if model.K0_across is None else vertical * self._ratio(model.K0_across, point)
         )
-        found = _components(vertical, along, across, model.azimuth, point, self._dim)
-        return _with_tectonic(found, model.tectonic, point)
+        components = _components(vertical, along, across, model.azimuth, point, self._dim)
+        return _with_tectonic(components, model.tectonic, point)
 
     def _ratio(self, given: StressRatio, point: ParameterPoint) -> Dual:
         """A ratio of stresses, the same everywhere or (m,) by groups."""
@@ -325,12 +327,12 @@ def _components(
 
 
 def _with_tectonic(
-    found: list[Dual], tectonic: Components | None, point: ParameterPoint
+    components: list[Dual], tectonic: Components | None, point: ParameterPoint
 ) -> list[Dual]:
     """Components with a stress that is added everywhere."""
     if tectonic is None:
-        return found
-    return [dual + point.number(more) for dual, more in zip(found, tectonic, strict=True)]
+        return components
+    return [dual + point.number(more) for dual, more in zip(components, tectonic, strict=True)]
 
 
 def _turned(

@@ -28,7 +28,7 @@ class Topography:
     def levels(self, positions: Floats) -> tuple[Floats, Bools]:
         """Levels at positions (m, dim), and which of them lie outside the footprint; m."""
         plan = positions[:, :-1]
-        found = np.full(len(positions), -np.inf)
+        highest = np.full(len(positions), -np.inf)
         order = np.argsort(plan[:, 0])
         along = plan[order, 0]
         for piece in self._nodes:
@@ -37,14 +37,14 @@ class Topography:
             first, last = np.searchsorted(along, [low - margin, high + margin])
             near = order[first:last]
             met, level = _meet(piece, plan[near])
-            found[near[met]] = np.maximum(found[near[met]], level)
-        outside = ~np.isfinite(found)
+            highest[near[met]] = np.maximum(highest[near[met]], level)
+        outside = ~np.isfinite(highest)
         if outside.any():
             from scipy.spatial import cKDTree  # noqa: PLC0415 - 0.2 s, beyond the mesh alone
 
             nearest = cKDTree(self._rim).query(plan[outside])[1]
-            found[outside] = self._tops[nearest]
-        return found, outside
+            highest[outside] = self._tops[nearest]
+        return highest, outside
 
 
 class Depths:
@@ -73,10 +73,10 @@ class Depths:
 
 def _pieces(mesh: Mesh, group: str) -> Ints:
     """(n, dim) nodes of the flat pieces of a group of facets."""
-    found = []
+    pieces = []
     for block, rows in rows_in(mesh.facets, mesh.facet_groups[group]):
-        found += [block.nodes[rows][:, piece] for piece in CELLS[block.kind].flat_pieces]
-    return np.vstack(found)
+        pieces += [block.nodes[rows][:, piece] for piece in CELLS[block.kind].flat_pieces]
+    return np.vstack(pieces)
 
 
 def _highest(nodes: Floats) -> tuple[Floats, Floats]:

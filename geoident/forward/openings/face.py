@@ -204,7 +204,7 @@ def face_note(face: AdvancingFace, on_mesh: CaseOnMesh, values: Values) -> tuple
         ratio = float(face.plastic_ratio(ParameterPoint(values, ())).value)
     except ModelError as error:
         return (error.message,)
-    said = [
+    parts = [
         f"{s.stage}: {s.distance:.4g} m, {100.0 * s.share:.3g} % of the final motion, "
         f"{100.0 * s.released:.3g} % of the stress"
         for s in states
@@ -212,7 +212,7 @@ def face_note(face: AdvancingFace, on_mesh: CaseOnMesh, values: Values) -> tuple
     law = _NAMES[on_mesh.case.face.law]
     if on_mesh.case.face.law == "vlachopoulos-diederichs":
         law += f", plastic radius {ratio:.3g} times that of the tunnel"
-    return (f"released by the distance to the face ({law}): {'; '.join(said)}",)
+    return (f"released by the distance to the face ({law}): {'; '.join(parts)}",)
 
 
 def conversion_note(face: AdvancingFace, on_mesh: CaseOnMesh) -> tuple[str, ...]:
@@ -322,8 +322,8 @@ def _centre(on_mesh: CaseOnMesh, profile: FaceProfile) -> tuple[float, ...]:
     if profile.centre is not None:
         return profile.centre
     points = on_mesh.discretization.points
-    mine = np.isin(on_mesh.sequence.group_of[points.element], _inside(on_mesh, profile))
-    middle = np.average(points.position[mine], axis=0, weights=points.volume[mine])
+    inside = np.isin(on_mesh.sequence.group_of[points.element], _inside(on_mesh, profile))
+    middle = np.average(points.position[inside], axis=0, weights=points.volume[inside])
     return tuple(map(float, middle))
 
 

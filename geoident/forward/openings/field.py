@@ -207,10 +207,12 @@ class OpeningField:
         if off <= UNEVEN * abs(p0):
             return []
         how = f"{100 * off / abs(p0):.0f} %" if p0 else f"{off:.3g} Pa"
-        said = f"the in-situ stress around the opening is up to {how} off its mean at the centre"
+        sentence = (
+            f"the in-situ stress around the opening is up to {how} off its mean at the centre"
+        )
         if load.opening.strength is not None:
-            said += "; the closed form takes that part as if the ground were elastic"
-        return [said]
+            sentence += "; the closed form takes that part as if the ground were elastic"
+        return [sentence]
 
     def _yielded(self, load: OpeningLoad) -> list[str]:
         """How far the ground yields in the last state with a closed form."""

@@ -64,11 +64,11 @@ class AffineForm:
         Raises:
             ValueError: moduli leave the span of those that were seen.
         """
-        found = {name: span.coordinates(values) for name, span in self.spans.items()}
+        coordinates = {name: span.coordinates(values) for name, span in self.spans.items()}
         psi, slopes = self.loads.coordinates(values)
         return AffineFactors(
-            {name: c for name, (c, _) in found.items()},
-            {name: dc for name, (_, dc) in found.items()},
+            {name: c for name, (c, _) in coordinates.items()},
+            {name: dc for name, (_, dc) in coordinates.items()},
             psi,
             slopes,
         )
@@ -96,8 +96,8 @@ class AffineAnalysis:
         """Members (k,) whose force is given in a state."""
         stressed = self.analysis.sequence.states[state].stressed
         parts = self.analysis.systems.structures.parts
-        mine = [np.arange(p.rows.start, p.rows.stop) for p in parts if p.name in stressed]
-        return self.points.n_ground + np.concatenate([np.empty(0, np.int64), *mine])
+        rows = [np.arange(p.rows.start, p.rows.stop) for p in parts if p.name in stressed]
+        return self.points.n_ground + np.concatenate([np.empty(0, np.int64), *rows])
 
 
 def affine_analysis(
@@ -143,10 +143,10 @@ def _samples(analysis: StagedAnalysis, names: tuple[str, ...]) -> Floats:
         return inadmissible_numbers(analysis.case, analysis.sequence, values) is None
 
     points = trial_points(parameters, admissible)
-    found = [np.array([point.values[name] for name in names]) for point in points]
+    samples = [np.array([point.values[name] for name in names]) for point in points]
     start = np.array([q.start for q in parameters])
     bounds = np.array([(q.lower, q.upper) for q in parameters]).T
-    inside = [np.min(found, axis=0), np.max(found, axis=0)]
+    inside = [np.min(samples, axis=0), np.max(samples, axis=0)]
     low, high = np.where(np.isfinite(bounds), bounds, inside)
     parts = np.random.default_rng(0).random((_DRAWS + 3 * len(start), len(start)))
     for part in (*parts, np.zeros(len(start)), np.ones(len(start))):
@@ -155,5 +155,5 @@ def _samples(analysis: StagedAnalysis, names: tuple[str, ...]) -> Floats:
             if admissible(dict(zip(names, map(float, p), strict=True))):
                 break
             p = 0.5 * (p + start)
-        found.append(p)
-    return np.array(found)
+        samples.append(p)
+    return np.array(samples)

@@ -159,13 +159,13 @@ class _Blocks:
 
     def materials(self, kind: str, *about: int) -> dict[str, Floats]:
         """By material."""
-        found = self._about(kind, about)
-        return {self._materials[key[0]]: block for key, block in found}
+        blocks = self._about(kind, about)
+        return {self._materials[key[0]]: block for key, block in blocks}
 
     def terms(self, kind: str, *about: int) -> dict[StressTerm, Floats]:
         """By state and material."""
-        found = self._about(kind, about)
-        return {(key[0], self._materials[key[1]]): block for key, block in found}
+        blocks = self._about(kind, about)
+        return {(key[0], self._materials[key[1]]): block for key, block in blocks}
 
     def _about(self, kind: str, about: tuple[int, ...]) -> list[tuple[tuple[int, ...], Floats]]:
         blocks = self._of_kind.get(kind, {})
@@ -269,17 +269,17 @@ class RestoredModel:
             for name, structure in self.case.structures.items()
             for bending in (False, True)
         }
-        found: dict[str, Span] = {}
+        spans: dict[str, Span] = {}
         for n, name in enumerate(self.kept.materials):
             basis, fixed = blocks.one("basis", n), blocks.get("fixed", n)
             bending = blocks.get("bending", n)
             if bending is None:
                 section = bool(blocks.one("section", n))
                 material = self.case.materials[name]
-                found[name] = MaterialSpan(material, names, section, basis, fixed)
+                spans[name] = MaterialSpan(material, names, section, basis, fixed)
             else:
-                found[name] = RigiditySpan(structures[name], bool(bending), names, basis, fixed)
-        return found
+                spans[name] = RigiditySpan(structures[name], bool(bending), names, basis, fixed)
+        return spans
 
     def _loads(self) -> LoadForm:
         blocks = self._blocks

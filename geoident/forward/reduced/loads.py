@@ -154,12 +154,12 @@ class _Loads:
 
     def moved_by(self, samples: Floats) -> Bools:
         """(n,) parameters by which any of them has a derivative."""
-        found = [
+        moved = [
             np.any(part[:, 1:] != 0.0, axis=0)
             for p in samples
             for part in self._parts(p, slopes=True)
         ]
-        return np.asarray(np.any(found, axis=0))
+        return np.asarray(np.any(moved, axis=0))
 
     @property
     def size(self) -> int:

@@ -68,10 +68,10 @@ class ReducedModel:
             ValueError: moduli leave the span of those that were seen.
         """
         at = self.form.at(values)
-        found: list[Floats] = []
+        solved: list[Floats] = []
         for number, stage in enumerate(self.stages):
-            found.append(self._solve(stage, number, at, found, derivatives=derivatives))
-        return ReducedStates(at, tuple(found))
+            solved.append(self._solve(stage, number, at, solved, derivatives=derivatives))
+        return ReducedStates(at, tuple(solved))
 
     def _solve(
         self,
@@ -109,35 +109,35 @@ class ReducedModel:
         q[..., 1:] = np.linalg.solve(K, rest)
         return q
 
-    def observed(self, found: ReducedStates) -> Floats:
+    def observed(self, states: ReducedStates) -> Floats:
         """What all channels see, (n_states, n_channels, b, 1 + n or 1)."""
         seen = []
-        for stage, q in zip(self.stages, found.states, strict=True):
+        for stage, q in zip(self.stages, states.states, strict=True):
             table = np.tensordot(stage.observed, q, axes=(1, 1))
-            table[stage.forces.channels] = _forces(stage.forces, found, table.shape[2])
+            table[stage.forces.channels] = _forces(stage.forces, states, table.shape[2])
             seen.append(table)
         return np.stack(seen)
 
-    def errors(self, found: ReducedStates) -> Floats:
+    def errors(self, states: ReducedStates) -> Floats:
         """Error of the stresses in energy, relative to the largest energy of a state, (b,)."""
-        stress = self.stress_errors(found)
+        stress = self.stress_errors(states)
         size = np.zeros_like(stress)
         for number, stage in enumerate(self.stages):
-            q = found.states[number][..., 0]
+            q = states.states[number][..., 0]
             for (state, material), matrices in stage.matrices.items():
                 if state == number:
-                    moved = _product(matrices, found.at.moduli[material], q)
+                    moved = _product(matrices, states.at.moduli[material], q)
                     size[number] += np.sum(q * moved, axis=1)
         largest = np.sqrt(np.maximum(size, 0.0)).max(axis=0, initial=0.0)
         return np.asarray(stress.max(axis=0) / np.where(largest > 0.0, largest, 1.0))
 
-    def stress_errors(self, found: ReducedStates) -> Floats:
+    def stress_errors(self, states: ReducedStates) -> Floats:
         """Error of the stresses of every state in complementary energy, (n_states, b)."""
-        at = found.at
+        at = states.at
         moduli = {name: self._eigenvalues(name, at) for name in self.form.spans}
         stress = np.zeros((len(self.stages), len(at.loads)))
         for number, stage in enumerate(self.stages):
-            squared = self._residual(stage, at, found, moduli)
+            squared = self._residual(stage, at, states, moduli)
             if number:
                 squared = squared + stress[stage.base] ** 2 * self._growth(stage, at)
             stress[number] = np.sqrt(squared)
@@ -166,7 +166,7 @@ class ReducedModel:
         self,
         stage: ReducedStage,
         at: AffineFactors,
-        found: ReducedStates,
+        states: ReducedStates,
         moduli: Mapping[str, Floats],
     ) -> Floats:
         """Bound (b,) of |rho|^2: the least distance of the two stresses."""
@@ -176,7 +176,7 @@ class ReducedModel:
         for zone in stage.residuals:
             y = at.loads @ zone.loads.T
             for (state, material), columns in zone.terms.items():
-                q = found.states[state][..., 0]
+                q = states.states[state][..., 0]
                 y -= _product_columns(columns, at.moduli[material], q)
             apart.append(y)
         weight = {name: 1.0 / values[:, 0] for name, values in moduli.items()}
@@ -195,15 +195,15 @@ class ReducedModel:
         return total
 
 
-def _forces(forces: StageForces, found: ReducedStates, columns: int) -> Floats:
+def _forces(forces: StageForces, states: ReducedStates, columns: int) -> Floats:
     """What channels see of the stress of a state, (c, b, 1 + n or 1)."""
-    at = found.at
+    at = states.at
     table = np.zeros((len(forces.channels), len(at.loads), columns))
     table[..., 0] = forces.loads @ at.loads.T
     if columns > 1:
         table[..., 1:] = np.einsum("cr,brn->cbn", forces.loads, at.load_slopes)
     for (state, material), terms in forces.terms.items():
-        q, c = found.states[state], at.moduli[material]
+        q, c = states.states[state], at.moduli[material]
         parts = np.tensordot(terms, q, axes=(2, 1))  # (r, c, b, columns)
         table += np.einsum("rcbn,br->cbn", parts, c)
         if columns > 1:

@@ -70,17 +70,17 @@ class MaterialSpan:
         elastic = self.material.elastic
         plain = all(type(scalar) is Scalar for scalar in elastic_scalars(elastic).values())
         if isinstance(elastic, Isotropic) and plain:
-            found = _isotropic(elastic, self.names, values, self.basis)
+            coordinates = _isotropic(elastic, self.names, values, self.basis)
         else:
             matrices = [moduli_at(self.material, self.names, p, self.section) for p in values]
             columns = np.stack([m[: self._s, : self._s] for m in matrices])
-            found = np.einsum("rij,bijk->brk", self.basis, columns)
-            back = np.einsum("rij,br->bij", self.basis, found[..., 0])
+            coordinates = np.einsum("rij,bijk->brk", self.basis, columns)
+            back = np.einsum("rij,br->bij", self.basis, coordinates[..., 0])
             missed = np.abs(back - columns[..., 0]).max()
             if missed > OUTSIDE * np.abs(columns[..., 0]).max():
                 msg = f"the moduli of {self.material.name} leave the span of those that were seen"
                 raise ValueError(msg)
-        return found[..., 0], found[..., 1:]
+        return coordinates[..., 0], coordinates[..., 1:]
 
     @property
     def _s(self) -> int:
@@ -120,8 +120,8 @@ class RigiditySpan:
             return np.broadcast_to(self.fixed, (len(values), 1)), np.zeros(
                 (len(values), 1, len(self.names))
             )
-        found = np.sqrt(self.basis.shape[1]) * np.array([self._rigidity(p) for p in values])
-        return found[:, :1], found[:, None, 1:]
+        coordinates = np.sqrt(self.basis.shape[1]) * np.array([self._rigidity(p) for p in values])
+        return coordinates[:, :1], coordinates[:, None, 1:]
 
     def _rigidity(self, p: Floats) -> Floats:
         """(1 + n,) at p (n,) with its derivatives."""
@@ -151,8 +151,8 @@ def rigidity_span(
     """
     basis = np.eye(n_strain)[None] / np.sqrt(n_strain)
     span = RigiditySpan(structure, bending, names, basis, None)
-    found, slopes = span.coordinates(samples)
-    return span if slopes.any() else replace(span, fixed=found[0])
+    coordinates, slopes = span.coordinates(samples)
+    return span if slopes.any() else replace(span, fixed=coordinates[0])
 
 
 def moduli_at(material: Material, names: Sequence[str], values: Floats, section: bool) -> Floats:
@@ -184,11 +184,11 @@ def span_of(
     moved = any(not scalar.parameters.isdisjoint(names) for scalar in scalars)
     if not moved:
         samples = samples[:1]
-    found = [moduli_at(material, names, p, section)[:s, :s, 0].ravel() for p in samples]
-    matrix = np.stack([row / np.linalg.norm(row) for row in found])
+    vectors = [moduli_at(material, names, p, section)[:s, :s, 0].ravel() for p in samples]
+    matrix = np.stack([row / np.linalg.norm(row) for row in vectors])
     _, size, rows = np.linalg.svd(matrix, full_matrices=False)
     basis = rows[size > _RANK * size[0]].reshape(-1, s, s)
-    fixed = None if moved else np.einsum("rij,ij->r", basis, found[0].reshape(s, s))
+    fixed = None if moved else np.einsum("rij,ij->r", basis, vectors[0].reshape(s, s))
     return MaterialSpan(material, names, section, basis, fixed)
 
 

@@ -54,9 +54,9 @@ class AnalysisPoints:
         wanted = numbers(points, self.n_points)
         if not len(wanted) or wanted[0] < self.n_ground:
             return self._ground.strain(u, points)
-        found = np.zeros((self.n_strain, len(wanted), u.shape[1]))
-        found[0] = self._structures.strain(u)[wanted - self.n_ground]
-        return found
+        strain = np.zeros((self.n_strain, len(wanted), u.shape[1]))
+        strain[0] = self._structures.strain(u)[wanted - self.n_ground]
+        return strain
 
     def forces(self, stress: Floats, system: StageSystem) -> Floats:
         """Nodal forces (n_dofs, k) of stresses (s, n_points, k) in a stage.
@@ -65,10 +65,10 @@ class AnalysisPoints:
             stress: (s, n_points, k), zero at members that do not stand.
             system: of the stage; stresses of absent ground do not count.
         """
-        found = self._ground.forces(stress[:, : self.n_ground], system.volume)
+        forces = self._ground.forces(stress[:, : self.n_ground], system.volume)
         if self.n_points > self.n_ground:
-            found += self._structures.nodal_forces(stress[0, self.n_ground :])
-        return found
+            forces += self._structures.nodal_forces(stress[0, self.n_ground :])
+        return forces
 
     def clear(self, strain: Floats, state: ConstructionState, system: StageSystem) -> None:
         """Set strains (s, n_points, k) to zero where nothing works with its stiffness in a state.

@@ -246,22 +246,22 @@ class GalerkinProjection:
         loads = np.zeros((len(rows.channels), given.shape[-1]))
         terms: dict[StressTerm, Floats] = {}
         for zone in self._affine.zones[state]:
-            mine, weights = rows.at(zone.points)
-            if not len(mine):
+            columns_of_zone, weights = rows.at(zone.points)
+            if not len(columns_of_zone):
                 continue
             if zone.history.given:
-                loads += np.einsum("csq,sqr->cr", weights, given[:, mine])
+                loads += np.einsum("csq,sqr->cr", weights, given[:, columns_of_zone])
             for other, material, sign in self._parts(zone):
-                strain = sign * self._strains(other, mine)
-                found = np.stack(
+                strain = sign * self._strains(other, columns_of_zone)
+                work = np.stack(
                     [
                         np.tensordot(weights, np.tensordot(J, strain, axes=1), axes=2)
                         for J in self._spans[material].basis
                     ]
                 )
                 key = other, material
-                found = found @ self._turn[other]
-                terms[key] = terms[key] + found if key in terms else found
+                work = work @ self._turn[other]
+                terms[key] = terms[key] + work if key in terms else work
         jacked, weights = rows.at(self._affine.jacked(state))
         loads += np.einsum("csq,sqr->cr", weights, given[:, jacked])
         return StageForces(rows.channels, loads, terms)
@@ -288,12 +288,12 @@ class GalerkinProjection:
             blocks[number] = self._block(zone.material, signs, runs[number])
 
         run_tasks([partial(factorize, number) for number in range(len(runs))])
-        found = triangular_factor(np.concatenate(blocks))
+        triangular = triangular_factor(np.concatenate(blocks))
         terms, place = {}, 0
-        stress = np.zeros((len(found), count))
+        stress = np.zeros((len(triangular), count))
         for key, rank in zip(signs, ranks, strict=True):
-            columns_of = found[:, place : place + rank * count]
-            terms[key] = columns_of.reshape(len(found), rank, count)
+            columns_of = triangular[:, place : place + rank * count]
+            terms[key] = columns_of.reshape(len(triangular), rank, count)
             place += rank * count
             stress += np.tensordot(terms[key], self._turns(key[1]), axes=((1, 2), (0, 1)))
         return _Factor(zone, stress, terms)

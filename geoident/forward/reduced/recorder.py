@@ -139,15 +139,15 @@ class Recorder:
 
     def _turns(self) -> dict[str, Floats]:
         """Material to T (r, M, M): for a state, its derivatives, and further columns."""
-        n, found = len(self._loads.scale), {}
+        n, turns = len(self._loads.scale), {}
         for name, c in self._moduli.items():
             slopes = self._slopes[name]
             T = np.einsum("r,ij->rij", c, np.eye(1 + n + len(self._further)))
             T[:, 0, 1 : 1 + n] += slopes
             for place, one in enumerate(self._further, start=1 + n):
                 T[:, one.column, place] += slopes[:, one.parameter] - one.shift * c
-            found[name] = T
-        return found
+            turns[name] = T
+        return turns
 
     def _chosen(self, most: int) -> list[FurtherColumn]:
         """Of what further columns are made, each of one before it: all of one order, then the next.
@@ -169,15 +169,15 @@ class Recorder:
         left = psi[:, 0] - psi[:, before] @ np.linalg.lstsq(psi[:, before], psi[:, 0])[0]
         if np.abs(left).max() > _ALIKE:
             before.insert(0, 0)
-        found: list[FurtherColumn] = []
+        chosen: list[FurtherColumn] = []
         while True:
-            first = 1 + n + len(found)
+            first = 1 + n + len(chosen)
             for column in before:
                 for h, b in shifts.items():
-                    if len(found) == most:
-                        return found
-                    found.append(FurtherColumn(h, column, b))
-            before = list(range(first, 1 + n + len(found)))
+                    if len(chosen) == most:
+                        return chosen
+                    chosen.append(FurtherColumn(h, column, b))
+            before = list(range(first, 1 + n + len(chosen)))
 
     def _shift(self, h: int) -> float | None:
         """B, for which the integral of |E_h - b E|^2 is least; None where nothing is left."""
@@ -229,7 +229,7 @@ class Recorder:
         """
         needed = [one.column for one in ready]
         own = self._points.strain(u[:, needed])
-        found = np.zeros_like(own)
+        stress = np.zeros_like(own)
         for zone in self._affine.zones[number]:
             for state, material, sign in zone.parts:
                 if state == 0:
@@ -240,14 +240,14 @@ class Recorder:
                     motion = self.snapshot.motion[state]
                     strain = self._points.strain(motion[:, needed], zone.points)
                     earlier = self._points.strain(motion[:, which], zone.points)
-                    found[:, zone.points] += sign * np.tensordot(E, earlier, axes=1)
+                    stress[:, zone.points] += sign * np.tensordot(E, earlier, axes=1)
                 for place, one in enumerate(ready):
                     slope = self._slopes[material][:, one.parameter]
                     turned = slope - one.shift * self._moduli[material]
                     if turned.any():
                         E_h = self._spans[material].matrix(sign * turned)
-                        found[:, zone.points, place] += E_h @ strain[..., place]
-        return found
+                        stress[:, zone.points, place] += E_h @ strain[..., place]
+        return stress
 
     def _settled(self, virgin: Floats) -> Floats:
         """Strain (s, n_points, 1 + n) of the motion that balanced the virgin stress.
@@ -258,7 +258,7 @@ class Recorder:
             virgin: (s, n_points, 1 + n) stress at the end of the virgin state.
         """
         virgin = virgin * self._scale
-        found, size = np.zeros_like(virgin), np.zeros(len(self._scale))
+        settled, size = np.zeros_like(virgin), np.zeros(len(self._scale))
         given = self._loads.stress @ self._psi
         for zone in self._affine.zones[0]:
             span, points = self._spans[zone.material], zone.points
@@ -267,9 +267,9 @@ class Recorder:
             strain = np.linalg.solve(E, change[..., 0])
             for h, slope in enumerate(self._slopes[zone.material].T, start=1):
                 change[..., h] -= span.matrix(slope) @ strain
-            found[:, points] = np.tensordot(np.linalg.inv(E), change, axes=1)
-            stress = np.tensordot(E, found[:, points], axes=1)
+            settled[:, points] = np.tensordot(np.linalg.inv(E), change, axes=1)
+            stress = np.tensordot(E, settled[:, points], axes=1)
             size = np.maximum(size, np.abs(stress).max(axis=(0, 1), initial=0.0))
         noise = 1e-9 * np.abs(virgin[..., 0]).max()  # rounding of the virgin stress
-        found[..., size <= noise] = 0.0
-        return found
+        settled[..., size <= noise] = 0.0
+        return settled

@@ -144,13 +144,13 @@ class ReducedResponse:
             return table, error
         self._evaluations += int(inside.sum())
         try:
-            found = self.model.states(values[inside], derivatives=False)
-            relative = self.model.errors(found)
+            states = self.model.states(values[inside], derivatives=False)
+            relative = self.model.errors(states)
         except (ValueError, np.linalg.LinAlgError):
             return table, error
-        table[inside] = self._table(found, values[inside])[..., 0].T
+        table[inside] = self._table(states, values[inside])[..., 0].T
         part = SAFETY * self.ratios * relative[:, None] + ROUNDING
-        error[inside] = part * self._most_seen(found)
+        error[inside] = part * self._most_seen(states)
         return table, error
 
     def ratio(self, p: Floats, readings: Floats) -> Floats:
@@ -168,9 +168,9 @@ class ReducedResponse:
         scale = size * max(self.error(p), np.finfo(np.float64).eps)
         return np.asarray(np.divide(off, scale, out=np.zeros_like(off), where=scale > 0.0))
 
-    def _most_seen(self, found: ReducedStates) -> Floats:
+    def _most_seen(self, states: ReducedStates) -> Floats:
         """The most that any channel of the dimension of each reading sees of any state, (b, g)."""
-        seen = np.nan_to_num(np.abs(self.model.observed(found)[..., 0])).max(axis=0)
+        seen = np.nan_to_num(np.abs(self.model.observed(states)[..., 0])).max(axis=0)
         most = np.zeros((seen.shape[1], 1 + int(self._dimension.max(initial=0))))
         np.maximum.at(most.T, self._dimension, seen)
         return np.asarray(most[:, self._dimension[self.rows]])
@@ -179,16 +179,16 @@ class ReducedResponse:
         if self._last is None or self._last[0] != p.tobytes():
             self._evaluations += 1
             try:
-                found = self.model.states(p[None])
+                states = self.model.states(p[None])
             except (ValueError, np.linalg.LinAlgError) as error:
                 msg = f"the reduced model has no answer: {error}"
                 raise ModelError(msg) from error
-            self._last = p.tobytes(), found
+            self._last = p.tobytes(), states
         return self._last[1]
 
-    def _table(self, found: ReducedStates, values: Floats) -> Floats:
+    def _table(self, states: ReducedStates, values: Floats) -> Floats:
         """Readings (g, b, 1 + n or 1)."""
-        seen = self.model.observed(found)
+        seen = self.model.observed(states)
         flat = seen.reshape(*seen.shape[:2], -1)
         table = self._observation.readings(flat, self.rows, self.states)
         table = table.reshape(len(self.rows), *seen.shape[2:])

@@ -70,10 +70,10 @@ def stress_rows(analysis: StagedAnalysis, observation: Observation) -> StressRow
     s = points.n_strain
     channels, own = [], list[tuple[Ints, Floats]]()
     for row, observable, wanted in _others(observation):
-        found = _covered(analysis, observable, wanted)
-        if found is None:
+        covered = _covered(analysis, observable, wanted)
+        if covered is None:
             continue
-        stress, members = found
+        stress, members = covered
         whole = np.zeros((s, points.n_points))
         whole[:, : points.n_ground] = stress.reshape(s, -1)
         whole[0, points.n_ground :] = members
@@ -82,8 +82,8 @@ def stress_rows(analysis: StagedAnalysis, observation: Observation) -> StressRow
         own.append((read, whole[:, read]))
     every = np.unique(np.concatenate([np.empty(0, np.int64), *(read for read, _ in own)]))
     weights = np.zeros((len(own), s, len(every)))
-    for mine, (read, values) in zip(weights, own, strict=True):
-        mine[:, np.searchsorted(every, read)] = values
+    for weight, (read, values) in zip(weights, own, strict=True):
+        weight[:, np.searchsorted(every, read)] = values
     return StressRows(np.array(channels, dtype=np.int64), every, weights)
 
 
@@ -106,12 +106,12 @@ def beyond_reduction(analysis: StagedAnalysis, observation: Observation, rows: I
 
 def _others(observation: Observation) -> list[tuple[int, Observable, Bools]]:
     """Channels that read more than displacements: row, what reads it, which of its rows."""
-    found = []
-    for mine, observable in observation.parts:
+    others = []
+    for channels, observable in observation.parts:
         if observable.rows is None:
-            for place, row in enumerate(mine):
-                found.append((int(row), observable, np.arange(len(mine)) == place))
-    return found
+            for place, row in enumerate(channels):
+                others.append((int(row), observable, np.arange(len(channels)) == place))
+    return others
 
 
 def _covered(
@@ -121,30 +121,30 @@ def _covered(
     start = analysis.case.start
     moved = {name: value * (1.0 + _MOVED) + 1e-12 for name, value in start.items()}
     nothing = _nothing(analysis)
-    found = []
+    weights = []
     for values in (start, moved):
         point = ParameterPoint(values, ())
         state = AnalysisState(nothing, point, analysis.systems.structures)
         rows = observable.linear(state, wanted)
         if rows is None or rows.u is not None:
             return None
-        mine = np.flatnonzero(wanted)
+        chosen = np.flatnonzero(wanted)
         stress, members = (
-            np.zeros(size) if part is None else part[mine].toarray()[0]
+            np.zeros(size) if part is None else part[chosen].toarray()[0]
             for part, size in (
                 (rows.stress, nothing.stress.size),
                 (rows.members, len(nothing.members)),
             )
         )
-        found.append((stress, members))
+        weights.append((stress, members))
         for number in range(len(analysis.sequence.states)):
             still = replace(state, end=replace(nothing, state=number))
             if np.any(observable.values(still)[wanted]):  # something beside the stress
                 return None
-    for one, other in zip(*found, strict=True):
+    for one, other in zip(*weights, strict=True):
         if not np.array_equal(one, other):
             return None
-    return found[0] if any(part.any() for part in found[0]) else None
+    return weights[0] if any(part.any() for part in weights[0]) else None
 
 
 def _nothing(analysis: StagedAnalysis) -> StageEnd:

@@ -91,14 +91,14 @@ class Zone:
 
         Of the virgin state it is the motion that balanced it.
         """
-        found: list[tuple[int, str, float]] = []
+        parts: list[tuple[int, str, float]] = []
         if self.history.virgin is not None:
-            found.append((0, self.history.virgin, 1.0))
+            parts.append((0, self.history.virgin, 1.0))
         for segment in self.history.segments:
-            found.append((segment.end, segment.material, 1.0))
+            parts.append((segment.end, segment.material, 1.0))
             if segment.start is not None:
-                found.append((segment.start, segment.material, -1.0))
-        return found
+                parts.append((segment.start, segment.material, -1.0))
+        return parts
 
 
 def zones_of(on_mesh: CaseOnMesh) -> tuple[tuple[Zone, ...], ...]:
@@ -106,7 +106,7 @@ def zones_of(on_mesh: CaseOnMesh) -> tuple[tuple[Zone, ...], ...]:
     sequence, discretization = on_mesh.sequence, on_mesh.discretization
     n_points = discretization.points.n_points
     of_state: list[dict[int, StressHistory]] = []
-    found = []
+    of_states = []
     for number, state in enumerate(sequence.states):
         before = {} if number == 0 else of_state[state.base]
         histories: dict[int, StressHistory] = {}
@@ -127,12 +127,14 @@ def zones_of(on_mesh: CaseOnMesh) -> tuple[tuple[Zone, ...], ...]:
             kinds.setdefault((material, old, history), []).append(group)
         zones = []
         for (material, old, history), groups in kinds.items():
-            mine = [numbers(discretization.points_of[group], n_points) for group in groups]
-            points = np.sort(np.concatenate(mine))
+            points_of_groups = [
+                numbers(discretization.points_of[group], n_points) for group in groups
+            ]
+            points = np.sort(np.concatenate(points_of_groups))
             if len(points):  # a mesh may name groups without elements
                 zones.append(Zone(points, material, old, history))
-        found.append(tuple(zones))
-    return tuple(found)
+        of_states.append(tuple(zones))
+    return tuple(of_states)
 
 
 def member_zones(analysis: StagedAnalysis, points: AnalysisPoints) -> tuple[tuple[Zone, ...], ...]:
@@ -146,7 +148,7 @@ def member_zones(analysis: StagedAnalysis, points: AnalysisPoints) -> tuple[tupl
         points: of the analysis.
     """
     of_state: list[dict[str, StressHistory]] = []
-    found = []
+    of_states = []
     for number, state in enumerate(analysis.sequence.states):
         before = {} if number == 0 else of_state[state.base]
         histories: dict[str, StressHistory] = {}
@@ -165,11 +167,11 @@ def member_zones(analysis: StagedAnalysis, points: AnalysisPoints) -> tuple[tupl
             for bending in (False, True):
                 rows = np.flatnonzero(part.members.bending == bending)
                 if len(rows):
-                    mine = points.n_ground + part.rows.start + rows
-                    zones.append(_member_zone(mine, rigidity_name(part.name, bending), history))
+                    at = points.n_ground + part.rows.start + rows
+                    zones.append(_member_zone(at, rigidity_name(part.name, bending), history))
         of_state.append(histories)
-        found.append(tuple(zones))
-    return tuple(found)
+        of_states.append(tuple(zones))
+    return tuple(of_states)
 
 
 def rigidity_name(structure: str, bending: bool) -> str:

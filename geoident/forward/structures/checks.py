@@ -142,22 +142,24 @@ def structure_place_faults(on_mesh: CaseOnMesh) -> list[Fault]:
         for n, state in enumerate(sequence.states):
             if name not in state.structures:
                 continue
-            found = _missing(on_mesh, structure, sequence.present(n))
-            if found is not None:
-                path, where = found
-                said = f"at stage '{state.name}' the structure '{name}' stands, but {where} in no "
-                faults.append(_no_ground(case, name, path, f"{said}ground that is present"))
+            missing = _missing(on_mesh, structure, sequence.present(n))
+            if missing is not None:
+                path, where = missing
+                message = (
+                    f"at stage '{state.name}' the structure '{name}' stands, but {where} in no "
+                )
+                faults.append(_no_ground(case, name, path, f"{message}ground that is present"))
                 break
         else:
             present = present_throughout(sequence, name)
             if present is not None and isinstance(structure, Bars):
-                found = _missing(on_mesh, structure, present)
-                if found is not None:
-                    path, where = found
+                missing = _missing(on_mesh, structure, present)
+                if missing is not None:
+                    path, where = missing
                     stands = [s.name for s in sequence.states if name in s.structures]
-                    said = f"{where} in no ground that is present at all stages at which the "
-                    said += f"structure '{name}' stands: {', '.join(stands)}"
-                    faults.append(_no_ground(case, name, path, said))
+                    message = f"{where} in no ground that is present at all stages at which the "
+                    message += f"structure '{name}' stands: {', '.join(stands)}"
+                    faults.append(_no_ground(case, name, path, message))
     return faults
 
 

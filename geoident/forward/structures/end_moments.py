@@ -54,8 +54,8 @@ class EndMoments:
 
     def apply(self, first: Floats, second: Floats) -> tuple[Floats, Floats]:
         """Moments (n, ...) at the first and second ends, of those that the pieces bear there."""
-        found = self.weights @ ((first + second) / 2).reshape(len(first), -1)
-        at_first, at_second = found.reshape(2, *first.shape)
+        moments = self.weights @ ((first + second) / 2).reshape(len(first), -1)
+        at_first, at_second = moments.reshape(2, *first.shape)
         shape = (-1, *(1,) * (first.ndim - 1))
         return (
             np.where(self.kept[:, 0].reshape(shape), first, at_first),
@@ -93,8 +93,8 @@ class _Joints:
     def side(self, piece: int, end: int) -> list[_Middle]:
         """The middle of a piece as seen from one of its ends, and of the next while M is smooth."""
         sign, distance = 1.0, self.length[piece] / 2
-        found = [(piece, sign, distance)]
-        while len(found) < _MOST:
+        middles = [(piece, sign, distance)]
+        while len(middles) < _MOST:
             node = self.nodes[piece][1 - end]
             if not self.plain(node):
                 break
@@ -103,8 +103,8 @@ class _Joints:
             sign *= self.sign(node)
             distance += (self.length[piece] + self.length[following]) / 2
             piece, end = following, at
-            found.append((piece, sign, distance))
-        return found
+            middles.append((piece, sign, distance))
+        return middles
 
 
 def end_moments(
@@ -130,11 +130,11 @@ def end_moments(
             continue
         sides = [pieces.side(piece, end) for piece, end in meeting]
         for seen, (piece, end) in enumerate(meeting):
-            found = _weights(sides, seen, pieces, node)
-            if found is None:
+            weighted = _weights(sides, seen, pieces, node)
+            if weighted is None:
                 continue
             kept[piece, end] = False
-            for other, weight in found:
+            for other, weight in weighted:
                 weights[piece + end * len(nodes), other] += weight
     return EndMoments(kept, sp.csr_array(weights))
 

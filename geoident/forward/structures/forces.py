@@ -39,8 +39,10 @@ class MemberRecorder:
         state = self._sequence.states[number]
         parts, given = [], []
         for part in self._structures.parts:
-            found = self._at_ends(part, members[:, 0])
-            parts.append(found if part.name in state.structures else np.full_like(found, np.nan))
+            at_ends = self._at_ends(part, members[:, 0])
+            parts.append(
+                at_ends if part.name in state.structures else np.full_like(at_ends, np.nan)
+            )
             given.append(self._given(part, state))
         table = np.concatenate(parts, axis=1)
         self._axial.append(table[0])
@@ -75,9 +77,9 @@ class MemberRecorder:
         if isinstance(part.structure, Bars):
             share = bar_share(part.structure, ParameterPoint(self._values, ())).value
             return np.stack([forces[part.rows] * share, missing, missing, missing, missing])
-        found = part.section_forces(forces)
-        hoop = missing if part.members.nu is None else found.hoop
-        return np.stack([found.axial, found.first, found.second, found.shear, hoop])
+        section = part.section_forces(forces)
+        hoop = missing if part.members.nu is None else section.hoop
+        return np.stack([section.axial, section.first, section.second, section.shear, hoop])
 
     def _given(self, part: StructureMembers, state: ConstructionState) -> Floats:
         """Axial forces (n_members,) that a jack gives at a state, tension positive, N; else NaN."""

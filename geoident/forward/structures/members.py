@@ -81,18 +81,18 @@ class StructureMembers:
         Args:
             forces: q (n_rows, ...) of all structures.
         """
-        found = section_forces(self.members, forces[self.rows])
+        section = section_forces(self.members, forces[self.rows])
         if self.end_moments is None:
-            return found
-        first, second = self.end_moments.apply(found.first, found.second)
-        bent_first, bent_second = self.end_moments.apply(found.bent_first, found.bent_second)
+            return section
+        first, second = self.end_moments.apply(section.first, section.second)
+        bent_first, bent_second = self.end_moments.apply(section.bent_first, section.bent_second)
         length = self.members.length.reshape(-1, *(1,) * (forces.ndim - 1))
-        rise = (second - first) - (found.second - found.first)
+        rise = (second - first) - (section.second - section.first)
         return replace(
-            found,
+            section,
             first=first,
             second=second,
-            shear=found.shear + rise / length,
+            shear=section.shear + rise / length,
             bent_first=bent_first,
             bent_second=bent_second,
         )
@@ -251,10 +251,10 @@ class Structures:
 
     def stiff(self, state: ConstructionState) -> Bools:
         """(n_rows,) members that work with their stiffness at a state."""
-        found = np.zeros(self.n_rows, dtype=bool)
+        stiff = np.zeros(self.n_rows, dtype=bool)
         for _, part in self._stiff(state):
-            found[part.rows] = True
-        return found
+            stiff[part.rows] = True
+        return stiff
 
     def given(self, state: ConstructionState, point: ParameterPoint) -> Floats:
         """Forces q (n_rows, 1 + n) to which bars are brought at a state; others zero."""
@@ -328,9 +328,9 @@ def _inverse(dual: Dual) -> Dual:
 def inadmissible(case: Case, values: Values) -> str | None:
     """Which number of a structure is impossible at parameter values, or None."""
     for name, structure in case.structures.items():
-        found = structure.breach(values)
-        if found:
-            return f"of the structure '{name}' {found}"
+        reason = structure.breach(values)
+        if reason:
+            return f"of the structure '{name}' {reason}"
     for stage in case.stages:
         for name, scalar in stage.prestress.items():
             if not scalar.value(values) >= 0.0:

@@ -54,13 +54,13 @@ def hinge_nodes(mesh: Mesh, beam: Beam, hinge: str | tuple[float, ...]) -> Ints:
         hinge: a group of the mesh, or a point (dim,), m, at most 1 % of a piece from its node.
     """
     pieces = straight_pieces(mesh, beam.group)
-    mine = np.unique(pieces)
+    nodes = np.unique(pieces)
     if isinstance(hinge, str):
-        return np.intersect1d(mine, group_nodes(mesh, hinge))
+        return np.intersect1d(nodes, group_nodes(mesh, hinge))
     shortest = np.linalg.norm(np.diff(mesh.points[pieces], axis=1)[:, 0], axis=1).min()
-    apart = np.linalg.norm(mesh.points[mine] - hinge, axis=1)
+    apart = np.linalg.norm(mesh.points[nodes] - hinge, axis=1)
     nearest = int(np.argmin(apart))
-    return mine[[nearest]] if apart[nearest] <= 0.01 * shortest else mine[:0]
+    return nodes[[nearest]] if apart[nearest] <= 0.01 * shortest else nodes[:0]
 
 
 def _bars(on_mesh: CaseOnMesh, structure: Bars, present: Bools) -> Members:

@@ -74,10 +74,10 @@ def gauss_newton(
         first = _several_starts(convex, replace(options, starts=1), history).run().best.point.p
         problem = problem.begun_at(first)
         also = [Discrepancy(problem).scaling.to_scaled(given), *_led_by_parts(problem, first)]
-    found = _several_starts(problem, options, history, also).run()
-    best = found.best
+    search = _several_starts(problem, options, history, also).run()
+    best = search.best
     outcome = history.outcome(best.point.p, best.point.phi, best.status, best.reason)
-    return replace(outcome, minima=found.minima, remarks=found.remarks)
+    return replace(outcome, minima=search.minima, remarks=search.remarks)
 
 
 def _several_starts(
@@ -131,13 +131,13 @@ def _led_by_parts(problem: Problem, p: Floats) -> list[Floats]:
     d = np.clip(d, low, high)
     left = np.sum((nu + 1.0) * np.log1p((r + d @ J.T) ** 2 / nu), axis=1)
     phi = left + np.sum((rho + d @ P.T) ** 2, axis=1)
-    found: list[Floats] = []
+    directions: list[Floats] = []
     for k in np.argsort(phi, kind="stable").tolist():
-        if all(np.linalg.norm(J @ (d[k] - one)) > SAME for one in found):
-            found.append(d[k])
-        if len(found) == LED:
+        if all(np.linalg.norm(J @ (d[k] - one)) > SAME for one in directions):
+            directions.append(d[k])
+        if len(directions) == LED:
             break
-    return [x + one for one in found]
+    return [x + one for one in directions]
 
 
 @dataclass(frozen=True)

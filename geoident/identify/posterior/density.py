@@ -118,9 +118,9 @@ class PosteriorDensity:
             ModelError: p is outside the domain of the model, or there is no solution.
         """
         self.evaluations += 1
-        found = self.discrepancy.linearize(p)
+        linearization = self.discrepancy.linearize(p)
         slope = np.where(self._log, p, self._reference) / self.discrepancy.scaling.slope(p)
-        return np.asarray((found.jacobian * slope)[:, self.free]), found.objective
+        return np.asarray((linearization.jacobian * slope)[:, self.free]), linearization.objective
 
     def reference(self) -> tuple[Floats, Floats]:
         """A normal density as wide as what is known before: centre and sd (m,), (m,) in u.
@@ -128,8 +128,8 @@ class PosteriorDensity:
         Exactly the prior where that is normal in the coordinate.
         """
         pairs = zip(self.problem.parameters, self._log.tolist(), strict=True)
-        found = np.array([_reference(q, by_log) for q, by_log in pairs]).reshape(-1, 2)
-        centre, sd = (found / self._reference[:, None])[self.free].T
+        pairs_of_reference = np.array([_reference(q, by_log) for q, by_log in pairs]).reshape(-1, 2)
+        centre, sd = (pairs_of_reference / self._reference[:, None])[self.free].T
         return centre, sd
 
     def logarithms(self, u: Floats) -> Floats:
@@ -137,16 +137,16 @@ class PosteriorDensity:
 
         The model is not asked outside the bounds.
         """
-        found = np.full(len(u), -np.inf)
+        logarithms = np.full(len(u), -np.inf)
         inside = np.flatnonzero(self.inside(u))
         if not len(inside):
-            return found
+            return logarithms
         points = self.natural(u[inside])
         self.evaluations += len(points)
         for k, p, v in zip(inside, points, self._answers(points), strict=True):
             if v is not None:
-                found[k] = self.logarithm(p, v)
-        return found
+                logarithms[k] = self.logarithm(p, v)
+        return logarithms
 
     def logarithm(self, p: Floats, readings: Floats) -> float:
         """Log pi at p (n,), SI, where the model answers readings (g,)."""
@@ -159,11 +159,11 @@ class PosteriorDensity:
 
     def of_accuracies(self, readings: Floats) -> Floats:
         """Logarithms (K,) of how likely each of the accuracies is, where the model answers (g,)."""
-        found = []
+        logarithms = []
         for problem, weight in self._possible:
             r = problem.whiten(readings - problem.measured)
-            found.append(weight - 0.5 * float(r @ r))
-        return np.array(found)
+            logarithms.append(weight - 0.5 * float(r @ r))
+        return np.array(logarithms)
 
     def _answers(self, points: Floats) -> Sequence[Floats | None]:
         if self._answering is not None:

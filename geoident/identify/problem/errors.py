@@ -53,10 +53,10 @@ class SharedErrors:
 
     def sized(self, factor: Floats) -> SharedErrors:
         """The same with each of them times a factor (K,); what hangs together is found once."""
-        found = SharedErrors(self._unsized)
-        found._known = self._known or self
-        found._size = factor if self._size is None else self._size * factor
-        return found
+        sized = SharedErrors(self._unsized)
+        sized._known = self._known or self
+        sized._size = factor if self._size is None else self._size * factor
+        return sized
 
     @cached_property
     def columns(self) -> sp.csr_array:
@@ -136,8 +136,8 @@ def _hang_together(columns: sp.csr_array, chosen: Ints) -> tuple[tuple[Ints, Int
     _, label = connected_components(link, directed=False)
     order = np.argsort(label, kind="stable")
     groups = np.split(order, np.flatnonzero(np.diff(label[order])) + 1)
-    found = ((members[members < g], chosen[members[members >= g] - g]) for members in groups)
-    return tuple((rows, shared) for rows, shared in found if len(rows) and len(shared))
+    parts = ((members[members < g], chosen[members[members >= g] - g]) for members in groups)
+    return tuple((rows, shared) for rows, shared in parts if len(rows) and len(shared))
 
 
 def _of_equal_size(blocks: Sequence[tuple[Ints, Ints]]) -> tuple[tuple[Ints, Ints], ...]:
@@ -377,8 +377,8 @@ class Covariance:
     def solve(self, values: Floats) -> Floats:
         """Sigma^-1 of values (g,) or (g, k)."""
         white = self._whitened_in_blocks(_table(values) / self.sd[:, None])
-        found = self._back_in_blocks(self._top.back(self._top.white(white[None]))[0])
-        return np.asarray(found / self.sd[:, None]).reshape(values.shape)
+        solution = self._back_in_blocks(self._top.back(self._top.white(white[None]))[0])
+        return np.asarray(solution / self.sd[:, None]).reshape(values.shape)
 
     def log_determinant(self) -> float:
         """Logarithm of the determinant of Sigma."""
@@ -398,12 +398,12 @@ class Covariance:
     @cached_property
     def inverse_diagonal(self) -> Floats:
         """Diagonal (g,) of Sigma^-1."""
-        found = np.ones(len(self.sd))
+        diagonal = np.ones(len(self.sd))
         for block in self._blocks:
-            found[block.rows] = block.diagonal()
-        least = np.finfo(np.float64).eps * found
-        found = np.maximum(found - np.sum(self._taken**2, axis=1), least)
-        return np.asarray(found / self.sd**2)
+            diagonal[block.rows] = block.diagonal()
+        least = np.finfo(np.float64).eps * diagonal
+        diagonal = np.maximum(diagonal - np.sum(self._taken**2, axis=1), least)
+        return np.asarray(diagonal / self.sd**2)
 
     def expected_shared(self, values: Floats) -> Floats:
         """The z (K, ...) to be expected, B^T Sigma^-1 of errors (g, ...), SI."""
@@ -423,11 +423,11 @@ class Covariance:
         Rows of the wide ones themselves are those of a unit matrix, so that rows of B times it are
         what is left to the wide errors.
         """
-        found = np.zeros((len(self.shared), len(self._wide)))
+        conditional = np.zeros((len(self.shared), len(self._wide)))
         for block in self._blocks:
-            found[block.shared] = -block.given(self._V[block.rows])
-        found[self._wide] = np.eye(len(self._wide))
-        return found
+            conditional[block.shared] = -block.given(self._V[block.rows])
+        conditional[self._wide] = np.eye(len(self._wide))
+        return conditional
 
     @cached_property
     def _conditional_in_blocks(self) -> sp.csr_array:
@@ -449,14 +449,14 @@ class Covariance:
     def conditional_variance(self, columns: sp.csr_array) -> Floats:
         """Variance (l,) that rows (l, K) of shared errors keep, given the g readings."""
         left = solve_triangular(self._top.factor, (columns @ self._given_wide).T, lower=True)
-        found = columns.multiply(columns @ self._conditional_in_blocks).sum(axis=1)
-        return np.asarray(np.ravel(found) + np.sum(left**2, axis=0), dtype=np.float64)
+        own = columns.multiply(columns @ self._conditional_in_blocks).sum(axis=1)
+        return np.asarray(np.ravel(own) + np.sum(left**2, axis=0), dtype=np.float64)
 
     def conditional_covariance(self, columns: sp.csr_array) -> Floats:
         """Covariance (l, l) of what rows (l, K) of shared errors keep, given the g readings."""
         left = solve_triangular(self._top.factor, (columns @ self._given_wide).T, lower=True)
-        found = (columns @ self._conditional_in_blocks) @ columns.T
-        return np.asarray(found.toarray() + left.T @ left)
+        own = (columns @ self._conditional_in_blocks) @ columns.T
+        return np.asarray(own.toarray() + left.T @ left)
 
     def without_others(self, rows: Ints, values: Floats) -> Floats:
         """The inverse of the block (m, m) of Sigma^-1 that belongs to rows (m,), times values.
@@ -490,35 +490,35 @@ class Covariance:
 
     def _part(self, rows: Ints) -> Floats:
         """Part (m, m) of the inverse that belongs to some readings, in own standard deviations."""
-        found = np.eye(len(rows))
+        inverse = np.eye(len(rows))
         kind, number, place = self._places[:, rows]
         for which in np.unique(kind[kind >= 0]).tolist():
             for one in np.unique(number[kind == which]).tolist():
                 here = np.flatnonzero((kind == which) & (number == one))
-                found[np.ix_(here, here)] = self._blocks[which].inverse(one, place[here])
+                inverse[np.ix_(here, here)] = self._blocks[which].inverse(one, place[here])
         taken = self._taken[rows]
-        return np.asarray(found - taken @ taken.T)
+        return np.asarray(inverse - taken @ taken.T)
 
     @cached_property
     def _places(self) -> Ints:
         """Which blocks a reading belongs to, which of these, and where in it: (3, g); or -1."""
-        found = np.full((3, len(self.sd)), -1, dtype=np.int64)
+        places = np.full((3, len(self.sd)), -1, dtype=np.int64)
         for which, block in enumerate(self._blocks):
             number, place = np.indices(block.rows.shape)
-            found[:, block.rows] = np.stack([np.full_like(number, which), number, place])
-        return found
+            places[:, block.rows] = np.stack([np.full_like(number, which), number, place])
+        return places
 
 
 def row_squares(columns: Columns, matrix: Floats) -> Floats:
     """The diagonal (m,) of C M C^T for C (m, k) and M (k, k), some rows at a time."""
-    found = np.zeros(columns.shape[0])
+    squares = np.zeros(columns.shape[0])
     few = max(1, _SMALL // max(1, columns.shape[1]))
-    for first in range(0, len(found), few):
+    for first in range(0, len(squares), few):
         part = columns[first : first + few]
         moved = part @ matrix
         both = part * moved if isinstance(part, np.ndarray) else part.multiply(moved)
-        found[first : first + few] = np.asarray(both.sum(axis=1)).ravel()
-    return found
+        squares[first : first + few] = np.asarray(both.sum(axis=1)).ravel()
+    return squares
 
 
 def _table(values: Floats) -> Floats:

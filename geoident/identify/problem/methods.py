@@ -113,8 +113,8 @@ def refusals(
     """
     if len(methods) > 1:
         methods = [options for options in methods if not isinstance(options, ClosedFormOptions)]
-    found = [refusal(response, method_name(o), loss, o) for o in methods]
-    return [reason for reason in found if reason is not None]
+    reasons = [refusal(response, method_name(o), loss, o) for o in methods]
+    return [reason for reason in reasons if reason is not None]
 
 
 def refusal(
@@ -202,10 +202,10 @@ def opening_obstacle(response: Response, options: ClosedFormOptions) -> str | No
     """Why a model has no closed form, a clause, or None if it has one."""
     if not isinstance(response, HasOpening):
         return "the model is not a circular opening"
-    found = response.opening(options.centre, options.radius)
-    if isinstance(found, str):
-        return found
-    if len(found.covered) and not found.covered.any():
+    opening = response.opening(options.centre, options.radius)
+    if isinstance(opening, str):
+        return opening
+    if len(opening.covered) and not opening.covered.any():
         return "no reading is of a stage and a point that the closed form covers"
     return None
 

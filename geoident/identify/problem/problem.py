@@ -275,9 +275,9 @@ class Discrepancy:
         why = self.problem.response.admissible(p)
         if why is not None:
             raise ModelError(why)
-        found = self.linearization_of(p, *self.problem.response.evaluate(p))
-        _require_finite(found)
-        return found
+        linearization = self.linearization_of(p, *self.problem.response.evaluate(p))
+        _require_finite(linearization)
+        return linearization
 
     def linearization_of(self, p: Floats, readings: Floats, jacobian: Floats) -> Linearization:
         """The same where the answer of the model is known.
@@ -401,10 +401,10 @@ def _curvature(options: LossOptions, r: Floats) -> Floats:
             return np.ones_like(r)
 
 
-def _require_finite(found: Linearization) -> None:
+def _require_finite(linearization: Linearization) -> None:
     """Refuse numbers whose squares overflow: every step from there would look like the last."""
     with np.errstate(over="ignore", invalid="ignore"):
-        squares = found.objective + float(np.sum(found.jacobian**2))
+        squares = linearization.objective + float(np.sum(linearization.jacobian**2))
     if not np.isfinite(squares):
         raise ModelError(
             "The computed readings or their misfit exceed the range of floating-point numbers.",
