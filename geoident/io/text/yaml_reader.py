@@ -24,6 +24,7 @@ Node: TypeAlias = "dict[str, Node] | list[Node] | str | None"
 
 MAX_BYTES = 25_000_000
 _MAX_DEPTH = 32
+_TOO_DEEP = "the file is nested too deeply for a case"
 _MAX_NODES = 1_500_000
 _MOST_FAULTS = 100
 _LARGE = (
@@ -104,6 +105,8 @@ def _syntax_fault(error: yaml.MarkedYAMLError, file: str, text: str) -> Fault:
     problem = " ".join(filter(None, (error.context, error.problem)))
     mark = error.problem_mark or error.context_mark
     location = Location(file, mark.line + 1, mark.column + 1) if mark else Location(file)
+    if "maximum nesting depth" in problem:  # libyaml refuses it before its events show it
+        return Fault("too-deep", _TOO_DEEP, location=location)
     hint = next((hint for part, hint in _HINTS.items() if part in problem), "")
     key = _filled_twice(text, mark.line) if mark else None
     if key:
@@ -214,9 +217,9 @@ class _Builder:
         if getattr(event, "anchor", None) and not isinstance(event, yaml.AliasEvent):
             self._refuse_alias(event, path)
         if len(path) > _MAX_DEPTH or len(self.values) > _MAX_NODES:
-            what = "nested too deeply" if len(path) > _MAX_DEPTH else "too large"
-            hint = "" if len(path) > _MAX_DEPTH else _LARGE
-            self.refuse(event, path[:3], "too-deep", f"the file is {what} for a case", hint)
+            deep = len(path) > _MAX_DEPTH
+            message = _TOO_DEEP if deep else "the file is too large for a case"
+            self.refuse(event, path[:3], "too-deep", message, "" if deep else _LARGE)
             raise InputError(self.faults)
 
     def refuse(self, event: yaml.Event, path: KeyPath, code: str, message: str, hint: str) -> None:
