@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import gc
 import io
 import sys
 import warnings
@@ -15,7 +14,6 @@ import click
 
 from geoident import __version__
 from geoident.cli.error_boundary import PipeClosed, guarded
-from geoident.spare_imports import spare_imports
 
 COMMANDS = (
     "init",
@@ -139,8 +137,4 @@ def main() -> NoReturn:
         warnings.simplefilter("ignore")  # ours are said in words; those of libraries are noise
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="surrogateescape")  # names of files may be any bytes
-    spare_imports()
-    try:
-        geoident.main(prog_name="geoident")
-    finally:
-        gc.freeze()  # the process ends: a last search for garbage would only take half a second
+    geoident.main(prog_name="geoident")

@@ -20,7 +20,6 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from geoident.errors import ExitCode
-from geoident.spare_imports import without_search
 
 if TYPE_CHECKING:
     _Seconds = click.ParamType[float]
@@ -196,8 +195,7 @@ def takes(*names: str, after: Next) -> Callable[[Callable[..., int]], Callable[.
             shared = {f.name: given.pop(f.name) for f in fields(Options) if f.name in given}
             options = Options(**shared)
             if "trust" in names:
-                with without_search():
-                    from geoident.cli.trust import asked
+                from geoident.cli.trust import asked
 
                 with asked(trust=options.trust, as_json=options.as_json):
                     code = function(**given, options=options)

@@ -48,7 +48,6 @@ def test_help_imports_nothing_heavy(arguments):
 
 NEEDLESS = (
     "scipy.optimize", "scipy.interpolate", "scipy.stats",
-    "numpy.f2py.f2py2e", "numpy.testing._private", "unittest",
     "meshio", "openpyxl", "matplotlib", "rich", "arviz", "distributed",
     "geoident.identify.assessment.uncertainty", "geoident.workflow.programs.program",
     "geoident.workflow.predict", "geoident.workflow.sample",
@@ -58,30 +57,20 @@ NEEDLESS = (
 
 def test_what_is_computed_without_a_fit_imports_nothing_needless(trench):
     code = (
-        "import dataclasses, gc, sys\n"
-        "made, plain = [], getattr(dataclasses, '_create_fn', None)\n"
-        "def counted(name, *said, **given):\n"
-        "    made.append(name)\n"
-        "    return plain(name, *said, **given)\n"
-        "if plain: dataclasses._create_fn = counted\n"
+        "import sys\n"
         "from geoident.cli import main\n"
         "for command in ('check', 'simulate'):\n"
         "    sys.argv = ['geoident', command, 'case.yaml', '-q']\n"
         "    try: main()\n"
         "    except SystemExit as ended: assert ended.code == 0, command\n"
-        "    left = gc.get_freeze_count()\n"
-        "kinds = [kind for name, module in list(sys.modules.items()) if name.startswith('geoident')"
-        " for kind in vars(module).values()"
-        " if isinstance(kind, type) and kind.__module__ == name"
-        " and dataclasses.is_dataclass(kind)]\n"
-        "print('|', len(made), len(kinds), left, *sys.modules)\n"
+        "print('|', *sys.modules)\n"
     )
-    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    made, kinds, left, *modules = told.stdout.rpartition("|")[2].split()
+    printed = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    ).stdout
+    modules = printed.rpartition("|")[2].split()
     assert "geoident.forward.model" in modules
     assert [name for name in NEEDLESS if name in modules] == []
-    assert int(made) < 1.5 * int(kinds)  # of six methods each
-    assert int(left) > 50_000  # no search for garbage looks at what was imported
 
 
 def wait_for(condition, process):

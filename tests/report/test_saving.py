@@ -1,9 +1,7 @@
 """Figures as files: layouts as matplotlib's own, few bytes, exact colours."""
 
 import base64
-import gc
 import io
-import weakref
 from contextlib import nullcontext
 from pathlib import Path
 from xml.etree import ElementTree
@@ -27,8 +25,6 @@ from geoident.report.drawing.fields import panels
 from geoident.report.drawing.raster import Raster
 from geoident.report.drawing.signs import sign_pictures
 from geoident.report.drawing.style import Picture, drawing_style, image
-from geoident.report.saving import collector
-from geoident.report.saving.collector import collector_paused, garbage_at_the_end
 from geoident.report.saving.figure_file import lay_out
 from geoident.report.saving.lean_axes import lean_axes
 from geoident.report.saving.svg_writer import SvgCanvas
@@ -270,24 +266,3 @@ def test_a_tick_is_not_asked_to_look_like_itself(monkeypatch):
         figure.subplots().plot([0, 1])
         SvgCanvas(figure, 150).written("", "")
     assert not copied
-
-
-def test_figures_are_gone_before_they_are_many(monkeypatch):
-    """Without the collector a page of many figures would keep all of them to its end."""
-    monkeypatch.setattr(collector, "_MUCH", gc.get_count()[0] + 2000)
-    made = []
-
-    def draw():
-        figure = Figure()
-        figure.subplots().plot([0, 1])
-        made.append(weakref.ref(figure))
-        return figure
-
-    with collector_paused():
-        for _ in range(5):
-            image(Picture("one", "", "", draw), "svg")
-        assert made[0]() is None
-        with garbage_at_the_end():
-            assert not gc.isenabled()
-        assert not gc.isenabled()
-    assert gc.isenabled()

@@ -3,7 +3,6 @@
 import os
 import signal
 import subprocess
-import sys
 import time
 from importlib.util import find_spec
 from pathlib import Path
@@ -62,16 +61,6 @@ def findable():
 
 def _findable(names):
     return [name for name in names if find_spec(name) is not None]
-
-
-def importing():
-    return _imported
-
-
-def _imported(names):
-    import scipy.sparse  # noqa: F401, PLC0415 - what it imports is asked for
-
-    return [name for name in names if name in sys.modules]
 
 
 def broken():

@@ -18,7 +18,6 @@ from geoident.cli.options import (
     result_of,
     takes,
 )
-from geoident.spare_imports import without_search
 
 EPILOG = """\b
 Examples:
@@ -62,9 +61,8 @@ def command(cases: tuple[str, ...], cluster: str | None, options: Options) -> in
         from geoident.cli.several import run_cases
 
         return run_cases("backtest", cases, options, cluster=cluster)
-    with without_search():
-        from geoident.cli.jobs import run_case
-        from geoident.workflow.backtest import backtest
-        from geoident.workflow.running.jobs import plan_backtest
+    from geoident.cli.jobs import run_case
+    from geoident.workflow.backtest import backtest
+    from geoident.workflow.running.jobs import plan_backtest
 
     return run_case(cases[0], options, plan=plan_backtest, run=backtest, cluster=cluster)

@@ -19,7 +19,6 @@ from geoident.cli.options import (
     overrides,
     takes,
 )
-from geoident.spare_imports import without_search
 
 EPILOG = """\b
 Examples:
@@ -129,10 +128,9 @@ def _refuse_picture(cases: tuple[str, ...], picture: str, identifiability: bool)
 
 
 def _identifiability(case: str, options: Options) -> int:
-    with without_search():
-        from geoident.report.text.json import dumps, plan_object
-        from geoident.report.text.result import plan_text
-        from geoident.workflow.identifiability import identifiability
+    from geoident.report.text.json import dumps, plan_object
+    from geoident.report.text.result import plan_text
+    from geoident.workflow.identifiability import identifiability
 
     with failures_as_json(case, options):
         plan = identifiability(case, overrides=options.overrides, solver=options.solver)
@@ -146,10 +144,9 @@ def _identifiability(case: str, options: Options) -> int:
 
 
 def _mesh_error(case: str, options: Options) -> int:
-    with without_search():
-        from geoident.report.text.errors.mesh_error import mesh_error_object, mesh_error_text
-        from geoident.report.text.json import dumps
-        from geoident.workflow.mesh_error import check_mesh_error
+    from geoident.report.text.errors.mesh_error import mesh_error_object, mesh_error_text
+    from geoident.report.text.json import dumps
+    from geoident.workflow.mesh_error import check_mesh_error
 
     with failures_as_json(case, options):
         done = check_mesh_error(case, overrides=options.overrides, solver=options.solver)
@@ -169,10 +166,9 @@ def _check(case: str, picture: str | None, options: Options) -> int:
 
         return check_one_project(case, options)
     with failures_as_json(case, options):
-        with without_search():
-            from geoident.report.text.case import case_text
-            from geoident.report.text.json import dumps, summary_object
-            from geoident.workflow.check import check
+        from geoident.report.text.case import case_text
+        from geoident.report.text.json import dumps, summary_object
+        from geoident.workflow.check import check
 
         checked = check(case, overrides=options.overrides, solver=options.solver)
         if picture is not None and checked.mesh is None:

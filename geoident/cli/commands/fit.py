@@ -19,7 +19,6 @@ from geoident.cli.options import (
     takes,
 )
 from geoident.errors import UsageError
-from geoident.spare_imports import without_search
 
 EPILOG = """\b
 Examples:
@@ -83,9 +82,8 @@ def command(
         from geoident.cli.several import run_cases
 
         return run_cases("fit", cases, options, cluster=cluster)
-    with without_search():
-        from geoident.cli.jobs import run_case
-        from geoident.workflow.fit import fit
-        from geoident.workflow.running.jobs import plan_fit
+    from geoident.cli.jobs import run_case
+    from geoident.workflow.fit import fit
+    from geoident.workflow.running.jobs import plan_fit
 
     return run_case(cases[0], options, plan=plan_fit, run=fit, cluster=cluster)

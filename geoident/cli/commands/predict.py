@@ -8,7 +8,6 @@ import click
 
 from geoident.cli.error_boundary import failures_as_json
 from geoident.cli.options import Arguments, Options, Steps, on_result, result_of, takes
-from geoident.spare_imports import without_search
 
 EPILOG = """\b
 Examples:
@@ -41,9 +40,8 @@ def command(result: str, stages: str | None, case: str | None, options: Options)
     The case is that of the fit unless --case gives another one; --set applies to the latter. Writes
     RESULT.predict.h5 and prints its path.
     """
-    with without_search():
-        from geoident.cli.jobs import run_prediction
-        from geoident.workflow.predict import PredictRequest
+    from geoident.cli.jobs import run_prediction
+    from geoident.workflow.predict import PredictRequest
 
     if options.overrides and case is None:
         raise click.UsageError("--set needs --case: the case of a fit is what it was.")

@@ -82,7 +82,6 @@ def command(
     Needs matplotlib: pip install "geoident[report]".
     """
     from geoident.model.results.head import ReportHead
-    from geoident.report.saving.collector import collector_paused
     from geoident.workflow.page_of_many import kind_of_many
 
     _require_sense(folder, suffixes, no_page=no_page, output=options.output)
@@ -94,11 +93,10 @@ def command(
         return 0
     if no_page and any(head.values()):
         raise UsageError("The head is that of the page, which --no-page leaves out.")
-    with collector_paused():
-        if find_spec("matplotlib") is None:
-            _require_matplotlib()
-        said = ReportHead(**head)
-        written = _written(results, folder, suffixes, no_page=no_page, options=options, head=said)
+    if find_spec("matplotlib") is None:
+        _require_matplotlib()
+    said = ReportHead(**head)
+    written = _written(results, folder, suffixes, no_page=no_page, options=options, head=said)
     for path in written:
         click.echo(path)
     return 0
@@ -169,10 +167,7 @@ def _require_sense(
 
 def _require_matplotlib() -> None:
     try:
-        from geoident.report.saving.help_texts import without_help_texts
-
-        with without_help_texts():
-            import matplotlib.figure  # noqa: F401 - and with it all that is drawn
+        import matplotlib.figure  # noqa: F401 - and with it all that is drawn
     except ModuleNotFoundError as error:
         if error.name != "matplotlib":
             raise

@@ -9,7 +9,6 @@ import click
 from geoident.cli.clusters import cluster_option
 from geoident.cli.error_boundary import failures_as_json
 from geoident.cli.options import Arguments, Options, Steps, line, on_result, result_of, takes
-from geoident.spare_imports import without_search
 
 EPILOG = """\b
 Examples:
@@ -69,9 +68,8 @@ def command(
 
     Needs emcee and arviz: pip install "geoident[sample]".
     """
-    with without_search():
-        from geoident.cli.jobs import run_sample
-        from geoident.workflow.sample import SampleRequest
+    from geoident.cli.jobs import run_sample
+    from geoident.workflow.sample import SampleRequest
 
     with failures_as_json(result, options):
         request = SampleRequest(

@@ -8,7 +8,6 @@ import click
 
 from geoident.cli.clusters import cluster_option
 from geoident.cli.options import Arguments, Options, Steps, line, overrides, result_of, takes
-from geoident.spare_imports import without_search
 
 EPILOG = """\b
 Examples:
@@ -42,9 +41,8 @@ def command(case: str, cluster: str | None, options: Options) -> int:
     The grid is that of fit.scan in the case, else it spans the bounds of the first one or two
     parameters. Writes CASE.scan.h5 and prints its path.
     """
-    with without_search():
-        from geoident.cli.jobs import run_case
-        from geoident.workflow.running.jobs import plan_scan
-        from geoident.workflow.scan import scan
+    from geoident.cli.jobs import run_case
+    from geoident.workflow.running.jobs import plan_scan
+    from geoident.workflow.scan import scan
 
     return run_case(case, options, plan=plan_scan, run=scan, cluster=cluster)

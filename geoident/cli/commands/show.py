@@ -8,7 +8,6 @@ import click
 
 from geoident.cli.error_boundary import each, failures_as_json
 from geoident.cli.options import Arguments, Options, Steps, line, takes
-from geoident.spare_imports import without_search
 
 EPILOG = """\b
 Examples:
@@ -47,18 +46,17 @@ def command(results: tuple[str, ...], as_csv: bool, options: Options) -> int:
 
 
 def _show(path: str, options: Options, *, as_csv: bool) -> int:
-    with without_search():
-        from geoident.io.result.campaign import is_campaign
-        from geoident.io.result.file import read_result
-        from geoident.io.result.project import is_project_result
-        from geoident.report.text.csv_tables import all_csv
-        from geoident.report.text.json import dumps, result_object
-        from geoident.report.text.result import result_text
-        from geoident.workflow.running.result_files import (
-            case_path,
-            outdated_sentence,
-            with_outdated,
-        )
+    from geoident.io.result.campaign import is_campaign
+    from geoident.io.result.file import read_result
+    from geoident.io.result.project import is_project_result
+    from geoident.report.text.csv_tables import all_csv
+    from geoident.report.text.json import dumps, result_object
+    from geoident.report.text.result import result_text
+    from geoident.workflow.running.result_files import (
+        case_path,
+        outdated_sentence,
+        with_outdated,
+    )
 
     if is_campaign(path):
         return _show_campaign(path, options, as_csv=as_csv)

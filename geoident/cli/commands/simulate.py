@@ -13,7 +13,6 @@ from geoident.cli.collapse import mechanism_drawn
 from geoident.cli.error_boundary import failures_as_json
 from geoident.cli.options import Arguments, Options, Steps, line, new_name, overrides, takes
 from geoident.errors import UsageError
-from geoident.spare_imports import without_search
 
 if TYPE_CHECKING:
     from geoident.workflow.simulate import Simulated
@@ -97,8 +96,7 @@ def command(
     Prints lines gauge,stage,value,unit, which a case takes as its readings. With -o into a file,
     which says that they are simulated; earlier ones of the case are kept beside (FILE.1.csv).
     """
-    with without_search():
-        from geoident.workflow.simulate import ComputedBy, Noise, Outputs, simulate
+    from geoident.workflow.simulate import ComputedBy, Noise, Outputs, simulate
 
     if dakota is not None:
         return _answer(case, dakota, _refused_with_dakota(values, noise, draw, fields, options))

@@ -20,7 +20,6 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
 from geoident.model.arrays import Floats
-from geoident.report.saving.collector import garbage_at_the_end
 from geoident.report.saving.figure_file import figure_file
 from geoident.report.saving.lean_axes import lean_axes
 from geoident.report.saving.side_by_side import side_by_side
@@ -95,7 +94,7 @@ def drawing_style() -> Iterator[None]:
 
 def image(picture: Picture, suffix: str) -> bytes:
     """A figure as a file: ``svg``, ``png`` or ``pdf``."""
-    with garbage_at_the_end(), drawing_style(), lean_axes():
+    with drawing_style(), lean_axes():
         return figure_file(picture.draw(), suffix, title=picture.title, description=picture.caption)
 
 

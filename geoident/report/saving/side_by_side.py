@@ -18,7 +18,6 @@ from multiprocessing import get_context
 from typing import TypeVar
 
 from geoident import processors
-from geoident.report.saving.collector import older_left_alone
 
 _Item = TypeVar("_Item")
 _MOST = 8  # processes; more would wait for the slowest figure
@@ -39,7 +38,7 @@ def side_by_side(draw: Callable[[_Item], bytes], items: Sequence[_Item]) -> list
         return [draw(item) for item in items]
     _drawn[:] = [partial(draw, item) for item in items]
     try:
-        with warnings.catch_warnings(), older_left_alone():
+        with warnings.catch_warnings():
             # Threads of libraries of linear algebra, which know how to survive a fork.
             warnings.simplefilter("ignore", DeprecationWarning)
             context = get_context("fork")

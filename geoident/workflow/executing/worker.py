@@ -19,7 +19,6 @@ from types import FrameType
 from typing import Any
 
 from geoident.errors import ExitCode
-from geoident.spare_imports import spare_imports, without_search
 from geoident.workflow.executing.family import end_descendants
 from geoident.workflow.executing.stop import StopRequest
 
@@ -41,7 +40,6 @@ def serve(connection: Connection, set_up: bytes) -> None:
         set_up: pickled, what gives the function that answers them. It is loaded here, since that
             imports what it consists of.
     """
-    spare_imports()
     _listen_to_signals()
     threading.Thread(target=_end_with_parent, daemon=True).start()
     sys.stdout = sys.stderr  # what libraries print is no answer
@@ -60,8 +58,7 @@ def serve(connection: Connection, set_up: bytes) -> None:
 
 def _made(connection: Connection, set_up: bytes) -> Callable[[Any], Any] | None:
     try:
-        with without_search():
-            set_up_function = pickle.loads(set_up)
+        set_up_function = pickle.loads(set_up)
         function: Callable[[Any], Any] = set_up_function()
     except BaseException as error:
         connection.send((RAISED, error))

@@ -15,7 +15,7 @@ from geoident.workflow.executing import processes as own
 from geoident.workflow.executing.executor import in_order, usable_cores
 from geoident.workflow.executing.processes import LocalProcesses, cores_shared
 from tests.support.real_cluster import runs, wait_until
-from tests.support.tasks import broken, dying, findable, importing, obedient, squares
+from tests.support.tasks import broken, dying, findable, obedient, squares
 
 ROOT = str(Path(__file__).parents[3])
 KILLS = [pytest.param(2), pytest.param(30, marks=pytest.mark.slow)]
@@ -30,13 +30,6 @@ def test_answers_are_those_of_their_tasks_whatever_process_gives_them():
     assert [answer.value[0] for answer in again] == [n * n for n in range(5)]
     assert {answer.value[1] for answer in found} == set(pids)
     assert not any(runs(pid) for pid in pids)
-
-
-def test_processes_import_nothing_that_is_not_needed():
-    needless = ["numpy.f2py.f2py2e", "numpy.testing._private", "unittest"]
-    with LocalProcesses(1, importing) as processes:
-        (answer,) = processes.run([["scipy.sparse", "click", *needless]])
-    assert answer.value == ["scipy.sparse"]
 
 
 def test_processes_look_for_modules_in_no_current_folder(tmp_path, monkeypatch):
