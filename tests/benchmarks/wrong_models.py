@@ -264,7 +264,7 @@ def one_run(site: Site, name: str, run: int, setting: str, folder: Path) -> Anal
         lines += [f"{channels[i].name},{stages[j]},{1e3 * v!r},mm" for v in values.tolist()]
     (folder / "readings.csv").write_text("\n".join(lines) + "\n")
     mesh = site.coarse_mesh if truth.coarse else site.model_mesh
-    file = "{file: readings.csv, several: all}" if truth.zero else "readings.csv"
+    file = "{file: readings.csv, repeated_readings: all}" if truth.zero else "readings.csv"
     path = site.write(folder, mesh, file, truth)
     overrides: dict[str, object] = {"fit.model_error": setting} if setting else {}
     found = fit(load_case(path, overrides), output=folder / "found.h5", force=True, fresh=True)

@@ -250,7 +250,10 @@ def test_the_model_meets_readings_within_their_own_accuracies(site, trench, run,
     assert f"The model meets the readings within {least} to {most} mm and" in shown
 
 
-DATED = "dates: {first: 2024-03-01, second: 2024-04-01}\nreadings: {file: readings.csv, several: S}"
+DATED = (
+    "dates: {first: 2024-03-01, second: 2024-04-01}\n"
+    "readings: {file: readings.csv, repeated_readings: S}"
+)
 SEVERAL = """\
 gauge,date,value,unit,accuracy
 CV,2024-03-02,-0.598,mm,

@@ -205,7 +205,9 @@ def drifting(trench):
     ]
     (trench / "r.csv").write_text("\n".join(rows) + "\n")
     text = (trench / "case.yaml").read_text()
-    text = text.replace("readings: readings.csv\n", described("{file: r.csv, several: all}"))
+    text = text.replace(
+        "readings: readings.csv\n", described("{file: r.csv, repeated_readings: all}")
+    )
     text = text.replace(
         "4 m, 3.5 m]], accuracy: 0.01 mm",
         "4 m, 3.5 m]], accuracy: 0.01 mm, zero: first, drift: 2 mm/month",

@@ -122,7 +122,7 @@ def test_bands_of_readings_that_were_taken_are_as_wide_as_of_others(tmp_path, se
     (tmp_path / "read.csv").write_text("gauge,stage,value,unit\n" + "".join(rows + later))
     head, _, rest = path.read_text().partition("readings:")
     end = rest[rest.index("fit:") :]
-    path.write_text(f"{head}readings: {{file: read.csv, several: {several}}}\n{end}")
+    path.write_text(f"{head}readings: {{file: read.csv, repeated_readings: {several}}}\n{end}")
     found = geoident.fit(path)
     centre, half = textbook(line.now[:, 1], y, line.later[:, 1])
     A, B = line.now, line.later[:3]

@@ -453,7 +453,9 @@ def test_gauges_better_than_stated_notice_the_mesh(coarse):
     several = [f"{c},{s},{float(v) + 0.05 * random.normal()!r},{u}" for c, s, v, u in parts]
     path.write_text("\n".join([head, *several]) + "\n")
     rough = tuple(f"gauges.{name}.accuracy=100 mm" for name in ("CV", "R", "S"))
-    text = coarse.read_text().replace("readings.csv", "{file: readings.csv, several: all}")
+    text = coarse.read_text().replace(
+        "readings.csv", "{file: readings.csv, repeated_readings: all}"
+    )
     coarse.write_text(text.replace("stages: [heading]", "stages: [heading], accuracies: estimate"))
     overrides = (*rough, "fit.model_error=none")
     blind = fitted(coarse, overrides=(*overrides, "fit.mesh_error=false")).parameters

@@ -285,7 +285,10 @@ def scattered(by, *, each=1):
             value = reading.value + offset[reading.channel] + 5e-6 * by[0] * generator.normal()
             rows.append(f"{reading.channel},{reading.stage},{float(value)!r},m")
     Path("readings.csv").write_text("\n".join(rows) + "\n")
-    text, every = Path("case.yaml").read_text(), "readings: {file: readings.csv, several: all}"
+    text, every = (
+        Path("case.yaml").read_text(),
+        "readings: {file: readings.csv, repeated_readings: all}",
+    )
     Path("case.yaml").write_text(text.replace("readings: readings.csv", every))
 
 

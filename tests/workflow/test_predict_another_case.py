@@ -158,7 +158,7 @@ def test_a_further_reading_of_a_stage_that_was_fitted_is_not_said_to_be_used(fit
     with (fitted / "b.csv").open("a") as file:
         file.write("P,two,25,mm\n")
     text = (fitted / "b.yaml").read_text()
-    text = text.replace("readings: b.csv", "readings: {file: b.csv, several: all}")
+    text = text.replace("readings: b.csv", "readings: {file: b.csv, repeated_readings: all}")
     (fitted / "b.yaml").write_text(text)
     _, found, said = predicted("--case", "b.yaml")
     assert "its gauges are those of the fit" in said

@@ -186,18 +186,21 @@ def _of_file(
         hint = "Write dates: {STAGE: 2024-03-01, ...}, the day at which each was complete."
         faults.add(key, "missing-dates", message, hint)
         return [], True
-    several = described.several or ("last" if dated else "")
+    if described.several:
+        note = "the key 'several' of the readings is called 'repeated_readings' now"
+        found.notes += [note] if note not in found.notes else []
+    repeated = described.repeated_readings or described.several or ("last" if dated else "")
     found.dated += [
         row if row.stage else replace(row, stage=calendar.stage_at(row.time))
         for row in rows
         if row.time is not None and row.value is not None and not row.bad
     ]
-    zero = "first" if survey is not None else several if described.rezero else ""
-    assigned = _assign(rows, calendar, several=several, zero=zero)
+    zero = "first" if survey is not None else repeated if described.rezero else ""
+    assigned = _assign(rows, calendar, repeated=repeated, zero=zero)
     found.notes += assigned.notes
     checks.zeroed(assigned.unzeroed if sound else ())
     found.zeros |= assigned.zeros
-    return assigned.readings, not several
+    return assigned.readings, not repeated
 
 
 def _rows(
@@ -217,7 +220,7 @@ def _rows(
     if len(paths) == 1:
         return tuple(rows)
     once: dict[tuple[object, ...], Reading] = {}
-    # twice in one file it was read twice, which `several` or a fault deals with
+    # twice in one file it was read twice, which `repeated_readings` or a fault deals with
     kept = [row for row in rows if _same_file(once.setdefault(_what_was_read(row), row), row)]
     why = {_what_was_read(row): row.bad for row in rows if row.bad}
     repeated = len(rows) - len(kept)
@@ -283,14 +286,14 @@ class _Assigned:
 
 
 def _assign(
-    readings: Sequence[Reading], calendar: Calendar, *, several: str, zero: str = ""
+    readings: Sequence[Reading], calendar: Calendar, *, repeated: str, zero: str = ""
 ) -> _Assigned:
     """Give dated readings their stages, subtract what was read at zero, and reduce several to one.
 
     Args:
         readings: of one file.
         calendar: stages and dates.
-        several: ``last``, ``mean`` or ``all``.
+        repeated: ``last``, ``mean`` or ``all``.
         zero: subtract from each channel what was read at its zero: the ``first`` or ``last`` of
             the stage, or the mean for anything else; nothing if empty.
     """
@@ -305,7 +308,7 @@ def _assign(
         zeros = _take_zeros(found, calendar, zero)
     _leave_out_early(found, calendar)
     found.readings = [
-        r for group in _groups(found.readings) for r in _reduced(group, several, calendar)
+        r for group in _groups(found.readings) for r in _reduced(group, repeated, calendar)
     ]
     if zero:
         _subtract_zeros(found, zeros)
@@ -333,19 +336,19 @@ def _groups(readings: Iterable[Reading]) -> list[list[Reading]]:
     return list(together.values())
 
 
-def _reduced(group: list[Reading], several: str, calendar: Calendar) -> list[Reading]:
+def _reduced(group: list[Reading], repeated: str, calendar: Calendar) -> list[Reading]:
     """The bad readings of a group, and what is left of the good ones; a blank if there are none."""
     bad = [reading for reading in group if reading.bad]
     good = [reading for reading in group if not reading.bad and reading.value is not None]
     if not good:
         return bad or group[:1]
-    if several == "first":
+    if repeated == "first":
         good = [min(good, key=lambda reading: reading.time or 0.0)]
-    elif several == "last":
+    elif repeated == "last":
         good = [max(good, key=lambda reading: (reading.time is not None, reading.time or 0.0))]
         if good[0].time is None:
             good = [[r for r in group if not r.bad and r.value is not None][-1]]
-    elif several == "mean":
+    elif repeated == "mean":
         good = [_mean(good, calendar)]
     return [*good, *bad]
 
@@ -371,12 +374,12 @@ def _mean(good: list[Reading], calendar: Calendar) -> Reading:
     )
 
 
-def _take_zeros(found: _Assigned, calendar: Calendar, several: str) -> dict[str, Reading]:
+def _take_zeros(found: _Assigned, calendar: Calendar, repeated: str) -> dict[str, Reading]:
     """Channel to what was read at its zero; these readings say nothing more."""
     at = calendar.zeroed
     at_zero = [r for r in found.readings if at.get(r.channel) == r.stage]
     good = [r for r in at_zero if r.value is not None and not r.bad]
-    which = several if several in {"first", "last"} else "mean"
+    which = repeated if repeated in {"first", "last"} else "mean"
     zeros = {group[0].channel: _reduced(group, which, calendar)[0] for group in _groups(good)}
     found.readings = [r for r in found.readings if at.get(r.channel) != r.stage]
     lacking = {

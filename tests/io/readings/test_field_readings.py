@@ -201,7 +201,7 @@ def test_readings_before_the_zero_are_counted_not_dropped_in_silence(read):
 
 
 def test_the_mean_has_the_accuracy_of_one_by_the_root_of_their_number(read):
-    case = read(DATES + "{file: r.csv, several: mean}", files={"r.csv": DATED})
+    case = read(DATES + "{file: r.csv, repeated_readings: mean}", files={"r.csv": DATED})
     assert values(case)[:2] == [("EX1.a5", "heading", 1.5), ("EX1.a5", "bench 1", 5.0)]
     anchor = case.channels[0]
     assert anchor.sd(case.readings[0]) == pytest.approx(1e-4 / 2**0.5)
@@ -211,8 +211,18 @@ def test_the_mean_has_the_accuracy_of_one_by_the_root_of_their_number(read):
 
 
 def test_all_readings_of_a_stage_may_count(read):
+    case = read(DATES + "{file: r.csv, repeated_readings: all}", files={"r.csv": DATED})
+    assert [v[2] for v in values(case)] == [1.0, 2.0, 4.0, 6.0, 3.0]
+
+
+def test_the_earlier_name_of_repeated_readings_is_read_and_noted(read, refused):
     case = read(DATES + "{file: r.csv, several: all}", files={"r.csv": DATED})
     assert [v[2] for v in values(case)] == [1.0, 2.0, 4.0, 6.0, 3.0]
+    assert "the key 'several' of the readings is called 'repeated_readings' now" in case.notes
+    both = DATES + "{file: r.csv, several: all, repeated_readings: mean}"
+    (fault,) = refused(both, files={"r.csv": DATED})
+    assert "both are given" in fault.message
+    assert fault.path.endswith("several")
 
 
 def test_what_was_read_at_zero_is_subtracted_if_asked_for(read):
@@ -323,7 +333,7 @@ def test_what_is_wrong_in_a_description_is_said_at_its_key(refused, description,
 def test_several_files_and_single_readings_go_together(read):
     case = read(
         DATES + "\n"
-        "  - {file: r.csv, several: last}\n"
+        "  - {file: r.csv, repeated_readings: last}\n"
         "  - tape.csv\n"
         "  - {gauge: CV1, stage: bench 1, value: 3 mm}\n",
         files={
@@ -345,7 +355,7 @@ def test_two_readings_of_a_stage_need_a_word_on_what_to_do_with_them(read, refus
     text = "gauge,stage,value,unit\nCV1,bench 1,1,mm\nCV1,bench 1,3,mm\n"
     (fault,) = refused("readings: r.csv", files={"r.csv": text})
     assert fault.code == "duplicate-reading"
-    case = read("readings: {file: r.csv, several: mean}", files={"r.csv": text})
+    case = read("readings: {file: r.csv, repeated_readings: mean}", files={"r.csv": text})
     assert values(case) == [("CV1", "bench 1", 2.0)]
 
 

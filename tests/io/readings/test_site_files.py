@@ -228,7 +228,8 @@ def test_files_of_one_layout_are_one_and_what_they_repeat_counts_once(read):
     analysis = "gauge,date,value,unit\nEX1.a5,2024-03-01,1,mm\nEX1.a5,2024-03-02,3,mm\n"
     april = "gauge,date,value,unit\nEX1.a5,2024-03-02,3,mm\nEX1.a5,2024-04-02,7,mm\n"
     case = read(
-        DATES + "{file: [m.csv, a.csv], several: mean}", files={"m.csv": analysis, "a.csv": april}
+        DATES + "{file: [m.csv, a.csv], repeated_readings: mean}",
+        files={"m.csv": analysis, "a.csv": april},
     )
     assert values(case) == [("EX1.a5", "heading", 2.0), ("EX1.a5", "bench 1", 7.0)]
     assert case.notes[0] == "1 reading stands in several files alike, and count once."
@@ -513,7 +514,8 @@ def test_what_is_read_twice_in_one_file_counts_twice_and_a_later_flag_holds(read
     analysis += "EX1.a5,heading,4,mm,\nCV1,bench 1,5,mm,\n"
     april = "gauge,stage,value,unit,bad\nCV1,bench 1,5,mm,hit by blast\n"
     case = read(
-        "readings: {file: [m.csv, a.csv], several: mean}", files={"m.csv": analysis, "a.csv": april}
+        "readings: {file: [m.csv, a.csv], repeated_readings: mean}",
+        files={"m.csv": analysis, "a.csv": april},
     )
     assert values(case) == [("EX1.a5", "heading", 2.0), ("CV1", "bench 1", 5.0)]
     assert [r.bad for r in case.readings] == ["", "hit by blast"]

@@ -137,10 +137,13 @@ class ReadingsFileSection(Section):
     transformation: TransformationSection | None = Field(
         None, description="coordinates: from the system of the survey to that of the model."
     )
-    several: Literal["last", "mean", "all"] | None = Field(
+    repeated_readings: Literal["last", "mean", "all"] | None = Field(
         None,
         description="Several readings in a stage: the last, their mean (its standard deviation "
         "that of one by the root of their number), or all. Default last with dates; without, one.",
+    )
+    several: Literal["last", "mean", "all"] | None = Field(
+        None, description="Earlier name of `repeated_readings`."
     )
     rezero: Flag = Field(
         False,
@@ -152,6 +155,9 @@ class ReadingsFileSection(Section):
         faults = SectionFaults()
         formats = [format_of(path) for path in self.paths]
         many = next((known.many for known in formats if known.many), "")
+        if self.several and self.repeated_readings:
+            message = "'several' is the earlier name of 'repeated_readings'; both are given"
+            faults.add(("several",), "contradiction", message, "Remove it.")
         text = not many and not any(known.sheets for known in formats)
         if self.decimal == "," and self.delimiter == "," and text:
             message = "a comma cannot be decimal mark and delimiter at once"
