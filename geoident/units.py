@@ -56,6 +56,8 @@ _PSI = 6894.757293168361  # Pa, 1 lbf/in2
 _ARCSEC = math.pi / 648e3
 _GON = math.pi / 200
 
+_OF_DURATION = {"sec": 1.0, "s": 1.0, "min": 60.0, "m": 60.0, "h": 3600.0, "d": _DAY}
+_PART_OF_DURATION = re.compile(r"\s*([0-9]+(?:\.[0-9]*)?)\s*(sec|s|min|m|h|d)\s*")
 _TIMES = {"month": _YEAR / 12, "year": _YEAR, "day": _DAY, "week": 7 * _DAY, "s": 1.0}
 
 
@@ -394,6 +396,25 @@ def read_quantity(text: str, dimension: str = "") -> Quantity:
     if not abs(value) <= LARGEST:
         raise UnitError(f"'{text}' is too large to be computed with", "Check its exponent.")
     return Quantity(value, dimension, unit)
+
+
+def read_duration(text: str) -> float:
+    """Seconds of a duration such as ``90 s``, ``10min`` or ``1h 30min``.
+
+    >>> read_duration("1h30min")
+    5400.0
+
+    Raises:
+        UnitError: it is none, or not above zero.
+    """
+    hint = "Write it like 90 s, 10 min or 1h30min."
+    parts = _PART_OF_DURATION.findall(text.lower())
+    if not parts or _PART_OF_DURATION.sub("", text.lower()):
+        raise UnitError(f"'{text}' is not a time", hint)
+    seconds = sum(float(number) * _OF_DURATION[unit] for number, unit in parts)
+    if seconds <= 0.0:
+        raise UnitError("the time must be positive", hint)
+    return seconds
 
 
 def require_dimension(quantity: Quantity, dimension: str, text: str) -> Quantity:

@@ -7,7 +7,6 @@ A command names the steps that make sense after it; they are said on stderr at i
 
 from __future__ import annotations
 
-import re
 import shlex
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
@@ -20,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from geoident.errors import ExitCode
+from geoident.units import UnitError, read_duration
 
 if TYPE_CHECKING:
     _Seconds = click.ParamType[float]
@@ -27,9 +27,6 @@ if TYPE_CHECKING:
 else:  # older versions of click know no type of the value
     _Seconds = click.ParamType
     _Choice = click.Choice
-
-_PART = re.compile(r"\s*([0-9]+(?:\.[0-9]*)?)\s*([a-z]+)\s*")
-_SECONDS = {"s": 1.0, "sec": 1.0, "min": 60.0, "m": 60.0, "h": 3600.0, "d": 86400.0}
 
 
 @dataclass(frozen=True)
@@ -75,11 +72,10 @@ class Duration(_Seconds):
             param: the option.
             ctx: of the command.
         """
-        text = str(value).strip().lower()
-        parts = _PART.findall(text)
-        if not parts or _PART.sub("", text) or any(unit not in _SECONDS for _, unit in parts):
-            self.fail(f"{value!r} is not a time; write it like 90s, 10min or 1h30min", param, ctx)
-        return sum(float(number) * _SECONDS[unit] for number, unit in parts)
+        try:
+            return read_duration(str(value))
+        except UnitError as error:
+            self.fail(f"{error.message}. {error.hint}", param, ctx)
 
 
 class OneOf(_Choice):

@@ -18,7 +18,6 @@ from geoident.io.case.external.section import (
     ExternalModelSection,
     TableModelSection,
     TemplateSection,
-    seconds_of,
 )
 from geoident.io.case.external.surroundings import ModelContext
 from geoident.io.case.external.table import build_table
@@ -49,8 +48,7 @@ def build_elsewhere(section: ElsewhereSection, around: ModelContext) -> External
         return build_table(section, around)
     if isinstance(section, ConvergenceLawSection):
         return build_law(section, around)
-    limit = None if section.time_limit is None else seconds_of(section.time_limit)
-    machine = Machine(limit, section.at_once)
+    machine = Machine(section.time_limit, section.at_once)
     if isinstance(section, ExternalModelSection):
         return _program(section, machine, around)
     path, name = function_of(section.function, (*_AT, "function"), around)

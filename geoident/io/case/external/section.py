@@ -9,6 +9,7 @@ from typing import Annotated, Literal
 from pydantic import BeforeValidator, Discriminator, Field, Tag, WithJsonSchema, model_validator
 
 from geoident.io.case.readings import Date
+from geoident.io.schema.duration import GivenTime
 from geoident.io.schema.section import Alternatives, Section, SectionFaults, refuse
 from geoident.io.schema.values import (
     CaseNumber,
@@ -24,28 +25,6 @@ from geoident.io.schema.values import (
     require_text,
 )
 from geoident.io.text.wording import Refusal, shorten
-
-_PART = re.compile(r"\s*([0-9]+(?:\.[0-9]*)?)\s*(s|min|h|d)\s*")
-_SECONDS = {"s": 1.0, "min": 60.0, "h": 3600.0, "d": 86400.0}
-
-
-def seconds_of(text: str) -> float:
-    """Seconds of a time such as ``30 s`` or ``1h 30min``; 0 for what is none.
-
-    >>> seconds_of("1h 30min"), seconds_of("soon")
-    (5400.0, 0.0)
-    """
-    if _PART.sub("", text):
-        return 0.0
-    return sum(float(number) * _SECONDS[unit] for number, unit in _PART.findall(text))
-
-
-def _time(value: object) -> str:
-    text = require_text(value, "a time")
-    if not seconds_of(text) > 0.0:
-        message = f"'{shorten(text)}' is not a time"
-        raise Refusal("bad-time", message, "Write it like 30 s, 10 min or 1h 30min.")
-    return text
 
 
 def _whole(value: object) -> int:
@@ -77,11 +56,6 @@ def _pattern(value: object) -> str:
     return text
 
 
-Time = Annotated[
-    str,
-    BeforeValidator(_time),
-    WithJsonSchema({"type": "string", "description": "a time such as 30 s or 1h 30min"}),
-]
 Called = Annotated[str, BeforeValidator(_called)]
 Pattern = Annotated[str, BeforeValidator(_pattern)]
 CountedPlace = Annotated[
@@ -271,7 +245,7 @@ class ExternalModelSection(Section):
     outputs: list[OutputSection] = Field(
         min_length=1, description="How the readings are found in what a run leaves."
     )
-    time_limit: Time | None = Field(None, description=_TIME_LIMIT, examples=["10 min"])
+    time_limit: GivenTime | None = Field(None, description=_TIME_LIMIT, examples=["10 min"])
     at_once: Annotated[int, Count()] | None = Field(None, description=_AT_ONCE)
     keep: Literal["failed", "all"] = Field(
         "failed", description="Of which runs the folders are kept."
@@ -300,7 +274,7 @@ class PythonModelSection(Section):
         "from beside the case.",
         examples=[["profile.csv"]],
     )
-    time_limit: Time | None = Field(None, description=_TIME_LIMIT, examples=["10 min"])
+    time_limit: GivenTime | None = Field(None, description=_TIME_LIMIT, examples=["10 min"])
     at_once: Annotated[int, Count()] | None = Field(None, description=_AT_ONCE)
 
 
