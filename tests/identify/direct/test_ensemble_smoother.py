@@ -184,27 +184,6 @@ def test_the_ensemble_moves_by_the_published_updates(make_problem):
     )
 
 
-@pytest.mark.parametrize(("refused", "goes_on"), [(5, True), (6, False), (10, False)])
-def test_the_search_ends_where_more_than_half_have_no_solution(make_problem, refused, goes_on):
-    asked = []
-
-    def first_ones(p):
-        asked.append(p)
-        return "no" if len(asked) <= refused else None
-
-    problem = make_problem(lambda p: np.array([p[0]]), PAIR[1:], [1.0], 0.1, first_ones)
-    found = identify(problem, [EnsembleSmootherOptions(10, 2)], silent)
-    assert (found.status == "converged") == goes_on
-    if not goes_on:
-        assert f"Of 10 members of the ensemble {refused} have no solution." in found.reason
-        scores = NormalScores(PAIR[1:])
-        left = [scores.scores(p) for p in asked[refused:10]]
-        middle = scores.values(np.mean(left, axis=0)) if left else [1.0]
-        assert found.values == pytest.approx(middle)
-        assert found.objective == pytest.approx(((found.values[0] - 1.0) / 0.1) ** 2)
-        assert found.iterations == ()
-
-
 def test_an_observer_ends_it_at_the_mean_so_far(make_problem):
     problem = make_problem(bent, PAIR, READ, ACCURACY, in_domain)
     found = identify(
@@ -249,18 +228,6 @@ def test_scores_are_those_of_the_place_between_the_bounds():
     believed = (Parameter("a", 1.0, -1.0, 2.0, prior=Prior(1.0, 2.0)),)
     assert NormalScores(believed).values(np.array([0.6])) == [2.0]
     assert NormalScores(believed).values(np.array([-1.1])) == [-1.0]
-
-
-def test_scores_are_standard_normal_of_each_prior():
-    parameters = (
-        Parameter("a", 1.0, 0.1, 10.0, scale="log", prior=Prior(2.0, 0.6, "lognormal")),
-        Parameter("b", 1.0, -9.0, 9.0, prior=Prior(1.0, 2.0)),
-        Parameter("c", 1.0, 1.0, 4.0),
-    )
-    scores = NormalScores(parameters)
-    p = scores.values(np.array([1.0, -0.5, 0.0]))
-    assert p == pytest.approx([2.0 * np.exp(0.3), 0.0, 2.5])
-    assert scores.scores(p) == pytest.approx([1.0, -0.5, 0.0])
 
 
 def test_what_it_needs_is_said(linear, monkeypatch):

@@ -124,16 +124,6 @@ def test_everything_measured_needs_no_iteration() -> None:
     assert len(outcome.iterations) == 2
 
 
-@pytest.mark.parametrize("toy", [THREE, truss(1), two_stages()], ids=["chain", "truss", "stages"])
-def test_toy_keeps_the_protocol(toy: AffineToy) -> None:
-    p = np.arange(1.0, len(toy.K))
-    measured = 1.1 * toy.readings(p)
-    model = toy.condense(p, measured, np.ones(len(measured)))
-    assert model.matrix @ p - model.vector == pytest.approx(measured - model.readings)
-    met = toy.condense(p, model.readings, np.ones(len(measured)))
-    assert met.matrix == pytest.approx(-toy.evaluate(p)[1], rel=1e-9, abs=1e-12)
-
-
 # --- exactness and convergence ---
 
 
@@ -205,12 +195,6 @@ def test_loads_at_known_moduli_need_one_iteration() -> None:
     least = gauss_newton(case, GaussNewtonOptions(), go_on)
     assert len(outcome.iterations) == 2
     assert outcome.values == pytest.approx(least.values, rel=1e-9)
-
-
-def test_costs_one_call_of_the_model_per_iteration() -> None:
-    toy = replace(THREE, calls=0)
-    case = problem(toy, THREE.readings(TRUTH), start=2.0 * TRUTH)
-    assert len(condensation(case, OUTPUT, go_on).iterations) == toy.calls
 
 
 # --- noise ---

@@ -7,7 +7,6 @@ import pytest
 
 from geoident.errors import CollapseError, ModelError
 from geoident.identify.posterior.density import PosteriorDensity, answer
-from geoident.identify.posterior.draws import limit_of_k, smoothed
 from geoident.identify.problem.problem import Problem
 from geoident.model.parameter import Parameter, Prior
 
@@ -151,19 +150,6 @@ def test_rows_are_derivatives_by_the_coordinates(problem):
         density.rows(np.array([8.5, *P[1:]]))
 
 
-def test_what_is_known_before_is_in_the_coordinates(problem):
-    """Priors; else halves of the bounds; of what is not free, nothing."""
-    centre, sd = PosteriorDensity(problem).reference()
-    expected = [
-        (np.log(9.0) / 2.0, np.log(9.0) / 2.0),
-        (0.5 * np.log(1.5 * 6.0), 0.5 * np.log(4.0)),
-        (4.5 / R, 0.8 / R),
-        (np.log(4.0), 1.5 / 4.0),
-        (np.log(2.5), 0.6 / 2.5),
-    ]
-    np.testing.assert_allclose(np.stack([centre, sd], axis=1), expected)
-
-
 @pytest.mark.parametrize(
     ("scale", "lower", "upper", "prior", "by_log", "factor"),
     [
@@ -194,37 +180,3 @@ def test_the_change_of_variables_adds_what_its_table_says(
     assert rest[1] - rest[0] == pytest.approx(factor * np.log(p[1] / p[0]), abs=1e-12)
     u = density.coordinates(p[:1])
     assert u[0] == pytest.approx(np.log(2.02) if by_log else 2.02 / min(2.05, upper - lower))
-
-
-def test_a_normal_prior_about_zero_is_taken_as_wide_as_its_size():
-    q = Parameter("q", 2.0, 0.5, 9.0, "log", Prior(0.4, 0.1))
-    held = Problem(Model(), np.zeros(1), np.ones(1), (q,))
-    assert PosteriorDensity(held).reference()[1] == pytest.approx(0.25)
-
-
-def test_few_weights_have_no_tail_and_equal_ones_none_to_fear():
-    logs = np.linspace(0.0, 2.0, 25)
-    few = np.append(logs[:24], -np.inf)
-    weights, k = smoothed(few)
-    expected = np.append(np.exp(logs[:24]), 0.0)
-    np.testing.assert_allclose(weights, expected / expected.sum())
-    assert k == np.inf
-    weights, k = smoothed(np.append(logs, -np.inf))
-    assert np.isfinite(k)
-    assert weights[-1] == 0.0
-    assert weights.sum() == pytest.approx(1.0)
-    for ptp, equal in ((0.9e-9, True), (1.1e-9, False)):
-        nearly = np.append(np.linspace(0.0, ptp, 40), [-np.inf, -np.inf])
-        weights, k = smoothed(nearly)
-        assert (k == 0.0 and np.ptp(weights[:40]) == 0.0) == equal
-        np.testing.assert_allclose(weights[:40], 1 / 40, rtol=1e-8)
-    assert smoothed(np.full(3, -np.inf))[0].tolist() == [0.0, 0.0, 0.0]
-    assert smoothed(np.zeros(0))[1] == np.inf
-
-
-@pytest.mark.parametrize(
-    ("count", "limit"), [(0, 1 - 1 / np.log10(11)), (11, 1 - 1 / np.log10(11)),
-                         (1000, 2 / 3), (2154, 0.7), (10**6, 0.7)]
-)  # fmt: skip
-def test_the_limit_of_k_grows_to_seven_tenths(count, limit):
-    assert limit_of_k(count) == pytest.approx(limit, abs=1e-5)

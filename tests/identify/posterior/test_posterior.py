@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.stats import lognorm, norm, truncnorm
-from support.posteriors import Ridge, grid_quantiles, problem_of_ridge
+from support.posteriors import grid_quantiles, problem_of_ridge
 
 from geoident.errors import CollapseError
 from geoident.identify import identify
@@ -364,12 +364,3 @@ def test_pareto_k_tells_weights_without_a_variance():
     weights, k = smoothed(np.zeros(100))
     assert k == 0.0
     np.testing.assert_allclose(weights, 0.01)
-
-
-def test_ridge_is_what_it_says():
-    p = np.array([10.0, 8.0])
-    v, J = Ridge().evaluate(p)
-    for i, step in enumerate(1e-6 * p):
-        moved = p.copy()
-        moved[i] += step
-        np.testing.assert_allclose((Ridge().readings(moved) - v) / step, J[:, i], rtol=1e-5)

@@ -10,7 +10,7 @@ from scipy.stats import multivariate_normal, multivariate_t, truncnorm
 from support.posteriors import problem_of_ridge
 
 from geoident.errors import CollapseError, ModelError, UsageError
-from geoident.identify.posterior.chains import crank_nicolson, ensemble, thinned
+from geoident.identify.posterior.chains import crank_nicolson, ensemble
 from geoident.identify.posterior.density import PosteriorDensity
 from geoident.identify.posterior.draws import (
     OUT_OF_EVALUATIONS,
@@ -18,10 +18,9 @@ from geoident.identify.posterior.draws import (
     SamplingRequest,
     Stopped,
     diagnose_chains,
-    effective_of_weights,
     library,
 )
-from geoident.identify.posterior.importance import ImportanceSampler, Proposal, WeightedDraws
+from geoident.identify.posterior.importance import Proposal, WeightedDraws
 from geoident.identify.posterior.sampling import sample_posterior
 from geoident.identify.problem.problem import Problem
 from geoident.model.parameter import Parameter, Prior
@@ -228,43 +227,6 @@ def wide(size, degrees=5.0):
     return Proposal(np.ones(1), np.zeros((1, 2)), size * np.eye(2)[None], degrees, *BOX)
 
 
-def test_a_good_proposal_is_drawn_until_the_effective_size_is_reached():
-    density, told = Normal(), []
-    request = SamplingRequest(100, 800.0, 10**5)
-    sampler = ImportanceSampler(density, request, np.random.default_rng(0), told.append)
-    result = sampler.until_enough(wide(1.1), "importance", 0.2)
-    assert 800.0 <= result.effective < 1300.0
-    assert density.evaluations == len(result.x)
-    steps = np.diff([0, *(t.evaluations for t in told)])
-    assert steps.max() <= 50  # the watch is asked so often
-    assert {(t.sampler, t.wanted) for t in told} == {("importance", 800.0)}
-    np.testing.assert_allclose(result.weights @ result.x, 0.0, atol=0.12)
-    np.testing.assert_allclose(result.weights @ result.x**2, 1.0, atol=0.2)
-
-
-def test_a_poor_proposal_is_left_early_and_adapted():
-    density = Normal()
-    request = SamplingRequest(100, 800.0, 10**5)
-    sampler = ImportanceSampler(density, request, np.random.default_rng(0), quiet)
-    poor = sampler.until_enough(wide(12.0), "importance", 0.2)
-    assert len(poor.x) == 300
-    assert poor.efficiency < 0.2
-    better = sampler.until_enough(sampler.adapted(), "adapted importance", 0.05)
-    assert better.efficiency > 0.2
-    assert better.reliable(0.05)
-
-
-@pytest.mark.parametrize("evaluations", [20, 310, 450])
-def test_the_budget_ends_it_wherever_it_is(evaluations):
-    density = Normal()
-    request = SamplingRequest(100, 800.0, evaluations)
-    sampler = ImportanceSampler(density, request, np.random.default_rng(0), quiet)
-    sampler.until_enough(wide(12.0), "importance", 0.5)
-    sampler.adapted()
-    assert sampler.stopped == OUT_OF_EVALUATIONS
-    assert density.evaluations == evaluations
-
-
 @pytest.mark.parametrize("run", [ensemble, crank_nicolson])
 def test_chains_keep_their_budget_and_pass_on_why_they_stopped(run):
     begin = WeightedDraws.none_of(wide(1.0)).more(Normal(), np.random.default_rng(0), 100)
@@ -289,17 +251,6 @@ def test_chains_keep_their_budget_and_pass_on_why_they_stopped(run):
     limited = drawn(density := Normal(), quiet, 2000)
     assert density.evaluations <= 2000 + 10 * chains
     assert limited.stopped in {"", OUT_OF_EVALUATIONS}
-
-
-@pytest.mark.parametrize("run", [ensemble, crank_nicolson])
-def test_chains_begin_anywhere_where_no_draw_has_a_weight(run):
-    """Laplace's approximation may lie where the model has no solution."""
-    density = Normal()
-    x = np.zeros((4, 2))
-    begin = WeightedDraws(wide(1.0), x, np.full(4, -np.inf), np.zeros(4))
-    request = SamplingRequest(100, 100.0, 20_000)
-    found = run(density, begin, request, np.random.default_rng(1), quiet)
-    np.testing.assert_allclose(found.x.reshape(-1, 2).std(axis=0), 1.0, atol=0.25)
 
 
 @pytest.mark.parametrize("edge", [0.5, -0.5])
@@ -362,16 +313,6 @@ def test_without_any_solution_there_is_nothing_to_hand_over():
         )  # fmt: skip
 
 
-def test_thinned_draws_are_evenly_spaced_in_each_chain():
-    x = np.arange(40.0).reshape(2, 10, 2)
-    many = Draws("ensemble", x, x[..., 0], np.ones(2), np.ones(2), np.nan, 0.3, "stopped")
-    found = thinned(many, 6)
-    assert found.x[:, :, 0].tolist() == [[0.0, 8.0, 18.0], [20.0, 28.0, 38.0]]
-    assert found.logarithms.tolist() == found.x[:, :, 0].tolist()
-    assert found.stopped == "stopped"
-    assert thinned(many, 100).x.shape == (2, 10, 2)
-
-
 # Diagnostics
 
 
@@ -405,13 +346,6 @@ def test_draws_are_reliable_by_their_size_and_their_diagnostics(
     assert found.least_effective == found.effective[2]
 
 
-def test_draws_without_any_number_have_none():
-    empty = replace(draws(1.0), effective=np.full(3, np.nan), r_hat=np.full(3, np.nan))
-    assert empty.least_effective == 0.0
-    assert np.isnan(empty.largest_r_hat)
-    assert draws(1.0, r_hat=1.7).largest_r_hat == 1.7
-
-
 def test_chains_of_a_group_count_as_one_for_r_hat():
     """Two groups of two, of which one agrees with the other and one does not."""
     rng = np.random.default_rng(0)
@@ -430,11 +364,6 @@ def test_chains_of_a_group_count_as_one_for_r_hat():
     drift = np.linspace(0.0, 4.0, 300)[None, :, None] + rng.normal(size=(4, 300, 1))
     assert diagnose_chains(drift, groups=2)[1][0] > 1.1
     assert np.isnan(diagnose_chains(np.zeros((4, 10, 1)), groups=2)).all()
-
-
-def test_weights_that_are_all_zero_are_worth_nothing():
-    assert effective_of_weights(np.zeros(4)) == 0.0
-    assert effective_of_weights(np.array([0.5, 0.5, 0.0])) == pytest.approx(2.0)
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,6 @@ from geoident.identify import identify
 from geoident.identify.assessment.diagnostics import effective_sd
 from geoident.identify.assessment.uncertainty import assess
 from geoident.identify.least_squares.gauss_newton import gauss_newton
-from geoident.identify.problem import problem as discrepancy
 from geoident.identify.problem.problem import (
     Discrepancy,
     Problem,
@@ -218,39 +217,3 @@ def test_the_scatter_is_the_median_size_of_a_normal_distribution():
     r = np.array([-3.0, 0.1, 0.2, 90.0, -1.2])
     assert robust_scale(r) == pytest.approx(1.2 / norm.ppf(0.75))
     assert np.isnan(robust_scale(np.zeros(0)))
-
-
-def _sum(loss, u, B, z):
-    f, _ = transformed(loss, u - B @ z)
-    return f @ f + z @ z
-
-
-@pytest.mark.parametrize("loss", [HuberOptions(), HuberOptions(0.3), StudentOptions()])
-@pytest.mark.parametrize("seed", range(4))
-def test_shared_errors_go_down_at_every_step_and_reach_the_minimum_soon(loss, seed, monkeypatch):
-    """Each step is the better one of two; a dozen are enough."""
-    generator = np.random.default_rng(seed)
-    u, B = generator.normal(size=12), generator.normal(size=(12, 3))
-    u[:3] += 15.0
-    before = np.zeros(3)
-    for most in range(1, 13):
-        monkeypatch.setattr(discrepancy, "_MOST_STEPS", most)
-        z = discrepancy._shared_part(loss, u, B)
-        assert _sum(loss, u, B, z) <= _sum(loss, u, B, before) * (1.0 + 1e-12)
-        if most == 1:
-            w = discrepancy.full_weights(loss, u)
-            plain = np.linalg.solve((B.T * w) @ B + np.eye(3), B.T @ (w * u))
-            assert _sum(loss, u, B, z) <= _sum(loss, u, B, plain) * (1.0 + 1e-12)
-        before = z
-    f, slope = transformed(loss, u - B @ z)
-    np.testing.assert_allclose(B.T @ (f * slope), z, atol=1e-5)
-
-
-@pytest.mark.parametrize("loss", [HuberOptions(), StudentOptions()])
-def test_the_search_for_shared_errors_ends_when_it_is_there(loss, monkeypatch):
-    calls = []
-    full = discrepancy.full_weights
-    monkeypatch.setattr(discrepancy, "full_weights", lambda *a: calls.append(1) or full(*a))
-    u, B = np.array([0.3, -0.2, 0.1, 5.0]), np.array([[1.0], [1.0], [1.0], [1.0]])
-    discrepancy._shared_part(loss, u, B)
-    assert 2 <= len(calls) <= 25
