@@ -310,8 +310,8 @@ def _projected(problem: Problem, v: Floats, dv_dx: Floats) -> Floats:
     _, slope = transformed(problem.loss, own)
     size = slope / problem.sd
     rows = np.concatenate([size[:, None] * dv_dx, np.zeros((len(problem.shared), dv_dx.shape[1]))])
-    for readings, shared in problem.shared.blocks:
-        C = scaled_rows(size[readings], problem.shared.block(readings, shared))
+    for readings, shared, B in problem.shared.blocks:
+        C = scaled_rows(size[readings], B)
         A = products(C, np.ones(len(readings)))
         A[np.diag_indices_from(A)] += 1.0
         x = np.linalg.solve(A, C.T @ rows[readings])
@@ -336,10 +336,10 @@ def own_residuals(problem: Problem, readings: Floats) -> tuple[Floats, Floats]:
     if shared is None or not np.all(np.isfinite(gap)):
         return own, np.zeros(0 if shared is None else len(shared))
     z = np.zeros(len(shared))
-    for rows, columns in shared.blocks:
-        B = scaled_rows(1.0 / problem.sd[rows], shared.block(rows, columns))
-        z[columns] = _shared_part(problem.loss, own[rows], B)
-        own[rows] -= B @ z[columns]
+    for rows, numbers, B in shared.blocks:
+        C = scaled_rows(1.0 / problem.sd[rows], B)
+        z[numbers] = _shared_part(problem.loss, own[rows], C)
+        own[rows] -= C @ z[numbers]
     return own, z
 
 
