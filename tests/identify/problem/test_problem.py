@@ -9,10 +9,10 @@ from scipy.optimize import minimize
 
 from geoident.errors import ModelError
 from geoident.identify.problem.errors import SharedErrors
+from geoident.identify.problem.losses import transformed
 from geoident.identify.problem.problem import (
     Discrepancy,
     own_residuals,
-    transformed,
 )
 from geoident.identify.problem.scaling import Scaling
 from geoident.model.methods import HuberOptions, SquaredOptions, StudentOptions
