@@ -75,8 +75,7 @@ from geoident.identify.problem.problem import CHECK_UNITS, Discrepancy, Problem
 from geoident.identify.problem.responses import AffineElastic
 from geoident.model.arrays import Floats, Ints
 from geoident.model.methods import CondensationOptions
-from geoident.model.parameter import Parameter
-from geoident.model.response import Condensed, Response
+from geoident.model.response import Condensed
 
 INDEPENDENT = 1e-9
 """Rows of S whose part that is new is below this part of the largest count as dependent."""
@@ -88,41 +87,10 @@ SHORTENINGS = 10
 """How often a step to parameters without solution is halved."""
 
 _FOLLOW = "go on from here with the method gauss-newton."
-_OTHERS = "Use the method gauss-newton or simplex."
 _NO_SOLUTION = (
     "The condensed equations lead to parameters at which the model has no solution: "
     f"give tighter bounds, or {_FOLLOW}"
 )
-
-
-def condensation_faults(
-    response: Response, parameters: Sequence[Parameter], options: CondensationOptions
-) -> tuple[Fault, ...]:
-    """Why condensation cannot be used, known before any computing; empty if it can.
-
-    Args:
-        response: the model.
-        parameters: the n unknowns.
-        options: the weighting decides whether priors can be used.
-    """
-    faults = []
-    if isinstance(response, AffineElastic):
-        obstacle = response.obstacle()
-    else:
-        obstacle = "the model offers no equations that are affine in the parameters."
-    if obstacle is not None:
-        message = f"The method condensation is not possible: {obstacle}"
-        faults.append(Fault("method-not-possible", message, _OTHERS))
-    with_prior = [parameter.name for parameter in parameters if parameter.prior is not None]
-    if options.weighting == "equation" and with_prior:
-        message = (
-            "The method condensation with weighting: equation takes no priors "
-            f"({', '.join(with_prior)}): it measures errors in forces, which cannot be weighed "
-            "against the standard deviation of a prior."
-        )
-        hint = "Use weighting: output, leave out the priors, or use the method gauss-newton."
-        faults.append(Fault("method-not-possible", message, hint))
-    return tuple(faults)
 
 
 def condensation(problem: Problem, options: CondensationOptions, observe: Observer) -> Outcome:
@@ -137,12 +105,19 @@ def condensation(problem: Problem, options: CondensationOptions, observe: Observ
         The fixed point if it converged, or the iterate of lowest discrepancy.
 
     Raises:
-        InputError: the model's equations are not affine, or priors with weighting ``equation``.
+        InputError: priors with weighting ``equation``.
         ModelError: the model has no solution at the start.
     """
-    faults = condensation_faults(problem.response, problem.parameters, options)
-    if faults or not isinstance(problem.response, AffineElastic):
-        raise InputError(faults)
+    believed = [parameter.name for parameter in problem.parameters if parameter.prior is not None]
+    if options.weighting == "equation" and believed:
+        message = (
+            "The method condensation with weighting: equation takes no priors "
+            f"({', '.join(believed)}): it measures errors in forces, which cannot be weighed "
+            "against the standard deviation of a prior."
+        )
+        hint = "Use weighting: output, leave out the priors, or use the method gauss-newton."
+        raise InputError([Fault("method-not-possible", message, hint)])
+    assert isinstance(problem.response, AffineElastic)  # else the method was refused
     equations = _CondensedEquations(problem, problem.response, options)
     history = History("condensation", problem.response, observe)
     points: list[_CondensedIterate] = []

@@ -23,7 +23,7 @@ settles so far above the best one that it cannot become a rival; never where it 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import islice, product
 
 import numpy as np
@@ -32,7 +32,7 @@ from geoident.errors import ModelError
 from geoident.identify.least_squares.acceptance import Iterate, Step
 from geoident.identify.least_squares.descent import Descent, Ending
 from geoident.identify.problem.ahead import SearchTask, in_turns
-from geoident.identify.problem.outcome import LocalMinimum
+from geoident.identify.problem.outcome import LocalMinimum, Outcome
 from geoident.identify.problem.scaling import Scaling
 from geoident.model.arrays import Floats
 from geoident.model.parameter import Parameter
@@ -129,21 +129,6 @@ class Angles:
         return None if np.array_equal(x, y) else y
 
 
-@dataclass(frozen=True)
-class MinimaFound:
-    """What several descents came to.
-
-    Args:
-        best: the lowest ending.
-        minima: the others where a descent converged, lowest first.
-        remarks: on how they were found, clauses.
-    """
-
-    best: Ending[Iterate]
-    minima: tuple[LocalMinimum, ...]
-    remarks: tuple[str, ...]
-
-
 @dataclass
 class SeveralStarts:
     """Descents of one problem.
@@ -172,8 +157,8 @@ class SeveralStarts:
         self.evaluator = self.descent.evaluator
         self.angles = Angles(self.parameters, self.evaluator.scaling)
 
-    def run(self) -> MinimaFound:
-        """All descents.
+    def run(self) -> Outcome:
+        """All descents: the best point, and the other minima that they came to, lowest first.
 
         Raises:
             ModelError: there is no solution at the given start, and at no other that was asked for.
@@ -195,11 +180,16 @@ class SeveralStarts:
                 point = self.evaluator.start(x, f"start {begun}")
                 if point is not None:
                     self._endings.append(self.down(point, further=True))
-        best = min(self._endings, key=lambda ending: ending.point.phi)
-        minima = self._minima(best)
         if why and begun > 1:
             remarks.append(f"the search had {begun} starts, as {why}")
-        return MinimaFound(best, minima, tuple(remarks))
+        best = min(self._endings, key=lambda ending: ending.point.phi)
+        others = [e.point for e in self._endings if e.status == "converged" and e is not best]
+        minima = distinct_minima([best.point, *others], self.angles)[1:]
+        return replace(
+            self.evaluator.history.outcome(best.point.p, best.point.phi, best.status, best.reason),
+            minima=tuple(LocalMinimum(point.p, point.phi) for point in minima),
+            remarks=tuple(remarks),
+        )
 
     def _first(self) -> tuple[Iterate, int, list[str]]:
         """Where to begin: the given start, or the first of the others that has a solution.
@@ -277,12 +267,6 @@ class SeveralStarts:
             abs(promised - one.phi) <= _ALIKE and at_minimum(one, aim, self.angles) for one in known
         )
 
-    def _minima(self, best: Ending[Iterate]) -> tuple[LocalMinimum, ...]:
-        """The other minima, each once."""
-        others = [e.point for e in self._endings if e.status == "converged" and e is not best]
-        kept = distinct_minima([best.point, *others], self.angles)[1:]
-        return tuple(LocalMinimum(point.p, point.phi) for point in kept)
-
 
 def at_minimum(one: Iterate, x: Floats, angles: Angles) -> bool:
     """The point x (n,), or what means the same, is at a minimum, as its linearised readings show.
@@ -320,8 +304,7 @@ def start_ranges(scaling: Scaling) -> tuple[Floats, Floats]:
 
     A parameter without finite bounds varies by two units of x to both sides of its start.
     """
-    low = np.where(np.isfinite(scaling.lower), scaling.lower, scaling.start - 2.0)
-    high = np.where(np.isfinite(scaling.upper), scaling.upper, scaling.start + 2.0)
+    low, high = _open_ranges(scaling)
     for i, prior in scaling.priors:
         if prior.kind == "lognormal":
             factor = np.exp(_PRIOR_REACH * prior.sd / prior.mean)
@@ -331,6 +314,12 @@ def start_ranges(scaling: Scaling) -> tuple[Floats, Floats]:
         x = [scaling.to_scaled(np.full(len(scaling), end))[i] for end in ends]
         low[i], high[i] = max(low[i], x[0]), min(high[i], x[1])
     return low, np.maximum(low, high)
+
+
+def _open_ranges(scaling: Scaling) -> tuple[Floats, Floats]:
+    """The bounds (n,), (n,) in x, or two units of x to both sides of the start."""
+    low = np.where(np.isfinite(scaling.lower), scaling.lower, scaling.start - 2.0)
+    return low, np.where(np.isfinite(scaling.upper), scaling.upper, scaling.start + 2.0)
 
 
 def spread(
@@ -365,8 +354,7 @@ def halton_starts(scaling: Scaling, count: int) -> Iterator[Floats]:
 
     A parameter without finite bounds varies by two units of x to both sides of its start.
     """
-    lower = np.where(np.isfinite(scaling.lower), scaling.lower, scaling.start - 2.0)
-    upper = np.where(np.isfinite(scaling.upper), scaling.upper, scaling.start + 2.0)
+    lower, upper = _open_ranges(scaling)
     for share in islice(_halton(len(scaling)), count):
         yield lower + share * (upper - lower)
 

@@ -11,7 +11,6 @@ import pytest
 from geoident.errors import InputError, ModelError
 from geoident.identify.least_squares.condensation import (
     condensation,
-    condensation_faults,
 )
 from geoident.identify.problem.outcome import Outcome
 from geoident.identify.problem.problem import Problem
@@ -169,42 +168,13 @@ def test_flexibility_that_cannot_be_inverted_names_the_remedy() -> None:
 # --- what it refuses ---
 
 
-class Answers:
-    """A model that offers readings only."""
-
-    names = ("p1",)
-    counts = Counts()
-
-    def admissible(self, p: Floats) -> str | None:
-        return None
-
-    def readings(self, p: Floats) -> Floats:
-        raise AssertionError("Nothing is computed before the refusal.")
-
-    evaluate = readings
-
-
-def test_model_without_affine_equations_is_refused() -> None:
-    parameters = (Parameter("p1", start=1.0, lower=0.1, upper=10.0),)
-    with pytest.raises(InputError, match="no equations that are affine") as refusal:
-        condensation(Problem(Answers(), np.ones(1), np.ones(1), parameters), OUTPUT, go_on)  # type: ignore[arg-type]
-    (fault,) = refusal.value.faults
-    assert fault.code == "method-not-possible"
-    assert fault.hint == "Use the method gauss-newton or simplex."
-
-
-def test_obstacle_of_the_model_is_passed_on() -> None:
-    with pytest.raises(InputError, match="not possible: Poisson's ratio is a parameter"):
-        iterate(Map(lambda p: p, why_not="Poisson's ratio is a parameter."))
-
-
 def test_prior_is_refused_with_errors_in_forces() -> None:
     case = problem(Map(lambda p: p), prior=Prior(1.0, 0.1))
-    (fault,) = condensation_faults(case.response, case.parameters, EQUATION)
+    with pytest.raises(InputError) as refusal:
+        condensation(case, EQUATION, go_on)
+    (fault,) = refusal.value.faults
     assert "takes no priors (p1)" in fault.message
     assert fault.hint == (
         "Use weighting: output, leave out the priors, or use the method gauss-newton."
     )
-    assert condensation_faults(case.response, case.parameters, OUTPUT) == ()
-    with pytest.raises(InputError, match="takes no priors"):
-        condensation(case, EQUATION, go_on)
+    assert condensation(case, OUTPUT, go_on).iterations

@@ -4,8 +4,10 @@ from scipy.optimize import least_squares
 
 from geoident.errors import ModelError
 from geoident.identify.least_squares.gauss_newton import gauss_newton
+from geoident.identify.problem.problem import Problem
 from geoident.model.methods import GaussNewtonOptions
 from geoident.model.parameter import Parameter, Prior
+from geoident.model.results.costs import Counts
 
 
 def go_on(iteration):
@@ -278,3 +280,36 @@ def test_a_prior_pulls_a_linear_model_to_the_bayesian_estimate(make_problem):
     precision = A.T @ A / s**2 + np.eye(2) / 0.16
     expected = np.linalg.solve(precision, A.T @ v / s**2 + np.array([0.5, 1.5]) / 0.16)
     np.testing.assert_allclose(outcome.values, expected, rtol=1e-9)
+
+
+def test_a_start_where_nothing_has_a_slope_is_flat(make_problem):
+    """Between two minima: the derivative of the one residual vanishes."""
+    problem = make_problem(lambda p: np.array([p[0] ** 2 - 1.0]), free(0.0), [-3.0], 1.0)
+    outcome = run(problem, starts=1)
+    assert (outcome.status, outcome.values.tolist()) == ("converged", [0.0])
+
+
+class Noisy:
+    """Readings with an error of their computation, which the model knows of."""
+
+    names = ("x",)
+    counts = Counts()
+    noise = np.full(40, 0.05)
+
+    def admissible(self, p):
+        return None
+
+    def readings(self, p):
+        return np.linspace(0.0, 1.0, 40) * p[0] + 0.05 * np.sin(1e7 * p[0] + np.arange(40))
+
+    def evaluate(self, p):
+        return self.readings(p), np.linspace(0.0, 1.0, 40)[:, None]
+
+
+def test_a_descent_ends_in_the_noise_of_the_computed_readings():
+    unknown = (Parameter("x", 1.0, -9.0, 9.0),)
+    problem = Problem(Noisy(), np.linspace(0.0, 2.0, 40), np.full(40, 1.0), unknown)
+    outcome = run(problem, starts=1)
+    assert outcome.status == "converged"
+    assert "no more than what is noise of the computed readings" in outcome.reason
+    assert outcome.values == pytest.approx([2.0], abs=0.1)
