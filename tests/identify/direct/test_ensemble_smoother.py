@@ -5,10 +5,10 @@ import pytest
 from scipy.stats import norm
 
 from geoident.errors import ModelError
-from geoident.identify import assess, identify
+from geoident.identify.assessment.uncertainty import assess
 from geoident.identify.direct.ensemble_smoother import NormalScores
 from geoident.identify.problem import methods
-from geoident.identify.problem.methods import refusal
+from geoident.identify.problem.methods import identify, refusal
 from geoident.model.methods import EnsembleSmootherOptions, GaussNewtonOptions, HuberOptions
 from geoident.model.parameter import Parameter, Prior
 

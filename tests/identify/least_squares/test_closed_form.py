@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from geoident.identify import identify
 from geoident.identify.least_squares.closed_form import closed_form
 from geoident.identify.least_squares.gauss_newton import gauss_newton
 from geoident.identify.problem.errors import SharedErrors
+from geoident.identify.problem.methods import identify
 from geoident.identify.problem.problem import Problem
 from geoident.identify.problem.responses import HasOpening
 from geoident.model.methods import ClosedFormOptions, GaussNewtonOptions

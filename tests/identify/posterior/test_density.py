@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from geoident.errors import CollapseError, ModelError
-from geoident.identify.posterior.density import PosteriorDensity, answer
+from geoident.identify.posterior.density import PosteriorDensity
 from geoident.identify.problem.problem import Problem
 from geoident.model.parameter import Parameter, Prior
 
@@ -105,9 +105,6 @@ def test_nothing_is_asked_outside_the_bounds_and_no_solution_has_no_density(prob
     assert len(problem.response.asked) == 2
     assert np.all(density.logarithms(u[[1, 4]]) == -np.inf)
     assert (density.evaluations, len(problem.response.asked)) == (3, 2)
-    np.testing.assert_allclose(answer(problem, P), MATRIX @ P**1.2)
-    for p0 in (7.5, 8.5):
-        assert answer(problem, np.array([p0, *P[1:]])) is None
 
 
 def test_another_way_of_asking_is_used_for_all_at_once(problem):

@@ -11,11 +11,11 @@ from scipy.stats import t as student
 from support.affine import chain
 
 from geoident.errors import InputError
-from geoident.identify import identify
 from geoident.identify.assessment.diagnostics import effective_sd
 from geoident.identify.assessment.uncertainty import assess
 from geoident.identify.least_squares.gauss_newton import gauss_newton
 from geoident.identify.problem.losses import robust_scale, transformed, weights
+from geoident.identify.problem.methods import identify
 from geoident.identify.problem.problem import (
     Discrepancy,
     Problem,

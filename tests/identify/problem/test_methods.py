@@ -5,11 +5,10 @@ import numpy as np
 import pytest
 from support.plastic_bars import Frame, PlasticBars
 
-import geoident.identify as package
 from geoident.errors import InputError
-from geoident.identify import METHODS, descend, identify, refusal
 from geoident.identify.direct.scan import grid_axes, scan
 from geoident.identify.problem import methods
+from geoident.identify.problem.methods import METHODS, descend, identify, refusal
 from geoident.identify.problem.problem import Problem
 from geoident.model.methods import (
     METHOD_OPTIONS,
@@ -47,14 +46,6 @@ def test_the_table_has_the_names_and_options_that_users_can_write():
         assert method.name == name
         found = method.function(method.options())
         assert found.__module__.startswith(f"geoident.identify.{method.room}.")
-
-
-def test_the_names_of_the_package_are_those_of_its_rooms():
-    for name in set(package.__all__) - {"METHODS", "Observer"}:
-        assert getattr(package, name).__name__ == name
-    assert package.METHODS is methods.METHODS
-    with pytest.raises(AttributeError, match=r"'geoident.identify' has no attribute 'nothing'"):
-        _ = package.nothing
 
 
 def test_a_chain_goes_on_where_the_method_before_ended(problem):
