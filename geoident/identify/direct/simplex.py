@@ -82,14 +82,12 @@ class Minimum:
     Args:
         x: (n,) best point evaluated.
         value: the objective there.
-        evaluations: how often the objective was asked.
         ending: ``converged``; ``moved`` if the last restart still found a clearly better point;
             ``evaluations`` if they were used up; ``stopped`` by the watch.
     """
 
     x: Floats
     value: float
-    evaluations: int
     ending: SimplexEnding
 
 
@@ -212,7 +210,7 @@ def minimise(
         gain = before - values[0] > math.sqrt(delta) * max(abs(before), 1.0)
         if ending == "converged" and gain:
             ending = "moved"
-    return Minimum(x[0], float(values[0]), evaluations, ending)
+    return Minimum(x[0], float(values[0]), ending)
 
 
 def first_simplex(phi: Objective, x0: Floats, phi0: float, edge: float) -> Vertices:

@@ -306,11 +306,7 @@ def start_ranges(scaling: Scaling) -> tuple[Floats, Floats]:
     """
     low, high = _open_ranges(scaling)
     for i, prior in scaling.priors:
-        if prior.kind == "lognormal":
-            factor = np.exp(_PRIOR_REACH * prior.sd / prior.mean)
-            ends = np.array([prior.mean / factor, prior.mean * factor])
-        else:
-            ends = prior.mean + np.array([-_PRIOR_REACH, _PRIOR_REACH]) * prior.sd
+        ends = (prior.at_score(-_PRIOR_REACH), prior.at_score(_PRIOR_REACH))
         x = [scaling.to_scaled(np.full(len(scaling), end))[i] for end in ends]
         low[i], high[i] = max(low[i], x[0]), min(high[i], x[1])
     return low, np.maximum(low, high)

@@ -90,7 +90,6 @@ def test_finds_what_scipy_finds_from_the_same_simplex(name: str) -> None:
     )
     assert theirs.success
     assert found.x == pytest.approx(theirs.x, abs=2e-3 if name == "powell-singular" else 1e-6)
-    assert found.evaluations < 1.3 * theirs.nfev
 
 
 def test_moves_are_those_of_scipy_step_by_step() -> None:
