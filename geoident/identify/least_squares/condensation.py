@@ -129,36 +129,30 @@ def condensation(problem: Problem, options: CondensationOptions, observe: Observ
         history.record(point.p, point.phi, step=change, note=note)
 
     record(equations.at(np.clip(problem.start, *problem.bounds)), 0.0, "start")
+    trouble = ""
     while history.stop is None:
         point = points[-1]
         q = equations.solution(point)
         change = equations.change(point.p, q)
+        rest = ""
         if change <= options.tolerance:
-            reason = (
+            rest = (
                 "The next step would change no parameter by more than "
                 f"{options.tolerance:g}, relative."
             )
-            return history.outcome(point.p, point.phi, "converged", reason)
-        if len(points) > 1 and changes[-1] <= change <= np.sqrt(options.tolerance):
-            reason = (
+        elif len(points) > 1 and changes[-1] <= change <= np.sqrt(options.tolerance):
+            rest = (
                 f"The changes do not fall below {change:.1e}, relative: what is left is rounding."
             )
-            return history.outcome(point.p, point.phi, "converged", reason)
+        if rest:
+            return history.outcome(point.p, point.phi, "converged", rest)
         trouble = _trouble(equations, points, changes, options)
-        if trouble is None:
-            trouble, note = _NO_SOLUTION, "accepted"
-            for _ in range(SHORTENINGS):
-                try:
-                    record(equations.at(q), equations.change(point.p, q), note)
-                except ModelError:
-                    q, note = 0.5 * (point.p + q), "shortened: no solution"
-                else:
-                    trouble = None
-                    break
-        if trouble is not None:
+        reached = None if trouble else equations.reached(point.p, q)
+        if reached is None:
+            trouble = trouble or _NO_SOLUTION
             break
-    else:
-        trouble = ""
+        note = "accepted" if np.array_equal(reached.p, q) else "shortened: no solution"
+        record(reached, equations.change(point.p, reached.p), note)
     lowest = min(points, key=lambda point: point.phi)
     return history.outcome(lowest.p, lowest.phi, "not-converged", trouble)
 
@@ -168,8 +162,8 @@ def _trouble(
     points: Sequence[_CondensedIterate],
     changes: Sequence[float],
     options: CondensationOptions,
-) -> str | None:
-    """Signs that the iteration will not come to rest, with the remedy."""
+) -> str:
+    """A sign that the iteration will not come to rest, with the remedy; empty for none."""
     steps, last = len(points) - 1, points[-1].p
     near = 1e-3 * changes[-1]  # the last iterate has come back to one before
     if any(equations.change(one.p, last) < near for one in points[-1 - LONGEST_CYCLE : -2]):
@@ -181,7 +175,7 @@ def _trouble(
             f"The iteration did not converge in {steps} steps, the last changed a parameter by "
             f"{changes[-1]:.1e}, relative: raise max_iterations, or {_FOLLOW}"
         )
-    return None
+    return ""
 
 
 @dataclass(frozen=True)
@@ -217,6 +211,15 @@ class _CondensedEquations:
         if not (np.isfinite(phi) and np.all(np.isfinite(model.matrix))):
             raise ModelError("The misfit is not a finite number here.", CHECK_UNITS)
         return _CondensedIterate(p, model, phi)
+
+    def reached(self, p: Floats, q: Floats) -> _CondensedIterate | None:
+        """The iterate at q (n,), or nearer to p (n,) where there is no solution; None for none."""
+        for _ in range(SHORTENINGS):
+            try:
+                return self.at(q)
+            except ModelError:
+                q = 0.5 * (p + q)
+        return None
 
     def solution(self, point: _CondensedIterate) -> Floats:
         """p_{j+1} (n,), SI: the linear least-squares problem [18] in the bounds.

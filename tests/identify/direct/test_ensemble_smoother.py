@@ -198,19 +198,6 @@ def test_an_observer_ends_it_at_the_mean_so_far(make_problem):
     assert found.objective == found.iterations[1].objective
 
 
-def test_readings_that_are_no_numbers_are_no_solution(make_problem):
-    def readings(p):
-        return np.array([p[0], np.nan if p[0].real > 1.3 else 0.0])
-
-    problem = make_problem(readings, PAIR[1:], [0.9, 0.0], 0.1)
-    found = identify(problem, [EnsembleSmootherOptions(40, 1)], silent)
-    assert found.status == "converged"
-    scaling = Scaling(PAIR[1:])
-    z = np.random.default_rng(1).standard_normal((1, 40))
-    lost = sum(values_at(one, scaling)[0] > 1.3 for one in z.T)
-    assert found.remarks[1].startswith(f"{lost} members")
-
-
 def test_scores_are_those_of_the_place_between_the_bounds():
     """Of the logarithm where the scale is one; on a bound and for a fixed one they stay finite."""
     parameters = (

@@ -76,22 +76,6 @@ def test_finds_known_minimum(name: str) -> None:
     assert found.x == pytest.approx(minimum, abs=2e-3 if name == "powell-singular" else 1e-6)
 
 
-@pytest.mark.parametrize("name", CASES)
-def test_finds_what_scipy_finds_from_the_same_simplex(name: str) -> None:
-    objective, start, _ = CASES[name]
-    x0 = np.array(start)
-    found = minimise(objective, x0, options=replace(SHARP, restarts=0))
-    vertices, _ = first_simplex(objective, x0, objective(x0), SHARP.size)
-    theirs = minimize(
-        objective,
-        x0,
-        method="Nelder-Mead",
-        options={"initial_simplex": vertices, "xatol": 1e-7, "fatol": 1e-14, "maxfev": 5000},
-    )
-    assert theirs.success
-    assert found.x == pytest.approx(theirs.x, abs=2e-3 if name == "powell-singular" else 1e-6)
-
-
 def test_moves_are_those_of_scipy_step_by_step() -> None:
     asked: list[Floats] = []
 
@@ -271,14 +255,6 @@ def test_a_misfit_that_is_no_number_at_the_start_is_said() -> None:
     """The model answers; what it says only overflows, so it has no sentence of its own."""
     with pytest.raises(ModelError, match="no solution at the start of the simplex search"):
         simplex(problem(Curve(), sd=1e-200), SimplexOptions(), go_on)
-
-
-def test_an_observer_that_stops_at_the_start_pays_for_one_evaluation() -> None:
-    model = Curve()
-    outcome = simplex(problem(model), SimplexOptions(), lambda _: "No time.")
-    assert (outcome.status, outcome.reason) == ("out-of-budget", "No time.")
-    assert (len(model.asked), len(outcome.iterations)) == (1, 1)
-    assert outcome.values == pytest.approx([1e9, 1.0])
 
 
 @pytest.mark.parametrize(

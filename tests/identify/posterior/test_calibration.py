@@ -26,10 +26,6 @@ def with_accuracies_too_good(problem):
     return PosteriorDensity(replace(problem, sd=0.6 * problem.sd))
 
 
-def with_accuracies_far_too_good(problem):
-    return PosteriorDensity(replace(problem, sd=0.35 * problem.sd))
-
-
 def test_ranks_are_uniform():
     ranks = ranks_of_truth(25, density_of=PosteriorDensity)
     assert chance_of(ranks, 10).min() > LEAST_CHANCE
@@ -38,11 +34,7 @@ def test_ranks_are_uniform():
 @pytest.mark.slow  # it tries this judge itself
 @pytest.mark.parametrize(
     ("wrong", "runs"),
-    [
-        (with_accuracies_far_too_good, 25),
-        pytest.param(without_the_prior_of_the_stress, 40, marks=pytest.mark.slow),
-        pytest.param(with_accuracies_too_good, 60, marks=pytest.mark.slow),
-    ],
+    [(without_the_prior_of_the_stress, 40), (with_accuracies_too_good, 60)],
 )
 def test_ranks_tell_what_is_wrong(wrong, runs):
     ranks = ranks_of_truth(runs, density_of=wrong)

@@ -145,35 +145,3 @@ def test_rows_are_derivatives_by_the_coordinates(problem):
         np.testing.assert_allclose(rows[:, j], slope, rtol=1e-6, atol=1e-8)
     with pytest.raises(ModelError, match="forbidden"):
         density.rows(np.array([8.5, *P[1:]]))
-
-
-@pytest.mark.parametrize(
-    ("scale", "lower", "upper", "prior", "by_log", "factor"),
-    [
-        ("linear", 2.0, 4.0, None, False, 0.0),
-        ("linear", 2.0, 4.1, None, True, 1.0),
-        ("linear", 0.0, 4.1, None, False, 0.0),
-        ("log", 2.0, 2.1, None, True, 0.0),
-        ("log", 2.0, 2.1, Prior(2.05, 0.1), True, 1.0),
-        ("log", 2.0, 9.0, Prior(2.05, 0.1, "lognormal"), True, 0.0),
-        ("linear", 2.0, 4.0, Prior(2.05, 0.1, "lognormal"), False, -1.0),
-        ("linear", 2.0, 4.0, Prior(2.05, 0.1), False, 0.0),
-        ("linear", 2.0, 9.0, Prior(2.05, 0.1), True, 1.0),
-    ],
-)
-def test_the_change_of_variables_adds_what_its_table_says(
-    scale, lower, upper, prior, by_log, factor
-):
-    """Between two points of one parameter whose readings and priors are taken off."""
-    q = Parameter("q", 2.05, lower, upper, scale, prior)
-    density = PosteriorDensity(Problem(Model(), np.zeros(1), np.ones(1), (q,)))
-    p = np.array([2.02, 2.08])
-    found = np.array([density.logarithm(one, one[:1]) for one in p[:, None]])
-    phi = p**2
-    if prior is not None:
-        off = (p - prior.mean) if prior.kind == "normal" else np.log(p / prior.mean) * prior.mean
-        phi += (off / prior.sd) ** 2
-    rest = found + 0.5 * np.asarray(phi)
-    assert rest[1] - rest[0] == pytest.approx(factor * np.log(p[1] / p[0]), abs=1e-12)
-    u = density.coordinates(p[:1])
-    assert u[0] == pytest.approx(np.log(2.02) if by_log else 2.02 / min(2.05, upper - lower))

@@ -130,25 +130,6 @@ def test_a_direction_without_readings_is_drawn_along_half_its_extent(bound, widt
     assert np.sqrt(along @ inner @ along) == pytest.approx(np.sqrt(2.0) / 2.0, rel=1e-9)
 
 
-def test_two_minima_share_by_their_mass_and_none_is_left_out():
-    """phi of 0 and 2.5 beside each other, roots by the slopes 3 and 0.7: shares half by these."""
-
-    class Model:
-        def admissible(self, p):
-            return None
-
-        def evaluate(self, p):
-            slope = 3.0 if p[0] < 1.0 else 0.7
-            return np.array([0.0 if p[0] < 1.0 else np.sqrt(2.5)]), np.array([[slope]])
-
-    q = (Parameter("a", 1.0, -500.0, 500.0),)
-    density = PosteriorDensity(Problem(Model(), np.zeros(1), np.ones(1), q))
-    found = Proposal.laplace(density, [np.zeros(1), np.array([2.0])])
-    mass = np.exp([0.0, -1.25]) / [3.0, 0.7]
-    np.testing.assert_allclose(found.weights, 0.9 * (0.5 * mass / mass.sum() + 0.25))
-    assert found.weights.sum() + found.uniform == pytest.approx(1.0)
-
-
 def test_a_minimum_without_a_solution_is_left_out_and_the_fit_is_not():
     class Half:
         def admissible(self, p):
@@ -165,22 +146,6 @@ def test_a_minimum_without_a_solution_is_left_out_and_the_fit_is_not():
     assert len(found.weights) == 1
     with pytest.raises(ModelError, match="collapses"):
         Proposal.laplace(density, [np.array([3.0]), np.zeros(1)])
-
-
-def test_kernels_cover_two_clusters_and_the_first_proposal_stays():
-    rng = np.random.default_rng(5)
-    x = np.concatenate([rng.normal(size=(300, 2)), rng.normal(size=(100, 2)) * 0.5 + [12.0, -9.0]])
-    first = Proposal(np.ones(1), np.zeros((1, 2)), 9.0 * np.eye(2)[None], np.inf, *BOX)
-    found = first.kernels_at(x, np.full(400, 1 / 400), rng)
-    assert found.weights.sum() == pytest.approx(1.0)
-    kernels = np.arange(len(found.weights) - 1)
-    far = found.centres[kernels, 0] > 6.0
-    assert found.weights[kernels][far].sum() == pytest.approx(0.9 * 0.25, abs=0.12)
-    np.testing.assert_array_equal(found.centres[-1], first.centres[0])
-    # draws on a line, and none at all
-    line = np.linspace(0.0, 1.0, 60)[:, None] * np.ones(2)
-    assert np.isfinite(first.kernels_at(line, np.full(60, 1 / 60), rng).roots).all()
-    assert first.kernels_at(np.empty((0, 2)), np.empty(0), rng) is first
 
 
 def test_resampling_takes_every_draw_as_often_as_its_weight_says():

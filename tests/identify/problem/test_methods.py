@@ -232,12 +232,6 @@ def test_a_scan_along_one_parameter_keeps_the_others_at_their_start(problem):
     assert {(it.step, it.note) for it in outcome.iterations} == {(0.0, "grid")}
 
 
-def test_a_scan_without_a_grid_spans_the_bounds():
-    axes = grid_axes(QUESTION, ScanOptions(points=3))
-    np.testing.assert_allclose(axes["E"], [1.0, 10.0, 100.0])
-    np.testing.assert_allclose(axes["K0"], [0.0, 1.0, 2.0])
-
-
 def test_points_without_a_solution_are_infinite(make_problem):
     def refuse(p):
         return "E is too low." if p[0] < 3.0 else None
