@@ -374,12 +374,19 @@ class Covariance:
         Rows of the wide ones themselves are those of a unit matrix, so that rows of B times it are
         what is left to the wide errors.
         """
-        W = self._back_in_blocks(self._V.copy()) / self.sd[:, None]
-        left = np.zeros((len(self.shared), len(self._wide)))
-        narrow = np.setdiff1d(np.arange(len(self.shared)), self._wide)
-        left[narrow] = -(self.shared.columns[:, narrow].T @ W)
+        left = np.asarray(-self._narrow.T @ self._back_in_blocks(self._V.copy()))
         left[self._wide] = np.eye(len(self._wide))
         return left
+
+    @cached_property
+    def _narrow(self) -> sp.csr_array:
+        """B (g, K) in own standard deviations, zero for the wide errors."""
+        kept = np.ones(len(self.shared))
+        kept[self._wide] = 0.0
+        scale = sp.diags_array(1.0 / self.sd)
+        narrow = sp.csr_array(scale @ self.shared.columns @ sp.diags_array(kept))
+        narrow.eliminate_zeros()
+        return narrow
 
     @cached_property
     def _conditional_in_blocks(self) -> sp.csr_array:
@@ -426,12 +433,12 @@ class Covariance:
             (m, ...) SI.
         """
         sd = self.sd[rows]
-        some = sp.csr_array(self.shared.columns[rows])
         if len(rows) <= FEW:
-            C, taken = scaled_rows(1.0 / sd, some), self._taken[rows]
+            C, taken = self._narrow[rows], self._taken[rows]
             inverse = np.eye(len(rows)) - taken @ taken.T
             inverse -= (C @ self._conditional_in_blocks @ C.T).toarray()
             return np.asarray((np.linalg.solve(inverse, (values.T * sd).T).T * sd).T)
+        some = sp.csr_array(self.shared.columns[rows])
         touched = np.unique(some.indices)
         unit = sp.csr_array(sp.eye_array(len(self.shared), format="csr")[touched])
         B = np.asarray(some[:, touched].toarray())
