@@ -330,7 +330,8 @@ class Covariance:
     def whiten(self, values: Floats) -> Floats:
         """L^-1 of values (g,) or (g, k)."""
         own = values.reshape(len(self.sd), -1) / self.sd[:, None]
-        return self._top.white(self._whitened_in_blocks(own)[None])[0].reshape(values.shape)
+        white = self._top.white(self._whitened_in_blocks(own)[None])
+        return np.asarray(white).reshape(values.shape)
 
     def solve(self, values: Floats) -> Floats:
         """Sigma^-1 of values (g,) or (g, k)."""
@@ -436,7 +437,7 @@ class Covariance:
         if len(rows) <= FEW:
             C, taken = self._narrow[rows], self._taken[rows]
             inverse = np.eye(len(rows)) - taken @ taken.T
-            inverse -= (C @ self._conditional_in_blocks @ C.T).toarray()
+            inverse -= sp.csr_array(C @ self._conditional_in_blocks @ C.T).toarray()
             return np.asarray((np.linalg.solve(inverse, (values.T * sd).T).T * sd).T)
         some = sp.csr_array(self.shared.columns[rows])
         touched = np.unique(some.indices)

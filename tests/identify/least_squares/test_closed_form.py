@@ -100,19 +100,6 @@ def test_the_readings_that_it_answers_are_met_as_by_gauss_newton():
     )
 
 
-@pytest.mark.parametrize(
-    ("options", "least"), [({"max_iterations": 1}, 2), ({"tolerance": 0.1}, 2), ({"starts": 3}, 3)]
-)
-def test_its_options_are_those_of_the_search(options, least):
-    found = closed_form(problem(Formulas()), ClosedFormOptions(**{"starts": 1} | options), silent)
-    plain = gauss_newton(smaller(), GaussNewtonOptions(1e-8, 100, 1), silent)
-    same = GaussNewtonOptions(**{"starts": 1, "max_iterations": 100} | options)
-    again = gauss_newton(smaller(), same, silent)
-    assert len(found.iterations) == len(again.iterations) != len(plain.iterations)
-    assert len(found.iterations) >= least
-    assert (found.status == "converged") == ("max_iterations" not in options)
-
-
 def test_errors_that_readings_share_stay_shared():
     columns = np.array([[0.1, 0.0], [9.0, 9.0], [0.3, 0.2], [0.0, 0.4], [7.0, 7.0]])
     found = closed_form(

@@ -182,21 +182,6 @@ def test_several_stages_are_weighed_with_their_unsymmetric_flexibility() -> None
     assert iterates(outcome)[1] == pytest.approx(expected, rel=1e-9)
 
 
-def test_loads_at_known_moduli_need_one_iteration() -> None:
-    toy = replace(two_stages(), G=two_stages().G[:2])
-    known = np.array([3.0, 1.0, 2.0])
-    toy.K, toy.F = (
-        np.stack([toy.K[0] + np.tensordot(known, toy.K[1:4], 1), toy.K[4]]),
-        toy.F[[0, 4]],
-    )
-    measured = toy.readings(np.array([4.0])) * [1.01, 0.98]
-    case = problem(toy, measured, start=np.array([100.0]), scale="linear")
-    outcome = condensation(case, OUTPUT, go_on)
-    least = gauss_newton(case, GaussNewtonOptions(), go_on)
-    assert len(outcome.iterations) == 2
-    assert outcome.values == pytest.approx(least.values, rel=1e-9)
-
-
 # --- noise ---
 
 

@@ -1,7 +1,5 @@
 """Several descents: when they begin, where, and which minima are one."""
 
-from contextlib import contextmanager
-from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -168,28 +166,6 @@ def two_angles():
     parameters = [E, dip, strike]
     scaling = Scaling(parameters)
     return scaling, Angles(parameters, scaling)
-
-
-def test_the_other_side_of_a_bound_is_a_period_away_or_the_other_bound():
-    """Widths of 6 of 6.28 (0.955) and 2.8 of 3.14 (0.891): only the first is the whole."""
-    scaling, angles = two_angles()
-    assert [angles.whole(i) for i in range(3)] == [False, False, True]
-
-    def other(E, dip, strike):
-        y = angles.other_side(scaling.to_scaled(np.array([E, dip, strike])))
-        return None if y is None else scaling.to_natural(y)
-
-    assert other(0.1, -1.3, 3.0) is None
-    assert other(50.0, 1.5, 3.0) is None
-    assert other(3.0, 0.0, 0.2) == pytest.approx([3.0, 0.0, 6.2])  # 6.48 would be past it
-    assert other(3.0, 0.0, 6.2) == pytest.approx([3.0, 0.0, 0.2])
-    wide = Parameter("strike", 1.0, 0.2, 9.0, period=2.0 * np.pi)
-    turned = Parameter("dip", 0.4, -1.6, 2.5, period=np.pi)
-    scaling = Scaling([E, turned, wide])
-    angles = Angles([E, turned, wide], scaling)
-    assert other(3.0, 0.0, 0.2) == pytest.approx([3.0, 0.0, 0.2 + 2.0 * np.pi])
-    assert other(3.0, 0.0, 9.0) == pytest.approx([3.0, 0.0, 9.0 - 2.0 * np.pi])
-    assert other(3.0, -1.6, 9.0) == pytest.approx([3.0, np.pi - 1.6, 9.0 - 2.0 * np.pi])
 
 
 @pytest.mark.parametrize(("part", "sought"), [(0.251, (1,)), (0.249, ())])
@@ -372,64 +348,3 @@ def test_two_points_are_one_minimum_where_the_readings_of_both_are_alike():
         (near | {"J": STIFF, "x": [0.24, 0.0]}, 1),
     ):
         assert len(distinct_minima([first, minimum(**other)], NO_ANGLES)) == kept
-
-
-def test_of_other_minima_the_lowest_is_kept_and_comes_first():
-    best, high, low = (minimum(phi, [x, 0.0], WEAK) for phi, x in ((1.0, 0), (3.05, 5), (3.0, 5.2)))
-    third = minimum(2.0, [-4.0, 0.0], WEAK)
-    assert distinct_minima([best, high, third, low], NO_ANGLES) == [best, third, low]
-    assert distinct_minima([high, best], NO_ANGLES) == [high, best]
-    assert distinct_minima([], NO_ANGLES) == []
-
-
-# Starts as parts of the search
-
-
-class Ahead:
-    """A model that looks ahead, at once."""
-
-    at_once = 1
-
-    def __init__(self, response):
-        self.response = response
-        self.asked, self.turned, self.looks = [], [], []
-        self.names = response.names
-
-    def __getattr__(self, name):
-        return getattr(self.response, name)
-
-    @property
-    def counts(self):
-        return self.response.counts
-
-    def admissible(self, p):
-        return self.response.admissible(p)
-
-    def readings(self, p):
-        return self.response.readings(p)
-
-    def evaluate(self, p):
-        self.asked.append(p.tolist())
-        return self.response.evaluate(p)
-
-    @contextmanager
-    def turns(self, looks):
-        self.looks = looks
-        yield self.turned.append
-
-
-def test_every_further_start_is_a_part_that_asks_what_its_descent_asks(make_problem):
-    plain = make_problem(valleys, [Parameter("x", 0.3, -4.0, 4.0)], [0, 0], 1)
-    problem = replace(plain, response=Ahead(plain.response))
-    response = problem.response
-    told(problem, starts=3)
-    assert response.turned == [0, 1]
-    asked = response.asked.copy()
-    first, second = (asked.index(e.values.tolist()) for e in told(plain, starts=3)[1].iterations
-                     if e.note in ("start 2", "start 3"))  # fmt: skip
-    for look, begin, end in zip(response.looks, (first, second), (second, len(asked)), strict=True):
-        response.asked.clear()
-        look(response)
-        whole = response.asked
-        assert len(whole) > 1
-        assert whole[: end - begin] == asked[begin:end]  # all, and what follows if it is not left

@@ -73,14 +73,6 @@ def test_a_parameter_that_may_be_zero_moves_by_lengths_and_not_by_factors(lower,
         assert max(high[0], -low[0]) == pytest.approx(0.1 * max(0.25 * width, 1.0))
 
 
-def test_a_unit_is_the_step_of_length_one_to_first_order(scaling):
-    box, x = TrustBox(scaling), scaling.start
-    for i, unit in enumerate(box.unit(x)):
-        d = np.zeros(len(ALL))
-        d[i] = 1e-6 * unit
-        assert box.length(x, d) == pytest.approx(1e-6, rel=1e-5)
-
-
 def test_a_step_to_a_bound_ends_on_it_exactly(scaling):
     box, x = TrustBox(scaling), scaling.start
     low, high = scaling.lower - x, scaling.upper - x

@@ -23,7 +23,7 @@ from geoident.identify.posterior.draws import (
 from geoident.identify.posterior.importance import Proposal, WeightedDraws
 from geoident.identify.posterior.sampling import sample_posterior
 from geoident.identify.problem.problem import Problem
-from geoident.model.parameter import Parameter, Prior
+from geoident.model.parameter import Parameter
 
 BOX = np.array([-40.0, -40.0]), np.array([40.0, 40.0])
 ROOTS = np.array([[[1.0, 0.0], [0.5, 2.0]], [[0.3, 0.0], [-0.2, 0.4]]])
@@ -329,26 +329,6 @@ def test_chains_of_a_group_count_as_one_for_r_hat():
     drift = np.linspace(0.0, 4.0, 300)[None, :, None] + rng.normal(size=(4, 300, 1))
     assert diagnose_chains(drift, groups=2)[1][0] > 1.1
     assert np.isnan(diagnose_chains(np.zeros((4, 10, 1)), groups=2)).all()
-
-
-@pytest.mark.parametrize(
-    ("parameter", "centre", "sd"),
-    [
-        (Parameter("a", 3.0, 1.0, 9.0, "log"), np.log(9.0) / 2.0, np.log(9.0) / 2.0),
-        (Parameter("a", 3.0, -1.0, 9.0, "linear"), 4.0 / 3.0, 5.0 / 3.0),  # u = p / 3
-        (Parameter("a", 3.0, 2.0, np.inf, "log"), np.log(3.0), 2.5),
-        (Parameter("a", 3.0, -np.inf, 9.0, "linear"), 1.0, 5.0),
-        (Parameter("a", 0.0, -np.inf, np.inf, "linear"), 0.0, 5.0),
-        (Parameter("a", 3.0, 1.0, 9.0, "log", Prior(4.0, 1.0)), np.log(4.0), 0.25),
-        (Parameter("a", 3.0, -1.0, 9.0, "linear", Prior(6.0, 1.5)), 2.0, 0.5),
-    ],
-)
-def test_what_is_known_before_is_the_prior_or_as_wide_as_the_bounds(parameter, centre, sd):
-    """In u: half of the distance of the bounds; of none, 2.5 in ln p, or five of the start."""
-    problem = Problem(None, np.zeros(1), np.ones(1), (parameter,))
-    found = PosteriorDensity(problem).reference()
-    assert found[0][0] == pytest.approx(centre)
-    assert found[1][0] == pytest.approx(sd)
 
 
 def test_a_missing_library_is_told_and_another_error_is_not_hidden(tmp_path, monkeypatch):

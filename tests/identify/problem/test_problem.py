@@ -41,9 +41,6 @@ def shared(problem):
     return replace(problem, shared=SharedErrors(sp.csr_array(B)))
 
 
-# Losses
-
-
 # Residuals
 
 
@@ -172,6 +169,3 @@ def test_steps_away_stay_within_the_bounds():
     np.testing.assert_allclose(away, [2.0 * np.exp(0.3), 1.0 - 0.25, 0.5])
     np.testing.assert_allclose(scaling.away(p, np.array([1e4, 9.0, 0.0])), [9.0, 3.0, 3.0])
     assert len(scaling) == 3
-
-
-# Histories

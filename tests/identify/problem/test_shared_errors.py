@@ -94,15 +94,6 @@ def test_phi_is_the_same_whatever_finds_it(problem, measured):
     np.testing.assert_allclose(found, by_hand(measured)[0], rtol=1e-3)
 
 
-def test_without_shared_errors_not_a_bit_changes(make_problem, measured):
-    plain = make_problem(line, parameters(), measured, SD)
-    assert plain.covariance is None
-    v = line(np.array([1.7, 0.9]))
-    np.testing.assert_array_equal(Discrepancy(plain).whitened_residuals(v), (v - measured) / SD)
-    nothing = replace(plain, shared=SharedErrors(sp.csr_array((8, 0))))
-    np.testing.assert_array_equal(Discrepancy(nothing).whitened_residuals(v), (v - measured) / SD)
-
-
 @pytest.mark.parametrize("loss", ROBUST)
 def test_the_gradient_of_a_robust_phi_is_exact(problem, measured, loss):
     measured = measured + np.where(np.arange(8) == 1, 3.0, 0.0)
@@ -134,21 +125,6 @@ def test_one_wrong_reading_loses_its_weight_and_its_neighbours_keep_theirs(
     assert np.all(np.abs(p - expected) < sd)
     pulled = fitted(replace(wrong, loss=SquaredOptions()))
     assert np.abs((pulled - expected) / sd).max() > 3.0
-
-
-@pytest.mark.parametrize("loss", ROBUST)
-def test_a_robust_answer_does_not_depend_on_the_order_of_readings(make_problem, measured, loss):
-    measured = measured + np.where(np.arange(8) == 3, 2.0, 0.0)
-    order = np.array([5, 3, 0, 7, 2, 6, 1, 4])
-    both = [
-        replace(
-            make_problem(lambda p, r=rows: line(p)[r], parameters(), measured[rows], SD[rows]),
-            shared=SharedErrors(sp.csr_array(B[rows])),
-            loss=loss,
-        )
-        for rows in (np.arange(8), order)
-    ]
-    np.testing.assert_allclose(fitted(both[0]), fitted(both[1]), rtol=1e-6)
 
 
 def without(problem, keep):
@@ -195,19 +171,6 @@ def test_studentized_residuals_are_deletion_residuals(problem, measured):
         t = (measured[i] - line(q)[i] - later.shift[0]) / sd[0]
         assert found.studentized[i] == pytest.approx(t, rel=1e-6)
     assert np.all((found.leverage > 0.0) & (found.leverage < 1.0))
-
-
-def test_diagnostics_with_nothing_shared_are_those_of_independent_readings(make_problem, measured):
-    for loss in (SquaredOptions(), *ROBUST):
-        plain = replace(make_problem(line, parameters(), measured, SD), loss=loss)
-        general = replace(plain, shared=SharedErrors(sp.csr_array((8, 2))))
-        p = fitted(plain)
-        v, J = plain.response.evaluate(p)
-        known = assess(replace(plain, sd=effective_sd(plain, v)), p, J)
-        sets = np.array([0, 0, 1, 2, 3, 4, 5, 6])
-        one, other = (diagnose(each, known, v, J, sets) for each in (plain, general))
-        for name in ("standardized", "studentized", "weight", "leverage", "influence", "distance"):
-            np.testing.assert_allclose(getattr(one, name), getattr(other, name), rtol=1e-8)
 
 
 def test_later_readings_know_the_error_of_the_zero(measured, make_problem):
