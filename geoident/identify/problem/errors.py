@@ -503,25 +503,23 @@ class ErrorStructure:
             name: of the component.
         """
         number = np.full(columns.shape[1], len(self.names), dtype=np.int64)
-        return ErrorStructure(
-            self.sd,
-            self.component,
-            sp.csr_array(sp.hstack([self.columns, columns])),
-            np.concatenate([self.column_component, number]),
-            (*self.names, name),
+        return replace(
+            self,
+            columns=sp.csr_array(sp.hstack([self.columns, columns])),
+            column_component=np.concatenate([self.column_component, number]),
+            names=(*self.names, name),
         )
 
     def with_one_factor(self, name: str) -> ErrorStructure:
         """The same with all errors in one component: all sizes are wrong by one factor."""
-        component, columns = np.zeros_like(self.component), np.zeros_like(self.column_component)
-        return ErrorStructure(self.sd, component, self.columns, columns, (name,))
+        return replace(
+            self,
+            component=np.zeros_like(self.component),
+            column_component=np.zeros_like(self.column_component),
+            names=(name,),
+        )
 
     def rows(self, kept: Ints) -> ErrorStructure:
         """Of some of the readings (m,)."""
-        return ErrorStructure(
-            self.sd[kept],
-            self.component[kept],
-            sp.csr_array(self.columns[kept]),
-            self.column_component,
-            self.names,
-        )
+        columns = sp.csr_array(self.columns[kept])
+        return replace(self, sd=self.sd[kept], component=self.component[kept], columns=columns)
