@@ -80,15 +80,11 @@ def gauss_newton(
 def _several_starts(
     problem: Problem, options: GaussNewtonOptions, history: History, also: Sequence[Floats] = ()
 ) -> SeveralStarts:
-    named = sum(not q.field for q in problem.parameters)  # a mode's prior is an equation
     return SeveralStarts(
         gauss_newton_descent(Discrepancy(problem), options, history),
-        problem.parameters,
         None if options.starts == "automatic" else options.starts,
-        max(len(problem.measured) - named, 1),
         lambda x: StartLook(apart(problem), options, x),
         also,
-        "the loss student-t may have several minima" if len(also) else "",
     )
 
 
