@@ -435,9 +435,9 @@ class Covariance:
         """
         sd = self.sd[rows]
         if len(rows) <= FEW:
-            C, taken = self._narrow[rows], self._taken[rows]
+            narrow, taken = self._narrow[rows], self._taken[rows]
             inverse = np.eye(len(rows)) - taken @ taken.T
-            inverse -= sp.csr_array(C @ self._conditional_in_blocks @ C.T).toarray()
+            inverse -= sp.csr_array(narrow @ self._conditional_in_blocks @ narrow.T).toarray()
             return np.asarray((np.linalg.solve(inverse, (values.T * sd).T).T * sd).T)
         some = sp.csr_array(self.shared.columns[rows])
         touched = np.unique(some.indices)
