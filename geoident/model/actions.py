@@ -107,13 +107,12 @@ class Contraction:
 
     Args:
         part: of the area.
-        centre: (2,) in the plane, m; None: the centroid of the area within.
-        axis: in a solid, direction (0, 1 or 2) of the axis through ``centre`` (3,).
+        centre: (2,) in the plane, m, in a solid (3,) a point of the axis; None: the centroid of
+            the area within.
     """
 
     part: Scalar
     centre: tuple[float, ...] | None = None
-    axis: int | None = None
 
 
 FaceLoad = Pressure | Traction | WaterPressure

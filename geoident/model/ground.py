@@ -12,11 +12,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from math import degrees, sqrt
+from math import sqrt
 
 import numpy as np
 
 from geoident.model.arrays import Floats, Ints
+from geoident.model.bounds import Breach, Numbers, beyond, not_positive, outside
 from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.empirical.rock_mass import LARGEST_GSI, RockMassModulus
 from geoident.model.in_situ import Surface
@@ -385,35 +386,6 @@ def elastic_scalars(elastic: Elastic) -> dict[str, Scalar]:
     return {**constants(elastic), **angles(elastic)}
 
 
-Numbers = Mapping[str, float]
-"""Name of a constant to its value, SI."""
-
-_ANGLES = ("friction", "dilation")
-_RATIOS = ("nu", "nu_p", "nu_np", "nu_12", "nu_13", "nu_23", "mi", "GSI", "D", "mb", "s", "a", "MR")
-
-
-@dataclass(frozen=True)
-class Breach:
-    """A constant outside its bounds.
-
-    Args:
-        constant: its name.
-        value: SI.
-        limit: what it must be, half a sentence.
-    """
-
-    constant: str
-    value: float
-    limit: str
-
-    @property
-    def shown(self) -> str:
-        """The value with its unit."""
-        if self.constant in _ANGLES:
-            return f"{degrees(self.value):.6g} deg"
-        return f"{self.value:.6g}" + ("" if self.constant in _RATIOS else " Pa")
-
-
 def breach(elastic: Elastic, values: Values) -> Breach | None:
     """The first bound that the constants break at parameter values (SI), or None."""
     for scalar in constants(elastic).values():
@@ -425,45 +397,43 @@ def breach(elastic: Elastic, values: Values) -> Breach | None:
 
 def _rock_mass(modulus: RockMassModulus, values: Values) -> Breach | None:
     given = {name: part.value(values) for name, part in modulus.parts.items()}
-    for name, most in (("GSI", LARGEST_GSI), ("D", 1.0)):
-        if not 0.0 <= given[name] <= most:
-            return Breach(name, given[name], f"it must be from 0 to {most:g}")
-    return _not_positive(given, ("Ei", "MR", "sigci"))
+    fault = beyond(given, "GSI", 0.0, LARGEST_GSI) or beyond(given, "D", 0.0, 1.0)
+    return fault or not_positive(given, "Ei", "MR", "sigci")
 
 
 def _isotropic(given: Numbers) -> Breach | None:
-    fault = _not_positive(given, ("E", "K", "G"))
-    return fault or _outside(given, "nu", -1.0, 0.5)
+    fault = not_positive(given, "E", "K", "G")
+    return fault or outside(given, "nu", -1.0, 0.5)
 
 
 def _strata(given: Numbers) -> Breach | None:
-    fault = _not_positive(given, ("E_p", "E_n", "G_np")) or _outside(given, "nu_p", -1.0, 1.0)
+    fault = not_positive(given, "E_p", "E_n", "G_np") or outside(given, "nu_p", -1.0, 1.0)
     if fault:
         return fault
     ratio = given["E_n"] / given["E_p"]
     bound = sqrt(ratio * (1 - given["nu_p"]) / 2)
     known = f"with E_n/E_p = {ratio:.4g} and nu_p = {given['nu_p']:.4g} "
-    return _outside(given, "nu_np", -bound, bound, known)
+    return outside(given, "nu_np", -bound, bound, known)
 
 
 def _love(given: Numbers) -> Breach | None:
-    fault = _not_positive(given, ("A", "C", "L", "N"))
+    fault = not_positive(given, "A", "C", "L", "N")
     if fault:
         return fault
     if given["A"] <= given["N"]:
         return Breach("A", given["A"], f"it must exceed N = {given['N']:.6g} Pa")
     bound = sqrt((given["A"] - given["N"]) * given["C"])
-    return _outside(given, "F", -bound, bound, "with these A, C and N ")
+    return outside(given, "F", -bound, bound, "with these A, C and N ")
 
 
 def _orthotropic(given: Numbers) -> Breach | None:
-    fault = _not_positive(given, ("E_1", "E_2", "E_3", "G_12", "G_13", "G_23"))
+    fault = not_positive(given, "E_1", "E_2", "E_3", "G_12", "G_13", "G_23")
     if fault:
         return fault
     size = {(i, j): sqrt(given[f"E_{i}"] / given[f"E_{j}"]) for i, j in ((1, 2), (1, 3), (2, 3))}
     for (i, j), bound in size.items():
         known = f"with E_{i}/E_{j} = {bound**2:.4g} "
-        fault = fault or _outside(given, f"nu_{i}{j}", -bound, bound, known)
+        fault = fault or outside(given, f"nu_{i}{j}", -bound, bound, known)
     if fault:
         return fault
     # Scaled to ones on the diagonal the compliance is [1, -a, -b; -a, 1, -c; -b, -c, 1]; its
@@ -471,7 +441,7 @@ def _orthotropic(given: Numbers) -> Breach | None:
     a, b = given["nu_12"] / size[1, 2], given["nu_13"] / size[1, 3]
     middle, half = -a * b * size[2, 3], sqrt((1 - a**2) * (1 - b**2)) * size[2, 3]
     known = f"with nu_12 = {given['nu_12']:.4g} and nu_13 = {given['nu_13']:.4g} "
-    return _outside(given, "nu_23", middle - half, middle + half, known)
+    return outside(given, "nu_23", middle - half, middle + half, known)
 
 
 def _anisotropic(given: Numbers) -> Breach | None:
@@ -500,18 +470,3 @@ _CHECKS: Mapping[type, Callable[[Numbers], Breach | None]] = {
     Orthotropic: _orthotropic,
     Anisotropic: _anisotropic,
 }
-
-
-def _not_positive(given: Numbers, names: tuple[str, ...]) -> Breach | None:
-    for name in names:
-        if name in given and not given[name] > 0:
-            return Breach(name, given[name], "it must be positive")
-    return None
-
-
-def _outside(given: Numbers, name: str, low: float, high: float, known: str = "") -> Breach | None:
-    if name not in given or low < given[name] < high:
-        return None
-    unit = "" if name.startswith("nu") else " Pa"
-    limit = f"{known}it must be between {low:.4g} and {high:.4g}{unit}"
-    return Breach(name, given[name], limit)

@@ -6,7 +6,7 @@ message on an unknown method are made from it, and `geoident.identify.METHODS` h
 Losses: how much a large residual counts, as users write them.
 
 One table, `LOSS_OPTIONS`, maps the names to the option types; the schema and the messages are made
-from it. The formulas are in `geoident.identify.problem.problem`.
+from it. The formulas are in `geoident.identify.problem.losses`.
 
 Model error: what is assumed of it.
 """

@@ -83,6 +83,28 @@ class Prior:
         """
         return f"{self.kind}({self.mean:.6g}, {self.sd:.6g})"
 
+    def score(self, value: float) -> float:
+        """By how many standard deviations a value, SI, is off, of a lognormal one its logarithm.
+
+        Minus infinity where a lognormal prior excludes it.
+
+        >>> Prior(8.0, 2.0).score(5.0)
+        -1.5
+        """
+        if self.kind == "normal":
+            return (value - self.mean) / self.sd
+        return float(np.log(value / self.mean)) * self.mean / self.sd if value > 0.0 else -np.inf
+
+    def slope(self, value: float) -> float:
+        """Derivative of `score`, 1/SI."""
+        return 1.0 / self.sd if self.kind == "normal" else self.mean / (self.sd * value)
+
+    def at_score(self, score: float) -> float:
+        """The value, SI, that has a score."""
+        if self.kind == "normal":
+            return self.mean + self.sd * score
+        return float(self.mean * np.exp(self.sd / self.mean * score))
+
 
 @dataclass(frozen=True)
 class Parameter:

@@ -93,9 +93,6 @@ class HasSurrogate(Response, Protocol):
     def surrogate_obstacle(self) -> str | None:
         """Why there is none, a clause, or None if there may be one."""
 
-    def visited(self) -> Sequence[Floats]:
-        """Parameter vectors (n,) of which a surrogate can be made at no cost, in their order."""
-
     def surrogate(self, visited: Sequence[Floats]) -> Surrogate | None:
         """The surrogate that some evaluations make; None where there is none.
 

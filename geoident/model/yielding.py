@@ -12,9 +12,10 @@ from math import degrees, pi, tan
 from typing import ClassVar, Literal
 
 from geoident.model.arrays import Floats, Ints
+from geoident.model.bounds import Breach, Numbers, beyond, negative, not_positive
 from geoident.model.dual import Dual
 from geoident.model.empirical.rock_mass import LARGEST_GSI, strength_constants
-from geoident.model.ground import Breach, Frame, Numbers, angles_of
+from geoident.model.ground import Frame, angles_of
 from geoident.model.parameter import Scalar, Values, scalars_of
 
 Fit = Literal["inscribed", "circumscribed", "best"]
@@ -110,15 +111,23 @@ class GivenPlanes(_Surface):
         return "given planes"
 
     def _breach(self, given: Numbers) -> Breach | None:
-        return _negative(given, "hardening")
+        return negative(given, "hardening")
 
 
 class _Coulomb(_Surface):
     """A surface by cohesion and angle of friction."""
 
     def _breach(self, given: Numbers) -> Breach | None:
-        fault = _friction(given) or _cohesion(given) or _dilation(given)
-        return fault or _negative(given, "tension")
+        friction, cohesion = given["friction"], given["cohesion"]
+        fault = _beyond_90_deg(given, "friction")
+        if not fault and friction > 0.0:
+            fault = negative(given, "cohesion")
+        elif not fault and not cohesion > 0.0:
+            fault = Breach("cohesion", cohesion, "without friction it must be positive")
+        if not fault and not 0.0 <= given.get("dilation", 0.0) <= friction:
+            limit = f"it must be from 0 to the friction angle, {degrees(friction):.6g} deg"
+            fault = Breach("dilation", given["dilation"], limit)
+        return fault or negative(given, "tension")
 
 
 @dataclass(frozen=True)
@@ -280,14 +289,16 @@ class HoekBrown(_Surface):
         return float(s.value) * self.sigci.value(values) / float(mb.value)
 
     def _breach(self, given: Numbers) -> Breach | None:
-        fault = _not_positive(given, "sigci") or _not_positive(given, "mi")
-        fault = fault or _beyond(given, "GSI", 0.0, LARGEST_GSI) or _beyond(given, "D", 0.0, 1.0)
-        fault = fault or _not_positive(given, "mb") or _beyond(given, "s", 0.0, 1.0)
-        fault = fault or _beyond(given, "a", *_EXPONENTS)
-        if not fault and not 0.0 <= given.get("dilation", 0.0) < pi / 2:
-            limit = "it must be from 0 to below 90 deg"
-            fault = Breach("dilation", given["dilation"], limit)
-        return fault or _negative(given, "tension")
+        return (
+            not_positive(given, "sigci", "mi")
+            or beyond(given, "GSI", 0.0, LARGEST_GSI)
+            or beyond(given, "D", 0.0, 1.0)
+            or not_positive(given, "mb")
+            or beyond(given, "s", 0.0, 1.0)
+            or beyond(given, "a", *_EXPONENTS)
+            or _beyond_90_deg(given, "dilation")
+            or negative(given, "tension")
+        )
 
 
 YieldSurface = GivenPlanes | MohrCoulomb | DruckerPrager | WeakPlane | HoekBrown
@@ -300,43 +311,10 @@ def _with_tension(name: str, tension: Scalar | None) -> str:
     return name if tension is None else f"{name} with a tension cut-off"
 
 
-def _friction(given: Numbers) -> Breach | None:
-    if 0.0 <= given["friction"] < pi / 2:
+def _beyond_90_deg(given: Numbers, name: str) -> Breach | None:
+    if 0.0 <= given.get(name, 0.0) < pi / 2:
         return None
-    return Breach("friction", given["friction"], "it must be from 0 to below 90 deg")
-
-
-def _cohesion(given: Numbers) -> Breach | None:
-    if given["friction"] > 0.0:
-        return _negative(given, "cohesion")
-    if given["cohesion"] > 0.0:
-        return None
-    return Breach("cohesion", given["cohesion"], "without friction it must be positive")
-
-
-def _dilation(given: Numbers) -> Breach | None:
-    if "dilation" not in given or 0.0 <= given["dilation"] <= given["friction"]:
-        return None
-    limit = f"it must be from 0 to the friction angle, {degrees(given['friction']):.6g} deg"
-    return Breach("dilation", given["dilation"], limit)
-
-
-def _not_positive(given: Numbers, name: str) -> Breach | None:
-    if given.get(name, 1.0) > 0.0:
-        return None
-    return Breach(name, given[name], "it must be positive")
-
-
-def _beyond(given: Numbers, name: str, least: float, most: float) -> Breach | None:
-    if least <= given.get(name, least) <= most:
-        return None
-    return Breach(name, given[name], f"it must be from {least:g} to {most:g}")
-
-
-def _negative(given: Numbers, name: str) -> Breach | None:
-    if given.get(name, 0.0) >= 0.0:
-        return None
-    return Breach(name, given[name], "it must not be negative")
+    return Breach(name, given[name], "it must be from 0 to below 90 deg")
 
 
 @dataclass(frozen=True)

@@ -15,10 +15,11 @@ from geoident.fem.solvers.threads import one_thread
 from geoident.forward.external.table import TableModel
 from geoident.forward.observed import ObservedModel, Survey
 from geoident.forward.reduced.case_model import ReducedCaseModel
-from geoident.identify import Assessment, Problem, assess
 from geoident.identify.assessment.diagnostics import effective_sd
 from geoident.identify.assessment.profile_path import Nonlinearity
+from geoident.identify.assessment.uncertainty import Assessment, assess
 from geoident.identify.problem.outcome import Outcome
+from geoident.identify.problem.problem import Problem
 from geoident.io.result.file import read_result
 from geoident.io.text.yaml_reader import parse_yaml
 from geoident.model.arrays import Bools, Ints

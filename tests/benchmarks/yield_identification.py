@@ -25,7 +25,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from support.yield_sites import Site, Task, deep_opening, notched_plate, task
 
 from geoident.errors import ModelError
-from geoident.identify import identify
+from geoident.identify.problem.methods import identify
 from geoident.model.methods import ComplementarityOptions, MethodOptions, SimplexOptions
 
 SITES: dict[str, Callable[..., Site]] = {"opening": deep_opening, "plate": notched_plate}

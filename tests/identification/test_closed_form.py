@@ -17,8 +17,9 @@ from support.yielding import constant, mohr, rock
 
 from geoident.errors import InputError, ModelError
 from geoident.forward.model import StagedModel
-from geoident.identify import Problem, identify
 from geoident.identify.least_squares.closed_form import closed_form
+from geoident.identify.problem.methods import identify
+from geoident.identify.problem.problem import Problem
 from geoident.io.result.file import read_result
 from geoident.model.case import Stage
 from geoident.model.gauges import Channel

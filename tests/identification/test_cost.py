@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from support.yield_sites import Task, deep_opening, task
 
-from geoident.identify import Outcome, identify
+from geoident.identify.problem.methods import identify
+from geoident.identify.problem.outcome import Outcome
 from geoident.model.methods import ComplementarityOptions
 
 MOST = 150

@@ -22,9 +22,11 @@ from support.yielding import constant, hoek, rock
 
 from geoident.forward.model import StagedModel
 from geoident.forward.openings.model import opening_model
-from geoident.identify import Problem, assess, identify
+from geoident.identify.assessment.uncertainty import assess
 from geoident.identify.hierarchical.knowledge import SectionsKnowledge
 from geoident.identify.hierarchical.search import fit_sections
+from geoident.identify.problem.methods import identify
+from geoident.identify.problem.problem import Problem
 from geoident.model.case import Material, Stage
 from geoident.model.empirical.rock_mass import RockMassModulus
 from geoident.model.methods import (

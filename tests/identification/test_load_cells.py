@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from support.load_cells import GAUGES, VALUES, nailed
 
-from geoident.identify import Problem, identify
+from geoident.identify.problem.methods import identify
+from geoident.identify.problem.problem import Problem
 from geoident.model.methods import GaussNewtonOptions
 
 

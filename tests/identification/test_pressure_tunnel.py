@@ -21,7 +21,10 @@ from support.yielding import constant, mohr, rock
 
 from geoident.forward.model import StagedModel
 from geoident.forward.openings.closed_forms import Opening, Rock, mohr_coulomb
-from geoident.identify import Assessment, Outcome, Problem, assess, identify
+from geoident.identify.assessment.uncertainty import Assessment, assess
+from geoident.identify.problem.methods import identify
+from geoident.identify.problem.outcome import Outcome
+from geoident.identify.problem.problem import Problem
 from geoident.model.actions import Pressure
 from geoident.model.case import Stage
 from geoident.model.dual import Dual

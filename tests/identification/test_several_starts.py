@@ -10,8 +10,8 @@ from support.strata import TRUTH, write_case, write_readings
 
 from geoident.fem.solvers import pick_solver
 from geoident.forward.model import staged_model
-from geoident.identify import identify
 from geoident.identify.least_squares.several_starts import SeveralStarts
+from geoident.identify.problem.methods import identify
 from geoident.identify.problem.problem import Problem
 from geoident.io.case.file import read_case
 from geoident.io.mesh.file import read_mesh

@@ -7,8 +7,8 @@ import pytest
 from support.cases import displacement, material, model, rollers
 from support.meshes import box, regroup
 
-from geoident.identify import identify
 from geoident.identify.assessment.uncertainty import assess
+from geoident.identify.problem.methods import identify
 from geoident.identify.problem.problem import Problem
 from geoident.model.case import Stage, Support
 from geoident.model.in_situ import HeimStress

@@ -8,8 +8,8 @@ from scipy.sparse.linalg import spsolve
 from support.cases import displacement, material, model, rollers
 from support.meshes import box, regroup
 
-from geoident.identify import identify
 from geoident.identify.assessment.uncertainty import assess
+from geoident.identify.problem.methods import identify
 from geoident.identify.problem.problem import Problem
 from geoident.model.actions import Pressure
 from geoident.model.case import Material, Stage, Support

@@ -23,8 +23,8 @@ from support.anisotropy import (
 from support.cases import displacement, model, rollers
 from support.meshes import box
 
-from geoident.identify import identify
 from geoident.identify.assessment.uncertainty import assess
+from geoident.identify.problem.methods import identify
 from geoident.identify.problem.problem import Problem
 from geoident.model.actions import Pressure, Traction
 from geoident.model.case import Material, Stage

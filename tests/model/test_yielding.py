@@ -38,8 +38,3 @@ def test_it_knows_all_numbers_on_which_its_planes_depend():
     assert {number.parameter for number in DIPPING.numbers} == {"c", "phi", "dip", None}
     assert WeakPlane(Axes((1, 0, 0), (0, 1, 0)), C, PHI).numbers == (C, PHI)
     assert MohrCoulomb(C, PHI, Scalar(0.0), CUT).numbers == (C, PHI, Scalar(0.0), CUT)
-
-
-def test_only_mohr_coulomb_without_planes_is_smooth():
-    smooth = [MohrCoulomb(C, PHI), MohrCoulomb(C, PHI, planes=16), PLANES, DIPPING]
-    assert [surface.is_smooth for surface in smooth] == [True, False, False, False]

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from scipy.stats import chisquare
 
-from geoident.identify import identify
 from geoident.identify.posterior.draws import SamplingRequest
 from geoident.identify.posterior.sampling import sample_posterior
+from geoident.identify.problem.methods import identify
 from geoident.identify.problem.problem import Problem
 from geoident.model.methods import GaussNewtonOptions
 from geoident.model.parameter import Parameter, Prior

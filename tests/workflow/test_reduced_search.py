@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from support.reduced import PAIRS_PLANE, plane
 
-from geoident.identify import identify
 from geoident.identify.direct.scan import scan
+from geoident.identify.problem.methods import identify
 from geoident.identify.problem.problem import Problem
 from geoident.model.methods import GaussNewtonOptions, ScanAxis, ScanOptions
 from geoident.workflow.running.cached_response import CachedResponse, substituting

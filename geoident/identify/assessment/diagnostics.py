@@ -40,7 +40,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from geoident.identify.assessment.uncertainty import Assessment
-from geoident.identify.problem.problem import Problem, own_residuals, robust_scale, weights
+from geoident.identify.problem.losses import robust_scale, weights
+from geoident.identify.problem.problem import Problem, own_residuals
 from geoident.model.arrays import Floats, Ints
 from geoident.model.methods import SquaredOptions
 

@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 from iterative_ensemble_smoother import ESMDA
-from scipy.special import ndtr, ndtri
+from scipy.special import ndtr
 
 from geoident.errors import ModelError
 from geoident.identify.problem.ahead import asked_in_turns
@@ -42,47 +42,14 @@ LEAST_SOLVED = 0.5
 KEPT = 0.999
 """Part of the singular values of the ensemble's readings that an update keeps: the usual choice."""
 
-_EDGE = 1e-12
-"""Nearest to a bound, in parts of the width: the normal score of a bound itself is infinite."""
 
-
-class NormalScores:
-    """Parameters as normal scores z of their priors.
-
-    Args:
-        parameters: the n unknowns.
-    """
-
-    def __init__(self, parameters: tuple[Parameter, ...]) -> None:
-        self._parameters = parameters
-        self._scaling = Scaling(parameters)
-
-    def values(self, z: Floats) -> Floats:
-        """Parameter values (n,), SI, within the bounds, of scores (n,)."""
-        scaling = self._scaling
-        x = scaling.lower + (scaling.upper - scaling.lower) * ndtr(z)
-        p = scaling.to_natural(x)
-        for i, prior in scaling.priors:
-            if prior.kind == "lognormal":
-                p[i] = prior.mean * np.exp(prior.sd / prior.mean * z[i])
-            else:
-                p[i] = prior.mean + prior.sd * z[i]
-        lower = np.array([q.lower for q in self._parameters])
-        upper = np.array([q.upper for q in self._parameters])
-        return np.asarray(np.clip(p, lower, upper), dtype=np.float64)
-
-    def scores(self, p: Floats) -> Floats:
-        """Scores (n,) of values (n,), SI."""
-        scaling = self._scaling
-        width = np.where(scaling.upper > scaling.lower, scaling.upper - scaling.lower, 1.0)
-        part = (scaling.to_scaled(p) - scaling.lower) / width
-        z = ndtri(np.clip(part, _EDGE, 1 - _EDGE))
-        for i, prior in scaling.priors:
-            if prior.kind == "lognormal":
-                z[i] = np.log(p[i] / prior.mean) * prior.mean / prior.sd
-            else:
-                z[i] = (p[i] - prior.mean) / prior.sd
-        return np.asarray(z, dtype=np.float64)
+def values_at(z: Floats, scaling: Scaling) -> Floats:
+    """Parameter values (n,), SI, within the bounds, of normal scores z (n,)."""
+    x = scaling.lower + (scaling.upper - scaling.lower) * ndtr(z)
+    p = scaling.to_natural(x)
+    for i, prior in scaling.priors:
+        p[i] = prior.at_score(z[i])
+    return np.asarray(np.clip(p, *scaling.bounds), dtype=np.float64)
 
 
 def ensemble_smoother(
@@ -95,7 +62,7 @@ def ensemble_smoother(
         options: size of the ensemble, steps and seed.
         observe: is told of every step.
     """
-    phi, scores = Discrepancy(problem).objective, NormalScores(problem.parameters)
+    phi, scaling = Discrepancy(problem).objective, Scaling(problem.parameters)
     history = History(NAME, problem.response, observe)
     generator = np.random.default_rng(options.seed)
     Z = generator.standard_normal((len(problem.parameters), options.ensemble))
@@ -103,10 +70,10 @@ def ensemble_smoother(
     smoother: Any = ESMDA(np.ones(len(target)), target, alpha=options.assimilations, seed=generator)
     step = 0.0
     for _ in range(options.assimilations):
-        Y, solved = _white_readings(problem, scores, Z)
+        Y, solved = _white_readings(problem, scaling, Z)
         Z, Y = Z[:, solved], Y[:, solved]
         if solved.mean() < LEAST_SOLVED:
-            middle = scores.values(Z.mean(axis=1)) if Z.size else problem.start
+            middle = values_at(Z.mean(axis=1), scaling) if Z.size else problem.start
             reason = (
                 f"Of {options.ensemble} members of the ensemble {options.ensemble - Z.shape[1]} "
                 "have no solution. Narrow the priors and bounds, so that the model stands within "
@@ -114,14 +81,14 @@ def ensemble_smoother(
             )
             return history.outcome(middle, phi(middle), "not-converged", reason)
         before = Z.mean(axis=1)
-        middle = scores.values(before)
+        middle = values_at(before, scaling)
         history.record(middle, phi(middle), step=step, note="assimilated")
         if history.stop is not None:
             return history.outcome(middle, phi(middle), "", "")
         smoother.prepare_assimilation(Y=Y, truncation=KEPT)
         Z = smoother.assimilate_batch(X=Z)
         step = float(np.linalg.norm(Z.mean(axis=1) - before))
-    middle = scores.values(Z.mean(axis=1))
+    middle = values_at(Z.mean(axis=1), scaling)
     objective = phi(middle)
     history.record(middle, objective, step=step, note="mean of the ensemble")
     reason = (
@@ -130,7 +97,7 @@ def ensemble_smoother(
     )
     status = "converged" if np.isfinite(objective) else "not-converged"
     outcome = history.outcome(middle, objective, status, reason)
-    members = np.stack([scores.values(z) for z in Z.T], axis=1)
+    members = np.stack([values_at(z, scaling) for z in Z.T], axis=1)
     remarks = [_intervals(problem.parameters, members)]
     lost = options.ensemble - Z.shape[1]
     if lost:
@@ -138,11 +105,11 @@ def ensemble_smoother(
     return replace(outcome, remarks=tuple(remark for remark in remarks if remark))
 
 
-def _white_readings(problem: Problem, scores: NormalScores, Z: Floats) -> tuple[Floats, Bools]:
+def _white_readings(problem: Problem, scaling: Scaling, Z: Floats) -> tuple[Floats, Bools]:
     """White readings (g, m) of the members (n, m) of an ensemble, and which have a solution."""
     Y = np.zeros((len(problem.measured), Z.shape[1]))
     solved = np.zeros(Z.shape[1], dtype=np.bool_)
-    points = np.array([scores.values(z) for z in Z.T])
+    points = np.array([values_at(z, scaling) for z in Z.T])
     with asked_in_turns(problem, points) as turn:
         for k, p in enumerate(points):
             turn(k)

@@ -44,7 +44,12 @@ from geoident.model.arrays import Floats
 from geoident.model.methods import SimplexOptions
 
 Objective = Callable[[Floats], float]
-Watch = Callable[["SimplexMove"], bool]
+Watch = Callable[[Floats, float, float, str], bool]
+"""Is told of every iteration; True stops the search.
+
+(best vertex (n,), the objective there, largest distance of a vertex from it, note); the note is
+``start``, ``reflected``, ``expanded``, ``contracted``, ``shrunk`` or ``restart``.
+"""
 
 Vertices = tuple[Floats, Floats]
 """(n+1, n) vertices and (n+1,) their values."""
@@ -71,37 +76,18 @@ _REASONS: dict[SimplexEnding, str] = {
 
 
 @dataclass(frozen=True)
-class SimplexMove:
-    """What one iteration did.
-
-    Args:
-        x: (n,) best vertex.
-        value: the objective there.
-        size: largest distance of a vertex from the best, largest component.
-        note: ``start``, ``reflected``, ``expanded``, ``contracted``, ``shrunk`` or ``restart``.
-    """
-
-    x: Floats
-    value: float
-    size: float
-    note: str
-
-
-@dataclass(frozen=True)
 class Minimum:
     """Where a search ended.
 
     Args:
         x: (n,) best point evaluated.
         value: the objective there.
-        evaluations: how often the objective was asked.
         ending: ``converged``; ``moved`` if the last restart still found a clearly better point;
             ``evaluations`` if they were used up; ``stopped`` by the watch.
     """
 
     x: Floats
     value: float
-    evaluations: int
     ending: SimplexEnding
 
 
@@ -132,8 +118,8 @@ def simplex(problem: Problem, options: SimplexOptions, observe: Observer) -> Out
         inside = np.all((y >= scaling.lower[free]) & (y <= scaling.upper[free]))
         return phi.objective(natural(y)) if inside else np.inf
 
-    def watch(at: SimplexMove) -> bool:
-        history.record(natural(at.x), at.value, step=at.size, note=at.note)
+    def watch(y: Floats, value: float, size: float, note: str) -> bool:
+        history.record(natural(y), value, step=size, note=note)
         return history.stop is not None
 
     start = scaling.start[free]
@@ -161,7 +147,7 @@ def minimise(
         objective: values at x (n,); infinite (or NaN) where x is inadmissible.
         x0: (n,) start.
         options: coefficients, tolerance, budget, restarts, and the edge of the first simplex.
-        watch: is told of every iteration; True stops the search.
+        watch: see `Watch`.
 
     Returns:
         The best point evaluated, never worse than the start.
@@ -196,8 +182,7 @@ def minimise(
         return float(np.max(np.abs(x - x[0]), initial=0.0))
 
     def stopped(note: str) -> bool:
-        move = SimplexMove(x[0].copy(), float(values[0]), size(x), note)
-        return watch is not None and watch(move)
+        return watch is not None and watch(x[0].copy(), float(values[0]), size(x), note)
 
     def descended(edge: float) -> SimplexEnding:
         """Moves a new simplex around the best point until it rests, or may not go on."""
@@ -225,7 +210,7 @@ def minimise(
         gain = before - values[0] > math.sqrt(delta) * max(abs(before), 1.0)
         if ending == "converged" and gain:
             ending = "moved"
-    return Minimum(x[0], float(values[0]), evaluations, ending)
+    return Minimum(x[0], float(values[0]), ending)
 
 
 def first_simplex(phi: Objective, x0: Floats, phi0: float, edge: float) -> Vertices:

@@ -75,8 +75,7 @@ from geoident.identify.problem.problem import CHECK_UNITS, Discrepancy, Problem
 from geoident.identify.problem.responses import AffineElastic
 from geoident.model.arrays import Floats, Ints
 from geoident.model.methods import CondensationOptions
-from geoident.model.parameter import Parameter
-from geoident.model.response import Condensed, Response
+from geoident.model.response import Condensed
 
 INDEPENDENT = 1e-9
 """Rows of S whose part that is new is below this part of the largest count as dependent."""
@@ -88,41 +87,10 @@ SHORTENINGS = 10
 """How often a step to parameters without solution is halved."""
 
 _FOLLOW = "go on from here with the method gauss-newton."
-_OTHERS = "Use the method gauss-newton or simplex."
 _NO_SOLUTION = (
     "The condensed equations lead to parameters at which the model has no solution: "
     f"give tighter bounds, or {_FOLLOW}"
 )
-
-
-def condensation_faults(
-    response: Response, parameters: Sequence[Parameter], options: CondensationOptions
-) -> tuple[Fault, ...]:
-    """Why condensation cannot be used, known before any computing; empty if it can.
-
-    Args:
-        response: the model.
-        parameters: the n unknowns.
-        options: the weighting decides whether priors can be used.
-    """
-    faults = []
-    if isinstance(response, AffineElastic):
-        obstacle = response.obstacle()
-    else:
-        obstacle = "the model offers no equations that are affine in the parameters."
-    if obstacle is not None:
-        message = f"The method condensation is not possible: {obstacle}"
-        faults.append(Fault("method-not-possible", message, _OTHERS))
-    with_prior = [parameter.name for parameter in parameters if parameter.prior is not None]
-    if options.weighting == "equation" and with_prior:
-        message = (
-            "The method condensation with weighting: equation takes no priors "
-            f"({', '.join(with_prior)}): it measures errors in forces, which cannot be weighed "
-            "against the standard deviation of a prior."
-        )
-        hint = "Use weighting: output, leave out the priors, or use the method gauss-newton."
-        faults.append(Fault("method-not-possible", message, hint))
-    return tuple(faults)
 
 
 def condensation(problem: Problem, options: CondensationOptions, observe: Observer) -> Outcome:
@@ -137,12 +105,19 @@ def condensation(problem: Problem, options: CondensationOptions, observe: Observ
         The fixed point if it converged, or the iterate of lowest discrepancy.
 
     Raises:
-        InputError: the model's equations are not affine, or priors with weighting ``equation``.
+        InputError: priors with weighting ``equation``.
         ModelError: the model has no solution at the start.
     """
-    faults = condensation_faults(problem.response, problem.parameters, options)
-    if faults or not isinstance(problem.response, AffineElastic):
-        raise InputError(faults)
+    believed = [parameter.name for parameter in problem.parameters if parameter.prior is not None]
+    if options.weighting == "equation" and believed:
+        message = (
+            "The method condensation with weighting: equation takes no priors "
+            f"({', '.join(believed)}): it measures errors in forces, which cannot be weighed "
+            "against the standard deviation of a prior."
+        )
+        hint = "Use weighting: output, leave out the priors, or use the method gauss-newton."
+        raise InputError([Fault("method-not-possible", message, hint)])
+    assert isinstance(problem.response, AffineElastic)  # else the method was refused
     equations = _CondensedEquations(problem, problem.response, options)
     history = History("condensation", problem.response, observe)
     points: list[_CondensedIterate] = []
@@ -154,36 +129,30 @@ def condensation(problem: Problem, options: CondensationOptions, observe: Observ
         history.record(point.p, point.phi, step=change, note=note)
 
     record(equations.at(np.clip(problem.start, *problem.bounds)), 0.0, "start")
+    trouble = ""
     while history.stop is None:
         point = points[-1]
         q = equations.solution(point)
         change = equations.change(point.p, q)
+        rest = ""
         if change <= options.tolerance:
-            reason = (
+            rest = (
                 "The next step would change no parameter by more than "
                 f"{options.tolerance:g}, relative."
             )
-            return history.outcome(point.p, point.phi, "converged", reason)
-        if len(points) > 1 and changes[-1] <= change <= np.sqrt(options.tolerance):
-            reason = (
+        elif len(points) > 1 and changes[-1] <= change <= np.sqrt(options.tolerance):
+            rest = (
                 f"The changes do not fall below {change:.1e}, relative: what is left is rounding."
             )
-            return history.outcome(point.p, point.phi, "converged", reason)
+        if rest:
+            return history.outcome(point.p, point.phi, "converged", rest)
         trouble = _trouble(equations, points, changes, options)
-        if trouble is None:
-            trouble, note = _NO_SOLUTION, "accepted"
-            for _ in range(SHORTENINGS):
-                try:
-                    record(equations.at(q), equations.change(point.p, q), note)
-                except ModelError:
-                    q, note = 0.5 * (point.p + q), "shortened: no solution"
-                else:
-                    trouble = None
-                    break
-        if trouble is not None:
+        reached = None if trouble else equations.reached(point.p, q)
+        if reached is None:
+            trouble = trouble or _NO_SOLUTION
             break
-    else:
-        trouble = ""
+        note = "accepted" if np.array_equal(reached.p, q) else "shortened: no solution"
+        record(reached, equations.change(point.p, reached.p), note)
     lowest = min(points, key=lambda point: point.phi)
     return history.outcome(lowest.p, lowest.phi, "not-converged", trouble)
 
@@ -193,8 +162,8 @@ def _trouble(
     points: Sequence[_CondensedIterate],
     changes: Sequence[float],
     options: CondensationOptions,
-) -> str | None:
-    """Signs that the iteration will not come to rest, with the remedy."""
+) -> str:
+    """A sign that the iteration will not come to rest, with the remedy; empty for none."""
     steps, last = len(points) - 1, points[-1].p
     near = 1e-3 * changes[-1]  # the last iterate has come back to one before
     if any(equations.change(one.p, last) < near for one in points[-1 - LONGEST_CYCLE : -2]):
@@ -206,7 +175,7 @@ def _trouble(
             f"The iteration did not converge in {steps} steps, the last changed a parameter by "
             f"{changes[-1]:.1e}, relative: raise max_iterations, or {_FOLLOW}"
         )
-    return None
+    return ""
 
 
 @dataclass(frozen=True)
@@ -242,6 +211,15 @@ class _CondensedEquations:
         if not (np.isfinite(phi) and np.all(np.isfinite(model.matrix))):
             raise ModelError("The misfit is not a finite number here.", CHECK_UNITS)
         return _CondensedIterate(p, model, phi)
+
+    def reached(self, p: Floats, q: Floats) -> _CondensedIterate | None:
+        """The iterate at q (n,), or nearer to p (n,) where there is no solution; None for none."""
+        for _ in range(SHORTENINGS):
+            try:
+                return self.at(q)
+            except ModelError:
+                q = 0.5 * (p + q)
+        return None
 
     def solution(self, point: _CondensedIterate) -> Floats:
         """p_{j+1} (n,), SI: the linear least-squares problem [18] in the bounds.

@@ -67,6 +67,10 @@ _NOISE = (
     "readings."
 )
 _ROUNDING = "The misfit cannot be lowered further: what is left is rounding."
+_EXHAUSTED = (
+    "The search did not converge in {} steps: raise max_iterations, start nearer to the expected "
+    "values or give tighter bounds."
+)
 
 GiveUp = Callable[[int, float, float], bool]
 """(steps made, trust radius, lowest phi) -> whether a descent is not worth going on."""
@@ -209,11 +213,6 @@ class Evaluator(Generic[IterateT]):
         return point
 
 
-def plain_evaluator(discrepancy: Discrepancy, history: History) -> Evaluator[Iterate]:
-    """An evaluator that knows the residuals of a point and no more."""
-    return Evaluator(discrepancy, history, lambda point: point)
-
-
 @dataclass(frozen=True)
 class Stopping:
     """When nothing is left to do at a point.
@@ -321,50 +320,44 @@ class Descent(Generic[IterateT]):
     def _run(
         self, start: IterateT, give_up: GiveUp | None, leave: Leave[IterateT] | None
     ) -> Ending[IterateT]:
-        judge, box = Acceptance(start), self.evaluator.box
+        control = Acceptance(start)
         for number in range(self.max_steps):
-            ending = self._ended(judge)
-            if ending is None and give_up and give_up(number, judge.radius, judge.best.phi):
-                ending = Ending(judge.best, "not-converged", _GIVEN_UP, abandoned=True)
-            if ending is None and leave and leave(judge.point, self.propose(judge.point, np.inf)):
-                ending = Ending(judge.best, "not-converged", _GIVEN_UP, abandoned=True)
+            ending = self._ended(control)
             if ending is not None:
                 return ending
-            point = judge.point
-            step = self.propose(point, judge.radius)
-            x = box.reach(point.x, step.d)
+            point = control.point
+            full = self.propose(point, np.inf)
+            if (give_up and give_up(number, control.radius, control.best.phi)) or (
+                leave and leave(point, full)
+            ):
+                return Ending(control.best, "not-converged", _GIVEN_UP, abandoned=True)
+            step = self.propose(point, control.radius)
+            x = self.evaluator.box.reach(point.x, step.d)
             trial = self.evaluator.try_point(x)
-            note = judge.judge(step, trial)
+            note = control.judge(step, trial)
             self.evaluator.record(x, trial, step.length, note)
-            if note == "rejected":
-                full = self.propose(point, np.inf)
-                if self.stopping.negligible(full):
-                    return Ending(judge.best, "converged", _ROUNDING)
-                if self.stopping.hidden(point, full.gain):
-                    return Ending(judge.best, "converged", _NOISE.format(full.gain))
-        return self._ended(judge) or Ending(judge.best, "not-converged", self._exhausted())
+            if note == "rejected" and self.stopping.negligible(full):
+                return Ending(control.best, "converged", _ROUNDING)
+            if note == "rejected" and self.stopping.hidden(point, full.gain):
+                return Ending(control.best, "converged", _NOISE.format(full.gain))
+        exhausted = Ending(control.best, "not-converged", _EXHAUSTED.format(self.max_steps))
+        return self._ended(control) or exhausted
 
-    def _ended(self, judge: Acceptance[IterateT]) -> Ending[IterateT] | None:
+    def _ended(self, control: Acceptance[IterateT]) -> Ending[IterateT] | None:
         """The end of a descent, or None while there is something to do."""
-        reason = self.stopping.reason(judge.point, self.propose(judge.point, np.inf))
-        best, point = judge.best, judge.point
-        if reason and point is not best and not self.stopping.hidden(best, point.phi - best.phi):
-            judge.return_to_best()
-        elif reason:
+        best, point = control.best, control.point
+        reason = self.stopping.reason(point, self.propose(point, np.inf))
+        if reason and (point is best or self.stopping.hidden(best, point.phi - best.phi)):
             return Ending(point, "converged", reason)
-        closed = judge.radius <= self.stopping.tolerance
-        if closed and self.stopping.flat(judge.best):
-            return Ending(judge.best, "converged", _FLAT)
-        if closed:
-            promised = self.propose(judge.best, np.inf).gain
+        if reason:  # the detour led nowhere
+            control.return_to_best()
+        if control.radius <= self.stopping.tolerance:
+            if self.stopping.flat(best):
+                return Ending(best, "converged", _FLAT)
+            promised = self.propose(best, np.inf).gain
             if promised <= AT_KINK:
-                return Ending(judge.best, "converged", _KINKED.format(promised))
-        if closed or self.evaluator.history.stop is not None:
-            return Ending(judge.best, "not-converged", _STALLED)
+                return Ending(best, "converged", _KINKED.format(promised))
+            return Ending(best, "not-converged", _STALLED)
+        if self.evaluator.history.stop is not None:
+            return Ending(best, "not-converged", _STALLED)
         return None
-
-    def _exhausted(self) -> str:
-        return (
-            f"The search did not converge in {self.max_steps} steps: raise max_iterations, "
-            "start nearer to the expected values or give tighter bounds."
-        )

@@ -25,7 +25,7 @@ from geoident.identify.least_squares.acceptance import (
     Iterate,
     Step,
 )
-from geoident.identify.least_squares.descent import Descent, Stopping, plain_evaluator
+from geoident.identify.least_squares.descent import Descent, Evaluator, Stopping
 from geoident.identify.least_squares.several_starts import SAME, SeveralStarts
 from geoident.identify.least_squares.trust_region import TrustBox, bounded_least_squares
 from geoident.identify.problem.ahead import ProblemApart, apart
@@ -71,27 +71,20 @@ def gauss_newton(
     also: Sequence[Floats] = ()
     if isinstance(problem.loss, StudentOptions) and options.starts == "automatic":
         given, convex = problem.start, replace(problem, loss=HuberOptions())
-        first = _several_starts(convex, replace(options, starts=1), history).run().best.point.p
+        first = _several_starts(convex, replace(options, starts=1), history).run().values
         problem = problem.begun_at(first)
         also = [Discrepancy(problem).scaling.to_scaled(given), *_led_by_parts(problem, first)]
-    search = _several_starts(problem, options, history, also).run()
-    best = search.best
-    outcome = history.outcome(best.point.p, best.point.phi, best.status, best.reason)
-    return replace(outcome, minima=search.minima, remarks=search.remarks)
+    return _several_starts(problem, options, history, also).run()
 
 
 def _several_starts(
     problem: Problem, options: GaussNewtonOptions, history: History, also: Sequence[Floats] = ()
 ) -> SeveralStarts:
-    named = sum(not q.field for q in problem.parameters)  # a mode's prior is an equation
     return SeveralStarts(
         gauss_newton_descent(Discrepancy(problem), options, history),
-        problem.parameters,
         None if options.starts == "automatic" else options.starts,
-        max(len(problem.measured) - named, 1),
         lambda x: StartLook(apart(problem), options, x),
         also,
-        "the loss student-t may have several minima" if len(also) else "",
     )
 
 
@@ -174,20 +167,16 @@ def gauss_newton_descent(
         options: tolerance and steps.
         history: is told of every trial; its reason to stop ends the descent.
     """
-    evaluator = plain_evaluator(discrepancy, history)
+    evaluator = Evaluator(discrepancy, history, lambda point: point)
     box = evaluator.box
+    modes = any(q.field for q in discrepancy.problem.parameters)
+    gain = options.tolerance * (MODES_GAIN if modes else 1.0)
     return Descent(
         evaluator,
         lambda point, radius: gauss_newton_step(box, point, radius),
-        Stopping(box, options.tolerance, _gain_tolerance(discrepancy, options), discrepancy.noise),
+        Stopping(box, options.tolerance, gain, discrepancy.noise),
         options.max_iterations,
     )
-
-
-def _gain_tolerance(discrepancy: Discrepancy, options: GaussNewtonOptions) -> float:
-    """Relative gain that ends a descent."""
-    modes = any(q.field for q in discrepancy.problem.parameters)
-    return options.tolerance * (MODES_GAIN if modes else 1.0)
 
 
 def gauss_newton_step(box: TrustBox, point: Iterate, radius: float) -> Step:

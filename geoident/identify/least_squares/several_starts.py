@@ -23,7 +23,7 @@ settles so far above the best one that it cannot become a rival; never where it 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import replace
 from itertools import islice, product
 
 import numpy as np
@@ -32,7 +32,7 @@ from geoident.errors import ModelError
 from geoident.identify.least_squares.acceptance import Iterate, Step
 from geoident.identify.least_squares.descent import Descent, Ending
 from geoident.identify.problem.ahead import SearchTask, in_turns
-from geoident.identify.problem.outcome import LocalMinimum
+from geoident.identify.problem.outcome import LocalMinimum, Outcome
 from geoident.identify.problem.scaling import Scaling
 from geoident.model.arrays import Floats
 from geoident.model.parameter import Parameter
@@ -129,51 +129,34 @@ class Angles:
         return None if np.array_equal(x, y) else y
 
 
-@dataclass(frozen=True)
-class MinimaFound:
-    """What several descents came to.
-
-    Args:
-        best: the lowest ending.
-        minima: the others where a descent converged, lowest first.
-        remarks: on how they were found, clauses.
-    """
-
-    best: Ending[Iterate]
-    minima: tuple[LocalMinimum, ...]
-    remarks: tuple[str, ...]
-
-
-@dataclass
 class SeveralStarts:
     """Descents of one problem.
 
     Args:
         descent: what goes down.
-        parameters: the n unknowns.
         starts: how many, the given one among them; None: as many as are needed.
-        freedom: readings less parameters, at least one: what phi is about where the model is right.
         look: a descent from a start (n,) as a part of the search (`ahead`).
-        also: starts (n,) that come before all others that are needed, as the misfit is known to
-            have several minima.
-        because: of what, a clause; empty where there are none.
+        also: starts (n,) of a loss that may have several minima, before all others.
     """
 
-    descent: Descent[Iterate]
-    parameters: Sequence[Parameter]
-    starts: int | None
-    freedom: int
-    look: Callable[[Floats], SearchTask]
-    also: Sequence[Floats] = ()
-    because: str = ""
-    _endings: list[Ending[Iterate]] = field(default_factory=list)
+    def __init__(
+        self,
+        descent: Descent[Iterate],
+        starts: int | None,
+        look: Callable[[Floats], SearchTask],
+        also: Sequence[Floats] = (),
+    ) -> None:
+        self.descent, self.evaluator = descent, descent.evaluator
+        self._starts, self._look, self._also = starts, look, also
+        self._problem = self.evaluator.discrepancy.problem
+        self._parameters = self._problem.parameters
+        self._angles = Angles(self._parameters, self.evaluator.scaling)
+        named = sum(not q.field for q in self._parameters)  # a mode's prior is an equation
+        self._freedom = max(len(self._problem.measured) - named, 1)
+        self._endings: list[Ending[Iterate]] = []
 
-    def __post_init__(self) -> None:
-        self.evaluator = self.descent.evaluator
-        self.angles = Angles(self.parameters, self.evaluator.scaling)
-
-    def run(self) -> MinimaFound:
-        """All descents.
+    def run(self) -> Outcome:
+        """All descents: the best point, and the other minima that they came to, lowest first.
 
         Raises:
             ModelError: there is no solution at the given start, and at no other that was asked for.
@@ -181,12 +164,11 @@ class SeveralStarts:
         start, begun, remarks = self._first()
         self._endings = [self.down(start, further=False)]
         why = self._reason()
-        automatic = BESIDE if self.because else AUTOMATIC
-        wanted = self.starts or (automatic if why else 1)
-        response = self.evaluator.discrepancy.problem.response
+        automatic = BESIDE if len(self._also) else AUTOMATIC
+        wanted = self._starts or (automatic if why else 1)
         given = self.evaluator.scaling.start
-        places = [*self.also, *islice(self._places(given), begun - 1, wanted - 1)]
-        with in_turns(response, [self.look(x) for x in places]) as turn:
+        places = [*self._also, *islice(self._places(given), begun - 1, wanted - 1)]
+        with in_turns(self._problem.response, [self._look(x) for x in places]) as turn:
             for number, x in enumerate(places):
                 if self.evaluator.history.stop is not None:
                     break
@@ -195,11 +177,16 @@ class SeveralStarts:
                 point = self.evaluator.start(x, f"start {begun}")
                 if point is not None:
                     self._endings.append(self.down(point, further=True))
-        best = min(self._endings, key=lambda ending: ending.point.phi)
-        minima = self._minima(best)
         if why and begun > 1:
             remarks.append(f"the search had {begun} starts, as {why}")
-        return MinimaFound(best, minima, tuple(remarks))
+        best = min(self._endings, key=lambda ending: ending.point.phi)
+        others = [e.point for e in self._endings if e.status == "converged" and e is not best]
+        minima = distinct_minima([best.point, *others], self._angles)[1:]
+        return replace(
+            self.evaluator.history.outcome(best.point.p, best.point.phi, best.status, best.reason),
+            minima=tuple(LocalMinimum(point.p, point.phi) for point in minima),
+            remarks=tuple(remarks),
+        )
 
     def _first(self) -> tuple[Iterate, int, list[str]]:
         """Where to begin: the given start, or the first of the others that has a solution.
@@ -212,7 +199,7 @@ class SeveralStarts:
         try:
             point = evaluator.evaluate(given)
         except ModelError as error:
-            for n, x in enumerate(islice(self._places(given), (self.starts or 1) - 1), 2):
+            for n, x in enumerate(islice(self._places(given), (self._starts or 1) - 1), 2):
                 other = evaluator.start(x, f"start {n}")
                 if other is not None:
                     why = error.message.rstrip(".")
@@ -223,20 +210,20 @@ class SeveralStarts:
 
     def _places(self, given: Floats) -> Iterator[Floats]:
         scaling = self.evaluator.scaling
-        if self.starts is None and self.angles.sought:
-            return spread(scaling, self.angles, given, self.angles.sought)
-        named = [i for i, q in enumerate(self.parameters) if not q.field]
-        return spread(scaling, self.angles, given, named)
+        if self._starts is None and self._angles.sought:
+            return spread(scaling, self._angles, given, self._angles.sought)
+        named = [i for i, q in enumerate(self._parameters) if not q.field]
+        return spread(scaling, self._angles, given, named)
 
     def _reason(self) -> str:
         """Why one start is not enough, a clause; empty where it is, or the user says how many."""
-        if self.starts is not None:
+        if self._starts is not None:
             return ""
-        names = [self.parameters[i].name for i in self.angles.sought]
+        names = [self._parameters[i].name for i in self._angles.sought]
         if names:
             return f"{' and '.join(names)} {'is an angle' if len(names) == 1 else 'are angles'}"
-        if self.because:
-            return self.because
+        if len(self._also):
+            return "the loss student-t may have several minima"
         if self._endings[0].stalled:
             return "the misfit has kinks where it ended"
         if self.evaluator.begins_uphill(_UPHILL, RIVAL):
@@ -252,7 +239,7 @@ class SeveralStarts:
         """
         ending = self.descent.run(start, leave=self._not_worth_it if further else None)
         for _ in range(2):
-            x = None if ending.abandoned else self.angles.other_side(ending.point.x)
+            x = None if ending.abandoned else self._angles.other_side(ending.point.x)
             if x is None or self.evaluator.history.stop is not None:
                 break
             point = self.evaluator.start(x, "past the bound of an angle")
@@ -268,20 +255,15 @@ class SeveralStarts:
         if point.phi < best.phi:  # else the best of all would be one that was left
             return False
         promised = point.phi - full.gain
-        window = 2.0 * RIVAL * max(1.0, best.phi / self.freedom)
+        window = 2.0 * RIVAL * max(1.0, best.phi / self._freedom)
         if full.length <= 1.0 and promised - 2.0 * full.gain > best.phi + window:
             return True
         aim = self.evaluator.box.reach(point.x, full.d)
         known = (e.point for e in self._endings if e.status == "converged")
         return full.length <= 0.3 and any(
-            abs(promised - one.phi) <= _ALIKE and at_minimum(one, aim, self.angles) for one in known
+            abs(promised - one.phi) <= _ALIKE and at_minimum(one, aim, self._angles)
+            for one in known
         )
-
-    def _minima(self, best: Ending[Iterate]) -> tuple[LocalMinimum, ...]:
-        """The other minima, each once."""
-        others = [e.point for e in self._endings if e.status == "converged" and e is not best]
-        kept = distinct_minima([best.point, *others], self.angles)[1:]
-        return tuple(LocalMinimum(point.p, point.phi) for point in kept)
 
 
 def at_minimum(one: Iterate, x: Floats, angles: Angles) -> bool:
@@ -320,17 +302,18 @@ def start_ranges(scaling: Scaling) -> tuple[Floats, Floats]:
 
     A parameter without finite bounds varies by two units of x to both sides of its start.
     """
-    low = np.where(np.isfinite(scaling.lower), scaling.lower, scaling.start - 2.0)
-    high = np.where(np.isfinite(scaling.upper), scaling.upper, scaling.start + 2.0)
+    low, high = _open_ranges(scaling)
     for i, prior in scaling.priors:
-        if prior.kind == "lognormal":
-            factor = np.exp(_PRIOR_REACH * prior.sd / prior.mean)
-            ends = np.array([prior.mean / factor, prior.mean * factor])
-        else:
-            ends = prior.mean + np.array([-_PRIOR_REACH, _PRIOR_REACH]) * prior.sd
+        ends = (prior.at_score(-_PRIOR_REACH), prior.at_score(_PRIOR_REACH))
         x = [scaling.to_scaled(np.full(len(scaling), end))[i] for end in ends]
         low[i], high[i] = max(low[i], x[0]), min(high[i], x[1])
     return low, np.maximum(low, high)
+
+
+def _open_ranges(scaling: Scaling) -> tuple[Floats, Floats]:
+    """The bounds (n,), (n,) in x, or two units of x to both sides of the start."""
+    low = np.where(np.isfinite(scaling.lower), scaling.lower, scaling.start - 2.0)
+    return low, np.where(np.isfinite(scaling.upper), scaling.upper, scaling.start + 2.0)
 
 
 def spread(
@@ -365,8 +348,7 @@ def halton_starts(scaling: Scaling, count: int) -> Iterator[Floats]:
 
     A parameter without finite bounds varies by two units of x to both sides of its start.
     """
-    lower = np.where(np.isfinite(scaling.lower), scaling.lower, scaling.start - 2.0)
-    upper = np.where(np.isfinite(scaling.upper), scaling.upper, scaling.start + 2.0)
+    lower, upper = _open_ranges(scaling)
     for share in islice(_halton(len(scaling)), count):
         yield lower + share * (upper - lower)
 

@@ -28,7 +28,7 @@ from __future__ import annotations
 import numpy as np
 
 from geoident.identify.problem.scaling import Scaling
-from geoident.model.arrays import Bools, Floats
+from geoident.model.arrays import Floats
 
 RANK = 1e-10
 """Singular values below this part of the largest count as zero."""
@@ -94,52 +94,31 @@ def bounded_least_squares(A: Floats, b: Floats, lower: Floats, upper: Floats) ->
     d = smallest_solution(A, b)
     if np.all((d >= lower) & (d <= upper)):
         return d
-    d = np.zeros(A.shape[1])
-    free = _released(A, A.T @ b, d, lower, upper)
+    d, g = np.zeros(A.shape[1]), A.T @ b
+    # free are the variables that can go down the gradient without leaving the box
+    free = ((d > lower) | (g < 0.0)) & ((d < upper) | (g > 0.0)) & (lower < upper)
+    columns, least = np.linalg.norm(A, axis=0), 1e-13 * np.linalg.norm(b)
     for _ in range(20 * (len(d) + 1)):
-        d, free, moved_fully = _move(A, b, d, free, lower, upper)
-        if moved_fully:
-            back = _most_inward(A, A.T @ (A @ d + b), free, d, lower, upper, float(b @ b))
-            if back is None:
-                return d
-            free[back] = True
+        # towards the minimum over the free variables, until the first of them meets the box
+        step = np.zeros_like(d)
+        step[free] = smallest_solution(A[:, free], A @ d + b)
+        moving, side = step != 0.0, np.where(step > 0.0, upper, lower)
+        reach = np.full_like(d, np.inf)
+        reach[moving] = (side[moving] - d[moving]) / step[moving]
+        part = float(reach.min(initial=np.inf))
+        if part <= 1.0:
+            blocked = reach <= part
+            d = np.where(blocked, side, np.clip(d + part * step, lower, upper))
+            free = free & ~blocked
+            continue
+        d = np.clip(d + step, lower, upper)
+        # there: the fixed variable whose gradient points back into the box most is released
+        g = A.T @ (A @ d + b)
+        inward = np.where(d <= lower, -g, 0.0) + np.where(d >= upper, g, 0.0)
+        inward[free] = 0.0  # what both bounds hold has no way in: the two terms add up to nothing
+        gain = np.divide(inward, columns, out=np.zeros_like(d), where=columns > 0.0)
+        most = int(np.argmax(gain))
+        if gain[most] <= least:
+            return d
+        free[most] = True
     return d
-
-
-def _released(A: Floats, g: Floats, d: Floats, lower: Floats, upper: Floats) -> Bools:
-    """Variables (n,) that can go down the gradient g (n,) without leaving the box."""
-    return ((d > lower) | (g < 0.0)) & ((d < upper) | (g > 0.0)) & (lower < upper)
-
-
-def _move(
-    A: Floats, b: Floats, d: Floats, free: Bools, lower: Floats, upper: Floats
-) -> tuple[Floats, Bools, bool]:
-    """Goes towards the minimum over the free variables until the first one meets the box.
-
-    Returns:
-        The new d, the new free set, and whether the minimum was reached.
-    """
-    step = np.zeros_like(d)
-    step[free] = smallest_solution(A[:, free], A @ d + b)
-    side = np.where(step > 0.0, upper, lower)
-    reach = np.full_like(d, np.inf)
-    moving = step != 0.0
-    reach[moving] = (side[moving] - d[moving]) / step[moving]
-    part = float(reach.min(initial=np.inf))
-    if part > 1.0:
-        return np.clip(d + step, lower, upper), free, True
-    blocked = reach <= part
-    d = np.where(blocked, side, np.clip(d + part * step, lower, upper))
-    return d, free & ~blocked, False
-
-
-def _most_inward(
-    A: Floats, g: Floats, free: Bools, d: Floats, lower: Floats, upper: Floats, size: float
-) -> int | None:
-    """The fixed variable whose gradient points most strongly back into the box, or None."""
-    columns = np.linalg.norm(A, axis=0)
-    inward = np.where(d <= lower, -g, 0.0) + np.where(d >= upper, g, 0.0)
-    inward[free] = 0.0  # what both bounds hold has no way in: the two terms add up to nothing
-    gain = np.divide(inward, columns, out=np.zeros_like(d), where=columns > 0.0)
-    best = int(np.argmax(gain))
-    return best if gain[best] > 1e-13 * np.sqrt(size) else None

@@ -24,8 +24,7 @@ for each p (theory 7.2), with the squared loss they are integrated over.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Protocol
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from scipy.special import logsumexp
@@ -35,17 +34,11 @@ from geoident.identify.problem.problem import Discrepancy, Problem
 from geoident.model.arrays import Bools, Floats
 from geoident.model.parameter import Parameter
 
+Answering = Callable[[Floats], Sequence[Floats | None]]
+"""A model asked at many parameter vectors (k, n), SI, at once.
 
-class Answering(Protocol):
-    """A model asked at many parameter vectors at once."""
-
-    def __call__(self, points: Floats, /) -> Sequence[Floats | None]:
-        """What it answers for the used readings, (g,), at each p (k, n), SI; None for no solution.
-
-        Args:
-            points: (k, n) parameters, SI.
-        """
-
+It answers with the used readings (g,) at each, SI; None for no solution.
+"""
 
 WIDE = 2.0
 """Upper by lower bound from which on a positive parameter is sampled by its logarithm."""
@@ -80,14 +73,20 @@ class PosteriorDensity:
         self.discrepancy = Discrepancy(problem)
         lower, upper = problem.bounds
         self.free: Bools = np.asarray(upper > lower, dtype=np.bool_)
-        self._log = np.array([_by_logarithm(q) for q in problem.parameters], dtype=np.bool_)
+        self._log = np.array([
+            q.scale == "log" or (q.lower > 0.0 and q.upper > WIDE * q.lower)
+            for q in problem.parameters
+        ], dtype=np.bool_)  # fmt: skip
         self._reference = np.where(self._log, 1.0, self.discrepancy.scaling.reference)
         self._bounds = lower, upper
         self.lower, self.upper = self.coordinates(lower), self.coordinates(upper)
         self.evaluations = 0
-        self._answering = answering
-        pairs = zip(problem.parameters, self._log.tolist(), strict=True)
-        self._jacobians = np.array([_jacobian(q, by_log) for q, by_log in pairs])
+        self._answering = answering or self._one_by_one
+        density_in_log = np.array([
+            q.scale == "log" if q.prior is None else q.prior.kind == "lognormal"
+            for q in problem.parameters
+        ])  # fmt: skip
+        self._jacobians = self._log.astype(np.float64) - density_in_log  # the factors of ln p
 
     def __len__(self) -> int:
         return int(np.count_nonzero(self.free))
@@ -128,8 +127,8 @@ class PosteriorDensity:
         Exactly the prior where that is normal in the coordinate.
         """
         pairs = zip(self.problem.parameters, self._log.tolist(), strict=True)
-        pairs_of_reference = np.array([_reference(q, by_log) for q, by_log in pairs]).reshape(-1, 2)
-        centre, sd = (pairs_of_reference / self._reference[:, None])[self.free].T
+        known = np.array([_reference(q, by_log) for q, by_log in pairs]).reshape(-1, 2)
+        centre, sd = (known / self._reference[:, None])[self.free].T
         return centre, sd
 
     def logarithms(self, u: Floats) -> Floats:
@@ -143,7 +142,7 @@ class PosteriorDensity:
             return logarithms
         points = self.natural(u[inside])
         self.evaluations += len(points)
-        for k, p, v in zip(inside, points, self._answers(points), strict=True):
+        for k, p, v in zip(inside, points, self._answering(points), strict=True):
             if v is not None:
                 logarithms[k] = self.logarithm(p, v)
         return logarithms
@@ -165,10 +164,16 @@ class PosteriorDensity:
             logarithms.append(weight - 0.5 * float(r @ r))
         return np.array(logarithms)
 
-    def _answers(self, points: Floats) -> Sequence[Floats | None]:
-        if self._answering is not None:
-            return self._answering(points)
-        return [answer(self.problem, p) for p in points]
+    def _one_by_one(self, points: Floats) -> list[Floats | None]:
+        """What the model of the problem answers at p (k, n)."""
+        response = self.problem.response
+        answers: list[Floats | None] = []
+        for p in points:
+            try:
+                answers.append(response.readings(p) if response.admissible(p) is None else None)
+            except ModelError:
+                answers.append(None)
+        return answers
 
 
 def _log_determinant(problem: Problem) -> float:
@@ -176,22 +181,6 @@ def _log_determinant(problem: Problem) -> float:
     if problem.covariance is not None:
         return problem.covariance.log_determinant()
     return 2.0 * float(np.log(problem.sd).sum())
-
-
-def answer(problem: Problem, p: Floats) -> Floats | None:
-    """What the model of a problem says of its readings (g,) at p (n,); None for no solution."""
-    if problem.response.admissible(p) is not None:
-        return None
-    try:
-        return problem.response.readings(p)
-    except ModelError:
-        return None
-
-
-def _by_logarithm(parameter: Parameter) -> bool:
-    """Whether a parameter is sampled by its logarithm."""
-    positive = parameter.lower > 0.0
-    return parameter.scale == "log" or (positive and parameter.upper > WIDE * parameter.lower)
 
 
 def _reference(parameter: Parameter, by_logarithm: bool) -> tuple[float, float]:
@@ -206,10 +195,3 @@ def _reference(parameter: Parameter, by_logarithm: bool) -> tuple[float, float]:
         return float(ends.mean()), 0.5 * float(np.ptp(ends))
     start = parameter.start
     return (float(np.log(start)), 2.5) if by_logarithm else (start, 5.0 * (abs(start) or 1.0))
-
-
-def _jacobian(parameter: Parameter, by_logarithm: bool) -> float:
-    """The factor of ln p that the change of variables adds."""
-    prior = parameter.prior
-    density_in_log = parameter.scale == "log" if prior is None else prior.kind == "lognormal"
-    return float(by_logarithm) - float(density_in_log)

@@ -1,14 +1,13 @@
-"""What a search is going to ask, told before it asks.
+"""Parts of a search that do not depend on each other, announced before they are evaluated.
 
-Some parts of a search know nothing of each other: the points of a grid, the members of an ensemble,
-descents from several starts. A search names them in their order, and then goes through them one by
-one as if there were no others. A model that has several processes works on them meanwhile, and
-knows the answers when their turn comes.
+The points of a grid, the members of an ensemble and descents from several starts know nothing of
+each other. A search announces such parts in their order, and then evaluates them one by one. A
+model that has several processes works on them meanwhile, and has the answers when their turn comes.
 
-What is found does not depend on that. Before each part and after the last the model forgets what
-others have left to begin from (`SpeculativeResponse.turns`), so that a part has the same numbers
-wherever it is computed. Which parts there are does not depend on the number of processes. A part
-may be named in vain: the search may turn elsewhere before it comes to it.
+Results do not depend on that. Before each part and after the last the model discards what others
+have left to begin from (`SpeculativeResponse.turns`), so that a part has the same numbers wherever
+it is computed. Which parts there are does not depend on the number of processes. A part may be
+announced in vain: the search may turn elsewhere before it comes to it.
 """
 
 from __future__ import annotations
@@ -30,38 +29,38 @@ from geoident.model.parameter import Parameter
 from geoident.model.response import Response
 
 BESIDE = 8
-"""Points that are one part where the ground yields: an evaluation begins from one near by."""
+"""Points of one part where the ground yields, as an evaluation begins from a point near by."""
 
 Turn = Callable[[int], None]
-"""Is told the number of the part that is begun; returns when the answers to it may be asked for."""
+"""Called with the number of a part before it is evaluated; returns when it may be."""
 
 
 class SearchTask(Protocol):
-    """A part of a search. It is sent to other processes."""
+    """A part of a search, which can be sent to other processes."""
 
     def __call__(self, response: Response) -> None:
-        """Ask a model all that this part is going to ask; answers are kept by the model."""
+        """Evaluate the model wherever this part is going to; the model keeps the answers."""
 
 
 @runtime_checkable
 class SpeculativeResponse(Response, Protocol):
-    """A model that works on parts of a search before it is their turn."""
+    """A model that evaluates parts of a search before it is their turn."""
 
     @property
     def at_once(self) -> int:
-        """How many parts it works on at a time; 1 where it does not look ahead."""
+        """How many parts it works on at a time; 1 where it does not work ahead."""
 
     def turns(self, looks: Sequence[SearchTask]) -> AbstractContextManager[Turn]:
-        """Work on parts of a search meanwhile.
+        """Work on parts of a search while it evaluates them one by one.
 
         Args:
-            looks: they, in their order.
+            looks: the parts, in their order.
         """
 
 
 @dataclass(frozen=True)
 class ReadingsAt:
-    """A part that asks for readings, and stops at no failure.
+    """A part that computes readings, and passes over points without solution.
 
     Args:
         points: (k, n) parameters, SI.
@@ -70,7 +69,7 @@ class ReadingsAt:
     points: Floats
 
     def __call__(self, response: Response) -> None:
-        """Ask for them."""
+        """Compute them."""
         for p in self.points:
             if response.admissible(p) is not None:
                 continue
@@ -82,7 +81,7 @@ class ReadingsAt:
 
 @dataclass(frozen=True)
 class ProblemApart:
-    """A problem apart from its model, which is elsewhere, too.
+    """A problem without its model, for a process that has its own.
 
     Args:
         measured: (g,) readings, SI.
@@ -99,12 +98,12 @@ class ProblemApart:
     shared: SharedErrors | None
 
     def of(self, response: Response) -> Problem:
-        """The problem of a model."""
+        """The problem with a model."""
         return Problem(response, self.measured, self.sd, self.parameters, self.loss, self.shared)
 
 
 def apart(problem: Problem) -> ProblemApart:
-    """A problem apart from its model."""
+    """The problem without its model."""
     return ProblemApart(
         problem.measured, problem.sd, problem.parameters, problem.loss, problem.shared
     )
@@ -112,11 +111,11 @@ def apart(problem: Problem) -> ProblemApart:
 
 @contextmanager
 def in_turns(response: Response, looks: Iterable[SearchTask]) -> Iterator[Turn]:
-    """Parts of a search, for any model.
+    """Announces parts of a search to a model, if it works ahead.
 
     Args:
         response: the model.
-        looks: they, in their order.
+        looks: the parts, in their order.
     """
     if not isinstance(response, SpeculativeResponse):
         yield lambda number: None
@@ -137,12 +136,15 @@ def begins_near(response: Response) -> bool:
 
 @contextmanager
 def asked_in_turns(problem: Problem, points: Floats, row: int = 0) -> Iterator[Turn]:
-    """A model that is asked for readings at points, in their order: call before each.
+    """Announces points at which readings will be computed, in their order.
 
     Args:
         problem: with the model.
         points: (k, n) parameters, SI.
-        row: how many that follow each other lie near together; 0 for all.
+        row: how many successive points lie near each other; 0 for all.
+
+    Yields:
+        A function to be called with the number of each point before it is evaluated.
     """
     size = BESIDE if begins_near(problem.response) else 1
     row = row or max(len(points), 1)

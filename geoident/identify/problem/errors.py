@@ -22,10 +22,10 @@ once.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 import scipy.sparse as sp
@@ -35,47 +35,59 @@ from scipy.sparse.csgraph import connected_components
 
 from geoident.model.arrays import Bools, Floats, Ints
 
+Columns = Floats | sp.csr_array
+"""A matrix of shared errors (m, k), dense or sparse."""
+
+FEW = 300
+"""Readings of a block up to which its covariance is factorized as it is."""
+
+_STACKED = 40
+"""Readings of a block up to which those of equal size are factorized together."""
+
+_SMALL = 4_000_000
+"""Entries of a matrix that is kept dense (32 MB)."""
+
 
 class SharedErrors:
     """What readings share of their errors: B, (g, K), SI.
 
     Args:
         columns: one column for each shared error, in the standard deviations that it gives.
+        pattern: the same errors in other sizes, whose blocks are these; None for none.
     """
 
-    def __init__(self, columns: sp.csr_array) -> None:
-        self._unsized = sp.csr_array(columns)
-        self._size: Floats | None = None
-        self._known: SharedErrors | None = None  # knows what hangs together, of any size
+    def __init__(self, columns: sp.csr_array, pattern: SharedErrors | None = None) -> None:
+        self.columns = sp.csr_array(columns)
+        self._pattern = pattern
 
     def __len__(self) -> int:
-        return int(self._unsized.shape[1])
+        return int(self.columns.shape[1])
 
     def sized(self, factor: Floats) -> SharedErrors:
-        """The same with each of them times a factor (K,); what hangs together is found once."""
-        sized = SharedErrors(self._unsized)
-        sized._known = self._known or self
-        sized._size = factor if self._size is None else self._size * factor
-        return sized
-
-    @cached_property
-    def columns(self) -> sp.csr_array:
-        """B (g, K), SI."""
-        if self._size is None:
-            return self._unsized
-        B = self._unsized
-        return sp.csr_array((B.data * self._size[B.indices], B.indices, B.indptr), shape=B.shape)
+        """The same with each of them times a factor (K,)."""
+        B = self.columns
+        sized = sp.csr_array((B.data * factor[B.indices], B.indices, B.indptr), shape=B.shape)
+        return SharedErrors(sized, self._pattern or self)
 
     def only(self, kept: Bools) -> SharedErrors:
         """Of some of the readings (g,)."""
         return SharedErrors(sp.csr_array(self.columns[np.flatnonzero(kept)]))
 
     @cached_property
-    def blocks(self) -> tuple[tuple[Ints, Ints], ...]:
-        """Readings (m,) and shared errors (k,) that hang together; readings without any: none."""
-        if self._known is not None:
-            return self._known.blocks
-        return _hang_together(self._unsized, np.arange(len(self)))
+    def blocks(self) -> tuple[tuple[Ints, Ints, Columns], ...]:
+        """Readings (m,) and errors (k,) that hang together, and B (m, k) of each such block.
+
+        Readings that share nothing are in none.
+        """
+        small = self.columns.shape[0] * self.columns.shape[1] <= _SMALL
+        B = self.columns.toarray() if small else self.columns
+        return tuple((rows, shared, _block(B, rows, shared)) for rows, shared in self._connected)
+
+    @cached_property
+    def _connected(self) -> tuple[tuple[Ints, Ints], ...]:
+        if self._pattern is not None:
+            return self._pattern._connected
+        return _connected(self.columns, np.arange(len(self)))
 
     @cached_property
     def parts(self) -> tuple[tuple[tuple[Ints, Ints], ...], Ints]:
@@ -89,48 +101,39 @@ class SharedErrors:
             Blocks of equal size together, readings (b, m) and shared errors (b, k), and the
             numbers (w,) of the errors that are taken out.
         """
-        if self._known is not None:
-            return self._known.parts
-        g, K = self._unsized.shape
+        if self._pattern is not None:
+            return self._pattern.parts
+        g, K = self.columns.shape
         if g <= FEW or K == 0:
-            return _of_equal_size(self.blocks), np.zeros(0, dtype=np.int64)
-        support = np.bincount(self._unsized.indices, minlength=K)
-        best, least = None, np.inf
+            return _of_equal_size(self._connected), np.zeros(0, dtype=np.int64)
+        support = np.bincount(self.columns.indices, minlength=K)
+        best, least = (self._connected, np.zeros(0, dtype=np.int64)), np.inf
         limit = max(g // 2, 1)
         while limit >= 1:
             wide = np.flatnonzero(support > limit)
-            blocks = _hang_together(self._unsized, np.flatnonzero(support <= limit))
+            blocks = _connected(self.columns, np.flatnonzero(support <= limit))
             cost = float(g) * len(wide) ** 2 + sum(_cost(len(m), len(k)) for m, k in blocks)
             if cost < least:
                 best, least = (blocks, wide), cost
             if all(len(m) <= FEW for m, _ in blocks):
                 break  # smaller ones save nothing
             limit //= 2
-        assert best is not None
         return _of_equal_size(best[0]), best[1]
 
-    def block(self, rows: Ints, shared: Ints) -> Columns:
-        """A block (m, k) of B, dense where that is small or most of it is not zero."""
-        if self._whole is not None:
-            whole = np.asarray(self._whole[np.ix_(rows, shared)])
-            return whole if self._size is None else whole * self._size[shared]
-        block = sp.csr_array(self.columns[rows][:, shared])
-        size = len(rows) * len(shared)
-        return np.asarray(block.toarray()) if size <= max(_SMALL, 3 * block.nnz) else block
 
-    @cached_property
-    def _whole(self) -> Floats | None:
-        """B, not sized, as a dense matrix where it is small: much faster to take blocks from."""
-        if self._known is not None:
-            return self._known._whole
-        small = self._unsized.shape[0] * self._unsized.shape[1] <= _SMALL
-        return np.asarray(self._unsized.toarray()) if small else None
+def _block(B: Columns, rows: Ints, shared: Ints) -> Columns:
+    """A block (m, k) of B, dense where that is small or most of it is not zero."""
+    if isinstance(B, np.ndarray):
+        return np.asarray(B[np.ix_(rows, shared)])
+    block = sp.csr_array(B[rows][:, shared])
+    dense = len(rows) * len(shared) <= max(_SMALL, 3 * block.nnz)
+    return np.asarray(block.toarray()) if dense else block
 
 
-def _hang_together(columns: sp.csr_array, chosen: Ints) -> tuple[tuple[Ints, Ints], ...]:
+def _connected(columns: sp.csr_array, chosen: Ints) -> tuple[tuple[Ints, Ints], ...]:
     """Readings (m,) and shared errors (k,), of those chosen, that hang together."""
     g = columns.shape[0]
-    entries = _chosen(columns, chosen).tocoo()
+    entries = columns[:, chosen].tocoo()
     size = g + len(chosen)
     link = sp.csr_array((np.ones(entries.nnz), (entries.row, g + entries.col)), shape=(size, size))
     _, label = connected_components(link, directed=False)
@@ -157,19 +160,6 @@ def _cost(m: int, k: int) -> float:
     return float(m) ** 3 if m <= max(FEW, k) else float(m) * k**2 + float(k) ** 3
 
 
-Columns = Floats | sp.csr_array
-"""A matrix of shared errors (m, k), dense or sparse."""
-
-FEW = 300
-"""Readings of a block up to which its covariance is factorized as it is."""
-
-_STACKED = 40
-"""Readings of a block up to which those of equal size are factorized together."""
-
-_SMALL = 4_000_000
-"""Entries of a matrix that is kept dense (32 MB)."""
-
-
 def scaled_rows(scale: Floats, columns: Columns) -> Columns:
     """diag(scale) times a matrix (m, k) for a scale (m,)."""
     if isinstance(columns, np.ndarray):
@@ -185,146 +175,116 @@ def products(columns: Columns, weight: Floats) -> Floats:
     return np.asarray(sp.csr_array(columns.T @ scaled_rows(weight, columns)).toarray())
 
 
-class _Block(Protocol):
-    """Readings that hang together, in own standard deviations: b times 1 + C C^T of rows (b, m)."""
+class _Factor(ABC):
+    """The factor L L^T = 1 + C C^T of b blocks of readings, in own standard deviations.
 
-    rows: Ints
-    shared: Ints
+    Args:
+        rows: (b, m) the readings.
+        shared: (b, k) what they share.
 
-    @property
-    def conditional(self) -> Floats:
-        """Covariance (b, k, k) of z, given the readings."""
+    Attributes:
+        log_root: half of the logarithm of the determinant, of all b.
+    """
 
+    log_root: float
+
+    def __init__(self, rows: Ints, shared: Ints) -> None:
+        self.rows, self.shared = rows, shared
+
+    @abstractmethod
     def white(self, own: Floats) -> Floats:
         """L^-1 of values (b, m, n)."""
 
+    @abstractmethod
     def back(self, white: Floats) -> Floats:
         """L^-T of values (b, m, n): the inverse times what was whitened."""
 
-    def given(self, white: Floats) -> Floats:
-        """The z (b, k, n) to be expected, of values (b, m, n) that were whitened."""
-
-    def inverse(self, block: int, rows: Ints) -> Floats:
-        """Part (r, r) of the inverse of one block, of some of its rows."""
-
+    @property
+    @abstractmethod
     def diagonal(self) -> Floats:
         """Diagonal (b, m) of the inverse."""
 
-    def log_root(self) -> float:
-        """Half of the logarithm of the determinant, of all b."""
-
-
-class _FewReadings:
-    """Blocks of few readings: dense Cholesky factors, exact however large the shared errors."""
-
-    def __init__(self, rows: Ints, shared: Ints, C: Floats) -> None:
-        self.rows, self.shared = rows, shared
-        L = np.linalg.cholesky(np.eye(rows.shape[1]) + C @ C.swapaxes(1, 2))
-        self._log_root = float(np.log(np.diagonal(L, axis1=1, axis2=2)).sum())
-        self._inverse = np.stack([dtrtri(one, lower=1)[0] for one in L])
-        self._back = self._inverse.swapaxes(1, 2)
-        self._seen = self._inverse @ C
-
-    @cached_property
+    @property
+    @abstractmethod
     def conditional(self) -> Floats:
         """Covariance (b, k, k) of z, given the readings."""
-        one = np.eye(self.shared.shape[1])
-        return np.asarray(one - self._seen.swapaxes(1, 2) @ self._seen)
+
+
+class _FewReadings(_Factor):
+    """Dense Cholesky factors of the size of the blocks, exact however large shared errors are."""
+
+    def __init__(self, rows: Ints, shared: Ints, C: Floats) -> None:
+        super().__init__(rows, shared)
+        L = np.linalg.cholesky(np.eye(rows.shape[1]) + C @ C.swapaxes(1, 2))
+        self.log_root = float(np.log(np.diagonal(L, axis1=1, axis2=2)).sum())
+        self._inverse = np.stack([dtrtri(one, lower=1)[0] for one in L])
+        self._C = C
 
     def white(self, own: Floats) -> Floats:
-        """L^-1 of values (b, m, n)."""
         return np.asarray(self._inverse @ own)
 
     def back(self, white: Floats) -> Floats:
-        """L^-T of values (b, m, n)."""
-        return np.asarray(self._back @ white)
+        return np.asarray(self._inverse.swapaxes(1, 2) @ white)
 
-    def given(self, white: Floats) -> Floats:
-        """The z (b, k, n) to be expected, of values (b, m, n) that were whitened."""
-        return np.asarray(self._seen.swapaxes(1, 2) @ white)
-
-    def inverse(self, block: int, rows: Ints) -> Floats:
-        """Part (r, r) of the inverse of one block, of some of its rows."""
-        some = self._inverse[block][:, rows]
-        return np.asarray(some.T @ some)
-
+    @property
     def diagonal(self) -> Floats:
-        """Diagonal (b, m) of the inverse."""
         return np.asarray(np.sum(self._inverse**2, axis=1))
 
-    def log_root(self) -> float:
-        """Half of the logarithm of the determinant, of all b."""
-        return self._log_root
+    @property
+    def conditional(self) -> Floats:
+        white = self._inverse @ self._C
+        return np.asarray(np.eye(self._C.shape[2]) - white.swapaxes(1, 2) @ white)
 
 
-class _ManyReadings:
+class _ManyReadings(_Factor):
     """A block of many readings: the factor R of A = 1 + C^T C, of the size of what is shared."""
 
     def __init__(self, rows: Ints, shared: Ints, C: Columns) -> None:
-        self.rows, self.shared, self._C = rows[None], shared[None], C
-        self._R = np.asarray(np.linalg.cholesky(np.eye(len(shared)) + _squares(C)))
-        self._plus = self._R + np.eye(len(shared))
-
-    @cached_property
-    def conditional(self) -> Floats:
-        """Covariance (1, k, k) of z, given the readings."""
-        return np.asarray(cho_solve((self._R, True), np.eye(len(self._R))))[None]
+        super().__init__(rows[None], shared[None])
+        one = np.eye(len(shared))
+        self.R = np.asarray(np.linalg.cholesky(one + products(C, np.ones(len(rows)))))
+        self.log_root = float(np.log(np.diag(self.R)).sum())
+        self._plus, self._C = self.R + one, C
 
     def white(self, own: Floats) -> Floats:
-        """L^-1 of values (1, m, n)."""
-        inner = solve_triangular(self._R, self._C.T @ own[0], lower=True)
+        inner = solve_triangular(self.R, self._C.T @ own[0], lower=True)
         pulled = solve_triangular(self._plus, inner, lower=True, trans="T")
         return np.asarray(own[0] - self._C @ pulled)[None]
 
     def back(self, white: Floats) -> Floats:
-        """L^-T of values (1, m, n)."""
         inner = solve_triangular(self._plus, self._C.T @ white[0], lower=True)
-        pulled = solve_triangular(self._R, inner, lower=True, trans="T")
+        pulled = solve_triangular(self.R, inner, lower=True, trans="T")
         return np.asarray(white[0] - self._C @ pulled)[None]
 
-    def given(self, white: Floats) -> Floats:
-        """The z (1, k, n) to be expected, (L^-1 C)^T of values (1, m, n) that were whitened."""
-        inner = solve_triangular(self._plus, self._C.T @ white[0], lower=True)
-        return np.asarray(inner + solve_triangular(self._R, inner, lower=True, trans="T"))[None]
-
-    def inverse(self, block: int, rows: Ints) -> Floats:
-        """Part (r, r) of the inverse, of some of its rows."""
-        C = self._C[rows]
-        return np.asarray(np.eye(len(rows)) - C @ (C @ self.conditional[block]).T)
-
+    @property
     def diagonal(self) -> Floats:
-        """Diagonal (1, m) of the inverse."""
+        C, A_inverse = self._C, self.conditional[0]
+        squares = np.zeros(C.shape[0])
+        few = max(1, _SMALL // max(1, C.shape[1]))
+        for first in range(0, len(squares), few):  # some rows at a time
+            part = C[first : first + few]
+            moved = part @ A_inverse
+            both = part * moved if isinstance(part, np.ndarray) else part.multiply(moved)
+            squares[first : first + few] = np.asarray(both.sum(axis=1)).ravel()
         least = np.finfo(np.float64).eps  # what rounding leaves where shared errors are all
-        return np.maximum(1.0 - row_squares(self._C, self.conditional[0]), least)[None]
+        return np.maximum(1.0 - squares, least)[None]
 
     @property
-    def factor(self) -> Floats:
-        """R, (k, k)."""
-        return self._R
+    def conditional(self) -> Floats:
+        return np.asarray(cho_solve((self.R, True), np.eye(len(self.R))))[None]
 
+    @property
     def root(self) -> Floats:
         """C R^-T, (m, k): the inverse is 1 less it times its transposed."""
-        return np.asarray(solve_triangular(self._R, np.asarray(self._C.T), lower=True).T)
-
-    def log_root(self) -> float:
-        """Half of the logarithm of the determinant."""
-        return float(np.log(np.diag(self._R)).sum())
+        return np.asarray(solve_triangular(self.R, np.asarray(self._C.T), lower=True).T)
 
 
-def _squares(C: Columns) -> Floats:
-    """C^T C, (k, k), of C (m, k)."""
-    return products(C, np.ones(C.shape[0]))
-
-
-def _block(rows: Ints, shared: Ints, errors: SharedErrors, sd: Floats) -> _Block:
+def _factor(rows: Ints, shared: Ints, errors: SharedErrors, sd: Floats) -> _Factor:
+    """The factor of blocks of equal size: readings (b, m), shared errors (b, k)."""
     b, m, k = *rows.shape, shared.shape[1]
-    if b == 1:
-        C = scaled_rows(1.0 / sd[rows[0]], errors.block(rows[0], shared[0]))
-        if m > max(FEW, k):
-            return _ManyReadings(rows[0], shared[0], C)
-        return _FewReadings(
-            rows, shared, np.asarray(C if isinstance(C, np.ndarray) else C.toarray())[None]
-        )
+    if b == 1 and m > max(FEW, k):
+        block = _block(errors.columns, rows[0], shared[0])
+        return _ManyReadings(rows[0], shared[0], scaled_rows(1.0 / sd[rows[0]], block))
     entries = errors.columns[rows.ravel()][:, shared.ravel()].tocoo()
     stacked = np.zeros((b, m, k))
     stacked[entries.row // m, entries.row % m, entries.col % k] = entries.data
@@ -350,12 +310,10 @@ class Covariance:
         self.sd = sd
         self.shared = shared
         blocks, self._wide = shared.parts
-        self._blocks = tuple(_block(rows, columns, shared, sd) for rows, columns in blocks)
-        V = np.asarray(_chosen(shared.columns, self._wide).toarray())
-        V /= sd[:, None]
-        self._V = self._whitened_in_blocks(V)
-        every = np.arange(len(sd))[None]
-        self._top = _ManyReadings(every[0], self._wide, self._V)
+        self._blocks = tuple(_factor(rows, errors, shared, sd) for rows, errors in blocks)
+        W = np.asarray(shared.columns[:, self._wide].toarray())
+        self._V = self._whitened_in_blocks(W / sd[:, None])
+        self._top = _ManyReadings(np.arange(len(sd)), self._wide, self._V)
 
     def _whitened_in_blocks(self, own: Floats) -> Floats:
         """L_1^-1 of values (g, n) in own standard deviations, in their place."""
@@ -371,19 +329,20 @@ class Covariance:
 
     def whiten(self, values: Floats) -> Floats:
         """L^-1 of values (g,) or (g, k)."""
-        white = self._whitened_in_blocks(_table(values) / self.sd[:, None])
-        return np.asarray(self._top.white(white[None])[0]).reshape(values.shape)
+        own = values.reshape(len(self.sd), -1) / self.sd[:, None]
+        white = self._top.white(self._whitened_in_blocks(own)[None])
+        return np.asarray(white).reshape(values.shape)
 
     def solve(self, values: Floats) -> Floats:
         """Sigma^-1 of values (g,) or (g, k)."""
-        white = self._whitened_in_blocks(_table(values) / self.sd[:, None])
-        solution = self._back_in_blocks(self._top.back(self._top.white(white[None]))[0])
+        white = self.whiten(values).reshape(len(self.sd), -1)
+        solution = self._back_in_blocks(self._top.back(white[None])[0])
         return np.asarray(solution / self.sd[:, None]).reshape(values.shape)
 
     def log_determinant(self) -> float:
         """Logarithm of the determinant of Sigma."""
-        more = sum(block.log_root() for block in self._blocks) + self._top.log_root()
-        return 2.0 * (float(np.log(self.sd).sum()) + more)
+        factors = (*self._blocks, self._top)
+        return 2.0 * (float(np.log(self.sd).sum()) + sum(factor.log_root for factor in factors))
 
     @cached_property
     def inverse(self) -> Floats:
@@ -393,28 +352,21 @@ class Covariance:
     @cached_property
     def _taken(self) -> Floats:
         """What W takes of the inverse of the blocks in own standard deviations, T T^T: T (g, w)."""
-        return self._back_in_blocks(self._top.root())
+        return self._back_in_blocks(self._top.root)
 
     @cached_property
     def inverse_diagonal(self) -> Floats:
         """Diagonal (g,) of Sigma^-1."""
         diagonal = np.ones(len(self.sd))
         for block in self._blocks:
-            diagonal[block.rows] = block.diagonal()
+            diagonal[block.rows] = block.diagonal
         least = np.finfo(np.float64).eps * diagonal
         diagonal = np.maximum(diagonal - np.sum(self._taken**2, axis=1), least)
         return np.asarray(diagonal / self.sd**2)
 
     def expected_shared(self, values: Floats) -> Floats:
         """The z (K, ...) to be expected, B^T Sigma^-1 of errors (g, ...), SI."""
-        own = _table(values) / self.sd[:, None]
-        white = self._top.white(self._whitened_in_blocks(own)[None])
-        z = np.zeros((len(self.shared), own.shape[1]))
-        z[self._wide] = self._top.given(white)[0]
-        left = self._top.back(white)[0]
-        for block in self._blocks:
-            z[block.shared] = block.given(left[block.rows])
-        return np.asarray(z).reshape(len(self.shared), *values.shape[1:])
+        return np.asarray(self.shared.columns.T @ self.solve(values))
 
     @cached_property
     def _given_wide(self) -> Floats:
@@ -423,47 +375,56 @@ class Covariance:
         Rows of the wide ones themselves are those of a unit matrix, so that rows of B times it are
         what is left to the wide errors.
         """
-        conditional = np.zeros((len(self.shared), len(self._wide)))
-        for block in self._blocks:
-            conditional[block.shared] = -block.given(self._V[block.rows])
-        conditional[self._wide] = np.eye(len(self._wide))
-        return conditional
+        left = np.asarray(-self._narrow.T @ self._back_in_blocks(self._V.copy()))
+        left[self._wide] = np.eye(len(self._wide))
+        return left
+
+    @cached_property
+    def _narrow(self) -> sp.csr_array:
+        """B (g, K) in own standard deviations, zero for the wide errors."""
+        kept = np.ones(len(self.shared))
+        kept[self._wide] = 0.0
+        scale = sp.diags_array(1.0 / self.sd)
+        narrow = sp.csr_array(scale @ self.shared.columns @ sp.diags_array(kept))
+        narrow.eliminate_zeros()
+        return narrow
 
     @cached_property
     def _conditional_in_blocks(self) -> sp.csr_array:
         """Covariance (K, K) of the errors that are not wide, given the readings and the wide."""
         K = len(self.shared)
-        outside = np.ones(K, dtype=np.bool_)
-        outside[self._wide] = False
+        alone = np.ones(K, dtype=np.bool_)  # no reading has to do with them
+        alone[self._wide] = False
         row, column, size = list[Ints](), list[Ints](), list[Floats]()
         for block in self._blocks:
-            outside[block.shared] = False
-            there = np.broadcast_to(block.shared[:, :, None], block.conditional.shape)
-            row.append(there.ravel())
-            column.append(there.swapaxes(1, 2).ravel())
-            size.append(block.conditional.ravel())
-        alone = np.flatnonzero(outside)  # no reading has to do with them
-        at = np.concatenate([*row, alone]), np.concatenate([*column, alone])
-        return sp.csr_array((np.concatenate([*size, np.ones(len(alone))]), at), shape=(K, K))
+            alone[block.shared] = False
+            conditional = block.conditional
+            numbers = np.broadcast_to(block.shared[:, :, None], conditional.shape)
+            row.append(numbers.ravel())
+            column.append(numbers.swapaxes(1, 2).ravel())
+            size.append(conditional.ravel())
+        rest = np.flatnonzero(alone)
+        at = np.concatenate([*row, rest]), np.concatenate([*column, rest])
+        return sp.csr_array((np.concatenate([*size, np.ones(len(rest))]), at), shape=(K, K))
 
     def conditional_variance(self, columns: sp.csr_array) -> Floats:
         """Variance (l,) that rows (l, K) of shared errors keep, given the g readings."""
-        left = solve_triangular(self._top.factor, (columns @ self._given_wide).T, lower=True)
+        left = solve_triangular(self._top.R, (columns @ self._given_wide).T, lower=True)
         own = columns.multiply(columns @ self._conditional_in_blocks).sum(axis=1)
         return np.asarray(np.ravel(own) + np.sum(left**2, axis=0), dtype=np.float64)
 
     def conditional_covariance(self, columns: sp.csr_array) -> Floats:
         """Covariance (l, l) of what rows (l, K) of shared errors keep, given the g readings."""
-        left = solve_triangular(self._top.factor, (columns @ self._given_wide).T, lower=True)
+        left = solve_triangular(self._top.R, (columns @ self._given_wide).T, lower=True)
         own = (columns @ self._conditional_in_blocks) @ columns.T
         return np.asarray(own.toarray() + left.T @ left)
 
     def without_others(self, rows: Ints, values: Floats) -> Floats:
         """The inverse of the block (m, m) of Sigma^-1 that belongs to rows (m,), times values.
 
-        It is the covariance of their errors given all others, D + B (T^-1 - C^T C)^-1 B^T with T
-        the covariance of the errors that they share, given all readings: of the size of what is
-        shared, not of m.
+        It is the covariance of their errors given all others. Of many rows it is found as
+        D + B (T^-1 - C^T C)^-1 B^T with T the covariance of the errors that they share, given all
+        readings: of the size of what is shared, not of m.
 
         Args:
             rows: (m,) numbers of readings.
@@ -474,63 +435,17 @@ class Covariance:
         """
         sd = self.sd[rows]
         if len(rows) <= FEW:
-            scale = sd.reshape(-1, *(1,) * (values.ndim - 1))
-            return np.asarray(np.linalg.solve(self._part(rows), scale * values) * scale)
+            narrow, taken = self._narrow[rows], self._taken[rows]
+            inverse = np.eye(len(rows)) - taken @ taken.T
+            inverse -= sp.csr_array(narrow @ self._conditional_in_blocks @ narrow.T).toarray()
+            return np.asarray((np.linalg.solve(inverse, (values.T * sd).T).T * sd).T)
         some = sp.csr_array(self.shared.columns[rows])
         touched = np.unique(some.indices)
-        unit = sp.csr_array(
-            (np.ones(len(touched)), (np.arange(len(touched)), touched)),
-            shape=(len(touched), len(self.shared)),
-        )
+        unit = sp.csr_array(sp.eye_array(len(self.shared), format="csr")[touched])
         B = np.asarray(some[:, touched].toarray())
         C = B / sd[:, None]
         others = np.linalg.inv(self.conditional_covariance(unit)) - C.T @ C
-        own = (values.T * sd**2).T
-        return np.asarray(own + B @ np.linalg.solve(others, B.T @ values))
-
-    def _part(self, rows: Ints) -> Floats:
-        """Part (m, m) of the inverse that belongs to some readings, in own standard deviations."""
-        inverse = np.eye(len(rows))
-        kind, number, place = self._places[:, rows]
-        for which in np.unique(kind[kind >= 0]).tolist():
-            for one in np.unique(number[kind == which]).tolist():
-                here = np.flatnonzero((kind == which) & (number == one))
-                inverse[np.ix_(here, here)] = self._blocks[which].inverse(one, place[here])
-        taken = self._taken[rows]
-        return np.asarray(inverse - taken @ taken.T)
-
-    @cached_property
-    def _places(self) -> Ints:
-        """Which blocks a reading belongs to, which of these, and where in it: (3, g); or -1."""
-        places = np.full((3, len(self.sd)), -1, dtype=np.int64)
-        for which, block in enumerate(self._blocks):
-            number, place = np.indices(block.rows.shape)
-            places[:, block.rows] = np.stack([np.full_like(number, which), number, place])
-        return places
-
-
-def row_squares(columns: Columns, matrix: Floats) -> Floats:
-    """The diagonal (m,) of C M C^T for C (m, k) and M (k, k), some rows at a time."""
-    squares = np.zeros(columns.shape[0])
-    few = max(1, _SMALL // max(1, columns.shape[1]))
-    for first in range(0, len(squares), few):
-        part = columns[first : first + few]
-        moved = part @ matrix
-        both = part * moved if isinstance(part, np.ndarray) else part.multiply(moved)
-        squares[first : first + few] = np.asarray(both.sum(axis=1)).ravel()
-    return squares
-
-
-def _table(values: Floats) -> Floats:
-    """Values (g,) or (g, n) as (g, n)."""
-    return values[:, None] if values.ndim == 1 else values
-
-
-def _chosen(columns: sp.csr_array, chosen: Ints) -> sp.csr_array:
-    """Some of the columns (g, K), which may be all."""
-    if len(chosen) and len(chosen) == chosen[-1] + 1 - chosen[0]:  # one after the other
-        return sp.csr_array(columns[:, int(chosen[0]) : int(chosen[-1]) + 1])
-    return sp.csr_array(columns[:, chosen])
+        return np.asarray((values.T * sd**2).T + B @ np.linalg.solve(others, B.T @ values))
 
 
 @dataclass(frozen=True)
@@ -588,25 +503,23 @@ class ErrorStructure:
             name: of the component.
         """
         number = np.full(columns.shape[1], len(self.names), dtype=np.int64)
-        return ErrorStructure(
-            self.sd,
-            self.component,
-            sp.csr_array(sp.hstack([self.columns, columns])),
-            np.concatenate([self.column_component, number]),
-            (*self.names, name),
+        return replace(
+            self,
+            columns=sp.csr_array(sp.hstack([self.columns, columns])),
+            column_component=np.concatenate([self.column_component, number]),
+            names=(*self.names, name),
         )
 
     def with_one_factor(self, name: str) -> ErrorStructure:
         """The same with all errors in one component: all sizes are wrong by one factor."""
-        component, columns = np.zeros_like(self.component), np.zeros_like(self.column_component)
-        return ErrorStructure(self.sd, component, self.columns, columns, (name,))
+        return replace(
+            self,
+            component=np.zeros_like(self.component),
+            column_component=np.zeros_like(self.column_component),
+            names=(name,),
+        )
 
     def rows(self, kept: Ints) -> ErrorStructure:
         """Of some of the readings (m,)."""
-        return ErrorStructure(
-            self.sd[kept],
-            self.component[kept],
-            sp.csr_array(self.columns[kept]),
-            self.column_component,
-            self.names,
-        )
+        columns = sp.csr_array(self.columns[kept])
+        return replace(self, sd=self.sd[kept], component=self.component[kept], columns=columns)

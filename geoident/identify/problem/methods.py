@@ -26,6 +26,8 @@ from geoident.model.methods import (
     METHOD_OPTIONS,
     ClosedFormOptions,
     ComplementarityOptions,
+    CondensationOptions,
+    EnsembleSmootherOptions,
     GaussNewtonOptions,
     LossOptions,
     MethodOptions,
@@ -52,10 +54,6 @@ FORMULATION_PACKAGES = {"full-space": "casadi", "global": "pyscipopt"}
 """What the formulations need beside the model's equations."""
 
 
-METHOD_PACKAGES = {"ensemble-smoother": ("iterative_ensemble_smoother", "ensemble")}
-"""What a method needs installed, and the extra that brings it."""
-
-
 @dataclass(frozen=True)
 class Method:
     """One identifier.
@@ -65,13 +63,11 @@ class Method:
         room: folder of `geoident.identify` with the module of the function that runs it, which is
             imported when it runs.
         options: type of its options.
-        needs: the protocol that the model must offer, `Response` or `AffineElastic`.
     """
 
     name: str
     room: str
     options: type[MethodOptions]
-    needs: type[object]
 
     def function(self, options: MethodOptions) -> Identifier:
         """The function that runs it with some options: (problem, options, observe) -> Outcome."""
@@ -82,21 +78,19 @@ class Method:
         return cast(Identifier, getattr(module, word))
 
 
-def _method(room: str, name: str, needs: type[object]) -> tuple[str, Method]:
-    return name, Method(name, room, METHOD_OPTIONS[name], needs)
+_ROOMS = {
+    "gauss-newton": "least_squares",
+    "condensation": "least_squares",
+    "simplex": "direct",
+    "scan": "direct",
+    "closed-form": "least_squares",
+    "complementarity": "yield_limits",
+    "ensemble-smoother": "direct",
+}
 
-
-METHODS: Mapping[str, Method] = dict(
-    [
-        _method("least_squares", "gauss-newton", Response),
-        _method("least_squares", "condensation", AffineElastic),
-        _method("direct", "simplex", Response),
-        _method("direct", "scan", Response),
-        _method("least_squares", "closed-form", HasOpening),
-        _method("yield_limits", "complementarity", YieldSystem),
-        _method("direct", "ensemble-smoother", Response),
-    ]
-)
+METHODS: Mapping[str, Method] = {
+    name: Method(name, room, METHOD_OPTIONS[name]) for name, room in _ROOMS.items()
+}
 
 
 def refusals(
@@ -131,55 +125,47 @@ def refusal(
         loss: of the readings.
         options: of the method; None for its default ones.
     """
-    why = _obstacle(response, METHODS[name], loss, options)
+    given = METHODS[name].options() if options is None else options
+    why = _obstacle(response, given, loss)
     if why is None:
         return None
-    able = [
+    possible = [
         other
         for other, method in METHODS.items()
-        if other != name and _obstacle(response, method, loss) is None
+        if _obstacle(response, method.options(), loss) is None
     ]
-    if options is not None and _obstacle(response, METHODS[name], loss) is None:
+    able = [other for other in possible if other != name]
+    if name in possible:
         able.append(f"{name} in its default formulation")
     return f"The method {name} is not possible here: {why}. Possible are {', '.join(able)}."
 
 
-def _obstacle(
-    response: Response, method: Method, loss: LossOptions, options: MethodOptions | None = None
-) -> str | None:
-    if method.needs is Response:
-        return _package_obstacle(method.name, loss)
-    if method.needs is YieldSystem:
-        return _yield_obstacle(response, options)
-    if method.needs is HasOpening:
-        given = options if isinstance(options, ClosedFormOptions) else ClosedFormOptions()
-        return opening_obstacle(response, given)
-    if loss_name(loss) != "squared":
-        return f"its linear least squares need the squared loss, and the loss is {loss_name(loss)}"
-    if not isinstance(response, AffineElastic):
-        return "the model does not offer its equations"
-    return response.obstacle()
-
-
-def _package_obstacle(name: str, loss: LossOptions) -> str | None:
-    """Why a method that takes any model cannot work here, a clause; None if it can."""
-    if name not in METHOD_PACKAGES:
-        return None
-    package, extra = METHOD_PACKAGES[name]
-    if loss_name(loss) != "squared":
-        return f"its updates are those of the squared loss, and the loss is {loss_name(loss)}"
-    if find_spec(package) is None:
-        return f'it needs {package} (pip install "geoident[{extra}]")'
-    return None
-
-
-def _yield_obstacle(response: Response, options: MethodOptions | None) -> str | None:
-    if not isinstance(response, YieldSystem):
-        return "the model does not offer its equations"
-    if not response.yields():
-        return "no material of the model has yield limits"
-    if isinstance(options, ComplementarityOptions):
-        return formulation_obstacle(response, options.formulation)
+def _obstacle(response: Response, options: MethodOptions, loss: LossOptions) -> str | None:
+    """Why a method cannot work on a model, a clause; None if it can."""
+    squared = isinstance(loss, SquaredOptions)
+    match options:
+        case CondensationOptions():
+            if not squared:
+                given = f"the loss is {loss_name(loss)}"
+                return f"its linear least squares need the squared loss, and {given}"
+            if not isinstance(response, AffineElastic):
+                return "the model does not offer its equations"
+            return response.obstacle()
+        case ComplementarityOptions(formulation=formulation):
+            if not isinstance(response, YieldSystem):
+                return "the model does not offer its equations"
+            if not response.yields():
+                return "no material of the model has yield limits"
+            return formulation_obstacle(response, formulation)
+        case ClosedFormOptions():
+            return opening_obstacle(response, options)
+        case EnsembleSmootherOptions():
+            if not squared:
+                given = f"the loss is {loss_name(loss)}"
+                return f"its updates are those of the squared loss, and {given}"
+            if find_spec("iterative_ensemble_smoother") is None:
+                needed = 'pip install "geoident[ensemble]"'
+                return f"it needs iterative_ensemble_smoother ({needed})"
     return None
 
 
@@ -226,7 +212,9 @@ def identify(problem: Problem, methods: Sequence[MethodOptions], observe: Observ
         InputError: a method of the chain needs what the model cannot offer; nothing was computed.
         ModelError: the model has no solution at the start.
     """
-    _refuse_impossible(problem, methods)
+    reasons = refusals(problem.response, methods, problem.loss)
+    if reasons:
+        raise InputError([Fault("method-not-possible", reason) for reason in reasons])
     done: list[Outcome] = []
     for options in methods:
         outcome = METHODS[method_name(options)].function(options)(problem, options, observe)
@@ -234,7 +222,16 @@ def identify(problem: Problem, methods: Sequence[MethodOptions], observe: Observ
         if outcome.status == STOPPED:
             break
         problem = problem.begun_at(outcome.values)
-    return _joined(done)
+    last = done[-1]
+    best = min(done, key=lambda outcome: outcome.objective) if last.status == STOPPED else last
+    return replace(
+        last,
+        values=best.values,
+        objective=best.objective,
+        iterations=tuple(entry for outcome in done for entry in outcome.iterations),
+        remarks=tuple(remark for outcome in done for remark in outcome.remarks),
+        grid=next((outcome.grid for outcome in reversed(done) if outcome.grid is not None), None),
+    )
 
 
 def descend(problem: Problem, options: MethodOptions, observe: Observer) -> Outcome:
@@ -264,24 +261,3 @@ def continued(methods: Sequence[MethodOptions]) -> tuple[MethodOptions, ...]:
     """The method that goes on from where a chain ended, with changed weights: from one start."""
     last = methods[-1]
     return (replace(last, starts=1) if isinstance(last, GaussNewtonOptions) else last,)
-
-
-def _refuse_impossible(problem: Problem, methods: Sequence[MethodOptions]) -> None:
-    reasons = refusals(problem.response, methods, problem.loss)
-    faults = [Fault("method-not-possible", reason) for reason in reasons]
-    if faults:
-        raise InputError(faults)
-
-
-def _joined(done: Sequence[Outcome]) -> Outcome:
-    """The last outcome with all histories; its values the best ones if it was stopped."""
-    last = done[-1]
-    best = min(done, key=lambda outcome: outcome.objective) if last.status == STOPPED else last
-    return replace(
-        last,
-        values=best.values,
-        objective=best.objective,
-        iterations=tuple(entry for outcome in done for entry in outcome.iterations),
-        remarks=tuple(remark for outcome in done for remark in outcome.remarks),
-        grid=next((outcome.grid for outcome in reversed(done) if outcome.grid is not None), None),
-    )

@@ -12,27 +12,9 @@ It is the squared length of one vector of weighted residuals
     r(p) = [ (v(p) - v*) / s ;  prior residuals ]          (g + k,)
 
 whose Jacobian in the scaled parameters is [ (dv/dp)(dp/dx) / s ; prior rows ]. Where the model has
-no solution, phi is infinite. A robust loss transforms the readings' part of r, so that phi is
-the squared length all the same. Computed once: the weights. Per trial: one call of the model.
-
-With the weighted residual r of a reading (in its standard deviations) a loss rho replaces r^2:
-
-    squared      rho = r^2
-    huber        rho = r^2                       for |r| <= delta      (Huber 1964)
-                       2 delta |r| - delta^2     beyond
-    student-t    rho = (nu + 1) ln(1 + r^2/nu)   twice the negative log likelihood, less its
-                                                 constant (Lange, Little & Taylor 1989)
-
-Written as the square of a transformed residual f = sign(r) sqrt(rho), every discrepancy stays a
-sum of squares: phi = |f|^2, with the Jacobian f'(r) dr/dx, f' = rho' / (2 f). Its gradient is that
-of phi exactly. Gauss-Newton on f, with the trust region on phi itself, is a robust Gauss-Newton:
-its curvature f'^2 lies between the true one, rho''/2, and the weight of iteratively reweighted
-least squares,
-
-    w = rho' / (2 r)        1 or min(1, delta/|r|) or (nu + 1)/(nu + r^2),
-
-so it converges faster than reweighting, and unlike the true curvature it is never zero or negative.
-Priors keep their squares: they are no readings that could be wrong.
+no solution, phi is infinite. A robust loss transforms the readings' part of r (`losses`), so that
+phi is the squared length all the same. Computed once: the weights. Per trial: one call of the
+model.
 
 **Errors that readings share** (theory 7), e = s own + B z. With the squared loss r is whitened,
 r = L^-1 (v - v*), and nothing else changes: that is least squares with the full covariance. A
@@ -64,10 +46,11 @@ from geoident.identify.problem.errors import (
     products,
     scaled_rows,
 )
+from geoident.identify.problem.losses import curvature, full_weights, transformed
 from geoident.identify.problem.responses import HasNoise
 from geoident.identify.problem.scaling import Scaling
 from geoident.model.arrays import Floats
-from geoident.model.methods import HuberOptions, LossOptions, SquaredOptions, StudentOptions
+from geoident.model.methods import LossOptions, SquaredOptions
 from geoident.model.parameter import Parameter
 from geoident.model.response import Response
 
@@ -124,62 +107,6 @@ class Problem:
         return replace(self, parameters=tuple(parameters))
 
 
-_MAD = 1.482602218505602
-"""Standard deviation by median of absolute values, for a normal distribution."""
-
-
-def transformed(options: LossOptions, r: Floats) -> tuple[Floats, Floats]:
-    """Transformed residual f = sign(r) sqrt(rho(r)) and its derivative, each (g,), for r (g,)."""
-    match options:
-        case HuberOptions(delta):
-            return _huber(r, delta)
-        case StudentOptions(nu):
-            return _student(r, nu)
-        case _:
-            return r, np.ones_like(r)
-
-
-def weights(options: LossOptions, r: Floats) -> Floats:
-    """Weight w = rho'/(2 r), (g,), that a reading with residual r (g,) keeps, never above 1.
-
-    Student's weight in the middle is (nu+1)/nu; it is cut at 1 because no reading tells more than
-    its accuracy says.
-    """
-    match options:
-        case HuberOptions(delta):
-            return np.asarray(delta / np.maximum(np.abs(r), delta), dtype=np.float64)
-        case StudentOptions(nu):
-            return np.minimum(1.0, (nu + 1.0) / (nu + r**2))
-        case _:
-            return np.ones_like(r)
-
-
-def robust_scale(r: Floats) -> float:
-    """Scatter of the residuals r (g,), in standard deviations, by the median of their sizes.
-
-    Near 1 if the accuracies are right, whatever a minority of wrong readings says; NaN for none.
-
-    >>> round(robust_scale(np.array([-1.0, 0.2, 0.7, 0.5, 90.0])), 3)
-    1.038
-    """
-    return float(_MAD * np.median(np.abs(r))) if r.size else np.nan
-
-
-def _huber(r: Floats, delta: float) -> tuple[Floats, Floats]:
-    size = np.maximum(np.abs(r), delta)
-    tail = np.sqrt(2.0 * delta * size - delta**2)
-    inside = np.abs(r) <= delta
-    f = np.where(inside, r, np.sign(r) * tail)
-    return f, np.where(inside, 1.0, delta / tail)
-
-
-def _student(r: Floats, nu: float) -> tuple[Floats, Floats]:
-    u = r**2 / nu
-    safe = np.where(u > 0.0, u, 1.0)
-    part = np.sqrt((nu + 1.0) / nu * np.where(u > 0.0, np.log1p(safe) / safe, 1.0))
-    return r * part, (nu + 1.0) / nu / (1.0 + u) / part
-
-
 CHECK_UNITS = "Check the units of stresses, moduli and accuracies, and the start values."
 
 
@@ -218,10 +145,10 @@ class Discrepancy:
         """Weighted residuals r (g + k,) at p (n,), SI, where the model answers readings (g,)."""
         if self.latent:
             own, z = own_residuals(self.problem, readings)
-            f, _ = transformed(self.problem.loss, own)
-            return np.concatenate([f, z, self.scaling.prior_residuals(p)])
-        f, _ = transformed(self.problem.loss, self.whitened_residuals(readings))
-        return np.concatenate([f, self.scaling.prior_residuals(p)])
+        else:
+            own, z = self.whitened_residuals(readings), np.zeros(0)
+        f, _ = transformed(self.problem.loss, own)
+        return np.concatenate([f, z, self.scaling.prior_residuals(p)])
 
     @property
     def latent(self) -> bool:
@@ -276,7 +203,13 @@ class Discrepancy:
         if why is not None:
             raise ModelError(why)
         linearization = self.linearization_of(p, *self.problem.response.evaluate(p))
-        _require_finite(linearization)
+        with np.errstate(over="ignore", invalid="ignore"):
+            size = linearization.objective + float(np.sum(linearization.jacobian**2))
+        if not np.isfinite(size):  # squares overflow: every step from here would look like the last
+            raise ModelError(
+                "The computed readings or their misfit exceed the range of floating-point numbers.",
+                CHECK_UNITS,
+            )
         return linearization
 
     def linearization_of(self, p: Floats, readings: Floats, jacobian: Floats) -> Linearization:
@@ -287,20 +220,17 @@ class Discrepancy:
             readings: (g,) what the model answers, SI.
             jacobian: (g, n) its derivative.
         """
-        rows = self._rows(readings, jacobian * self.scaling.slope(p))
+        problem, dv_dx = self.problem, jacobian * self.scaling.slope(p)
+        if self.latent:
+            rows = _projected(problem, readings, dv_dx)
+        elif problem.shared is not None:
+            rows = problem.whiten(dv_dx)
+        else:
+            _, slope = transformed(problem.loss, self.whitened_residuals(readings))
+            rows = dv_dx * (slope / problem.sd)[:, None]
         return Linearization(
             self.residuals(p, readings), np.concatenate([rows, self.scaling.prior_jacobian(p)])
         )
-
-    def _rows(self, v: Floats, dv_dx: Floats) -> Floats:
-        """Derivatives of the readings' part of the residuals, from those of the readings (g, n)."""
-        problem = self.problem
-        if self.latent:
-            return _projected(problem, v, dv_dx)
-        if problem.shared is not None:
-            return problem.whiten(dv_dx)
-        _, slope = transformed(problem.loss, self.whitened_residuals(v))
-        return dv_dx * (slope / problem.sd)[:, None]
 
 
 def _projected(problem: Problem, v: Floats, dv_dx: Floats) -> Floats:
@@ -310,8 +240,8 @@ def _projected(problem: Problem, v: Floats, dv_dx: Floats) -> Floats:
     _, slope = transformed(problem.loss, own)
     size = slope / problem.sd
     rows = np.concatenate([size[:, None] * dv_dx, np.zeros((len(problem.shared), dv_dx.shape[1]))])
-    for readings, shared in problem.shared.blocks:
-        C = scaled_rows(size[readings], problem.shared.block(readings, shared))
+    for readings, shared, B in problem.shared.blocks:
+        C = scaled_rows(size[readings], B)
         A = products(C, np.ones(len(readings)))
         A[np.diag_indices_from(A)] += 1.0
         x = np.linalg.solve(A, C.T @ rows[readings])
@@ -336,10 +266,10 @@ def own_residuals(problem: Problem, readings: Floats) -> tuple[Floats, Floats]:
     if shared is None or not np.all(np.isfinite(gap)):
         return own, np.zeros(0 if shared is None else len(shared))
     z = np.zeros(len(shared))
-    for rows, columns in shared.blocks:
-        B = scaled_rows(1.0 / problem.sd[rows], shared.block(rows, columns))
-        z[columns] = _shared_part(problem.loss, own[rows], B)
-        own[rows] -= B @ z[columns]
+    for rows, numbers, B in shared.blocks:
+        C = scaled_rows(1.0 / problem.sd[rows], B)
+        z[numbers] = _shared_part(problem.loss, own[rows], C)
+        own[rows] -= C @ z[numbers]
     return own, z
 
 
@@ -368,7 +298,7 @@ def _shared_part(options: LossOptions, u: Floats, B: Columns) -> Floats:
         down = B.T @ (w * r) - z
         steps = [
             np.linalg.solve(products(B, c) + one, down)
-            for c in (w, np.maximum(_curvature(options, r), 0.0))
+            for c in (w, np.maximum(curvature(options, r), 0.0))
         ]
         trials = [(value(z + step), step) for step in steps]
         lowest, step = min(trials, key=lambda trial: trial[0])
@@ -381,32 +311,3 @@ def _shared_part(options: LossOptions, u: Floats, B: Columns) -> Floats:
 
 _MOST_STEPS = 500
 """Of the search for shared errors; a handful is usual."""
-
-
-def full_weights(options: LossOptions, r: Floats) -> Floats:
-    """rho'/(2 r), (g,), not cut: the weight with which reweighted least squares goes down."""
-    if isinstance(options, StudentOptions):
-        return np.asarray((options.nu + 1.0) / (options.nu + r**2))
-    return weights(options, r)
-
-
-def _curvature(options: LossOptions, r: Floats) -> Floats:
-    """rho''/2, (g,)."""
-    match options:
-        case HuberOptions(delta):
-            return np.asarray(np.abs(r) <= delta, dtype=np.float64)
-        case StudentOptions(nu):
-            return np.asarray((nu + 1.0) * (nu - r**2) / (nu + r**2) ** 2)
-        case _:
-            return np.ones_like(r)
-
-
-def _require_finite(linearization: Linearization) -> None:
-    """Refuse numbers whose squares overflow: every step from there would look like the last."""
-    with np.errstate(over="ignore", invalid="ignore"):
-        squares = linearization.objective + float(np.sum(linearization.jacobian**2))
-    if not np.isfinite(squares):
-        raise ModelError(
-            "The computed readings or their misfit exceed the range of floating-point numbers.",
-            CHECK_UNITS,
-        )

@@ -38,6 +38,7 @@ class Scaling:
     Attributes:
         log: (n,) the parameter is scaled by its logarithm.
         reference: (n,) reference r of linear parameters, SI; 1 for logarithmic ones.
+        bounds: lower and upper bounds (n,), (n,), SI.
         lower: (n,) lower bounds in x.
         upper: (n,) upper bounds in x.
         start: (n,) start in x, inside the bounds.
@@ -52,10 +53,11 @@ class Scaling:
     def __init__(self, parameters: Sequence[Parameter]) -> None:
         self.log: Bools = np.array([q.scale == "log" for q in parameters], dtype=np.bool_)
         self.reference: Floats = np.array([_reference(q) for q in parameters], dtype=np.float64)
-        self._natural_lower: Floats = np.array([q.lower for q in parameters], dtype=np.float64)
-        self._natural_upper: Floats = np.array([q.upper for q in parameters], dtype=np.float64)
-        self.lower: Floats = self._scale(self._natural_lower)
-        self.upper: Floats = self._scale(self._natural_upper)
+        lower: Floats = np.array([q.lower for q in parameters], dtype=np.float64)
+        upper: Floats = np.array([q.upper for q in parameters], dtype=np.float64)
+        self.bounds = lower, upper
+        self.lower: Floats = self._scale(lower)
+        self.upper: Floats = self._scale(upper)
         self.start: Floats = self.to_scaled(np.array([q.start for q in parameters], dtype=float))
         self.priors: tuple[tuple[int, Prior], ...] = tuple(
             (i, q.prior) for i, q in enumerate(parameters) if q.prior is not None
@@ -70,21 +72,22 @@ class Scaling:
 
     def to_scaled(self, p: Floats) -> Floats:
         """Scaled x (n,) of natural p (n,), SI; p outside the bounds is clipped."""
-        return self._scale(np.clip(p, self._natural_lower, self._natural_upper))
+        return self._scale(np.clip(p, *self.bounds))
 
     def to_natural(self, x: Floats) -> Floats:
         """Natural p (n,), SI, of scaled x (n,); exact on the bounds, never outside."""
         p = x * self.reference
         p[self.log] = np.exp(x[self.log])
-        p[x <= self.lower] = self._natural_lower[x <= self.lower]
-        p[x >= self.upper] = self._natural_upper[x >= self.upper]
-        return np.clip(p, self._natural_lower, self._natural_upper)
+        lower, upper = self.bounds
+        p[x <= self.lower] = lower[x <= self.lower]
+        p[x >= self.upper] = upper[x >= self.upper]
+        return np.clip(p, *self.bounds)
 
     def away(self, p: Floats, step: Floats) -> Floats:
         """Natural p (n,) at steps (n,) in x from p (n,), never outside the bounds."""
         with np.errstate(over="ignore"):
             moved = np.where(self.log, p * np.exp(step), p + step * self.reference)
-        return np.clip(moved, self._natural_lower, self._natural_upper)
+        return np.clip(moved, *self.bounds)
 
     def slope(self, p: Floats) -> Floats:
         """dp/dx (n,), the diagonal, SI: a Jacobian in p times it is the Jacobian in x."""
@@ -95,14 +98,14 @@ class Scaling:
 
         Infinite where a lognormal prior excludes p.
         """
-        return np.array([_prior_residual(prior, p[i]) for i, prior in self.priors], dtype=float)
+        return np.array([prior.score(p[i]) for i, prior in self.priors], dtype=float)
 
     def prior_jacobian(self, p: Floats) -> Floats:
         """Derivative of `prior_residuals` in x, (k, n)."""
         rows = np.zeros((len(self.priors), len(self)))
         slope = self.slope(p)
         for row, (i, prior) in zip(rows, self.priors, strict=True):
-            row[i] = _prior_slope(prior, p[i]) * slope[i]
+            row[i] = prior.slope(p[i]) * slope[i]
         return rows
 
     def _scale(self, p: Floats) -> Floats:
@@ -121,14 +124,3 @@ def _reference(parameter: Parameter) -> float:
     if not np.isfinite(width) or width <= 0.0:
         return size or 1.0
     return min(width, max(size, 0.1 * width))
-
-
-def _prior_residual(prior: Prior, p: float) -> float:
-    if prior.kind == "normal":
-        return (p - prior.mean) / prior.sd
-    return float(np.log(p / prior.mean)) * prior.mean / prior.sd if p > 0.0 else -np.inf
-
-
-def _prior_slope(prior: Prior, p: float) -> float:
-    """Derivative of the prior's residual in p, 1/SI."""
-    return 1.0 / prior.sd if prior.kind == "normal" else prior.mean / (prior.sd * p)

@@ -60,15 +60,8 @@ class LawTerm:
                 return Dual.constant(self.value, next(iter(values.values())).n if values else 0)
             case "name":
                 return values[self.name]
-        arguments = [argument.at(values) for argument in self.arguments]
-        with np.errstate(all="ignore"):  # what is not finite is seen by who asks
-            return _applied(self.kind, arguments)
-
-
-def _applied(kind: str, of: list[Dual]) -> Dual:
-    if kind == "negative":
-        return -of[0]
-    return FUNCTIONS[kind](of[0]) if kind in FUNCTIONS else _OPERATIONS[kind](of[0], of[1])
+        with np.errstate(all="ignore"):  # who asks looks for what is not finite
+            return _OPERATIONS[self.kind](*(argument.at(values) for argument in self.arguments))
 
 
 def _power(base: Dual, exponent: Dual) -> Dual:
@@ -81,7 +74,9 @@ def _power(base: Dual, exponent: Dual) -> Dual:
     return base.through(lambda x: x**n, lambda x: n * x ** (n - 1.0))
 
 
-_OPERATIONS: Mapping[str, Callable[[Dual, Dual], Dual]] = {
+_OPERATIONS: Mapping[str, Callable[..., Dual]] = {
+    **FUNCTIONS,
+    "negative": lambda x: -x,
     "+": lambda x, y: x + y,
     "-": lambda x, y: x - y,
     "*": lambda x, y: x * y,

@@ -52,8 +52,3 @@ class KeptReducedModel:
     rows: Ints
     states: Ints
     blocks: Mapping[str, Floats]
-
-    @property
-    def entries(self) -> int:
-        """Numbers that are kept."""
-        return sum(block.size for block in self.blocks.values())

@@ -12,11 +12,10 @@ import numpy as np
 from geoident.errors import TimeIsUp
 from geoident.forward.external.table import TableModel
 from geoident.forward.model import StagedModel
-from geoident.identify import descend, identify
 from geoident.identify.assessment.variance_components import VarianceComponents
 from geoident.identify.problem.ahead import begins_near
 from geoident.identify.problem.errors import ErrorStructure
-from geoident.identify.problem.methods import continued
+from geoident.identify.problem.methods import continued, descend, identify
 from geoident.identify.problem.outcome import LocalMinimum, Outcome
 from geoident.identify.problem.problem import Discrepancy, Problem
 from geoident.identify.problem.scaling import Scaling

@@ -280,7 +280,7 @@ def test_what_cannot_be_is_said_with_place_and_remedy():
 def test_a_wall_in_a_solid_moves_towards_its_axis():
     mesh = box("hex8", (2, 2, 1), size=(2.0, 2.0, 1.0))
     around = tuple(
-        Support(side, (0, 1), contraction=Contraction(Scalar(0.02), (1.0, 1.0, 0.0), axis=2))
+        Support(side, (0, 1), contraction=Contraction(Scalar(0.02), (1.0, 1.0, 0.0)))
         for side in ("x0", "x1", "y0", "y1")
     )
     found = surveyed(

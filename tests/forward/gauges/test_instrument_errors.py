@@ -7,7 +7,7 @@ import pytest
 from support.cases import displacement, material, model, rollers
 from support.meshes import box, regroup
 
-from geoident.identify import identify
+from geoident.identify.problem.methods import identify
 from geoident.identify.problem.problem import Problem
 from geoident.model.case import Stage
 from geoident.model.gauges import Reading

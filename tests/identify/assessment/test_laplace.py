@@ -16,7 +16,8 @@ from geoident.identify.assessment.laplace import (
 )
 from geoident.identify.assessment.truncated_normal import log_probability_within
 from geoident.identify.problem.errors import SharedErrors
-from geoident.identify.problem.problem import Discrepancy, Linearization, transformed
+from geoident.identify.problem.losses import transformed
+from geoident.identify.problem.problem import Discrepancy, Linearization
 from geoident.identify.problem.scaling import Scaling
 from geoident.model.methods import HuberOptions, SquaredOptions, StudentOptions
 from geoident.model.parameter import Parameter, Prior

@@ -5,10 +5,11 @@ import pytest
 from scipy.stats import norm
 
 from geoident.errors import ModelError
-from geoident.identify import assess, identify
-from geoident.identify.direct.ensemble_smoother import NormalScores
+from geoident.identify.assessment.uncertainty import assess
+from geoident.identify.direct.ensemble_smoother import values_at
 from geoident.identify.problem import methods
-from geoident.identify.problem.methods import refusal
+from geoident.identify.problem.methods import identify, refusal
+from geoident.identify.problem.scaling import Scaling
 from geoident.model.methods import EnsembleSmootherOptions, GaussNewtonOptions, HuberOptions
 from geoident.model.parameter import Parameter, Prior
 
@@ -145,20 +146,20 @@ def kalman(X, Y, target, inflation, generator):
 def test_the_ensemble_moves_by_the_published_updates(make_problem):
     """Members that the model refuses, or cannot compute, are gone for good."""
     problem = make_problem(bent, PAIR, READ, ACCURACY, in_domain)
-    scores = NormalScores(PAIR)
+    scaling = Scaling(PAIR)
     generator = np.random.default_rng(5)
     X, expected, step, lost = generator.standard_normal((2, 30)), [], 0.0, 0
     for _ in range(3):
-        points = [scores.values(z) for z in X.T]
+        points = [values_at(z, scaling) for z in X.T]
         solved = np.array([1.1 <= p[0] <= 5.0 for p in points])
         lost += np.count_nonzero(~solved)
         Y = np.array([bent(p) for p, good in zip(points, solved, strict=True) if good]).T
         X = X[:, solved]
         before = X.mean(axis=1)
-        expected.append((scores.values(before), step))
+        expected.append((values_at(before, scaling), step))
         X = kalman(X, Y / ACCURACY[:, None], READ / ACCURACY, 3.0, generator)
         step = np.linalg.norm(X.mean(axis=1) - before)
-    expected.append((scores.values(X.mean(axis=1)), step))
+    expected.append((values_at(X.mean(axis=1), scaling), step))
     found = identify(problem, [EnsembleSmootherOptions(30, 3, seed=5)], silent)
     assert [entry.note for entry in found.iterations] == [
         *["assimilated"] * 3,
@@ -175,34 +176,13 @@ def test_the_ensemble_moves_by_the_published_updates(make_problem):
     assert found.reason == (
         f"An ensemble of {30 - lost} was moved to the readings in 3 steps; the values are its mean."
     )
-    ends = np.quantile([scores.values(z) for z in X.T], [0.025, 0.975], axis=0)
+    ends = np.quantile([values_at(z, scaling) for z in X.T], [0.025, 0.975], axis=0)
     (a, b), (c, d) = ends.T
     assert 0 < lost < 15
     assert found.remarks == (
         f"95 % of the ensemble: E {a / 1e3:.4g} .. {b / 1e3:.4g} kPa, K0 {c:.4g} .. {d:.4g}",
         f"{lost} members of the ensemble had no solution and were left out",
     )
-
-
-@pytest.mark.parametrize(("refused", "goes_on"), [(5, True), (6, False), (10, False)])
-def test_the_search_ends_where_more_than_half_have_no_solution(make_problem, refused, goes_on):
-    asked = []
-
-    def first_ones(p):
-        asked.append(p)
-        return "no" if len(asked) <= refused else None
-
-    problem = make_problem(lambda p: np.array([p[0]]), PAIR[1:], [1.0], 0.1, first_ones)
-    found = identify(problem, [EnsembleSmootherOptions(10, 2)], silent)
-    assert (found.status == "converged") == goes_on
-    if not goes_on:
-        assert f"Of 10 members of the ensemble {refused} have no solution." in found.reason
-        scores = NormalScores(PAIR[1:])
-        left = [scores.scores(p) for p in asked[refused:10]]
-        middle = scores.values(np.mean(left, axis=0)) if left else [1.0]
-        assert found.values == pytest.approx(middle)
-        assert found.objective == pytest.approx(((found.values[0] - 1.0) / 0.1) ** 2)
-        assert found.iterations == ()
 
 
 def test_an_observer_ends_it_at_the_mean_so_far(make_problem):
@@ -218,19 +198,6 @@ def test_an_observer_ends_it_at_the_mean_so_far(make_problem):
     assert found.objective == found.iterations[1].objective
 
 
-def test_readings_that_are_no_numbers_are_no_solution(make_problem):
-    def readings(p):
-        return np.array([p[0], np.nan if p[0].real > 1.3 else 0.0])
-
-    problem = make_problem(readings, PAIR[1:], [0.9, 0.0], 0.1)
-    found = identify(problem, [EnsembleSmootherOptions(40, 1)], silent)
-    assert found.status == "converged"
-    scores = NormalScores(PAIR[1:])
-    z = np.random.default_rng(1).standard_normal((1, 40))
-    lost = sum(scores.values(one)[0] > 1.3 for one in z.T)
-    assert found.remarks[1].startswith(f"{lost} members")
-
-
 def test_scores_are_those_of_the_place_between_the_bounds():
     """Of the logarithm where the scale is one; on a bound and for a fixed one they stay finite."""
     parameters = (
@@ -238,29 +205,14 @@ def test_scores_are_those_of_the_place_between_the_bounds():
         Parameter("K0", 1.0, 0.2, 1.8),
         Parameter("nu", 0.3, 0.3, 0.3),
     )
-    scores = NormalScores(parameters)
+    scaling = Scaling(parameters)
     part = np.array([0.3, 0.9])
     z = norm.ppf(part)
-    p = scores.values(np.array([*z, 0.7]))
+    p = values_at(np.array([*z, 0.7]), scaling)
     assert p == pytest.approx([2.0 * 25.0**0.3, 0.2 + 1.6 * 0.9, 0.3])
-    assert scores.scores(p)[:2] == pytest.approx(z)
-    ends = scores.scores(np.array([2.0, 1.8, 0.3]))
-    assert ends == pytest.approx([norm.ppf(1e-12), norm.ppf(1 - 1e-12), norm.ppf(1e-12)], rel=1e-5)
     believed = (Parameter("a", 1.0, -1.0, 2.0, prior=Prior(1.0, 2.0)),)
-    assert NormalScores(believed).values(np.array([0.6])) == [2.0]
-    assert NormalScores(believed).values(np.array([-1.1])) == [-1.0]
-
-
-def test_scores_are_standard_normal_of_each_prior():
-    parameters = (
-        Parameter("a", 1.0, 0.1, 10.0, scale="log", prior=Prior(2.0, 0.6, "lognormal")),
-        Parameter("b", 1.0, -9.0, 9.0, prior=Prior(1.0, 2.0)),
-        Parameter("c", 1.0, 1.0, 4.0),
-    )
-    scores = NormalScores(parameters)
-    p = scores.values(np.array([1.0, -0.5, 0.0]))
-    assert p == pytest.approx([2.0 * np.exp(0.3), 0.0, 2.5])
-    assert scores.scores(p) == pytest.approx([1.0, -0.5, 0.0])
+    assert values_at(np.array([0.6]), Scaling(believed)) == [2.0]
+    assert values_at(np.array([-1.1]), Scaling(believed)) == [-1.0]
 
 
 def test_what_it_needs_is_said(linear, monkeypatch):

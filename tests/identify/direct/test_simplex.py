@@ -11,7 +11,6 @@ from scipy.optimize import minimize
 
 from geoident.errors import ModelError
 from geoident.identify.direct.simplex import (
-    SimplexMove,
     first_simplex,
     minimise,
     moved,
@@ -77,23 +76,6 @@ def test_finds_known_minimum(name: str) -> None:
     assert found.x == pytest.approx(minimum, abs=2e-3 if name == "powell-singular" else 1e-6)
 
 
-@pytest.mark.parametrize("name", CASES)
-def test_finds_what_scipy_finds_from_the_same_simplex(name: str) -> None:
-    objective, start, _ = CASES[name]
-    x0 = np.array(start)
-    found = minimise(objective, x0, options=replace(SHARP, restarts=0))
-    vertices, _ = first_simplex(objective, x0, objective(x0), SHARP.size)
-    theirs = minimize(
-        objective,
-        x0,
-        method="Nelder-Mead",
-        options={"initial_simplex": vertices, "xatol": 1e-7, "fatol": 1e-14, "maxfev": 5000},
-    )
-    assert theirs.success
-    assert found.x == pytest.approx(theirs.x, abs=2e-3 if name == "powell-singular" else 1e-6)
-    assert found.evaluations < 1.3 * theirs.nfev
-
-
 def test_moves_are_those_of_scipy_step_by_step() -> None:
     asked: list[Floats] = []
 
@@ -123,18 +105,6 @@ def test_equal_values_around_a_minimum_do_not_end_the_search() -> None:
     assert abs(found.x[0]) < 1e-4
 
 
-def test_equal_values_on_a_circle_do_not_end_the_search() -> None:
-    # first simplex: three points at the same distance from the minimum
-    centre = np.array([0.25, 0.25])
-    found = minimise(
-        lambda x: float(np.sum((x - centre) ** 2)),
-        np.zeros(2),
-        options=SimplexOptions(size=0.5, restarts=0),
-    )
-    assert found.ending == "converged"
-    assert found.x == pytest.approx(centre, abs=1e-4)
-
-
 def test_kink_is_no_obstacle() -> None:
     found = minimise(
         lambda x: float(abs(x[0] - 1.0) + 10.0 * abs(x[1] + 2.0 - x[0])),
@@ -142,35 +112,6 @@ def test_kink_is_no_obstacle() -> None:
         options=SimplexOptions(restarts=3),
     )
     assert found.x == pytest.approx([1.0, -1.0], abs=1e-4)
-
-
-def test_budget_is_never_exceeded_and_best_is_kept() -> None:
-    asked: list[float] = []
-
-    def record(x: Floats) -> float:
-        asked.append(rosenbrock(x))
-        return asked[-1]
-
-    for budget in (1, 2, 3, 7, 40, 41, 42):
-        asked.clear()
-        options = SimplexOptions(max_evaluations=budget)
-        found = minimise(record, np.array([-1.2, 1.0]), options=options)
-        assert (len(asked), found.evaluations) == (budget, budget)
-        assert found.ending == "evaluations"
-        assert found.value == min(asked)
-        assert rosenbrock(found.x) == found.value
-
-
-def test_best_value_never_rises() -> None:
-    seen: list[SimplexMove] = []
-
-    def watch(at: SimplexMove) -> bool:
-        seen.append(at)
-        return False
-
-    minimise(helical_valley, np.array([-1.0, 0.0, 0.0]), options=SHARP, watch=watch)
-    assert np.all(np.diff([at.value for at in seen]) <= 0.0)
-    assert {at.note for at in seen} >= {"start", "reflected", "expanded", "contracted", "restart"}
 
 
 def test_inadmissible_neighbours_of_the_start_are_avoided() -> None:
@@ -184,25 +125,6 @@ def test_inadmissible_neighbours_of_the_start_are_avoided() -> None:
     assert np.all(np.isfinite(values))
     found = minimise(objective, np.zeros(2), options=SimplexOptions(restarts=2))
     assert found.x == pytest.approx([-0.01, 0.7], abs=1e-4)
-
-
-def test_new_simplexes_are_as_large_as_the_first_and_turned_the_other_way_each_time() -> None:
-    asked: list[Floats] = []
-    begun: list[tuple[int, Floats]] = []
-
-    def objective(x: Floats) -> float:
-        asked.append(x.copy())
-        return float((x[0] - 0.3) ** 2 + 2.0 * (x[1] + 0.1) ** 2)
-
-    def watch(at: SimplexMove) -> bool:
-        if at.note in ("start", "restart"):
-            begun.append((len(asked), at.x))
-        return False
-
-    options = SimplexOptions(size=0.07, restarts=3)
-    minimise(objective, np.zeros(2), options=options, watch=watch)
-    edges = [[asked[k][0] - x[0], asked[k + 1][1] - x[1]] for k, x in begun]
-    np.testing.assert_allclose(edges, 0.07 * np.outer([1, -1, 1, -1], [1, 1]))
 
 
 def test_nan_is_inadmissible() -> None:
@@ -299,11 +221,6 @@ def test_never_evaluates_outside_the_bounds() -> None:
     assert outcome.values[0] == pytest.approx(3e9, rel=1e-3)
 
 
-def test_starts_on_a_bound() -> None:
-    outcome = simplex(problem(Curve(), replace(E_GROUND, lower=1e9), K0), SimplexOptions(), go_on)
-    assert outcome.values == pytest.approx(TRUTH, rel=1e-6)
-
-
 def test_fixed_parameter_stays() -> None:
     fixed = Parameter("K0", start=2.0, lower=2.0, upper=2.0)
     outcome = simplex(problem(Curve(), E_GROUND, fixed), SimplexOptions(), go_on)
@@ -338,14 +255,6 @@ def test_a_misfit_that_is_no_number_at_the_start_is_said() -> None:
     """The model answers; what it says only overflows, so it has no sentence of its own."""
     with pytest.raises(ModelError, match="no solution at the start of the simplex search"):
         simplex(problem(Curve(), sd=1e-200), SimplexOptions(), go_on)
-
-
-def test_an_observer_that_stops_at_the_start_pays_for_one_evaluation() -> None:
-    model = Curve()
-    outcome = simplex(problem(model), SimplexOptions(), lambda _: "No time.")
-    assert (outcome.status, outcome.reason) == ("out-of-budget", "No time.")
-    assert (len(model.asked), len(outcome.iterations)) == (1, 1)
-    assert outcome.values == pytest.approx([1e9, 1.0])
 
 
 @pytest.mark.parametrize(

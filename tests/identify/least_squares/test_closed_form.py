@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from geoident.errors import ModelError
-from geoident.identify import identify
 from geoident.identify.least_squares.closed_form import closed_form
 from geoident.identify.least_squares.gauss_newton import gauss_newton
 from geoident.identify.problem.errors import SharedErrors
+from geoident.identify.problem.methods import identify
 from geoident.identify.problem.problem import Problem
 from geoident.identify.problem.responses import HasOpening
 from geoident.model.methods import ClosedFormOptions, GaussNewtonOptions
@@ -101,19 +100,6 @@ def test_the_readings_that_it_answers_are_met_as_by_gauss_newton():
     )
 
 
-@pytest.mark.parametrize(
-    ("options", "least"), [({"max_iterations": 1}, 2), ({"tolerance": 0.1}, 2), ({"starts": 3}, 3)]
-)
-def test_its_options_are_those_of_the_search(options, least):
-    found = closed_form(problem(Formulas()), ClosedFormOptions(**{"starts": 1} | options), silent)
-    plain = gauss_newton(smaller(), GaussNewtonOptions(1e-8, 100, 1), silent)
-    same = GaussNewtonOptions(**{"starts": 1, "max_iterations": 100} | options)
-    again = gauss_newton(smaller(), same, silent)
-    assert len(found.iterations) == len(again.iterations) != len(plain.iterations)
-    assert len(found.iterations) >= least
-    assert (found.status == "converged") == ("max_iterations" not in options)
-
-
 def test_errors_that_readings_share_stay_shared():
     columns = np.array([[0.1, 0.0], [9.0, 9.0], [0.3, 0.2], [0.0, 0.4], [7.0, 7.0]])
     found = closed_form(
@@ -122,11 +108,6 @@ def test_errors_that_readings_share_stay_shared():
     whole = np.diag(SD[COVERED] ** 2) + columns[COVERED] @ columns[COVERED].T
     r = Formulas().readings(found.values) - MEASURED[COVERED]
     assert found.objective == pytest.approx(r @ np.linalg.solve(whole, r))
-
-
-def test_where_it_answers_all_nothing_is_said_of_the_rest():
-    kept = Problem(Ground(Formulas(np.ones(3, bool))), MEASURED[COVERED], SD[COVERED], PARAMETERS)
-    assert closed_form(kept, ClosedFormOptions(), silent).remarks[1:] == ()
 
 
 @pytest.mark.parametrize(
@@ -164,9 +145,3 @@ def test_a_chain_goes_on_from_it_and_passes_over_none():
     assert {entry.method for entry in passed.iterations} == {"gauss-newton"}
     assert passed.remarks == ("the closed form was skipped: there is none, as it is square",)
     assert passed.status == "converged"
-
-
-def test_a_model_that_fails_otherwise_is_not_passed_over_in_silence():
-    form = Formulas()
-    form.evaluate = lambda p: (_ for _ in ()).throw(ModelError("no"))
-    assert "skipped: no" in closed_form(problem(form), ClosedFormOptions(), silent).remarks[0]

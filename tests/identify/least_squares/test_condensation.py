@@ -124,16 +124,6 @@ def test_everything_measured_needs_no_iteration() -> None:
     assert len(outcome.iterations) == 2
 
 
-@pytest.mark.parametrize("toy", [THREE, truss(1), two_stages()], ids=["chain", "truss", "stages"])
-def test_toy_keeps_the_protocol(toy: AffineToy) -> None:
-    p = np.arange(1.0, len(toy.K))
-    measured = 1.1 * toy.readings(p)
-    model = toy.condense(p, measured, np.ones(len(measured)))
-    assert model.matrix @ p - model.vector == pytest.approx(measured - model.readings)
-    met = toy.condense(p, model.readings, np.ones(len(measured)))
-    assert met.matrix == pytest.approx(-toy.evaluate(p)[1], rel=1e-9, abs=1e-12)
-
-
 # --- exactness and convergence ---
 
 
@@ -190,27 +180,6 @@ def test_several_stages_are_weighed_with_their_unsymmetric_flexibility() -> None
     case = problem(toy, measured, start=start, lower=-1e3, scale="linear")
     outcome = condensation(case, EQUATION, go_on)
     assert iterates(outcome)[1] == pytest.approx(expected, rel=1e-9)
-
-
-def test_loads_at_known_moduli_need_one_iteration() -> None:
-    toy = replace(two_stages(), G=two_stages().G[:2])
-    known = np.array([3.0, 1.0, 2.0])
-    toy.K, toy.F = (
-        np.stack([toy.K[0] + np.tensordot(known, toy.K[1:4], 1), toy.K[4]]),
-        toy.F[[0, 4]],
-    )
-    measured = toy.readings(np.array([4.0])) * [1.01, 0.98]
-    case = problem(toy, measured, start=np.array([100.0]), scale="linear")
-    outcome = condensation(case, OUTPUT, go_on)
-    least = gauss_newton(case, GaussNewtonOptions(), go_on)
-    assert len(outcome.iterations) == 2
-    assert outcome.values == pytest.approx(least.values, rel=1e-9)
-
-
-def test_costs_one_call_of_the_model_per_iteration() -> None:
-    toy = replace(THREE, calls=0)
-    case = problem(toy, THREE.readings(TRUTH), start=2.0 * TRUTH)
-    assert len(condensation(case, OUTPUT, go_on).iterations) == toy.calls
 
 
 # --- noise ---

@@ -1,7 +1,5 @@
 """Several descents: when they begin, where, and which minima are one."""
 
-from contextlib import contextmanager
-from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,22 +7,16 @@ import pytest
 from scipy.stats.qmc import Halton
 
 from geoident.errors import ModelError
-from geoident.identify.least_squares import gauss_newton as gauss_newton_module
 from geoident.identify.least_squares.acceptance import Iterate
-from geoident.identify.least_squares.descent import Ending, plain_evaluator
-from geoident.identify.least_squares.gauss_newton import StartLook, gauss_newton
+from geoident.identify.least_squares.gauss_newton import gauss_newton
 from geoident.identify.least_squares.several_starts import (
     Angles,
-    SeveralStarts,
     at_minimum,
     distinct_minima,
-    halton_starts,
     spread,
     start_ranges,
 )
-from geoident.identify.problem.ahead import apart
-from geoident.identify.problem.outcome import History
-from geoident.identify.problem.problem import Discrepancy, Linearization
+from geoident.identify.problem.problem import Linearization
 from geoident.identify.problem.scaling import Scaling
 from geoident.model.methods import GaussNewtonOptions
 from geoident.model.parameter import Parameter, Prior
@@ -41,44 +33,6 @@ def axis(p):
     """Readings of a dip and a size that repeat after half a turn, with a hill in between."""
     a = 2.0 * p[0]
     return np.array([p[1] * np.cos(a), p[1] * np.sin(a), np.cos(2.0 * a)])
-
-
-def test_a_start_is_spread_over_the_circle_from_where_the_user_began():
-    scaling = Scaling([E, DIP])
-    angles = Angles([E, DIP], scaling)
-    points = spread(scaling, angles, scaling.start, angles.sought)
-    x = np.array([scaling.start, *(next(points) for _ in range(3))])
-    np.testing.assert_array_equal(x[:, 0], scaling.start[0])  # the rest starts as given
-    turn = (x[:, 1] - x[0, 1]) / (3.1 / scaling.reference[1])
-    np.testing.assert_allclose(np.sort(turn % 1.0), [0.0, 0.25, 0.5, 0.75], atol=1e-12)
-
-
-def boxes(count):
-    return [Parameter(f"p{n}", 1.0, -1.0 - n, 2.0 + n) for n in range(count)]
-
-
-def spread_shares(parameters, count):
-    """Starts (count, n) as parts of the way from bound to bound."""
-    scaling = Scaling(parameters)
-    angles = Angles(parameters, scaling)
-    points = spread(scaling, angles, scaling.start, range(len(parameters)))
-    x = np.array([next(points) for _ in range(count)])
-    return (x - scaling.lower) / (scaling.upper - scaling.lower)
-
-
-@pytest.mark.parametrize("first", [0, 1, 17])
-def test_thirty_successive_starts_fill_every_cell_once(first):
-    """Halton's sequence in the bases 2, 3 and 5."""
-    shares = spread_shares(boxes(3), first + 30)[first:]
-    cells = {tuple(cell) for cell in np.floor(shares * (2, 3, 5) + 1e-9).astype(int).tolist()}
-    assert len(cells) == 30
-
-
-def test_of_many_parameters_twelve_are_spread_angles_first():
-    shares = spread_shares([*boxes(14), DIP], 20)
-    varied = np.flatnonzero(np.ptp(shares, axis=0) > 0.0)
-    assert varied.tolist() == [*range(11), 14]
-    assert len(np.unique(shares[:, 14])) == 20
 
 
 def test_a_prior_keeps_starts_near():
@@ -158,13 +112,6 @@ def test_a_kink_makes_the_search_begin_elsewhere_too(make_problem):
     assert found.remarks == ("the search had 5 starts, as the misfit has kinks where it ended",)
 
 
-@pytest.mark.parametrize("starts", [1, 3])
-def test_an_explicit_number_of_starts_stays(make_problem, starts):
-    problem = make_problem(axis, [DIP, E], axis(np.array([0.5, 2.0])), 0.01)
-    notes = [step.note for step in run(problem, starts=starts).iterations]
-    assert sum(note.startswith("start") for note in notes) == starts
-
-
 def test_convex_problems_cost_what_one_descent_costs(make_problem):
     rng = np.random.default_rng(4)
     A = rng.normal(size=(6, 3))
@@ -209,73 +156,6 @@ def test_where_the_given_start_has_no_solution_another_one_takes_its_place(make_
         run(problem, starts=1)
 
 
-def cubic(p):
-    """phi = r^2 with r = p^3 - 3 p + 4: with half its gradient r r' by hand."""
-    return np.array([p[0] ** 3 - 3.0 * p[0] + 4.0])
-
-
-@pytest.mark.parametrize(("part", "seen"), [(0.99, True), (1.01, False)])
-def test_a_way_begins_uphill_where_the_slope_promises_a_part_of_the_fall(make_problem, part, seen):
-    """From 0.9 to -2 phi falls from 4.12 to 4, while its slope promises a rise of 2 r r' (-2.9)."""
-    problem = make_problem(cubic, [Parameter("x", 0.9, -4.0, 4.0)], [0.0], 1.0)
-    discrepancy = Discrepancy(problem)
-    evaluator = plain_evaluator(discrepancy, History("", problem.response, lambda one: None))
-    for value in (0.9, -2.0):
-        evaluator.evaluate(discrepancy.scaling.to_scaled(np.array([value])))
-    r, slope = 0.9**3 - 2.7 + 4.0, 3.0 * 0.81 - 3.0
-    fall, rise = r**2 - 4.0, 2.0 * r * slope * (-2.9)
-    assert evaluator.begins_uphill(part * rise / fall, 0.0) is seen
-    assert not evaluator.begins_uphill(0.1 * rise / fall, 1.001 * fall)
-
-
-def given_up(phi, gain, length, *, best=10.0, status="converged", away=0.4):
-    """Whether a further descent is left at phi, before a step of a gain that ends at 1 + away.
-
-    The best one has ended at 1; the whole has five readings more than parameters.
-    """
-    model = SimpleNamespace(jacobian=np.eye(1))
-    minimum = SimpleNamespace(phi=best, x=np.array([1.0]), linearization=model)
-    search = SimpleNamespace(
-        _endings=[SimpleNamespace(point=minimum, status=status)],
-        freedom=5,
-        angles=SimpleNamespace(differences=lambda x, y: [y - x]),
-        evaluator=SimpleNamespace(box=SimpleNamespace(reach=lambda x, d: np.array([1.0 + away]))),
-    )
-    step = SimpleNamespace(gain=gain, length=length, d=None)
-    return SeveralStarts._not_worth_it(search, SimpleNamespace(phi=phi, x=None), step)
-
-
-@pytest.mark.parametrize(
-    ("phi", "gain", "length", "best", "left"),
-    [
-        # phi 10 with five readings to spare: its scatter is 2, so rivals may lie 8 above it; twice
-        # that, 16, is left where three times the gain of a short step does not lead below
-        (33.0, 2.0, 1.0, 10.0, True),
-        (33.0, 2.0, 1.01, 10.0, False),
-        (33.0, 2.4, 1.0, 10.0, False),
-        # phi 2 is less than can be expected: rivals lie 4 above it
-        (15.0, 1.6, 0.5, 2.0, True),
-        (15.0, 1.7, 0.5, 2.0, False),
-    ],
-)
-def test_a_descent_that_ends_far_above_the_best_is_left(phi, gain, length, best, left):
-    assert given_up(phi, gain, length, best=best) == left
-
-
-def test_a_descent_that_ends_at_a_known_minimum_is_left():
-    near = {"phi": 12.05, "gain": 2.0, "length": 0.3}
-    assert given_up(**near)
-    assert not given_up(**{**near, "length": 0.31})
-    assert not given_up(**{**near, "phi": 12.15})
-    assert not given_up(**{**near, "phi": 11.85})
-    assert not given_up(**near, away=0.6)
-    assert not given_up(**near, status="stopped")
-    # 10.05 leads to 9.95, a minimum known at 10: it is left from above, and not where it is lower
-    assert given_up(10.05, 0.1, 0.3)
-    assert given_up(10.0, 0.1, 0.3)
-    assert not given_up(9.99, 0.01, 0.3)
-
-
 # Angles
 
 
@@ -286,34 +166,6 @@ def two_angles():
     parameters = [E, dip, strike]
     scaling = Scaling(parameters)
     return scaling, Angles(parameters, scaling)
-
-
-def test_the_other_side_of_a_bound_is_a_period_away_or_the_other_bound():
-    """Widths of 6 of 6.28 (0.955) and 2.8 of 3.14 (0.891): only the first is the whole."""
-    scaling, angles = two_angles()
-    assert [angles.whole(i) for i in range(3)] == [False, False, True]
-
-    def other(E, dip, strike):
-        y = angles.other_side(scaling.to_scaled(np.array([E, dip, strike])))
-        return None if y is None else scaling.to_natural(y)
-
-    assert other(0.1, -1.3, 3.0) is None
-    assert other(50.0, 1.5, 3.0) is None
-    assert other(3.0, 0.0, 0.2) == pytest.approx([3.0, 0.0, 6.2])  # 6.48 would be past it
-    assert other(3.0, 0.0, 6.2) == pytest.approx([3.0, 0.0, 0.2])
-    wide = Parameter("strike", 1.0, 0.2, 9.0, period=2.0 * np.pi)
-    turned = Parameter("dip", 0.4, -1.6, 2.5, period=np.pi)
-    scaling = Scaling([E, turned, wide])
-    angles = Angles([E, turned, wide], scaling)
-    assert other(3.0, 0.0, 0.2) == pytest.approx([3.0, 0.0, 0.2 + 2.0 * np.pi])
-    assert other(3.0, 0.0, 9.0) == pytest.approx([3.0, 0.0, 9.0 - 2.0 * np.pi])
-    assert other(3.0, -1.6, 9.0) == pytest.approx([3.0, np.pi - 1.6, 9.0 - 2.0 * np.pi])
-
-
-@pytest.mark.parametrize(("part", "whole"), [(0.901, True), (0.899, False)])
-def test_nine_tenths_of_a_period_are_all_of_it(part, whole):
-    q = [Parameter("a", 0.1, -1.0, -1.0 + part * 4.0, period=4.0)]
-    assert Angles(q, Scaling(q)).whole(0) is whole
 
 
 @pytest.mark.parametrize(("part", "sought"), [(0.251, (1,)), (0.249, ())])
@@ -337,12 +189,6 @@ def test_differences_are_the_shortest_of_all_that_mean_the_same():
                 d[i] = min((d[i] + k * period / unit[i] for k in range(-20, 21)), key=abs)
             expected.append(d)
         np.testing.assert_allclose(list(angles.differences(x, y)), expected, atol=1e-12)
-
-
-def test_a_mirror_whose_partner_is_no_parameter_mirrors_nothing():
-    dip = Parameter("dip", 0.4, -1.3, 1.5, period=np.pi, mirror=("strike", np.pi))
-    angles = Angles([dip], Scaling([dip]))
-    assert len(list(angles.differences(np.zeros(1), np.ones(1)))) == 1
 
 
 # Where starts lie
@@ -403,16 +249,6 @@ def test_angles_are_spread_from_the_given_start_where_all_of_a_period_is_open(pa
     turned = (share[:, 0] + 0.9 / width) % 1.0 if part > 0.9 else share[:, 0]
     np.testing.assert_allclose(x[:, 1] * unit, -0.4 + turned * width)
     np.testing.assert_allclose(x[:, 0], scaling.lower[0] + share[:, 1] * 4.0 / scaling.reference[0])
-
-
-def test_further_starts_are_halton_points_between_bounds_or_near_the_start():
-    q = [Parameter("a", 1.0, -1.0, 3.0), Parameter("b", 4.0, -np.inf, np.inf), E]
-    scaling = Scaling(q)
-    found = np.array(list(halton_starts(scaling, 7)))
-    share = Halton(3, scramble=False).random(8)[1:]
-    low = np.array([scaling.lower[0], scaling.start[1] - 2.0, np.log(0.1)])
-    high = np.array([scaling.upper[0], scaling.start[1] + 2.0, np.log(50.0)])
-    np.testing.assert_allclose(found, low + share * (high - low))
 
 
 # The order of descents
@@ -512,136 +348,3 @@ def test_two_points_are_one_minimum_where_the_readings_of_both_are_alike():
         (near | {"J": STIFF, "x": [0.24, 0.0]}, 1),
     ):
         assert len(distinct_minima([first, minimum(**other)], NO_ANGLES)) == kept
-
-
-def test_of_other_minima_the_lowest_is_kept_and_comes_first():
-    best, high, low = (minimum(phi, [x, 0.0], WEAK) for phi, x in ((1.0, 0), (3.05, 5), (3.0, 5.2)))
-    third = minimum(2.0, [-4.0, 0.0], WEAK)
-    assert distinct_minima([best, high, third, low], NO_ANGLES) == [best, third, low]
-    assert distinct_minima([high, best], NO_ANGLES) == [high, best]
-    assert distinct_minima([], NO_ANGLES) == []
-
-
-def test_minima_are_those_where_descents_converged():
-    points = [minimum(phi, [x, 0.0], WEAK) for phi, x in ((1.0, 0), (3.0, 5), (2.0, 9), (1.5, -5))]
-    status = ["converged", "converged", "not-converged", "converged"]
-    endings = [Ending(one, word, "") for one, word in zip(points, status, strict=True)]
-    search = SimpleNamespace(_endings=endings, angles=NO_ANGLES)
-    found = SeveralStarts._minima(search, endings[0])
-    assert [(m.values.tolist(), m.objective) for m in found] == [
-        ([-5.0, 0.0], pytest.approx(1.5)),
-        ([5.0, 0.0], pytest.approx(3.0)),
-    ]
-
-
-class Descents:
-    """Stands for a descent whose endings are given, and for the points that begin them."""
-
-    def __init__(self, endings, *, solved=True, stop=None):
-        self.endings, self.begun = list(endings), []
-        self.evaluator = SimpleNamespace(
-            history=SimpleNamespace(stop=stop),
-            start=lambda x, note: self.begun.append((x, note)) or (x if solved else None),
-        )
-
-    def run(self, start, leave=None):
-        return self.endings.pop(0)
-
-
-def gone_down(phis, *, abandoned=False, **given):
-    endings = [
-        Ending(minimum(phi, [n, 0.0], WEAK), "", "", abandoned) for n, phi in enumerate(phis)
-    ]
-    descents = Descents(endings, **given)
-    search = SimpleNamespace(
-        descent=descents,
-        evaluator=descents.evaluator,
-        angles=SimpleNamespace(other_side=lambda x: x[0] + 10.0 if x[0] < 5.0 else None),
-        _not_worth_it=None,
-    )
-    found = SeveralStarts.down(search, minimum(9.0, [0.0, 0.0], WEAK), further=False)
-    return found.point.phi, descents.begun
-
-
-def test_a_descent_goes_on_past_bounds_twice_at_most_while_that_is_lower():
-    note = "past the bound of an angle"
-    assert gone_down([3.0, 2.0, 1.0, 0.5]) == (pytest.approx(1.0), [(10.0, note), (11.0, note)])
-    assert gone_down([3.0, 3.0, 1.0]) == (pytest.approx(3.0), [(10.0, note)])
-    assert gone_down([3.0, 2.0, 2.5]) == (pytest.approx(2.0), [(10.0, note), (11.0, note)])
-    assert gone_down([3.0, 2.0], solved=False) == (pytest.approx(3.0), [(10.0, note)])
-    assert gone_down([3.0, 2.0], stop="Enough.") == (pytest.approx(3.0), [])
-    assert gone_down([3.0, 2.0], abandoned=True) == (pytest.approx(3.0), [])
-
-
-# Starts as parts of the search
-
-
-class Ahead:
-    """A model that looks ahead, at once."""
-
-    at_once = 1
-
-    def __init__(self, response):
-        self.response = response
-        self.asked, self.turned, self.looks = [], [], []
-        self.names = response.names
-
-    def __getattr__(self, name):
-        return getattr(self.response, name)
-
-    @property
-    def counts(self):
-        return self.response.counts
-
-    def admissible(self, p):
-        return self.response.admissible(p)
-
-    def readings(self, p):
-        return self.response.readings(p)
-
-    def evaluate(self, p):
-        self.asked.append(p.tolist())
-        return self.response.evaluate(p)
-
-    @contextmanager
-    def turns(self, looks):
-        self.looks = looks
-        yield self.turned.append
-
-
-def test_every_further_start_is_a_part_that_asks_what_its_descent_asks(make_problem):
-    plain = make_problem(valleys, [Parameter("x", 0.3, -4.0, 4.0)], [0, 0], 1)
-    problem = replace(plain, response=Ahead(plain.response))
-    response = problem.response
-    told(problem, starts=3)
-    assert response.turned == [0, 1]
-    asked = response.asked.copy()
-    first, second = (asked.index(e.values.tolist()) for e in told(plain, starts=3)[1].iterations
-                     if e.note in ("start 2", "start 3"))  # fmt: skip
-    for look, begin, end in zip(response.looks, (first, second), (second, len(asked)), strict=True):
-        response.asked.clear()
-        look(response)
-        whole = response.asked
-        assert len(whole) > 1
-        assert whole[: end - begin] == asked[begin:end]  # all, and what follows if it is not left
-
-
-@pytest.mark.parametrize(("readings", "freedom"), [(6, 4), (4, 2), (3, 1), (2, 1), (1, 1)])
-def test_readings_less_named_parameters_are_the_freedom(make_problem, readings, freedom):
-    """The prior of a mode of a field is an equation, and counts as a reading."""
-    mode = Parameter("rock.mode-1", 0.0, -4.0, 4.0, prior=Prior(0.0, 1.0), field="rock")
-    problem = make_problem(lambda p: p, [E, DIP, mode], np.zeros(readings), 1.0)
-    history = History("", problem.response, lambda entry: None)
-    for given, starts in (("automatic", None), (7, 7)):
-        options = GaussNewtonOptions(starts=given)
-        found = gauss_newton_module._several_starts(problem, options, history)
-        assert (found.freedom, found.starts) == (freedom, starts)
-
-
-def test_a_start_without_a_solution_asks_once(make_problem):
-    strength = Parameter("strength", 3.0, 0.1, 20.0, "log")
-    plain = make_problem(collapsing, [strength], collapsing(np.array([3.0])), 0.01)
-    response = Ahead(plain.response)
-    look = StartLook(apart(plain), GaussNewtonOptions(), np.log([0.5]))
-    look(response)
-    assert response.asked == [pytest.approx([0.5])]

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from geoident.identify import Problem, identify
+from geoident.identify.problem.methods import identify
+from geoident.identify.problem.problem import Problem
 from geoident.model.methods import GaussNewtonOptions
 from geoident.model.parameter import Parameter
 from geoident.model.results.costs import Counts

@@ -9,19 +9,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
 import pytest
 from support.posteriors import chance_of, ranks_of_truth
 
 from geoident.identify.posterior.density import PosteriorDensity
 
 LEAST_CHANCE = 1e-3
-
-
-def without_the_change_of_variables(problem):
-    density = PosteriorDensity(problem)
-    density._jacobians = np.zeros_like(density._jacobians)
-    return density
 
 
 def without_the_prior_of_the_stress(problem):
@@ -33,10 +26,6 @@ def with_accuracies_too_good(problem):
     return PosteriorDensity(replace(problem, sd=0.6 * problem.sd))
 
 
-def with_accuracies_far_too_good(problem):
-    return PosteriorDensity(replace(problem, sd=0.35 * problem.sd))
-
-
 def test_ranks_are_uniform():
     ranks = ranks_of_truth(25, density_of=PosteriorDensity)
     assert chance_of(ranks, 10).min() > LEAST_CHANCE
@@ -45,11 +34,7 @@ def test_ranks_are_uniform():
 @pytest.mark.slow  # it tries this judge itself
 @pytest.mark.parametrize(
     ("wrong", "runs"),
-    [
-        (with_accuracies_far_too_good, 25),
-        pytest.param(without_the_prior_of_the_stress, 40, marks=pytest.mark.slow),
-        pytest.param(with_accuracies_too_good, 60, marks=pytest.mark.slow),
-    ],
+    [(without_the_prior_of_the_stress, 40), (with_accuracies_too_good, 60)],
 )
 def test_ranks_tell_what_is_wrong(wrong, runs):
     ranks = ranks_of_truth(runs, density_of=wrong)
@@ -60,9 +45,3 @@ def test_ranks_tell_what_is_wrong(wrong, runs):
 def test_ranks_of_500_runs_are_uniform():
     ranks = ranks_of_truth(500, density_of=PosteriorDensity, seed=1)
     assert chance_of(ranks, 20).min() > LEAST_CHANCE
-
-
-@pytest.mark.slow
-def test_500_ranks_tell_a_missing_change_of_variables():
-    ranks = ranks_of_truth(500, density_of=without_the_change_of_variables, seed=1)
-    assert chance_of(ranks, 10).min() < LEAST_CHANCE

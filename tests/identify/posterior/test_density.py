@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from geoident.errors import CollapseError, ModelError
-from geoident.identify.posterior.density import PosteriorDensity, answer
-from geoident.identify.posterior.draws import limit_of_k, smoothed
+from geoident.identify.posterior.density import PosteriorDensity
 from geoident.identify.problem.problem import Problem
 from geoident.model.parameter import Parameter, Prior
 
@@ -106,9 +105,6 @@ def test_nothing_is_asked_outside_the_bounds_and_no_solution_has_no_density(prob
     assert len(problem.response.asked) == 2
     assert np.all(density.logarithms(u[[1, 4]]) == -np.inf)
     assert (density.evaluations, len(problem.response.asked)) == (3, 2)
-    np.testing.assert_allclose(answer(problem, P), MATRIX @ P**1.2)
-    for p0 in (7.5, 8.5):
-        assert answer(problem, np.array([p0, *P[1:]])) is None
 
 
 def test_another_way_of_asking_is_used_for_all_at_once(problem):
@@ -149,82 +145,3 @@ def test_rows_are_derivatives_by_the_coordinates(problem):
         np.testing.assert_allclose(rows[:, j], slope, rtol=1e-6, atol=1e-8)
     with pytest.raises(ModelError, match="forbidden"):
         density.rows(np.array([8.5, *P[1:]]))
-
-
-def test_what_is_known_before_is_in_the_coordinates(problem):
-    """Priors; else halves of the bounds; of what is not free, nothing."""
-    centre, sd = PosteriorDensity(problem).reference()
-    expected = [
-        (np.log(9.0) / 2.0, np.log(9.0) / 2.0),
-        (0.5 * np.log(1.5 * 6.0), 0.5 * np.log(4.0)),
-        (4.5 / R, 0.8 / R),
-        (np.log(4.0), 1.5 / 4.0),
-        (np.log(2.5), 0.6 / 2.5),
-    ]
-    np.testing.assert_allclose(np.stack([centre, sd], axis=1), expected)
-
-
-@pytest.mark.parametrize(
-    ("scale", "lower", "upper", "prior", "by_log", "factor"),
-    [
-        ("linear", 2.0, 4.0, None, False, 0.0),
-        ("linear", 2.0, 4.1, None, True, 1.0),
-        ("linear", 0.0, 4.1, None, False, 0.0),
-        ("log", 2.0, 2.1, None, True, 0.0),
-        ("log", 2.0, 2.1, Prior(2.05, 0.1), True, 1.0),
-        ("log", 2.0, 9.0, Prior(2.05, 0.1, "lognormal"), True, 0.0),
-        ("linear", 2.0, 4.0, Prior(2.05, 0.1, "lognormal"), False, -1.0),
-        ("linear", 2.0, 4.0, Prior(2.05, 0.1), False, 0.0),
-        ("linear", 2.0, 9.0, Prior(2.05, 0.1), True, 1.0),
-    ],
-)
-def test_the_change_of_variables_adds_what_its_table_says(
-    scale, lower, upper, prior, by_log, factor
-):
-    """Between two points of one parameter whose readings and priors are taken off."""
-    q = Parameter("q", 2.05, lower, upper, scale, prior)
-    density = PosteriorDensity(Problem(Model(), np.zeros(1), np.ones(1), (q,)))
-    p = np.array([2.02, 2.08])
-    found = np.array([density.logarithm(one, one[:1]) for one in p[:, None]])
-    phi = p**2
-    if prior is not None:
-        off = (p - prior.mean) if prior.kind == "normal" else np.log(p / prior.mean) * prior.mean
-        phi += (off / prior.sd) ** 2
-    rest = found + 0.5 * np.asarray(phi)
-    assert rest[1] - rest[0] == pytest.approx(factor * np.log(p[1] / p[0]), abs=1e-12)
-    u = density.coordinates(p[:1])
-    assert u[0] == pytest.approx(np.log(2.02) if by_log else 2.02 / min(2.05, upper - lower))
-
-
-def test_a_normal_prior_about_zero_is_taken_as_wide_as_its_size():
-    q = Parameter("q", 2.0, 0.5, 9.0, "log", Prior(0.4, 0.1))
-    held = Problem(Model(), np.zeros(1), np.ones(1), (q,))
-    assert PosteriorDensity(held).reference()[1] == pytest.approx(0.25)
-
-
-def test_few_weights_have_no_tail_and_equal_ones_none_to_fear():
-    logs = np.linspace(0.0, 2.0, 25)
-    few = np.append(logs[:24], -np.inf)
-    weights, k = smoothed(few)
-    expected = np.append(np.exp(logs[:24]), 0.0)
-    np.testing.assert_allclose(weights, expected / expected.sum())
-    assert k == np.inf
-    weights, k = smoothed(np.append(logs, -np.inf))
-    assert np.isfinite(k)
-    assert weights[-1] == 0.0
-    assert weights.sum() == pytest.approx(1.0)
-    for ptp, equal in ((0.9e-9, True), (1.1e-9, False)):
-        nearly = np.append(np.linspace(0.0, ptp, 40), [-np.inf, -np.inf])
-        weights, k = smoothed(nearly)
-        assert (k == 0.0 and np.ptp(weights[:40]) == 0.0) == equal
-        np.testing.assert_allclose(weights[:40], 1 / 40, rtol=1e-8)
-    assert smoothed(np.full(3, -np.inf))[0].tolist() == [0.0, 0.0, 0.0]
-    assert smoothed(np.zeros(0))[1] == np.inf
-
-
-@pytest.mark.parametrize(
-    ("count", "limit"), [(0, 1 - 1 / np.log10(11)), (11, 1 - 1 / np.log10(11)),
-                         (1000, 2 / 3), (2154, 0.7), (10**6, 0.7)]
-)  # fmt: skip
-def test_the_limit_of_k_grows_to_seven_tenths(count, limit):
-    assert limit_of_k(count) == pytest.approx(limit, abs=1e-5)

@@ -7,15 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.stats import lognorm, norm, truncnorm
-from support.posteriors import Ridge, grid_quantiles, problem_of_ridge
+from support.posteriors import grid_quantiles, problem_of_ridge
 
 from geoident.errors import CollapseError
-from geoident.identify import identify
 from geoident.identify.posterior import chains
 from geoident.identify.posterior.density import PosteriorDensity
 from geoident.identify.posterior.draws import SamplingRequest, Stopped, smoothed
 from geoident.identify.posterior.importance import Proposal, WeightedDraws
 from geoident.identify.posterior.sampling import sample_posterior
+from geoident.identify.problem.methods import identify
 from geoident.identify.problem.problem import Problem
 from geoident.model.methods import GaussNewtonOptions
 from geoident.model.parameter import Parameter, Prior
@@ -249,20 +249,19 @@ def test_modes_of_a_linear_field_have_their_gaussian_posterior():
 
 
 @pytest.mark.parametrize(
-    ("n", "effective", "most"),
+    ("n", "effective", "evaluations"),
     [
-        (20, 60, 1.05),
-        *(pytest.param(*given, 1.01, marks=pytest.mark.slow) for given in ((20, 800), (40, 250))),
-        pytest.param(80, 800, 1.01, marks=pytest.mark.slow),
+        (20, 60, 15_000),
+        pytest.param(40, 250, 60_000, marks=pytest.mark.slow),
+        pytest.param(80, 800, 60_000, marks=pytest.mark.slow),
     ],
 )
-def test_crank_nicolson_does_not_depend_on_the_number_of_modes(monkeypatch, n, effective, most):
+def test_crank_nicolson_does_not_depend_on_the_number_of_modes(n, effective, evaluations):
     """Readings that are bent: chains meet, and the share of accepted steps is that of few modes.
 
     What the readings see, G p, is compared with importance sampling of G p itself (8 numbers).
     Of 60 draws the means are known to 0.13 standard deviations, a third of what is allowed.
     """
-    monkeypatch.setattr(chains, "MOST_R_HAT", most)
     problem, G = many(n, bend=0.8)
     fit = identify(problem, (GaussNewtonOptions(),), lambda iteration: None)
     density = PosteriorDensity(problem)
@@ -270,9 +269,9 @@ def test_crank_nicolson_does_not_depend_on_the_number_of_modes(monkeypatch, n, e
     rng = np.random.default_rng(3)
     proposal = Proposal.laplace(density, [fit.values])
     begin = WeightedDraws.none_of(proposal).more(density, rng, 200)
-    request = SamplingRequest(5 * effective, effective, 60_000)
+    request = SamplingRequest(5 * effective, effective, evaluations)
     found = chains.crank_nicolson(density, begin, request, rng, lambda _: None)
-    assert found.largest_r_hat <= most
+    assert found.largest_r_hat <= (1.01 if effective > 60 else 1.05)
     assert found.acceptance > 0.15
     assert found.sampler == "preconditioned Crank-Nicolson"
     p = density.natural(found.x.reshape(-1, n))
@@ -364,12 +363,3 @@ def test_pareto_k_tells_weights_without_a_variance():
     weights, k = smoothed(np.zeros(100))
     assert k == 0.0
     np.testing.assert_allclose(weights, 0.01)
-
-
-def test_ridge_is_what_it_says():
-    p = np.array([10.0, 8.0])
-    v, J = Ridge().evaluate(p)
-    for i, step in enumerate(1e-6 * p):
-        moved = p.copy()
-        moved[i] += step
-        np.testing.assert_allclose((Ridge().readings(moved) - v) / step, J[:, i], rtol=1e-5)

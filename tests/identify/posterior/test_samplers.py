@@ -10,7 +10,7 @@ from scipy.stats import multivariate_normal, multivariate_t, truncnorm
 from support.posteriors import problem_of_ridge
 
 from geoident.errors import CollapseError, ModelError, UsageError
-from geoident.identify.posterior.chains import crank_nicolson, ensemble, thinned
+from geoident.identify.posterior.chains import crank_nicolson, ensemble
 from geoident.identify.posterior.density import PosteriorDensity
 from geoident.identify.posterior.draws import (
     OUT_OF_EVALUATIONS,
@@ -18,13 +18,12 @@ from geoident.identify.posterior.draws import (
     SamplingRequest,
     Stopped,
     diagnose_chains,
-    effective_of_weights,
     library,
 )
-from geoident.identify.posterior.importance import ImportanceSampler, Proposal, WeightedDraws
+from geoident.identify.posterior.importance import Proposal, WeightedDraws
 from geoident.identify.posterior.sampling import sample_posterior
 from geoident.identify.problem.problem import Problem
-from geoident.model.parameter import Parameter, Prior
+from geoident.model.parameter import Parameter
 
 BOX = np.array([-40.0, -40.0]), np.array([40.0, 40.0])
 ROOTS = np.array([[[1.0, 0.0], [0.5, 2.0]], [[0.3, 0.0], [-0.2, 0.4]]])
@@ -131,25 +130,6 @@ def test_a_direction_without_readings_is_drawn_along_half_its_extent(bound, widt
     assert np.sqrt(along @ inner @ along) == pytest.approx(np.sqrt(2.0) / 2.0, rel=1e-9)
 
 
-def test_two_minima_share_by_their_mass_and_none_is_left_out():
-    """phi of 0 and 2.5 beside each other, roots by the slopes 3 and 0.7: shares half by these."""
-
-    class Model:
-        def admissible(self, p):
-            return None
-
-        def evaluate(self, p):
-            slope = 3.0 if p[0] < 1.0 else 0.7
-            return np.array([0.0 if p[0] < 1.0 else np.sqrt(2.5)]), np.array([[slope]])
-
-    q = (Parameter("a", 1.0, -500.0, 500.0),)
-    density = PosteriorDensity(Problem(Model(), np.zeros(1), np.ones(1), q))
-    found = Proposal.laplace(density, [np.zeros(1), np.array([2.0])])
-    mass = np.exp([0.0, -1.25]) / [3.0, 0.7]
-    np.testing.assert_allclose(found.weights, 0.9 * (0.5 * mass / mass.sum() + 0.25))
-    assert found.weights.sum() + found.uniform == pytest.approx(1.0)
-
-
 def test_a_minimum_without_a_solution_is_left_out_and_the_fit_is_not():
     class Half:
         def admissible(self, p):
@@ -166,22 +146,6 @@ def test_a_minimum_without_a_solution_is_left_out_and_the_fit_is_not():
     assert len(found.weights) == 1
     with pytest.raises(ModelError, match="collapses"):
         Proposal.laplace(density, [np.array([3.0]), np.zeros(1)])
-
-
-def test_kernels_cover_two_clusters_and_the_first_proposal_stays():
-    rng = np.random.default_rng(5)
-    x = np.concatenate([rng.normal(size=(300, 2)), rng.normal(size=(100, 2)) * 0.5 + [12.0, -9.0]])
-    first = Proposal(np.ones(1), np.zeros((1, 2)), 9.0 * np.eye(2)[None], np.inf, *BOX)
-    found = first.kernels_at(x, np.full(400, 1 / 400), rng)
-    assert found.weights.sum() == pytest.approx(1.0)
-    kernels = np.arange(len(found.weights) - 1)
-    far = found.centres[kernels, 0] > 6.0
-    assert found.weights[kernels][far].sum() == pytest.approx(0.9 * 0.25, abs=0.12)
-    np.testing.assert_array_equal(found.centres[-1], first.centres[0])
-    # draws on a line, and none at all
-    line = np.linspace(0.0, 1.0, 60)[:, None] * np.ones(2)
-    assert np.isfinite(first.kernels_at(line, np.full(60, 1 / 60), rng).roots).all()
-    assert first.kernels_at(np.empty((0, 2)), np.empty(0), rng) is first
 
 
 def test_resampling_takes_every_draw_as_often_as_its_weight_says():
@@ -228,43 +192,6 @@ def wide(size, degrees=5.0):
     return Proposal(np.ones(1), np.zeros((1, 2)), size * np.eye(2)[None], degrees, *BOX)
 
 
-def test_a_good_proposal_is_drawn_until_the_effective_size_is_reached():
-    density, told = Normal(), []
-    request = SamplingRequest(100, 800.0, 10**5)
-    sampler = ImportanceSampler(density, request, np.random.default_rng(0), told.append)
-    result = sampler.until_enough(wide(1.1), "importance", 0.2)
-    assert 800.0 <= result.effective < 1300.0
-    assert density.evaluations == len(result.x)
-    steps = np.diff([0, *(t.evaluations for t in told)])
-    assert steps.max() <= 50  # the watch is asked so often
-    assert {(t.sampler, t.wanted) for t in told} == {("importance", 800.0)}
-    np.testing.assert_allclose(result.weights @ result.x, 0.0, atol=0.12)
-    np.testing.assert_allclose(result.weights @ result.x**2, 1.0, atol=0.2)
-
-
-def test_a_poor_proposal_is_left_early_and_adapted():
-    density = Normal()
-    request = SamplingRequest(100, 800.0, 10**5)
-    sampler = ImportanceSampler(density, request, np.random.default_rng(0), quiet)
-    poor = sampler.until_enough(wide(12.0), "importance", 0.2)
-    assert len(poor.x) == 300
-    assert poor.efficiency < 0.2
-    better = sampler.until_enough(sampler.adapted(), "adapted importance", 0.05)
-    assert better.efficiency > 0.2
-    assert better.reliable(0.05)
-
-
-@pytest.mark.parametrize("evaluations", [20, 310, 450])
-def test_the_budget_ends_it_wherever_it_is(evaluations):
-    density = Normal()
-    request = SamplingRequest(100, 800.0, evaluations)
-    sampler = ImportanceSampler(density, request, np.random.default_rng(0), quiet)
-    sampler.until_enough(wide(12.0), "importance", 0.5)
-    sampler.adapted()
-    assert sampler.stopped == OUT_OF_EVALUATIONS
-    assert density.evaluations == evaluations
-
-
 @pytest.mark.parametrize("run", [ensemble, crank_nicolson])
 def test_chains_keep_their_budget_and_pass_on_why_they_stopped(run):
     begin = WeightedDraws.none_of(wide(1.0)).more(Normal(), np.random.default_rng(0), 100)
@@ -289,17 +216,6 @@ def test_chains_keep_their_budget_and_pass_on_why_they_stopped(run):
     limited = drawn(density := Normal(), quiet, 2000)
     assert density.evaluations <= 2000 + 10 * chains
     assert limited.stopped in {"", OUT_OF_EVALUATIONS}
-
-
-@pytest.mark.parametrize("run", [ensemble, crank_nicolson])
-def test_chains_begin_anywhere_where_no_draw_has_a_weight(run):
-    """Laplace's approximation may lie where the model has no solution."""
-    density = Normal()
-    x = np.zeros((4, 2))
-    begin = WeightedDraws(wide(1.0), x, np.full(4, -np.inf), np.zeros(4))
-    request = SamplingRequest(100, 100.0, 20_000)
-    found = run(density, begin, request, np.random.default_rng(1), quiet)
-    np.testing.assert_allclose(found.x.reshape(-1, 2).std(axis=0), 1.0, atol=0.25)
 
 
 @pytest.mark.parametrize("edge", [0.5, -0.5])
@@ -362,16 +278,6 @@ def test_without_any_solution_there_is_nothing_to_hand_over():
         )  # fmt: skip
 
 
-def test_thinned_draws_are_evenly_spaced_in_each_chain():
-    x = np.arange(40.0).reshape(2, 10, 2)
-    many = Draws("ensemble", x, x[..., 0], np.ones(2), np.ones(2), np.nan, 0.3, "stopped")
-    found = thinned(many, 6)
-    assert found.x[:, :, 0].tolist() == [[0.0, 8.0, 18.0], [20.0, 28.0, 38.0]]
-    assert found.logarithms.tolist() == found.x[:, :, 0].tolist()
-    assert found.stopped == "stopped"
-    assert thinned(many, 100).x.shape == (2, 10, 2)
-
-
 # Diagnostics
 
 
@@ -405,13 +311,6 @@ def test_draws_are_reliable_by_their_size_and_their_diagnostics(
     assert found.least_effective == found.effective[2]
 
 
-def test_draws_without_any_number_have_none():
-    empty = replace(draws(1.0), effective=np.full(3, np.nan), r_hat=np.full(3, np.nan))
-    assert empty.least_effective == 0.0
-    assert np.isnan(empty.largest_r_hat)
-    assert draws(1.0, r_hat=1.7).largest_r_hat == 1.7
-
-
 def test_chains_of_a_group_count_as_one_for_r_hat():
     """Two groups of two, of which one agrees with the other and one does not."""
     rng = np.random.default_rng(0)
@@ -430,31 +329,6 @@ def test_chains_of_a_group_count_as_one_for_r_hat():
     drift = np.linspace(0.0, 4.0, 300)[None, :, None] + rng.normal(size=(4, 300, 1))
     assert diagnose_chains(drift, groups=2)[1][0] > 1.1
     assert np.isnan(diagnose_chains(np.zeros((4, 10, 1)), groups=2)).all()
-
-
-def test_weights_that_are_all_zero_are_worth_nothing():
-    assert effective_of_weights(np.zeros(4)) == 0.0
-    assert effective_of_weights(np.array([0.5, 0.5, 0.0])) == pytest.approx(2.0)
-
-
-@pytest.mark.parametrize(
-    ("parameter", "centre", "sd"),
-    [
-        (Parameter("a", 3.0, 1.0, 9.0, "log"), np.log(9.0) / 2.0, np.log(9.0) / 2.0),
-        (Parameter("a", 3.0, -1.0, 9.0, "linear"), 4.0 / 3.0, 5.0 / 3.0),  # u = p / 3
-        (Parameter("a", 3.0, 2.0, np.inf, "log"), np.log(3.0), 2.5),
-        (Parameter("a", 3.0, -np.inf, 9.0, "linear"), 1.0, 5.0),
-        (Parameter("a", 0.0, -np.inf, np.inf, "linear"), 0.0, 5.0),
-        (Parameter("a", 3.0, 1.0, 9.0, "log", Prior(4.0, 1.0)), np.log(4.0), 0.25),
-        (Parameter("a", 3.0, -1.0, 9.0, "linear", Prior(6.0, 1.5)), 2.0, 0.5),
-    ],
-)
-def test_what_is_known_before_is_the_prior_or_as_wide_as_the_bounds(parameter, centre, sd):
-    """In u: half of the distance of the bounds; of none, 2.5 in ln p, or five of the start."""
-    problem = Problem(None, np.zeros(1), np.ones(1), (parameter,))
-    found = PosteriorDensity(problem).reference()
-    assert found[0][0] == pytest.approx(centre)
-    assert found[1][0] == pytest.approx(sd)
 
 
 def test_a_missing_library_is_told_and_another_error_is_not_hidden(tmp_path, monkeypatch):

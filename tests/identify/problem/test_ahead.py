@@ -13,9 +13,6 @@ from geoident.identify.problem.ahead import (
     ReadingsAt,
     apart,
     asked_in_turns,
-    at_once,
-    begins_near,
-    in_turns,
 )
 from geoident.identify.problem.errors import SharedErrors
 from geoident.identify.problem.problem import Problem
@@ -94,26 +91,6 @@ def test_a_problem_apart_from_its_model_is_the_same_with_another():
     assert replace(found, response=whole.response) == whole
 
 
-def test_what_a_model_says_of_looking_ahead():
-    assert (at_once(Plain()), at_once(Ahead())) == (1, 3)
-    assert [begins_near(one) for one in (Ahead(), Yielding(), Yielding(yields=False))] == [
-        False,
-        True,
-        False,
-    ]
-
-
-def test_turns_are_those_of_the_model_or_none():
-    with in_turns(Plain(), [ReadingsAt(np.zeros((1, 2)))]) as turn:
-        assert turn(0) is None
-    response = Ahead()
-    looks = [ReadingsAt(np.zeros((1, 2))), ReadingsAt(np.ones((2, 2)))]
-    with in_turns(response, iter(looks)) as turn:
-        assert response.open
-        turn(1)
-    assert (response.looks, response.turned, response.open) == (looks, [1], False)
-
-
 def told(response, count, row=0):
     """Parts, as first and number of points, and at which points a turn was taken."""
     points = np.arange(2.0 * count).reshape(count, 2)
@@ -141,13 +118,6 @@ def test_where_the_ground_yields_eight_points_in_a_row_are_a_part(row, expected)
     assert at == [(first, number) for number, (first, _) in enumerate(expected)]
 
 
-@pytest.mark.parametrize("row", [0, 2])
-def test_elsewhere_every_point_is_a_part(row):
-    parts, at = told(Ahead(), 3, row)
-    assert parts == [(0, 1), (1, 1), (2, 1)]
-    assert at == [(0, 0), (1, 1), (2, 2)]
-
-
 def test_the_rows_of_a_scan_lie_along_its_last_axis():
     response = Yielding()
     axes = {"b": ScanAxis(1.0, 4.0, 3), "a": ScanAxis(0.0, 3.0, 10)}
@@ -155,7 +125,3 @@ def test_the_rows_of_a_scan_lie_along_its_last_axis():
     assert [len(part.points) for part in response.looks] == [8, 2] * 3
     assert response.turned == [0, 1, 2, 3, 4, 5]
     assert response.looks[2].points[:2] == pytest.approx(np.array([[0.0, 2.5], [1.0 / 3.0, 2.5]]))
-
-
-def test_without_points_there_are_no_parts():
-    assert told(Ahead(), 0) == ([], [])

@@ -4,14 +4,10 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from geoident.identify.problem import errors
 from geoident.identify.problem.errors import (
     Covariance,
     ErrorStructure,
     SharedErrors,
-    products,
-    row_squares,
-    scaled_rows,
 )
 
 SD = np.array([0.3, 0.2, 0.5, 0.4, 0.15, 0.25, 0.35])
@@ -22,15 +18,6 @@ B[[0, 6, 2], 3] = [0.2, 0.9, -0.5]
 # the fifth reading shares nothing, and the second error belongs to nothing
 SIGMA = np.diag(SD**2) + B @ B.T
 TABLE = np.random.default_rng(2).normal(size=(7, 3))
-
-
-@pytest.fixture(params=["few", "many", "sparse"], autouse=True)
-def way(request, monkeypatch):
-    """By dense factors, by those of what is shared, and with sparse blocks of them."""
-    monkeypatch.setattr(errors, "FEW", 300 if request.param == "few" else 0)
-    if request.param == "sparse":
-        monkeypatch.setattr(errors, "_SMALL", 1)
-    return request.param
 
 
 def covariance():
@@ -77,114 +64,11 @@ def test_what_others_leave_of_some_readings(rows):
         np.testing.assert_allclose(found, np.linalg.solve(block, values), atol=1e-14)
 
 
-@pytest.mark.parametrize(("limit", "inverted"), [(2, True), (1, False)])
-def test_a_few_rows_are_taken_from_the_inverse_itself(monkeypatch, limit, inverted):
-    found = covariance()
-    asked = []
-    part = found._part
-    found._part = lambda rows: asked.append(rows.tolist()) or part(rows)
-    monkeypatch.setattr(errors, "FEW", limit)
-    found.without_others(np.array([3, 6]), TABLE[:2])
-    assert asked == [[3, 6]] * inverted
-
-
-def test_blocks_are_what_hangs_together():
-    shared = SharedErrors(sp.csr_array(B))
-    blocks = {tuple(rows.tolist()): tuple(k.tolist()) for rows, k in shared.blocks}
-    assert blocks == {(0, 2, 6): (3,), (1, 3, 5): (0, 2)}
-    assert len(shared) == 4
-    assert SharedErrors(sp.csr_array((7, 0))).blocks == ()
-    for rows, columns in shared.blocks:
-        block = shared.block(rows, columns)
-        dense = block if isinstance(block, np.ndarray) else block.toarray()
-        np.testing.assert_array_equal(dense, B[np.ix_(rows, columns)])
-
-
-def test_sizes_multiply_and_nothing_is_found_again():
-    first, second = np.array([2.0, 5.0, 0.5, 3.0]), np.array([1.5, 1.0, 4.0, 0.1])
-    plain = SharedErrors(sp.csr_array(B))
-    one = plain.sized(first)
-    np.testing.assert_allclose(one.columns.toarray(), B * first)
-    both = one.sized(second)
-    np.testing.assert_allclose(both.columns.toarray(), B * first * second)
-    np.testing.assert_array_equal(plain.columns.toarray(), B)
-    assert both.parts is plain.parts
-    assert both.blocks is plain.blocks
-    sigma = np.diag(SD**2) + (B * first * second) @ (B * first * second).T
-    np.testing.assert_allclose(
-        Covariance(SD, both).solve(TABLE), np.linalg.solve(sigma, TABLE), atol=1e-13
-    )
-    kept = np.array([True, False, True, True, False, False, True])
-    np.testing.assert_allclose(both.only(kept).columns.toarray(), (B * first * second)[kept])
-
-
-@pytest.mark.parametrize("make", [np.asarray, sp.csr_array], ids=["dense", "sparse"])
-def test_products_of_rows(make):
-    C, M = B[:, [0, 2, 3]], np.arange(9.0).reshape(3, 3)
-    scaled = scaled_rows(SD, make(C))
-    assert isinstance(scaled, np.ndarray) == (make is np.asarray)
-    np.testing.assert_allclose(scaled if make is np.asarray else scaled.toarray(), np.diag(SD) @ C)
-    np.testing.assert_allclose(products(make(C), SD), C.T @ np.diag(SD) @ C)
-    np.testing.assert_allclose(row_squares(make(C), M), np.diag(C @ M @ C.T))
-
-
-@pytest.mark.parametrize("entries", [1, 5, 6, 7, 8, 100])
-def test_row_squares_are_the_same_however_many_rows_are_taken_at_a_time(monkeypatch, entries):
-    monkeypatch.setattr(errors, "_SMALL", entries)
-    seen = []
-
-    class Rows(np.ndarray):
-        def __getitem__(self, item):
-            seen.append((item.start, item.stop))
-            return np.asarray(self)[item]
-
-    C = TABLE.view(Rows)
-    M = np.arange(9.0).reshape(3, 3)
-    np.testing.assert_allclose(row_squares(C, M), np.diag(TABLE @ M @ TABLE.T))
-    step = max(1, entries // 3)
-    assert seen == [(k, k + step) for k in range(0, 7, step)]
-    assert row_squares(np.zeros((0, 3)), M).shape == (0,)
-
-
-@pytest.mark.parametrize(
-    ("limit", "count", "kind"),
-    [(3, 3, "_FewReadings"), (3, 4, "_ManyReadings"), (1, 2, "_FewReadings")],
-)
-def test_few_readings_have_a_factor_of_their_own_size(monkeypatch, limit, count, kind):
-    """Up to FEW of them, or while they are no more than what they share (2)."""
-    monkeypatch.setattr(errors, "FEW", limit)
-    shared = SharedErrors(sp.csr_array(np.ones((count, 2))))
-    found = errors._block(np.arange(count)[None], np.arange(2)[None], shared, np.ones(count))
-    assert type(found).__name__ == kind
-
-
-def test_blocks_are_kept_dense_where_that_is_small(monkeypatch):
-    """The whole up to _SMALL entries; else blocks up to that, or a third of which is not zero."""
-    columns = sp.csr_array(B)
-    rows, k = np.array([1, 3, 5]), np.array([0, 2])  # 6 entries, 4 not zero
-    for limit, matrix, dense in ((28, columns, True), (27, columns, True), (6, columns, True)):
-        monkeypatch.setattr(errors, "_SMALL", limit)
-        shared = SharedErrors(matrix)
-        assert (shared._whole is not None) == (limit >= 28)
-        assert isinstance(shared.block(rows, k), np.ndarray) == dense
-    thin = np.zeros((7, 4))
-    thin[1, 0], thin[5, 2] = 0.3, 0.6
-    for limit, entries, dense in ((5, 2, True), (5, 1, False), (6, 1, True), (1, 2, True)):
-        monkeypatch.setattr(errors, "_SMALL", limit)
-        some = thin.copy()
-        some[5, 2] *= entries > 1
-        given = sp.csr_array(some)
-        given.eliminate_zeros()
-        assert isinstance(SharedErrors(given).block(rows, k), np.ndarray) == dense
-
-
 def test_rounding_leaves_a_diagonal_above_zero():
     """1 - c^2 / (2 + c^2) with c = 1e9: the smallest that rounding can tell from zero."""
     columns = SharedErrors(sp.csr_array(np.array([[2e8], [0.1]])))
     found = Covariance(np.array([0.2, 0.1]), columns).inverse_diagonal
     assert 0.0 < found[0] * 0.2**2 <= np.finfo(float).eps
-    if errors.FEW == 0:
-        assert found[0] * 0.2**2 == pytest.approx(np.finfo(float).eps)
     assert found[1] * 0.1**2 == pytest.approx(1.0)
 
 
@@ -251,7 +135,7 @@ def many():
     return sd, columns[:, order], np.diag(sd**2) + columns @ columns.T
 
 
-def test_many_readings_are_treated_as_dense_matrices_say(way, many):
+def test_many_readings_are_treated_as_dense_matrices_say(many):
     sd, columns, sigma = many
     g, K = columns.shape
     shared = SharedErrors(sp.csr_array(columns))
@@ -262,23 +146,14 @@ def test_many_readings_are_treated_as_dense_matrices_say(way, many):
     np.testing.assert_allclose(white.T @ white, values.T @ inverse @ values, rtol=1e-10)
     assert found.log_determinant() == pytest.approx(np.linalg.slogdet(sigma)[1], rel=1e-12)
     np.testing.assert_allclose(found.inverse_diagonal, np.diag(inverse), rtol=1e-9)
-    expected = columns.T @ inverse @ values
-    np.testing.assert_allclose(found.expected_shared(values), expected, atol=1e-9)
     rows = np.random.default_rng(7).normal(size=(5, K)) * (np.arange(K) % 3 == 0)
     left = rows @ (np.eye(K) - columns.T @ inverse @ columns) @ rows.T
     given = sp.csr_array(rows)
     np.testing.assert_allclose(found.conditional_covariance(given), left, atol=1e-9)
     np.testing.assert_allclose(found.conditional_variance(given), np.diag(left), rtol=1e-9)
+    expected = columns.T @ inverse @ values
+    np.testing.assert_allclose(found.expected_shared(values), expected, atol=1e-9)
     for some in ([7], [0, 480, 481, 482], [3, 14, 200]):
         block = inverse[np.ix_(some, some)]
         others = found.without_others(np.array(some), values[some])
         np.testing.assert_allclose(others, np.linalg.solve(block, values[some]), atol=1e-9)
-
-
-def test_what_few_readings_share_is_kept_apart_from_what_all_do(many):
-    """A block for each channel, with set-ups and model error on top."""
-    _, columns, _ = many
-    blocks, wide = SharedErrors(sp.csr_array(columns)).parts
-    assert len(wide) == STAGES + 7
-    assert sum(len(rows) for rows, _ in blocks) == CHANNELS
-    assert {shared.shape[1] for _, shared in blocks} == {2}

@@ -5,12 +5,10 @@ import numpy as np
 import pytest
 from support.plastic_bars import Frame, PlasticBars
 
-import geoident.identify as package
 from geoident.errors import InputError
-from geoident.identify import METHODS, descend, identify, refusal
 from geoident.identify.direct.scan import grid_axes, scan
 from geoident.identify.problem import methods
-from geoident.identify.problem.outcome import Outcome
+from geoident.identify.problem.methods import METHODS, descend, identify, refusal
 from geoident.identify.problem.problem import Problem
 from geoident.model.methods import (
     METHOD_OPTIONS,
@@ -24,7 +22,6 @@ from geoident.model.methods import (
     SimplexOptions,
 )
 from geoident.model.parameter import Parameter
-from geoident.model.response import Response
 
 TRUE = np.array([4.0, 0.5])
 QUESTION = (Parameter("E", 30.0, 1.0, 100.0, "log"), Parameter("K0", 1.0, 0.0, 2.0))
@@ -51,18 +48,6 @@ def test_the_table_has_the_names_and_options_that_users_can_write():
         assert found.__module__.startswith(f"geoident.identify.{method.room}.")
 
 
-def test_the_names_of_the_package_are_those_of_its_rooms():
-    for name in set(package.__all__) - {"METHODS", "Observer"}:
-        assert getattr(package, name).__name__ == name
-    assert package.METHODS is methods.METHODS
-    with pytest.raises(AttributeError, match=r"'geoident.identify' has no attribute 'nothing'"):
-        _ = package.nothing
-
-
-def test_the_toy_is_a_response(problem):
-    assert isinstance(problem.response, Response)
-
-
 def test_a_chain_goes_on_where_the_method_before_ended(problem):
     chain = (ScanOptions(points=5), SimplexOptions(max_evaluations=30), GaussNewtonOptions())
     outcome = identify(problem, chain, go_on)
@@ -82,29 +67,6 @@ def test_one_descent_is_by_gauss_newton_whatever_found_its_start(problem, option
     assert outcome.status == "converged"
     np.testing.assert_allclose(outcome.values, TRUE, rtol=1e-8)
     assert {it.method for it in outcome.iterations} == {"gauss-newton"}
-
-
-def test_one_descent_has_the_options_of_its_method_and_one_start(problem):
-    few = descend(problem, GaussNewtonOptions(max_iterations=2, starts=9), go_on)
-    assert few.status == "not-converged"
-    assert len(few.iterations) <= 3
-    loose = descend(problem, GaussNewtonOptions(tolerance=0.5, starts=9), go_on)
-    assert len(loose.iterations) < len(descend(problem, GaussNewtonOptions(), go_on).iterations)
-
-
-def test_one_descent_of_a_closed_form_is_by_its_formulas_from_one_start(monkeypatch, problem):
-    seen = []
-    monkeypatch.setattr(
-        methods, "identify", lambda problem, chain, observe: seen.append((problem, chain, observe))
-    )
-    descend(problem, ClosedFormOptions(radius=2.0, starts=7), go_on)
-    descend(problem, GaussNewtonOptions(tolerance=1e-3, starts=7), go_on)
-    descend(problem, SimplexOptions(), go_on)
-    assert seen == [
-        (problem, [ClosedFormOptions(radius=2.0, starts=1)], go_on),
-        (problem, [GaussNewtonOptions(tolerance=1e-3, starts=1)], go_on),
-        (problem, [GaussNewtonOptions(starts=1)], go_on),
-    ]
 
 
 def test_one_descent_for_yield_limits_scans_nothing():
@@ -202,27 +164,6 @@ def test_what_a_formulation_needs_is_said(monkeypatch):
     assert "no material of the model has yield limits" in refusal(elastic, "complementarity")
 
 
-def ended(values, objective, *, status="converged", **more):
-    return Outcome(np.array([values]), objective, status, "", **({"iterations": ()} | more))
-
-
-def test_a_chain_has_the_values_of_its_last_method_unless_it_was_stopped():
-    grids = [SimpleNamespace(number=n) for n in range(2)]
-    done = [
-        ended(1.0, 5.0, iterations=("a", "b"), remarks=("one",), grid=grids[0]),
-        ended(2.0, 3.0, iterations=("c",), remarks=(), grid=grids[1]),
-        ended(3.0, 4.0, iterations=("d",), remarks=("two", "three")),
-    ]
-    found = methods._joined(done)
-    assert (found.values.tolist(), found.objective, found.grid) == ([3.0], 4.0, grids[1])
-    assert found.iterations == ("a", "b", "c", "d")
-    assert found.remarks == ("one", "two", "three")
-    stopped = methods._joined([*done[:2], ended(3.0, 4.0, status="out-of-budget")])
-    assert (stopped.values.tolist(), stopped.objective) == ([2.0], 3.0)
-    assert stopped.status == "out-of-budget"
-    assert methods._joined(done[2:]).grid is None
-
-
 def test_a_method_that_the_model_cannot_serve_is_refused_before_computing(problem):
     with pytest.raises(InputError, match="Possible are gauss-newton, simplex, scan") as caught:
         identify(problem, (GaussNewtonOptions(), CondensationOptions()), go_on)
@@ -245,14 +186,6 @@ def test_a_refusal_names_what_is_possible_instead(problem):
     assert refusal(problem.response, "complementarity", options=whole).endswith(
         "Possible are gauss-newton, simplex, scan, ensemble-smoother."
     )
-
-
-def test_the_obstacle_of_the_model_is_the_reason(problem):
-    problem.response.obstacle = lambda: "Its ground yields."
-    problem.response.condense = lambda p, measured, sd: None
-    assert "Its ground yields." in refusal(problem.response, "condensation")
-    problem.response.obstacle = lambda: None
-    assert refusal(problem.response, "condensation") is None
 
 
 def test_a_stopped_chain_gives_the_best_point_so_far(problem):
@@ -297,12 +230,6 @@ def test_a_scan_along_one_parameter_keeps_the_others_at_their_start(problem):
     assert outcome.grid.names == ("K0",)
     assert {it.values[0] for it in outcome.iterations} == {30.0}
     assert {(it.step, it.note) for it in outcome.iterations} == {(0.0, "grid")}
-
-
-def test_a_scan_without_a_grid_spans_the_bounds():
-    axes = grid_axes(QUESTION, ScanOptions(points=3))
-    np.testing.assert_allclose(axes["E"], [1.0, 10.0, 100.0])
-    np.testing.assert_allclose(axes["K0"], [0.0, 1.0, 2.0])
 
 
 def test_points_without_a_solution_are_infinite(make_problem):
@@ -352,15 +279,6 @@ def test_an_axis_that_cannot_be_is_refused(grid, code, said):
     assert fault.hint == hints.get(code, "")
 
 
-def test_an_axis_may_have_one_point_and_run_down_and_a_linear_one_below_zero():
-    grid = {"E": ScanAxis(9.0, 1.0, 3), "K0": ScanAxis(-1.0, -1.0, 1)}
-    axes = grid_axes(QUESTION, ScanOptions(grid))
-    assert axes["E"] == pytest.approx([9.0, 3.0, 1.0])
-    assert axes["K0"].tolist() == [-1.0]
-    most = {"E": ScanAxis(1.0, 9.0, 1000), "K0": ScanAxis(0.0, 1.0, 1000)}
-    assert [len(axis) for axis in grid_axes(QUESTION, ScanOptions(most)).values()] == [1000, 1000]
-
-
 def test_a_scan_without_a_grid_takes_the_first_two_parameters_that_the_case_names():
     third = Parameter("nu", 0.2, 0.0, 0.4)
     axes = grid_axes((MODE, *QUESTION, third), ScanOptions(points=2))
@@ -371,12 +289,3 @@ def test_a_scan_without_a_grid_takes_the_first_two_parameters_that_the_case_name
     with pytest.raises(InputError, match="nothing to scan") as caught:
         grid_axes((MODE,), ScanOptions())
     assert [(f.code, f.path) for f in caught.value.faults] == [("no-parameters", "fit.scan")]
-
-
-def test_a_scan_says_how_many_points_it_has_computed(problem):
-    grid = {"E": ScanAxis(1.0, 16.0, 5), "K0": ScanAxis(0.0, 1.0, 3)}
-    outcome = scan(problem, ScanOptions(grid), go_on)
-    assert (outcome.status, outcome.reason) == (
-        "converged",
-        "All 15 points of the grid are computed.",
-    )

@@ -8,15 +8,11 @@ import scipy.sparse as sp
 from scipy.optimize import minimize
 
 from geoident.errors import ModelError
-from geoident.identify.problem import problem as module
 from geoident.identify.problem.errors import SharedErrors
-from geoident.identify.problem.outcome import History
+from geoident.identify.problem.losses import transformed
 from geoident.identify.problem.problem import (
     Discrepancy,
-    full_weights,
     own_residuals,
-    transformed,
-    weights,
 )
 from geoident.identify.problem.scaling import Scaling
 from geoident.model.methods import HuberOptions, SquaredOptions, StudentOptions
@@ -45,58 +41,7 @@ def shared(problem):
     return replace(problem, shared=SharedErrors(sp.csr_array(B)))
 
 
-# Losses
-
-
-@pytest.mark.parametrize("loss", LOSSES)
-def test_weights_and_curvature_are_derivatives_of_the_loss(loss):
-    """rho' / (2 r) and rho'' / 2, by differences; cut at 1 where a weight is asked for."""
-    r = np.array([-8.0, -1.9, -1.5, -0.4, 0.3, 1.6, 1.8, 5.0])
-
-    def rho(r):
-        return transformed(loss, r)[0] ** 2
-
-    h = 1e-5
-    slope = (rho(r + h) - rho(r - h)) / (2.0 * h)
-    bend = (rho(r + 10 * h) - 2.0 * rho(r) + rho(r - 10 * h)) / (10 * h) ** 2
-    np.testing.assert_allclose(full_weights(loss, r), slope / (2.0 * r), rtol=1e-6)
-    np.testing.assert_allclose(module._curvature(loss, r), 0.5 * bend, rtol=1e-3, atol=1e-6)
-    np.testing.assert_allclose(weights(loss, r), np.minimum(1.0, slope / (2.0 * r)), rtol=1e-6)
-
-
-def test_weights_in_numbers():
-    """nu = 3.5: 4.5 / (3.5 + r^2); delta = 1.7."""
-    r = np.array([0.0, 0.9, -2.0, 3.4])
-    np.testing.assert_allclose(full_weights(StudentOptions(3.5), r), 4.5 / (3.5 + r**2))
-    np.testing.assert_allclose(weights(StudentOptions(3.5), r), [1.0, 1.0, 0.6, 4.5 / 15.06])
-    np.testing.assert_allclose(weights(HuberOptions(1.7), r), [1.0, 1.0, 0.85, 0.5])
-    np.testing.assert_allclose(full_weights(HuberOptions(1.7), r), [1.0, 1.0, 0.85, 0.5])
-    for given in (weights, full_weights, module._curvature):
-        assert given(SquaredOptions(), r).tolist() == [1.0] * 4
-    assert module._curvature(HuberOptions(1.7), np.array([1.7, -1.7, 1.71])).tolist() == [1, 1, 0]
-    f, slope = transformed(HuberOptions(1.7), np.array([1.7, -3.4, 0.0]))
-    np.testing.assert_allclose(f, [1.7, -np.sqrt(3.0) * 1.7, 0.0])
-    np.testing.assert_allclose(slope, [1.0, 1.0 / np.sqrt(3.0), 1.0])
-    f, slope = transformed(StudentOptions(3.5), np.array([0.0, 1e-170]))
-    np.testing.assert_allclose(slope, np.sqrt(4.5 / 3.5))
-    np.testing.assert_allclose(f, [0.0, 1e-170 * np.sqrt(4.5 / 3.5)])
-
-
 # Residuals
-
-
-def test_a_problem_in_numbers(problem):
-    assert problem.start.tolist() == [2.0, 1.0]
-    assert [ends.tolist() for ends in problem.bounds] == [[0.5, -4.0], [9.0, 3.0]]
-    moved = problem.begun_at(np.array([20.0, -1.5]))
-    assert moved.start.tolist() == [9.0, -1.5]
-    assert problem.begun_at(np.array([0.1, 5.0])).start.tolist() == [0.5, 3.0]
-    assert replace(moved, parameters=P) == problem
-    table = np.arange(8.0).reshape(4, 2)
-    np.testing.assert_allclose(problem.whiten(table), table / SD[:, None])
-    np.testing.assert_allclose(problem.whiten(table[:, 1]), table[:, 1] / SD)
-    none = replace(problem, parameters=())
-    assert [ends.shape for ends in none.bounds] == [(0,), (0,)]
 
 
 def test_residuals_are_those_of_readings_then_of_priors(problem):
@@ -168,22 +113,6 @@ def test_without_finite_readings_shared_errors_are_zero(problem):
     assert z.tolist() == [0.0, 0.0]
 
 
-def test_rows_of_a_robust_problem_leave_out_what_shared_errors_do(problem):
-    """[W (J - B X); X] with X = (1 + B^T W^2 B)^-1 B^T W^2 J, the whole at once."""
-    loss = HuberOptions(1.7)
-    given = replace(shared(problem), loss=loss)
-    p = np.array([1.5, 0.8])
-    v, J = given.response.evaluate(p)
-    own, _ = own_residuals(given, v)
-    W = transformed(loss, own)[1] / SD
-    dx = J * [1.5, 3.5]  # p, and the reference of b: its width of 7, times a tenth, is less than 1
-    dx[:, 1] = J[:, 1] * Scaling(P).reference[1]
-    C, rows = W[:, None] * B, W[:, None] * dx
-    X = np.linalg.solve(np.eye(2) + C.T @ C, C.T @ rows)
-    expected = np.vstack([rows - C @ X, X, [0.0, Scaling(P).reference[1] / 0.2]])
-    np.testing.assert_allclose(Discrepancy(given).linearize(p).jacobian, expected, atol=1e-12)
-
-
 def test_numbers_that_overflow_are_no_solution(make_problem):
     for size, slope, fine in (
         (1e153, 1.0, True),
@@ -240,51 +169,3 @@ def test_steps_away_stay_within_the_bounds():
     np.testing.assert_allclose(away, [2.0 * np.exp(0.3), 1.0 - 0.25, 0.5])
     np.testing.assert_allclose(scaling.away(p, np.array([1e4, 9.0, 0.0])), [9.0, 3.0, 3.0])
     assert len(scaling) == 3
-
-
-def test_priors_count_rows_in_their_order():
-    parameters = [
-        Parameter("a", 2.0, 0.5, 9.0, "log", Prior(3.0, 0.6, "lognormal")),
-        Parameter("b", 2.0, 0.5, 9.0),
-        Parameter("c", 2.0, 0.5, 9.0, "log", Prior(3.0, 0.6)),
-        Parameter("d", 4.0, 0.5, 9.0, prior=Prior(3.0, 0.6, "lognormal")),
-    ]
-    scaling, p = Scaling(parameters), np.array([2.5, 1.0, 4.0, 5.0])
-    expected = [np.log(2.5 / 3.0) * 5.0, 1.0 / 0.6, np.log(5.0 / 3.0) * 5.0]
-    np.testing.assert_allclose(scaling.prior_residuals(p), expected)
-    rows = np.zeros((3, 4))
-    rows[0, 0], rows[1, 2], rows[2, 3] = 5.0, 4.0 / 0.6, 5.0 / 5.0 * 4.0
-    np.testing.assert_allclose(scaling.prior_jacobian(p), rows)
-    nowhere = Scaling([Parameter("d", 0.5, -1.0, 9.0, prior=Prior(3.0, 0.6, "lognormal"))])
-    assert nowhere.prior_residuals(np.zeros(1)).tolist() == [-np.inf]
-
-
-# Histories
-
-
-def test_a_history_counts_and_listens(problem):
-    seen = []
-
-    def observe(entry):
-        seen.append(entry)
-        return {1: "First.", 3: "Last."}.get(entry.number)
-
-    history = History("some-method", problem.response, observe)
-    values = np.array([1.0, 2.0])
-    for k, stop in enumerate((None, "First.", "First.", "Last.")):
-        history.record(values, 10.0 - k, step=0.1 * k, note=f"note {k}")
-        problem.response.readings(values)
-        assert history.stop == stop
-    values[0] = 99.0
-    assert history.iterations == tuple(seen)
-    assert [(e.method, e.number, e.objective, e.note) for e in seen] == [
-        ("some-method", k, 10.0 - k, f"note {k}") for k in range(4)
-    ]
-    assert [e.step for e in seen] == pytest.approx([0.0, 0.1, 0.2, 0.3])
-    assert [e.values[0] for e in seen] == [1.0] * 4
-    assert [e.counts.evaluations for e in seen] == [0, 1, 2, 3]
-    outcome = history.outcome(values, 7.0, "converged", "Done.")
-    assert (outcome.status, outcome.reason) == ("out-of-budget", "Last.")
-    quiet = History("some-method", problem.response, lambda entry: None)
-    outcome = quiet.outcome(values, 7.0, "converged", "Done.")
-    assert (outcome.status, outcome.reason, outcome.iterations) == ("converged", "Done.", ())

@@ -10,8 +10,8 @@ from support.plastic_bars import Frame, PlasticBars
 from support.yield_sites import deep_opening, notched_plate, task
 
 from geoident.errors import CollapseError, InputError, ModelError
-from geoident.identify import identify
 from geoident.identify.least_squares.gauss_newton import gauss_newton
+from geoident.identify.problem.methods import identify
 from geoident.identify.problem.outcome import History
 from geoident.identify.problem.problem import Discrepancy, Problem
 from geoident.identify.yield_limits.implicit import certificate_at, descend, is_better

@@ -15,7 +15,8 @@ import scipy.sparse as sp
 from support.one_bar import bar_system, bilinear
 
 from geoident.errors import ModelError
-from geoident.identify.problem.problem import Problem, transformed
+from geoident.identify.problem.losses import transformed
+from geoident.identify.problem.problem import Problem
 from geoident.identify.yield_limits.condensed_system import (
     condensed,
     condensing_obstacle,

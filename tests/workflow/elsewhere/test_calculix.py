@@ -7,7 +7,8 @@ from support.cases import material, model, rollers
 from support.external import trusted
 from support.meshes import box, regroup
 
-from geoident.identify import Problem, identify
+from geoident.identify.problem.methods import identify
+from geoident.identify.problem.problem import Problem
 from geoident.model.case import Stage
 from geoident.model.gauges import Channel
 from geoident.model.in_situ import HeimStress

@@ -11,7 +11,8 @@ from support.convergence import CASE, FIXED, READ, TRUTH, write_law
 import geoident as package
 from geoident.cli.app import geoident
 from geoident.errors import UsageError
-from geoident.identify import assess, identify
+from geoident.identify.assessment.uncertainty import assess
+from geoident.identify.problem.methods import identify
 from geoident.identify.problem.problem import Problem
 from geoident.io.case.file import parse_case
 from geoident.model.methods import GaussNewtonOptions, SquaredOptions

@@ -183,8 +183,7 @@ class SupportSection(Section):
         centre = None
         if self.centre is not None:
             centre = context.at("centre").vector(self.centre, "the centre")
-        axis = None if self.axis is None else _AXES.index(self.axis)
-        return Contraction(part.scalar, centre, axis)
+        return Contraction(part.scalar, centre)
 
 
 def _refuse_z(context: Context) -> None:
