@@ -16,8 +16,7 @@ from geoident.forward.stages import CaseOnMesh, ConstructionSequence, element_nu
 from geoident.model.arrays import Bools
 from geoident.model.gauges import Channel, Reads, named_channels
 
-_SHOWN = 5  # names in a message
-"""Stages in a hint."""
+_SHOWN = 5  # stages in a hint
 
 
 @dataclass(frozen=True)
