@@ -36,25 +36,28 @@ class BeamTilts(Observable):
 
     def linear(self, state: AnalysisState, wanted: Bools) -> LinearRows:
         """The rotations as sums of displacements."""
-        if self._operator is None:  # no parameter is in it
+        return LinearRows(u=self._sums(state))
+
+    def values(self, state: AnalysisState) -> Floats:
+        """Values (g, 1 + n + k) at a state, rad."""
+        return np.asarray(self._sums(state) @ state.end.u)
+
+    def _sums(self, state: AnalysisState) -> sp.csr_array:
+        """(g, n_dofs) what displacements are multiplied with; no parameter is in it."""
+        if self._operator is None:
             rows = sp.lil_array((len(self._channels), len(state.end.u)))
             for row, channel in enumerate(self._channels):
                 dofs, weights = _tilt(state.structures.part(channel.structure).members, channel)
                 rows[row, dofs] = weights
             self._operator = sp.csr_array(rows)
-        return LinearRows(u=self._operator)
-
-    def values(self, state: AnalysisState) -> Floats:
-        """Values (g, 1 + n + k) at a state, rad."""
-        rows = self.linear(state, np.ones(len(self._channels), dtype=bool)).u
-        return np.asarray(rows @ state.end.u)
+        return self._operator
 
 
 def _tilt(members: Members, channel: Channel) -> tuple[Ints, Floats]:
     """What unit displacements of the nodes of a beam turn it by: numbers (k,), and rad/m (k,)."""
     assert members.nodes is not None
     place = PlaceOnBeam.nearest(members.ends, channel)
-    dofs = np.unique(members.operator.indices)
+    dofs = np.unique(members.operator.indices).astype(np.int64)
     bent = section_forces(members, members.operator[:, dofs].toarray())  # of unit stiffness
     tilts = []
     for piece, xi in zip(place.pieces, place.along, strict=True):

@@ -88,7 +88,7 @@ class StressReader:
             return np.asarray(self.weights @ stress)
         axes, rank = PRINCIPAL[self.channel.quantity]
         value = principal_values(_tensor(stress, axes))[0][rank]
-        return -value if self.channel.compression else value
+        return np.asarray(-value if self.channel.compression else value)
 
     def coincides(self, stress: Floats) -> bool:
         """Whether its principal value, of a stress (n_strain, k), is one of several equal ones."""

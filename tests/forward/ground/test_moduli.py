@@ -15,10 +15,9 @@ from geoident.forward.ground.checks import trials
 from geoident.forward.ground.elasticity import (
     ModuliAt,
     field_moduli,
-    grows_whole,
     inadmissible_moduli,
     not_positive,
-    scales_whole,
+    vary_whole,
 )
 from geoident.forward.ground.field import (
     covariance_of,
@@ -94,14 +93,14 @@ PULL = np.array([0.3, 0.0, 0.6, 0.9])
     ],
 )
 def test_a_matrix_scales_as_a_whole_where_all_moduli_vary_alike(elastic, fields, whole):
-    assert scales_whole(elastic, fields) == whole
+    assert vary_whole(elastic, fields, ()) == whole
 
 
 def test_a_matrix_grows_as_a_whole_with_its_only_modulus():
-    assert grows_whole(ISOTROPIC, (), (growth(),))
-    assert not grows_whole(ISOTROPIC, (field(),), (growth(),))
-    assert not grows_whole(BULK, (), (growth("K"),))
-    assert not grows_whole(BULK, (), (growth("K"), growth("G")))
+    assert vary_whole(ISOTROPIC, (), (growth(),))
+    assert not vary_whole(ISOTROPIC, (field(),), (growth(),))
+    assert not vary_whole(BULK, (), (growth("K"),))
+    assert not vary_whole(BULK, (), (growth("K"), growth("G")))
 
 
 VALUES = {"E": 6e9, "nu": 0.22, "g": 0.3, **XI}
