@@ -331,6 +331,25 @@ def test_stresses_are_differentiated_exactly(analysis, yields):
     assert response.adjoints.obstacle == reason
 
 
+def test_equal_principal_values_of_states_that_are_not_read_are_not_said():
+    """Pressed along x the horizontal stress grows to the vertical one; in situ it was less."""
+    now, before = (
+        gauge("stress", name, (0.4, 0.4), "major", reads=reads)
+        for name, reads in (("now", Reads.VALUE), ("before", Reads.VIRGIN))
+    )
+    staged = model(
+        box("quad4", (3, 3)),
+        materials={"rock": material("rock", 1e9, 0.2)},
+        groups={"all": "rock"},
+        supports=rollers(2),
+        in_situ=_constant(-1e6, -2e6, -1.5e6, 0, 0, 0),
+        stages=(Stage("press", loads={"q": Pressure("x1", Scalar(1e6))}),),
+        channels=(now, before),
+    )
+    (note,) = staged.survey(NOTHING, fields=False).notes
+    assert note.startswith("gauge 'now' reads one of several equal principal stresses at 'press'")
+
+
 def test_equal_principal_values_are_said():
     staged = model(
         box("quad4", (3, 3)),
