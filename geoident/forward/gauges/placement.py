@@ -65,20 +65,22 @@ def best_site(
         The site, None if none is there; (n_states,) the states at which it is there and has been
         there on the way of construction from the zero, with the zero.
     """
-    for before in (False, True) if as_built else (False,):
-        best, longest = None, np.zeros(len(sequence.states), dtype=bool)
-        known: dict[int, Bools] = {}  # all elements of a group stay as long
-        for site in sites:
-            group = int(sequence.group_of[site.element])
-            if group not in known:
-                here = np.array([group in state.materials for state in sequence.states])
-                known[group] = unbroken(sequence, zero, here, placed_next=before)
-            stays = known[group]
-            if stays.sum() > longest.sum():
-                best, longest = site, stays
-        if best is not None:
-            break
-    return best, longest
+    groups = [int(sequence.group_of[site.element]) for site in sites]
+    for placed_next in (False, True) if as_built else (False,):
+        stays = {
+            group: unbroken(
+                sequence,
+                zero,
+                np.array([group in state.materials for state in sequence.states]),
+                placed_next=placed_next,
+            )
+            for group in set(groups)
+        }
+        pairs = zip(sites, groups, strict=True)
+        best, group = max(pairs, key=lambda pair: stays[pair[1]].sum(), default=(None, -1))
+        if best is not None and stays[group].any():
+            return best, stays[group]
+    return None, np.zeros(len(sequence.states), dtype=bool)
 
 
 def is_placed_after(sequence: ConstructionSequence, zero: int, site: Site) -> bool:
@@ -113,12 +115,10 @@ def unbroken(
     later = states >= zero
     if placed_next:
         way[zero], later = False, later & built_on[zero]
-    unbroken_from = np.asarray(~(~here[:, None] & way).any(axis=0) & later)
-    return (
-        unbroken_from
-        if not placed_next or unbroken_from[zero + 1 :].any()
-        else np.zeros_like(unbroken_from)
-    )
+    stays = np.asarray(~(~here[:, None] & way).any(axis=0) & later)
+    if placed_next and not stays[zero + 1 :].any():
+        return np.zeros_like(stays)
+    return stays
 
 
 def point_fault(
