@@ -20,7 +20,6 @@ from geoident.fem.elasticity import (
     Moduli,
     PointwiseModuli,
     ScaledModuli,
-    SummedModuli,
     UniformModuli,
 )
 from geoident.fem.location import format_point
@@ -225,13 +224,14 @@ def _scaled(
     value = ScaledModuli(np.ascontiguousarray(matrix.value), np.ascontiguousarray(factor.value))
     slopes: dict[str, Moduli] = {}
     for n, name in enumerate(local.names):
-        parts = []
-        if (slope := matrix.slope(n)) is not None:
-            parts.append(ScaledModuli(slope, value.factor))
-        if (slope := factor.slope(n)) is not None:
-            parts.append(ScaledModuli(value.matrix, slope))
-        if parts:
-            slopes[name] = parts[0] if len(parts) == 1 else SummedModuli(tuple(parts))
+        slope, change = matrix.slope(n), factor.slope(n)
+        if slope is not None and change is not None:
+            both = slope[..., None] * value.factor + value.matrix[..., None] * change
+            slopes[name] = PointwiseModuli(both)
+        elif slope is not None:
+            slopes[name] = ScaledModuli(slope, value.factor)
+        elif change is not None:
+            slopes[name] = ScaledModuli(value.matrix, change)
     return MaterialModuli(value, slopes, (ModeSlopes(value, fields[0]),) if by_modes else ())
 
 
