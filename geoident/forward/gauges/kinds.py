@@ -123,15 +123,18 @@ def reading_faults(
         observation: its gauges on the mesh.
         of_gauges: what is wrong with these; readings of faulty ones are not judged.
     """
-    faulty = tuple(fault.path for fault in of_gauges)
-    rows = {channel.name: row for row, channel in enumerate(case.channels)}
+    sound = {}
+    for row, channel in enumerate(case.channels):
+        key = format_path(channel.key)
+        parts = f"{key}.", f"{key}["
+        if not any(f.path == key or f.path.startswith(parts) for f in of_gauges):
+            sound[channel.name] = row
     faults = []
     for reading in case.readings:
-        row = rows[reading.channel]
-        key = format_path(case.channels[row].key)
-        if any(path == key or path.startswith((f"{key}.", f"{key}[")) for path in faulty):
+        if reading.channel not in sound:  # that of a faulty gauge, or of one that is left out
             continue
-        reason = observation.unreadable(row, case.stage_names.index(reading.stage))
+        state = case.stage_names.index(reading.stage)
+        reason = observation.unreadable(sound[reading.channel], state)
         if reading.value is not None and reason and not reading.bad:
             faults.append(
                 Fault(
