@@ -123,9 +123,8 @@ class ProgramModel(ExternalModel):
         Raises:
             ModelError: a run failed, or the derivatives are not those of the readings.
         """
-        known = self._given_jacobians.get(p.tobytes())
-        if known is not None:
-            return known
+        if p.tobytes() in self._given_jacobians:
+            return self._given_jacobians[p.tobytes()]
         v = self.differences.values(p)
         jacobian = self.runs.jacobian(p, self._check)
         if isinstance(jacobian, FailedRun):

@@ -129,8 +129,8 @@ class TableModel(ExternalModel):
         outside = []
         for reading in case.readings:
             channel = case.channels[rows[reading.channel]]
-            own = (channel.offset, channel.drift, channel.drift_per_stage)
-            if reading.value is None or reading.bad or any(own) or reading.stage not in columns:
+            errors = channel.offset, channel.drift, channel.drift_per_stage
+            if reading.value is None or reading.bad or any(errors) or reading.stage not in columns:
                 continue
             at = columns[reading.stage], rows[reading.channel]
             room = _BEYOND * channel.sd(reading)

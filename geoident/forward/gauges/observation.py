@@ -112,10 +112,11 @@ class Observation(ReadingRule):
         """
         if self.not_linear(rows) is not None:
             raise ValueError("a channel reads more than displacements")
-        given = [(own, part.rows) for own, part in self.parts if part.rows is not None]
+        parts = [(channels, part.rows) for channels, part in self.parts if part.rows is not None]
+        order = np.concatenate([channels for channels, _ in parts])
         place = np.full(len(self.channels), -1)
-        place[np.concatenate([own for own, _ in given])] = np.arange(sum(len(o) for o, _ in given))
-        return sp.csr_array(sp.vstack([matrix for _, matrix in given]))[place[rows]]
+        place[order] = np.arange(len(order))
+        return sp.csr_array(sp.vstack([matrix for _, matrix in parts]))[place[rows]]
 
     def linear(self, state: AnalysisState, rows: Ints) -> LinearRows | None:
         """What some channels (g,) read as a linear function of a state; None where it is not.
@@ -131,15 +132,15 @@ class Observation(ReadingRule):
             wanted = place[channels] >= 0
             if not wanted.any():
                 continue
-            own = observable.linear(state, wanted)
-            if own is None:
+            sums = observable.linear(state, wanted)
+            if sums is None:
                 return None
             spread = sp.csr_array(
                 (np.ones(wanted.sum()), (place[channels[wanted]], np.flatnonzero(wanted))),
                 shape=(len(rows), len(channels)),
             )
             for name, parts in blocks.items():
-                matrix = getattr(own, name)
+                matrix = getattr(sums, name)
                 if matrix is not None:
                     parts.append(sp.csr_array(spread @ matrix))
         summed = {name: sum(parts[1:], parts[0]) for name, parts in blocks.items() if parts}

@@ -156,16 +156,16 @@ def point_fault(
         when = "is not there before the first stage, when it is read"
     elif channel.is_zeroed:
         when = f"is not there at stage '{channel.zero}', where the gauge is zeroed"
-        there = [
+        present = [
             state.name
             for state in sequence.states
             if any(sequence.groups[group] in groups for group in state.materials)
         ]
         hint = "correct the point, or let it be there: 'install' it"
-        if there:
-            others = ", ".join(map(repr, there[1:_SHOWN]))
+        if present:
+            others = ", ".join(map(repr, present[1:_SHOWN]))
             more = f" (it is there at {others}, too)" if others else ""
-            hint = f"write 'zero: {there[0]}'{more}, or correct the point"
+            hint = f"write 'zero: {present[0]}'{more}, or correct the point"
         placed = _first_placing(sequence, groups)
         if placed is not None:
             own, base = (sequence.states[n].name for n in placed)

@@ -183,10 +183,10 @@ def principal_values(tensor: Floats) -> tuple[Floats, Bools]:
     apart = np.diff(values) > _COINCIDE * np.abs(values).max()
     equal = np.zeros(len(values), dtype=np.bool_)
     turned = np.einsum("ia,ijc,jb->cab", vectors, tensor[..., 1:], vectors)
-    for own in np.split(np.arange(len(values)), np.flatnonzero(apart) + 1):
-        equal[own] = len(own) > 1
-        block = turned[:, own[:, None], own]
-        result[own, 1:] = np.linalg.eigvalsh(block).T if len(own) > 1 else block[:, 0, 0]
+    for same in np.split(np.arange(len(values)), np.flatnonzero(apart) + 1):
+        equal[same] = len(same) > 1
+        block = turned[:, same[:, None], same]
+        result[same, 1:] = np.linalg.eigvalsh(block).T if len(same) > 1 else block[:, 0, 0]
     return result, equal
 
 

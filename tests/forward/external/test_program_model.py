@@ -214,18 +214,3 @@ def test_runs_that_fail_are_errors():
     response = model_of(alone).response([("plain", "a")])
     response.readings(P)
     assert not response.sharpen(P)
-
-
-def test_runs_of_parts_of_a_search_are_made_as_far_as_their_turn():
-    runs = FormulaRuns()
-    response = model_of(runs).response([("plain", "a")])
-    looks = [type("SearchTask", (), {"points": P + k * np.eye(3)[: k + 1]})() for k in range(3)]
-    looks.insert(1, object())  # asks at no points
-    made = []
-    with response.turns(looks) as turn:
-        for number in (0, 1, 2, 2):
-            turn(number)
-            made.append(len(runs.asked))
-    assert made == [1, 1, 3, 3]
-    exact = [look.points for look in looks if hasattr(look, "points")]
-    np.testing.assert_array_equal(runs.asked, np.concatenate(exact)[:3])
