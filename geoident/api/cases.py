@@ -18,9 +18,7 @@ from geoident.api.notebook import case_html, case_line
 from geoident.api.plots import Drawing
 from geoident.api.tables import ResultTable
 from geoident.errors import InputError, Location, UsageError
-from geoident.forward.external.convergence import LawModel
-from geoident.forward.external.model import ExternalModel
-from geoident.forward.external.table import TableModel
+from geoident.forward.external.program import ProgramModel
 from geoident.io.campaign.file import read_campaign
 from geoident.io.cluster.file import read_cluster
 from geoident.io.docs.templates import TEMPLATES
@@ -169,7 +167,7 @@ def trust(case: CaseFile | AnyPath) -> None:
     overrides = (*origin.overrides, NO_READINGS)
     inputs = load_inputs(origin.path, overrides=overrides, text=origin.text)
     model = build_model(inputs) if inputs.case.elsewhere is not None else None
-    if not isinstance(model, ExternalModel) or isinstance(model, LawModel | TableModel):
+    if not isinstance(model, ProgramModel):
         raise UsageError(f"{origin.path} runs nothing: its 'model' is no program and no function.")
     with decided_by(trusting(trust=True)):
         model.runs.require_trust()

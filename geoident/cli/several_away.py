@@ -14,7 +14,7 @@ from typing import Generic, TypeVar
 from geoident.cli.options import Options
 from geoident.cli.trust import asked
 from geoident.errors import InputError
-from geoident.forward.external.model import ExternalModel
+from geoident.forward.external.program import ProgramModel
 from geoident.io.mesh.file import mesh_files
 from geoident.io.text.atomic import atomic_output, make_folder
 from geoident.io.text.named_files import named_files
@@ -207,7 +207,7 @@ def run_cases(cases: Sequence[str], options: Options) -> dict[str, RunCase]:
             inputs = load_inputs(case, overrides=options.overrides)
             given = inputs.case.elsewhere
             model = build_model(inputs) if given is not None else None
-            if isinstance(model, ExternalModel) and isinstance(
+            if isinstance(model, ProgramModel) and isinstance(
                 given, ExternalProgram | PythonFunction
             ):
                 found[case] = RunCase(given, "")

@@ -268,25 +268,3 @@ class PointwiseModuli:
     def at(self, points: Ints) -> PointwiseModuli:
         """Those of some points (k,)."""
         return PointwiseModuli(self.entries[..., points])
-
-
-@dataclass(frozen=True, eq=False)
-class SummedModuli:
-    """A sum of several."""
-
-    parts: tuple[Moduli, ...]
-
-    def stress(self, strain: Floats) -> Floats:
-        """E eps (s, q, ...) of strains (s, q, ...)."""
-        stress = self.parts[0].stress(strain)
-        for part in self.parts[1:]:
-            stress = stress + part.stress(strain)
-        return stress
-
-    def matrices(self, points: Ints) -> Floats:
-        """E (k, s, s) of some points (k,)."""
-        return np.asarray(sum(part.matrices(points) for part in self.parts))
-
-    def at(self, points: Ints) -> SummedModuli:
-        """Those of some points (k,)."""
-        return SummedModuli(tuple(part.at(points) for part in self.parts))

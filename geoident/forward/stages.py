@@ -26,7 +26,7 @@ from geoident.model.case import VIRGIN, Case, KeyPath, Stage, Support
 from geoident.model.ground import Elastic, PointField, PointGrowth, with_constants
 from geoident.model.mesh import Mesh
 from geoident.model.parameter import Scalar
-from geoident.model.structures import Bars, Structure
+from geoident.model.structures import Bars
 
 _SHOWN = 5  # numbers in a message: enough to find the place
 
@@ -339,13 +339,17 @@ def used_groups(case: Case) -> dict[str, KeyPath]:
 def _states_of(case: Case, groups: Sequence[str]) -> tuple[ConstructionState, ...]:
     """The states of a case, the virgin state first; groups are counted as they are given."""
     index = {name: n for n, name in enumerate(groups)}
-    materials = {index[g]: m for g, m in case.groups.items() if m is not None}
-    since = dict.fromkeys(case.loads, 0)
     supports = {support.group: support for support in case.supports}
     virgin = ConstructionState(
-        VIRGIN, materials, frozenset(), dict(case.loads), water=case.water, loads_since=since,
-        supports=supports, held_since=dict.fromkeys(supports, 0),
-    )  # fmt: skip
+        name=VIRGIN,
+        materials={index[g]: m for g, m in case.groups.items() if m is not None},
+        placed=frozenset(),
+        loads=dict(case.loads),
+        water=case.water,
+        loads_since=dict.fromkeys(case.loads, 0),
+        supports=supports,
+        held_since=dict.fromkeys(supports, 0),
+    )
     states = [virgin]
     trunk = 0
     for n, stage in enumerate(case.stages, start=1):
@@ -368,25 +372,44 @@ def _state_after(
     placed = frozenset(index[g] for g in stage.install)
     materials = {g: m for g, m in before.materials.items() if g not in gone}
     materials |= {index[g]: m for g, m in {**stage.install, **stage.change}.items()}
-    loads = {k: v for k, v in before.loads.items() if k not in stage.remove} | dict(stage.loads)
-    since = {k: n for k, n in before.loads_since.items() if k in loads}
-    since |= dict.fromkeys(stage.loads, number)
-    stays = {g: t for g, t in before.temperature.items() if g in materials and g not in placed}
-    warmed = {index[g]: t for g, t in stage.temperature.items()}
     leaving = frozenset(gone & before.materials.keys())
     # A group that leaves again with nothing said of its release is released whole.
     release = {g: part for g, part in before.release.items() if g not in leaving}
     release |= {index[g]: part for g, part in released_by(stage, case).items()}
-    structures = (before.structures - set(stage.dismantle)) | set(stage.build)
-    stressed = _stressed_at_building(stage, case.structures) | dict(stage.prestress)
-    kept = structures - set(stage.build) - stressed.keys()
-    locked = {k: v for k, v in {**before.locked, **before.stressed}.items() if k in kept}
-    supports, held_since = _held_after(before, stage, number)
+    stays = {g: t for g, t in before.temperature.items() if g in materials and g not in placed}
+    warmed = {index[g]: t for g, t in stage.temperature.items()}
+
+    loads = {k: v for k, v in before.loads.items() if k not in stage.remove} | dict(stage.loads)
+    loads_since = {k: n for k, n in before.loads_since.items() if k in loads}
+    loads_since |= dict.fromkeys(stage.loads, number)
+    held = {name: one for name, one in stage.supports.items() if one is not None}
+    supports = {name: one for name, one in before.supports.items() if name not in stage.supports}
+    held_since = {name: before.held_since[name] for name in supports} | dict.fromkeys(held, number)
+
+    built = frozenset(stage.build)
+    structures = (before.structures - set(stage.dismantle)) | built
+    bars = ((name, case.structures[name]) for name in stage.build)
+    stressed = {k: v.prestress for k, v in bars if isinstance(v, Bars) and v.prestress is not None}
+    stressed |= dict(stage.prestress)
+    kept = structures - built - stressed.keys()
     return ConstructionState(
-        stage.name, materials, placed, loads, base, stage.water or before.water, stays | warmed,
-        leaving, release, structures, frozenset(stage.build), since, stressed, locked,
-        supports, held_since,
-    )  # fmt: skip
+        name=stage.name,
+        materials=materials,
+        placed=placed,
+        loads=loads,
+        base=base,
+        water=stage.water or before.water,
+        temperature=stays | warmed,
+        leaving=leaving,
+        release=release,
+        structures=structures,
+        built=built,
+        loads_since=loads_since,
+        stressed=stressed,
+        locked={k: v for k, v in {**before.locked, **before.stressed}.items() if k in kept},
+        supports=supports | held,
+        held_since=held_since,
+    )
 
 
 def released_by(stage: Stage, case: Case) -> dict[str, Release]:
@@ -402,22 +425,6 @@ def released_by(stage: Stage, case: Case) -> dict[str, Release]:
     return released | dict(stage.release)
 
 
-def _held_after(
-    before: ConstructionState, stage: Stage, number: int
-) -> tuple[dict[str, Support], dict[str, int]]:
-    """What is held at the end of a stage of a number, and since when each support does so."""
-    given = {name: one for name, one in stage.supports.items() if one is not None}
-    stays = {name: one for name, one in before.supports.items() if name not in stage.supports}
-    since = {name: before.held_since[name] for name in stays} | dict.fromkeys(given, number)
-    return stays | given, since
-
-
-def _stressed_at_building(stage: Stage, known: Mapping[str, Structure]) -> dict[str, Scalar]:
-    """Structures that a stage builds with a force of their own."""
-    bars = ((name, known[name]) for name in stage.build)
-    return {k: v.prestress for k, v in bars if isinstance(v, Bars) and v.prestress is not None}
-
-
 def group_faults(on_mesh: CaseOnMesh) -> list[Fault]:
     """Groups that the mesh lacks, elements in none or in two of the case's groups."""
     case, mesh = on_mesh.case, on_mesh.mesh
@@ -425,11 +432,28 @@ def group_faults(on_mesh: CaseOnMesh) -> list[Fault]:
     faults = [
         _no_elements(on_mesh, name, path) for name, path in used.items() if name not in mesh.groups
     ]
+    if faults:
+        return faults
     count = np.zeros(mesh.n_elements, dtype=np.int64)
-    for name in used.keys() & mesh.groups.keys():
+    for name in used:
         count[mesh.groups[name]] += 1
-    if not faults:
-        faults += _coverage_faults(case, mesh, count)
+    for wrong, state, hint in (
+        (count == 0, "in none of the groups of the case", "list their group under 'groups'"),
+        (count > 1, "in several groups of the case", "give every element to one group"),
+    ):
+        if not wrong.any():
+            continue
+        elements = np.flatnonzero(wrong)
+        named = [g for g, e in mesh.groups.items() if np.isin(e, elements).any()]
+        where = f" (in the mesh they are in: {', '.join(sorted(named))})" if named else ""
+        message = f"{len(elements)} elements of {mesh.file} are {state}{where}; first: "
+        message += ", ".join(str(element_number(mesh, e)) for e in elements[:_SHOWN])
+        absent = "; a group that is never present is written 'NAME: absent'"
+        faults.append(
+            case.source.fault(
+                ("groups",), code="group-coverage", message=message, hint=hint + absent
+            )
+        )
     return faults
 
 
@@ -455,27 +479,6 @@ def _no_elements(on_mesh: CaseOnMesh, name: str, path: KeyPath) -> Fault:
 def listed(names: Mapping[str, object]) -> str:
     """Names for a message, or ``none``."""
     return ", ".join(sorted(names)) or "none"
-
-
-def _coverage_faults(case: Case, mesh: Mesh, count: Ints) -> list[Fault]:
-    faults = []
-    for wrong, state, hint in (
-        (count == 0, "in none of the groups of the case", "list their group under 'groups'"),
-        (count > 1, "in several groups of the case", "give every element to one group"),
-    ):
-        if np.any(wrong):
-            elements = np.flatnonzero(wrong)
-            named = [g for g, e in mesh.groups.items() if np.isin(e, elements).any()]
-            where = f" (in the mesh they are in: {', '.join(sorted(named))})" if named else ""
-            message = f"{len(elements)} elements of {mesh.file} are {state}{where}; first: "
-            message += ", ".join(str(element_number(mesh, e)) for e in elements[:_SHOWN])
-            absent = "; a group that is never present is written 'NAME: absent'"
-            faults.append(
-                case.source.fault(
-                    ("groups",), code="group-coverage", message=message, hint=hint + absent
-                )
-            )
-    return faults
 
 
 def element_number(mesh: Mesh, element: int) -> int:

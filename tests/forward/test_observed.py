@@ -136,3 +136,11 @@ def test_what_can_be_read_and_where_there_is_a_model():
     assert model.admissible(-P) == "a is negative"
     assert model.admissible(P * [np.nan, 1.0]) == "a parameter is not finite"
     assert model.values(P) == {"a": 3.0, "b": 0.5}
+
+
+@pytest.mark.parametrize(("weights", "seen"), [((0.0, 1.0), (7.0, np.nan)), ((1, 0), (np.nan, 7))])
+def test_states_that_do_not_count_in_a_reading_may_be_unknown(weights, seen):
+    """What was there in situ is known though the stage collapses."""
+    rule = ReadingRule(("rock",), np.array([0]), np.array([weights]).T, np.ones((2, 1), bool))
+    observed = np.array(seen)[:, None, None]
+    assert rule.readings(observed, np.array([0]), np.array([1])).tolist() == [[7.0]]

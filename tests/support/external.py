@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 from scipy.stats import qmc
 
+from geoident.forward.external.runs import FailedRun
 from geoident.workflow.programs.trust import decided_by, trusting
 
 SCRIPT = '''\
@@ -153,13 +154,11 @@ class ArrayRuns:
     at_once = 1
 
     def each(self, points, check):
-        """The same in turn."""
-        yield from self.results(points, check)
-
-    def results(self, points, check):
-        """Readings (1, m) at all points."""
-        self.n_runs += len(points)
-        return [self.function(p)[None] for p in points]
+        """Readings (1, m) at all points, in turn."""
+        for p in points:
+            self.n_runs += 1
+            made = self.function(p)
+            yield made if isinstance(made, FailedRun) else made[None]
 
 
 TABLE = """\

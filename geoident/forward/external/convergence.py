@@ -6,10 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from geoident.forward.external.differences import Linear
 from geoident.forward.external.model import ExternalModel
-from geoident.forward.external.runs import ComputedRuns
-from geoident.model.arrays import Bools, Floats
+from geoident.model.arrays import Floats
 from geoident.model.case import Case
 from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.external import ConvergenceLaw
@@ -57,32 +55,6 @@ def _numbers(point: ParameterPoint, scalars: Sequence[Scalar]) -> Dual:
     return Dual(np.array(columns).reshape(-1, point.n_columns))  # also of no gauge
 
 
-class LawRuns(ComputedRuns):
-    """Readings by a convergence law, with exact derivatives.
-
-    Args:
-        case: the case.
-        law: of the case.
-    """
-
-    def __init__(self, case: Case, law: ConvergenceLaw) -> None:
-        self._law = law
-        self._names = tuple(parameter.name for parameter in case.parameters)
-        self.seen: Bools = np.array([name in law.seen for name in self._names], dtype=bool)
-        self.given: Bools = np.isfinite(law.distance)
-
-    def computed(self, p: Floats) -> Floats:
-        """Convergences (n_stages, n_channels), SI, at p (n,); NaN before the face has passed."""
-        return convergence(self._law, self._values(p)).value
-
-    def derivatives(self, p: Floats) -> Floats:
-        """Their derivatives (n_stages, n_channels, n) at p (n,)."""
-        return convergence(self._law, self._values(p), self._names).columns[..., 1:]
-
-    def _values(self, p: Floats) -> dict[str, float]:
-        return dict(zip(self._names, map(float, p), strict=True))
-
-
 class LawModel(ExternalModel):
     """A case whose readings a convergence law gives.
 
@@ -92,19 +64,14 @@ class LawModel(ExternalModel):
     """
 
     def __init__(self, case: Case, law: ConvergenceLaw) -> None:
-        super().__init__(case, LawRuns(case, law))
+        seen = np.array([parameter.name in law.seen for parameter in case.parameters], dtype=bool)
+        super().__init__(case, np.isfinite(law.distance), seen)
         self.law = law
 
-    def linear(self, p: Floats, *, exact: bool = False) -> Linear:
-        """What the law gives at p (n,), (m,), and its derivatives.
-
-        Args:
-            p: (n,) parameters.
-            exact: of no effect: derivatives are exact.
-        """
-        columns = convergence(self.law, self.values(p), self.names).columns[self.runs.given]
-        self.differences.values(p)  # counts the evaluation
-        return Linear(p, columns[:, 0], columns[:, 1:])
+    def given_readings(self, p: Floats, *, derivatives: bool, exact: bool) -> Floats:
+        """Convergences at p (n,); NaN before the face has passed."""
+        names = self.names if derivatives else ()
+        return convergence(self.law, self.values(p), names).columns
 
     def lost(self, p: Floats) -> Dual:
         """Convergence before the first reading, (n_channels,), and its derivatives; 0 for none.

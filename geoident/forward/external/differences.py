@@ -193,16 +193,16 @@ class Differences:
         p = self._written(at)
         step = self._step(p, self._steps_at(p, v)[0])
         step = np.array([self._seen_step(p, j, h) for j, h in enumerate(step.tolist())])
-        moved = [(j, step[j]) for j in np.flatnonzero(self._seen).tolist()]
-        runs = self._run([_moved(p, j, h) for j, h in moved])
-        again = [(j, -h) for (j, h), f in zip(moved, runs, strict=True) if isinstance(f, FailedRun)]
-        others = dict(zip((j for j, _ in again), self._run_within(p, again), strict=True))
+        moves = [(j, step[j]) for j in np.flatnonzero(self._seen).tolist()]
+        runs = dict(zip(moves, self._run([_moved(p, j, h) for j, h in moves]), strict=True))
+        back = [(j, -h) for (j, h), run in runs.items() if isinstance(run, FailedRun)]
+        if any(not self._lower[j] <= p[j] + h <= self._upper[j] for j, h in back):
+            required(FailedRun("there is no room for a step"))
+        runs |= dict(zip(back, self._run([_moved(p, j, h) for j, h in back]), strict=True))
         dv_dp = np.zeros((len(v), len(p)))
-        for (j, h), first in zip(moved, runs, strict=True):
-            if isinstance(first, FailedRun):
-                dv_dp[:, j] = (required(others[j]) - v) / -h
-            else:
-                dv_dp[:, j] = (first - v) / h
+        for (j, h), run in runs.items():
+            if (j, -h) not in back:  # that one failed
+                dv_dp[:, j] = (required(run) - v) / h
         return Linear(at, v, dv_dp)
 
     def _central(self, at: Floats, v: Floats) -> Linear:
@@ -236,16 +236,6 @@ class Differences:
         if value - h < self._lower[j]:
             return h, 2.0 * h if value + 2.0 * h <= self._upper[j] else 0.5 * h
         return h, -h
-
-    def _run_within(
-        self, p: Floats, moves: Sequence[tuple[int, float]]
-    ) -> list[Floats | FailedRun]:
-        """Runs at moves of single parameters; those out of the bounds have failed."""
-        inside = [bool(self._lower[j] <= p[j] + h <= self._upper[j]) for j, h in moves]
-        made = iter(
-            self._run([_moved(p, j, h) for (j, h), ok in zip(moves, inside, strict=True) if ok])
-        )
-        return [next(made) if ok else FailedRun("there is no room for a step") for ok in inside]
 
 
 def required(run: Floats | FailedRun) -> Floats:

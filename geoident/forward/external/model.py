@@ -1,197 +1,85 @@
-"""A case whose readings a program or a function gives, by runs.
+"""A case whose readings a program, a function, a table of runs or a convergence law gives.
 
-A reading of channel a at stage j is what the run gives there, less what it gives at the zero of
-the channel where that reads a change; of the virgin state that is 0. Offsets and drifts of gauges
-are added with their exact derivatives, and need no run.
+Its stages have only a name. A reading of channel a at stage j is what the model gives there, less
+what it gives at the zero of the channel where that reads a change; of the virgin state that is 0.
+Offsets and drifts of gauges are added with their exact derivatives.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Iterator, Sequence
-from contextlib import closing, contextmanager
+from abc import abstractmethod
 
 import numpy as np
 
-from geoident.errors import ModelError
-from geoident.forward.external.differences import Differences, Linear
-from geoident.forward.external.runs import FailedRun, ModelRuns
-from geoident.forward.gauges.instrument_errors import ReadingPlaces
 from geoident.forward.gauges.zeros import ReadingRule
-from geoident.forward.observed import Observed, ObservedModel, ObservedResponse, Query
+from geoident.forward.observed import Observed, ObservedModel, Query
 from geoident.forward.stages import ConstructionSequence, ConstructionState
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case
 from geoident.model.results.costs import Counts
 
-AGREE = 1e-2
-"""Relative difference of given derivatives from differences that is taken as error of these."""
-
-TINY = 1e-300  # in place of a size of zero, which would divide by it
-
 
 class ExternalModel(ObservedModel):
-    """A case whose readings come from runs of an external model.
+    """A case without ground of its own.
 
     Args:
         case: the case.
-        runs: of its program or function.
+        given: (n_stages, n_channels) which readings the model gives.
+        seen: (n,) which parameters it depends on.
     """
 
-    def __init__(self, case: Case, runs: ModelRuns) -> None:
+    def __init__(self, case: Case, given: Bools, seen: Bools) -> None:
         states = [
             ConstructionState(name, {}, frozenset(), {}, base=max(n - 1, 0))
             for n, name in enumerate(case.stage_names)
         ]
         sequence = ConstructionSequence((), np.zeros(0, np.int64), tuple(states))
-        super().__init__(case, _rule(case, runs.given), sequence.built_on, sequence.bases)
-        self.sequence, self.runs = sequence, runs
-        self._asked: dict[bytes, bool] = {}  # parameters that runs have seen
-        accuracy = np.array([channel.accuracy for channel in case.channels], dtype=np.float64)
-        weights = 1.0 / np.broadcast_to(accuracy, runs.given.shape)[runs.given]
-        self.differences = Differences(
-            self._results, case.parameters, runs.seen, weights, runs.quantum, runs.written
-        )
-        self._checked = False
-        self._given_jacobians: dict[bytes, Linear] = {}
+        super().__init__(case, _rule(case, given), sequence.built_on, sequence.bases)
+        self.sequence, self.given, self.seen = sequence, given, seen
+        self._asked: set[bytes] = set()
+
+    @abstractmethod
+    def given_readings(self, p: Floats, *, derivatives: bool, exact: bool) -> Floats:
+        """What the model gives at p (n,), (n_stages, n_channels, 1 + n), SI; NaN where nothing.
+
+        Args:
+            p: (n,) parameters.
+            derivatives: whether they are wanted; else the last axis has length 1.
+            exact: derivatives as good as they can be; else as good as a search needs them.
+
+        Raises:
+            ModelError: it gives nothing there.
+        """
+
+    def key(self, p: Floats) -> bytes:
+        """The same for all p (n,) at which the model gives the same."""
+        return p[self.seen].tobytes()
 
     @property
     def counts(self) -> Counts:
-        """Costs so far: runs, those that an earlier call has made among them."""
+        """Costs so far: different parameter vectors, those of an earlier call among them."""
         return Counts(len(self._asked), 0, 0, 0)
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """Notes for the user on the runs, sentences."""
-        return self.runs.notes
 
     def why_unseen(self, state: int, row: int) -> str:
         """Why a channel cannot be read at a state at which it can't, a clause."""
         if state == 0:
             return "the model gives nothing before the first stage"
-        where = "there" if not self.runs.given[state - 1, row] else "at its zero"
+        where = "there" if not self.given[state - 1, row] else "at its zero"
         return f"the model gives no reading of it {where}"
 
     def observe(self, p: Floats, query: Query) -> Observed:
-        """What runs give at p (n,): one run, and more for differences.
-
-        Raises:
-            ModelError: a run failed.
-        """
-        if query.derivatives:
-            linear = self.linear(p, exact=query.fields or self.differences.is_exact(p))
-            flat = np.column_stack([linear.v, linear.dv_dp])
-        else:
-            flat = self.differences.values(p)[:, None]
-        given = self.runs.given
-        seen = np.full((len(given) + 1, given.shape[1], flat.shape[1]), np.nan)
-        seen[0] = 0.0
-        seen[1:][given] = flat
-        return Observed(seen)
+        """What the model gives at p (n,)."""
+        self._asked.add(self.key(p))
+        given = self.given_readings(p, derivatives=query.derivatives, exact=query.fields)
+        return Observed(np.concatenate([np.zeros((1, *given.shape[1:])), given]))
 
     def increments_of(self, observed: Observed) -> Floats:
         """Zeros: of an external model the increments of single stages are not known."""
         return np.zeros(observed.seen.shape[:2])
 
-    def response(
-        self, pairs: Sequence[tuple[str, str]], times: Sequence[float | None] = ()
-    ) -> ExternalResponse:
-        """The response in the readings of some (channel, stage) pairs."""
-        return ExternalResponse(self, ReadingPlaces.of(self.case, pairs, times))
-
-    def linear(self, p: Floats, *, exact: bool = False) -> Linear:
-        """What runs give at p (n,), (m,), and derivatives.
-
-        Args:
-            p: (n,) parameters.
-            exact: derivatives as good as they can be; else as good as a search needs them.
-
-        Raises:
-            ModelError: a run failed.
-        """
-        if self.runs.has_jacobian:
-            return self._with_jacobian(p)
-        return self.differences.exact(p) if exact else self.differences.linear(p)
-
-    @property
-    def noise(self) -> Floats:
-        """(n_states, n_channels) standard deviation of what runs add at random; 0 if unknown."""
-        given, known = self.runs.given, self.differences.noise
-        seen = np.zeros((len(given) + 1, given.shape[1]))
-        if known is not None:
-            seen[1:][given] = known**2
-        at_stage, at_zero = self.rule.weights**2
-        zero = seen[self.rule.zero, np.arange(seen.shape[1])]
-        return np.asarray(np.sqrt(at_stage * seen + at_zero * zero))
-
-    def ahead(self, points: Sequence[Floats]) -> Generator[None, None, None]:
-        """Make runs before they are asked for; they go on in the background.
-
-        Args:
-            points: (n,) where; each step of the generator waits for one run.
-        """
-        for _ in self.runs.each(points, self._check):
-            yield
-
-    def _results(self, points: Sequence[Floats]) -> list[Floats | FailedRun]:
-        """Readings (m,) of runs; those made before are not made again."""
-        for p in points:
-            self._asked[self.runs.written(p)[self.runs.seen].tobytes()] = True
-        results = self.runs.results(points, self._check)
-        return [f if isinstance(f, FailedRun) else f[self.runs.given] for f in results]
-
-    def _check(self) -> None:
-        """Report progress while runs go on; may raise to end them."""
-        if self.on_state is not None:
-            self.on_state(len(self.sequence.states) - 1)
-
-    def _with_jacobian(self, p: Floats) -> Linear:
-        """Readings and the derivatives that come with them, which are tested once.
-
-        Raises:
-            ModelError: a run failed, or the derivatives are not those of the readings.
-        """
-        known = self._given_jacobians.get(p.tobytes())
-        if known is not None:
-            return known
-        v = self.differences.values(p)
-        jacobian = self.runs.jacobian(p, self._check)
-        if isinstance(jacobian, FailedRun):
-            raise ModelError(f"The derivatives of the model failed: {jacobian}.")
-        linear = Linear(p, v, jacobian[self.runs.given])
-        if not self._checked:
-            self._compare(linear)
-            self._checked = True
-        self._given_jacobians[p.tobytes()] = linear
-        return linear
-
-    def _compare(self, given: Linear) -> None:
-        """Compare given derivatives with differences.
-
-        Raises:
-            ModelError: they differ.
-        """
-        other = self.differences.exact(given.p).dv_dp
-        weights = 1.0 / np.array([channel.accuracy for channel in self.case.channels])
-        w = np.broadcast_to(weights, self.runs.given.shape)[self.runs.given][:, None]
-        size = np.linalg.norm(w * other, axis=0)
-        off = np.linalg.norm(w * (given.dv_dp - other), axis=0)
-        loose = np.linalg.norm(w * self.differences.doubt(given.p), axis=0)
-        wrong = off > AGREE * size + loose
-        if wrong.any():
-            j = int(np.argmax(np.where(wrong, off / np.maximum(size, TINY), 0.0)))
-            part = off[j] / max(size[j], TINY)
-            message = (
-                f"The derivatives that the model gives differ from differences of its readings, "
-                f"those by {self.names[j]} by {100 * part:.2g} %"
-            )
-            hint = "Correct them, or remove 'jacobian' to have differences taken."
-            path = ("model", "jacobian")
-            place = self.case.source.locate(path)
-            raise ModelError(f"{message}.", hint, location=place, path="model.jacobian")
-
 
 def _rule(case: Case, given: Bools) -> ReadingRule:
-    """How readings follow from what runs give, (n_stages, n_channels), and zeros."""
+    """How readings follow from what the model gives, (n_stages, n_channels), and zeros."""
     zero = np.array([case.zero_of(channel) for channel in case.channels], np.int64)
     changes = np.array([channel.is_zeroed for channel in case.channels], dtype=bool)
     seen = np.concatenate([np.ones((1, len(zero)), dtype=bool), given])
@@ -201,54 +89,3 @@ def _rule(case: Case, given: Bools) -> ReadingRule:
     readable[0] = False
     weights = np.stack([np.ones(len(zero)), np.where(changes, -1.0, 0.0)])
     return ReadingRule(tuple(c.name for c in case.channels), zero, weights, readable)
-
-
-class ExternalResponse(ObservedResponse[ExternalModel]):
-    """Readings of some channels at some stages by runs.
-
-    Args:
-        model: of the case.
-        places: what was read, where and when.
-    """
-
-    @property
-    def at_once(self) -> int:
-        """How many runs are made at a time."""
-        return self._model.runs.at_once
-
-    @contextmanager
-    def turns(self, looks: Sequence[object]) -> Iterator[Callable[[int], None]]:
-        """Make the runs of parts of a search meanwhile, as many at a time as may be.
-
-        Args:
-            looks: the parts that ask at points; nothing is begun for others.
-        """
-        model = self._model
-        asked: list[Floats] = [getattr(look, "points", np.zeros((0, 0))) for look in looks]
-        ends, made = np.cumsum([len(points) for points in asked]), 0
-        with closing(model.ahead([p for points in asked for p in points])) as runs:
-
-            def turn(number: int) -> None:
-                nonlocal made
-                while made < ends[number]:
-                    next(runs)
-                    made += 1
-
-            yield turn
-
-    def sharpen(self, p: Floats) -> bool:
-        """Take central differences at p (n,) from now on; whether this changes the Jacobian."""
-        model = self._model
-        if model.runs.has_jacobian or model.differences.is_exact(p):
-            return False
-        try:
-            model.differences.exact(p)
-        except ModelError:
-            return False
-        return True
-
-    @property
-    def noise(self) -> Floats:
-        """(g,) standard deviation of what runs add to the readings at random; 0 if unknown."""
-        places = self._places
-        return np.asarray(self._model.noise[places.states, places.rows])

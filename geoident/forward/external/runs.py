@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Protocol
-
-import numpy as np
 
 from geoident.model.arrays import Bools, Floats
 
@@ -60,16 +57,6 @@ class ModelRuns(Protocol):
     def quantum(self, p: Floats) -> Floats:
         """(n,) the smallest change of each parameter that the program can see at p (n,)."""
 
-    def results(
-        self, points: Sequence[Floats], check: Callable[[], None]
-    ) -> list[Floats | FailedRun]:
-        """Readings (n_stages, n_channels), SI, at several p (n,); NaN where none is given.
-
-        Args:
-            points: where.
-            check: is called every moment; raises to end the runs.
-        """
-
     @property
     def at_once(self) -> int:
         """How many runs are made at a time."""
@@ -77,11 +64,17 @@ class ModelRuns(Protocol):
     def each(
         self, points: Sequence[Floats], check: Callable[[], None]
     ) -> Iterator[Floats | FailedRun]:
-        """Readings (n_stages, n_channels) in turn, each as soon as its run ends; others go on.
+        """Readings (n_stages, n_channels), SI, in turn, each as soon as its run ends; others go on.
+
+        NaN where none is given.
 
         Args:
             points: (n,) where.
-            check: see `results`.
+            check: is called every moment; raises to end the runs.
+
+        Raises:
+            InputError: the model may not be run.
+            OutputError: a folder or the log cannot be written.
         """
 
     def jacobian(self, p: Floats, check: Callable[[], None]) -> Floats | FailedRun:
@@ -89,94 +82,5 @@ class ModelRuns(Protocol):
 
         Args:
             p: (n,) where.
-            check: see `results`.
+            check: see `each`.
         """
-
-
-class RunsInTurn(ABC):
-    """Runs whose results come one after the other."""
-
-    @abstractmethod
-    def each(
-        self, points: Sequence[Floats], check: Callable[[], None]
-    ) -> Iterator[Floats | FailedRun]:
-        """Readings (n_stages, n_channels) in turn, each as soon as its run ends.
-
-        Args:
-            points: (n,) where.
-            check: is called every moment; raises to end the runs.
-        """
-
-    def results(
-        self, points: Sequence[Floats], check: Callable[[], None]
-    ) -> list[Floats | FailedRun]:
-        """Readings (n_stages, n_channels), SI, at several p (n,); NaN where none is given.
-
-        Args:
-            points: where.
-            check: is called every moment; raises to end the runs.
-
-        Raises:
-            InputError: the model may not be run.
-            OutputError: a folder or the log cannot be written.
-        """
-        return list(self.each(points, check))
-
-
-class RunsOfAllDigits(RunsInTurn):
-    """Runs that take parameters with all their digits."""
-
-    def written(self, p: Floats) -> Floats:
-        """The parameters (n,) themselves."""
-        return p
-
-    def quantum(self, p: Floats) -> Floats:
-        """(n,) one rounding of a double."""
-        return np.asarray(2.3e-16 * np.abs(p))  # eps is 2.22e-16
-
-
-class ComputedRuns(RunsOfAllDigits):
-    """Formulas in place of runs, with exact derivatives: nothing is run."""
-
-    has_jacobian = True
-    at_once = 1
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """None."""
-        return ()
-
-    def require_trust(self) -> str:
-        """Nothing is run, so there is nothing to trust."""
-        return ""
-
-    @abstractmethod
-    def computed(self, p: Floats) -> Floats:
-        """Readings (n_stages, n_channels), SI, at p (n,); NaN where none is given."""
-
-    @abstractmethod
-    def derivatives(self, p: Floats) -> Floats:
-        """Their derivatives (n_stages, n_channels, n) at p (n,)."""
-
-    def each(
-        self, points: Sequence[Floats], check: Callable[[], None]
-    ) -> Iterator[Floats | FailedRun]:
-        """Readings (n_stages, n_channels), SI, in turn.
-
-        Args:
-            points: (n,) where.
-            check: is called before each.
-        """
-        for p in points:
-            check()
-            yield self.computed(p)
-
-    def jacobian(self, p: Floats, check: Callable[[], None]) -> Floats:
-        """Derivatives (n_stages, n_channels, n) at p (n,).
-
-        Args:
-            p: (n,) where.
-            check: is called before.
-        """
-        check()
-        return self.derivatives(p)

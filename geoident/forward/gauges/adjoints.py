@@ -107,10 +107,10 @@ class ReadingAdjoints:
         point = self._analysis.without_modes(run.given)
         more = point.n_columns - 1
 
-        def kept(values: Floats) -> Floats:
+        def fixed(values: Floats) -> Floats:
             return np.pad(values, [(0, 0)] * (values.ndim - 1) + [(0, more)])
 
-        still = replace(end, u=kept(end.u), stress=kept(end.stress), members=kept(end.members))
+        still = replace(end, u=fixed(end.u), stress=fixed(end.stress), members=fixed(end.members))
         return self._observation.values(AnalysisState(still, point, structures))
 
     def table(self, run: AnalysisRun, end: StageEnd, observed: Floats) -> Floats:

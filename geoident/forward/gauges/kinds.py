@@ -7,17 +7,16 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from geoident.errors import Fault
+from geoident.forward.gauges.beam_tilt import tilts_of_beams
 from geoident.forward.gauges.beyond_mesh import beside_fault
-from geoident.forward.gauges.members import (
-    member_readings,
-    pressures_on_beams,
-    tilts_of_beams,
-)
+from geoident.forward.gauges.lining_pressure import pressures_on_beams
+from geoident.forward.gauges.member_forces import member_readings
 from geoident.forward.gauges.motion import relative_displacements
 from geoident.forward.gauges.observation import Observation
 from geoident.forward.gauges.placement import Placed, point_fault
+from geoident.forward.gauges.pore_pressure import pore_pressures
 from geoident.forward.gauges.strain import strains
-from geoident.forward.gauges.stress import pore_pressures, stresses
+from geoident.forward.gauges.stress import stresses
 from geoident.forward.gauges.zeros import WEIGHTS
 from geoident.forward.stages import CaseOnMesh
 from geoident.model.case import Case, format_path
@@ -65,29 +64,33 @@ def reads_displacements(channel: Channel) -> bool:
 
 def observe(on_mesh: CaseOnMesh) -> tuple[Observation, list[Fault]]:
     """The gauges of a case on its mesh, and what is wrong with them."""
-    channels, states = on_mesh.case.channels, len(on_mesh.sequence.states)
-    readable = np.zeros((len(channels), states), dtype=bool)
+    channels = on_mesh.case.channels
+    readable = np.zeros((len(channels), len(on_mesh.sequence.states)), dtype=bool)
     reasons = [""] * len(channels)
     parts, snapped, as_built, faults = [], set[str](), set[str](), list[Fault]()
     placing = [placing_of(channel) for channel in channels]
     for place in dict.fromkeys(placing):
         rows = np.flatnonzero([other is place for other in placing])
         placed = place([channels[row] for row in rows], on_mesh)
+        parts.append((rows, placed.observable))
+        readable[rows] = placed.readable
+        for row in rows:
+            reasons[row] = placed.unreadable
         faults += placed.faults
         snapped |= set(placed.snapped)
         as_built |= set(placed.as_built)
-        readable[rows] = placed.readable
-        if not placed.faults:
-            parts.append((rows, placed.observable))
-        for row in rows:
-            reasons[row] = placed.unreadable
     names = tuple(channel.name for channel in channels)
-    zero = np.array([on_mesh.case.zero_of(channel) for channel in channels], np.int64)
-    beside = tuple(name for name in names if name in snapped)
-    weights = np.array([WEIGHTS[channel.reads] for channel in channels]).reshape(-1, 2).T
-    built = tuple(name for name in names if name in as_built)
-    reads = names, zero, weights, readable.T
-    return Observation(*reads, tuple(parts), tuple(reasons), beside, built), faults
+    observation = Observation(
+        channels=names,
+        zero=np.array([on_mesh.case.zero_of(channel) for channel in channels], np.int64),
+        weights=np.array([WEIGHTS[channel.reads] for channel in channels]).reshape(-1, 2).T,
+        readable=readable.T,
+        parts=tuple(parts),
+        reasons=tuple(reasons),
+        snapped=tuple(name for name in names if name in snapped),
+        as_built=tuple(name for name in names if name in as_built),
+    )
+    return observation, faults
 
 
 def gauges_outside(on_mesh: CaseOnMesh) -> list[Fault]:
@@ -120,14 +123,18 @@ def reading_faults(
         observation: its gauges on the mesh.
         of_gauges: what is wrong with these; readings of faulty ones are not judged.
     """
-    names = case.stage_names
-    faulty = tuple(fault.path for fault in of_gauges)
-    sound = {c.name for c in case.channels if not _faulty(format_path(c.key), faulty)}
+    sound = {}
+    for row, channel in enumerate(case.channels):
+        key = format_path(channel.key)
+        parts = f"{key}.", f"{key}["
+        if not any(f.path == key or f.path.startswith(parts) for f in of_gauges):
+            sound[channel.name] = row
     faults = []
     for reading in case.readings:
-        if reading.channel not in sound:
+        if reading.channel not in sound:  # that of a faulty gauge, or of one that is left out
             continue
-        reason = observation.unreadable(reading.channel, names.index(reading.stage))
+        state = case.stage_names.index(reading.stage)
+        reason = observation.unreadable(sound[reading.channel], state)
         if reading.value is not None and reason and not reading.bad:
             faults.append(
                 Fault(
@@ -139,8 +146,3 @@ def reading_faults(
                 )
             )
     return faults
-
-
-def _faulty(key: str, faulty: Sequence[str]) -> bool:
-    """Whether one of some faulty keys is a gauge's, or part of it."""
-    return any(path == key or path.startswith((f"{key}.", f"{key}[")) for path in faulty)

@@ -2,9 +2,10 @@
 
 An observable turns a state of the run into values with derivatives. What a channel reads is its
 value there less that at the zero of the channel, and what the instrument adds by itself
-(`instrument_errors`). A new quantity is one class more, which says what it makes of displacements,
-stresses and member forces, and one function, which places its channels, finds from when to when
-they can be read, and stands in the table `kinds.OBSERVABLES` under the kinds that read it.
+(`instrument_errors`). A new quantity is one module: a subclass of `Observable`, which says what it
+makes of displacements, stresses and member forces, and a function that places its channels and
+finds from when to when they can be read. The function stands in the table `kinds.OBSERVABLES` under
+the kinds that read it; `pore_pressure` is the shortest to copy.
 
 Condensation and the formulations that solve all stages at once act on the ground with unit forces
 along the readings (theory 4.1). An observable that is linear in the displacements alone, whatever
@@ -13,9 +14,8 @@ the parameters, gives its rows G' for that; any other has none, and these method
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 import scipy.sparse as sp
@@ -43,9 +43,16 @@ class AnalysisState:
     structures: Structures
 
 
-class Observable(Protocol):
-    """What some channels (g) read."""
+class Observable(ABC):
+    """What some channels (g) read.
 
+    Attributes:
+        rows: G' (g, n_dofs) with values G' u; None where they are not linear in u alone.
+    """
+
+    rows: sp.csr_array | None = None
+
+    @abstractmethod
     def linear(self, state: AnalysisState, wanted: Bools) -> LinearRows | None:
         """The derivative of the values by the state.
 
@@ -57,37 +64,12 @@ class Observable(Protocol):
             None where a wanted channel is not linear in the state.
         """
 
+    @abstractmethod
     def values(self, state: AnalysisState) -> Floats:
         """Values (g, 1 + n + k) at a state, SI, and their derivatives."""
 
     def coinciding(self, state: AnalysisState) -> tuple[str, ...]:
         """Names of channels that read one of several equal principal values at a state."""
-
-    @property
-    def rows(self) -> sp.csr_array | None:
-        """G' (g, n_dofs) with values G' u; None where they are not linear in u alone."""
-
-
-class RelativeDisplacements:
-    """Motions of points against each other or against fixed ground: sums of vector . u, SI.
-
-    Args:
-        rows: G', (g, n_dofs).
-    """
-
-    def __init__(self, rows: sp.csr_array) -> None:
-        self.rows = rows
-
-    def linear(self, state: AnalysisState, wanted: Bools) -> LinearRows:
-        """G' itself."""
-        return LinearRows(u=self.rows)
-
-    def values(self, state: AnalysisState) -> Floats:
-        """Values (g, 1 + n + k) at a state, SI."""
-        return np.asarray(self.rows @ state.end.u)
-
-    def coinciding(self, state: AnalysisState) -> tuple[str, ...]:
-        """None: there are no principal values."""
         return ()
 
 
@@ -116,19 +98,11 @@ class Observation(ReadingRule):
 
     def coinciding(self, state: AnalysisState) -> tuple[str, ...]:
         """Channels that read, at a state, one of several equal principal stresses."""
-        names = []
-        for rows, observable in self.parts:
-            named = observable.coinciding(state)
-            if named:
-                read = {self.channels[row] for row in rows if self._counts(row, state.end.state)}
-                names += [name for name in named if name in read]
-        return tuple(names)
-
-    def _counts(self, row: int, state: int) -> bool:
-        """Whether the readings of a channel are made of a state."""
-        at_stage, at_zero = self.weights[:, row]
-        read = self.readable[state, row] and at_stage != 0
-        return bool(read or (at_zero != 0 and self.zero[row] == state))
+        number, (at_stage, at_zero) = state.end.state, self.weights
+        counts = self.readable[number] & (at_stage != 0) | (self.zero == number) & (at_zero != 0)
+        read = {name for name, counted in zip(self.channels, counts, strict=True) if counted}
+        named = (name for _, part in self.parts for name in part.coinciding(state))
+        return tuple(name for name in named if name in read)
 
     def operator(self, rows: Ints) -> sp.csr_array:
         """G' (g, n_dofs) of some channels (g,) that read displacements.
@@ -136,14 +110,13 @@ class Observation(ReadingRule):
         Raises:
             ValueError: one of them reads something else (see `not_linear`).
         """
-        parts = [(channels, observable.rows) for channels, observable in self.parts]
-        given = [(channels, matrix) for channels, matrix in parts if matrix is not None]
-        here = np.concatenate([np.empty(0, np.int64), *(channels for channels, _ in given)])
-        place = np.full(len(self.channels), -1)
-        place[here] = np.arange(len(here))
-        if (place[rows] < 0).any():
+        if self.not_linear(rows) is not None:
             raise ValueError("a channel reads more than displacements")
-        return sp.csr_array(sp.vstack([matrix for _, matrix in given]))[place[rows]]
+        parts = [(channels, part.rows) for channels, part in self.parts if part.rows is not None]
+        order = np.concatenate([channels for channels, _ in parts])
+        place = np.full(len(self.channels), -1)
+        place[order] = np.arange(len(order))
+        return sp.csr_array(sp.vstack([matrix for _, matrix in parts]))[place[rows]]
 
     def linear(self, state: AnalysisState, rows: Ints) -> LinearRows | None:
         """What some channels (g,) read as a linear function of a state; None where it is not.
@@ -159,15 +132,15 @@ class Observation(ReadingRule):
             wanted = place[channels] >= 0
             if not wanted.any():
                 continue
-            own = observable.linear(state, wanted)
-            if own is None:
+            sums = observable.linear(state, wanted)
+            if sums is None:
                 return None
             spread = sp.csr_array(
                 (np.ones(wanted.sum()), (place[channels[wanted]], np.flatnonzero(wanted))),
                 shape=(len(rows), len(channels)),
             )
             for name, parts in blocks.items():
-                matrix = getattr(own, name)
+                matrix = getattr(sums, name)
                 if matrix is not None:
                     parts.append(sp.csr_array(spread @ matrix))
         summed = {name: sum(parts[1:], parts[0]) for name, parts in blocks.items() if parts}
@@ -187,15 +160,8 @@ class Observation(ReadingRule):
                 return f"gauge '{name}' reads something else than displacements"
         return None
 
-    @cached_property
-    def _number(self) -> dict[str, int]:
-        return {channel: k for k, channel in enumerate(self.channels)}
-
-    def unreadable(self, channel: str, state: int) -> str | None:
+    def unreadable(self, row: int, state: int) -> str | None:
         """Why a channel can't be read at a state, or None if it can."""
-        row = self._number[channel]
         if self.before_zero(state, row):
             return "it is zeroed only at a later stage"
-        if not self.readable[state, row]:
-            return self.reasons[row]
-        return None
+        return None if self.readable[state, row] else self.reasons[row]

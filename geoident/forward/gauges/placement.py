@@ -16,8 +16,7 @@ from geoident.forward.stages import CaseOnMesh, ConstructionSequence, element_nu
 from geoident.model.arrays import Bools
 from geoident.model.gauges import Channel, Reads, named_channels
 
-_SHOWN = 5  # names in a message
-"""Stages in a hint."""
+_SHOWN = 5  # stages in a hint
 
 
 @dataclass(frozen=True)
@@ -66,20 +65,22 @@ def best_site(
         The site, None if none is there; (n_states,) the states at which it is there and has been
         there on the way of construction from the zero, with the zero.
     """
-    for before in (False, True) if as_built else (False,):
-        best, longest = None, np.zeros(len(sequence.states), dtype=bool)
-        known: dict[int, Bools] = {}  # all elements of a group stay as long
-        for site in sites:
-            group = int(sequence.group_of[site.element])
-            if group not in known:
-                here = np.array([group in state.materials for state in sequence.states])
-                known[group] = unbroken(sequence, zero, here, placed_next=before)
-            stays = known[group]
-            if stays.sum() > longest.sum():
-                best, longest = site, stays
-        if best is not None:
-            break
-    return best, longest
+    groups = [int(sequence.group_of[site.element]) for site in sites]
+    for placed_next in (False, True) if as_built else (False,):
+        stays = {
+            group: unbroken(
+                sequence,
+                zero,
+                np.array([group in state.materials for state in sequence.states]),
+                placed_next=placed_next,
+            )
+            for group in set(groups)
+        }
+        pairs = zip(sites, groups, strict=True)
+        best, group = max(pairs, key=lambda pair: stays[pair[1]].sum(), default=(None, -1))
+        if best is not None and stays[group].any():
+            return best, stays[group]
+    return None, np.zeros(len(sequence.states), dtype=bool)
 
 
 def is_placed_after(sequence: ConstructionSequence, zero: int, site: Site) -> bool:
@@ -114,12 +115,10 @@ def unbroken(
     later = states >= zero
     if placed_next:
         way[zero], later = False, later & built_on[zero]
-    unbroken_from = np.asarray(~(~here[:, None] & way).any(axis=0) & later)
-    return (
-        unbroken_from
-        if not placed_next or unbroken_from[zero + 1 :].any()
-        else np.zeros_like(unbroken_from)
-    )
+    stays = np.asarray(~(~here[:, None] & way).any(axis=0) & later)
+    if placed_next and not stays[zero + 1 :].any():
+        return np.zeros_like(stays)
+    return stays
 
 
 def point_fault(
@@ -157,16 +156,16 @@ def point_fault(
         when = "is not there before the first stage, when it is read"
     elif channel.is_zeroed:
         when = f"is not there at stage '{channel.zero}', where the gauge is zeroed"
-        there = [
+        present = [
             state.name
             for state in sequence.states
             if any(sequence.groups[group] in groups for group in state.materials)
         ]
         hint = "correct the point, or let it be there: 'install' it"
-        if there:
-            others = ", ".join(map(repr, there[1:_SHOWN]))
+        if present:
+            others = ", ".join(map(repr, present[1:_SHOWN]))
             more = f" (it is there at {others}, too)" if others else ""
-            hint = f"write 'zero: {there[0]}'{more}, or correct the point"
+            hint = f"write 'zero: {present[0]}'{more}, or correct the point"
         placed = _first_placing(sequence, groups)
         if placed is not None:
             own, base = (sequence.states[n].name for n in placed)

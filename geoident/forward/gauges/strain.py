@@ -1,9 +1,8 @@
-"""Strains: of the ground at a point, along a line in it, and of the fibres of structures.
+"""Strains of the ground at a point, recovered from the strain points around.
 
-Along a line, such as the pieces of a fibre optic cable, the mean strain is a sum of displacements
-of points divided by a length; it is placed like any other motion. At a point it is recovered from
-the strain points around, as the stress is (`fem.recovery`); both are linear in the displacements.
-Structures have the strain of their forces: see `structures`.
+The mean strain along a line, such as the pieces of a fibre optic cable, is a sum of motions of
+points divided by a length, and is placed as such (`motion`). Structures have the strain of their
+forces (`member_forces`).
 """
 
 from __future__ import annotations
@@ -12,10 +11,10 @@ from collections.abc import Sequence
 
 import scipy.sparse as sp
 
-from geoident.fem.recovery import recovery
-from geoident.forward.gauges.observation import RelativeDisplacements
+from geoident.forward.gauges.ground_points import GroundPoints
+from geoident.forward.gauges.motion import RelativeDisplacements
 from geoident.forward.gauges.placement import Placed, is_placed_after
-from geoident.forward.gauges.stress import NORMAL_COMPONENTS, Spots, component_weights
+from geoident.forward.gauges.stress import NORMAL_COMPONENTS, component_weights
 from geoident.forward.stages import CaseOnMesh
 from geoident.model.gauges import Channel
 
@@ -24,29 +23,21 @@ def strains(channels: Sequence[Channel], on_mesh: CaseOnMesh) -> Placed:
     """Channels that read a strain at a point, while its ground stays from their zero on.
 
     Ground that is placed right after the zero counts from its placing on.
-
-    The coefficients of a stress n . S n hold for a strain n . eps n too, with shear strains
-    gamma = 2 eps halved.
     """
-    kinematics, spots = on_mesh.kinematics, Spots.of(channels, on_mesh, as_built=True)
+    placed = GroundPoints.of(channels, on_mesh, as_built=True)
     rows, as_built = [sp.csr_array((0, on_mesh.mesh.points.size))], []
-    for spot in spots.found:
-        if spot.site is None:
-            continue
-        element, sequence = spot.site.element, on_mesh.sequence
-        group = sequence.group_of == sequence.group_of[element]
-        recovered = recovery(on_mesh.mesh, kinematics, element, group, spot.place)
-        weights = component_weights(spot.channel, spot.signs, kinematics.n_strain)
-        if not spot.channel.quantity:
+    for point in placed.points:
+        channel = point.channel
+        weights = component_weights(channel, point.signs, on_mesh.kinematics.n_strain)
+        if not channel.quantity:  # n . eps n, with the shear strains gamma = 2 eps
             weights[NORMAL_COMPONENTS:] /= 2.0
-        rows.append(sp.csr_array(weights[None] @ recovered.gradients))
-        if is_placed_after(sequence, on_mesh.case.zero_of(spot.channel), spot.site):
-            as_built.append(spot.channel.name)
-    operator = sp.csr_array(sp.vstack(rows))
+        rows.append(sp.csr_array(weights[None] @ point.recovery().gradients))
+        if is_placed_after(on_mesh.sequence, on_mesh.case.zero_of(channel), point.site):
+            as_built.append(channel.name)
     return Placed(
-        RelativeDisplacements(operator),
-        spots.readable,
-        spots.snapped,
-        spots.faults,
+        RelativeDisplacements(sp.csr_array(sp.vstack(rows))),
+        placed.readable,
+        placed.snapped,
+        placed.faults,
         as_built=tuple(as_built),
     )

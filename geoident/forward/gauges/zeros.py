@@ -21,7 +21,7 @@ WEIGHTS = {Reads.CHANGE: (1.0, -1.0), Reads.VALUE: (1.0, 0.0), Reads.VIRGIN: (0.
 
 @dataclass(frozen=True)
 class ReadingRule:
-    """How the readings of all channels are made of what they see, and when they can be read.
+    """How the readings of all channels follow from what they see, and when they can be read.
 
     Args:
         channels: names.

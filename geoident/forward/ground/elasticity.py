@@ -20,7 +20,6 @@ from geoident.fem.elasticity import (
     Moduli,
     PointwiseModuli,
     ScaledModuli,
-    SummedModuli,
     UniformModuli,
 )
 from geoident.fem.location import format_point
@@ -74,25 +73,23 @@ def elasticity_of(
     point: ParameterPoint,
     *,
     section: bool,
-    extra: int = 0,
 ) -> Dual:
     """E (6, 6), or (q, 6, 6) at several points, of constants that are given.
 
     Args:
         elastic: symmetry and axes.
-        numbers: its constants, or (q, 1, 1) of them, with derivatives by n parameters and by
-            ``extra`` things more.
+        numbers: its constants, or (q, 1, 1) of them, with derivatives by n parameters; by other
+            quantities after them.
         point: the n parameters.
         section: the model is a plane section, seen looking north.
-        extra: number of further derivatives.
     """
     matrix = _FORMULAS[type(elastic)](numbers)
     frame: Frame | None = getattr(elastic, "frame", None)
     if frame is None:
         return matrix
     axes = material_axes(frame, point, section=section).columns
-    wide = np.concatenate([axes, np.zeros((3, 3, extra))], axis=2)
-    return formulas.turned(matrix, Dual(wide))
+    others = matrix.n + 1 - axes.shape[2]
+    return formulas.turned(matrix, Dual(np.pad(axes, ((0, 0), (0, 0), (0, others)))))
 
 
 def material_axes(frame: Frame, point: ParameterPoint, *, section: bool) -> Dual:
@@ -154,20 +151,6 @@ class MaterialModuli:
         )
 
 
-def uniform_moduli(columns: Dual, names: Sequence[str]) -> MaterialModuli:
-    """Moduli without fields.
-
-    Args:
-        columns: E (s, s) with its derivatives by n parameters.
-        names: of these.
-    """
-    slopes = ((name, columns.slope(n)) for n, name in enumerate(names))
-    return MaterialModuli(
-        UniformModuli(np.ascontiguousarray(columns.value)),
-        {name: UniformModuli(slope) for name, slope in slopes if slope is not None},
-    )
-
-
 def field_moduli(
     elastic: Elastic,
     fields: Sequence[PointField],
@@ -189,17 +172,17 @@ def field_moduli(
     own = own.union(*(growth.names for growth in growths))
     local = ParameterPoint(point.values, tuple(name for name in point.names if name in own))
     by_modes = any(name in point.names for field in fields for name in field.names)
-    if grows_whole(elastic, fields, growths):
-        return _grown(elastic, growths[0], local, n_strain)
-    if not growths and scales_whole(elastic, fields):
-        return _scaled(elastic, fields[0], local, n_strain, by_modes=by_modes)
+    if vary_whole(elastic, fields, growths):
+        return _scaled(elastic, fields, growths, local, n_strain, by_modes=by_modes)
     return _pointwise(elastic, fields, growths, local, n_strain, by_modes=by_modes)
 
 
-def grows_whole(
+def vary_whole(
     elastic: Elastic, fields: Sequence[PointField], growths: Sequence[PointGrowth]
 ) -> bool:
-    """Whether the whole matrix grows in proportion to the one modulus that is given.
+    """Whether one factor at every point multiplies the whole matrix.
+
+    That is so where all moduli (not the ratios) vary together: E grows in proportion to them.
 
     Args:
         elastic: symmetry and constants.
@@ -207,69 +190,49 @@ def grows_whole(
         growths: of the material.
     """
     moduli = {name for name in constants(elastic) if not name.startswith("nu")}
-    return not fields and len(growths) == 1 and moduli == {growths[0].growth.constant}
-
-
-def _grown(elastic: Elastic, growth: PointGrowth, local: ParameterPoint, s: int) -> MaterialModuli:
-    """E of the typical number times a factor of every point, with the derivatives of both."""
-    matrix = Dual(elastic_matrix(elastic, local, section=s < 6).columns[:s, :s])
-    growth_columns = np.ascontiguousarray(growth.value(local).columns / growth.typical)
-    value = ScaledModuli(
-        np.ascontiguousarray(matrix.value), np.ascontiguousarray(growth_columns[:, 0])
-    )
-    slopes: dict[str, Moduli] = {}
-    for n, name in enumerate(local.names):
-        slope, grows = matrix.slope(n), growth_columns[:, 1 + n]
-        parts = [] if slope is None else [ScaledModuli(slope, value.factor)]
-        if grows.any():
-            parts.append(ScaledModuli(value.matrix, np.ascontiguousarray(grows)))
-        if parts:
-            slopes[name] = parts[0] if len(parts) == 1 else SummedModuli(tuple(parts))
-    return MaterialModuli(value, slopes)
-
-
-def scales_whole(elastic: Elastic, fields: Sequence[PointField]) -> bool:
-    """Whether fields multiply the whole matrix by one factor.
-
-    That is so where all moduli (not the ratios) vary together: E grows in proportion to them.
-    """
-    moduli = {name for name in constants(elastic) if not name.startswith("nu")}
-    alike = all(_vary_alike(fields[0], field) for field in fields[1:])
-    return moduli == {field.constant for field in fields} and alike
-
-
-def _vary_alike(one: PointField, other: PointField) -> bool:
-    """Whether two constants differ from their means by the same factor, whatever the means."""
+    if growths:
+        return not fields and len(growths) == 1 and moduli == {growths[0].growth.constant}
+    first = fields[0]
     return (
-        one.names == other.names
-        and np.array_equal(one.known, other.known)
-        and np.array_equal(one.modes, other.modes)
-        and not (one.pull.any() or other.pull.any())
+        moduli == {field.constant for field in fields}
+        and all(
+            field.names == first.names
+            and np.array_equal(field.known, first.known)
+            and np.array_equal(field.modes, first.modes)
+            and not (field.pull.any() or first.pull.any())  # their factors depend on their means
+            for field in fields[1:]
+        )
     )
 
 
 def _scaled(
-    elastic: Elastic, field: PointField, local: ParameterPoint, s: int, *, by_modes: bool
+    elastic: Elastic,
+    fields: Sequence[PointField],
+    growths: Sequence[PointGrowth],
+    local: ParameterPoint,
+    s: int,
+    *,
+    by_modes: bool,
 ) -> MaterialModuli:
-    """E times a factor of every point.
-
-    Where tests hold the field, the factor also depends on the mean m, by m^-pull.
-    """
-    section = s < 6
-    matrix = Dual(elastic_matrix(elastic, local, section=section).columns[:s, :s])
-    mean = local.number(constants(elastic)[field.constant])
-    factor = field.factor(local.values, float(mean.value))
-    value = ScaledModuli(np.ascontiguousarray(matrix.value), factor)
+    """One matrix, of the means or typical numbers, times a factor of every point."""
+    matrix = Dual(elastic_matrix(elastic, local, section=s < 6).columns[:s, :s])
+    if growths:
+        factor = growths[0].value(local) / growths[0].typical
+    else:
+        mean = local.number(constants(elastic)[fields[0].constant])
+        factor = field_factor(fields[0], mean, local.values)
+    value = ScaledModuli(np.ascontiguousarray(matrix.value), np.ascontiguousarray(factor.value))
     slopes: dict[str, Moduli] = {}
     for n, name in enumerate(local.names):
-        slope, grows = matrix.slope(n), float(mean.columns[1 + n])
-        parts = [] if slope is None else [ScaledModuli(slope, factor)]
-        if grows and field.pull.any():
-            relative = -grows / float(mean.value)
-            parts.append(ScaledModuli(relative * value.matrix, factor * field.pull))
-        if parts:
-            slopes[name] = parts[0] if len(parts) == 1 else SummedModuli(tuple(parts))
-    return MaterialModuli(value, slopes, (ModeSlopes(value, field),) if by_modes else ())
+        slope, change = matrix.slope(n), factor.slope(n)
+        if slope is not None and change is not None:
+            both = slope[..., None] * value.factor + value.matrix[..., None] * change
+            slopes[name] = PointwiseModuli(both)
+        elif slope is not None:
+            slopes[name] = ScaledModuli(slope, value.factor)
+        elif change is not None:
+            slopes[name] = ScaledModuli(value.matrix, change)
+    return MaterialModuli(value, slopes, (ModeSlopes(value, fields[0]),) if by_modes else ())
 
 
 def _pointwise(
@@ -283,20 +246,24 @@ def _pointwise(
 ) -> MaterialModuli:
     """A matrix of its own at every point."""
     extra = len(fields) if by_modes else 0
-    numbers = {name: _wide(local.number(c), extra) for name, c in constants(elastic).items()}
+
+    def matrices(columns: Floats) -> Dual:
+        """Numbers (..., 1 + n) that broadcast to matrices at points, with more derivatives."""
+        return Dual(np.pad(np.atleast_2d(columns), ((0, 0), (0, extra)))[:, None, None])
+
+    numbers = {name: matrices(local.number(c).columns) for name, c in constants(elastic).items()}
     for n, field in enumerate(fields):
-        numbers[field.constant] = varying(field, numbers[field.constant], local.values)
+        mean = local.number(constants(elastic)[field.constant])
+        number = matrices((field_factor(field, mean, local.values) * mean).columns)
         if by_modes:
-            columns = numbers[field.constant].columns
-            columns[..., columns.shape[-1] - extra + n] = columns[..., 0]
+            number.columns[..., local.n_columns + n] = number.value
+        numbers[field.constant] = number
     for growth in growths:
-        columns = growth.value(local).columns
-        columns = np.concatenate([columns, np.zeros((len(columns), extra))], axis=1)
-        numbers[growth.growth.constant] = Dual(columns[:, None, None])
-    dual = elasticity_of(elastic, numbers, local, section=s < 6, extra=extra)
+        numbers[growth.growth.constant] = matrices(growth.value(local).columns)
+    dual = elasticity_of(elastic, numbers, local, section=s < 6)
     entries = np.moveaxis(dual.columns[:, :s, :s], 0, 2)  # (s, s, q, 1 + k)
     parts = [PointwiseModuli(np.ascontiguousarray(entries[..., k])) for k in range(dual.n + 1)]
-    k = 1 + len(local.names)
+    k = local.n_columns
     slopes = zip(local.names, parts[1:k], strict=True)
     return MaterialModuli(
         parts[0],
@@ -305,18 +272,19 @@ def _pointwise(
     )
 
 
-def varying(field: PointField, mean: Dual, values: Mapping[str, float]) -> Dual:
-    """A constant (q, 1, 1) at the points of its field, with the derivatives that its mean has.
+def field_factor(field: PointField, mean: Dual, values: Values) -> Dual:
+    """By what the mean of a field is multiplied at its points, (q, 1 + n).
+
+    Where tests hold the field, the factor depends on the mean m, by m^-pull.
 
     Args:
         field: the field; its modes are not differentiated by.
-        mean: the mean (1, 1, 1).
+        mean: m, with its n derivatives.
         values: parameters by name, SI.
     """
-    m = mean.value.item()
-    factor = field.factor(values, m)[:, None, None]
-    slope = (factor * (1.0 - field.pull[:, None, None]))[..., None] * mean.columns[..., 1:]
-    return Dual(np.concatenate([(factor * m)[..., None], slope], axis=-1))
+    factor = field.factor(values, float(mean.value))
+    slope = -np.outer(factor * field.pull, mean.columns[1:] / mean.value)
+    return Dual(np.column_stack([factor, slope]))
 
 
 class ModuliAt:
@@ -348,7 +316,12 @@ class ModuliAt:
                 elastic, s = self.on_mesh.elastic(material), self.n_strain
                 moduli = field_moduli(elastic, fields, self.point, s, growths)
             else:
-                moduli = uniform_moduli(self.elastic_matrix(material), self.point.names)
+                matrix = self.elastic_matrix(material)
+                slopes = ((name, matrix.slope(n)) for n, name in enumerate(self.point.names))
+                moduli = MaterialModuli(
+                    UniformModuli(np.ascontiguousarray(matrix.value)),
+                    {name: UniformModuli(slope) for name, slope in slopes if slope is not None},
+                )
             self._moduli[material] = moduli
         moduli = self._moduli[material]
         if points is None or isinstance(moduli.value, UniformModuli):
@@ -412,7 +385,7 @@ def inadmissible_moduli(
             factor = field.factor(values, given[field.constant].value(values))
         if not (np.isfinite(factor).all() and factor.min() > 0.0):
             return f"{field.constant} of {material.name} is beyond all measure at a strain point"
-    if grows_whole(elastic, fields, growths) or (not growths and scales_whole(elastic, fields)):
+    if vary_whole(elastic, fields, growths):
         return None
     moduli = field_moduli(elastic, fields, ParameterPoint(values, ()), n_strain, growths).value
     points = fields[0].points if fields else growths[0].points
@@ -436,9 +409,3 @@ def not_positive(one: PointGrowth, values: Values) -> str | None:
     worst = int(np.argmin(np.where(np.isfinite(stiffness), stiffness, -np.inf)))
     number, where = stiffness[worst], format_point(one.positions[worst])
     return f"{one.growth.words}: it is {number:.4g} Pa at {where}, where it must be positive"
-
-
-def _wide(number: Dual, extra: int) -> Dual:
-    """A number as an array (1, 1, 1) that broadcasts to matrices at points, with more columns."""
-    columns = np.concatenate([number.columns, np.zeros(extra)])
-    return Dual(columns[None, None, None])

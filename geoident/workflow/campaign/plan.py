@@ -11,7 +11,7 @@ from pathlib import Path
 
 from geoident import __version__
 from geoident.errors import Fault, InputError, Location, OutputError, Term
-from geoident.forward.external.model import ExternalModel
+from geoident.forward.external.program import ProgramModel
 from geoident.io.campaign.file import FaultyCampaign, read_campaign
 from geoident.io.case.file import FaultyCase, parse_case
 from geoident.io.mesh.file import mesh_files
@@ -188,7 +188,7 @@ def require_trust(plan: CampaignPlan) -> tuple[str, ...]:
     if inputs.case.elsewhere is None:
         return ()
     model = build_model(inputs)
-    return (model.runs.require_trust(),) if isinstance(model, ExternalModel) else ()
+    return (model.runs.require_trust(),) if isinstance(model, ProgramModel) else ()
 
 
 def _known(

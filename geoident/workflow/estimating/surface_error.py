@@ -40,7 +40,7 @@ def with_surface_error(case: Case, model: ObservedModel, p: Floats, *, after: in
     """
     if not isinstance(model, TableModel):
         return case
-    root = model.surfaces.error_root(p)
+    root = model.error_root(p)
     stages = [stage.name for stage in case.stages]
     return replace(
         case,

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from geoident.forward.external.runs import FailedRun, RunsOfAllDigits
+from geoident.forward.external.runs import FailedRun
 from geoident.io.text.wording import shorten
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case
@@ -30,7 +30,7 @@ _PRINTED = "printed.txt"
 """File in the folder of the runs that takes what the function prints."""
 
 
-class FunctionRuns(LoggedRuns, RunsOfAllDigits):
+class FunctionRuns(LoggedRuns):
     """Runs of the function of a case.
 
     Args:
@@ -72,6 +72,14 @@ class FunctionRuns(LoggedRuns, RunsOfAllDigits):
         """Whether the case names a function of derivatives."""
         return bool(self._function.jacobian)
 
+    def written(self, p: Floats) -> Floats:
+        """The parameters (n,) with all their digits."""
+        return p
+
+    def quantum(self, p: Floats) -> Floats:
+        """(n,) one rounding of a double."""
+        return np.asarray(2.3e-16 * np.abs(p))  # eps is 2.22e-16
+
     def each(
         self, points: Sequence[Floats], check: Callable[[], None]
     ) -> Iterator[Floats | FailedRun]:
@@ -79,7 +87,7 @@ class FunctionRuns(LoggedRuns, RunsOfAllDigits):
 
         Args:
             points: (n,) where.
-            check: see `results`.
+            check: see `ModelRuns.each`.
         """
         return self._each(points, self._function.name, check)
 
@@ -88,7 +96,7 @@ class FunctionRuns(LoggedRuns, RunsOfAllDigits):
 
         Args:
             p: (n,) where.
-            check: see `results`.
+            check: see `ModelRuns.each`.
         """
         return next(self._each([p], self._function.jacobian, check))
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import shutil
 import time
-from abc import abstractmethod
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing, contextmanager, suppress
 from dataclasses import dataclass, replace
@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from geoident.errors import ExitCode, Interrupted
-from geoident.forward.external.runs import FailedRun, RunsInTurn
+from geoident.forward.external.runs import FailedRun
 from geoident.model.arrays import Floats
 from geoident.model.external import ExternalProgram, PythonFunction
 from geoident.workflow.executing.executor import (
@@ -71,7 +71,7 @@ class RemoteRun:
     files: RunsMade
 
 
-class LoggedRuns(RunsInTurn):
+class LoggedRuns(ABC):
     """Runs of the model of a case.
 
     Args:

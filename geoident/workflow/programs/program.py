@@ -226,7 +226,7 @@ class ProgramRuns(LoggedRuns):
 
         Args:
             points: (n,) where.
-            check: see `results`.
+            check: see `ModelRuns.each`.
         """
         self._trust_jinja()
         return self.in_turn([self._item(p) for p in points], check)
@@ -236,7 +236,7 @@ class ProgramRuns(LoggedRuns):
 
         Args:
             p: (n,) where.
-            check: see `results`.
+            check: see `ModelRuns.each`.
         """
         return FailedRun("a program gives no derivatives")
 

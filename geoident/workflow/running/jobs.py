@@ -17,6 +17,7 @@ from geoident.errors import Fault, InputError, Location, ModelError, Term
 from geoident.fem.solvers import pick_solver
 from geoident.forward.checks import faults_on_mesh
 from geoident.forward.external.model import ExternalModel
+from geoident.forward.external.program import ProgramModel
 from geoident.forward.ground.field import mode_parameters
 from geoident.forward.model import StagedModel, staged_model
 from geoident.forward.observed import ObservedModel
@@ -341,9 +342,9 @@ def _model_elsewhere(
         fresh: runs that failed before are made again.
     """
     if isinstance(elsewhere, RunTable):
-        from geoident.forward.external.table import SurfaceRuns, TableModel  # noqa: PLC0415
+        from geoident.forward.external.table import TableModel  # noqa: PLC0415
 
-        return TableModel(case, SurfaceRuns(case, elsewhere))
+        return TableModel(case, elsewhere)
     if isinstance(elsewhere, ConvergenceLaw):
         from geoident.forward.external.convergence import LawModel  # noqa: PLC0415
 
@@ -351,10 +352,10 @@ def _model_elsewhere(
     if isinstance(elsewhere, ExternalProgram):
         from geoident.workflow.programs.program import ProgramRuns  # noqa: PLC0415
 
-        return ExternalModel(case, ProgramRuns(case, elsewhere, folder, again=fresh))
+        return ProgramModel(case, ProgramRuns(case, elsewhere, folder, again=fresh))
     from geoident.workflow.programs.function import FunctionRuns  # noqa: PLC0415
 
-    return ExternalModel(case, FunctionRuns(case, elsewhere, folder, again=fresh))
+    return ProgramModel(case, FunctionRuns(case, elsewhere, folder, again=fresh))
 
 
 def start_values(case: Case, model: ObservedModel) -> Floats:

@@ -19,7 +19,7 @@ from typing import Self
 from geoident.errors import Interrupted, ModelError, TimeIsUp
 from geoident.fem.solvers import pick_solver
 from geoident.fem.solvers.threads import one_thread
-from geoident.forward.external.model import ExternalModel
+from geoident.forward.external.program import ProgramModel
 from geoident.forward.model import StagedModel, staged_model
 from geoident.forward.observed import ObservedModel
 from geoident.forward.openings.model import OpeningModel, opening_model
@@ -266,7 +266,7 @@ def runs_on_cluster(model: ObservedModel, control: Control) -> AbstractContextMa
         model: of a case.
         control: of the command.
     """
-    if control.cluster is None or not isinstance(model, ExternalModel):
+    if control.cluster is None or not isinstance(model, ProgramModel):
         return nullcontext()
     from geoident.workflow.programs.logged_runs import LoggedRuns  # noqa: PLC0415 - there alone
 

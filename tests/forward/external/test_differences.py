@@ -33,19 +33,18 @@ def slopes(p):
     )
 
 
-def differences(function, parameters=PARAMETERS, digits=None, quantum=None):
+def differences(function, parameters=PARAMETERS, digits=None, quantum=None, seen=(True, True)):
     runs = ArrayRuns(function, 2, 3)
 
     def run(points):
-        return [r if isinstance(r, FailedRun) else r[0] for r in runs.results(points, None)]
+        return [r if isinstance(r, FailedRun) else r[0] for r in runs.each(points, None)]
 
     def written(p):
         return p if digits is None else np.array([float(f"{x:.{digits}e}") for x in p])
 
     if quantum is None:
         quantum = runs.quantum if digits is None else lambda p: 10.0**-digits * np.abs(p)
-    seen = np.ones(2, bool)
-    return Differences(run, parameters, seen, np.full(3, 100.0), quantum, written), runs
+    return Differences(run, parameters, np.array(seen), np.full(3, 100.0), quantum, written), runs
 
 
 def test_noise_is_that_which_was_added():
@@ -134,22 +133,34 @@ def test_where_bounds_limit_the_steps_no_run_is_beyond_them(end):
 
 
 def test_a_failed_side_is_gone_around_and_two_are_an_error():
-    def fails_above(p):
+    def above(p):
         return FailedRun("no", "00007") if p[1] > 1.0 else smooth(p)
 
-    def run(points):
-        return [fails_above(p) for p in points]
+    np.testing.assert_allclose(differences(above)[0].exact(P).dv_dp, slopes(P), rtol=1e-1)
 
-    def made(function):
-        runs = ArrayRuns(smooth, 2, 3)
-        weights, seen = np.ones(3), np.ones(2, bool)
-        return Differences(function, PARAMETERS, seen, weights, runs.quantum, runs.written)
-
-    np.testing.assert_allclose(made(run).linear(P).dv_dp, slopes(P), rtol=1e-2)
-    np.testing.assert_allclose(made(run).exact(P).dv_dp, slopes(P), rtol=1e-1)
-
-    def only_here(points):
-        return [smooth(p) if p[1] == 1.0 else FailedRun("no", "00007") for p in points]
+    def only_here(p):
+        return smooth(p) if p[1] == 1.0 else FailedRun("no", "00007")
 
     with pytest.raises(ModelError, match=r"run of the model failed: no \(00007\)"):
-        made(only_here).exact(P)
+        differences(only_here)[0].exact(P)
+
+
+def test_a_forward_step_that_fails_is_made_the_other_way_where_there_is_room():
+    def below(limit):
+        return lambda p: smooth(p) if p[1] <= limit else FailedRun("no")
+
+    found, _ = differences(below(P[1]))
+    np.testing.assert_allclose(found.linear(P).dv_dp, slopes(P), rtol=1e-2)
+    lowest = np.array([5.0, 0.3])
+    with pytest.raises(ModelError, match="there is no room for a step"):
+        differences(below(0.3))[0].linear(lowest)
+
+
+def test_what_is_not_seen_changes_no_derivative():
+    found, runs = differences(lambda p: smooth(p) + 1e3 * p[1], seen=(True, False))
+    first = found.linear(P)
+    assert (first.dv_dp[:, 1] == 0.0).all()
+    count = runs.n_runs
+    other = found.linear(P + np.array([0.0, 0.5]))
+    np.testing.assert_array_equal(other.dv_dp, first.dv_dp)
+    assert runs.n_runs == count + 1

@@ -7,8 +7,6 @@ import pytest
 from scipy.stats import qmc
 
 from geoident.forward.external.surfaces.gaussian_process import (
-    MOST_FOR_LENGTHS,
-    Hyperparameters,
     ProcessLikelihood,
     fitted_process,
     process_with,
@@ -187,17 +185,6 @@ def test_a_reading_that_never_changes_is_a_surface_too():
         np.testing.assert_allclose(gradient, 0.0, atol=1e-12)
 
 
-def test_lengths_come_from_some_of_many_runs_and_weights_from_all():
-    u = spread(MOST_FOR_LENGTHS + 60)
-    found = fitted_process(u, bent(u), smooth=False)
-    assert len(found.weights) == len(u)
-    some = np.sort(np.random.default_rng(0).permutation(len(u))[:MOST_FOR_LENGTHS])
-    fewer = fitted_process(u[some], bent(u[some]), smooth=False)
-    np.testing.assert_allclose(
-        found.hyperparameters.lengths, fewer.hyperparameters.lengths, rtol=1e-9
-    )
-
-
 def test_polynomials_have_enough_runs():
     assert len(terms(3, 2)) == 10
     assert orders(2, 3) == orders(9, 3) == [1]
@@ -212,27 +199,3 @@ def test_coordinates_follow_the_scale_of_a_parameter():
     h = np.array([1e-6 * 1e10, 1e-6])
     found = [(there.of(p + d) - there.of(p - d)) / 2 for d in np.diag(h)]
     np.testing.assert_allclose(np.diag(found) / h, there.slope(p), rtol=1e-8)
-
-
-def test_lengths_of_a_similar_reading_help_and_those_of_another_do_no_harm():
-    u = spread(24)
-    plain = fitted_process(u, smooth(u), smooth=True)
-    odd = Hyperparameters(np.full(2, 1e-2), 0.5, True)
-    other = fitted_process(u, smooth(u), smooth=True, near=odd)
-    assert other.hyperparameters.lengths.tolist() == plain.hyperparameters.lengths.tolist()
-    likelihood = ProcessLikelihood(u, smooth(u), smooth=True)
-    again = fitted_process(u, smooth(u), smooth=True, near=plain.hyperparameters).hyperparameters
-    before, after = (
-        likelihood(np.log([*given.lengths, given.nugget]))[0]
-        for given in (plain.hyperparameters, again)
-    )
-    assert after <= before + 1e-9
-
-
-def test_lengths_of_which_nothing_can_be_told_are_not_likely():
-    """Two runs at one place without any noise of their own."""
-    u = np.concatenate([spread(6), spread(6)[:1]])
-    likelihood = ProcessLikelihood(u, np.arange(7.0), smooth=True)
-    value, slope = likelihood(np.array([3.0, 3.0, -90.0]))
-    assert value > 1e20
-    assert slope.tolist() == [0.0, 0.0, 0.0]

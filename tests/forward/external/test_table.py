@@ -9,7 +9,7 @@ import pytest
 from scipy.stats import qmc
 from support.cases import displacement, make_case
 
-from geoident.forward.external.table import SurfaceRuns, TableModel
+from geoident.forward.external.table import TableModel
 from geoident.model.case import Stage
 from geoident.model.external import RunTable
 from geoident.model.gauges import Reading, Reads
@@ -70,39 +70,36 @@ def case_of(*readings, channels=CHANNELS):
 
 @pytest.mark.parametrize("names", [("E", "K"), ("K", "E")])
 def test_surfaces_give_the_function_and_its_derivatives(names):
-    case = case_of()
-    runs = SurfaceRuns(case, table_of(names))
-    assert runs.seen.tolist() == [True, False, True]
+    model = TableModel(case_of(), table_of(names))
     exact = np.where(GIVEN, formula(P[2], P[0]), np.nan)
     zero = formula(P[2], P[0])[1, 2]
     exact[1:, 2] -= zero
-    found = runs.computed(P)
-    np.testing.assert_allclose(found, exact, rtol=1e-9, atol=1e-12)
     by_E, by_K = formula_slopes(P[2], P[0])
     slopes = np.stack([by_K, 0.0 * by_K, by_E], axis=-1)
     slopes[1:, 2] -= slopes[1, 2].copy()
-    slopes[~GIVEN] = np.nan
-    np.testing.assert_allclose(runs.derivatives(P), slopes, rtol=1e-7, atol=1e-12)
-    model = TableModel(case, runs)
-    linear = model.linear(P)
-    np.testing.assert_array_equal(linear.v, found[GIVEN])
-    np.testing.assert_array_equal(linear.dv_dp, runs.derivatives(P)[GIVEN])
+    readable = GIVEN.copy()
+    readable[0, 2] = False  # before its zero
+    exact[~readable], slopes[~readable] = np.nan, np.nan
+    survey = model.survey(P, fields=False)
+    np.testing.assert_allclose(survey.computed, exact.T, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(survey.sensitivity, slopes.swapaxes(0, 1), rtol=1e-7, atol=1e-12)
+    np.testing.assert_array_equal(model.computed(P), survey.computed)
     assert model.notes == ("one left out",)
 
 
 def test_accuracies_are_those_of_the_channels_and_errors_are_none():
-    runs = SurfaceRuns(case_of(), table_of())
-    np.testing.assert_allclose(runs.accuracy, [2e-3, 1e-4, 2e-3, 1e-4, 5e-4, 1e-4, 5e-4])
-    root = runs.error_root(P)
+    model = TableModel(case_of(), table_of())
+    root = model.error_root(P)
     assert root.shape[:2] == (3, 3)
     assert (root[~GIVEN] == 0.0).all()
     assert np.abs(root).max() < 1e-9
-    kept = runs.table(case_of(), P)
+    kept = model.surface_table(P)
     assert (kept.file, kept.runs) == ("runs.csv", 17)
     assert kept.channels == ("plain", "since", "plain", "since", "late", "since", "late")
     assert kept.stages == ("a", "a", "b", "b", "b", "c", "c")
     np.testing.assert_allclose(kept.own, np.linalg.norm(root, axis=2)[GIVEN], atol=1e-20)
-    read = runs.read
+    np.testing.assert_allclose(kept.accuracy, [2e-3, 1e-4, 2e-3, 1e-4, 5e-4, 1e-4, 5e-4])
+    read = model.read
     np.testing.assert_array_equal(kept.lower, read.min(axis=0))
     np.testing.assert_array_equal(kept.upper, read.max(axis=0))
     assert (read[:, 4] == 0.0).all()  # the gauge at its zero
@@ -123,15 +120,15 @@ def test_accuracies_are_those_of_the_channels_and_errors_are_none():
     ],
 )
 def test_nothing_is_said_beyond_the_runs(p, why):
-    model = TableModel(case_of(), SurfaceRuns(case_of(), table_of()))
+    model = TableModel(case_of(), table_of())
     assert model.admissible(p) == why
 
 
 def outside(*readings, channels=CHANNELS):
     case = case_of(*readings, channels=channels)
-    runs = SurfaceRuns(case_of(channels=channels), table_of())
-    _, *said = TableModel(case, runs).notes
-    return said, runs.read
+    model = TableModel(case, table_of())
+    _, *said = model.notes
+    return said, model.read
 
 
 def test_readings_beyond_all_runs_are_named():
@@ -159,9 +156,6 @@ def test_readings_that_say_nothing_of_the_runs_are_passed_over():
     for own in ({"offset": Scalar(0.1)}, {"drift": Scalar(0.1)}, {"drift_per_stage": Scalar(0.1)}):
         channels = (CHANNELS[0], replace(CHANNELS[1], **own), CHANNELS[2])
         assert outside(far, channels=channels)[0] == []
-    (said,) = outside(*(Reading(c, s, 9.0) for c in ("plain", "since") for s in "ab"))[0]
-    assert said.count("the runs gave") == 4
-    assert " more" not in said
     places = [("plain", "a"), ("plain", "b"), *(("since", s) for s in "abc"), ("late", "b")]
     (said,) = outside(*(Reading(*place, 9.0) for place in places))[0]
     assert said.count("the runs gave") == 6

@@ -64,23 +64,6 @@ def test_a_plate_zeroed_before_its_lift_reads_what_its_own_placing_does(y):
     np.testing.assert_allclose(settled(staged.survey(P, fields=False), 0), by_hand, rtol=1e-10)
 
 
-def test_it_reads_as_a_weightless_twin_would():
-    """The same written the long way: the lift without weight first, the gauge zeroed there."""
-    gauge = displacement("S", (0.5, 1.7 * H), DOWN)
-    short = column(gauge).survey(P, fields=False).computed[0]
-    light = material("light", Scalar(1.0, "E"), NU)
-    fill = column(gauge).case.materials["fill"]
-    stages = (
-        Stage("twin", install={"l2": "light"}),
-        Stage("lift 2", change={"l2": "fill"}),
-        Stage("lift 3", install={"l3": "fill"}),
-    )
-    twin = column(
-        replace(gauge, zero="twin"), materials={"fill": fill, "light": light}, stages=stages
-    )
-    np.testing.assert_allclose(twin.survey(P, fields=False).computed[0, 1:], short, rtol=1e-10)
-
-
 def test_readings_of_two_points_and_strains_count_from_the_placing_too():
     between = replace(
         displacement("B", (0.5, 1.5 * H), (0.0, 1.0), zero="lift 2"), second=(0.5, 2.75 * H),

@@ -9,18 +9,15 @@ import pytest
 from support.cases import displacement, material, model, rollers
 from support.derivatives import assert_exact
 from support.force_gauges import gauge
-from support.load_cells import ENDS, nailed
+from support.load_cells import ENDS, GAUGES, VALUES, cell, nailed
+from support.load_cells import P as NAILED
 from support.meshes import box, regroup
 from support.tunnels import walled, with_lines
 
 from geoident.errors import InputError
-from geoident.fem.structures import section_forces
-from geoident.forward.analysis.stage import StageEnd
-from geoident.forward.gauges.members import nearest
-from geoident.forward.gauges.observation import AnalysisState
 from geoident.model.actions import Traction
 from geoident.model.case import Stage, Support
-from geoident.model.dual import ParameterPoint
+from geoident.model.gauges import Reads
 from geoident.model.in_situ import ConstantStress
 from geoident.model.parameter import Parameter, Scalar
 from geoident.model.structures import Beam
@@ -38,7 +35,7 @@ def _cell(name, point, quantity="N", **more):
     )
 
 
-def _cantilever(*channels, inside=1.0, soft=1.0, **changes):
+def _cantilever(*channels, soft=1.0, **changes):
     """A wall on the right edge of very soft ground, clamped at its foot, pulled to the right.
 
     Parameters are E and the thickness of the wall; the ground bears next to nothing.
@@ -111,10 +108,7 @@ def test_shear_is_the_slope_of_the_moment_with_the_inside_on_the_right():
 
 
 def _fibre(name, quantity, **more):
-    return gauge("strain", name, (1.0, 0.7), quantity, structure="wall", reads=READS, **more)
-
-
-READS = _cell("x", (0.0, 0.0)).reads
+    return gauge("strain", name, (1.0, 0.7), quantity, structure="wall", reads=Reads.VALUE, **more)
 
 
 def test_fibre_strains_are_those_of_axial_force_and_moment():
@@ -139,8 +133,7 @@ def test_forces_and_fibres_are_differentiated_exactly():
     channels = [
         *(_cell(q, (1.0, 0.7), q) for q in ("N", "M", "Q")),
         *(_fibre(f, f) for f in ("axis", "inside", "outside")),
-        replace(_fibre("since", "inside"), reads=displacement("d", (0.0, 0.0), (1.0, 0.0)).reads,
-                zero="build"),
+        replace(_fibre("since", "inside"), reads=Reads.CHANGE, zero="build"),
     ]  # fmt: skip
     staged = _cantilever(*channels, soft=2e9)
     for kind in ("N", "M", "Q", "axis", "inside", "outside", "since"):
@@ -149,7 +142,7 @@ def test_forces_and_fibres_are_differentiated_exactly():
 
 def test_the_strain_of_a_bolt_is_its_force_over_its_stiffness():
     values = np.array([2e9, 3e8, 1.5, -2e6])
-    strain = gauge("strain", "e", ENDS[1][1], structure="nails", member=1, reads=READS)
+    strain = gauge("strain", "e", ENDS[1][1], structure="nails", member=1, reads=Reads.VALUE)
     cell = gauge("load-cell", "N", ENDS[1][1], "N", structure="nails", member=1, dimension="force")
     staged = nailed(strain, cell, replace(cell, name="push", compression=True))
     e, N, push = staged.survey(values, fields=False).computed[:, 2]
@@ -254,48 +247,6 @@ def mesh_node(mesh, place):
     return int(np.linalg.norm(mesh.points - np.array(place), axis=1).argmin())
 
 
-@pytest.mark.parametrize(
-    ("channel", "code", "message"),
-    [
-        (
-            _cell("far", (1.2, 1.0)),
-            "not-on-structure",
-            "gauge 'far' sits at (1.2, 1) m, which is not on the structure 'wall'; its nearest "
-            "place is (1, 1) m, 0.2 m away",
-        ),
-        (
-            replace(_cell("kN", (1.0, 1.0), "M"), dimension="force"),
-            "unit",
-            "gauge 'kN' reads the bending moment of a beam, per metre: a moment per length; its "
-            "accuracy is a force",
-        ),
-        (
-            replace(_cell("early", (1.0, 1.0), "N"), zero="virgin", reads=READS.CHANGE),
-            "zero-before-structure",
-            "gauge 'early' reads zero at stage 'virgin', at which the structure 'wall' does not "
-            "stand; it stands at: build, pull",
-        ),
-    ],
-)
-def test_faults_of_places_on_a_wall(channel, code, message):
-    with pytest.raises(InputError) as error:
-        _cantilever(channel)
-    (fault,) = error.value.faults
-    assert fault.code == code
-    assert fault.message == message
-
-
-def test_a_structure_that_is_never_built_carries_no_gauge():
-    with pytest.raises(InputError) as error:
-        _cantilever(_cell("N", (1.0, 1.0)), stages=(Stage("wait"),))
-    (hint,) = (
-        fault.hint
-        for fault in error.value.faults
-        if fault.message == "gauge 'N' sits on the structure 'wall', which no stage builds"
-    )
-    assert hint == "add 'build: [wall]'"
-
-
 def _tilt(name, y, zero="build", towards=1.0):
     return gauge(
         "tilt", name, (1.0, y), structure="wall", dimension="angle", zero=zero,
@@ -321,235 +272,115 @@ def test_tilt_of_a_wall_is_differentiated_exactly():
     assert response.obstacle() == "gauge 't' reads something else than displacements"
 
 
-def test_tilt_before_the_wall_stands_and_of_a_bar_are_refused():
+def said(build, *channels, **changes):
+    """Code, message and hint of every fault of gauges."""
     with pytest.raises(InputError) as error:
-        _cantilever(_tilt("t", 1.5, zero="virgin"), _tilt("off", 9.0))
-    early, off = error.value.faults
-    assert early.message == (
-        "gauge 't' reads zero at stage 'virgin', at which the structure 'wall' does not stand; it "
-        "stands at: build, pull"
-    )
-    assert off.code == "not-on-structure"
-    bolt = gauge("tilt", "b", ENDS[0][0], structure="nails", dimension="angle", zero="bolt",
-                 direction=(1.0, 0.0))  # fmt: skip
-    with pytest.raises(InputError) as error:
-        nailed(bolt)
-    assert error.value.faults[0].message == (
-        "gauge 'b' reads a rotation of the structure 'nails', whose bars have none of their own"
-    )
+        build(*channels, **changes)
+    faults = [fault for fault in error.value.faults if fault.path.startswith("gauges")]
+    return [(fault.code, fault.message, fault.hint) for fault in faults]
+
+
+SINCE = Reads.CHANGE
+
+
+@pytest.mark.parametrize(
+    ("channel", "code", "message", "hint"),
+    [
+        (_cell("b", (1.2, 1.0)), "not-on-structure",
+         "sits at (1.2, 1) m, which is not on the structure 'wall'; its nearest place is (1, 1) m, "
+         "0.2 m away", "correct the point or the structure"),
+        (replace(_cell("b", (1.0, 1.0), "M"), dimension="force"), "unit",
+         "reads the bending moment of a beam, per metre: a moment per length; its accuracy is a "
+         "force", "write the accuracy as a moment per length"),
+        (replace(_cell("b", (1.0, 1.0)), zero="virgin", reads=SINCE), "zero-before-structure",
+         "reads zero at stage 'virgin', at which the structure 'wall' does not stand; it stands "
+         "at: build, pull",
+         "zero it at one of these stages, or remove 'zero' to read what there is since then"),
+        (replace(_tilt("b", 1.5), zero="virgin"), "zero-before-structure",
+         "reads zero at stage 'virgin', at which the structure 'wall' does not stand; it stands "
+         "at: build, pull", "zero it at one of these stages"),
+    ],
+)  # fmt: skip
+def test_faults_of_gauges_on_a_wall(channel, code, message, hint):
+    assert said(_cantilever, channel) == [(code, f"gauge 'b' {message}", hint)]
+
+
+@pytest.mark.parametrize("kind", ["load-cell", "pressure-cell"])
+def test_a_structure_that_is_never_built_carries_no_gauge(kind):
+    more = {"dimension": "line load", "quantity": "N"} if kind == "load-cell" else {}
+    channel = gauge(kind, "b", (1.0, 1.0), structure="wall", **more)
+    message = "gauge 'b' sits on the structure 'wall', which no stage builds"
+    expected = [("structure-never-built", message, "add 'build: [wall]'")]
+    assert said(_cantilever, channel, stages=(Stage("wait"),)) == expected
+
+
+def test_a_fibre_needs_a_thickness_or_its_distance():
+    beam = {"wall": Beam("line", EA=Scalar(1e10), EI=Scalar(1e8), clamped_on=("y0",))}
+    channels = _fibre("in", "inside"), _fibre("axis", "axis")
+    (fault,) = said(_cantilever, *channels, structures=beam)
+    message = "gauge 'in' reads a fibre of the structure 'wall', whose thickness is not given"
+    hint = "give 'depth': its distance from the axis of the beam"
+    assert fault == ("no-thickness", message, hint)
+    staged = _cantilever(_fibre("in", "inside", fibre=0.2), structures=beam)
+    assert staged.unreadable("in", "pull") is None
 
 
 @pytest.mark.parametrize(
     ("kind", "more", "code", "message", "hint"),
     [
-        (
-            "pressure-cell", {}, "wrong-structure",
-            "gauge 'b' reads a pressure on the structure 'nails', whose bars the ground does not "
-            "press on", "name a beam, or give a point and a normal",
-        ),
-        (
-            "load-cell", {"quantity": "M", "dimension": "force"}, "wrong-structure",
-            "gauge 'b' reads 'M' of the structure 'nails'; its bars bear only N",
-            "remove the key, or name a beam",
-        ),
-        (
-            "strain", {"quantity": "inside"}, "wrong-structure",
-            "gauge 'b' reads 'inside' of the structure 'nails'; its bars bear only N",
-            "remove the key, or name a beam",
-        ),
-        (
-            "load-cell", {"quantity": "N", "dimension": "force", "member": 2}, "no-such-bar",
-            "gauge 'b' sits on bar 3 of the structure 'nails', which has 2",
-            "correct 'bar'; they count from 1",
-        ),
+        ("pressure-cell", {}, "wrong-structure",
+         "reads a pressure on the structure 'nails', whose bars the ground does not press on",
+         "name a beam, or give a point and a normal"),
+        ("tilt", {"dimension": "angle"}, "wrong-structure",
+         "reads a rotation of the structure 'nails', whose bars have none of their own",
+         "name a beam, or give the two points of 'between'"),
+        ("load-cell", {"quantity": "M", "dimension": "force"}, "wrong-structure",
+         "reads 'M' of the structure 'nails'; its bars bear only N",
+         "remove the key, or name a beam"),
+        ("strain", {"quantity": "inside"}, "wrong-structure",
+         "reads 'inside' of the structure 'nails'; its bars bear only N",
+         "remove the key, or name a beam"),
+        ("load-cell", {"quantity": "N", "dimension": "force", "member": 2}, "no-such-bar",
+         "sits on bar 3 of the structure 'nails', which has 2", "correct 'bar'; they count from 1"),
+        ("load-cell", {"quantity": "N", "dimension": "pressure"}, "unit",
+         "reads the axial force of one bar: a force; its accuracy is a pressure",
+         "write the accuracy as a force"),
     ],
 )  # fmt: skip
-def test_bars_are_read_by_their_axial_force_alone(kind, more, code, message, hint):
+def test_faults_of_gauges_on_bars(kind, more, code, message, hint):
     """A case in a file is refused before; these are channels put together in code."""
     channel = gauge(kind, "b", ENDS[0][0], structure="nails", zero="bolt", **more)
-    with pytest.raises(InputError) as error:
-        nailed(channel)
-    (fault,) = error.value.faults
-    assert (fault.code, fault.message, fault.hint) == (code, message, hint)
+    assert said(nailed, channel) == [(code, f"gauge 'b' {message}", hint)]
 
 
-# Where the pieces of a beam come nearest to a point: an L of pieces 2, 2 and 4 long
-
-BENT = np.array([[[0.0, 0.0], [2.0, 0.0]], [[2.0, 0.0], [4.0, 0.0]], [[4.0, 0.0], [4.0, 4.0]]])
-
-
-@pytest.mark.parametrize(
-    ("point", "pieces", "along", "foot", "distance"),
-    [
-        ((0.5, 0.3), [0], [0.25], (0.5, 0.0), 0.3),
-        ((-3.0, 4.0), [0], [0.0], (0.0, 0.0), 5.0),
-        ((2.0, -1.5), [0, 1], [1.0, 0.0], (2.0, 0.0), 1.5),
-        ((7.0, -4.0), [1, 2], [1.0, 0.0], (4.0, 0.0), 5.0),
-        ((3.5, 3.0), [2], [0.75], (4.0, 3.0), 0.5),
-        ((4.0, 9.0), [2], [1.0], (4.0, 4.0), 5.0),
-        ((2.0 + 1.9e-6, 0.1), [0, 1], [1.0, 0.95e-6], (2.0 + 1.9e-6, 0.0), 0.1),
-        ((2.0 + 2.1e-6, 0.1), [1], [1.05e-6], (2.0 + 2.1e-6, 0.0), 0.1),
-    ],
-)
-def test_the_place_on_a_beam_is_the_nearest(point, pieces, along, foot, distance):
-    """Pieces that come as near to a millionth of their length count as well."""
-    found = nearest(BENT, np.array(point))
-    assert found.pieces.tolist() == pieces
-    assert found.along == pytest.approx(along)
-    assert found.point == pytest.approx(foot)
-    assert found.distance == pytest.approx(distance)
-    right = np.array([[0.0, -1.0], [0.0, -1.0], [1.0, 0.0]])
-    assert found.normals == pytest.approx(right[pieces])
-    assert found.lengths == pytest.approx(np.array([2.0, 2.0, 4.0])[pieces])
-    assert found.turned.tolist() == [1.0] * len(pieces)
+def test_a_load_cell_reads_the_axial_force_of_its_bolt_while_that_stands():
+    staged = nailed(*GAUGES)
+    survey = staged.survey(NAILED, fields=False)
+    stages = ["open", "bolt", "go on", "cut"]
+    forces = survey.members.axial[:, stages.index("go on")]
+    assert np.abs(forces).min() > 1.0
+    np.testing.assert_allclose(survey.computed[1:3, stages.index("go on")], forces, rtol=1e-14)
+    before = survey.computed[1:3, stages.index("bolt")]  # free of stress when it is built
+    assert np.abs(before).max() < 1e-12 * np.abs(forces).max()
+    assert staged.unreadable("n1", "go on") is None
+    assert staged.unreadable("n1", "open") == "its structure does not stand then"
+    assert staged.unreadable("n1", "cut") == "its structure does not stand then"
+    assert "later stage" in staged.unreadable("late", "bolt")
 
 
-def test_the_inside_is_where_a_point_is():
-    """At the corner of the L, to the right of both pieces, of one, of none, and on their line."""
-    corner = nearest(BENT, np.array([4.0, 0.0]))
-    assert corner.seen_from(None) is corner
-    for towards, turned in (
-        ((5.0, -1.0), [1.0, 1.0]),
-        ((3.0, -1.0), [1.0, -1.0]),
-        ((5.0, 1.0), [-1.0, 1.0]),
-        ((3.0, 1.0), [-1.0, -1.0]),
-        ((4.0, 0.0), [1.0, 1.0]),
-    ):
-        assert corner.seen_from(towards).turned.tolist() == turned
+def test_forces_of_bolts_are_differentiated_exactly_and_have_no_unit_forces():
+    staged = nailed(*GAUGES)
+    response = staged.response([("n1", "go on"), ("d", "go on"), ("n2", "go on")])
+    assert_exact(response, NAILED, tuple(VALUES))
+    reason = "gauge 'n1' reads something else than displacements"
+    assert response.obstacle() == response.system_obstacle() == reason
 
 
-def _state_of(staged, columns=4):
-    """Random member forces and motions with two derivatives and one unit force; where they are."""
-    structures = staged.analysis.systems.structures
-    random = np.random.default_rng(21)
-    end = StageEnd(
-        1,
-        random.standard_normal((staged.discretization.n_dofs, columns)),
-        np.zeros((4, 1, columns)),
-        random.standard_normal((structures.n_rows, columns)),
-        np.zeros(1, dtype=bool),
-    )
-    point = ParameterPoint({"E": E_WALL, "t": THICKNESS}, ("E", "t"))
-    return AnalysisState(end, point, structures), structures.part("wall")
-
-
-def _observed(staged, state):
-    names = staged.observation.channels
-    return dict(zip(names, staged.observation.values(state), strict=True))
-
-
-def test_what_is_read_between_and_at_nodes_are_sums_of_forces_of_pieces():
-    """Pieces of 0.25 run upwards, the ground on their left: of any forces, to the last digit."""
-    left = {"towards": (0.0, 1.0)}
-    channels = [
-        *(_cell(f"{q} {y}", (1.0, y), q) for q in ("N", "M", "Q") for y in (0.7, 1.5)),
-        _cell("left", (1.0, 0.7), "M", **left),
-        _cell("pushed", (1.0, 0.7), "N", compression=True),
-        *(_fibre(f, f) for f in ("axis", "inside", "outside")),
-        _fibre("bar", "outside", fibre=0.15),
-    ]
-    staged = _cantilever(*channels)
-    state, part = _state_of(staged)
-    found, forces = _observed(staged, state), part.section_forces(state.end.members)
-    low = part.members.ends[:, :, 1].min(axis=1)
-    order = np.argsort(low)
-    assert np.all(part.members.ends[:, 1, 1] > part.members.ends[:, 0, 1])
-    held, below, above = order[2], order[5], order[6]  # 0.5 to 0.75; around 1.5
-    for name, quantity in (("N", forces.axial), ("Q", forces.shear)):
-        np.testing.assert_allclose(found[f"{name} 0.7"], quantity[held])
-        np.testing.assert_allclose(found[f"{name} 1.5"], (quantity[below] + quantity[above]) / 2)
-    M = 0.2 * forces.first[held] + 0.8 * forces.second[held]
-    np.testing.assert_allclose(found["M 0.7"], M, rtol=1e-9)
-    np.testing.assert_allclose(found["M 1.5"], (forces.second[below] + forces.first[above]) / 2)
-    np.testing.assert_allclose(found["left"], -M, rtol=1e-9)
-    np.testing.assert_allclose(found["pushed"], -forces.axial[held])
-    t = THICKNESS
-    S = forces.stretch[held]
-    bent = 0.2 * forces.bent_first[held] + 0.8 * forces.bent_second[held]
-    axis = S / (E_WALL * t)  # by E and by t, their own parts
-    axis[1:3] -= S[0] / (E_WALL * t) * np.array([1 / E_WALL, 1 / t])
-    half = 6.0 * bent / (E_WALL * t**2)
-    half[1:3] -= half[0] * np.array([1 / E_WALL, 2 / t])
-    bar = 12.0 * bent * 0.15 / (E_WALL * t**3)
-    bar[1:3] -= bar[0] * np.array([1 / E_WALL, 3 / t])
-    for name, exact in (("axis", axis), ("inside", axis + half), ("outside", axis - half),
-                        ("bar", axis - bar)):  # fmt: skip
-        np.testing.assert_allclose(found[name], exact, rtol=1e-9, err_msg=name)
-
-
-def test_forces_are_linear_in_those_of_members_and_tilts_in_motions():
-    channels = [_cell("M", (1.0, 0.7), "M"), _fibre("in", "inside"), _tilt("t", 1.6),
-                _tilt("back", 2.25, towards=-3.0)]  # fmt: skip
-    staged = _cantilever(*channels)
-    state, part = _state_of(staged)
-    exact = staged.observation.values(state)[:, 3]  # of a unit force: no parameter is in it
-    rows = staged.observation.linear(state, np.arange(4))
-    found = rows.members @ state.end.members[:, 3] + rows.u @ state.end.u[:, 3]
-    np.testing.assert_allclose(found, exact, rtol=1e-9)
-    again = staged.observation.linear(state, np.array([2]))
-    np.testing.assert_allclose(again.u @ state.end.u[:, 3], exact[2:3], rtol=1e-9)
-    # theta = psi - L (2 k_1 + k_2) / 6 + L (k_1 xi + (k_2 - k_1) xi^2 / 2), clockwise to the right
-    bent = section_forces(part.members, part.members.operator @ state.end.u)
-    u = state.end.u.reshape(-1, 2, 4)
-    order = np.argsort(part.members.ends[:, 0, 1])
-
-    def theta(piece, xi):
-        first, second = part.members.nodes[piece]
-        psi = -(u[second, 0] - u[first, 0]) / 0.25
-        k1, k2 = bent.bent_first[piece], bent.bent_second[piece]
-        return psi + 0.25 * (k1 * xi + (k2 - k1) * xi**2 / 2 - (2 * k1 + k2) / 6)
-
-    values = _observed(staged, state)
-    np.testing.assert_allclose(values["t"], -theta(order[6], 0.4), rtol=1e-9)
-    mean = (theta(order[8], 1.0) + theta(order[9], 0.0)) / 2
-    np.testing.assert_allclose(values["back"], mean, rtol=1e-9)
-
-
-@pytest.mark.parametrize(
-    ("channel", "code", "message"),
-    [
-        (
-            gauge("pressure-cell", "p", ENDS[0][0], structure="nails"),
-            "wrong-structure",
-            "gauge 'p' reads a pressure on the structure 'nails', whose bars the ground does not "
-            "press on",
-        ),
-        (
-            gauge("load-cell", "m", ENDS[0][0], "N", structure="nails", dimension="pressure"),
-            "unit",
-            "gauge 'm' reads the axial force of one bar: a force; its accuracy is a pressure",
-        ),
-        (
-            gauge("strain", "s", ENDS[0][0], "inside", structure="nails", reads=READS),
-            "wrong-structure",
-            "gauge 's' reads 'inside' of the structure 'nails'; its bars bear only N",
-        ),
-    ],
-)
-def test_faults_of_gauges_on_bars(channel, code, message):
-    with pytest.raises(InputError) as error:
-        nailed(channel)
-    (fault,) = error.value.faults
-    assert (fault.code, fault.message) == (code, message)
-
-
-def test_a_fibre_needs_a_thickness_or_its_distance():
-    beam = {"wall": Beam("line", EA=Scalar(1e10), EI=Scalar(1e8), clamped_on=("y0",))}
-    with pytest.raises(InputError) as error:
-        _cantilever(_fibre("in", "inside"), _fibre("axis", "axis"), structures=beam)
-    (fault,) = error.value.faults
-    assert fault.code == "no-thickness"
-    assert fault.message == (
-        "gauge 'in' reads a fibre of the structure 'wall', whose thickness is not given"
-    )
-    staged = _cantilever(_fibre("in", "inside", fibre=0.2), structures=beam)
-    assert staged.unreadable("in", "pull") is None
-
-
-def test_a_cell_on_a_wall_that_is_never_built_is_a_fault_and_nothing_else():
-    cell = gauge("pressure-cell", "p", (1.0, 1.0), structure="wall", compression=True)
-    with pytest.raises(InputError) as error:
-        _cantilever(cell, stages=(Stage("wait"),))
-    assert [fault.code for fault in error.value.faults if fault.path.startswith("gauges")] == [
-        "structure-never-built"
-    ]
+def test_every_point_outside_the_mesh_and_every_missing_bar_is_said_at_once():
+    far = replace(displacement("far", (9.0, 6.0), (1.0, 0.0)), first=(7.0, 8.0))
+    wide = replace(displacement("wide", (1.0, 1.5), (1.0, 0.0)), first=(-3.0, 2.0))
+    cells = (cell("x", *ENDS[0], member=2), cell("y", *ENDS[1], member=3))
+    text = "\n".join(message for _, message, _ in said(nailed, far, wide, *cells))
+    assert text.count("gauge") == 5
+    for place in ("(7, 8) m", "(9, 6) m", "(-3, 2) m", "'x'", "'y'"):
+        assert place in text

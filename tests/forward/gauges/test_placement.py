@@ -1,8 +1,6 @@
-"""From when to when a point stands in its ground: sequences of stages by hand."""
+"""Where gauges stand on the mesh, what is no point of the ground, which stages are not read."""
 
 from __future__ import annotations
-
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,87 +10,9 @@ from support.meshes import box, regroup
 
 from geoident.errors import InputError
 from geoident.forward.checks import check_on_mesh
-from geoident.forward.gauges.placement import (
-    best_site,
-    from_zero,
-    is_placed_after,
-    placements,
-)
+from geoident.forward.gauges.placement import placements
 from geoident.model.case import Stage
-from geoident.model.gauges import Reads
-
-
-def _sequence(*materials, bases, groups=("rock", "fill", "late")):
-    """States with the groups that are there, by number, each built on another."""
-    history = []
-    for n, base in enumerate(bases):
-        history.append({n} | (history[base] if n else set()))
-    count = len(bases)
-    built_on = np.array([[i in history[j] for j in range(count)] for i in range(count)])
-    states = [SimpleNamespace(materials=dict.fromkeys(m, "rock")) for m in materials]
-    return SimpleNamespace(states=states, built_on=built_on, groups=groups,
-                           group_of=np.array([0, 1, 2, 1]))  # fmt: skip
-
-
-# virgin; all but fill; fill placed; a load case beside it without rock; rock alone; late placed
-SEQUENCE = _sequence({0, 1}, {0}, {0, 1}, {1}, {0}, {0, 2}, bases=(0, 0, 1, 2, 2, 4))
-SITES = tuple(SimpleNamespace(element=n, outside=0.0) for n in range(4))
-
-
-@pytest.mark.parametrize(
-    ("element", "zero", "there"),
-    [
-        (0, 0, [1, 1, 1, 0, 1, 1]),
-        (0, 2, [0, 0, 1, 0, 1, 1]),
-        (1, 2, [0, 0, 1, 1, 0, 0]),
-        (1, 0, [1, 0, 0, 0, 0, 0]),
-        (2, 5, [0, 0, 0, 0, 0, 1]),
-        (3, 3, [0, 0, 0, 1, 0, 0]),
-    ],
-)
-def test_ground_that_stays_from_the_zero_on(element, zero, there):
-    site, found = best_site(SITES[element : element + 1], SEQUENCE, zero)
-    assert site is SITES[element]
-    assert found.astype(int).tolist() == there
-    assert not is_placed_after(SEQUENCE, zero, site)
-
-
-@pytest.mark.parametrize(
-    ("element", "zero", "there"),
-    [(1, 1, [0, 1, 1, 1, 0, 0]), (2, 4, [0, 0, 0, 0, 1, 1]), (2, 3, None), (2, 1, None)],
-)
-def test_ground_that_is_placed_right_after_the_zero_counts_as_built(element, zero, there):
-    site, found = best_site(SITES[element : element + 1], SEQUENCE, zero)
-    if there is None:
-        assert site is None
-        assert not found.any()
-    else:
-        assert site is SITES[element]
-        assert found.astype(int).tolist() == there
-        assert is_placed_after(SEQUENCE, zero, site)
-    refused, never = best_site(SITES[element : element + 1], SEQUENCE, zero, as_built=False)
-    assert refused is None
-    assert not never.any()
-
-
-def test_of_several_elements_the_one_that_stays_longest_is_taken():
-    assert best_site(SITES, SEQUENCE, 0)[0] is SITES[0]
-    assert best_site(SITES[::-1], SEQUENCE, 2)[0] is SITES[0]
-    assert best_site((SITES[3], SITES[1]), SEQUENCE, 2)[0] is SITES[3]  # the first of equals
-    assert best_site((SITES[1], SITES[0]), SEQUENCE, 1)[0] is SITES[0]  # there at the zero
-    nothing, never = best_site((), SEQUENCE, 0)
-    assert nothing is None
-    assert never.shape == (6,)
-
-
-def test_values_are_read_at_any_state_and_changes_from_the_zero_on():
-    channel = displacement("d", (0.0, 0.0), (1.0, 0.0), zero="two")
-    on_mesh = SimpleNamespace(
-        sequence=SimpleNamespace(states=[None] * 4), case=SimpleNamespace(zero_of=lambda _: 2)
-    )
-    assert from_zero(on_mesh, channel).tolist() == [False, False, True, True]
-    value = gauge("stress", "s", (0.0, 0.0), "xx")
-    assert from_zero(on_mesh, value).tolist() == [True] * 4
+from geoident.model.gauges import Reading, Reads
 
 
 def _mesh():
@@ -104,7 +24,7 @@ def _mesh():
     )
 
 
-def _on_mesh(*channels):
+def _on_mesh(*channels, readings=()):
     mesh = _mesh()
     case = make_case(
         mesh,
@@ -113,6 +33,7 @@ def _on_mesh(*channels):
         supports=rollers(2),
         stages=(Stage("dig", excavate=("pit",)), Stage("put", install={"fill": "rock"})),
         channels=channels,
+        readings=readings,
     )
     return check_on_mesh(case, mesh)[0]
 
@@ -174,3 +95,61 @@ def test_why_a_point_stands_in_no_ground(channel, said, hint):
     assert fault.message == said
     assert fault.hint == hint
     assert fault.path == f"gauges.{channel.name}"
+
+
+def test_readings_of_stages_at_which_the_ground_is_not_there_are_refused():
+    """Blank and bad ones are not, and those of a faulty gauge are not judged."""
+    pit = displacement("pit", (1.5, 3.5), (1.0, 0.0))
+    fill = displacement("fill", (5.5, 3.5), (1.0, 0.0), zero="put")
+    readings = (
+        Reading("pit", "dig", 1e-3),
+        Reading("pit", "put", None),
+        Reading("pit", "put", 1e-3, bad=True),
+        Reading("fill", "dig", 1e-3),
+        Reading("fill", "put", 1e-3),
+    )
+    with pytest.raises(InputError) as error:
+        _on_mesh(pit, fill, readings=readings)
+    said = [fault.message for fault in error.value.faults]
+    assert said == [
+        "gauge 'pit' can't have been read at stage 'dig': a point of it stands in ground that is "
+        "no longer there",
+        "gauge 'fill' can't have been read at stage 'dig': it is zeroed only at a later stage",
+    ]
+    nowhere = displacement("pit", (1.5, 9.0), (1.0, 0.0))
+    with pytest.raises(InputError) as error:
+        _on_mesh(nowhere, readings=readings[:3])
+    assert [fault.code for fault in error.value.faults] == ["gauge-outside"]
+
+
+@pytest.mark.parametrize(("face", "turn"), [(0, 6.0), (1, 6.0), (2, 4.0)])
+def test_how_far_beside_a_curved_face_a_point_may_lie(face, turn):
+    """A hundredth of the face, and half as much again as an eighth of its length times the angle.
+
+    The top of a row of three blocks rises by 6 degrees, then by 4 more.
+    """
+    mesh = box("hex8", (3, 1, 1), size=(3.0, 1.0, 1.0))
+    rises = np.tan(np.radians([0.0, 6.0, 10.0]))
+    mesh.points[:, 2] += np.interp(mesh.points[:, 0], np.arange(4), [0, *np.cumsum(rises)])
+    centre = np.array([face + 0.5, 0.5, 1.0 + rises[:face].sum() + rises[face] / 2])
+    normal = np.array([-rises[face], 0.0, 1.0]) / np.hypot(rises[face], 1.0)
+    allowed = np.hypot(np.sqrt(2.0), rises[face]) * (0.01 + 1.5 / 8 * np.radians(turn))
+
+    def faults(part):
+        point = tuple((centre + part * allowed * normal).tolist())
+        case = make_case(
+            mesh,
+            materials={"rock": material("rock", 1e9, 0.25)},
+            groups={"all": "rock"},
+            supports=rollers(3),
+            channels=(displacement("d", point, (1.0, 0.0, 0.0)),),
+        )
+        try:
+            check_on_mesh(case, mesh)
+        except InputError as error:
+            return [fault.message for fault in error.faults]
+        return []
+
+    assert faults(0.99) == []
+    (message,) = faults(1.01)
+    assert message.endswith("m outside the mesh, in the air")

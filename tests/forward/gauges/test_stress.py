@@ -44,59 +44,46 @@ def _kirsch(r, t):
     return found[0, 0], found[1, 1], found[0, 1]
 
 
-def _around_a_hole(kind, n, places):
+def _beside_a_hole(kind, n, *channels):
+    """What channels read when the hole is opened in stressed rock."""
     reach, nu = 40, 0.25
     layers = int(np.ceil(np.log(reach) / np.log(1 + np.pi / 4 / n))) + 1
-    mesh = opening(kind, 2, n=n, layers=layers, radius=RADIUS, reach=reach * RADIUS)
-    channels = [
-        gauge("stress", f"{k}.{c}", (r * np.cos(t), r * np.sin(t)), c)
-        for k, (r, t) in enumerate(places)
-        for c in ("xx", "yy", "xy")
-    ]
     staged = model(
-        mesh,
+        opening(kind, 2, n=n, layers=layers, radius=RADIUS, reach=reach * RADIUS),
         materials={"rock": material("rock", 1e10, nu)},
         groups={"core": "rock", "rock": "rock"},
         supports=rollers(2),
         in_situ=_constant(-K * P0, -P0, -nu * (1 + K) * P0, 0, 0, 0),
         stages=(Stage("open", excavate=("core",)),),
-        channels=tuple(channels),
+        channels=channels,
     )
-    found = staged.survey(NOTHING, fields=False).computed[:, 0].reshape(-1, 3)
-    exact = np.array([_kirsch(r, t) for r, t in places])
-    return np.abs(found - exact).max(axis=1) / P0
+    return staged.survey(NOTHING, fields=False).computed[:, 0]
 
 
-def test_overcoring_beside_a_hole_reads_kirschs_stresses():
+@pytest.mark.parametrize(("kind", "n", "largest"), [("quad8", 4, 0.06), ("quad8", 8, 0.012),
+                                                    ("tri3", 10, 0.05)])  # fmt: skip
+def test_overcoring_beside_a_hole_reads_kirschs_stresses(kind, n, largest):
     places = [(2.6, 0.3), (3.1, 0.8), (4.0, 1.3), (6.0, 0.1)]
-    coarse, fine = (_around_a_hole("quad8", n, places) for n in (4, 8))
-    assert coarse.max() < 0.06
-    assert fine.max() < 0.012
-    assert _around_a_hole("tri3", 10, places).max() < 0.05
+    channels = [
+        gauge("stress", f"{k}.{c}", (r * np.cos(t), r * np.sin(t)), c)
+        for k, (r, t) in enumerate(places)
+        for c in ("xx", "yy", "xy")
+    ]
+    found = _beside_a_hole(kind, n, *channels).reshape(-1, 3)
+    exact = [_kirsch(r, t) for r, t in places]
+    np.testing.assert_allclose(found, exact, atol=largest * P0)
 
 
 def test_a_flat_jack_in_the_wall_reads_the_hoop_stress(verification):
     """3 K P0 - P0 and 3 P0 - K P0 of compression at crown and spring line."""
-    reach, n = 40, 12
-    layers = int(np.ceil(np.log(reach) / np.log(1 + np.pi / 4 / n))) + 1
-    mesh = opening("quad8", 2, n=n, layers=layers, radius=RADIUS, reach=reach * RADIUS)
     jacks = [
         gauge("stress", "crown", (0.0, RADIUS), direction=(1.0, 0.0), compression=True),
         gauge("stress", "side", (RADIUS, 0.0), direction=(0.0, 1.0), compression=True),
     ]
-    staged = model(
-        mesh,
-        materials={"rock": material("rock", 1e10, 0.25)},
-        groups={"core": "rock", "rock": "rock"},
-        supports=rollers(2),
-        in_situ=_constant(-K * P0, -P0, -0.25 * (1 + K) * P0, 0, 0, 0),
-        stages=(Stage("open", excavate=("core",)),),
-        channels=tuple(jacks),
-    )
-    crown, side = staged.survey(NOTHING, fields=False).computed[:, 0]
-    assert crown == pytest.approx((3 * K - 1) * P0, rel=0.03)
-    assert side == pytest.approx((3 - K) * P0, rel=0.02)
+    crown, side = _beside_a_hole("quad8", 12, *jacks)
     exact = [(3 * K - 1) * P0, (3 - K) * P0]
+    assert crown == pytest.approx(exact[0], rel=0.03)
+    assert side == pytest.approx(exact[1], rel=0.02)
     verification("flat-jack", "", ["crown", "spring line"], exact=exact, found=[crown, side])
 
 
@@ -200,30 +187,81 @@ def test_a_gauge_of_stress_outside_the_mesh_is_a_fault():
     assert fault.code == "gauge-outside"
 
 
+COMPONENTS = {"xx": (0, 0), "yy": (1, 1), "zz": (2, 2), "xy": (0, 1), "yz": (1, 2), "xz": (0, 2)}
+
+
 def _tensor(*components):
     xx, yy, zz, xy, yz, xz = components
     return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
+def test_every_quantity_of_a_stress_is_that_of_its_tensor():
+    stress = 1e6 * np.array([-9.0, -4.0, -6.0, 1.5, -0.8, 2.1])
+    n, point = np.array([0.36, 0.48, 0.8]), (0.3, 0.6, 0.2)
+    principal = ("major", "intermediate", "minor", "plane-major", "plane-minor")
+    channels = [
+        *(gauge("stress", name, point, name, reads=Reads.VIRGIN) for name in COMPONENTS),
+        *(gauge("stress", name, point, name, reads=Reads.VIRGIN) for name in principal),
+        *(gauge("stress", f"pressed {name}", point, name, reads=Reads.VIRGIN, compression=True)
+          for name in ("xy", "minor")),
+        gauge("stress", "n", point, direction=tuple(n), reads=Reads.VIRGIN),
+    ]  # fmt: skip
+    staged = model(
+        box("hex8", (2, 2, 2)),
+        materials={"rock": material("rock", 1e9, 0.2)},
+        groups={"all": "rock"},
+        supports=rollers(3),
+        in_situ=_constant(*stress),
+        stages=(Stage("wait"),),
+        channels=tuple(channels),
+    )
+    S = _tensor(*stress)
+    major, middle, minor = np.linalg.eigvalsh(S)
+    flat = np.linalg.eigvalsh(S[:2, :2])
+    exact = [*stress, major, middle, minor, *flat, -stress[3], -minor, n @ S @ n]
+    np.testing.assert_allclose(staged.survey(NOTHING, fields=False).computed[:, 0], exact)
+
+
+def test_across_the_axis_of_revolution_a_stress_is_mirrored():
+    normal = {"a": (0.6, 0.8), "b": (-0.6, 0.8)}
+    channels = [
+        *(
+            gauge("stress", f"{x} {q}", (x, 0.9), q)
+            for x in (2.1, -2.1)
+            for q in ("xx", "zz", "xy")
+        ),
+        gauge("pressure-cell", "here", (2.1, 0.9), direction=normal["a"]),
+        gauge("pressure-cell", "there", (-2.1, 0.9), direction=normal["b"]),
+    ]
+    staged = revolve(
+        section("quad8", (4, 3), (3.0, 2.0), inner=0.5),
+        materials={"rock": material("rock", 1e9, 0.2)},
+        groups={"all": "rock"},
+        supports=(Support("x0", (0,)), Support("y0", (0, 1))),
+        stages=(Stage("load", loads={"q": Pressure("x1", Scalar(3e5))}),),
+        channels=tuple(channels),
+    )
+    found = staged.survey(NOTHING, fields=False).computed[:, 0]
+    np.testing.assert_allclose(found[3:6], found[:3] * [1, 1, -1], rtol=1e-12)
+    assert found[7] == pytest.approx(found[6], rel=1e-12)
+    assert abs(found[2]) > 1e3
+
+
 def test_principal_values_and_their_derivatives():
+    """Where some coincide they part as the parameter grows."""
     rng = np.random.default_rng(2)
-    base, slopes = _tensor(*rng.normal(size=6)), [_tensor(*rng.normal(size=6)) for _ in range(3)]
-    found, equal = principal_values(np.stack([base, *slopes], axis=2))
-    assert not equal.any()
-    np.testing.assert_allclose(found[:, 0], np.linalg.eigvalsh(base))
-    for n, slope in enumerate(slopes, start=1):
-        h = 1e-5
-        there, back = (np.linalg.eigvalsh(base + s * h * slope) for s in (1, -1))
-        np.testing.assert_allclose(found[:, n], (there - back) / (2 * h), atol=1e-8)
-
-
-def test_where_principal_values_coincide_they_part_as_the_parameter_grows():
-    turn = np.linalg.qr(np.random.default_rng(4).normal(size=(3, 3)))[0]
-    base, slope = turn @ np.diag([-3.0, -3.0, 1.0]) @ turn.T, _tensor(1, 2, -1, 0.5, 0.2, -0.7)
-    found, equal = principal_values(np.stack([base, slope], axis=2))
-    np.testing.assert_array_equal(equal, [True, True, False])
-    later = np.linalg.eigvalsh(base + 1e-7 * slope)
-    np.testing.assert_allclose(found[:, 1], (later - found[:, 0]) / 1e-7, atol=1e-5)
+    turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    slope = _tensor(1, 2, -1, 0.5, 0.2, -0.7)
+    for values in ([-3.0, 0.5, 1.0], [-3.0, -3.0, 1.0], [-3.0, 1.0, 1.0], [2.0, 2.0, 2.0]):
+        base = turn @ np.diag(values) @ turn.T
+        found, equal = principal_values(np.stack([base, slope], axis=2))
+        assert equal.tolist() == [values.count(v) > 1 for v in values]
+        np.testing.assert_allclose(found[:, 0], values, atol=1e-12)
+        later = np.linalg.eigvalsh(base + 1e-7 * slope)
+        np.testing.assert_allclose(found[:, 1], (later - found[:, 0]) / 1e-7, atol=1e-5)
+    for apart, same in ((0.9e-9, True), (1.1e-9, False)):  # of the largest of them
+        _, equal = principal_values(np.diag([-5.0, 1.0, 1.0 + 5.0 * apart])[:, :, None])
+        assert equal.any() == same
 
 
 VALUES = {"E": 5e9, "nu": 0.28, "v": 8e6, "K0": 0.6, "c": 2.6e6}
@@ -276,6 +314,27 @@ def test_stresses_are_differentiated_exactly(analysis, yields):
         assert any(end.yielded.any() for end in staged.at(p).states())
     assert_exact(response, p, names, step=2e-4 if yields else 2e-3)
     assert "something else" in response.obstacle()
+    reason = "rock yields" if yields else "a channel reads a principal stress"
+    assert response.adjoints.obstacle == reason
+
+
+def test_equal_principal_values_of_states_that_are_not_read_are_not_said():
+    """Pressed along x the horizontal stress grows to the vertical one; in situ it was less."""
+    now, before = (
+        gauge("stress", name, (0.4, 0.4), "major", reads=reads)
+        for name, reads in (("now", Reads.VALUE), ("before", Reads.VIRGIN))
+    )
+    staged = model(
+        box("quad4", (3, 3)),
+        materials={"rock": material("rock", 1e9, 0.2)},
+        groups={"all": "rock"},
+        supports=rollers(2),
+        in_situ=_constant(-1e6, -2e6, -1.5e6, 0, 0, 0),
+        stages=(Stage("press", loads={"q": Pressure("x1", Scalar(1e6))}),),
+        channels=(now, before),
+    )
+    (note,) = staged.survey(NOTHING, fields=False).notes
+    assert note.startswith("gauge 'now' reads one of several equal principal stresses at 'press'")
 
 
 def test_equal_principal_values_are_said():

@@ -347,16 +347,10 @@ def test_entries_that_couple_with_shear_out_of_the_plane_are_refused():
     assert faults_of(Anisotropic(ties(PLANE_ENTRIES)), parameters=start) == []
     free = Anisotropic(ties({**PLANE_ENTRIES, "c26": 0.0}))
     assert "c26" in faults_of(free, parameters=start)[0]
-    coupled = Anisotropic(scalars({**PLANE_ENTRIES, "c26": 1e9}))
-    assert "c26" in faults_of(coupled)[0]
+    for entry in ("c15", "c16", "c25", "c26", "c45", "c46"):
+        (message,) = faults_of(Anisotropic(scalars({**PLANE_ENTRIES, entry: 1e9})))
+        assert message.startswith(f"{entry} of 'rock' couples")
     assert faults_of(Anisotropic(scalars({**PLANE_ENTRIES, "c35": 1e9}))) == []  # eps_zz = 0
-
-
-@pytest.mark.parametrize("entry", ["c15", "c16", "c25", "c26", "c45", "c46"])
-def test_every_entry_that_couples_with_shear_out_of_the_plane_is_refused(entry):
-    coupled = Anisotropic(scalars({**PLANE_ENTRIES, entry: 1e9}))
-    (message,) = faults_of(coupled)
-    assert message.startswith(f"{entry} of 'rock' couples")
 
 
 def test_strata_that_dip_are_refused_around_an_axis():
@@ -364,21 +358,6 @@ def test_strata_that_dip_are_refused_around_an_axis():
     inclined = TransverselyIsotropic(**scalars(STRATA), frame=attitude(0.3))
     assert faults_of(flat, Analysis.AXISYMMETRIC) == []
     assert "all around the axis" in faults_of(inclined, Analysis.AXISYMMETRIC)[0]
-
-
-@pytest.mark.parametrize("sign", [-1.0, 1.0])
-def test_coupling_below_a_billionth_of_the_largest_modulus_is_none(sign):
-    """Given entries, a strike a little off the section, strata that dip a little about an axis."""
-    largest = max(PLANE_ENTRIES.values())
-    for part, count in ((0.9e-9, 0), (1.1e-9, 1)):
-        entry = {**PLANE_ENTRIES, "c26": sign * part * largest}
-        assert len(faults_of(Anisotropic(scalars(entry)))) == count
-    for turn, count in ((1e-10, 0), (1e-7, 1)):
-        frame = attitude(0.5, np.pi / 2 + sign * turn)
-        strata = TransverselyIsotropic(**scalars(STRATA), frame=frame)
-        assert len(faults_of(strata)) == count
-        dips = TransverselyIsotropic(**scalars(STRATA), frame=attitude(sign * turn))
-        assert len(faults_of(dips, Analysis.AXISYMMETRIC)) == count
 
 
 def test_materials_of_which_parameters_are_missing_are_passed_over():

@@ -208,7 +208,7 @@ def test_nothing_of_a_template_is_computed_before_the_case_is_trusted(tmp_path):
     model = build_model(load_inputs(str(case)))  # what `check` does
     assert not model.notes
     p = np.array([6e9, 1.0])
-    for ask in (model.runs.quantum, lambda p: model.runs.results([p], lambda: None)):
+    for ask in (model.runs.quantum, lambda p: list(model.runs.each([p], lambda: None))):
         with pytest.raises(InputError) as caught:
             ask(p)
         assert caught.value.faults[0].code == "not-trusted"

@@ -97,12 +97,12 @@ def test_the_error_of_the_surfaces_is_in_covariance_and_intervals(coarse):
     model = build_model(load_inputs(str(case)))
     p = found.parameters.values
     J = found.sensitivity.reshape(-1, 2)  # channel by channel
-    surfaces = model.surfaces.surfaces
-    u = model.surfaces.coordinates.of(p)
+    surfaces = model.surfaces
+    u = model.coordinates.of(p)
     z = np.column_stack([s.errors / s.expected for s in surfaces])
     sd = np.array([calibration(s) * s.deviation(u) for s in surfaces])
     order = [3 * stage + channel for channel in range(3) for stage in range(2)]
-    root = model.surfaces.error_root(p).swapaxes(0, 1).reshape(6, -1)
+    root = model.error_root(p).swapaxes(0, 1).reshape(6, -1)
     own = root @ root.T
     np.testing.assert_allclose(np.sqrt(np.diag(own)), sd[order], rtol=1e-9)
     R = np.corrcoef(z[:, order].T)
@@ -239,7 +239,7 @@ def test_a_gauge_with_a_zero_reads_what_the_runs_changed_since(tmp_path):
     computed = model.computed(p)
     assert computed[2, 1] == pytest.approx(found["D", "open"] - found["D", "half"], rel=2e-3)
     assert computed[1, 1] == pytest.approx(found["V", "open"], rel=2e-3)
-    root = model.surfaces.error_root(p)
+    root = model.error_root(p)
     assert not root[0, 2].any()
     assert root[1, 2].any()
 
@@ -324,7 +324,7 @@ def test_what_is_found_is_off_by_the_errors_of_gauges_and_surfaces(
     p, model, readings = found.outcome.values, found.setup.model, found.setup.readings
     pairs = list(readings.pairs)
     s, J = model.response(pairs).evaluate(p)
-    root = model.surfaces.error_root(p)
+    root = model.error_root(p)
     case_of = model.case
     places = [
         ([t.name for t in case_of.stages].index(b), [c.name for c in case_of.channels].index(a))

@@ -1,0 +1,122 @@
+"""Forces and strains of structures: load cells, strain gauges on bars and beams.
+
+A bar (bolt, strut, anchor) bears one axial force. A beam bears at a place along it, s the length of
+arc with the inside of the beam to the right,
+
+    N                       axial force, from the piece that holds the place (of a shell along
+                            its meridian)
+    M                       bending moment, linear between the ends of the piece (see
+                            `forward.structures.end_moments`), positive with tension on the inside
+    Q = dM/ds               shear force
+
+and the strain of a fibre at a distance y from the axis, y counted to the inside, is N/EA + y M/EI
+(of a shell that of the meridian, e_s + y k_s).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import scipy.sparse as sp
+
+from geoident.forward.analysis.stage import LinearRows
+from geoident.forward.gauges.observation import AnalysisState, Observable
+from geoident.forward.gauges.on_structures import NOT_STANDING, PlaceOnBeam, standing
+from geoident.forward.gauges.placement import Placed
+from geoident.forward.stages import CaseOnMesh
+from geoident.forward.structures.members import StructureMembers, rigidities
+from geoident.model.arrays import Bools, Floats
+from geoident.model.dual import Dual, ParameterPoint
+from geoident.model.gauges import Channel
+from geoident.model.structures import Beam
+
+
+class MemberReadings(Observable):
+    """Forces and strains of structures, SI.
+
+    Displacements alone do not give them: EA(p) stands between.
+
+    Args:
+        channels: what is read, each of one structure.
+    """
+
+    def __init__(self, channels: Sequence[Channel]) -> None:
+        self._channels = channels
+        self._places: dict[str, PlaceOnBeam] = {}
+
+    def linear(self, state: AnalysisState, wanted: Bools) -> LinearRows:
+        """What a unit of every member force adds to the values."""
+        n_rows = len(state.end.members)
+        columns = np.hstack([np.zeros((n_rows, 1)), np.eye(n_rows)])
+        end = replace(state.end, members=columns)
+        units = replace(state, end=end, point=ParameterPoint(state.point.values, ()))
+        return LinearRows(members=sp.csr_array(self.values(units)[:, 1:]))
+
+    def values(self, state: AnalysisState) -> Floats:
+        """Values (g, 1 + n + k) at a state, SI."""
+        rows = [self._read(channel, state) for channel in self._channels]
+        return np.array(rows).reshape(len(rows), state.end.members.shape[1])
+
+    def _read(self, channel: Channel, state: AnalysisState) -> Floats:
+        part, forces = state.structures.part(channel.structure), state.end.members
+        if isinstance(part.structure, Beam):
+            if channel.name not in self._places:
+                self._places[channel.name] = PlaceOnBeam.nearest(part.members.ends, channel)
+            value = _of_beam(part, self._places[channel.name], channel, forces, state.point)
+        elif channel.kind == "load-cell":
+            value = state.structures.bar(part.name, channel.member, forces, state.point)
+        else:
+            axial, _ = rigidities(part.structure, state.point)
+            value = _scaled(forces[part.rows.start + channel.member], 1.0 / axial)
+        return -value if channel.compression else value
+
+
+def _of_beam(
+    part: StructureMembers,
+    place: PlaceOnBeam,
+    channel: Channel,
+    forces: Floats,
+    point: ParameterPoint,
+) -> Floats:
+    """A force or a fibre strain of a beam, (1 + n + k,)."""
+    beam, section = part.structure, part.section_forces(forces)
+    assert isinstance(beam, Beam)
+
+    def bending(first: Floats, second: Floats) -> Floats:
+        """A moment or curvature, linear along the pieces, with the sign of the inside."""
+        along = place.along[:, None]
+        moment = (1.0 - along) * first[place.pieces] + along * second[place.pieces]
+        return np.asarray((place.turned[:, None] * moment).mean(axis=0))
+
+    if channel.kind == "load-cell" and channel.quantity == "M":
+        return bending(section.first, section.second)
+    if channel.kind == "load-cell":
+        force = section.axial if channel.quantity == "N" else section.shear
+        return np.asarray(force[place.pieces].mean(axis=0))
+    EA, EI = rigidities(beam, point)
+    strain = _scaled(section.stretch[place.pieces].mean(axis=0), 1.0 / EA)
+    if channel.quantity == "axis":
+        return strain
+    if channel.fibre is not None:
+        y = point.constant(channel.fibre)
+    else:
+        assert beam.thickness is not None  # `on_structures` refuses a beam without
+        y = point.number(beam.thickness).times(0.5)
+    bent = _scaled(bending(section.bent_first, section.bent_second), y / EI)
+    return strain + bent if channel.quantity == "inside" else strain - bent
+
+
+def _scaled(values: Floats, factor: Dual) -> Floats:
+    """Values (1 + n + k,) times a number with n derivatives."""
+    n = len(factor.columns)
+    result = values * factor.value
+    result[:n] = (Dual(values[:n]) * factor).columns
+    return np.asarray(result)
+
+
+def member_readings(channels: Sequence[Channel], on_mesh: CaseOnMesh) -> Placed:
+    """Channels that read forces and strains of structures, while these stand."""
+    readable, faults = standing(channels, on_mesh)
+    return Placed(MemberReadings(channels), readable, faults=faults, unreadable=NOT_STANDING)

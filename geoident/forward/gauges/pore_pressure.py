@@ -1,0 +1,100 @@
+"""Pressure of the water in the pores: piezometers, and what total stresses have of it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from geoident.errors import Fault
+from geoident.fem.location import format_point
+from geoident.forward.analysis.stage import LinearRows
+from geoident.forward.gauges.ground_points import GroundPoint, GroundPoints
+from geoident.forward.gauges.observation import AnalysisState, Observable
+from geoident.forward.gauges.placement import Placed
+from geoident.forward.in_situ.water import PorePressure
+from geoident.forward.stages import CaseOnMesh
+from geoident.model.actions import Water
+from geoident.model.arrays import Bools, Floats
+from geoident.model.dual import ParameterPoint
+from geoident.model.gauges import Channel
+
+
+class PoreWater:
+    """Pressure of the water at fixed points in the ground.
+
+    Args:
+        points: g of them.
+        on_mesh: the case on its mesh.
+    """
+
+    def __init__(self, points: Sequence[GroundPoint], on_mesh: CaseOnMesh) -> None:
+        self._sequence, self._mesh = on_mesh.sequence, on_mesh.mesh
+        self._places = np.array([point.place for point in points]).reshape(-1, on_mesh.mesh.dim)
+        self._groups = np.array([self._sequence.groups[point.group] for point in points], object)
+        self._pressures: dict[Water, PorePressure] = {}
+
+    def at(self, state: int, point: ParameterPoint) -> Floats:
+        """Pressure (g, 1 + n) at a state, Pa; zero where there is no water."""
+        water, shape = self._sequence.states[state].water, (len(self._groups), point.n_columns)
+        if water is None:
+            return np.zeros(shape)
+        if water not in self._pressures:
+            self._pressures[water] = PorePressure(water, self._mesh, self._places)
+        pressure = np.broadcast_to(self._pressures[water].at(point).columns, shape)
+        return np.where(self.wet(state)[:, None], pressure, 0.0)
+
+    def wet(self, state: int) -> Bools:
+        """(g,) which points are in groups with water in their pores at a state."""
+        water = self._sequence.states[state].water
+        if water is None or water.groups is None:
+            return np.full(len(self._groups), water is not None)
+        return np.isin(self._groups, list(water.groups))
+
+
+class PorePressures(Observable):
+    """Pressure of the water in the pores, Pa, compression positive.
+
+    Args:
+        water: in the pores, at the points of the channels (g,).
+    """
+
+    def __init__(self, water: PoreWater) -> None:
+        self._water = water
+
+    def linear(self, state: AnalysisState, wanted: Bools) -> LinearRows:
+        """Nothing of the state is in it."""
+        return LinearRows()
+
+    def values(self, state: AnalysisState) -> Floats:
+        """Values (g, 1 + n + k) at a state, Pa."""
+        pressure = self._water.at(state.end.state, state.point)
+        return np.pad(pressure, ((0, 0), (0, state.end.u.shape[1] - pressure.shape[1])))
+
+
+def pore_pressures(channels: Sequence[Channel], on_mesh: CaseOnMesh) -> Placed:
+    """Channels that read the pressure of the water at a point, while its ground has water."""
+    placed = GroundPoints.of(channels, on_mesh)
+    water = PoreWater(placed.points, on_mesh)
+    readable, faults = placed.readable, placed.faults
+    if not faults:
+        wet = np.array([water.wet(state) for state in range(readable.shape[1])]).T
+        readable = readable & wet
+        dry = zip(channels, wet, strict=True)
+        faults = tuple(_dry_fault(on_mesh, channel) for channel, when in dry if not when.any())
+    why = "there is no water in the pores of its ground then"
+    return Placed(PorePressures(water), readable, placed.snapped, faults, why)
+
+
+def _dry_fault(on_mesh: CaseOnMesh, channel: Channel) -> Fault:
+    """No water is ever in the pores where a gauge reads its pressure."""
+    waters = [state.water for state in on_mesh.sequence.states if state.water is not None]
+    named = sorted({name for water in waters for name in water.groups or ()})
+    where = f"only in {', '.join(map(repr, named))}" if named else "nowhere"
+    return on_mesh.case.source.fault(
+        channel.key,
+        code="no-water-there",
+        message=f"gauge '{channel.name}' reads the pressure of the water in the pores at "
+        f"{format_point(channel.second)}, but the case has such water {where}",
+        hint="give 'water' with the level of its table, or correct its 'groups' or the point",
+    )
