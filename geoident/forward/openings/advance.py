@@ -26,10 +26,10 @@ follow from those of the closed form by the theorem of implicit functions.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import cached_property
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -38,6 +38,9 @@ from geoident.forward.openings.closed_forms import NO_EQUILIBRIUM, BeyondClosedF
 from geoident.model.actions import FaceDistance, FaceProfile, Release
 from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.parameter import Scalar
+
+if TYPE_CHECKING:
+    from geoident.forward.openings.mesh_reaction import MeshReaction
 
 AT_FACE, BY_PLASTIC, BEHIND = 1.0 / 3.0, 0.15, 1.5
 """Constants of Vlachopoulos and Diederichs: s_0 = AT_FACE exp(-BY_PLASTIC R*), 3/2 behind it."""
@@ -96,29 +99,6 @@ def _at_stage(stage: str) -> Iterator[None]:
         raise ModelError(text, INSTEAD) from none
 
 
-class WallReaction(Protocol):
-    """The reaction of an opening that need not be round; see `mesh_reaction`."""
-
-    @property
-    def releases(self) -> Sequence[FaceDistance]:
-        """The distances that say a part each."""
-
-    def parts(self, shares: Sequence[Dual], point: ParameterPoint) -> Mapping[FaceDistance, Dual]:
-        """The parts of the stress (), 0 to 1, that are released, by distance.
-
-        Args:
-            shares: () of its final motion that the wall has made, for every release.
-            point: the parameters.
-
-        Raises:
-            NoFinalMotion: without support the opening has none, or no part of it is found.
-            ModelError: the analysis has no solution otherwise.
-        """
-
-    def forget(self) -> None:
-        """Begin the next solution as a new model does."""
-
-
 class AdvancingFace:
     """The released parts of a case, whether it gives them or the distance to a face.
 
@@ -133,7 +113,7 @@ class AdvancingFace:
         self,
         profile: FaceProfile | None = None,
         opening: OpeningAt | None = None,
-        wall: WallReaction | None = None,
+        wall: MeshReaction | None = None,
     ) -> None:
         self.profile, self.opening, self.wall = profile, opening, wall
         self._last: FaceAtPoint | None = None
@@ -206,16 +186,6 @@ class FaceAtPoint:
                 self._parts |= self._convert(release)
         return self._parts[release]
 
-    @property
-    def plastic_ratio(self) -> Dual:
-        """R* = R_p / R (); 1 where nothing yields.
-
-        Raises:
-            ModelError: it is not known.
-        """
-        with _at_stage(""):
-            return self._plastic_ratio
-
     def _convert(self, release: FaceDistance) -> Mapping[FaceDistance, Dual]:
         """The part of a distance, and those that are known with it."""
         if (wall := self._face.wall) is not None:
@@ -228,12 +198,17 @@ class FaceAtPoint:
         assert profile is not None
         away = self.point.number(distance) / self.point.number(profile.radius)
         if profile.law == "vlachopoulos-diederichs":
-            return vlachopoulos_diederichs(away, self._plastic_ratio)
+            return vlachopoulos_diederichs(away, self.plastic_ratio)
         first, second = (self.point.number(constant) for constant in profile.constants)
         return (panet if profile.law == "panet" else chern)(away, first, second)
 
     @property
-    def _plastic_ratio(self) -> Dual:
+    def plastic_ratio(self) -> Dual:
+        """R* = R_p / R (); 1 where nothing yields.
+
+        Raises:
+            NoFinalMotion: it is not known.
+        """
         profile = self._face.profile
         if profile is not None and profile.plastic_radius is not None:
             return self.point.number(profile.plastic_radius) / self.point.number(profile.radius)

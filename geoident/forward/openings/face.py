@@ -21,11 +21,11 @@ from geoident.forward.openings.mesh_reaction import (
     yields_at_tunnel,
 )
 from geoident.forward.openings.obstacles import unsuitable
+from geoident.forward.openings.site import ground_at_wall
 from geoident.forward.stages import CaseOnMesh
 from geoident.model.actions import FaceDistance, FaceProfile
 from geoident.model.arrays import Bools, Floats
 from geoident.model.dual import Dual, ParameterPoint
-from geoident.model.mesh import nodes_in
 from geoident.model.parameter import Scalar, Values
 from geoident.model.results.opening import FaceAdvance
 
@@ -52,7 +52,7 @@ def advancing_face(on_mesh: CaseOnMesh, solver: Solver) -> AdvancingFace:
     wall = opening = None
     if profile.conversion == "mesh" and yields_at_tunnel(on_mesh):
         wall = MeshReaction(on_mesh, AdvancingFace(), solver)
-    around = _at_wall(on_mesh, profile)
+    around = ground_at_wall(on_mesh, _inside(on_mesh, profile))
     if _needs_curve(on_mesh, profile, around) and _curve_obstacle(on_mesh, around) is None:
         opening = _unit_opening(on_mesh, _centre(on_mesh, profile), *around.values())
     return AdvancingFace(profile, opening, wall)
@@ -79,7 +79,7 @@ def face_faults(on_mesh: CaseOnMesh) -> list[Fault]:
         return []
     if profile.conversion == "mesh" and (faults := _mesh_faults(on_mesh, profile)):
         return faults
-    around = _at_wall(on_mesh, profile)
+    around = ground_at_wall(on_mesh, _inside(on_mesh, profile))
     why = _curve_obstacle(on_mesh, around) if _needs_curve(on_mesh, profile, around) else None
     if why is None:
         return []
@@ -196,7 +196,6 @@ def face_note(face: AdvancingFace, on_mesh: CaseOnMesh, values: Values) -> tuple
         return ()
     try:
         states = face_states(face, on_mesh, values)
-        ratio = float(face.at(ParameterPoint(values, ())).plastic_ratio.value)
     except ModelError as error:
         return (error.message,)
     parts = [
@@ -206,6 +205,7 @@ def face_note(face: AdvancingFace, on_mesh: CaseOnMesh, values: Values) -> tuple
     ]
     law = _NAMES[on_mesh.case.face.law]
     if on_mesh.case.face.law == "vlachopoulos-diederichs":
+        ratio = float(face.at(ParameterPoint(values, ())).plastic_ratio.value)
         law += f", plastic radius {ratio:.3g} times that of the tunnel"
     return (f"released by the distance to the face ({law}): {'; '.join(parts)}",)
 
@@ -242,7 +242,7 @@ def _unlike_circle(on_mesh: CaseOnMesh, profile: FaceProfile) -> str:
     radii = _radii(on_mesh.mesh.points[np.unique(np.concatenate([p.nodes.ravel() for p in wall]))])
     if not np.ptp(radii) <= _ROUND * radii.mean():
         differs.append("is not round")
-    (group,) = _at_wall(on_mesh, profile).values()
+    (group,) = ground_at_wall(on_mesh, _inside(on_mesh, profile)).values()
     place = StressPlaces(np.array([_centre(on_mesh, profile)]), np.array([group]))
     point = ParameterPoint(on_mesh.case.start, ())
     xx, yy, _, xy = InSituStress(on_mesh, place).columns(point)[:, 0, 0]
@@ -298,16 +298,6 @@ def _inside(on_mesh: CaseOnMesh, profile: FaceProfile) -> Bools:
     """(n_elements,) the elements that the tunnel fills."""
     groups = [on_mesh.sequence.groups.index(name) for name in profile.groups]
     return np.isin(on_mesh.sequence.group_of, groups)
-
-
-def _at_wall(on_mesh: CaseOnMesh, profile: FaceProfile) -> dict[str, int]:
-    """Materials of the virgin ground that touch the tunnel, each with a group of it."""
-    mesh, sequence, inside = on_mesh.mesh, on_mesh.sequence, _inside(on_mesh, profile)
-    wall = nodes_in(mesh.blocks, inside)
-    touching = np.concatenate([np.isin(block.nodes, wall).any(axis=1) for block in mesh.blocks])
-    around = np.unique(sequence.group_of[touching & sequence.present(0) & ~inside])
-    virgin = sequence.states[0].materials
-    return {virgin[int(group)]: int(group) for group in around}
 
 
 def _centre(on_mesh: CaseOnMesh, profile: FaceProfile) -> tuple[float, ...]:

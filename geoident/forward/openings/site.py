@@ -15,7 +15,7 @@ from geoident.fem.faces import patches
 from geoident.fem.location import format_point
 from geoident.forward.actions.supports import fixed_dofs, group_nodes
 from geoident.forward.stages import CaseOnMesh, ConstructionSequence
-from geoident.model.arrays import Ints
+from geoident.model.arrays import Bools, Ints
 from geoident.model.mesh import nodes_in
 
 ROUND = 0.02
@@ -122,14 +122,10 @@ def site_in_mesh(
             f"the model, or another opening, ends {far:.1f} radii from the centre of the "
             f"opening; at least {FAR:g} are needed"
         )
-    touching = np.concatenate([np.isin(block.nodes, wall).any(axis=1) for block in mesh.blocks])
-    around = [int(g) for g in np.unique(sequence.group_of[stays & touching])]
-    virgin = sequence.states[0].materials
-    materials = {virgin[g] for g in around}
-    if len(materials) > 1:
-        return f"the ground at the wall is of several materials: {_listed(materials)}"
-    (material,) = materials
-    remarks = []
+    around, virgin, remarks = ground_at_wall(on_mesh, inside), sequence.states[0].materials, []
+    if len(around) > 1:
+        return f"the ground at the wall is of several materials: {_listed(around)}"
+    ((material, ground),) = around.items()
     if far < DEEP:
         remarks.append(
             f"the model ends {far:.1f} radii from the centre, where the closed form goes on: "
@@ -138,7 +134,22 @@ def site_in_mesh(
     if others := {m for g, m in virgin.items() if m != material and g not in groups}:
         remarks.append(f"the closed form leaves out {_listed(others)}: all is {material}")
     on_wall = {n for n in mesh.facet_groups if set(group_nodes(mesh, n)) == set(wall)}
-    return OpeningSite(centre, radius, groups, around[0], frozenset(on_wall), tuple(remarks))
+    return OpeningSite(centre, radius, groups, ground, frozenset(on_wall), tuple(remarks))
+
+
+def ground_at_wall(on_mesh: CaseOnMesh, inside: Bools) -> dict[str, int]:
+    """Materials of the virgin ground that touch an opening, each with the first group of it.
+
+    Args:
+        on_mesh: the case.
+        inside: (n_elements,) the elements that fill the opening.
+    """
+    mesh, sequence = on_mesh.mesh, on_mesh.sequence
+    wall = nodes_in(mesh.blocks, inside)
+    touching = np.concatenate([np.isin(block.nodes, wall).any(axis=1) for block in mesh.blocks])
+    around = np.unique(sequence.group_of[touching & sequence.present(0) & ~inside])
+    virgin = sequence.states[0].materials
+    return {virgin[int(group)]: int(group) for group in around[::-1]}
 
 
 def _symmetric_sides(on_mesh: CaseOnMesh, centre: tuple[float, float], radius: float) -> Ints:

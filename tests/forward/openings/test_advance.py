@@ -10,7 +10,7 @@ from support.cases import material
 from support.derivatives import assert_exact, assert_slopes
 from support.yielding import mohr, parameters, rock
 
-from geoident.errors import CollapseError, InputError
+from geoident.errors import CollapseError
 from geoident.forward.openings.advance import CHERN, PANET, AdvancingFace
 from geoident.model.actions import FaceDistance, FaceProfile
 from geoident.model.case import Stage
@@ -212,42 +212,6 @@ def test_ground_that_has_no_final_motion_says_so():
     settings["face"] = profile("chern", conversion="direct")
     moved = without_mesh(ground, **settings).survey(np.empty(0), fields=False).computed
     assert np.isfinite(moved).all()
-
-
-def two_rocks(ground, **changes):
-    """A quarter whose upper part is of another material of the same ground."""
-    mesh = quarter(3, 8, 20.0)
-    centre = mesh.points[mesh.blocks[0].nodes].mean(axis=1)
-    members = mesh.groups["rock"]
-    above = centre[members, 1] > centre[members, 0]
-    groups = {**mesh.groups, "rock": members[~above], "roof": members[above]}
-    return staged(
-        replace(mesh, groups=groups),
-        ground,
-        materials={"rock": ground, "other": replace(ground, name="other")},
-        groups={"core": "rock", "rock": "rock", "roof": "other"},
-        **changes,
-    )
-
-
-@pytest.mark.parametrize(
-    ("law", "conversion", "said"),
-    [
-        ("chern", None, "several materials, 'other', 'rock'"),
-        ("vlachopoulos-diederichs", "direct", "the plastic radius, on which the profile depends"),
-    ],
-)
-def test_ground_without_a_reaction_curve_is_refused(law, conversion, said):
-    settings = {"face": profile(law, conversion=conversion), "stages": stages((0.0,))}
-    with pytest.raises(InputError) as caught:
-        two_rocks(rock(5e9, 0.25, mohr(MPa, 0.5)), **settings)
-    (fault,) = caught.value.faults
-    assert fault.code == "no-closed-form"
-    assert said in fault.message
-    assert fault.path == "face"
-    direct = conversion == "direct"
-    assert fault.hint.startswith("Give 'plastic_radius'" if direct else "Write 'conversion: mesh'")
-    two_rocks(material("rock", 5e9, 0.25), **settings)  # elastic ground needs none
 
 
 @pytest.mark.parametrize(

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
-from support.cases import displacement, material
+from support.cases import material
 from support.yielding import constant, mohr, rock
 
 from geoident.errors import CollapseError, ModelError
@@ -22,7 +20,7 @@ from geoident.model.parameter import Scalar
 
 from .test_advance import WALL, profile, stages
 from .test_mesh_reaction import oval
-from .test_opening_model import GAUGES, RADIUS, MPa, quarter, staged, without_mesh
+from .test_opening_model import RADIUS, MPa, quarter, staged, without_mesh
 
 YIELDS = rock(5e9, 0.25, mohr(MPa, 0.5))
 PLAIN = material("rock", 5e9, 0.25)
@@ -102,29 +100,6 @@ def test_what_is_said_where_the_ground_has_no_final_motion():
     (said,) = kept.notes
     assert said.startswith("the part of its final motion that the wall has made at stage '0' is")
     assert np.isfinite(kept.computed[0]).tolist() == [False, False, True]
-
-
-@pytest.mark.parametrize(
-    ("ground", "law", "conversion", "words"),
-    [
-        (PLAIN, "panet", None, "the part of the stress is that of the final motion (exact in"),
-        (YIELDS, "panet", "direct", "the part of the stress is that of the final motion (exact in"),
-        (YIELDS, "panet", None, "becomes a part of the stress on the reaction curve"),
-        (YIELDS, "panet", "reaction-curve", "becomes a part of the stress on the reaction curve"),
-        (YIELDS, "vlachopoulos-diederichs", "direct", "that of the final motion (exact in"),
-    ],
-)
-def test_how_distances_become_stress_is_said(ground, law, conversion, words):
-    face, steps = profile(law, conversion=conversion), stages((0.0, 3.0))
-    for found in (
-        without_mesh(ground, face=face, stages=steps),
-        staged(quarter(2, 5, 12.0), ground, face=face, stages=steps),
-    ):
-        (note,) = [n for n in found.notes if n.startswith("distances to the face release stress")]
-        assert words in note
-        assert ("Panet's profile" in note) == (law == "panet")
-    (said,) = without_mesh(ground, face=face, stages=steps).survey(np.empty(0), fields=False).notes
-    assert ("plastic radius" in said) == (law != "panet")
 
 
 def test_the_note_of_stages_has_their_numbers():
@@ -213,20 +188,3 @@ def test_a_case_without_a_face_has_no_profile_and_no_note():
     none = without_mesh(PLAIN).survey(np.empty(0), fields=True)
     assert none.advance is None
     assert none.notes == ()
-
-
-def test_points_of_the_wall_are_those_that_a_profile_moves():
-    """The first part that is released moves the wall as its share says, by whatever gauge."""
-    sides = tuple(
-        displacement(f"g{k}", (RADIUS * np.cos(a), RADIUS * np.sin(a)), (-np.cos(a), -np.sin(a)))
-        for k, a in enumerate((0.0, 1.1, 2.7))
-    )
-    opened = without_mesh(YIELDS, face=profile("chern"), stages=stages((0.5, 4.0)), channels=sides)
-    moved = opened.survey(np.empty(0), fields=False).computed
-    shares = [s.share for s in opened.face_states({})]
-    np.testing.assert_allclose(moved[:, :-1] / moved[:, -1:], [shares] * 3, rtol=1e-11)
-    zeroed = replace(GAUGES[0], zero="0")
-    opened = without_mesh(PLAIN, face=profile("chern"), stages=stages((0.5, 4.0)),
-                          channels=(zeroed,))  # fmt: skip
-    kept = opened.survey(np.empty(0), fields=True).advance
-    assert list(kept.stage_zero) == [True, False]

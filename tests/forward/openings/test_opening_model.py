@@ -91,15 +91,6 @@ def agrees(response, tolerance: float) -> None:
     np.testing.assert_allclose(found, exact, atol=tolerance * np.abs(exact).max())
 
 
-def test_elastic_opening_is_that_of_the_mesh():
-    agrees(staged(quarter(), material("rock", 5e9, 0.25)).response(PAIRS), 1e-3)
-
-
-def test_uneven_stress_as_kirsch_is_that_of_the_mesh():
-    far = constant(-6 * MPa, -11 * MPa, -8 * MPa)
-    agrees(staged(quarter(), material("rock", 5e9, 0.25), in_situ=far).response(PAIRS), 2e-3)
-
-
 def test_shear_far_away_is_that_of_the_mesh():
     """A whole model: the shear is no symmetric load. Held at three points of its round edge."""
     mesh = opening("quad8", 2, n=4, layers=20, radius=RADIUS, reach=60 * RADIUS, whole=True)
@@ -186,17 +177,6 @@ def test_depth_makes_the_stress_at_the_centre():
     assert deep.survey(np.empty(0), fields=False).computed[0, 1] == pytest.approx(expected)
 
 
-def test_points_in_the_opening_are_read_before_it_is_there():
-    inner = gauge("inner", (0.0, 0.0), (0.0, 3 * RADIUS))
-    early = Stage("wait")
-    opened = without_mesh(material("rock", 5e9, 0.25), stages=(early, *STAGES), channels=(inner,))
-    assert opened.unreadable("inner", "wait") is None
-    assert "no longer there" in (opened.unreadable("inner", "face") or "")
-    table = opened.survey(np.empty(0), fields=False).computed
-    assert table[0, 0] == 0.0
-    assert np.isnan(table[0, 1:]).all()
-
-
 def test_a_gauge_zeroed_at_a_stage_reads_the_motion_since_then():
     late = replace(GAUGES[0], name="late", zero="open")
     opened = without_mesh(rock(5e9, 0.25, mohr(1 * MPa, 0.5)), channels=(GAUGES[0], late))
@@ -226,14 +206,6 @@ def test_stages_that_have_no_closed_form_are_left_out():
     assert not covered[:, 3:].any()
 
 
-def test_ground_that_cannot_stand_is_a_collapse():
-    opened = without_mesh(
-        rock(5e9, 0.25, mohr(0.0, 0.5)), stages=(Stage("open", excavate=("core",)),)
-    )
-    with pytest.raises(CollapseError, match="stage 'open'"):
-        opened.survey(np.empty(0), fields=False)
-
-
 def test_what_comes_before_a_collapse_is_known():
     ground = rock(5e9, 0.25, mohr(0.0, 0.5))
     opened = without_mesh(ground, stages=STAGES[:2])
@@ -245,22 +217,3 @@ def test_what_comes_before_a_collapse_is_known():
     np.testing.assert_array_equal(np.isfinite(known.computed), [[True, False]] * len(GAUGES))
     (said,) = known.collapses
     assert "'open'" in said
-
-
-def strong(**changes):
-    return staged(quarter(4, 12), material("rock", 5e9, 0.25), **changes).response(PAIRS[:1])
-
-
-def test_unevenness_counts_the_wall_below_the_centre():
-    """1 m under the surface, radius 2 m: three times the stress below, none at all above."""
-    shallow = HeimStress(K0=Scalar(1.0), unit_weight=Scalar(25e3), surface=Scalar(1.0))
-    notes = without_mesh(material("rock", 5e9, 0.25), in_situ=shallow).notes
-    (said,) = [note for note in notes if "in-situ stress around" in note]
-    assert "is up to 200 % off its mean" in said
-
-
-def test_a_circle_that_is_not_there_is_refused():
-    response = strong()
-    assert isinstance(response.opening((0.0, 0.0), 2.01), OpeningResponse)
-    assert "is not the circle" in str(response.opening((0.0, 0.0), 3.0))
-    assert "does not say where the opening is" in str(response.opening((1.0, 0.0), None))

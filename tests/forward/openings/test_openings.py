@@ -131,20 +131,6 @@ def test_solution_is_that_of_the_differential_equations(name: str) -> None:
     np.testing.assert_allclose(state.displacement(r).value, table[:, 3], atol=1e-7 * scale)
 
 
-@pytest.mark.parametrize("name", SITES)
-def test_plastic_multipliers_are_never_negative(name: str) -> None:
-    """What flows along the hoop and the axis has the sign of the plane that is active there."""
-    site, state = SITES[name], SITES[name].state()
-    assert state.plastic_radius is not None
-    r = np.linspace(1.0, 0.999 * float(state.plastic_radius.value), 40)
-    sigma = np.stack([dual.value for dual in state.stresses(r)])
-    change = sigma - np.array([site.p0, site.p0, site.z0])[:, None]
-    e = ((1 + site.nu) * change - site.nu * change.sum(axis=0)) / site.E
-    sense = 1.0 if site.p < site.p0 else -1.0
-    assert np.all(sense * (-state.displacement(r).value / r - e[1]) > 0)
-    assert np.all(sense * -e[2] > -1e-12)
-
-
 @pytest.mark.parametrize("psi", [0.0, 30.0])
 def test_example_of_the_manuals(psi: float, verification) -> None:
     """FLAC, RS2 and 3DEC verify with a = 1 m, p0 = 30 MPa, c = 3.45 MPa, phi = 30 degrees.
@@ -179,27 +165,6 @@ def test_elastic_ground_moves_as_lames_cylinder() -> None:
     r = np.array([2.0, 3.0, 10.0])
     thick = lame_cylinder(r, inner=2.0, outer=1e6, pressure=site.p - site.p0, E=site.E, nu=site.nu)
     np.testing.assert_allclose(site.state(2.0).displacement(r).value, thick, rtol=1e-9)
-
-
-def test_yielding_begins_continuously() -> None:
-    site = Site()
-    below, above = site.opening().critical or pytest.fail("there is a limit")
-    for critical in (float(below.value), float(above.value)):
-        r = np.array([1.0, 1.5])
-        elastic, plastic = (
-            replace(site, p=critical * (1 + s)).state().displacement(r).value for s in (-1e-9, 1e-9)
-        )
-        np.testing.assert_allclose(elastic, plastic, rtol=1e-7)
-
-
-def test_tresca_is_the_limit_of_small_friction() -> None:
-    r = np.array([1.0, 1.3, 4.0])
-    tresca, near = SITES["Tresca"], SITES["nearly Tresca"]
-    found = tresca.state().displacement(r).value
-    np.testing.assert_allclose(found, near.state().displacement(r).value, rtol=1e-7)
-    # sigma_r = 2 c ln(r / a): the edge of the plastic zone
-    R = np.exp((tresca.p0 - tresca.c) / (2 * tresca.c))
-    assert float(tresca.state().plastic_radius.value) == pytest.approx(R, rel=1e-12)
 
 
 def test_edge_of_hills_cylinder_is_that_of_the_opening() -> None:
@@ -359,26 +324,16 @@ def test_derivatives_by_the_angles_where_they_are_zero() -> None:
 
 
 def test_divided_differences_against_their_definition() -> None:
-    a, b = Dual(np.array([-1.3, 1.0, 0.0])), Dual(np.array([0.7, 0.0, 1.0]))
-    first, second = (np.expm1(x) / x for x in (-1.3, 0.7))
-    both = exp_divided(a, b)
-    assert float(both.value) == pytest.approx((second - first) / 2.0, rel=1e-13)
-    assert float(exp_divided(b).value) == pytest.approx(second, rel=1e-14)
     for x in (-1.3, 0.7):
-        alone = exp_divided(Dual(np.array([x, 1.0]))).columns[1]  # (e^x - 1) / x
-        assert alone == pytest.approx((np.exp(x) * (x - 1.0) + 1.0) / x**2, rel=1e-13)
-    for x in (-0.6, -1e-12, 0.0, 1e-9, 0.4999, 0.5001, 7.0):
-        dual = log_divided(Dual(np.array([x, 1.0])))
-        exact = np.log1p(x) / x if x else 1.0
-        assert float(dual.value) == pytest.approx(exact, rel=1e-14)
-    near, far = (log_divided(Dual(np.array([x, 1.0]))).columns[1] for x in (0.5 - 1e-12, 0.5))
-    assert near == pytest.approx(far, rel=1e-10)
-    some = np.array([-0.9999, -0.97, -0.499, -0.003, 0.003, 0.499, 0.6, 8.0, 900.0])
-    together = log_divided(Dual(np.stack([some, np.ones(9)], axis=-1)))
-    for x, one in zip(some.tolist(), together.columns, strict=True):
-        value, slope = log_divided(Dual(np.array([x, 1.0]))).columns
-        assert slope == pytest.approx(_log_slope(x), rel=3e-15 if abs(x) < 0.5 else 3e-14)
-        np.testing.assert_allclose(one, [value, slope], rtol=1e-15)
+        alone = exp_divided(Dual(np.array([x, 1.0]))).columns  # (e^x - 1) / x
+        slope = (np.exp(x) * (x - 1.0) + 1.0) / x**2
+        np.testing.assert_allclose(alone, [np.expm1(x) / x, slope], rtol=1e-13)
+    x = np.array([-0.9999, -0.97, -0.499, -1e-12, 1e-9, 0.003, 0.499, 0.6, 8.0, 900.0])
+    found = log_divided(Dual(np.stack([x, np.ones(10)], axis=-1)))
+    np.testing.assert_allclose(found.value, np.log1p(x) / x, rtol=1e-14)
+    np.testing.assert_allclose(found.columns[:, 1], [_log_slope(v) for v in x], rtol=3e-14)
+    at_zero = log_divided(Dual(np.array([0.0, 1.0]))).columns
+    np.testing.assert_allclose(at_zero, [1.0, -0.5], rtol=1e-15)
 
 
 def _log_slope(x: float) -> float:

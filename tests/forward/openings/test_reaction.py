@@ -89,9 +89,3 @@ def test_the_last_stage_says_how_far_the_ground_yields(yielding):
     assert radius > yielding.stage_plastic_radius[1] + 0.05
     held = without_mesh(rock(E, NU, mohr(C, PHI, psi=0.0)), stages=STAGES[:1])
     assert not any("yields up to" in text for text in remarks(held))
-
-
-def test_a_stage_that_cannot_stand_leaves_the_ones_before():
-    weak = reaction(rock(E, NU, mohr(0.0, np.radians(10.0), psi=0.0)))
-    assert weak.stages == ("face", "lined")
-    assert weak.pressure.min() > 0.0
