@@ -229,8 +229,8 @@ class FaceAtPoint:
             moved, _ = self._moved(part)
             if step <= _SMALL:
                 break
-        off = Dual(moved.columns[:-1]) - aim
-        return Dual(np.append(part, -off.columns[1:] / moved.columns[-1]))
+        by_point = Dual(moved.columns[:-1]) - aim
+        return Dual(np.append(part, -by_point.columns[1:] / moved.columns[-1]))
 
     @cached_property
     def _final(self) -> tuple[Dual, Dual | None]:

@@ -38,6 +38,12 @@ _ROUND = 0.02
 _AHEAD, _BEHIND = 21, 81
 """Places of the profile that are kept ahead of the face and behind it."""
 
+_NAMES = {
+    "vlachopoulos-diederichs": "the profile of Vlachopoulos and Diederichs",
+    "panet": "Panet's profile",
+    "chern": "Chern's profile",
+}
+
 
 def advancing_face(on_mesh: CaseOnMesh, solver: Solver) -> AdvancingFace:
     """What turns distances to the face into released parts, of a case without `face_faults`.
@@ -264,13 +270,6 @@ def _radii(wall: Floats) -> Floats:
     rows = np.column_stack([2.0 * away, np.ones(len(away))])
     middle = np.linalg.lstsq(rows, (away**2).sum(axis=1), rcond=None)[0][:2]
     return np.asarray(np.linalg.norm(away - middle, axis=1))
-
-
-_NAMES = {
-    "vlachopoulos-diederichs": "the profile of Vlachopoulos and Diederichs",
-    "panet": "Panet's profile",
-    "chern": "Chern's profile",
-}
 
 
 def _needs_curve(on_mesh: CaseOnMesh, profile: FaceProfile, materials: Collection[str]) -> bool:

@@ -125,7 +125,7 @@ class HoekBrownLimit(WallLimit):
         )
 
         def value(radial: float) -> float:
-            return c + b * radial + f * sigci * max(mb * radial / sigci + s, 0.0) ** a
+            return float(c + b * radial + f * sigci * max(mb * radial / sigci + s, 0.0) ** a)
 
         ends = float(low.value), float(high.value)
         if value(ends[0]) * value(ends[1]) >= 0.0:

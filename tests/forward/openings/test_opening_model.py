@@ -193,6 +193,10 @@ def test_a_gauge_zeroed_at_a_stage_reads_the_motion_since_then():
     assert response.opening(None, None) is response
     parts = steps * response.increments(np.empty(0))[:, [0, 0, 1, 1]]
     np.testing.assert_allclose(parts.sum(axis=0), readings, rtol=1e-12)
+    last = opened.response(pairs[1:2])  # the steps to a reading are known without their readings
+    parts = opened.steps(pairs[1:2])[:, 0] * last.increments(np.empty(0))[:, 0]
+    np.testing.assert_allclose(parts, steps[:, 1] * response.increments(np.empty(0))[:, 0])
+    np.testing.assert_allclose(parts.sum(), readings[1], rtol=1e-12)
 
 
 def test_stages_that_have_no_closed_form_are_left_out():
