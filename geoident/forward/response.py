@@ -19,7 +19,6 @@ from geoident.forward.gauges.adjoints import ReadingAdjoints
 from geoident.forward.gauges.instrument_errors import ReadingPlaces
 from geoident.forward.observed import ObservedResponse, Query
 from geoident.forward.openings.model import OpeningResponse, opening_in_mesh
-from geoident.forward.openings.site import Circle
 from geoident.forward.staged import StagedKernel
 from geoident.forward.staged_system import StagedSystem, bilinear
 from geoident.model.arrays import Floats
@@ -115,7 +114,7 @@ class StagedResponse(ObservedResponse[StagedKernel]):
     ) -> OpeningResponse | str:
         """The closed form of these readings, or why there is none."""
         model = self._model
-        opening = opening_in_mesh(model.on_mesh, Circle(centre, radius))
+        opening = opening_in_mesh(model.on_mesh, centre, radius)
         return (
             opening
             if isinstance(opening, str)

@@ -361,10 +361,3 @@ def test_a_backtest_needs_no_mesh(project):
     assert told["next"]["inside"] == told["next"]["readings"] > 0
     for name, truth in SI.items():
         assert told["fits"][-1]["parameters"][name]["value"] == pytest.approx(truth, rel=1e-3)
-
-
-@pytest.mark.slow  # with a prior: above
-def test_a_backtest_of_stages_that_determine_too_little_says_so(project):
-    loose = run_command("backtest", "case.yaml", "--json", *FEW)
-    assert loose.exit_code == 4
-    assert json.loads(loose.stdout)["status"] == "not-determined"

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import accumulate
 
 import numpy as np
 import pytest
@@ -20,7 +21,7 @@ from support.tunnels import walled
 from support.yielding import constant, mohr, rock
 
 from geoident.forward.model import StagedModel
-from geoident.forward.openings.closed_forms import Opening, Rock, mohr_coulomb
+from geoident.forward.openings.closed_forms import GroundState, Opening, Rock, mohr_coulomb
 from geoident.identify.assessment.uncertainty import Assessment, assess
 from geoident.identify.problem.methods import identify
 from geoident.identify.problem.outcome import Outcome
@@ -118,8 +119,10 @@ def test_curve_is_that_of_the_closed_form(verification):
     """
     c, phi, s, young, nu = (Dual(np.array([x])) for x in (*TRUTH, E, NU))
     ground = Opening(RADIUS, Rock(young, nu, s, s), mohr_coulomb(c, phi, phi))
-    pressures = [Dual(np.array([p * MPa])) for p in (0.0, *UP)]
-    wall = [float(x.displacement(np.array([RADIUS])).value[0]) for x in ground.history(pressures)]
+    pressures = [Dual(np.array([p * MPa])) for p in UP]
+    opened = ground.under(Dual(np.zeros(1)))
+    states = accumulate(pressures, GroundState.onward, initial=opened)
+    wall = [float(state.displacement(np.array([RADIUS])).value[0]) for state in states]
     exact = 2 * (np.array(wall[1:]) - wall[0])
     found = Chamber(UP).readings(TRUTH)
     np.testing.assert_allclose(found, exact, rtol=0.007)

@@ -95,18 +95,6 @@ class InstrumentErrors:
         """Whether no channel adds anything."""
         return not any(c.offset or c.drift or c.drift_per_stage for c in self._channels)
 
-    def added_to_all(self, table: Floats, values: Values, names: Sequence[str]) -> Floats:
-        """Readings with what is added to each, m, at the times known of their stages.
-
-        Args:
-            table: (n_states, n_channels, 1 + n) of all channels at all states.
-            values: parameters by name, SI.
-            names: the n of them by which to differentiate.
-        """
-        states, rows = np.indices(table.shape[:2]).reshape(2, -1)
-        places = ReadingPlaces(rows, states, np.full(len(rows), np.nan))
-        return table + self.added(values, names, places).reshape(table.shape)
-
     def added(self, values: Values, names: Sequence[str], read: ReadingPlaces) -> Floats:
         """What is added to some readings (g), m, and its derivatives, (g, 1 + n).
 

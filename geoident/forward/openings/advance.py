@@ -26,11 +26,10 @@ follow from those of the closed form by the theorem of implicit functions.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -39,6 +38,9 @@ from geoident.forward.openings.closed_forms import NO_EQUILIBRIUM, BeyondClosedF
 from geoident.model.actions import FaceDistance, FaceProfile, Release
 from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.parameter import Scalar
+
+if TYPE_CHECKING:
+    from geoident.forward.openings.mesh_reaction import MeshReaction
 
 AT_FACE, BY_PLASTIC, BEHIND = 1.0 / 3.0, 0.15, 1.5
 """Constants of Vlachopoulos and Diederichs: s_0 = AT_FACE exp(-BY_PLASTIC R*), 3/2 behind it."""
@@ -83,111 +85,9 @@ class NoFinalMotion(Exception):
         super().__init__(reason)
 
 
-class ReactionCurve:
-    """How far the wall of an opening moves, by the part of the stress that is released.
-
-    Args:
-        opening: of radius 1 m, its numbers differentiated by n parameters and, at last, by the
-            part that is released.
-    """
-
-    def __init__(self, opening: Opening) -> None:
-        self._opening = opening
-
-    @cached_property
-    def final(self) -> tuple[Dual, Dual]:
-        """Motion inwards and plastic radius, as multiples of the radius, of all that is released.
-
-        Raises:
-            NoFinalMotion: the ground has no equilibrium without support, or none in closed form.
-        """
-        return self._at(Dual.constant(1.0, self._opening.rock.pressure.n))
-
-    def part_for(self, share: Dual) -> Dual:
-        """The part of the stress that is released when the wall has made a share of its motion.
-
-        Args:
-            share: () of the final motion, with derivatives by the n parameters.
-
-        Returns:
-            (), likewise.
-
-        Raises:
-            NoFinalMotion: see `final`.
-        """
-        aim = _widened(share) * self.final[0]
-        low, high, part = 0.0, 1.0, 1.0
-        for _ in range(_MOST_STEPS):
-            off = self._wall(part) - aim
-            low, high = (low, part) if off.value > 0.0 else (part, high)
-            step = float(off.value / off.columns[-1])
-            after = part - step
-            after = after if low <= after <= high else 0.5 * (low + high)
-            if abs(after - part) <= _SMALL:
-                break
-            part = after
-        off = self._wall(after) - aim
-        return Dual(np.append(after, -off.columns[1:-1] / off.columns[-1]))
-
-    def _wall(self, part: float) -> Dual:
-        """The motion inwards (), differentiated by the part, too."""
-        released = Dual.constant(part, self._opening.rock.pressure.n)
-        released.columns[-1] = 1.0
-        return self._at(released)[0]
-
-    def _at(self, released: Dual) -> tuple[Dual, Dual]:
-        try:
-            state = self._opening.under((1.0 - released) * self._opening.rock.pressure)
-        except BeyondClosedForm as beyond:
-            collapse = beyond.reason == NO_EQUILIBRIUM
-            raise NoFinalMotion(beyond.reason, collapse=collapse) from beyond
-        radius = np.array([self._opening.radius])
-        plastic = state.plastic_radius
-        n = self._opening.rock.pressure.n
-        reach = Dual.constant(1.0, n) if plastic is None else plastic / self._opening.radius
-        return -state.displacement(radius)[0], reach
-
-
-def _widened(number: Dual) -> Dual:
-    """The same with a last derivative, zero."""
-    return Dual(np.append(number.columns, 0.0))
-
-
-class WallReaction(Protocol):
-    """The reaction of an opening that need not be round; see `mesh_reaction`."""
-
-    @property
-    def releases(self) -> Sequence[FaceDistance]:
-        """The distances that say a part each."""
-
-    def parts(self, shares: Sequence[Dual], point: ParameterPoint) -> Mapping[FaceDistance, Dual]:
-        """The parts of the stress (), 0 to 1, that are released, by distance.
-
-        Args:
-            shares: () of its final motion that the wall has made, for every release.
-            point: the parameters.
-
-        Raises:
-            NoFinalMotion: without support the opening has none, or no part of it is found.
-            ModelError: the analysis has no solution otherwise.
-        """
-
-    def forget(self) -> None:
-        """Begin the next solution as a new model does."""
-
-
-@dataclass
-class _AtPoint:
-    """What is known at a parameter point."""
-
-    point: ParameterPoint
-    curve: ReactionCurve | None
-    parts: dict[FaceDistance, Dual] = field(default_factory=dict)
-
-
 @contextmanager
-def _said_of(stage: str) -> Iterator[None]:
-    """Say of a stage that its part is not known."""
+def _at_stage(stage: str) -> Iterator[None]:
+    """Turn a missing final motion into an error of a stage; "" for none."""
     try:
         yield
     except NoFinalMotion as none:
@@ -211,30 +111,25 @@ class AdvancingFace:
 
     def __init__(
         self,
-        profile: FaceProfile | None,
-        opening: OpeningAt | None,
-        wall: WallReaction | None = None,
+        profile: FaceProfile | None = None,
+        opening: OpeningAt | None = None,
+        wall: MeshReaction | None = None,
     ) -> None:
-        self._profile, self._opening, self._wall = profile, opening, wall
-        self._known: _AtPoint | None = None
+        self.profile, self.opening, self.wall = profile, opening, wall
+        self._last: FaceAtPoint | None = None
 
     @property
     def by_reaction(self) -> bool:
         """Whether distances become parts by the reaction curve of round ground that yields."""
-        if self._profile is None or self._opening is None:
+        if self.profile is None or self.opening is None:
             return False
-        return self._profile.conversion in (None, "reaction-curve")
-
-    @property
-    def by_wall(self) -> bool:
-        """Whether they do so by the reaction of the opening itself."""
-        return self._wall is not None
+        return self.profile.conversion in (None, "reaction-curve")
 
     def forget(self) -> None:
         """Begin the next answer as a new model does."""
-        self._known = None
-        if self._wall is not None:
-            self._wall.forget()
+        self._last = None
+        if self.wall is not None:
+            self.wall.forget()
 
     def part(self, release: Release, point: ParameterPoint, stage: str) -> Dual:
         """The part of the stress (), 0 to 1, that is released.
@@ -249,74 +144,122 @@ class AdvancingFace:
         """
         if isinstance(release, Scalar):
             return point.number(release)
-        known = self._at(point)
-        if release not in known.parts:
-            with _said_of(stage):
-                known.parts |= self._found(release, point, known.curve)
-        return known.parts[release]
+        return self.at(point).part(release, stage)
 
-    def _found(
-        self, release: FaceDistance, point: ParameterPoint, curve: ReactionCurve | None
-    ) -> Mapping[FaceDistance, Dual]:
-        """The part of a distance, and those that are found with it."""
-        if self._wall is not None:
-            every = self._wall.releases
-            return self._wall.parts([self._share(r.distance, point, curve) for r in every], point)
-        share = self._share(release.distance, point, curve)
-        by_curve = curve is not None and self.by_reaction
-        return {release: curve.part_for(share) if curve is not None and by_curve else share}
+    def at(self, point: ParameterPoint) -> FaceAtPoint:
+        """What distances say at some parameters; the stages of one analysis share it."""
+        if self._last is None or self._last.point is not point:
+            self._last = FaceAtPoint(self, point)
+        return self._last
 
-    def share(self, distance: Scalar, point: ParameterPoint, stage: str) -> Dual:
+
+class FaceAtPoint:
+    """What the distances to a face say at one parameter point.
+
+    Args:
+        face: of the case, with a profile.
+        point: the parameters.
+    """
+
+    def __init__(self, face: AdvancingFace, point: ParameterPoint) -> None:
+        self.point = point
+        self._face = face
+        self._parts: dict[FaceDistance, Dual] = {}
+
+    def share(self, distance: Scalar, stage: str) -> Dual:
         """The part of its final motion () that the wall has made.
 
         Args:
             distance: of the section behind the face, m.
-            point: the parameters.
             stage: for messages.
 
         Raises:
-            ModelError: the plastic radius is not known, see `ReactionCurve.final`.
+            ModelError: the plastic radius is not known.
         """
-        with _said_of(stage):
-            return self._share(distance, point, self._at(point).curve)
+        with _at_stage(stage):
+            return self._share(distance)
 
-    def _at(self, point: ParameterPoint) -> _AtPoint:
-        """What is known at a parameter point; that of the last one is kept."""
-        known = self._known
-        if known is None or known.point is not point:
-            curve = None
-            if self._opening is not None:
-                wider = ParameterPoint(point.values, (*point.names, _PART))
-                curve = ReactionCurve(self._opening(wider))
-            known = self._known = _AtPoint(point, curve)
-        return known
+    def part(self, release: FaceDistance, stage: str) -> Dual:
+        """The part of the stress () that is released; see `AdvancingFace.part`."""
+        if release not in self._parts:
+            with _at_stage(stage):
+                self._parts |= self._convert(release)
+        return self._parts[release]
 
-    def _share(self, distance: Scalar, point: ParameterPoint, curve: ReactionCurve | None) -> Dual:
-        profile = self._profile
+    def _convert(self, release: FaceDistance) -> Mapping[FaceDistance, Dual]:
+        """The part of a distance, and those that are known with it."""
+        if (wall := self._face.wall) is not None:
+            return wall.parts([self._share(r.distance) for r in wall.releases], self.point)
+        share = self._share(release.distance)
+        return {release: self._part_for(share) if self._face.by_reaction else share}
+
+    def _share(self, distance: Scalar) -> Dual:
+        profile = self._face.profile
         assert profile is not None
-        away = point.number(distance) / point.number(profile.radius)
+        away = self.point.number(distance) / self.point.number(profile.radius)
         if profile.law == "vlachopoulos-diederichs":
-            return vlachopoulos_diederichs(away, self._ratio(point, curve))
-        first, second = (point.number(constant) for constant in profile.constants)
+            return vlachopoulos_diederichs(away, self.plastic_ratio)
+        first, second = (self.point.number(constant) for constant in profile.constants)
         return (panet if profile.law == "panet" else chern)(away, first, second)
 
-    def plastic_ratio(self, point: ParameterPoint) -> Dual:
+    @property
+    def plastic_ratio(self) -> Dual:
         """R* = R_p / R (); 1 where nothing yields.
 
-        Args:
-            point: the parameters.
+        Raises:
+            NoFinalMotion: it is not known.
+        """
+        profile = self._face.profile
+        if profile is not None and profile.plastic_radius is not None:
+            return self.point.number(profile.plastic_radius) / self.point.number(profile.radius)
+        if self._face.opening is None or (radius := self._final[1]) is None:
+            return self.point.constant(1.0)
+        return Dual(radius.columns[:-1])
+
+    def _part_for(self, share: Dual) -> Dual:
+        """The part of the stress that is released when the wall has made a share of its motion."""
+        moved, part, low, high = self._final[0], 1.0, 0.0, 1.0
+        aim = share * Dual(moved.columns[:-1])
+        for _ in range(_MOST_STEPS):
+            off = float(moved.value - aim.value)
+            low, high = (low, part) if off > 0.0 else (part, high)
+            after = part - off / float(moved.columns[-1])
+            after = after if low <= after <= high else 0.5 * (low + high)
+            step, part = abs(after - part), after
+            moved, _ = self._moved(part)
+            if step <= _SMALL:
+                break
+        by_point = Dual(moved.columns[:-1]) - aim
+        return Dual(np.append(part, -by_point.columns[1:] / moved.columns[-1]))
+
+    @cached_property
+    def _final(self) -> tuple[Dual, Dual | None]:
+        """Motion and plastic radius of all that is released."""
+        return self._moved(1.0)
+
+    @cached_property
+    def _opening(self) -> Opening:
+        """The opening of radius 1 m, differentiated by the released part, too."""
+        assert self._face.opening is not None
+        return self._face.opening(ParameterPoint(self.point.values, (*self.point.names, _PART)))
+
+    def _moved(self, part: float) -> tuple[Dual, Dual | None]:
+        """Motion of the wall inwards and plastic radius (None: elastic), as multiples of R.
+
+        Their last derivative is that by the part of the stress that is released.
 
         Raises:
-            ModelError: see `ReactionCurve.final`.
+            NoFinalMotion: the ground has no equilibrium, or none in closed form.
         """
-        with _said_of(""):
-            return self._ratio(point, self._at(point).curve)
-
-    def _ratio(self, point: ParameterPoint, curve: ReactionCurve | None) -> Dual:
-        profile = self._profile
-        if profile is not None and profile.plastic_radius is not None:
-            return point.number(profile.plastic_radius) / point.number(profile.radius)
-        return point.constant(1.0) if curve is None else Dual(curve.final[1].columns[:-1])
+        far = self._opening.rock.pressure
+        released = Dual.constant(part, far.n)
+        released.columns[-1] = 1.0
+        try:
+            state = self._opening.under((1.0 - released) * far)
+        except BeyondClosedForm as beyond:
+            collapse = beyond.reason == NO_EQUILIBRIUM
+            raise NoFinalMotion(beyond.reason, collapse=collapse) from beyond
+        return -state.displacement(np.ones(1))[0], state.plastic_radius
 
 
 def vlachopoulos_diederichs(away: Dual, ratio: Dual) -> Dual:

@@ -39,15 +39,34 @@ All are written with dual numbers, so derivatives by every parameter are exact.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
-from typing import Protocol
-
-import numpy as np
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 from geoident.forward.openings.divided_differences import exp_divided, log_divided
 from geoident.model.arrays import Floats
 from geoident.model.dual import Dual, Number
+
+NO_EQUILIBRIUM = "its strength cannot carry the stress at the wall, however far it yields"
+OUT_OF_PLANE = "it yields by the stress out of the plane, for which there is no closed form"
+BOTH_WAYS = "the wall yields in contraction and in expansion, for which there is no closed form"
+
+_ROUNDING = 1e-9
+"""Excess of sigma_z over the larger stress in the plane, in parts of their difference, that does
+not count: where sigma_z = sigma_t in the ground before the opening it is rounding."""
+
+
+class BeyondClosedForm(Exception):
+    """The closed form does not cover what happens, or there is no equilibrium.
+
+    Args:
+        reason: why, a clause about the ground.
+    """
+
+    def __init__(self, reason: str) -> None:
+        self.reason = reason
+        super().__init__(reason)
 
 
 @dataclass(frozen=True)
@@ -72,134 +91,133 @@ class Rock:
         return self.E / (2.0 * (1.0 + self.nu))
 
 
+class WallLimit(ABC):
+    """A limit sigma_t = sigma_r + Q(sigma_r) of contraction, and the flow there.
+
+    Attributes:
+        K: slope of the flow.
+    """
+
+    K: Dual
+
+    @property
+    @abstractmethod
+    def reversed(self) -> WallLimit:
+        """The same limit for expansion, solved for sigma_t.
+
+        Raises:
+            BeyondClosedForm: expansion has no closed form.
+        """
+
+    @abstractmethod
+    def difference(self, radial: Dual) -> Dual:
+        """Q = sigma_t - sigma_r, Pa."""
+
+    @abstractmethod
+    def critical(self, pressure: Dual) -> Dual:
+        """Pressure inside, Pa, at which the wall begins to yield in contraction from p0."""
+
+    @abstractmethod
+    def way(self, inner: Dual, outer: Dual) -> Dual:
+        """ln(r_o / r_i) of the radii at which sigma_r has two values."""
+
+    @abstractmethod
+    def inwards(self, radial: Dual, way: Dual) -> Dual:
+        """sigma_r at the distance l = ln(r_o / r), the way, inwards from where it is given, Pa."""
+
+    @abstractmethod
+    def integral(self, zone: PlasticZone, way: Dual) -> Dual:
+        """Integral over t = 0..l of e^(-(K+1) t) g(t), inwards from the edge of a zone."""
+
+    @abstractmethod
+    def meets_axial(self, rock: Rock, pressure: Dual, edge: Dual) -> Dual | None:
+        """sigma_E, at which sigma_z of the face meets sigma_t; None if not in the plastic zone.
+
+        Args:
+            rock: the ground.
+            pressure: sigma_r at the wall, Pa.
+            edge: sigma_r at the edge of the plastic zone, Pa.
+        """
+
+    def hoop(self, radial: Dual) -> Dual:
+        """sigma_t, Pa."""
+        return radial + self.difference(radial)
+
+
 @dataclass(frozen=True)
-class Strength:
-    """Mohr-Coulomb's limit in the direction of contraction, sigma_t = N sigma_r + Y.
+class Strength(WallLimit):
+    """Mohr-Coulomb's limit, sigma_t = N sigma_r + Y.
 
     Args:
         N: slope.
         Y: strength at sigma_r = 0, Pa.
-        K: the slope of the flow.
+        K: slope of the flow.
     """
 
     N: Dual
     Y: Dual
     K: Dual
 
-    def hoop(self, radial: Dual) -> Dual:
-        """sigma_t at the limit."""
-        return self.N * radial + self.Y
-
     @property
     def reversed(self) -> Strength:
-        """The same limit for expansion: sigma_r = N sigma_t + Y solved for sigma_t."""
+        """sigma_r = N sigma_t + Y, solved for sigma_t."""
         return Strength(1.0 / self.N, -self.Y / self.N, 1.0 / self.K)
 
     def difference(self, radial: Dual) -> Dual:
-        """Q = sigma_t - sigma_r at the limit."""
+        """Q = (N - 1) sigma_r + Y."""
         return (self.N - 1.0) * radial + self.Y
 
     def critical(self, pressure: Dual) -> Dual:
-        """sigma_R, the inner pressure at which the wall begins to yield."""
+        """sigma_R = (2 p0 - Y) / (N + 1)."""
         return (2.0 * pressure - self.Y) / (self.N + 1.0)
 
     def way(self, inner: Dual, outer: Dual) -> Dual:
-        """Logarithm of the ratio of the radii at which sigma_r has two values."""
+        """ln(Q_o / Q_i) / (N - 1), which is (sigma_o - sigma_i) / Q_i of Tresca."""
         wall, rise = self.difference(inner), outer - inner
         return rise / wall * log_divided((self.N - 1.0) * rise / wall)
 
     def inwards(self, radial: Dual, way: Dual) -> Dual:
-        """sigma_r further in: radial - Q (1 - e^(-(N-1) l)) / (N - 1), with l the ``way``."""
+        """sigma_r - Q (1 - e^(-(N-1) l)) / (N - 1)."""
         return radial - self.difference(radial) * way * exp_divided((1.0 - self.N) * way)
 
     def integral(self, zone: PlasticZone, way: Dual) -> Dual:
-        """Integral over t = 0..l of e^(-(K+1) t) g(t), inwards from the edge of a zone."""
-        first, second = -(self.K + 1.0) * way, -(self.K + self.N) * way
-        fall = self.difference(zone.radial) * way * exp_divided(first, second)
-        return way * (zone.source(zone.radial) * exp_divided(first) - self._slope_in(zone) * fall)
-
-    def _slope_in(self, zone: PlasticZone) -> Dual:
-        """Change dg / d sigma_r of the source g, which is affine in sigma_r, 1/Pa."""
+        """By divided differences, since the source g is affine in sigma_r."""
         nu, N = zone.rock.nu, self.N
-        return zone.strain(1.0, N + N if zone.edge else N + nu * (1.0 + N))
+        slope = zone.strain(1.0, N + N if zone.edge else N + nu * (1.0 + N))  # dg / d sigma_r
+        first, second = -(self.K + 1.0) * way, -(self.K + N) * way
+        fall = self.difference(zone.radial) * way * exp_divided(first, second)
+        return way * (zone.source(zone.radial) * exp_divided(first) - slope * fall)
 
-    def meets_axial(self, rock: Rock, pressure: Dual, critical: Dual) -> Dual | None:
-        """sigma_r between two at which sigma_z meets sigma_t, or None.
+    def meets_axial(self, rock: Rock, pressure: Dual, edge: Dual) -> Dual | None:
+        """sigma_E = (z0 - 2 nu p0 - (1 - nu) Y) / (N - nu (1 + N)).
 
-        In the face zone sigma_z - sigma_t is affine in sigma_r and vanishes at
-        sigma_E = (z0 - 2 nu p0 - (1 - nu) Y) / (N - nu (1 + N)); where the divisor is zero, the
-        difference is the same everywhere and there is no edge.
-
-        Args:
-            rock: the ground.
-            pressure: at the wall.
-            critical: at the edge of the plastic zone.
+        Where the divisor is zero, sigma_z - sigma_t is the same everywhere.
         """
-        nu, N, Y = rock.nu, self.N, self.Y
-        excess = rock.out_of_plane - 2.0 * nu * rock.pressure - (1.0 - nu) * Y
+        nu, N = rock.nu, self.N
         divisor = N - nu * (1.0 + N)
-        radial = excess / divisor if divisor.value != 0.0 else None
-        low, high = sorted(float(dual.value) for dual in (pressure, critical))
-        return radial if radial is not None and low < radial.value < high else None
-
-
-class WallLimit(Protocol):
-    """What a limit sigma_t = f(sigma_r) of contraction says; see `Strength` for each of these."""
-
-    @property
-    def K(self) -> Dual:  # noqa: N802  (as in the formulas)
-        """The slope of the flow."""
-
-    @property
-    def reversed(self) -> WallLimit:
-        """The same limit for expansion."""
-
-    def hoop(self, radial: Dual) -> Dual:
-        """sigma_t at the limit."""
-
-    def difference(self, radial: Dual) -> Dual:
-        """Q = sigma_t - sigma_r at the limit."""
-
-    def critical(self, pressure: Dual) -> Dual:
-        """The inner pressure at which the wall begins to yield."""
-
-    def way(self, inner: Dual, outer: Dual) -> Dual:
-        """Logarithm of the ratio of the radii at which sigma_r has two values."""
-
-    def inwards(self, radial: Dual, way: Dual) -> Dual:
-        """sigma_r further in."""
-
-    def integral(self, zone: PlasticZone, way: Dual) -> Dual:
-        """Integral of what moves the ground, inwards from the edge of a zone."""
-
-    def meets_axial(self, rock: Rock, pressure: Dual, critical: Dual) -> Dual | None:
-        """sigma_r between two at which sigma_z meets sigma_t, or None.
-
-        Args:
-            rock: the ground.
-            pressure: at the wall.
-            critical: at the edge of the plastic zone.
-        """
+        if divisor.value == 0.0:
+            return None
+        excess = rock.out_of_plane - 2.0 * nu * rock.pressure - (1.0 - nu) * self.Y
+        radial = excess / divisor
+        low, high = sorted(float(end.value) for end in (pressure, edge))
+        return radial if low < radial.value < high else None
 
 
 def mohr_coulomb(cohesion: Dual, friction: Dual, dilation: Dual) -> Strength:
-    """The limit of Mohr-Coulomb.
-
-    Tresca where both angles are zero.
+    """The limit of Mohr-Coulomb; of Tresca where both angles are zero.
 
     Args:
         cohesion: c, Pa.
         friction: angle phi, rad.
         dilation: angle psi, rad.
     """
-    sine, N = friction.through(np.sin, np.cos), flow_slope(friction)
-    cosine = friction.through(np.cos, lambda x: -np.sin(x))
-    return Strength(N, 2.0 * cohesion * cosine / (1.0 - sine), flow_slope(dilation))
+    strength = 2.0 * cohesion * friction.cosine() / (1.0 - friction.sine())
+    return Strength(flow_slope(friction), strength, flow_slope(dilation))
 
 
 def flow_slope(angle: Dual) -> Dual:
     """(1 + sin) / (1 - sin) of an angle, rad: K of a dilation, N of a friction."""
-    sine = angle.through(np.sin, np.cos)
+    sine = angle.sine()
     return (1.0 + sine) / (1.0 - sine)
 
 
@@ -251,6 +269,18 @@ class PlasticZone:
         nu, K = self.rock.nu, self.limit.K
         return ((1.0 - 2.0 * nu * K) * radial + (K * (1.0 - nu) - nu) * across) / self.rock.E
 
+    def check_axial(self, inner: Dual) -> None:
+        """Refuse a face whose sigma_z is not the middle stress, from its edge to a sigma_r.
+
+        Raises:
+            BeyondClosedForm: it is not.
+        """
+        for radial in (self.radial, inner):
+            ends = sorted((float(radial.value), float(self.limit.hoop(radial).value)))
+            tolerance = _ROUNDING * (ends[1] - ends[0])
+            if not ends[0] - tolerance <= self.axial(radial).value <= ends[1] + tolerance:
+                raise BeyondClosedForm(OUT_OF_PLANE)
+
 
 class Opening:
     """A circular opening and what an inner pressure does to the ground around it.
@@ -266,14 +296,16 @@ class Opening:
         self.rock = rock
         self.strength = strength
 
-    @property
+    @cached_property
     def critical(self) -> tuple[Dual, Dual] | None:
-        """Pressures below and above which the wall yields, Pa; None where it never does."""
-        return None if self.strength is None else self._yields_at(self.strength)
+        """Pressures below and above which the wall yields, Pa; None where it never does.
 
-    def _yields_at(self, strength: WallLimit) -> tuple[Dual, Dual]:
-        p0 = self.rock.pressure
-        return strength.critical(p0), strength.reversed.critical(p0)
+        Elastic ground has sigma_r + sigma_t = 2 p0: in expansion the two change places.
+        """
+        if self.strength is None:
+            return None
+        below = self.strength.critical(self.rock.pressure)
+        return below, 2.0 * self.rock.pressure - below
 
     def under(self, pressure: Dual) -> GroundState:
         """The ground when the pressure inside went from p0 to this, Pa, in one direction.
@@ -281,207 +313,118 @@ class Opening:
         Raises:
             BeyondClosedForm: the limit cannot carry it, or the ground yields out of the plane.
         """
-        if self.strength is None:
-            return GroundState(self, pressure)
-        below, above = self._yields_at(self.strength)
+        if self.strength is None or self.critical is None:
+            return GroundState(self, pressure, pressure)
+        below, above = self.critical
         if pressure.value < below.value:
-            return PlasticState(self, pressure, self.strength)
+            return self._yielding(pressure, below, self.strength)
         if pressure.value > above.value:
-            return PlasticState(self, pressure, self.strength.reversed)
+            return self._yielding(pressure, above, self.strength.reversed)
         hoop = 2.0 * self.rock.pressure - pressure
         wall = [float(dual.value) for dual in (pressure, hoop, self.rock.out_of_plane)]
         if max(wall) > self.strength.hoop(self.rock.pressure * 0.0 + min(wall)).value:
             raise BeyondClosedForm(OUT_OF_PLANE)
-        return GroundState(self, pressure)
+        return GroundState(self, pressure, pressure)
 
-    def history(self, pressures: Iterable[Dual]) -> Iterator[GroundState]:
-        """The ground under pressures that follow each other, p0 before the first.
-
-        Raises:
-            BeyondClosedForm: see `under`; or the wall yields in contraction and in expansion.
-        """
-        state: GroundState | None = None
-        for pressure in pressures:
-            state = self.onward(state, pressure)
-            yield state
-
-    def onward(self, before: GroundState | None, pressure: Dual) -> GroundState:
-        """The ground when the pressure inside goes on from a state to this, Pa.
+    def _yielding(self, pressure: Dual, critical: Dual, limit: WallLimit) -> GroundState:
+        """The ground around a wall that yields, with a zone for each expression of sigma_z.
 
         Args:
-            before: under the last pressure; None: at p0.
-            pressure: inside.
-
-        Raises:
-            BeyondClosedForm: see `under`; or the wall yields in contraction and in expansion.
+            pressure: inside, Pa.
+            critical: at which it begins to yield, Pa.
+            limit: in the direction of loading.
         """
-        turned = before.turned if isinstance(before, Unloaded) else before
-        if not isinstance(turned, PlasticState) or turned.goes_on(pressure):
-            return self.under(pressure)
-        if turned.bears(pressure):  # first loading ended there, and all since is elastic
-            return Unloaded(turned, pressure)
-        raise BeyondClosedForm(BOTH_WAYS)
+        rock = self.rock
+        if limit.difference(pressure).value * limit.difference(critical).value <= 0.0:
+            raise BeyondClosedForm(NO_EQUILIBRIUM)
+        outer = self.radius * limit.way(pressure, critical).exp()
+        moved = (critical - rock.pressure) * outer / (2.0 * rock.shear)
+        face = PlasticZone(rock, limit, outer, critical, moved, edge=False)
+        radial = limit.meets_axial(rock, pressure, critical)
+        face.check_axial(pressure if radial is None else radial)
+        zones = [face]
+        if radial is not None:
+            inner = self.radius * limit.way(pressure, radial).exp()
+            moved = face.displacement(inner)
+            zones.append(PlasticZone(rock, limit, inner, radial, moved, edge=True))
+        return GroundState(self, pressure, pressure, tuple(zones))
 
 
-NO_EQUILIBRIUM = "its strength cannot carry the stress at the wall, however far it yields"
-OUT_OF_PLANE = "it yields by the stress out of the plane, for which there is no closed form"
-BOTH_WAYS = "the wall yields in contraction and in expansion, for which there is no closed form"
-
-
-class BeyondClosedForm(Exception):
-    """What the closed form does not cover, or what has no equilibrium; says it of the ground."""
-
-    def __init__(self, reason: str) -> None:
-        self.reason = reason
-        super().__init__(reason)
-
-
+@dataclass(frozen=True)
 class GroundState:
-    """The ground under an inner pressure: elastic here, see `PlasticState` and `Unloaded`.
+    """The ground under an inner pressure.
 
-    Attributes:
-        plastic_radius: R, m; None where nothing yields.
-        edge_radius: the radius inside which sigma_z = sigma_t, m; None where that is nowhere.
+    Args:
+        opening: with the ground around it.
+        pressure: inside, Pa.
+        turned: pressure at which the wall had yielded most, Pa, from where on all is elastic;
+            ``pressure`` while loading goes on.
+        zones: plastic rings, from outside inwards; none where nothing yields.
     """
 
-    plastic_radius: Dual | None = None
-    edge_radius: Dual | None = None
+    opening: Opening
+    pressure: Dual
+    turned: Dual
+    zones: tuple[PlasticZone, ...] = ()
 
-    def __init__(self, opening: Opening, pressure: Dual) -> None:
-        self.opening = opening
-        self.pressure = pressure
+    @property
+    def plastic_radius(self) -> Dual | None:
+        """R, m; None where nothing yields."""
+        return self.zones[0].outer if self.zones else None
+
+    @property
+    def edge_radius(self) -> Dual | None:
+        """The radius inside which sigma_z = sigma_t, m; None where that is nowhere."""
+        return self.zones[1].outer if len(self.zones) > 1 else None
+
+    def onward(self, pressure: Dual) -> GroundState:
+        """The ground when the pressure inside goes on from here to another, Pa.
+
+        On the way back a change d adds to sigma_r what it takes from sigma_t: the wall meets the
+        other limit at |d| = |Q|.
+
+        Raises:
+            BeyondClosedForm: see `Opening.under`; or the wall yields in contraction and expansion.
+        """
+        loaded = self.turned.value - self.opening.rock.pressure.value
+        change = pressure.value - self.turned.value
+        if not self.zones or change * loaded >= 0.0:
+            return self.opening.under(pressure)
+        if abs(change) <= abs(self.zones[0].limit.difference(self.turned).value):
+            return replace(self, pressure=pressure)
+        raise BeyondClosedForm(BOTH_WAYS)
 
     def displacement(self, r: Floats) -> Dual:
         """u_r (m,) at radii r (m,) >= a from the virgin state, m, outwards."""
-        return _lame(self.opening.rock, self.pressure, self.opening.radius, r)[0]
+        loading, back = self._changes(r)
+        flexible = r / (2.0 * self.opening.rock.shear)
+        return self._with_zones(loading * flexible, r, PlasticZone.displacement) + back * flexible
 
     def stresses(self, r: Floats) -> tuple[Dual, Dual, Dual]:
         """sigma_r, sigma_t, sigma_z, each (m,), Pa."""
-        rock = self.opening.rock
-        _, change = _lame(rock, self.pressure, self.opening.radius, r)
-        return rock.pressure + change, rock.pressure - change, rock.out_of_plane + 0.0 * change
-
-
-def _lame(rock: Rock, pressure: Dual, radius: Number, r: Floats) -> tuple[Dual, Dual]:
-    """u_r and the change of sigma_r at radii r (m,) around a pressure at a radius."""
-    change = (pressure - rock.pressure) * radius * radius / r**2
-    return change * r / (2.0 * rock.shear), change
-
-
-class PlasticState(GroundState):
-    """The ground around a wall that yields, loaded in one direction.
-
-    Args:
-        opening: radius, ground and strength.
-        pressure: inside, Pa.
-        limit: in the direction of loading.
-
-    Raises:
-        BeyondClosedForm: the limit cannot carry it, or the ground yields out of the plane.
-    """
-
-    def __init__(self, opening: Opening, pressure: Dual, limit: WallLimit) -> None:
-        super().__init__(opening, pressure)
-        self._limit = limit
-        rock = opening.rock
-        critical = limit.critical(rock.pressure)
-        if limit.difference(pressure).value * limit.difference(critical).value <= 0.0:
-            raise BeyondClosedForm(NO_EQUILIBRIUM)
-        self._critical, self._outer = critical, self._radius(critical)
-        moved = (critical - rock.pressure) * self._outer / (2.0 * rock.shear)
-        self._zones = [PlasticZone(rock, limit, self._outer, critical, moved, edge=False)]
-        self.plastic_radius = self._outer
-        self._find_edge()
-
-    def goes_on(self, pressure: Dual) -> bool:
-        """Whether a next pressure loads further in the same direction."""
-        onward = self.pressure.value - self.opening.rock.pressure.value
-        return bool((pressure.value - self.pressure.value) * onward >= 0.0)
-
-    def bears(self, pressure: Dual) -> bool:
-        """Whether the wall stays elastic on the way back to a pressure.
-
-        A change d adds to sigma_r what it takes from sigma_t: the other limit is met at d = Q.
-        """
-        change = pressure.value - self.pressure.value
-        return bool(abs(change) <= abs(self._limit.difference(self.pressure).value))
-
-    def displacement(self, r: Floats) -> Dual:
-        """u_r (m,) at radii r (m,) >= a, m."""
-        outside, _ = _lame(self.opening.rock, self._critical, self._outer, r)
-        return self._replaced(outside, r, lambda zone, inner: zone.displacement(inner))
-
-    def stresses(self, r: Floats) -> tuple[Dual, Dual, Dual]:
-        """sigma_r, sigma_t, sigma_z, each (m,), Pa."""
-        rock, limit = self.opening.rock, self._limit
-        _, change = _lame(rock, self._critical, self._outer, r)
-        far = rock.pressure + change, rock.pressure - change, rock.out_of_plane + 0.0 * change
-        return (
-            self._replaced(far[0], r, lambda zone, inner: zone.stress(inner)),
-            self._replaced(far[1], r, lambda zone, inner: limit.hoop(zone.stress(inner))),
-            self._replaced(far[2], r, lambda zone, inner: zone.axial(zone.stress(inner))),
+        rock, (loading, back) = self.opening.rock, self._changes(r)
+        radial = self._with_zones(rock.pressure + loading, r, PlasticZone.stress)
+        hoop = self._with_zones(
+            rock.pressure - loading, r, lambda zone, at: zone.limit.hoop(zone.stress(at))
         )
+        far = rock.out_of_plane + 0.0 * loading
+        axial = self._with_zones(far, r, lambda zone, at: zone.axial(zone.stress(at)))
+        return radial + back, hoop - back, axial
 
-    def _replaced(
+    def _changes(self, r: Floats) -> tuple[Dual, Dual]:
+        """Elastic changes of sigma_r (m,): around what yields by loading, and since it turned."""
+        a, p0 = self.opening.radius, self.opening.rock.pressure
+        edge, outer = self.turned, p0 * 0.0 + a
+        if self.zones:
+            edge, outer = self.zones[0].radial, self.zones[0].outer
+        return (edge - p0) * outer * outer / r**2, (self.pressure - self.turned) * (a / r) ** 2
+
+    def _with_zones(
         self, far: Dual, r: Floats, formula: Callable[[PlasticZone, Floats], Dual]
     ) -> Dual:
-        """What holds far away, (m,), with what the zones say inside them."""
+        """Values (m,) of elastic ground, replaced by those of the zones inside these."""
         columns = far.columns.copy()
-        for zone in self._zones:
+        for zone in self.zones:
             inside = r < zone.outer.value
             columns[inside] = formula(zone, r[inside]).columns
         return Dual(columns)
-
-    def _radius(self, radial: Dual) -> Dual:
-        """The radius at which sigma_r has a value."""
-        return self.opening.radius * self._limit.way(self.pressure, radial).exp()
-
-    def _find_edge(self) -> None:
-        """Split off the zone in which sigma_z = sigma_t, where there is one.
-
-        Raises:
-            BeyondClosedForm: sigma_z is not the middle stress outside that zone.
-        """
-        rock, limit, face = self.opening.rock, self._limit, self._zones[0]
-        radial = limit.meets_axial(rock, self.pressure, self._critical)
-        inner = self.pressure
-        if radial is not None:
-            inner = radial
-            self.edge_radius = self._radius(radial)
-            moved = face.displacement(self.edge_radius)
-            self._zones.append(PlasticZone(rock, limit, self.edge_radius, radial, moved, edge=True))
-        if not (self._is_middle(self._critical) and self._is_middle(inner)):
-            raise BeyondClosedForm(OUT_OF_PLANE)
-
-    def _is_middle(self, radial: Dual) -> bool:
-        """Whether sigma_z of the face zone lies between the others, to rounding."""
-        axial, hoop = self._zones[0].axial(radial).value, self._limit.hoop(radial).value
-        tolerance = 1e-9 * abs(hoop - radial.value)
-        low, high = min(hoop, radial.value), max(hoop, radial.value)
-        return bool(low - tolerance <= axial <= high + tolerance)
-
-
-class Unloaded(GroundState):
-    """The ground after the pressure went back elastically from where it had yielded.
-
-    Attributes:
-        turned: the ground there.
-    """
-
-    def __init__(self, turned: PlasticState, pressure: Dual) -> None:
-        super().__init__(turned.opening, pressure)
-        self.turned = turned
-        self.plastic_radius, self.edge_radius = turned.plastic_radius, turned.edge_radius
-
-    def displacement(self, r: Floats) -> Dual:
-        """u_r (m,) at radii r (m,) >= a, m."""
-        return self.turned.displacement(r) + self._back(r) * r / (2.0 * self.opening.rock.shear)
-
-    def stresses(self, r: Floats) -> tuple[Dual, Dual, Dual]:
-        """sigma_r, sigma_t, sigma_z, each (m,), Pa."""
-        radial, hoop, axial = self.turned.stresses(r)
-        return radial + self._back(r), hoop - self._back(r), axial
-
-    def _back(self, r: Floats) -> Dual:
-        """The change of sigma_r since."""
-        return (self.pressure - self.turned.pressure) * (self.opening.radius / r) ** 2

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,9 +11,8 @@ from geoident.errors import Fault, ModelError
 from geoident.fem.solvers import Solver
 from geoident.forward.in_situ.stress import InSituStress, StressPlaces
 from geoident.forward.openings.advance import BY_MESH, AdvancingFace, OpeningAt
+from geoident.forward.openings.at_point import opening_in
 from geoident.forward.openings.closed_forms import Opening
-from geoident.forward.openings.field import unsuitable
-from geoident.forward.openings.load import opening_in
 from geoident.forward.openings.mesh_reaction import (
     MeshReaction,
     follow_each_other,
@@ -20,12 +20,12 @@ from geoident.forward.openings.mesh_reaction import (
     wall_of,
     yields_at_tunnel,
 )
+from geoident.forward.openings.obstacles import unsuitable
+from geoident.forward.openings.site import ground_at_wall
 from geoident.forward.stages import CaseOnMesh
 from geoident.model.actions import FaceDistance, FaceProfile
-from geoident.model.arrays import Floats
-from geoident.model.case import Material
+from geoident.model.arrays import Bools, Floats
 from geoident.model.dual import Dual, ParameterPoint
-from geoident.model.mesh import nodes_in
 from geoident.model.parameter import Scalar, Values
 from geoident.model.results.opening import FaceAdvance
 
@@ -38,8 +38,11 @@ _ROUND = 0.02
 _AHEAD, _BEHIND = 21, 81
 """Places of the profile that are kept ahead of the face and behind it."""
 
-UNIT = 1.0
-"""Radius of the opening whose reaction is asked, m: its motion by its radius has no size."""
+_NAMES = {
+    "vlachopoulos-diederichs": "the profile of Vlachopoulos and Diederichs",
+    "panet": "Panet's profile",
+    "chern": "Chern's profile",
+}
 
 
 def advancing_face(on_mesh: CaseOnMesh, solver: Solver) -> AdvancingFace:
@@ -51,11 +54,14 @@ def advancing_face(on_mesh: CaseOnMesh, solver: Solver) -> AdvancingFace:
     """
     profile = on_mesh.case.face
     if profile is None:
-        return AdvancingFace(None, None)
-    own = profile.conversion == "mesh" and yields_at_tunnel(on_mesh)
-    wall = MeshReaction(on_mesh, AdvancingFace(None, None), solver) if own else None
-    known = _why_not(on_mesh, profile) is None
-    return AdvancingFace(profile, _opening_at(on_mesh, profile) if known else None, wall)
+        return AdvancingFace()
+    wall = opening = None
+    if profile.conversion == "mesh" and yields_at_tunnel(on_mesh):
+        wall = MeshReaction(on_mesh, AdvancingFace(), solver)
+    around = ground_at_wall(on_mesh, _inside(on_mesh, profile))
+    if _needs_curve(on_mesh, profile, around) and _curve_obstacle(on_mesh, around) is None:
+        opening = _unit_opening(on_mesh, _centre(on_mesh, profile), *around.values())
+    return AdvancingFace(profile, opening, wall)
 
 
 def face_at(on_mesh: CaseOnMesh, centre: tuple[float, float], ground: int) -> AdvancingFace:
@@ -66,11 +72,10 @@ def face_at(on_mesh: CaseOnMesh, centre: tuple[float, float], ground: int) -> Ad
         centre: of the opening, m.
         ground: index of the group around it.
     """
-    profile = on_mesh.case.face
-    material = on_mesh.case.materials[on_mesh.sequence.states[0].materials[ground]]
-    if profile is None or not (material.yields and _asks(profile)):
-        return AdvancingFace(profile, None)
-    return AdvancingFace(profile, _around(on_mesh, material, centre, ground))
+    profile, name = on_mesh.case.face, on_mesh.sequence.states[0].materials[ground]
+    if profile is None or not _needs_curve(on_mesh, profile, [name]):
+        return AdvancingFace(profile)
+    return AdvancingFace(profile, _unit_opening(on_mesh, centre, ground))
 
 
 def face_faults(on_mesh: CaseOnMesh) -> list[Fault]:
@@ -78,21 +83,18 @@ def face_faults(on_mesh: CaseOnMesh) -> list[Fault]:
     case, profile = on_mesh.case, on_mesh.case.face
     if profile is None:
         return []
-    if profile.conversion == "mesh" and (found := _mesh_faults(on_mesh, profile)):
-        return found
-    why = _why_not(on_mesh, profile)
-    if not why:
+    if profile.conversion == "mesh" and (faults := _mesh_faults(on_mesh, profile)):
+        return faults
+    around = ground_at_wall(on_mesh, _inside(on_mesh, profile))
+    why = _curve_obstacle(on_mesh, around) if _needs_curve(on_mesh, profile, around) else None
+    if why is None:
         return []
-    by_circle = profile.conversion in _BY_CIRCLE
-    what = (
-        "how distances to the face become released stress"
-        if by_circle
-        else "the plastic radius, on which the profile depends,"
-    )
+    what = "the plastic radius, on which the profile depends,"
+    hint = "Give 'plastic_radius', of the tunnel without support, far from its face."
+    if profile.conversion in _BY_CIRCLE:
+        what = "how distances to the face become released stress"
+        hint = BY_MESH[0].upper() + BY_MESH[1:] + "."
     message = f"{what} cannot be computed by a closed form: {why}"
-    hint = BY_MESH[0].upper() + BY_MESH[1:] + "."
-    if not by_circle:
-        hint = "Give 'plastic_radius', of the tunnel without support, far from its face."
     return [case.source.fault(("face",), code="no-closed-form", message=message, hint=hint)]
 
 
@@ -142,15 +144,14 @@ def face_states(face: AdvancingFace, on_mesh: CaseOnMesh, values: Values) -> tup
     Raises:
         ModelError: the ground has no reaction curve that would tell.
     """
-    point, found = ParameterPoint(values, ()), []
+    at, states = face.at(ParameterPoint(values, ())), []
     for state in on_mesh.sequence.states[1:]:
         by_face = (r for r in state.release.values() if isinstance(r, FaceDistance))
-        release = next(by_face, None)
-        if release is not None:
-            share = float(face.share(release.distance, point, state.name).value)
-            part = float(face.part(release, point, state.name).value)
-            found.append(FaceState(state.name, release.distance.value(values), share, part))
-    return tuple(found)
+        if (release := next(by_face, None)) is not None:
+            share = float(at.share(release.distance, state.name).value)
+            part = float(at.part(release, state.name).value)
+            states.append(FaceState(state.name, release.distance.value(values), share, part))
+    return tuple(states)
 
 
 def advance_of(face: AdvancingFace, on_mesh: CaseOnMesh, values: Values) -> FaceAdvance | None:
@@ -166,13 +167,13 @@ def advance_of(face: AdvancingFace, on_mesh: CaseOnMesh, values: Values) -> Face
         return None
     try:
         states = face_states(face, on_mesh, values)
-        radius, point = profile.radius.value(values), ParameterPoint(values, ())
+        radius, at = profile.radius.value(values), face.at(ParameterPoint(values, ()))
         far = max((s.distance for s in states), default=0.0)
         near = min(0.0 if profile.law == "panet" else -2.0 * radius, *(s.distance for s in states))
         ahead = np.linspace(near, 0.0, _AHEAD)[:-1] if near < 0.0 else np.empty(0)
         behind = far * np.linspace(0.0, 1.0, _BEHIND) ** 2  # closer where it bends
         way = np.concatenate([ahead, behind])
-        share = [float(face.share(Scalar(float(x)), point, "").value) for x in way]
+        share = [float(at.share(Scalar(float(x)), "").value) for x in way]
     except ModelError:
         return None
     zeros = {case.stage_names[case.zero_of(c)] for c in case.channels if c.is_zeroed}
@@ -190,7 +191,7 @@ def advance_of(face: AdvancingFace, on_mesh: CaseOnMesh, values: Values) -> Face
 
 
 def face_note(face: AdvancingFace, on_mesh: CaseOnMesh, values: Values) -> tuple[str, ...]:
-    """The same as a sentence without a stop; none for a case without distances.
+    """What the stages release, a sentence without a stop; none for a case without distances.
 
     Args:
         face: of the case.
@@ -201,7 +202,6 @@ def face_note(face: AdvancingFace, on_mesh: CaseOnMesh, values: Values) -> tuple
         return ()
     try:
         states = face_states(face, on_mesh, values)
-        ratio = float(face.plastic_ratio(ParameterPoint(values, ())).value)
     except ModelError as error:
         return (error.message,)
     parts = [
@@ -211,6 +211,7 @@ def face_note(face: AdvancingFace, on_mesh: CaseOnMesh, values: Values) -> tuple
     ]
     law = _NAMES[on_mesh.case.face.law]
     if on_mesh.case.face.law == "vlachopoulos-diederichs":
+        ratio = float(face.at(ParameterPoint(values, ())).plastic_ratio.value)
         law += f", plastic radius {ratio:.3g} times that of the tunnel"
     return (f"released by the distance to the face ({law}): {'; '.join(parts)}",)
 
@@ -229,37 +230,37 @@ def conversion_note(face: AdvancingFace, on_mesh: CaseOnMesh) -> tuple[str, ...]
     if face.by_reaction:
         text += "the part of the final motion becomes a part of the stress on the reaction curve "
         text += "of a circular opening without support, in the mean in-situ stress"
-        return (text + _unlike_circle(on_mesh, profile),)
-    if face.by_wall:
-        text += (
-            "the part of the stress is that at which the mean motion of the tunnel's wall in the "
-        )
-        return (text + "mesh, without support, is the part of its final motion",)
-    return (text + "the part of the stress is that of the final motion (exact in elastic ground)",)
+        text += _unlike_circle(on_mesh, profile)
+    elif face.wall is not None:
+        text += "the part of the stress is that at which the mean motion of the tunnel's wall in "
+        text += "the mesh, without support, is the part of its final motion"
+    else:
+        text += "the part of the stress is that of the final motion (exact in elastic ground)"
+    return (text,)
 
 
 def _unlike_circle(on_mesh: CaseOnMesh, profile: FaceProfile) -> str:
     """In what a tunnel in a mesh differs from a circle in even stress, a clause; or nothing."""
     if not on_mesh.mesh.blocks:
         return ""
-    found = []
+    differs = []
     wall = wall_of(on_mesh, profile.groups, tunnel_base(on_mesh))
     radii = _radii(on_mesh.mesh.points[np.unique(np.concatenate([p.nodes.ravel() for p in wall]))])
     if not np.ptp(radii) <= _ROUND * radii.mean():
-        found.append("is not round")
-    ((_, group),) = _at_wall(on_mesh, profile).items()
+        differs.append("is not round")
+    (group,) = ground_at_wall(on_mesh, _inside(on_mesh, profile)).values()
     place = StressPlaces(np.array([_centre(on_mesh, profile)]), np.array([group]))
     point = ParameterPoint(on_mesh.case.start, ())
     xx, yy, _, xy = InSituStress(on_mesh, place).columns(point)[:, 0, 0]
     apart = float(np.hypot(0.5 * (xx - yy), xy))
     if 2.0 * apart > _ROUND * abs(0.5 * (xx + yy)):
         least, most = (1e-6 * abs(0.5 * (xx + yy) + sign * apart) for sign in (1.0, -1.0))
-        found.append(
+        differs.append(
             f"stands in uneven stress ({least:.3g} and {most:.3g} MPa at the start values)"
         )
-    if not found:
+    if not differs:
         return ""
-    text = f". This tunnel {' and '.join(found)}, so that the mean motion of its wall is another "
+    text = f". This tunnel {' and '.join(differs)}, so that the mean motion of its wall is another "
     return text + "part of the final one (theory 2.9): 'conversion: mesh' takes that of the mesh"
 
 
@@ -271,50 +272,31 @@ def _radii(wall: Floats) -> Floats:
     return np.asarray(np.linalg.norm(away - middle, axis=1))
 
 
-_NAMES = {
-    "vlachopoulos-diederichs": "the profile of Vlachopoulos and Diederichs",
-    "panet": "Panet's profile",
-    "chern": "Chern's profile",
-}
+def _needs_curve(on_mesh: CaseOnMesh, profile: FaceProfile, materials: Collection[str]) -> bool:
+    """Whether ground at the wall yields, and the profile or its conversion asks how far.
 
-
-def _asks(profile: FaceProfile) -> bool:
-    """Whether ground that yields has to tell its reaction."""
+    Args:
+        on_mesh: the case.
+        profile: of the face.
+        materials: names of those at the wall.
+    """
     radius = profile.law == "vlachopoulos-diederichs" and profile.plastic_radius is None
-    return radius or profile.conversion in _BY_CIRCLE
+    asks = radius or profile.conversion in _BY_CIRCLE
+    return asks and any(on_mesh.case.materials[name].yields for name in materials)
 
 
-def _why_not(on_mesh: CaseOnMesh, profile: FaceProfile) -> str | None:
-    """Why there is no reaction curve, a clause; empty where none is needed; None if there is."""
-    materials = _at_wall(on_mesh, profile)
-    case = on_mesh.case
-    if not (_asks(profile) and any(case.materials[name].yields for name in materials)):
-        return ""
+def _curve_obstacle(on_mesh: CaseOnMesh, materials: Collection[str]) -> str | None:
+    """Why ground at the wall has no reaction curve in closed form, a clause, or None if it has."""
     if len(materials) > 1:
         names = ", ".join(f"'{name}'" for name in sorted(materials))
         return f"the ground at the wall is of several materials, {names}"
-    (name,) = materials
-    return unsuitable(case, name, has_mesh=True)
+    return unsuitable(on_mesh.case, *materials, has_mesh=True)
 
 
-def _inside(on_mesh: CaseOnMesh, profile: FaceProfile) -> list[int]:
-    return [on_mesh.sequence.groups.index(name) for name in profile.groups]
-
-
-def _at_wall(on_mesh: CaseOnMesh, profile: FaceProfile) -> dict[str, int]:
-    """Materials of the virgin ground that touch the tunnel, each with a group of it."""
-    mesh, sequence = on_mesh.mesh, on_mesh.sequence
-    inside = np.isin(sequence.group_of, _inside(on_mesh, profile))
-    wall = nodes_in(mesh.blocks, inside)
-    touching = np.concatenate([np.isin(block.nodes, wall).any(axis=1) for block in mesh.blocks])
-    around = np.unique(sequence.group_of[touching & sequence.present(0) & ~inside])
-    virgin = sequence.states[0].materials
-    return {virgin[int(group)]: int(group) for group in around}
-
-
-def _opening_at(on_mesh: CaseOnMesh, profile: FaceProfile) -> OpeningAt:
-    ((name, group),) = _at_wall(on_mesh, profile).items()
-    return _around(on_mesh, on_mesh.case.materials[name], _centre(on_mesh, profile), group)
+def _inside(on_mesh: CaseOnMesh, profile: FaceProfile) -> Bools:
+    """(n_elements,) the elements that the tunnel fills."""
+    groups = [on_mesh.sequence.groups.index(name) for name in profile.groups]
+    return np.isin(on_mesh.sequence.group_of, groups)
 
 
 def _centre(on_mesh: CaseOnMesh, profile: FaceProfile) -> tuple[float, ...]:
@@ -322,18 +304,18 @@ def _centre(on_mesh: CaseOnMesh, profile: FaceProfile) -> tuple[float, ...]:
     if profile.centre is not None:
         return profile.centre
     points = on_mesh.discretization.points
-    inside = np.isin(on_mesh.sequence.group_of[points.element], _inside(on_mesh, profile))
+    inside = _inside(on_mesh, profile)[points.element]
     middle = np.average(points.position[inside], axis=0, weights=points.volume[inside])
     return tuple(map(float, middle))
 
 
-def _around(
-    on_mesh: CaseOnMesh, material: Material, centre: tuple[float, ...], group: int
-) -> OpeningAt:
+def _unit_opening(on_mesh: CaseOnMesh, centre: tuple[float, ...], group: int) -> OpeningAt:
+    """The opening of radius 1 m in a group under the stress at a centre, by parameters."""
+    material = on_mesh.case.materials[on_mesh.sequence.states[0].materials[group]]
     place = StressPlaces(np.array([centre], dtype=np.float64), np.array([group]))
     in_situ = InSituStress(on_mesh, place)
 
     def opening(point: ParameterPoint) -> Opening:
-        return opening_in(material, Dual(in_situ.columns(point)), UNIT, point)
+        return opening_in(material, Dual(in_situ.columns(point)), 1.0, point)
 
     return opening

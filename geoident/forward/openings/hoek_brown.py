@@ -20,12 +20,17 @@ functions of sigma_r; their derivatives are those of an implicit function.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
-from geoident.forward.openings.closed_forms import BeyondClosedForm, PlasticZone, Rock, WallLimit
+from geoident.forward.openings.closed_forms import (
+    NO_EQUILIBRIUM,
+    BeyondClosedForm,
+    PlasticZone,
+    Rock,
+    WallLimit,
+)
 from geoident.model.dual import Dual, Number
 
 EXPANDED = "the wall yields in expansion, for which there is no closed form of Hoek and Brown"
@@ -35,10 +40,11 @@ _PLACES, _SIZES = 0.5 * (_POINTS + 1.0), 0.5 * _WEIGHTS
 """Gauss points and weights of the interval from 0 to 1."""
 
 _EXACT = 4.0 * np.finfo(np.float64).eps
+"""Relative tolerance of roots: the smallest that the method of Brent takes."""
 
 
 @dataclass(frozen=True)
-class HoekBrownLimit:
+class HoekBrownLimit(WallLimit):
     """Hoek-Brown's limit in the direction of contraction.
 
     Args:
@@ -57,140 +63,78 @@ class HoekBrownLimit:
 
     @property
     def reversed(self) -> WallLimit:
-        """The same limit for expansion: only where that begins is known."""
-        return _Expansion(self.sigci, self.mb, self.s, self.a, self.K)
-
-    def hoop(self, radial: Number) -> Dual:
-        """sigma_t at the limit."""
-        return radial + self.difference(radial)
-
-    def difference(self, radial: Number) -> Dual:
-        """Q = sigma_t - sigma_r at the limit; 0 where the rock mass is torn."""
-        scaled = self._scaled(radial)
-        if np.any(scaled.value <= 0.0):
-            return 0.0 * (self.sigci + radial)
-        return self.sigci * scaled.power(self.a)
-
-    def critical(self, pressure: Dual) -> Dual:
-        """sigma_R, the inner pressure at which the wall begins to yield: sigma_R + sigma_t = 2 p0.
-
-        Args:
-            pressure: p0, Pa.
-        """
-        far = float(pressure.value)
-        return _root(
-            lambda radial: 2.0 * (radial - far) + self._height(radial),
-            lambda radial: radial + self.hoop(radial) - 2.0 * pressure,
-            lambda radial: 2.0 + self._rise(radial),
-            (float(self.tension_limit.value), far),
-        )
-
-    @property
-    def tension_limit(self) -> Dual:
-        """sigma_r below which the rock mass is torn, -s sigci / mb, Pa."""
-        return -self.s * self.sigci / self.mb
-
-    def way(self, inner: Dual, outer: Dual) -> Dual:
-        """Logarithm of the ratio of the radii at which sigma_r has two values."""
-        left = 1.0 - self.a
-        return (self._scaled(outer).power(left) - self._scaled(inner).power(left)) / (
-            left * self.mb
-        )
-
-    def inwards(self, radial: Dual, way: Dual) -> Dual:
-        """sigma_r further in by ln(r_o / r), the ``way``."""
-        left = 1.0 - self.a
-        scaled = (self._scaled(radial).power(left) - left * self.mb * way).power(1.0 / left)
-        return (scaled - self.s) * self.sigci / self.mb
-
-    def integral(self, zone: PlasticZone, way: Dual) -> Dual:
-        """Integral over t = 0..l of e^(-(K+1) t) g(t), inwards from the edge of a zone.
-
-        Args:
-            zone: the zone.
-            way: l, (...).
-        """
-        steps = Dual(np.expand_dims(way.columns, -2)).times(_PLACES)
-        terms = (-(self.K + 1.0) * steps).exp() * zone.source(self.inwards(zone.radial, steps))
-        return way * Dual(terms.times(_SIZES).columns.sum(axis=-2))
-
-    def meets_axial(self, rock: Rock, pressure: Dual, critical: Dual) -> Dual | None:
-        """sigma_r between two at which sigma_z meets sigma_t, or None.
-
-        Args:
-            rock: the ground.
-            pressure: at the wall.
-            critical: at the edge of the plastic zone.
-        """
-        nu, z0 = rock.nu, rock.out_of_plane - 2.0 * rock.nu * rock.pressure
-        part, least = float(nu.value), float(z0.value)
-
-        def value(radial: float) -> float:
-            hoop = radial + self._height(radial)
-            return least + part * radial - (1.0 - part) * hoop
-
-        low, high = float(pressure.value), float(critical.value)
-        if value(low) * value(high) >= 0.0:
-            return None
-        return _root(
-            value,
-            lambda radial: z0 + nu * radial - (1.0 - nu) * self.hoop(radial),
-            lambda radial: part - (1.0 - part) * (1.0 + self._rise(radial)),
-            (low, high),
-        )
-
-    def _height(self, radial: float) -> float:
-        """Q, without derivatives."""
-        sigci, mb, s, a = self._numbers
-        return float(sigci * max(mb * radial / sigci + s, 0.0) ** a)
-
-    def _rise(self, radial: float) -> float:
-        """Slope of Q by sigma_r."""
-        sigci, mb, s, a = self._numbers
-        return float(a * mb * (mb * radial / sigci + s) ** (a - 1.0))
-
-    @property
-    def _numbers(self) -> tuple[float, float, float, float]:
-        sigci, mb, s, a = (float(number.value) for number in (self.sigci, self.mb, self.s, self.a))
-        return sigci, mb, s, a
-
-    def _scaled(self, radial: Number) -> Dual:
-        """P = mb sigma_r / sigci + s."""
-        return self.mb * radial / self.sigci + self.s
-
-
-class _Expansion(HoekBrownLimit):
-    """Expansion: sigma_r is the largest stress, sigma_r = sigma_t + Q(sigma_t)."""
-
-    def critical(self, pressure: Dual) -> Dual:
-        """The inner pressure at which it begins: that of contraction at the other stress."""
-        return 2.0 * pressure - HoekBrownLimit.critical(self, pressure)
-
-    def way(self, inner: Dual, outer: Dual) -> Dual:
-        """None is known.
+        """None: expansion has no closed form.
 
         Raises:
             BeyondClosedForm: always.
         """
         raise BeyondClosedForm(EXPANDED)
 
+    def difference(self, radial: Number) -> Dual:
+        """Q = sigci P^a; 0 where the rock mass is torn."""
+        scaled = self._scaled(radial)
+        if np.any(scaled.value <= 0.0):
+            return 0.0 * (self.sigci + radial)
+        return self.sigci * scaled.power(self.a)
 
-def _root(
-    value: Callable[[float], float],
-    function: Callable[[float], Dual],
-    slope: Callable[[float], float],
-    between: tuple[float, float],
-) -> Dual:
-    """Where a function is zero, with its derivatives.
+    def critical(self, pressure: Dual) -> Dual:
+        """The root of 2 sigma_r + Q = 2 p0.
 
-    Args:
-        value: the function of a place.
-        function: the same with derivatives.
-        slope: of the function by the place.
-        between: two places where it has different signs.
-    """
-    from scipy.optimize import brentq  # noqa: PLC0415 - 0.2 s, and most cases have no such root
+        Raises:
+            BeyondClosedForm: p0 tears the rock mass.
+        """
+        torn, one = -self.s * self.sigci / self.mb, 0.0 * pressure + 1.0
+        radial = self._root(-2.0 * pressure, 2.0 * one, one, torn, pressure)
+        if radial is None:
+            raise BeyondClosedForm(NO_EQUILIBRIUM)
+        return radial
 
-    found = float(brentq(value, *between, xtol=_EXACT * max(map(abs, between)), rtol=_EXACT))
-    off = function(found).columns
-    return Dual(np.append(found, -off[1:] / slope(found)))
+    def way(self, inner: Dual, outer: Dual) -> Dual:
+        """(P_o^(1-a) - P_i^(1-a)) / ((1 - a) mb)."""
+        left = 1.0 - self.a
+        rise = self._scaled(outer).power(left) - self._scaled(inner).power(left)
+        return rise / (left * self.mb)
+
+    def inwards(self, radial: Dual, way: Dual) -> Dual:
+        """By P^(1-a) = P_o^(1-a) - (1 - a) mb l."""
+        left = 1.0 - self.a
+        scaled = (self._scaled(radial).power(left) - left * self.mb * way).power(1.0 / left)
+        return (scaled - self.s) * self.sigci / self.mb
+
+    def integral(self, zone: PlasticZone, way: Dual) -> Dual:
+        """By Gauss and Legendre's rule over ways (...)."""
+        steps = Dual(np.expand_dims(way.columns, -2)).times(_PLACES)
+        terms = (-(self.K + 1.0) * steps).exp() * zone.source(self.inwards(zone.radial, steps))
+        return way * Dual(terms.times(_SIZES).columns.sum(axis=-2))
+
+    def meets_axial(self, rock: Rock, pressure: Dual, edge: Dual) -> Dual | None:
+        """The root of z0 - 2 nu p0 + nu sigma_r = (1 - nu) (sigma_r + Q)."""
+        nu = rock.nu
+        constant = rock.out_of_plane - 2.0 * nu * rock.pressure
+        return self._root(constant, 2.0 * nu - 1.0, nu - 1.0, pressure, edge)
+
+    def _root(
+        self, constant: Dual, slope: Dual, factor: Dual, low: Dual, high: Dual
+    ) -> Dual | None:
+        """sigma_r between two at which constant + slope sigma_r + factor Q = 0, or None."""
+        from scipy.optimize import brentq  # noqa: PLC0415 - 0.2 s, and most cases have no such root
+
+        c, b, f, sigci, mb, s, a = (
+            float(number.value)
+            for number in (constant, slope, factor, self.sigci, self.mb, self.s, self.a)
+        )
+
+        def value(radial: float) -> float:
+            return float(c + b * radial + f * sigci * max(mb * radial / sigci + s, 0.0) ** a)
+
+        ends = float(low.value), float(high.value)
+        if value(ends[0]) * value(ends[1]) >= 0.0:
+            return None
+        root = float(brentq(value, *ends, xtol=_EXACT * max(map(abs, ends)), rtol=_EXACT))
+        off = constant + slope * root + factor * self.difference(root)
+        rise = b + f * a * mb * (mb * root / sigci + s) ** (a - 1.0)
+        return Dual(np.append(root, -off.columns[1:] / rise))  # of an implicit function
+
+    def _scaled(self, radial: Number) -> Dual:
+        """P = mb sigma_r / sigci + s."""
+        return self.mb * radial / self.sigci + self.s

@@ -45,7 +45,7 @@ from geoident.model.parameter import Scalar
 _SMALL = 1e-8
 """Step of the parts after which the next one is below rounding: steps are squared."""
 
-_MOST_MARCHES = 40
+_MOST_ANALYSES = 40
 
 _END = " all released"
 """Name of the last stage of the analysis; no stage can have it, with its blank."""
@@ -53,7 +53,7 @@ _END = " all released"
 
 @dataclass(frozen=True)
 class _Solved:
-    """What was found at a parameter vector.
+    """The solution at a parameter vector.
 
     Args:
         values: the parameters.
@@ -79,14 +79,15 @@ class MeshReaction:
     """
 
     def __init__(self, on_mesh: CaseOnMesh, parts: ReleasedParts, solver: Solver) -> None:
-        chain, stages = stages_by_distance(on_mesh), on_mesh.case.stages
-        given = [stages[number - 1].distance for number in chain]
+        case, chain = on_mesh.case, stages_by_distance(on_mesh)
+        assert case.face is not None
+        given = [case.stages[number - 1].distance for number in chain]
         distances = [FaceDistance(distance) for distance in given if distance is not None]
         self.releases: tuple[FaceDistance, ...] = tuple(dict.fromkeys(distances))
         self._names = tuple(f"released part {k}" for k in range(len(self.releases)))
         named = dict(zip(self.releases, self._names, strict=True))
         alone = CaseOnMesh(
-            _unsupported(on_mesh, named),
+            _unsupported(on_mesh, case.face.groups, named),
             on_mesh.mesh,
             on_mesh.fields,
             on_mesh.turned,
@@ -96,7 +97,7 @@ class MeshReaction:
         self._end = len(alone.sequence.states) - 1
         self._before = self._end - len(chain) - 1
         self._states = [self._before + 1 + distances.index(release) for release in self.releases]
-        self._inwards = mean_inwards(alone, _tunnel(on_mesh.case), self._before)
+        self._inwards = _mean_inwards(alone, case.face.groups, self._before)
         self._last: _Solved | None = None
 
     def forget(self) -> None:
@@ -115,18 +116,12 @@ class MeshReaction:
             NoFinalMotion: without support the opening has none, or no part of it is found.
             ModelError: the analysis has no solution otherwise.
         """
-        found = self._known_at(point)
-        if found is None:
-            self._last = found = self._solve(stacked(shares), point)
-        columns = [0, *(1 + found.names.index(name) for name in point.names)]
-        return {r: Dual(found.columns[k, columns]) for k, r in enumerate(self.releases)}
-
-    def _known_at(self, point: ParameterPoint) -> _Solved | None:
-        """What was found last, if that is what is asked for."""
         last = self._last
-        if last is None or dict(last.values) != dict(point.values):
-            return None
-        return last if set(point.names) <= set(last.names) else None
+        at_last = last is not None and dict(last.values) == dict(point.values)
+        if last is None or not (at_last and set(point.names) <= set(last.names)):
+            self._last = last = self._solve(stacked(shares), point)
+        columns = [0, *(1 + last.names.index(name) for name in point.names)]
+        return {r: Dual(last.columns[k, columns]) for k, r in enumerate(self.releases)}
 
     def _start(self, shares: Dual, point: ParameterPoint) -> Floats:
         """(K,) parts to begin with: those of elastic ground, or what the last ones lead to."""
@@ -134,30 +129,27 @@ class MeshReaction:
         if last is None:
             return np.array(shares.value)
         moved = [point.values[name] - last.values[name] for name in last.names]
-        led = last.columns[:, 0] + last.columns[:, 1:] @ np.array(moved)
-        return led if np.all((led > 0.0) & (led < 1.0)) else last.columns[:, 0].copy()
+        parts = last.columns[:, 0] + last.columns[:, 1:] @ np.array(moved)
+        return parts if np.all((parts > 0.0) & (parts < 1.0)) else last.columns[:, 0].copy()
 
     def _solve(self, shares: Dual, point: ParameterPoint) -> _Solved:
+        """Newton's method on F = 0."""
         n, parts = len(point.names), self._start(shares, point)
-        for _ in range(_MOST_MARCHES):
+        for _ in range(_MOST_ANALYSES):
             wall, end = self._moved(parts, point)
             if not end[0] > 0.0:
-                msg = "the mean convergence is outward"
-                raise NoFinalMotion(msg)
+                raise NoFinalMotion("the mean convergence is outward")
             off = wall - np.multiply.outer(shares.value, end)
             off[:, 1 : 1 + n] -= shares.columns[:, 1:] * end[0]
-            by_parts = off[:, 1 + n :]
-            step = np.linalg.solve(by_parts, off[:, : 1 + n])
+            step = np.linalg.solve(off[:, 1 + n :], off[:, : 1 + n])
             after = parts - step[:, 0]
             after = np.where(after < 1.0, after, 0.5 * (parts + 1.0))
             after = np.where(after >= 0.0, after, 0.5 * parts)
-            change = np.abs(after - parts).max()
-            parts = after
+            change, parts = np.abs(after - parts).max(), after
             if change <= _SMALL:
                 columns = np.hstack([parts[:, None], -step[:, 1:]])
                 return _Solved(dict(point.values), point.names, columns)
-        msg = "no part of the stress is found at which it has made that part"
-        raise NoFinalMotion(msg)
+        raise NoFinalMotion("no part of the stress is found at which it has made that part")
 
     def _moved(self, parts: Floats, point: ParameterPoint) -> tuple[Floats, Floats]:
         """Motion of the wall, m, by n parameters and K parts: (K, 1 + n + K), and its end."""
@@ -165,12 +157,12 @@ class MeshReaction:
         wider = ParameterPoint({**point.values, **given}, (*point.names, *self._names))
         run = AnalysisRun(self._analysis, wider, RunOptions(explain=False))
         try:
-            found = [self._inwards @ end.u for end in run.states()]
+            moved = np.stack([self._inwards @ end.u for end in run.states()])
         except CollapseError as collapse:
             msg = "the mesh finds no equilibrium when all of the stress is released"
             raise NoFinalMotion(msg, collapse=True) from collapse
-        before = found[self._before]
-        return np.stack([found[k] - before for k in self._states]), found[self._end] - before
+        moved = moved - moved[self._before]
+        return moved[self._states], moved[self._end]
 
 
 def stages_by_distance(on_mesh: CaseOnMesh) -> list[int]:
@@ -182,7 +174,7 @@ def stages_by_distance(on_mesh: CaseOnMesh) -> list[int]:
 def follow_each_other(on_mesh: CaseOnMesh) -> bool:
     """Whether all stages with a distance are one sequence, without branches."""
     chain = stages_by_distance(on_mesh)
-    return not chain or set(chain) <= {*_path(on_mesh, chain[-1]), chain[-1]}
+    return not chain or bool(on_mesh.sequence.built_on[chain, chain[-1]].all())
 
 
 def yields_at_tunnel(on_mesh: CaseOnMesh) -> bool:
@@ -196,48 +188,34 @@ def tunnel_base(on_mesh: CaseOnMesh) -> int:
     return on_mesh.sequence.states[stages_by_distance(on_mesh)[0]].base
 
 
-def _path(on_mesh: CaseOnMesh, state: int) -> list[int]:
-    """The states after the virgin one on which a state builds, the first one first."""
-    states, found = on_mesh.sequence.states, list[int]()
-    base = states[state].base
-    while base:
-        found.append(base)
-        base = states[base].base
-    return found[::-1]
-
-
-def _unsupported(on_mesh: CaseOnMesh, names: Mapping[FaceDistance, str]) -> Case:
+def _unsupported(
+    on_mesh: CaseOnMesh, inside: Sequence[str], names: Mapping[FaceDistance, str]
+) -> Case:
     """The case up to its tunnel, which is then left to itself and released by named parts.
 
     Args:
         on_mesh: the whole one.
+        inside: element groups that the tunnel fills.
         names: of the parts, by distance.
     """
-    case, inside = on_mesh.case, _tunnel(on_mesh.case)
-    stages, base = list[Stage](), VIRGIN
-
-    def follow(stage: Stage) -> None:
-        nonlocal base
-        stages.append(replace(stage, base=base, independent=False))
-        base = stage.name
-
-    chain = stages_by_distance(on_mesh)
-    for before in _path(on_mesh, chain[0]):
-        follow(case.stages[before - 1])
+    case, chain, built_on = on_mesh.case, stages_by_distance(on_mesh), on_mesh.sequence.built_on
+    before = np.flatnonzero(built_on[:, tunnel_base(on_mesh)]).tolist()
+    stages = [case.stages[number - 1] for number in before if number]
     for number in chain:
         stage = case.stages[number - 1]
         assert stage.distance is not None
         part = Scalar(1.0, names[FaceDistance(stage.distance)])
         leaves = tuple(name for name in stage.excavate if name in inside)
-        follow(Stage(stage.name, leaves, release=dict.fromkeys(inside, part)))
-    follow(Stage(_END, release=dict.fromkeys(inside, Scalar(1.0))))
+        stages.append(Stage(stage.name, leaves, release=dict.fromkeys(inside, part)))
+    stages.append(Stage(_END, release=dict.fromkeys(inside, Scalar(1.0))))
+    bases = (VIRGIN, *(stage.name for stage in stages))
+    in_turn = [
+        replace(stage, base=base, independent=False)
+        for stage, base in zip(stages, bases, strict=False)
+    ]
     absent = {name: None for name in used_groups(case) if name not in case.groups}
     groups = {**case.groups, **absent}
-    return replace(case, groups=groups, stages=tuple(stages), channels=(), readings=(), face=None)
-
-
-def _tunnel(case: Case) -> tuple[str, ...]:
-    return () if case.face is None else case.face.groups
+    return replace(case, groups=groups, stages=tuple(in_turn), channels=(), readings=(), face=None)
 
 
 def wall_of(on_mesh: CaseOnMesh, inside: Sequence[str], before: int) -> tuple[FacetPatch, ...]:
@@ -255,7 +233,7 @@ def wall_of(on_mesh: CaseOnMesh, inside: Sequence[str], before: int) -> tuple[Fa
     return patches(on_mesh.mesh, table, rows)
 
 
-def mean_inwards(on_mesh: CaseOnMesh, inside: Sequence[str], before: int) -> Floats:
+def _mean_inwards(on_mesh: CaseOnMesh, inside: Sequence[str], before: int) -> Floats:
     """What turns displacements (n_dofs,) into the mean motion of a wall inwards (), m.
 
     Args:

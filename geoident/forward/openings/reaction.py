@@ -2,60 +2,65 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from geoident.errors import ModelError
+from geoident.forward.openings.at_point import OpeningAtPoint
 from geoident.forward.openings.closed_forms import BeyondClosedForm, GroundState
-from geoident.forward.openings.field import OpeningField
 from geoident.model.arrays import Floats
-from geoident.model.parameter import Values
 from geoident.model.results.opening import GroundReaction
 
-_POINTS = 81
+_PRESSURES = 81
+"""Points of the curve."""
+
 _RADII = 121
+"""Places at which stresses are given."""
+
 _FAR = 4.0
 """Distance up to which stresses are given, in radii of the opening or of what yields."""
 
 
-def ground_reaction(field: OpeningField, values: Values) -> GroundReaction | None:
+def ground_reaction(
+    at: OpeningAtPoint, centre: tuple[float, float], stages: Mapping[int, str]
+) -> GroundReaction | None:
     """The reaction at some parameters; None where no stage has a closed form.
 
     Args:
-        field: the ground around the opening of a case.
-        values: parameters by name, SI.
+        at: the ground around the opening at these parameters.
+        centre: of the opening, m.
+        stages: names of the states with the opening, by their numbers.
     """
-    load = field.load(values)
-    reached = []
-    for number in field.open_stages:
+    opening, a, reached = at.opening, at.opening.radius, dict[str, GroundState]()
+    for number, name in stages.items():
         try:
-            reached.append((number, load.at(number)[0]))
+            reached[name] = at.state(number)
         except ModelError:
             continue
     if not reached:
         return None
-    a, states = load.opening.radius, [state for _, state in reached]
-    p0 = float(load.rock.pressure.value)
-    pressure = np.linspace(p0, min([0.0, *(float(s.pressure.value) for s in states)]), _POINTS)
-    curve = []
+    states = list(reached.values())
+    at_stages = np.array([float(state.pressure.value) for state in states])
+    p0, curve = opening.rock.pressure, list[GroundState]()
+    pressure = np.linspace(float(p0.value), min(0.0, at_stages.min()), _PRESSURES)
     for inside in pressure:
         try:
-            curve.append(load.opening.under(load.rock.pressure * 0.0 + float(inside)))
+            curve.append(opening.under(p0 * 0.0 + float(inside)))
         except BeyondClosedForm:
             break
-    wide = float(np.nanmax([a, *_plastic_radii(states)]))
-    radii = np.geomspace(a, _FAR * wide, _RADII)
-    critical = load.opening.critical
+    radii = np.geomspace(a, _FAR * np.nanmax([a, *_plastic_radii(states)]), _RADII)
     stresses = [state.stresses(radii) for state in states]
     return GroundReaction(
-        centre=np.array(field.centre, dtype=np.float64),
+        centre=np.array(centre, dtype=np.float64),
         radius=a,
-        in_situ=-np.asarray(load.stress.value[:, 0], dtype=np.float64),
-        critical=float("nan") if critical is None else float(critical[0].value),
+        in_situ=-np.asarray(at.stress.value[:, 0], dtype=np.float64),
+        critical=float("nan") if opening.critical is None else float(opening.critical[0].value),
         pressure=pressure[: len(curve)],
         displacement=_wall(curve, a),
         plastic_radius=_plastic_radii(curve),
-        stages=tuple(field.stage_name(number) for number, _ in reached),
-        stage_pressure=np.array([float(state.pressure.value) for state in states]),
+        stages=tuple(reached),
+        stage_pressure=at_stages,
         stage_displacement=_wall(states, a),
         stage_plastic_radius=_plastic_radii(states),
         radii=radii,
@@ -71,5 +76,5 @@ def _wall(states: list[GroundState], radius: float) -> Floats:
 
 def _plastic_radii(states: list[GroundState]) -> Floats:
     """(k,) how far the ground yields, m; NaN where it is elastic."""
-    found = [state.plastic_radius for state in states]
-    return np.array([np.nan if own is None else float(own.value) for own in found])
+    radii = [state.plastic_radius for state in states]
+    return np.array([np.nan if radius is None else float(radius.value) for radius in radii])

@@ -15,7 +15,7 @@ from geoident.fem.faces import patches
 from geoident.fem.location import format_point
 from geoident.forward.actions.supports import fixed_dofs, group_nodes
 from geoident.forward.stages import CaseOnMesh, ConstructionSequence
-from geoident.model.arrays import Floats, Ints
+from geoident.model.arrays import Bools, Ints
 from geoident.model.mesh import nodes_in
 
 ROUND = 0.02
@@ -51,17 +51,17 @@ class OpeningSite:
     remarks: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True)
-class Circle:
-    """A circle as the case gives it; None for what it does not give."""
+def site_without_mesh(
+    sequence: ConstructionSequence, centre: tuple[float, float] | None, radius: float | None
+) -> OpeningSite | str:
+    """The opening of a case without mesh, all that is excavated; or why there is none, a clause.
 
-    centre: tuple[float, float] | None = None
-    radius: float | None = None
-
-
-def site_without_mesh(sequence: ConstructionSequence, circle: Circle) -> OpeningSite | str:
-    """The opening of a case without mesh: all that is excavated. Or why there is none."""
-    if circle.centre is None or circle.radius is None:
+    Args:
+        sequence: the states of the case.
+        centre: of the opening as the case gives it, m.
+        radius: likewise, m.
+    """
+    if centre is None or radius is None:
         return "without a mesh 'fit.closed-form' must give the centre and the radius"
     groups = frozenset(g for state in sequence.states for g in state.leaving)
     around = [g for g in sequence.states[0].materials if g not in groups]
@@ -72,35 +72,35 @@ def site_without_mesh(sequence: ConstructionSequence, circle: Circle) -> Opening
     materials = {sequence.states[0].materials[g] for g in around}
     if len(materials) > 1:
         return f"the ground around the opening is of several materials: {_listed(materials)}"
-    return OpeningSite(circle.centre, circle.radius, groups, around[0])
+    return OpeningSite(centre, radius, groups, around[0])
 
 
-def site_in_mesh(on_mesh: CaseOnMesh, circle: Circle) -> OpeningSite | str:
-    """The circular opening that a case gives, in its mesh, or why it is none.
+def site_in_mesh(
+    on_mesh: CaseOnMesh, centre: tuple[float, float] | None, radius: float | None
+) -> OpeningSite | str:
+    """The circular opening that a case gives, in its mesh, or why it is none, a clause.
 
     Args:
         on_mesh: the case on its mesh.
-        circle: what the case says of the opening.
+        centre: of the opening as the case gives it, m.
+        radius: likewise, m.
     """
     mesh, sequence = on_mesh.mesh, on_mesh.sequence
     leaving = frozenset(g for state in sequence.states[1:] for g in state.leaving)
     if not leaving:
         return "no stage excavates anything"
-    if circle.centre is None or circle.radius is None:
+    if centre is None or radius is None:
         return (
             "the case does not say where the opening is: give its centre and radius, as in "
             "'fit: {closed-form: {centre: [0 m, 0 m], radius: 2.5 m}}'"
         )
-    centre, radius = np.array(circle.centre), circle.radius
-    distance = np.linalg.norm(mesh.points - centre, axis=1)
+    distance = np.linalg.norm(mesh.points - np.array(centre), axis=1)
     within = [distance[nodes_in(mesh.blocks, sequence.group_of == g)].max() for g in leaving]
     pairs = zip(leaving, within, strict=True)
     groups = frozenset(g for g, away in pairs if away <= (1.0 + ROUND) * radius)
     if not groups:
-        return (
-            f"no group that is excavated lies within {radius:.4g} m of "
-            f"{format_point(circle.centre)}"
-        )
+        about = format_point(centre)
+        return f"no group that is excavated lies within {radius:.4g} m of {about}"
     names = _listed(sequence.groups[g] for g in groups)
     inside, present = np.isin(sequence.group_of, list(groups)), sequence.present(0)
     stays = present & ~inside
@@ -110,7 +110,7 @@ def site_in_mesh(on_mesh: CaseOnMesh, circle: Circle) -> OpeningSite | str:
     if np.abs(distance[wall] - radius).max() > ROUND * radius:
         return (
             f"the wall of {names} is not the circle of radius {radius:.4g} m about "
-            f"{format_point(circle.centre)}: it lies {distance[wall].min():.3g} to "
+            f"{format_point(centre)}: it lies {distance[wall].min():.3g} to "
             f"{distance[wall].max():.3g} m from there"
         )
     outer = patches(mesh, on_mesh.table, on_mesh.table.free(present))
@@ -122,14 +122,10 @@ def site_in_mesh(on_mesh: CaseOnMesh, circle: Circle) -> OpeningSite | str:
             f"the model, or another opening, ends {far:.1f} radii from the centre of the "
             f"opening; at least {FAR:g} are needed"
         )
-    touching = np.concatenate([np.isin(block.nodes, wall).any(axis=1) for block in mesh.blocks])
-    around = [int(g) for g in np.unique(sequence.group_of[stays & touching])]
-    virgin = sequence.states[0].materials
-    materials = {virgin[g] for g in around}
-    if len(materials) > 1:
-        return f"the ground at the wall is of several materials: {_listed(materials)}"
-    (material,) = materials
-    remarks = []
+    around, virgin, remarks = ground_at_wall(on_mesh, inside), sequence.states[0].materials, []
+    if len(around) > 1:
+        return f"the ground at the wall is of several materials: {_listed(around)}"
+    ((material, ground),) = around.items()
     if far < DEEP:
         remarks.append(
             f"the model ends {far:.1f} radii from the centre, where the closed form goes on: "
@@ -138,10 +134,25 @@ def site_in_mesh(on_mesh: CaseOnMesh, circle: Circle) -> OpeningSite | str:
     if others := {m for g, m in virgin.items() if m != material and g not in groups}:
         remarks.append(f"the closed form leaves out {_listed(others)}: all is {material}")
     on_wall = {n for n in mesh.facet_groups if set(group_nodes(mesh, n)) == set(wall)}
-    return OpeningSite(circle.centre, radius, groups, around[0], frozenset(on_wall), tuple(remarks))
+    return OpeningSite(centre, radius, groups, ground, frozenset(on_wall), tuple(remarks))
 
 
-def _symmetric_sides(on_mesh: CaseOnMesh, centre: Floats, radius: float) -> Ints:
+def ground_at_wall(on_mesh: CaseOnMesh, inside: Bools) -> dict[str, int]:
+    """Materials of the virgin ground that touch an opening, each with the first group of it.
+
+    Args:
+        on_mesh: the case.
+        inside: (n_elements,) the elements that fill the opening.
+    """
+    mesh, sequence = on_mesh.mesh, on_mesh.sequence
+    wall = nodes_in(mesh.blocks, inside)
+    touching = np.concatenate([np.isin(block.nodes, wall).any(axis=1) for block in mesh.blocks])
+    around = np.unique(sequence.group_of[touching & sequence.present(0) & ~inside])
+    virgin = sequence.states[0].materials
+    return {virgin[int(group)]: int(group) for group in around[::-1]}
+
+
+def _symmetric_sides(on_mesh: CaseOnMesh, centre: tuple[float, float], radius: float) -> Ints:
     """Nodes (k,) of the sides of a mesh that go through the centre and are held across."""
     points, nodes = on_mesh.mesh.points, [np.empty(0, np.int64)]
     fixed = fixed_dofs(on_mesh).reshape(-1, 2)

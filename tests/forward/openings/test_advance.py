@@ -10,11 +10,11 @@ from support.cases import material
 from support.derivatives import assert_exact, assert_slopes
 from support.yielding import mohr, parameters, rock
 
-from geoident.errors import CollapseError, InputError
-from geoident.forward.openings.advance import CHERN, PANET, AdvancingFace, vlachopoulos_diederichs
+from geoident.errors import CollapseError
+from geoident.forward.openings.advance import CHERN, PANET, AdvancingFace
 from geoident.model.actions import FaceDistance, FaceProfile
 from geoident.model.case import Stage
-from geoident.model.dual import Dual, ParameterPoint
+from geoident.model.dual import ParameterPoint
 from geoident.model.in_situ import HeimStress
 from geoident.model.parameter import Scalar
 from geoident.model.yielding import HoekBrown
@@ -60,19 +60,9 @@ def stages(distances=DISTANCES) -> tuple[Stage, ...]:
 )
 def test_profiles_are_those_of_their_papers(law, ratio, away, share):
     radius = None if ratio is None else Scalar(ratio * RADIUS)
-    face = AdvancingFace(profile(law, plastic_radius=radius), None)
+    face = AdvancingFace(profile(law, plastic_radius=radius))
     found = face.part(FaceDistance(Scalar(away * RADIUS)), NOWHERE, "")
     assert found.value == pytest.approx(share, abs=6e-6)
-
-
-@pytest.mark.parametrize(
-    ("away", "slope"),
-    # s_0 = 0.22910 for R* = 2.5: s_0 exp(x) ahead, 3/2 (1 - s_0) / R* exp(-3/2 x / R*) behind
-    [(-1.0, 0.22910 * 0.36788), (0.0, 0.6 * 0.77090), (2.5, 0.6 * 0.77090 * 0.22313)],
-)
-def test_slope_at_the_face_is_that_behind_it(away, slope):
-    found = vlachopoulos_diederichs(Dual(np.array([away, 1.0])), Dual(np.array([2.5, 0.0])))
-    assert found.columns[1] == pytest.approx(slope, abs=6e-6)
 
 
 @pytest.mark.parametrize("law", ["vlachopoulos-diederichs", "chern"])
@@ -81,7 +71,7 @@ def test_elastic_ground_moves_by_the_profile(law, conversion):
     face = profile(law, conversion=conversion)
     opened = without_mesh(material("rock", 5e9, 0.25), face=face, stages=stages(), channels=(WALL,))
     moved = opened.survey(np.empty(0), fields=False).computed[0]
-    given = AdvancingFace(face, None)
+    given = AdvancingFace(face)
     shares = [given.part(FaceDistance(Scalar(x)), NOWHERE, "").value for x in DISTANCES]
     np.testing.assert_allclose(moved[:-1] / moved[-1], shares, rtol=1e-12)
 
@@ -101,22 +91,13 @@ def test_ground_that_yields_moves_by_the_profile_too(law, psi):
         rock(5e9, 0.25, mohr(1 * MPa, 0.5, psi=psi)),
         face=profile(law), stages=stages(), channels=(WALL,),
     )  # fmt: skip
-    moved = opened.survey(np.empty(0), fields=False).computed[0]
-    found = opened.face_states({})
+    survey, found = opened.survey(np.empty(0), fields=True), opened.face_states({})
+    moved = survey.computed[0]
     np.testing.assert_allclose(moved[:-1] / moved[-1], [s.share for s in found], rtol=1e-11)
     assert all(s.released > s.share for s in found)
     if law == "vlachopoulos-diederichs":
-        reach = opened.field.load({}).opening.under(opened.field.load({}).rock.pressure * 0.0)
-        at_face = np.exp(-0.15 * float(reach.plastic_radius.value) / RADIUS) / 3.0
+        at_face = np.exp(-0.15 * survey.reaction.stage_plastic_radius[-1] / RADIUS) / 3.0
         assert found[1].share == pytest.approx(at_face, rel=1e-12)
-
-
-def test_direct_conversion_takes_the_share_itself():
-    opened = without_mesh(
-        rock(5e9, 0.25, mohr(1 * MPa, 0.5)),
-        face=profile("chern", conversion="direct"), stages=stages(), channels=(WALL,),
-    )  # fmt: skip
-    assert all(s.released == s.share for s in opened.face_states({}))
 
 
 NUMBERS = {
@@ -231,55 +212,6 @@ def test_ground_that_has_no_final_motion_says_so():
     settings["face"] = profile("chern", conversion="direct")
     moved = without_mesh(ground, **settings).survey(np.empty(0), fields=False).computed
     assert np.isfinite(moved).all()
-
-
-def two_rocks(ground, **changes):
-    """A quarter whose upper part is of another material of the same ground."""
-    mesh = quarter(3, 8, 20.0)
-    centre = mesh.points[mesh.blocks[0].nodes].mean(axis=1)
-    members = mesh.groups["rock"]
-    above = centre[members, 1] > centre[members, 0]
-    groups = {**mesh.groups, "rock": members[~above], "roof": members[above]}
-    return staged(
-        replace(mesh, groups=groups),
-        ground,
-        materials={"rock": ground, "other": replace(ground, name="other")},
-        groups={"core": "rock", "rock": "rock", "roof": "other"},
-        **changes,
-    )
-
-
-@pytest.mark.parametrize(
-    ("law", "conversion", "said"),
-    [
-        ("chern", None, "several materials, 'other', 'rock'"),
-        ("vlachopoulos-diederichs", "direct", "the plastic radius, on which the profile depends"),
-    ],
-)
-def test_ground_without_a_reaction_curve_is_refused(law, conversion, said):
-    settings = {"face": profile(law, conversion=conversion), "stages": stages((0.0,))}
-    with pytest.raises(InputError) as caught:
-        two_rocks(rock(5e9, 0.25, mohr(MPa, 0.5)), **settings)
-    (fault,) = caught.value.faults
-    assert fault.code == "no-closed-form"
-    assert said in fault.message
-    assert fault.path == "face"
-    direct = conversion == "direct"
-    assert fault.hint.startswith("Give 'plastic_radius'" if direct else "Write 'conversion: mesh'")
-    two_rocks(material("rock", 5e9, 0.25), **settings)  # elastic ground needs none
-
-
-def test_what_is_released_is_said():
-    opened = without_mesh(
-        rock(5e9, 0.25, mohr(1 * MPa, 0.5)), face=profile("vlachopoulos-diederichs"),
-        stages=stages((0.0, 4.0)),
-    )  # fmt: skip
-    (how,) = [note for note in opened.notes if "reaction curve" in note]
-    assert "Vlachopoulos and Diederichs" in how
-    (said,) = opened.survey(np.empty(0), fields=False).notes
-    at_face = opened.face_states({})[0]
-    assert f"0: 0 m, {100 * at_face.share:.3g} % of the final motion" in said
-    assert f"{100 * at_face.released:.3g} % of the stress" in said
 
 
 @pytest.mark.parametrize(

@@ -2,33 +2,25 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-
 import numpy as np
 import pytest
-from support.cases import displacement, material
+from support.cases import material
 from support.yielding import constant, mohr, rock
 
 from geoident.errors import CollapseError, ModelError
-from geoident.forward.openings import mesh_reaction
 from geoident.forward.openings.advance import (
-    PANET,
-    AdvancingFace,
-    ReactionCurve,
     chern,
     panet,
     vlachopoulos_diederichs,
 )
-from geoident.forward.openings.field import OpeningField
-from geoident.model.actions import FaceDistance
 from geoident.model.case import Stage
 from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.in_situ import HeimStress
 from geoident.model.parameter import Scalar
 
 from .test_advance import WALL, profile, stages
-from .test_mesh_reaction import UNEVEN, oval
-from .test_opening_model import GAUGES, RADIUS, MPa, quarter, staged, without_mesh
+from .test_mesh_reaction import oval
+from .test_opening_model import RADIUS, MPa, quarter, staged, without_mesh
 
 YIELDS = rock(5e9, 0.25, mohr(MPa, 0.5))
 PLAIN = material("rock", 5e9, 0.25)
@@ -38,23 +30,6 @@ NOWHERE = ParameterPoint({}, ())
 def advance(law, distances, **changes):
     opened = without_mesh(PLAIN, face=profile(law), stages=stages(distances), **changes)
     return opened.survey(np.empty(0), fields=True).advance
-
-
-@pytest.mark.parametrize(
-    ("law", "distances", "near"),
-    [
-        ("vlachopoulos-diederichs", (-1.0, 0.5, 7.0), -2.0 * RADIUS),
-        ("chern", (-5.5, 7.0), -5.5),
-        ("panet", (0.5, 7.0), 0.0),
-    ],
-)
-def test_the_profile_is_kept_at_places_closer_near_the_face(law, distances, near):
-    kept = advance(law, distances)
-    ahead = [near + (0.0 - near) * k / 20 for k in range(20)] if near else []
-    behind = [7.0 * (k / 80) ** 2 for k in range(81)]
-    np.testing.assert_allclose(kept.distance, ahead + behind, atol=1e-12)
-    np.testing.assert_array_equal(kept.stage_distance, distances)
-    assert kept.stages == tuple(str(n) for n in range(len(distances)))
 
 
 def test_the_profile_of_elastic_ground_by_hand():
@@ -94,61 +69,6 @@ def test_profiles_and_their_slopes_by_all_numbers():
             assert found[1 + k] == pytest.approx((a - 8 * b + 8 * c - d) / 12e-3, rel=1e-9)
 
 
-def test_constants_of_panet_are_his():
-    assert [scalar.factor for scalar in PANET] == [0.25, 0.75]
-
-
-@dataclass
-class Shaped:
-    """An opening of which the wall moves by a function of the released part, and by a factor.
-
-    Differentiated by the factor, and at last by the part.
-    """
-
-    function: object
-    slope: object
-    radius: float = 1.0
-    asked: int = 0
-
-    @property
-    def rock(self):
-        pressure = Dual(np.array([3.0, 0.0, 0.0]))
-        return type("", (), {"pressure": pressure})
-
-    def under(self, pressure):
-        self.asked += 1
-        released = 1.0 - pressure / 3.0
-        factor = Dual(np.array([2.0, 1.0, 0.0]))
-        moved = factor * released.through(self.function, self.slope)
-        state = type("", (), {"plastic_radius": None})()
-        state.displacement = lambda r: Dual(-moved.columns[None])
-        return state
-
-
-@pytest.mark.parametrize("share", [0.02, 0.3, 0.5, 0.9, 0.999])
-def test_the_part_is_found_though_newtons_method_leads_astray(share):
-    """A wall that moves in one jerk: nearly level at both ends, where tangents lead far off."""
-
-    def jerk(x):
-        return np.arctan(30.0 * (x - 0.4)) + np.arctan(12.0)
-
-    curve = ReactionCurve(Shaped(jerk, lambda x: 30.0 / (1.0 + (30.0 * (x - 0.4)) ** 2)))
-    found = curve.part_for(Dual(np.array([share, 0.7])))
-    whole = np.arctan(18.0) + np.arctan(12.0)
-    exact = 0.4 + np.tan(share * whole - np.arctan(12.0)) / 30.0
-    assert found.columns[0] == pytest.approx(exact, abs=1e-12)
-    slope = 0.7 * whole * (1.0 + (30.0 * (exact - 0.4)) ** 2) / 30.0
-    assert found.columns[1] == pytest.approx(slope, rel=1e-9)
-    assert found.columns.shape == (2,)
-
-
-def test_newtons_method_takes_few_steps():
-    shape = Shaped(lambda x: x + 3.0 * x**3, lambda x: 1.0 + 9.0 * x**2)
-    found = ReactionCurve(shape).part_for(Dual(np.array([0.2, 0.0])))
-    assert found.columns[0] == pytest.approx(np.roots([3.0, 0.0, 1.0, -0.8])[-1].real, abs=1e-15)
-    assert shape.asked <= 9  # the final motion, the steps, and the place that was found
-
-
 OVERSTRESSED = constant(-10 * MPa, -10 * MPa, -90 * MPa)
 """The stress along the tunnel makes the ground yield, which no formula covers."""
 
@@ -180,29 +100,6 @@ def test_what_is_said_where_the_ground_has_no_final_motion():
     (said,) = kept.notes
     assert said.startswith("the part of its final motion that the wall has made at stage '0' is")
     assert np.isfinite(kept.computed[0]).tolist() == [False, False, True]
-
-
-@pytest.mark.parametrize(
-    ("ground", "law", "conversion", "words"),
-    [
-        (PLAIN, "panet", None, "the part of the stress is that of the final motion (exact in"),
-        (YIELDS, "panet", "direct", "the part of the stress is that of the final motion (exact in"),
-        (YIELDS, "panet", None, "becomes a part of the stress on the reaction curve"),
-        (YIELDS, "panet", "reaction-curve", "becomes a part of the stress on the reaction curve"),
-        (YIELDS, "vlachopoulos-diederichs", "direct", "that of the final motion (exact in"),
-    ],
-)
-def test_how_distances_become_stress_is_said(ground, law, conversion, words):
-    face, steps = profile(law, conversion=conversion), stages((0.0, 3.0))
-    for found in (
-        without_mesh(ground, face=face, stages=steps),
-        staged(quarter(2, 5, 12.0), ground, face=face, stages=steps),
-    ):
-        (note,) = [n for n in found.notes if n.startswith("distances to the face release stress")]
-        assert words in note
-        assert ("Panet's profile" in note) == (law == "panet")
-    (said,) = without_mesh(ground, face=face, stages=steps).survey(np.empty(0), fields=False).notes
-    assert ("plastic radius" in said) == (law != "panet")
 
 
 def test_the_note_of_stages_has_their_numbers():
@@ -287,66 +184,7 @@ def test_a_wall_that_moves_outwards_has_no_motion_inwards():
     assert not isinstance(caught.value, CollapseError)
 
 
-def test_a_part_that_is_not_found_is_said(monkeypatch):
-    monkeypatch.setattr(mesh_reaction, "_MOST_MARCHES", 1)
-    found = staged(
-        oval(), YIELDS, face=profile("chern", conversion="mesh"), stages=stages((0.5,))[:1],
-        in_situ=UNEVEN,
-    )  # fmt: skip
-    with pytest.raises(ModelError, match="no part of the stress is found at which it has made"):
-        found.survey(np.empty(0), fields=False)
-
-
-def test_given_parts_and_a_case_without_a_face_need_no_profile():
-    plain = AdvancingFace(None, None)
-    point = ParameterPoint({"part": 0.8}, ("part",))
-    found = plain.part(Scalar(0.5, "part"), point, "any")
-    np.testing.assert_allclose(found.columns, [0.4, 0.5])
-    assert not plain.by_reaction
-    assert not plain.by_wall
-    assert float(plain.plastic_ratio(point).value) == 1.0
+def test_a_case_without_a_face_has_no_profile_and_no_note():
     none = without_mesh(PLAIN).survey(np.empty(0), fields=True)
     assert none.advance is None
     assert none.notes == ()
-
-
-def test_a_part_is_found_once_at_a_point_and_anew_at_another(monkeypatch):
-    """And after the face has forgotten; distances at a point share what the ground does there."""
-    asked = []
-    curve_of = ReactionCurve.part_for
-
-    def counted(self, share):
-        asked.append(float(share.value))
-        return curve_of(self, share)
-
-    monkeypatch.setattr(ReactionCurve, "part_for", counted)
-    opened = without_mesh(YIELDS, face=profile("chern"), stages=stages((0.5, 4.0)))
-    face, near, far = opened._face, FaceDistance(Scalar(0.5)), FaceDistance(Scalar(4.0))
-    one, other = ParameterPoint({}, ()), ParameterPoint({}, ())
-    first = face.part(near, one, "")
-    assert face.part(near, one, "") is first
-    assert face.part(far, one, "").value > first.value
-    assert len(asked) == 2
-    assert face.part(near, other, "").value == first.value
-    assert len(asked) == 3
-    face.forget()
-    face.part(near, other, "")
-    assert len(asked) == 4
-
-
-def test_points_of_the_wall_are_those_that_a_profile_moves():
-    """The first part that is released moves the wall as its share says, by whatever gauge."""
-    assert issubclass(type(without_mesh(PLAIN).field), OpeningField)
-    sides = tuple(
-        displacement(f"g{k}", (RADIUS * np.cos(a), RADIUS * np.sin(a)), (-np.cos(a), -np.sin(a)))
-        for k, a in enumerate((0.0, 1.1, 2.7))
-    )
-    opened = without_mesh(YIELDS, face=profile("chern"), stages=stages((0.5, 4.0)), channels=sides)
-    moved = opened.survey(np.empty(0), fields=False).computed
-    shares = [s.share for s in opened.face_states({})]
-    np.testing.assert_allclose(moved[:, :-1] / moved[:, -1:], [shares] * 3, rtol=1e-11)
-    zeroed = replace(GAUGES[0], zero="0")
-    opened = without_mesh(PLAIN, face=profile("chern"), stages=stages((0.5, 4.0)),
-                          channels=(zeroed,))  # fmt: skip
-    kept = opened.survey(np.empty(0), fields=True).advance
-    assert list(kept.stage_zero) == [True, False]

@@ -68,7 +68,7 @@ def driven(ground, *, rounds: int, length: float, behind: float):
 def shares(law: str, x, ratio: float = 1.0) -> np.ndarray:
     constants = PANET if law == "panet" else ()
     profile = FaceProfile(law, ("core",), Scalar(1.0), constants, Scalar(ratio))
-    face = AdvancingFace(profile, None)
+    face = AdvancingFace(profile)
     return np.array([face.part(FaceDistance(Scalar(float(v))), NOWHERE, "").value for v in x])
 
 

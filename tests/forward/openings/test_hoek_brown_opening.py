@@ -119,22 +119,6 @@ def test_what_it_does_not_cover_is_said():
         case.under(Dual.constant(40.0, 0))
 
 
-def limit(sigci=40.0, mb=1.1, s=0.002, a=0.52, K=1.3) -> HoekBrownLimit:
-    return HoekBrownLimit(*(Dual(np.array([x])) for x in (sigci, mb, s, a, K)))
-
-
-def test_rock_that_is_torn_bears_nothing():
-    """sigma_t - sigma_r = sigci (mb sigma_r / sigci + s)^a, none below -s sigci / mb."""
-    found, tension_limit = limit(), -0.002 * 40.0 / 1.1
-    assert float(found.tension_limit.value) == pytest.approx(tension_limit, rel=1e-14)
-    for radial in (tension_limit - 0.01, tension_limit, tension_limit + 0.01, 3.0):
-        scaled = max(1.1 * radial / 40.0 + 0.002, 0.0)
-        height = 40.0 * scaled**0.52
-        at = Dual(np.array([radial]))
-        assert float(found.difference(at).value) == pytest.approx(height, abs=1e-7)
-        assert float(found.hoop(at).value) == pytest.approx(radial + height, abs=1e-7)
-
-
 def test_both_pressures_at_which_the_wall_begins_to_yield():
     """Contraction at sigma_r + sigma_t = 2 p0, expansion at the other of these two stresses."""
     case = opening(2000.0, 0.25, 10.0, 40.0, 1.1, 0.002, 0.52, 1.0)
@@ -144,32 +128,3 @@ def test_both_pressures_at_which_the_wall_begins_to_yield():
     assert case.under(Dual.constant(above - 1e-6, 0)).plastic_radius is None
     with pytest.raises(BeyondClosedForm, match=EXPANDED):
         case.under(Dual.constant(above + 1e-6, 0))
-
-
-def test_ways_and_stresses_further_in_are_inverse():
-    """d sigma_r / d ln r = Q: integrated by small steps, and back again."""
-    found, inner, outer = limit(), 0.7, 3.9
-    steps = np.linspace(inner, outer, 20001)
-    middle = 0.5 * (steps[1:] + steps[:-1])
-    exact = np.sum(np.diff(steps) / (40.0 * (1.1 * middle / 40.0 + 0.002) ** 0.52))
-    low, high = (Dual(np.array([x])) for x in (inner, outer))
-    way = found.way(low, high)
-    assert float(way.value) == pytest.approx(exact, rel=1e-7)
-    assert float(found.inwards(high, way).value) == pytest.approx(inner, rel=1e-12)
-
-
-@pytest.mark.parametrize(("z0", "meets"), [(10.0, True), (6.0, False)])
-def test_where_the_axial_stress_meets_that_around_the_wall(z0, meets):
-    """sigma_z = z0 + nu (sigma_r + sigma_t - 2 p0), written out."""
-    nu, p0 = 0.28, 10.0
-    rock = Rock(*(Dual(np.array([x])) for x in (2000.0, nu, p0, z0)))
-    found = limit()
-    wall, edge = Dual(np.array([0.3])), found.critical(rock.pressure)
-    radial = found.meets_axial(rock, wall, edge)
-    assert (radial is not None) == meets
-    assert found.meets_axial(rock, edge, wall) is None or meets
-    if radial is not None:
-        at = float(radial.value)
-        hoop = at + 40.0 * (1.1 * at / 40.0 + 0.002) ** 0.52
-        assert z0 + nu * (at + hoop - 2 * p0) == pytest.approx(hoop, rel=1e-12)
-        assert 0.3 < at < float(edge.value)

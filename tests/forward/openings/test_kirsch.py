@@ -10,8 +10,6 @@ from support.cases import displacement, material
 from support.yielding import constant, hoek, mohr, parameters, rock
 
 from geoident.errors import CollapseError, ModelError
-from geoident.forward.openings.field import UNEVEN
-from geoident.forward.openings.reaction import ground_reaction
 from geoident.model.actions import Pressure
 from geoident.model.case import Stage
 from geoident.model.in_situ import ProfileStress
@@ -84,7 +82,6 @@ def test_gauges_read_what_the_complex_functions_say():
     ("yy", "told"), [(-10.19, None), (-10.21, "1 %"), (-13.0, "13 %"), (10.0, "1e+07 Pa")]
 )
 def test_stress_is_uneven_from_a_hundredth_of_its_mean_on(yy, told):
-    assert UNEVEN == 0.01
     for ground, more in (
         (material("rock", E, NU), ""),
         (rock(E, NU, mohr(90 * MPa, 0.5)),
@@ -129,24 +126,27 @@ def test_a_parameter_that_is_no_number_is_outside_of_the_domain():
 WEAK = (Stage("open", excavate=("core",)),)
 
 
-def test_where_no_stage_stands_there_is_no_reaction_and_the_collapse_is_raised():
+def reaction(opened):
+    return opened.survey(np.empty(0), fields=True).reaction
+
+
+def test_where_no_stage_stands_the_collapse_is_raised():
     opened = without_mesh(rock(E, NU, mohr(0.0, 0.3)), stages=WEAK)
-    assert ground_reaction(opened.field, {}) is None
     with pytest.raises(CollapseError, match="stage 'open'"):
         opened.survey(np.empty(0), fields=False, partial=True)
-    assert not any("yields up to" in text for text in opened.field.remarks({}))
+    response = opened.response(())
+    assert not any("yields up to" in text for text in response.remarks(np.empty(0)))
 
 
 def test_a_stage_that_stands_after_one_that_does_not_is_on_the_curve():
     stages = (*WEAK, Stage("half", excavate=("core",), base="virgin",
                            release={"core": Scalar(0.5)}))  # fmt: skip
     opened = without_mesh(rock(E, NU, mohr(0.0, 0.3)), stages=stages)
-    found = ground_reaction(opened.field, {})
-    assert found.stages == ("half",)
-    assert found.stage_pressure == pytest.approx([5 * MPa])
-    held = ground_reaction(without_mesh(material("rock", E, NU), stages=stages[1:]).field, {})
+    known = opened.survey(np.empty(0), fields=True, partial=True)
+    assert known.reaction.stages == ("half",)
+    assert known.reaction.stage_pressure == pytest.approx([5 * MPa])
+    held = reaction(without_mesh(material("rock", E, NU), stages=stages[1:]))
     assert (held.pressure[-1], len(held.pressure)) == (0.0, 81)
-    known = opened.survey(np.empty(0), fields=False, partial=True)
     np.testing.assert_array_equal(np.isfinite(known.computed[0]), [False, True])
     assert len(known.collapses) == 1
 
@@ -166,7 +166,7 @@ def test_the_reaction_curve_reaches_as_far_as_a_stage_does():
     """81 pressures from the far stress down to that of a stage which pulls at the wall."""
     stages = (Stage("pull", excavate=("core",), loads={"p": Pressure("wall", Scalar(-3 * MPa))}),)
     opened = without_mesh(material("rock", E, NU), stages=stages)
-    found = ground_reaction(opened.field, {})
+    found = reaction(opened)
     np.testing.assert_allclose(found.pressure, np.linspace(10 * MPa, -3 * MPa, 81), atol=1.0)
     assert len(found.radii) == 121
     np.testing.assert_allclose(found.radii, RADIUS * 4.0 ** np.linspace(0, 1, 121), rtol=1e-12)
@@ -178,12 +178,12 @@ def test_the_reaction_curve_reaches_as_far_as_a_stage_does():
 
 def test_the_reaction_goes_to_four_times_the_widest_plastic_radius():
     ground = rock(E, NU, mohr(MPa, 0.5))
-    found = ground_reaction(without_mesh(ground).field, {})
+    found = reaction(without_mesh(ground))
     widest = np.nanmax(found.stage_plastic_radius)
     assert widest > 1.3 * RADIUS
     assert found.radii[[0, -1]] == pytest.approx([RADIUS, 4.0 * widest], rel=1e-12)
     uneven = constant(-6 * MPa, -11 * MPa, -8.5 * MPa, MPa)
-    found = ground_reaction(without_mesh(ground, in_situ=uneven).field, {})
+    found = reaction(without_mesh(ground, in_situ=uneven))
     np.testing.assert_allclose(found.in_situ, [6 * MPa, 11 * MPa, 8.5 * MPa, -MPa])
     assert found.pressure[0] == pytest.approx(8.5 * MPa)
 

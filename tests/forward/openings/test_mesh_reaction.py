@@ -118,6 +118,7 @@ def test_what_was_asked_before_changes_nothing():
     found.response(pairs).readings(np.array([1.3 * MPa]))
     again = found.response(pairs).readings(np.array([MPa]))
     np.testing.assert_allclose(again, first, rtol=1e-9)
+    np.testing.assert_array_equal(found.response(pairs).evaluate(np.array([MPa]))[0], again)
     found.forget()
     np.testing.assert_array_equal(found.response(pairs).readings(np.array([MPa])), first)
 
@@ -159,6 +160,20 @@ def test_an_earlier_tunnel_counts_and_its_motion_does_not():
     np.testing.assert_allclose((np.array(moved[:-1]) - before) / (moved[-1] - before), shares)
 
 
+@pytest.mark.parametrize("before", [True, False])
+def test_only_ground_before_the_tunnel_makes_its_wall_yield(before):
+    """Where nothing yields before it is dug, the part is the share itself."""
+    hard, soft = material("rock", 9e9, 0.25), rock(5e9, 0.25, mohr(MPa, 0.5), name="soft")
+    soften = Stage("soften", change={"rock": "soft"})
+    dug = stages((0.5,))[:1]
+    found = staged(
+        oval(1, 3), hard, face=profile("chern", conversion="mesh"), channels=(),
+        stages=(soften, *dug) if before else (*dug, soften), materials={"rock": hard, "soft": soft},
+    )  # fmt: skip
+    (note,) = [note for note in found.notes if "face" in note]
+    assert ("in the mesh, without support" in note) == before
+
+
 def test_a_tunnel_that_does_not_stand_alone_says_so():
     found = staged(
         oval(), rock(5e9, 0.25, mohr(0.01 * MPa, 0.2, psi=0.2)),
@@ -168,9 +183,13 @@ def test_a_tunnel_that_does_not_stand_alone_says_so():
         found.survey(np.empty(0), fields=False)
 
 
-def test_branches_have_no_one_reaction():
-    apart = stages((0.5, 2.0))[:2]
-    apart = (replace(apart[0], independent=True), replace(apart[1], excavate=("core",)))
+@pytest.mark.parametrize("waits", [False, True])
+def test_branches_have_no_one_reaction(waits):
+    first, other = stages((0.5, 2.0))[:2]
+    apart = (replace(first, independent=True), replace(other, excavate=("core",)))
+    if waits:
+        apart = (Stage("wait"), first, Stage("line"), replace(other, base="0"),
+                 Stage("aside", distance=Scalar(3.0), base="line"))  # fmt: skip
     settings = {"face": profile("chern", conversion="mesh"), "stages": apart}
     with pytest.raises(InputError) as caught:
         staged(oval(), rock(5e9, 0.25, mohr(MPa, 0.5)), **settings)
@@ -183,41 +202,3 @@ def test_branches_have_no_one_reaction():
     assert fault.hint == (
         "Let each of them build on the one before, or write 'conversion: reaction-curve'."
     )
-
-
-def test_a_tunnel_needs_ground_around_it():
-    face = replace(profile("chern", conversion="mesh"), groups=("core", "rock"))
-    settings = {"face": face, "stages": stages((0.5,))[:1]}
-    with pytest.raises(InputError) as caught:
-        staged(oval(), rock(5e9, 0.25, mohr(MPa, 0.5)), **settings)
-    assert "no-wall" in {fault.code for fault in caught.value.faults}
-
-
-@pytest.mark.parametrize(
-    ("mesh", "stress", "said"),
-    [
-        (quarter(3, 8, 20.0), constant(*(-9 * MPa,) * 3), ()),
-        (oval(), constant(*(-9 * MPa,) * 3), ("This tunnel is not round, so that",)),
-        (
-            quarter(3, 8, 20.0),
-            UNEVEN,
-            (
-                "This tunnel stands in uneven stress (7 and 11 MPa at the start values), so that "
-                "the mean motion of its wall is another part of the final one (theory 2.9): "
-                "'conversion: mesh' takes that of the mesh",
-            ),
-        ),
-        (oval(), UNEVEN, ("is not round and stands in uneven stress (",)),
-    ],
-)
-def test_what_a_circle_does_not_tell_is_said(mesh, stress, said):
-    settings = {"in_situ": stress, "stages": stages(DISTANCES)}
-    ground = rock(5e9, 0.25, mohr(MPa, 0.5))
-    (note,) = [
-        n for n in staged(mesh, ground, face=profile("chern"), **settings).notes if "face" in n
-    ]
-    assert ("conversion: mesh" in note) == bool(said)
-    assert all(words in note for words in said)
-    own = staged(mesh, ground, face=profile("chern", conversion="mesh"), **settings)
-    (note,) = [n for n in own.notes if "face" in n]
-    assert "in the mesh, without support" in note

@@ -9,20 +9,18 @@ import pytest
 from support.cases import displacement, make_case, material, rollers
 from support.meshes import opening
 from support.tunnels import with_lines
-from support.yielding import constant, given, hoek, mohr, rock
+from support.yielding import given, mohr, rock
 
-from geoident.forward.openings.field import unsuitable
-from geoident.forward.openings.model import opening_in_mesh
-from geoident.forward.openings.site import Circle, OpeningSite, site_in_mesh, site_without_mesh
+from geoident.errors import InputError
+from geoident.forward.openings.model import OpeningModel, opening_in_mesh
 from geoident.forward.stages import CaseOnMesh
 from geoident.model.actions import Pressure, Traction, Water
 from geoident.model.case import Analysis, Stage, Support
-from geoident.model.ground import Growth, TransverselyIsotropic, WithDepth
+from geoident.model.ground import Attitude, Field, Growth, WithDepth
 from geoident.model.in_situ import GeostaticStress, HeimStress
-from geoident.model.mesh import Mesh
 from geoident.model.parameter import Scalar
 
-from .test_opening_model import GAUGES, RADIUS, MPa, gauge, quarter, staged, without_mesh
+from .test_opening_model import GAUGES, RADIUS, MPa, gauge, quarter, without_mesh
 
 PLAIN = material("rock", 5e9, 0.25)
 HARD = material("hard", 9e9, 0.2)
@@ -31,9 +29,10 @@ BOTH = Stage("both", excavate=("core", "bench"))
 
 
 def obstacles(*stages, **changes):
+    """Why a gauge cannot be read at each stage."""
     settings = {"groups": GROUPS, "materials": {"rock": PLAIN, "hard": HARD}}
     found = without_mesh(PLAIN, **{**settings, "stages": stages, **changes})
-    return found.field.obstacles
+    return [found.unreadable("up", stage.name) for stage in stages]
 
 
 PART = "at stage 'top' only a part of the opening is excavated"
@@ -41,6 +40,7 @@ TOP = Stage("top", excavate=("core",))
 PULL = Traction("wall", (Scalar(1.0), Scalar(0.0)))
 PRESS = Pressure("wall", Scalar(1.0))
 WATER = Water(Scalar(0.0), Scalar(1e4))
+AWAY = displacement("away", (3.0 * RADIUS, 1.0), (1.0, 0.0))
 
 
 @pytest.mark.parametrize(
@@ -80,7 +80,7 @@ WATER = Water(Scalar(0.0), Scalar(1e4))
     ],
 )  # fmt: skip
 def test_a_stage_without_a_closed_form_says_why_and_so_do_those_upon_it(stages, expected):
-    assert obstacles(*stages) == [None, *expected]
+    assert obstacles(*stages) == [*expected]
 
 
 def test_what_there_is_from_the_beginning_stands_against_all_stages():
@@ -88,28 +88,36 @@ def test_what_there_is_from_the_beginning_stands_against_all_stages():
         ({"water": WATER}, "there is water in the pores"),
         ({"loads": {"roof": PRESS}}, "the load 'roof' acts before the opening is excavated"),
     ):
-        assert obstacles(BOTH, Stage("on"), **changes) == [why] * 3
+        assert obstacles(BOTH, Stage("on"), **changes) == [why] * 2
 
 
 def test_structures_support_the_ground():
     stages = (BOTH, Stage("bolt", build=("nails", "bolts")))
     found = obstacles(*stages, structures={"nails": None, "bolts": None})
-    assert found[1:] == [None, "'bolts' supports the ground at stage 'bolt'"]
+    assert found == [None, "'bolts' supports the ground at stage 'bolt'"]
 
 
 def test_why_a_channel_is_not_covered():
     inner = gauge("inner", (0.0, 0.0), (0.0, 3 * RADIUS))
     cell = replace(GAUGES[0], name="cell", kind="load-cell", structure="nails")
-    stages = (BOTH, Stage("flood", water=WATER))
-    field = without_mesh(
-        PLAIN, groups=GROUPS, stages=stages, channels=(GAUGES[1], inner, cell)
-    ).field
+    opened = without_mesh(
+        PLAIN, groups=GROUPS, stages=(Stage("wait"), BOTH, Stage("flood", water=WATER)),
+        channels=(GAUGES[1], inner, cell),
+    )  # fmt: skip
     other = "it reads something else than displacements"
     gone = "a point of it stands in ground that is no longer there"
     wet = "there is water in the pores"
-    found = [[field.why_uncovered(n, k) for k in range(3)] for n in range(3)]
-    assert found == [[None, None, other], [None, gone, other], [wet, wet, wet]]
-    np.testing.assert_array_equal(field.covered, [[why is None for why in row] for row in found])
+    for name, expected in (
+        ("up", [None, None, wet]),
+        ("inner", [None, gone, wet]),
+        ("cell", [other, other, other]),
+    ):
+        stages = ("wait", "both", "flood")
+        assert [opened.unreadable(name, stage) for stage in stages] == expected
+        (row,) = opened.survey(np.empty(0), fields=False).computed[
+            [opened.rule.channels.index(name)]
+        ]
+        np.testing.assert_array_equal(np.isfinite(row), [why is None for why in expected])
 
 
 @pytest.mark.parametrize(("part", "inside"), [(0.949, True), (0.951, False)])
@@ -123,95 +131,62 @@ def test_a_point_nearer_than_its_tolerance_is_in_the_opening_and_others_on_the_w
     assert found[0] == pytest.approx(exact, rel=1e-12, nan_ok=True)
 
 
-BEDDED = TransverselyIsotropic(
-    *(Scalar(x) for x in (5e9, 4e9, 2e9, 0.2, 0.25)), frame=None
-)  # fmt: skip
-GEOSTATIC = GeostaticStress(K0=Scalar(0.5))
 GROWTH = Growth("rock", "E", Scalar(5e9), WithDepth(Scalar(1e7), Scalar(0.0)))
-FROM_FACES = HeimStress(K0=Scalar(1.0), unit_weight=Scalar(1.0), surface="top")
+FIELD = Field(
+    "rock", "E", Scalar(5e9), 0.3, (4.0,), Attitude(Scalar(0.0), Scalar(np.pi / 2)), modes=2
+)
+LIMITS = "'rock' has other yield limits than one of Mohr-Coulomb or Hoek-Brown"
 
 
 @pytest.mark.parametrize(
-    ("ground", "changes", "words"),
+    ("ground", "words"),
     [
-        (PLAIN, {}, None),
-        (PLAIN, {"analysis": Analysis.AXISYMMETRIC}, "its formulas are those of plane strain"),
-        (replace(PLAIN, elastic=BEDDED), {}, "'rock' is not isotropic"),
-        (replace(PLAIN, growths=(GROWTH,)), {}, "'rock' varies from place to place"),
-        (rock(5e9, 0.2, mohr(MPa, 0.5)), {}, None),
-        (rock(5e9, 0.2, mohr(MPa, 0.5), hoek(30e6, psi=0.1, mb=2.0, s=0.1, a=0.5)), {},
-         "'rock' has other yield limits than one of Mohr-Coulomb or Hoek-Brown"),
-        (rock(5e9, 0.2, given(np.eye(6)[:1], [1.0])), {},
-         "'rock' has other yield limits than one of Mohr-Coulomb or Hoek-Brown"),
-        (rock(5e9, 0.2, hoek(30e6, psi=0.1, mb=2.0, s=0.1, a=0.5)), {}, None),
-        (rock(5e9, 0.2, hoek(30e6, mb=2.0, s=0.1, a=0.5)), {},
-         "'rock' flows along the normals of Hoek-Brown; with 'dilation' it has one"),
-        (PLAIN, {"in_situ_of": {"far": constant(-1.0)}},
-         "groups have in-situ stresses of their own"),
-    ],
-)  # fmt: skip
-@pytest.mark.parametrize("has_mesh", [True, False])
-def test_ground_without_a_closed_form(ground, changes, words, has_mesh):
-    case = make_case(quarter(1, 2), materials={"rock": ground, "hard": HARD}, **changes)
-    assert unsuitable(case, "rock", has_mesh=has_mesh) == words
-    if ground is not PLAIN:
-        assert unsuitable(case, "hard", has_mesh=has_mesh) is None
-
-
-@pytest.mark.parametrize(
-    ("in_situ", "words"),
-    [
-        (None, None),
-        (HeimStress(K0=Scalar(1.0), unit_weight=Scalar(1.0), surface=Scalar(3.0)), None),
-        (GEOSTATIC, "the geostatic stress is the weight of the layers of a mesh"),
-        (FROM_FACES, "the depth is counted from a group of faces, which needs a mesh"),
+        (replace(PLAIN, growths=(GROWTH,)), "'rock' varies from place to place"),
+        (replace(PLAIN, fields=(FIELD,)), "'rock' varies from place to place"),
+        (rock(5e9, 0.2, mohr(MPa, 0.5), mohr(2 * MPa, 0.1)), LIMITS),
+        (rock(5e9, 0.2, given(np.eye(6)[:1], [1.0])), LIMITS),
     ],
 )
-def test_a_stress_that_needs_a_mesh(in_situ, words):
-    case = make_case(quarter(1, 2), materials={"rock": PLAIN}, in_situ=in_situ)
-    assert unsuitable(case, "rock", has_mesh=False) == words
-    assert unsuitable(case, "rock", has_mesh=True) is None
+def test_ground_without_a_closed_form(ground, words):
+    """Other reasons: `test_said_of_openings.py`."""
+    with pytest.raises(InputError, match=f"there is no closed form of this case: {words}"):
+        without_mesh(ground)
 
 
-def test_ground_of_fields_or_in_another_analysis_has_none_on_a_mesh():
-    """Asked of the mesh before anything is looked for in it."""
-    case = make_case(quarter(1, 2), materials={"rock": replace(PLAIN, growths=(GROWTH,))})
-    case = replace(case, groups={"core": "rock", "rock": "rock"}, analysis=Analysis.AXISYMMETRIC)
-    found = opening_in_mesh(CaseOnMesh(case, quarter(1, 2)), ROUND)
-    assert found == "its formulas are those of plane strain"
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"in_situ": GeostaticStress(K0=Scalar(0.5)), "gravity": (0.0, -9.81)},
+        {"in_situ": HeimStress(K0=Scalar(1.0), unit_weight=Scalar(1.0), surface="wall")},
+    ],
+)
+def test_a_mesh_knows_the_stress_of_layers_and_of_surfaces(changes):
+    found = opening_in_mesh(on(quarter(3, 10, 12.0), **changes), *ROUND)
+    assert isinstance(found, OpeningModel)
 
 
-def sites(groups, *stages, circle=None):
-    case = make_case(Mesh(np.empty((0, 2)), ()), groups=groups, stages=stages)
-    circle = Circle((3.0, -4.0), 2.5) if circle is None else circle
-    return site_without_mesh(CaseOnMesh(case, Mesh(np.empty((0, 2)), ())).sequence, circle)
-
-
-MIXED = {"core": "soil", "a": "sand", "bench": "marl", "b": "clay", "c": "chalk", "d": "silt",
+MIXED = {"core": "rock", "a": "sand", "bench": "marl", "b": "clay", "c": "chalk", "d": "silt",
          "e": "rock"}  # fmt: skip
 
 
-def test_the_site_of_a_case_without_mesh_is_all_that_is_excavated():
-    two = Stage("top", excavate=("core",)), Stage("rest", excavate=("bench",))
-    found = sites({"core": "soil", "bench": "marl", "a": "sand", "b": "sand"}, *two)
-    assert found == OpeningSite((3.0, -4.0), 2.5, frozenset({0, 1}), 2)
-    assert sites({"a": "sand", "core": "soil"}, two[0]).ground == 0
-    assert sites(MIXED, *two) == (
+def test_without_a_mesh_the_opening_is_all_that_is_excavated():
+    def why(groups, **changes):
+        names = {*groups.values(), "rock"}
+        with pytest.raises(InputError) as caught:
+            without_mesh(
+                PLAIN, groups=groups, stages=(TOP, Stage("rest", excavate=("bench",))),
+                materials={name: replace(PLAIN, name=name) for name in names}, **changes,
+            )  # fmt: skip
+        return caught.value.faults[0].message.removeprefix("there is no closed form of this case: ")
+
+    assert why(MIXED) == (
         "the ground around the opening is of several materials: 'chalk', 'clay', 'rock', 'sand' "
         "and 1 more"
     )
-    assert sites({"core": "soil", "a": "sand", "b": "clay"}, two[0]) == (
-        "the ground around the opening is of several materials: 'clay', 'sand'"
-    )
     four = dict(zip("abcd", ("p", "q", "r", "s"), strict=True))
-    assert sites({"core": "soil", **four}, two[0]).endswith("'p', 'q', 'r', 's'")
+    assert why({"core": "rock", "bench": "rock", **four}).endswith(": 'p', 'q', 'r', 's'")
     given = "without a mesh 'fit.closed-form' must give the centre and the radius"
-    for circle in (Circle((3.0, 4.0), None), Circle(None, 2.0)):
-        assert sites(MIXED, *two, circle=circle) == given
-    assert sites({"a": "sand"}, Stage("wait")) == "no stage excavates anything"
-    assert sites({"core": "sand"}, two[0]) == (
-        "every group is excavated, none is left around the opening"
-    )
+    assert why(MIXED, centre=None) == why(MIXED, radius=None) == given
 
 
 def on(mesh, *stages, groups=None, **changes):
@@ -224,6 +199,14 @@ def on(mesh, *stages, groups=None, **changes):
     return CaseOnMesh(make_case(mesh, **{**settings, **changes}), mesh)
 
 
+ROUND = (0.0, 0.0), RADIUS
+
+
+def model_of(mesh, *stages, circle=ROUND, **changes):
+    """The closed form of a case on a mesh, or why there is none."""
+    return opening_in_mesh(on(mesh, *stages, **changes), *circle)
+
+
 def all_round():
     """All round, of few elements."""
     return opening("quad8", 2, n=1, layers=6, radius=RADIUS, reach=12 * RADIUS, whole=True)
@@ -233,33 +216,33 @@ def moved(mesh, by, factor=1.0):
     return replace(mesh, points=mesh.points * factor + np.asarray(by))
 
 
-ROUND = Circle((0.0, 0.0), RADIUS)
-
-
 def test_the_circle_that_a_case_gives_is_looked_at_in_its_mesh():
     """Not about the origin; a quarter shows all of it; its face group is the wall."""
     mesh = moved(quarter(3, 10, 12.0), (5.0, -7.0))
-    found = site_in_mesh(on(mesh), Circle((5.0, -7.0), RADIUS))
-    assert isinstance(found, OpeningSite)
-    assert (found.centre, found.radius) == ((5.0, -7.0), RADIUS)
-    assert found.walls == frozenset({"wall"})
-    assert (found.remarks, len(found.groups)) == ((), 1)
-    assert isinstance(site_in_mesh(on(mesh), Circle((5.035, -7.0), RADIUS)), OpeningSite)
-    for circle in (Circle(), Circle((5.0, -7.0)), Circle(None, RADIUS)):
-        assert site_in_mesh(on(mesh), circle) == (
+    press = Stage("press", loads={"grout": Pressure("wall", Scalar(1.0))})
+    found = model_of(mesh, TOP, press, circle=((5.0, -7.0), RADIUS), channels=(AWAY,))
+    assert found.notes == (
+        "closed form of a circular opening of radius 2 m about (5, -7) m in 'rock'",
+    )
+    assert found.unreadable("away", "press") is None
+    assert isinstance(model_of(mesh, circle=((5.035, -7.0), RADIUS)), OpeningModel)
+    for circle in ((None, None), ((5.0, -7.0), None), (None, RADIUS)):
+        assert model_of(mesh, circle=circle) == (
             "the case does not say where the opening is: give its centre and radius, as in "
             "'fit: {closed-form: {centre: [0 m, 0 m], radius: 2.5 m}}'"
         )
-    assert site_in_mesh(on(mesh), Circle((5.0, -7.0), 1.0)) == (
+    assert model_of(mesh, circle=((5.0, -7.0), 1.0)) == (
         "no group that is excavated lies within 1 m of (5, -7) m"
     )
+    revolved = model_of(mesh, analysis=Analysis.AXISYMMETRIC)
+    assert revolved == "its formulas are those of plane strain"
 
 
-@pytest.mark.parametrize("radius", [2.0 / 1.0195, 2.0 / 0.9805])
-def test_a_wall_may_lie_off_its_circle_by_two_hundredths(radius):
+def test_a_wall_may_lie_off_its_circle_by_two_hundredths():
     mesh = quarter(3, 10, 12.0)
-    assert site_in_mesh(on(mesh), Circle((0.0, 0.0), radius)).radius == radius
-    assert site_in_mesh(on(mesh), Circle((0.0, 0.0), 2.0 / 0.9795)) == (
+    for radius in (2.0 / 1.0195, 2.0 / 0.9805):
+        assert isinstance(model_of(mesh, circle=((0.0, 0.0), radius)), OpeningModel)
+    assert model_of(mesh, circle=((0.0, 0.0), 2.0 / 0.9795)) == (
         "the wall of 'core' is not the circle of radius 2.042 m about (0, 0) m: it lies 2 to 2 m "
         "from there"
     )
@@ -278,11 +261,11 @@ def test_a_wall_may_lie_off_its_circle_by_two_hundredths(radius):
     ],
 )  # fmt: skip
 def test_how_far_a_model_goes(reach, words):
-    found = site_in_mesh(on(quarter(3, 10, reach)), ROUND)
+    found = model_of(quarter(3, 10, reach))
     if isinstance(found, str):
         assert found == words
     else:
-        assert found.remarks == (() if words is None else (words,))
+        assert found.notes[1:] == (() if words is None else (words,))
 
 
 def parted(inner: float):
@@ -296,13 +279,11 @@ def parted(inner: float):
 
 def test_ground_away_from_the_wall_may_be_another():
     mesh = parted(4.0)
-    groups = {"far": "hard", "core": "hard", "rock": "rock"}
-    found = site_in_mesh(on(mesh, groups=groups), ROUND)
-    assert found.remarks == ("the closed form leaves out 'hard': all is rock",)
-    assert (found.ground, found.groups) == (2, frozenset({1}))
-    alike = on(mesh, Stage("later", ("core",), change={"far": "hard"}),
-               groups={**groups, "far": "rock"})  # fmt: skip
-    assert site_in_mesh(alike, ROUND).remarks == ()
+    found = model_of(mesh, groups={"far": "hard", "core": "hard", "rock": "rock"})
+    assert found.notes[0].endswith("in 'rock'")
+    assert found.notes[1:] == ("the closed form leaves out 'hard': all is rock",)
+    later = Stage("later", ("core",), change={"far": "hard"})
+    assert model_of(mesh, later, groups=dict.fromkeys(mesh.groups, "rock")).notes[1:] == ()
 
 
 def test_ground_of_several_materials_at_the_wall():
@@ -311,50 +292,30 @@ def test_ground_of_several_materials_at_the_wall():
     rest = mesh.groups["rock"]
     high = centre[rest, 1] > centre[rest, 0]
     mesh = replace(mesh, groups={**mesh.groups, "rock": rest[~high], "roof": rest[high]})
-    groups = {"core": "rock", "rock": "rock", "roof": "hard"}
-    found = site_in_mesh(on(mesh, groups=groups), ROUND)
+    found = model_of(mesh, groups={"core": "rock", "rock": "rock", "roof": "hard"})
     assert found == "the ground at the wall is of several materials: 'hard', 'rock'"
-    assert isinstance(site_in_mesh(on(mesh), ROUND), OpeningSite)
 
 
 def test_of_what_is_excavated_counts_what_lies_within_the_circle():
     """A pit is far away; the opening is dug in two stages."""
-    assert site_in_mesh(on(quarter(2, 6, 12.0), Stage("wait")), ROUND) == (
-        "no stage excavates anything"
-    )
-    mesh = parted(6.0)
-    split = replace(mesh, groups={**mesh.groups, "core": mesh.groups["core"][:3],
-                                  "bench": mesh.groups["core"][3:]})  # fmt: skip
-    stages = (
-        Stage("pit", excavate=("far",)),
-        Stage("top", excavate=("core",)),
-        Stage("rest", excavate=("bench",)),
-    )
-    found = site_in_mesh(on(split, *stages), ROUND)
-    assert isinstance(found, OpeningSite)
-    assert len(found.groups) == 2
-    assert site_in_mesh(on(split, *stages[:2]), ROUND).startswith("the wall of 'core' is not")
-
-
-def test_ground_that_borders_nothing_has_no_wall():
-    mesh = quarter(2, 6, 12.0)
+    assert model_of(quarter(2, 6, 12.0), Stage("wait")) == "no stage excavates anything"
+    mesh, core = parted(6.0), parted(6.0).groups["core"]
+    split = replace(mesh, groups={**mesh.groups, "core": core[:3], "bench": core[3:]})
+    stages = Stage("pit", excavate=("far",)), TOP, Stage("rest", excavate=("bench",))
+    assert isinstance(model_of(split, *stages), OpeningModel)
+    assert model_of(split, *stages[:2]).startswith("the wall of 'core' is not")
     everything = Stage("all", excavate=("core", "rock"))
-    found = site_in_mesh(on(mesh, everything), Circle((0.0, 0.0), 99.0))
+    found = model_of(quarter(2, 6, 12.0), everything, circle=((0.0, 0.0), 99.0))
     assert found == "'core', 'rock' border no ground that stays"
 
 
 def test_a_half_of_a_circle_needs_the_plane_of_symmetry_to_be_held():
-    whole = quarter(3, 10, 12.0)
-    up = Support("x0", (0,))
-    free = site_in_mesh(on(whole, supports=(up,)), ROUND)
+    whole, up = quarter(3, 10, 12.0), Support("x0", (0,))
+    free = model_of(whole, supports=(up,))
     assert free.startswith("the model, or another opening, ends 0.1 radii")
-    across = site_in_mesh(on(whole, supports=(up, Support("y0", (0,)))), ROUND)
-    assert across == free
-    assert isinstance(site_in_mesh(on(whole, supports=(up, Support("y0", (1,)))), ROUND),
-                      OpeningSite)  # fmt: skip
-    flipped = replace(whole, points=-whole.points)
-    blocks = tuple(replace(b, nodes=b.nodes) for b in flipped.blocks)
-    assert isinstance(site_in_mesh(on(replace(flipped, blocks=blocks)), ROUND), OpeningSite)
+    assert model_of(whole, supports=(up, Support("y0", (0,)))) == free
+    assert isinstance(model_of(whole, supports=(up, Support("y0", (1,)))), OpeningModel)
+    assert isinstance(model_of(replace(whole, points=-whole.points)), OpeningModel)
 
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])
@@ -370,7 +331,7 @@ def test_stress_that_grows_across_counts_at_both_sides_of_the_opening(side):
     ends = [edge[np.argmin(np.abs(angle - at))] for at in (np.pi / 2, -np.pi / 8)]
     mesh = with_lines(mesh, "slope", np.array([ends]))
     stress = HeimStress(K0=Scalar(1.0), unit_weight=Scalar(1e4), surface="slope")
-    found = opening_in_mesh(on(mesh, in_situ=stress), Circle((0.0, 0.0), RADIUS))
+    found = model_of(mesh, in_situ=stress)
     (x0, y0), (x1, y1) = mesh.points[ends]
     assert x0 == pytest.approx(0.0, abs=1e-9)
     fall = (y0 - y1) / abs(x1)
@@ -389,7 +350,6 @@ def test_a_pressure_elsewhere_is_no_pressure_on_the_wall():
     lines = mesh.facets[0].nodes
     away = np.linalg.norm(mesh.points[lines], axis=2)
     mesh = with_lines(mesh, "edge", lines[(away > 11.9 * RADIUS).all(axis=1)])
-    found = staged(mesh, PLAIN, stages=stages).response([(GAUGES[0].name, "open")])
-    field = found.opening((0.0, 0.0), RADIUS)._model.field
+    found = model_of(mesh, *stages, channels=(AWAY,))
     why = "the load 'side' is no pressure on the wall of the opening"
-    assert field.obstacles == [None, None, None, why]
+    assert [found.unreadable("away", s.name) for s in stages] == [None, None, why]

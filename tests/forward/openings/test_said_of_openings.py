@@ -92,48 +92,15 @@ def test_no_closed_form(tmp_path, keys, why):
         ),
         (
             {
-                "stages": "[{name: dig, excavate: [core], "
-                "loads: {p: {at: [0 m, 9 m], line_force: [0 N/m, 1 kN/m]}}}]"
-            },
-            "the load 'p' is no pressure on the wall of the opening",
-        ),
-        (
-            {"stages": "[{name: dig, excavate: [core]}, {name: more, excavate: [side]}]"},
-            "at stage 'dig' only a part of the opening is excavated",
-        ),
-        (
-            {"stages": "[{name: dig, excavate: [core, side], release: {core: 0.5}}]"},
-            "at stage 'dig' parts of the opening are released differently",
-        ),
-        (
-            {
                 "stages": "[{name: dig, excavate: [core], change: {ground: marl}}]",
                 "materials": TWO,
             },
             "stage 'dig' changes 'ground', which is not part of the opening",
         ),
-        (
-            {"stages": "[{name: dig, excavate: [core], install: {side: rock}}]"},
-            "stage 'dig' installs 'side'",
-        ),
-        (
-            {
-                "stages": "[{name: dig, excavate: [core], temperature: {ground: 10 K}}]",
-                "materials": "{rock: {E: $E, nu: 0.25, expansion: 1e-5 1/K}}",
-            },
-            "the temperature of 'ground' changes",
-        ),
-        (
-            {
-                "stages": "[{name: dig, excavate: [core], build: [b]}]",
-                "structures": "{b: {kind: bolt, ends: [[[2 m, 0 m], [5 m, 0 m]]], spacing: 1 m, "
-                "EA: 100 MN}}",
-            },
-            "'b' supports the ground at stage 'dig'",
-        ),
     ],
 )
 def test_stages_without_a_closed_form(tmp_path, keys, why):
+    """All reasons: `test_obstacles.py`."""
     said_of_gauge = f"no readable stage after the zero: C, as {why}"
     assert f"{said_of_gauge} - closed form of a circular opening of radius 2 m" in said(
         tmp_path, **keys

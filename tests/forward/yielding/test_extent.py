@@ -8,7 +8,7 @@ from support.cases import displacement, model, rollers
 from support.meshes import box, regroup
 from support.yielding import NOTHING, Cavity, constant, mohr, rock
 
-from geoident.forward.openings.closed_forms import Opening, PlasticState, Rock, mohr_coulomb
+from geoident.forward.openings.closed_forms import Opening, Rock, mohr_coulomb
 from geoident.forward.yielding.extent import YieldRecorder, circle_centre
 from geoident.model.case import Stage
 from geoident.model.dual import Dual
@@ -26,7 +26,7 @@ def plastic_radius(released: float) -> float:
     ground = Rock(number(CAVITY.E), number(CAVITY.nu), stress, stress)
     strength = mohr_coulomb(number(C), number(PHI), number(0.0))
     state = Opening(CAVITY.radius, ground, strength).under((1.0 - released) * stress)
-    return float(state.plastic_radius.value) if isinstance(state, PlasticState) else 1.0
+    return 1.0 if state.plastic_radius is None else float(state.plastic_radius.value)
 
 
 def test_plastic_radius_and_area_of_an_opening():
