@@ -261,7 +261,9 @@ class StrainPoints:
         """Strains (n_strain, m, ...) of displacements (n_dofs, ...) at some points; None: all."""
         dim, columns = self.kinematics.dim, u.shape[1:]
         n = math.prod(columns)
-        gradients = self.gradients if points is None else self._some(points)
+        gradients = self.gradients
+        if points is not None:
+            gradients = tuple(D[points] for D in gradients)
         m = gradients[0].shape[0]
         strain = np.zeros((self.n_strain, m, n))
         moved = u.reshape(self.n_dofs // dim, dim, n)
@@ -315,30 +317,6 @@ class StrainPoints:
         indptr = np.cumsum(np.concatenate(counts))
         shape = (len(indptr) - 1, self.n_dofs)
         return sp.csr_array((np.concatenate(data), np.concatenate(indices), indptr), shape=shape)
-
-    def _some(self, points: Ints | slice) -> tuple[sp.csr_array, ...]:
-        """D_j of some points; those of a run of points are views, made once."""
-        import scipy.sparse as sp  # noqa: PLC0415 - pictures need no matrices
-
-        if not isinstance(points, slice):
-            return tuple(sp.csr_array(gradient[points]) for gradient in self.gradients)
-        first, end, _ = points.indices(self.n_points)
-        if (first, end) not in self._runs:
-            ends = self.gradients[0].indptr[first : end + 1]
-            part = slice(int(ends[0]), int(ends[-1]))
-            views = []
-            for D in self.gradients:
-                view = sp.csr_array((end - first, D.shape[1]), dtype=D.dtype)
-                # set, not given: what is given to scipy is copied where it is a part of an array
-                view.data, view.indices, view.indptr = D.data[part], D.indices[part], ends - ends[0]
-                views.append(view)
-            self._runs[first, end] = tuple(views)
-        return self._runs[first, end]
-
-    @cached_property
-    def _runs(self) -> dict[tuple[int, int], tuple[sp.csr_array, ...]]:
-        """D_j of runs of points that were asked for."""
-        return {}
 
     @cached_property
     def points_of_nodes(self) -> sp.csr_array:
