@@ -9,7 +9,6 @@ import pytest
 from support.meshes import KINDS, KINDS_2D, box, build, gaping_box, mixed_box, opening
 
 from geoident.fem.faces import (
-    FaceKeys,
     FacetPatch,
     distance_to_faces,
     face_table,
@@ -50,24 +49,6 @@ def test_faces_are_the_same_in_a_mesh_of_any_size(kind, n_nodes):
         np.testing.assert_array_equal(large.find(moved), small.find(block))
         assert np.all(large.find(moved) >= 0)
         assert np.all(large.find(replace(moved, nodes=moved.nodes[:, ::-1] - mesh.n_nodes)) == -1)
-
-
-def test_faces_whose_numbers_overlap_in_21_bits_are_told_apart():
-    """In keys of 21 bits a node, 1, 2, 5 + 2^21 would be 1, 3, 5."""
-    faces = np.array([[1, 2, 5 + 2**21], [1, 3, 5], [1, 5, 3], [3, 5 + 2**21, 2]])
-    for n_nodes in (2**21 + 6, 2**23, 2**40):
-        keys, identity = FaceKeys.of([faces], n_nodes)
-        assert len(keys.sorted) == 3
-        assert identity[1] == identity[2]
-        np.testing.assert_array_equal(keys.find(faces[:, ::-1]), identity)
-
-
-def test_a_triangle_is_not_the_quadrilateral_that_holds_it():
-    triangle, quadrilateral = np.array([[4, 2, 3]]), np.array([[3, 2, 4, 9]])
-    for n_nodes in (10, 2**40):
-        keys, identity = FaceKeys.of([triangle, quadrilateral], n_nodes)
-        assert identity.tolist() == [0, 1]
-        assert keys.find(quadrilateral).tolist() == [1]
 
 
 @pytest.mark.parametrize("order", [1, 2])
@@ -188,12 +169,6 @@ def test_distance_from_a_segment():
     for point, expected in (((1, 3), 3), ((-3, 4), 5), ((2, 0), 0)):
         assert distance_to_faces(mesh, line, np.array(point, float)) == pytest.approx(expected)
     assert distance_to_faces(mesh, (), np.zeros(2)) == np.inf
-
-
-def test_distance_from_a_segment_without_length():
-    mesh = Mesh(np.array([[1.0, 2.0], [1.0, 2.0]]), ())
-    point = FacetPatch("line2", np.array([[0, 1]]), np.array([0]))
-    assert distance_to_faces(mesh, (point,), np.array([4.0, 6.0])) == pytest.approx(5.0)
 
 
 def test_distance_from_faces_of_both_kinds():

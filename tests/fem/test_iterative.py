@@ -15,7 +15,7 @@ from geoident.errors import ModelError
 from geoident.fem import solvers
 from geoident.fem.solvers import Solver, is_beyond, iterative, levels, pick_solver
 from geoident.fem.solvers import conjugate_gradients as cg
-from geoident.fem.solvers.direct import NotPositiveDefinite, SolverCounts, UnknownPlaces
+from geoident.fem.solvers.direct import NotPositiveDefinite, SolverCounts
 from geoident.fem.solvers.factor_cost import FactorCost
 from geoident.fem.solvers.splu import SpluFactorization
 from geoident.fem.stiffness import stiffness_pattern
@@ -317,11 +317,3 @@ def test_a_limit_of_the_process_counts(monkeypatch):
     monkeypatch.setattr(resource, "getrlimit", lambda _: (resource.RLIM_INFINITY,) * 2)
     monkeypatch.setattr(processors, "GROUP_LIMITS", ())
     assert processors.memory_limit() > 1e9
-
-
-def test_places_name_the_unknowns():
-    pattern, _ = system(ground("tet10", 3))
-    places = pattern.places
-    assert isinstance(places, UnknownPlaces)
-    ends = places.points[places.edges[:, 1:]].mean(axis=1)
-    np.testing.assert_allclose(places.points[places.edges[:, 0]], ends, atol=1e-12)

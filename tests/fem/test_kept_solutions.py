@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from geoident.fem import solvers
-from geoident.fem.solvers import iterative, kept_solutions, pick_solver
+from geoident.fem.solvers import iterative, kept_solutions
 from tests.fem.test_iterative import ground, iterative_solver, loads, system
 
 
@@ -71,21 +70,3 @@ def test_nothing_is_taken_for_the_solution_of_something_else(solved):
         plain = iterative_solver().analyse(pattern).factorize(v).solve(b)
         assert np.array_equal(found, plain)
     assert len(solved) == 1 + 2 * 3
-
-
-def test_what_is_solved_quickly_is_not_kept(solved, monkeypatch):
-    monkeypatch.setattr(kept_solutions, "WORTH", 1e9)
-    pattern, values = system(ground("tet10", 2))
-    kept = Kept()
-    with_store(kept).analyse(pattern).factorize(values).solve(loads(pattern))
-    assert not kept.of
-
-
-def test_the_choice_among_solvers_passes_the_store_on(solved, monkeypatch):
-    monkeypatch.setattr(solvers, "COUNTED", 0)
-    monkeypatch.setattr(solvers, "MOST_ENTRIES", 1000)
-    pattern, values = system(ground("tet10", 2))
-    kept, solver = Kept(), pick_solver("auto")
-    solver.keep_solutions(kept)
-    solver.analyse(pattern).factorize(values).solve(loads(pattern))
-    assert len(kept.of) == 2  # the least eigenvalue and a block of solutions

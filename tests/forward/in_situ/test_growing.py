@@ -120,13 +120,6 @@ def test_growth_with_depth_by_hand():
     assert (zero.typical, zero.names) == (1.0, frozenset())
 
 
-def test_a_material_that_nothing_is_made_of_does_not_grow():
-    assert point_growths(on(with_depth(), groups={"rock": "stone", "soil": "stone"})) == ()
-    later = {"groups": {"rock": "stone", "soil": None}, "stages": (FILL,)}
-    (found,) = point_growths(on(with_depth(), **later))
-    assert len(found.points) == 12
-
-
 FILL = Stage("fill", install={"soil": "soil"})
 
 

@@ -54,6 +54,7 @@ STEEL, ENDS_OF_ONE = Scalar(200e9), (((0.0, 0.0), (0.0, 3.0)),)
         ),
         (Bolts(ENDS_OF_ONE, Scalar(1.5), E=STEEL, area=Scalar(7e-4)), 200e9 * 7e-4 / 1.5, 0.0),
         (Bolts(ENDS_OF_ONE, None, EA=Scalar(1.4e8)), 1.4e8, 0.0),
+        (Bolts(ENDS_OF_ONE, None, EA=Scalar(1.4e8), number=Scalar(12.0)), 12 * 1.4e8, 0.0),
     ],
 )
 def test_stiffness_follows_from_sizes(structure, EA, EI):
