@@ -100,22 +100,15 @@ def test_solutions_are_those_of_the_dense_matrix(solver, name):
     np.testing.assert_allclose(solution, np.linalg.solve(matrix.toarray(), rhs), rtol=1e-6)
 
 
-def test_work_is_counted(solver):
-    pattern, values = lower(laplacian(4))
-    analysis = solver.analyse(pattern)
-    analysis.factorize(values).solve(np.ones((16, 3)))
-    analysis.factorize(2 * values).solve(np.ones((16, 2)))
-    counts = solver.counts
-    assert (counts.analyses, counts.factorizations, counts.solves) == (1, 2, 5)
-
-
-def test_one_analysis_serves_many_values(solver):
+def test_one_analysis_serves_many_values_and_counts_its_work(solver):
     analysis = solver.analyse(lower(truss(3))[0])
-    rhs = np.ones((81, 1))
+    rhs = np.ones((81, 2))
     for seed in range(4):
         matrix = truss(3, seed=seed)
         solution = analysis.factorize(lower(matrix)[1]).solve(rhs)
         np.testing.assert_allclose(matrix @ solution, rhs, rtol=1e-8)
+    counts = solver.counts
+    assert (counts.analyses, counts.factorizations, counts.solves) == (1, 4, 8)
 
 
 def test_a_replaced_factor_refuses_to_solve(solver):
@@ -171,10 +164,7 @@ def test_a_bad_diagonal_entry_is_named(solver, entry):
     with pytest.raises(NotPositiveDefinite) as caught:
         solver.analyse(pattern).factorize(values)
     assert caught.value.unknown == 7
-
-
-def test_a_value_that_is_not_a_number_is_refused(solver):
-    pattern, values = lower(laplacian(5))
+    values[pattern.indptr[7]] = 4.0
     values[pattern.indptr[7] + 1] = np.nan
     with pytest.raises(NotPositiveDefinite):
         solver.analyse(pattern).factorize(values)
@@ -209,7 +199,7 @@ def test_a_matrix_held_by_little_is_not_taken_for_singular(solver):
     np.testing.assert_allclose(matrix @ solution, rhs, rtol=1e-3)
 
 
-def test_splu_finds_a_loose_body_without_reading_a_large_factor(monkeypatch):
+def test_splu_finds_a_loose_body_in_a_factor_too_large_to_read(monkeypatch):
     monkeypatch.setattr(splu, "READABLE", 0)
     solver = pick_solver("splu")
     held, loose = lower(truss(4)), lower(truss(4, ground=0.0))
@@ -300,13 +290,13 @@ def test_options_of_other_users_of_cvxopt_are_kept(monkeypatch):
 
 
 def test_a_released_analysis_factorizes_again(monkeypatch, solver):
+    """Memory of a large factor is given back as soon as nobody uses it."""
     monkeypatch.setattr(direct, "RELEASED_ENTRIES", 1)
     pattern, values = lower(laplacian(8))
     analysis = solver.analyse(pattern)
     before = analysis.factorize(values).solve(np.ones((pattern.n, 1)))
     after = analysis.factorize(values).solve(np.ones((pattern.n, 1)))
     np.testing.assert_array_equal(before, after)
-    assert solver.counts.analyses == 1
 
 
 ON_TWO_THREADS = """

@@ -79,7 +79,7 @@ class InSituStress:
         own = np.isin(groups, [names.index(g) for g in case.in_situ_of])
         zones = [(case.in_situ, ~own)]
         zones += [(model, groups == names.index(g)) for g, model in case.in_situ_of.items()]
-        self._zones = []
+        self._zones: list[tuple[_Components, Ints]] = []
         self.n_outside = 0
         for model, here in zones:
             if model is not None and here.any():
