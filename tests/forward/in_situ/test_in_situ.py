@@ -178,13 +178,6 @@ def test_a_heavy_valley_is_in_equilibrium_after_the_first_step(kind):
     assert any("out of balance" in note for note in survey.notes)
 
 
-def test_a_flat_surface_of_faces_is_the_same_as_its_level():
-    mesh = box("quad8", (6, 6), size=(8.0, 8.0), distortion=0.1)
-    by_faces, by_level = heavy(mesh, "y1"), heavy(mesh, Scalar(8.0))
-    one, other = (virgin(s).stress for s in (by_faces, by_level))
-    np.testing.assert_allclose(one, other, atol=1e-9 * WEIGHT * 8)
-
-
 def test_surfaces_of_solids_and_ground_beside_their_footprint():
     mesh = box("tet10", (4, 4, 4), size=(8.0, 8.0, 8.0))
     x, y, z = mesh.points.T

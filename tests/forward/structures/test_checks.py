@@ -119,6 +119,10 @@ def test_hinges_and_groups_that_are_not_on_the_beam():
          hint),
         ("missing-group", "structures.it.hinges[3]", f"the mesh {name} has no group 'none'", hint),
     ]  # fmt: skip
+    assert _faults(replace(beam, group="walls", clamped_on=(), hinges=())) == [
+        ("missing-group", "structures.it.on", f"the mesh {name} has no group 'walls' of lines",
+         "its groups: " + ", ".join(sorted(mesh.facet_groups))),
+    ]  # fmt: skip
     where = "a hinge stands at a node of the beam, where two of its pieces meet"
     assert _faults(replace(beam, clamped_on=("x0",), hinges=beam.hinges[:3])) == [
         ("no-hinge-there", "structures.it.hinges[1]",

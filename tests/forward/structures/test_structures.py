@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from geoident.errors import InputError
 from geoident.model.actions import Traction
 from geoident.model.case import Stage
 from geoident.model.in_situ import ConstantStress
@@ -407,23 +406,6 @@ def test_condensation_finds_the_stiffness_of_a_lining():
         condensed = response.condense(p, measured, np.full(4, 1e-4))
         p = np.linalg.lstsq(condensed.matrix * true, condensed.vector)[0] * true
     np.testing.assert_allclose(p, true, rtol=1e-6)
-
-
-def test_every_lining_without_ground_is_told_bolts_before_it_or_not():
-    bolts = Bolts((((RADIUS, 0.0), (2 * RADIUS, 0.0)),), Scalar(1.0), EA=Scalar(1e8))
-    structures = {
-        "bolts": bolts,
-        "lining": Beam("walls", EA=Scalar(1e9), EI=Scalar(1e7), clamped_on=("x7",)),
-        "more": Beam("floor", EA=Scalar(1e9), EI=Scalar(1e7)),
-    }
-    stages = (Stage("open", excavate=("core",), build=("bolts",)),)
-    with pytest.raises(InputError) as error:
-        _lined(_tunnel(3, reach=8), stages, structures=structures)
-    assert [fault.path for fault in error.value.faults] == [
-        "structures.lining.on",
-        "structures.lining.clamped_on[0]",
-        "structures.more.on",
-    ]
 
 
 def test_beam_is_the_limit_of_a_thin_lining_of_elements():
