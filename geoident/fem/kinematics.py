@@ -34,18 +34,16 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+import scipy.sparse as sp
 
 from geoident.fem.elements import raised_rule, reference_element
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Analysis
 from geoident.model.mesh import ElementBlock, Mesh
-
-if TYPE_CHECKING:
-    import scipy.sparse as sp
 
 Terms = tuple[tuple[int, int], ...]
 """Pairs (displacement i, entry j of the gradient vector) whose products are summed."""
@@ -303,8 +301,6 @@ class StrainPoints:
 
     def compatibility(self, points: Ints | None = None) -> sp.csr_array:
         """C of some points, (n_strain k, n_dofs), component by component; None: of all."""
-        import scipy.sparse as sp  # noqa: PLC0415 - see above
-
         some = [D if points is None else sp.csr_array(D[points]) for D in self.gradients]
         data, indices, counts = [], [], [np.zeros(1, dtype=np.int64)]
         for terms in self.kinematics.strains:
@@ -321,8 +317,6 @@ class StrainPoints:
     @cached_property
     def points_of_nodes(self) -> sp.csr_array:
         """(n_nodes, n_points) which points the nodes strain: a pattern by rows."""
-        import scipy.sparse as sp  # noqa: PLC0415 - see above
-
         return sp.csr_array(self.gradients[0].T)
 
     @cached_property
@@ -353,8 +347,6 @@ def _gradients(
     mesh: Mesh, geometries: tuple[BlockGeometry, ...], kinematics: Kinematics
 ) -> tuple[sp.csr_array, ...]:
     """Built row by row in their final place: no sorting, no triplets, one pattern for all."""
-    import scipy.sparse as sp  # noqa: PLC0415 - see above
-
     counts, nodes = [np.zeros(1, dtype=np.int32)], []
     for block, geometry in zip(mesh.blocks, geometries, strict=True):
         n_el, n_q, n_a, _ = geometry.gradients.shape

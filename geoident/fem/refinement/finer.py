@@ -218,8 +218,7 @@ def _template(kind: str, *, raises: bool) -> _Template:
             at = np.array(corners, dtype=np.float64)
             kinds.append(child.kind)
             rows.append(np.vstack([at, *((at[a] + at[b]) / 2 for a, b in child.edges)]))
-    everything: Floats = np.round(np.concatenate(rows), 9)
-    places, index = np.unique(everything, axis=0, return_inverse=True)
+    places, index = np.unique(np.vstack(rows).round(9), axis=0, return_inverse=True)
     index_of = np.split(index.ravel(), np.cumsum([len(row) for row in rows])[:-1])
     shares = first.shapes(places)
     return _Template(

@@ -81,7 +81,8 @@ def load_forces(on_mesh: CaseOnMesh, load: FaceLoad | PointForce, present: Bools
             shares += traction_weights(mesh, patch, kinematics)
         return partial(_along_axes, shares, load.value)
     if isinstance(load, Pressure):
-        push, pressure = sum(pressure_forces(mesh, p, kinematics) for p in faces), load.value
+        push = np.sum([pressure_forces(mesh, p, kinematics) for p in faces], axis=0)
+        pressure = load.value
         return lambda point: np.outer(push, point.number(pressure).columns)
     places, operators = zip(*(pressure_operator(mesh, p, kinematics) for p in faces), strict=True)
     water, operator = FacePressure(load, np.concatenate(places)), sp.hstack(operators, "csr")
@@ -91,7 +92,7 @@ def load_forces(on_mesh: CaseOnMesh, load: FaceLoad | PointForce, present: Bools
 def _along_axes(shares: Floats, value: Sequence[Scalar], point: ParameterPoint) -> Floats:
     """Forces (n_dofs, 1 + n) of which each node has its share (n_nodes,), one number an axis."""
     numbers = np.array([point.number(scalar).columns for scalar in value])
-    return np.multiply.outer(shares, numbers).reshape(-1, point.n_columns)
+    return (shares[:, None, None] * numbers).reshape(-1, point.n_columns)
 
 
 class Actions:

@@ -9,6 +9,7 @@ stress at the temperature zero of its own count.
 from __future__ import annotations
 
 import numpy as np
+from scipy.spatial import QhullError
 
 from geoident.forward.stages import CaseOnMesh
 from geoident.model.actions import TemperatureField
@@ -95,7 +96,6 @@ class ThermalStrains:
 def interpolate(field: TemperatureField, positions: Floats) -> Floats:
     """Values (m,) at positions (m, dim): linear between the points, the nearest beyond them."""
     from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator  # noqa: PLC0415
-    from scipy.spatial import QhullError  # noqa: PLC0415
 
     points, given = np.array(field.points), np.array(field.values)
     nearest = np.asarray(NearestNDInterpolator(points, given)(positions))
