@@ -92,7 +92,7 @@ def load_forces(on_mesh: CaseOnMesh, load: FaceLoad | PointForce, present: Bools
 def _along_axes(shares: Floats, value: Sequence[Scalar], point: ParameterPoint) -> Floats:
     """Forces (n_dofs, 1 + n) of which each node has its share (n_nodes,), one number an axis."""
     numbers = np.array([point.number(scalar).columns for scalar in value])
-    return (shares[:, None, None] * numbers).reshape(-1, point.n_columns)
+    return np.asarray((shares[:, None, None] * numbers).reshape(-1, point.n_columns))
 
 
 class Actions:
