@@ -78,12 +78,6 @@ def test_the_last_nodes_separate_the_mesh_into_halves():
     assert np.bincount(body).min() >= 0.4 * rest.size
 
 
-def test_the_order_does_not_depend_on_where_the_mesh_stands_or_on_units():
-    points, graph = grid(13, 17)
-    moved = 0.25 * points + [1024.0, -512.0]
-    assert np.array_equal(order_of(points, graph), order_of(moved, graph))
-
-
 @pytest.mark.parametrize("counts", [(24, 24), (9, 9, 9)])
 def test_fill_is_well_below_that_of_the_natural_order(counts):
     points, graph = grid(*counts)

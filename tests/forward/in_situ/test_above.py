@@ -107,29 +107,6 @@ def test_water_that_falls_along_a_slope_presses_by_its_level_there():
     assert (exact > 0.0).all()
 
 
-def test_loads_below_a_place_do_not_press_on_it():
-    """On the underside a pressure lifts what is above; of a place above it nothing counts."""
-    mesh = box("quad4", (2, 4), size=(1.0, 4.0))
-    mesh = regroup(mesh, low=lambda c: c[:, 1] < 1.0, gap=lambda c: c[:, 1] < 2.0)
-    groups = {"low": "rock", "gap": None, "rock": "clay"}
-    places = [[0.3, 3.0], [0.3, 0.5]]
-    faces = np.flatnonzero(np.ones(sum(len(b) for b in mesh.facets)))
-    assert len(faces)
-    found, case = above(mesh, places, groups=groups, loads={"p": Pressure("y1", Scalar(7e3))})
-    np.testing.assert_allclose(
-        found.weight(case, NOWHERE).value,
-        [7e3 + 19e3, 7e3 + 19e3 * 2.0 + 25e3 * 0.5], rtol=1e-9,
-    )  # fmt: skip
-    np.testing.assert_allclose(found.lengths.toarray()[:, found.materials.index("rock")], [0, 0.5])
-    np.testing.assert_allclose(found.top, 4.0)
-    on_top, case = above(mesh, [[0.3, 4.0], [0.3, 5.0]], groups=groups,
-                         loads={"p": Pressure("y1", Scalar(7e3))})  # fmt: skip
-    assert on_top.uncovered.tolist() == [True, True]
-    np.testing.assert_array_equal(on_top.weight(case, NOWHERE).value, [0.0, 0.0])
-    np.testing.assert_array_equal(on_top.top, [4.0, 5.0])
-    assert on_top.lengths.nnz == 0
-
-
 def test_places_on_the_border_of_an_element_see_what_is_above_that_element():
     """The line between two columns: of the left element that of the left ground, else the right."""
     mesh = box("quad4", (2, 3), size=(2.0, 3.0))
@@ -144,29 +121,3 @@ def test_places_on_the_border_of_an_element_see_what_is_above_that_element():
     np.testing.assert_allclose(lengths[:, found.materials.index("rock")], [0.0, 2.5], rtol=1e-9)
     corner, _ = above(mesh, [[0.0, 0.5], [2.0, 0.5]], elements=low, groups=groups)
     np.testing.assert_allclose(corner.lengths.sum(axis=1), 2.5, rtol=1e-9)
-
-
-@pytest.mark.parametrize("kind", ["tri3", "hex8"])
-def test_each_of_many_places_has_the_ground_above_it(kind):
-    mesh = sloping(kind, 3)
-    rng = np.random.default_rng(8)
-    plan = rng.uniform(0.01, 0.99, (300, mesh.dim - 1)) * np.array([1.0, 2.0])[: mesh.dim - 1]
-    places = np.column_stack([plan, rng.uniform(0.05, 2.4, 300)])
-    found, _ = above(mesh, places)
-    np.testing.assert_allclose(
-        found.lengths.toarray()[:, 0], top_at(plan) - places[:, -1], rtol=1e-9
-    )
-    np.testing.assert_allclose(found.top, top_at(plan), rtol=1e-9)
-
-
-def test_places_beside_the_ground_and_none_at_all():
-    mesh = sloping("hex8")
-    found, case = above(mesh, [[-0.5, 1.0, 1.0], [0.5, 1.0, 1.0], [0.5, 2.5, 1.0]])
-    height = top_at(np.array([[0.5, 1.0]]))[0] - 1.0
-    np.testing.assert_allclose(found.lengths.toarray()[:, 0], [0.0, height, 0.0], rtol=1e-9)
-    np.testing.assert_allclose(found.top, [1.0, 1.0 + height, 1.0], rtol=1e-9)
-    assert found.uncovered.tolist() == [True, False, True]
-    none, case = above(mesh, np.empty((0, 3)))
-    assert none.weight(case, NOWHERE).value.shape == (0,)
-    one, _ = above(mesh, [[0.25, 0.5, 1.0]])
-    np.testing.assert_allclose(one.lengths.toarray(), [[top_at(np.array([[0.25, 0.5]]))[0] - 1.0]])
