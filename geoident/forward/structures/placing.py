@@ -34,7 +34,12 @@ def placed(on_mesh: CaseOnMesh, structure: Structure, present: Bools) -> Members
     if not isinstance(structure, Beam):
         return _bars(on_mesh, structure, present)
     mesh = on_mesh.mesh
-    edges = _facing_ground(mesh, straight_pieces(mesh, structure.group), present)
+    edges = straight_pieces(mesh, structure.group)
+    # Where ground is on one side only it is on the left of pieces: bending moments are positive
+    # with tension on the open side. Pieces between ground on both sides, as the embedded part of a
+    # wall, go on in the direction of those that they follow on.
+    side = np.sign(facing_balance(mesh, edges, present)).astype(np.int64)
+    edges = np.where(_going_on(edges, side)[:, None], edges[:, ::-1], edges)
     hinged, held = hinged_and_held(on_mesh, structure)
     if on_mesh.case.analysis is not Analysis.AXISYMMETRIC:
         return beams(mesh, edges, held, hinged)
@@ -111,17 +116,6 @@ def straight_pieces(mesh: Mesh, group: str) -> Ints:
     joined = np.concatenate(edges)
     _, once = np.unique(np.sort(joined, axis=1), axis=0, return_index=True)
     return joined[np.sort(once)]
-
-
-def _facing_ground(mesh: Mesh, edges: Ints, present: Bools) -> Ints:
-    """Edges turned so that present ground is on their left, where it is on one side only.
-
-    Bending moments then are positive with tension on the open side. Pieces with ground on both
-    sides, as the embedded part of a wall, go on in the direction of those that they follow on.
-    """
-    balance = facing_balance(mesh, edges, present)
-    turned = _going_on(edges, np.sign(balance).astype(np.int64))
-    return np.where(turned[:, None], edges[:, ::-1], edges)
 
 
 def _going_on(edges: Ints, side: Ints) -> Bools:
