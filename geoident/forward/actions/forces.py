@@ -13,30 +13,21 @@ from typing import TypeAlias
 import numpy as np
 import scipy.sparse as sp
 
-from geoident.fem.faces import FacetPatch, load_patches, patches
+from geoident.fem.faces import load_patches
 from geoident.fem.loads import (
-    facet_geometry,
     pressure_forces,
     pressure_operator,
-    stress_forces,
     traction_weights,
     weight_shares,
 )
+from geoident.forward.actions.edges import HELD_EDGES, loaded_edges
 from geoident.forward.actions.supports import group_nodes
 from geoident.forward.actions.thermal import NORMAL_COMPONENTS
-from geoident.forward.in_situ.overburden import Overburden
-from geoident.forward.in_situ.stress import (
-    CoverAndSurcharge,
-    InSituStress,
-    StressPlaces,
-    edges_held,
-)
 from geoident.forward.in_situ.water import FacePressure, PorePressure, is_wet
 from geoident.forward.stages import CaseOnMesh, ConstructionState
 from geoident.model.actions import FaceLoad, PointForce, Pressure, Seismic, Traction, Water
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.dual import Dual, ParameterPoint
-from geoident.model.in_situ import GeostaticStress
 from geoident.model.parameter import Scalar
 
 NodalForces: TypeAlias = Callable[[ParameterPoint], Floats]
@@ -44,8 +35,6 @@ NodalForces: TypeAlias = Callable[[ParameterPoint], Floats]
 
 ForcePart: TypeAlias = tuple[str, NodalForces]
 """What acts, for a sentence, and its nodal forces."""
-
-HELD_EDGES = "what holds the edges of the model"
 
 _NO_FORCE = 1e-9
 """Part of the largest force below which a force is rounding."""
@@ -115,7 +104,7 @@ class Actions:
                 weight_shares(self._mesh, geometries, self._sequence.elements(g))
                 for g in range(len(self._sequence.groups))
             ]
-        self._edges = self._loaded_edges()
+        self._edges = loaded_edges(on_mesh)
         self._loads = self._all_load_forces()
         self._pores: dict[Water, PorePressure] = {}
 
@@ -219,29 +208,6 @@ class Actions:
         wet &= np.isin(group_of_point, list(groups))
         return points.forces(stress, np.where(wet, volume, 0.0))
 
-    def _loaded_edges(self) -> dict[int, list[_EdgeTractions]]:
-        """Per group its outer faces in the virgin state, if something stays on them.
-
-        That is the in-situ stress where it is held, else what lies on the ground beside it.
-        """
-        case, sequence, table = self._case, self._sequence, self._on_mesh.table
-        rows = table.free(sequence.present(0))
-        group_of_row = sequence.group_of[table.element[rows]]
-        edges: dict[int, list[_EdgeTractions]] = {}
-        for g in map(int, np.unique(group_of_row)):
-            model = case.in_situ_of.get(sequence.groups[g], case.in_situ)
-            if edges_held(model):
-                name, stress = HELD_EDGES, _total_stress
-            elif isinstance(model, GeostaticStress) and (model.surcharge or model.cover):
-                name, stress = "what lies on the ground", partial(_stress_of_cover, model)
-            else:
-                continue
-            edges[g] = [
-                _EdgeTractions(name, self._on_mesh, patch, stress)
-                for patch in patches(self._mesh, table, rows[group_of_row == g])
-            ]
-        return edges
-
     def _all_load_forces(self) -> dict[tuple[int, str], NodalForces]:
         """The loads of every state; what acts on the same ground is prepared once."""
         prepared: dict[tuple[FaceLoad | PointForce, bytes], NodalForces] = {}
@@ -256,80 +222,3 @@ class Actions:
                     prepared[key] = load_forces(self._on_mesh, load, present)
                 result[n, name] = prepared[key]
         return result
-
-
-_Stress: TypeAlias = Callable[[ParameterPoint], Floats]
-"""(n_strain, m, 1 + n) Pa at m places."""
-
-
-class _EdgeTractions:
-    """Tractions sigma n of a stress that stays on a patch of the model's edge.
-
-    Args:
-        name: for a sentence.
-        on_mesh: the case on its mesh.
-        patch: the faces.
-        stress: prepares the stress at places on the patch.
-    """
-
-    def __init__(
-        self,
-        name: str,
-        on_mesh: CaseOnMesh,
-        patch: FacetPatch,
-        stress: Callable[[CaseOnMesh, Floats, Ints], _Stress],
-    ) -> None:
-        mesh = on_mesh.mesh
-        self.name, self._mesh, self._patch = name, mesh, patch
-        self._geometry = geometry = facet_geometry(mesh.points, patch, on_mesh.kinematics)
-        positions = geometry.positions.reshape(-1, mesh.dim)
-        self._stress = stress(on_mesh, positions, patch.element.repeat(geometry.shapes.shape[0]))
-        self._last: tuple[ParameterPoint, Ints, Floats] | None = None
-
-    def forces(self, point: ParameterPoint) -> Floats:
-        """Forces (n_dofs, 1 + n), N; those of the last parameters are known, for all stages."""
-        if self._last is None or self._last[0] is not point:
-            forces = stress_forces(self._mesh, self._patch, self._geometry, self._stress(point))
-            some = np.flatnonzero(forces.any(axis=1))
-            self._last = point, some, forces[some]
-            return forces
-        _, some, values = self._last
-        forces = np.zeros((self._mesh.n_nodes * self._mesh.dim, point.n_columns))
-        forces[some] = values
-        return forces
-
-
-def _total_stress(on_mesh: CaseOnMesh, positions: Floats, elements: Ints) -> _Stress:
-    """The in-situ stress of the ground beyond the edge, water included."""
-    sequence, water = on_mesh.sequence, on_mesh.case.water
-    groups = sequence.group_of[elements]
-    skeleton = InSituStress(on_mesh, StressPlaces(positions, groups, elements))
-    if water is None:
-        return skeleton.columns
-    pores, wet = (
-        PorePressure(water, on_mesh.mesh, positions),
-        is_wet(water, groups, sequence.groups),
-    )
-
-    def total(point: ParameterPoint) -> Floats:
-        stress = skeleton.columns(point)
-        stress[:NORMAL_COMPONENTS] -= np.where(wet[:, None], pores.at(point).columns, 0.0)
-        return stress
-
-    return total
-
-
-def _stress_of_cover(
-    model: GeostaticStress, on_mesh: CaseOnMesh, positions: Floats, elements: Ints
-) -> _Stress:
-    """The vertical stress of what lies on the ground, per area in plan, where nothing is above."""
-    above = Overburden(on_mesh).above(positions, elements)
-    cover = CoverAndSurcharge(model, on_mesh.mesh, positions, above)
-
-    def vertical(point: ParameterPoint) -> Floats:
-        pressure = np.where(above.uncovered[:, None], cover.pressure(point).columns, 0.0)
-        stress = np.zeros((on_mesh.kinematics.n_strain, *pressure.shape))
-        stress[on_mesh.mesh.dim - 1] = -pressure
-        return stress
-
-    return vertical
