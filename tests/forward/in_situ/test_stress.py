@@ -207,6 +207,15 @@ def test_the_weight_of_layers_cover_and_surcharge_less_the_water():
     np.testing.assert_allclose(columns[0, :, 0], K * columns[2, :, 0], rtol=1e-12)
 
 
+def test_a_surface_below_the_top_of_the_mesh_takes_nothing_off():
+    bare, low = (
+        on(plane(), in_situ=GeostaticStress(Scalar(1.0), **cover), gravity=(0.0, -10.0))
+        for cover in ({}, {"surface": Scalar(7.0), "cover": Scalar(2e4)})
+    )
+    stress, same = (InSituStress(one, places(one, *FLAT)).columns(POINT) for one in (bare, low))
+    np.testing.assert_allclose(same, stress, rtol=1e-12)
+
+
 def test_places_beside_the_surface_are_counted():
     """Faces of the top as far as x = 4 m give the level; what is further along has their edge's."""
     mesh = plane()

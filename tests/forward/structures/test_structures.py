@@ -9,7 +9,7 @@ from geoident.model.actions import Traction
 from geoident.model.case import Stage
 from geoident.model.in_situ import ConstantStress
 from geoident.model.parameter import Parameter, Scalar
-from geoident.model.structures import Beam, Bolts
+from geoident.model.structures import Beam, Bolts, Struts
 from tests.support.array_model import solved_at_once
 from tests.support.cases import displacement, material, model, rollers
 from tests.support.derivatives import assert_exact
@@ -194,6 +194,37 @@ def test_moment_goes_on_where_a_wall_enters_the_ground(upwards):
     assert (ends[:, 0, 1] > ends[:, 1, 1]).all()  # downwards, with the ground on the left
     assert np.abs(moment).max() > 1e3
     np.testing.assert_allclose(moment[1:, 0], moment[:-1, 1], atol=1e-7 * np.abs(moment).max())
+
+
+def _propped_wall(kind, n):
+    """Places along a wall with a stiff strut 1 m below its top, and its moments there."""
+    mesh = regroup(box(kind, (n, n), size=(8.0, 8.0)),
+                   pit=lambda x: (x[:, 0] < 4) & (x[:, 1] > 4))  # fmt: skip
+    here = np.flatnonzero((mesh.points[:, 0] == 4.0) & (mesh.points[:, 1] >= 2.0))
+    y = here[np.argsort(mesh.points[here, 1])]
+    ends = [y[:-1], y[1:]] if kind == "quad4" else [y[:-2:2], y[2::2], y[1::2]]
+    mesh = with_lines(mesh, "wall", np.stack(ends, axis=1))
+    strut = Struts((((4.0, 7.0), (0.0, 7.0)),), Scalar(1.0), EA=Scalar(1e10), second_end="fixed")
+    push = {"push": Traction("x1", (Scalar(-1e5), ZERO))}
+    staged = model(
+        mesh,
+        materials={"rock": material("rock", 1e7, 0.3)},
+        groups={"rock": "rock", "pit": "rock"},
+        supports=rollers(2),
+        structures={"wall": Beam("wall", EA=Scalar(4e9), EI=Scalar(3e8)), "strut": strut},
+        stages=(Stage("dig", excavate=("pit",), build=("wall", "strut"), loads=push),),
+    )
+    found = staged.survey(NOTHING, fields=False).members
+    wall = np.array([name == "wall" for name in found.structures])
+    return found.ends[wall, 0, 1], found.moment[wall, 0, 0]
+
+
+def test_the_moment_of_a_wall_has_its_peak_at_a_strut():
+    """On quadratic elements, whose teeth are taken out, as on fine ones of first order."""
+    (places, coarse), (fine_places, fine) = _propped_wall("quad8", 8), _propped_wall("quad4", 32)
+    at, fine_at = np.isclose(places, 7.0), np.isclose(fine_places, 7.0)
+    assert abs(fine[fine_at][0]) == np.abs(fine[fine_places > 6.0]).max() > 1e3
+    np.testing.assert_allclose(coarse[at], fine[fine_at], rtol=0.05)
 
 
 def test_dismantled_lining_leaves_the_unlined_tunnel():
