@@ -36,6 +36,7 @@ from functools import cache, lru_cache
 from itertools import product
 
 import numpy as np
+from scipy.special import roots_jacobi
 
 from geoident.model.arrays import Floats, Ints
 from geoident.model.cells import CELLS, CellKind, CellShape
@@ -216,8 +217,6 @@ def _conical(base: tuple[Floats, Floats], n: int) -> tuple[Floats, Floats]:
 
     On the line from -1 to 1, with (1 - r)^2 = 4 (1 - z)^2 and dr = 2 dz.
     """
-    from scipy.special import roots_jacobi  # noqa: PLC0415 - 0.2 s, for pyramids alone
-
     r, weight = roots_jacobi(n, 2, 0)
     w = (1 - r) / 2
     places = [[*(scale * st), 1 - scale] for st, scale in product(base[0], w)]

@@ -64,12 +64,12 @@ class FaceTable:
 
         Yields:
             The block, the number of the face in its elements, the rows (k,), and the nodes
-            (k, n_corners) of their corners.
+            (k, n_a) of the faces, their corners first.
         """
         for number, (block, span) in enumerate(spans(mesh.blocks)):
-            for local, corners in enumerate(CELLS[block.kind].shape.faces):
+            for local, face in enumerate(CELLS[block.kind].faces):
                 at = rows[(self.block[rows] == number) & (self.local[rows] == local)]
-                yield block, local, at, block.nodes[self.element[at] - span.start][:, corners]
+                yield block, local, at, block.nodes[self.element[at] - span.start][:, face]
 
     def find(self, facets: ElementBlock) -> Ints:
         """Identity (n,) of the face at each of n facets, -1 where no element has it."""
@@ -178,14 +178,10 @@ def patches(mesh: Mesh, table: FaceTable, rows: Ints) -> tuple[FacetPatch, ...]:
         rows: (r,) of the table.
     """
     by_kind: dict[str, list[tuple[Ints, Ints]]] = {}
-    for number, (block, span) in enumerate(spans(mesh.blocks)):
-        cell = CELLS[block.kind]
-        for local, (face, kind) in enumerate(zip(cell.faces, cell.face_kinds, strict=True)):
-            at = rows[(table.block[rows] == number) & (table.local[rows] == local)]
-            if len(at):
-                element = table.element[at]
-                nodes = block.nodes[element - span.start][:, face]
-                by_kind.setdefault(kind, []).append((nodes, element))
+    for block, local, at, nodes in table.by_place(mesh, rows):
+        if len(at):
+            kind = CELLS[block.kind].face_kinds[local]
+            by_kind.setdefault(kind, []).append((nodes, table.element[at]))
     return tuple(
         FacetPatch(kind, np.vstack([n for n, _ in parts]), np.concatenate([e for _, e in parts]))
         for kind, parts in by_kind.items()

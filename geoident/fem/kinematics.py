@@ -34,18 +34,16 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+import scipy.sparse as sp
 
 from geoident.fem.elements import raised_rule, reference_element
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Analysis
 from geoident.model.mesh import ElementBlock, Mesh
-
-if TYPE_CHECKING:
-    import scipy.sparse as sp
 
 Terms = tuple[tuple[int, int], ...]
 """Pairs (displacement i, entry j of the gradient vector) whose products are summed."""
@@ -261,7 +259,9 @@ class StrainPoints:
         """Strains (n_strain, m, ...) of displacements (n_dofs, ...) at some points; None: all."""
         dim, columns = self.kinematics.dim, u.shape[1:]
         n = math.prod(columns)
-        gradients = self.gradients if points is None else self._some(points)
+        gradients = self.gradients
+        if points is not None:
+            gradients = tuple(D[points] for D in gradients)
         m = gradients[0].shape[0]
         strain = np.zeros((self.n_strain, m, n))
         moved = u.reshape(self.n_dofs // dim, dim, n)
@@ -301,8 +301,6 @@ class StrainPoints:
 
     def compatibility(self, points: Ints | None = None) -> sp.csr_array:
         """C of some points, (n_strain k, n_dofs), component by component; None: of all."""
-        import scipy.sparse as sp  # noqa: PLC0415 - see above
-
         some = [D if points is None else sp.csr_array(D[points]) for D in self.gradients]
         data, indices, counts = [], [], [np.zeros(1, dtype=np.int64)]
         for terms in self.kinematics.strains:
@@ -316,35 +314,9 @@ class StrainPoints:
         shape = (len(indptr) - 1, self.n_dofs)
         return sp.csr_array((np.concatenate(data), np.concatenate(indices), indptr), shape=shape)
 
-    def _some(self, points: Ints | slice) -> tuple[sp.csr_array, ...]:
-        """D_j of some points; those of a run of points are views, made once."""
-        import scipy.sparse as sp  # noqa: PLC0415 - pictures need no matrices
-
-        if not isinstance(points, slice):
-            return tuple(sp.csr_array(gradient[points]) for gradient in self.gradients)
-        first, end, _ = points.indices(self.n_points)
-        if (first, end) not in self._runs:
-            ends = self.gradients[0].indptr[first : end + 1]
-            part = slice(int(ends[0]), int(ends[-1]))
-            views = []
-            for D in self.gradients:
-                view = sp.csr_array((end - first, D.shape[1]), dtype=D.dtype)
-                # set, not given: what is given to scipy is copied where it is a part of an array
-                view.data, view.indices, view.indptr = D.data[part], D.indices[part], ends - ends[0]
-                views.append(view)
-            self._runs[first, end] = tuple(views)
-        return self._runs[first, end]
-
-    @cached_property
-    def _runs(self) -> dict[tuple[int, int], tuple[sp.csr_array, ...]]:
-        """D_j of runs of points that were asked for."""
-        return {}
-
     @cached_property
     def points_of_nodes(self) -> sp.csr_array:
         """(n_nodes, n_points) which points the nodes strain: a pattern by rows."""
-        import scipy.sparse as sp  # noqa: PLC0415 - see above
-
         return sp.csr_array(self.gradients[0].T)
 
     @cached_property
@@ -375,8 +347,6 @@ def _gradients(
     mesh: Mesh, geometries: tuple[BlockGeometry, ...], kinematics: Kinematics
 ) -> tuple[sp.csr_array, ...]:
     """Built row by row in their final place: no sorting, no triplets, one pattern for all."""
-    import scipy.sparse as sp  # noqa: PLC0415 - see above
-
     counts, nodes = [np.zeros(1, dtype=np.int32)], []
     for block, geometry in zip(mesh.blocks, geometries, strict=True):
         n_el, n_q, n_a, _ = geometry.gradients.shape

@@ -16,6 +16,7 @@ from geoident.fem.elements import ReferenceElement, reference_element
 from geoident.fem.faces import FaceTable
 from geoident.fem.kinematics import Kinematics
 from geoident.model.arrays import Bools, Floats, Ints
+from geoident.model.cells import CELLS
 from geoident.model.mesh import ElementBlock, Mesh
 
 _FLAT = 1e-12  # of the volume of a regular element: below this an element has no volume
@@ -50,8 +51,8 @@ def overlapping(mesh: Mesh, table: FaceTable) -> Ints:
         table: its faces.
     """
     seen = np.empty(len(table.element), dtype=np.bool_)
-    for _, _, rows, corners in table.by_place(mesh, np.arange(len(table.element))):
-        seen[rows] = _forwards(corners)
+    for block, local, rows, nodes in table.by_place(mesh, np.arange(len(table.element))):
+        seen[rows] = _forwards(nodes[:, : len(CELLS[block.kind].shape.faces[local])])
     order = np.lexsort((seen, table.face))  # those of one face together, seen alike side by side
     same = (np.diff(table.face[order]) == 0) & (seen[order][1:] == seen[order][:-1])
     at = np.flatnonzero(same)

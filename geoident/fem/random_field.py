@@ -17,6 +17,7 @@ from math import gamma, sqrt
 
 import numpy as np
 from scipy.linalg import cho_solve, solve_triangular
+from scipy.special import kv
 
 from geoident.model.arrays import Floats
 
@@ -77,8 +78,6 @@ def matern(distance: Floats, smoothness: float) -> Floats:
         return np.asarray((1 + r) * np.exp(-r))
     if smoothness == 2.5:
         return np.asarray((1 + r + r**2 / 3) * np.exp(-r))
-    from scipy.special import kv  # noqa: PLC0415 - 0.1 s, for other fields alone
-
     apart = np.maximum(r, 1e-12)
     k = 2 ** (1 - smoothness) / gamma(smoothness) * apart**smoothness * kv(smoothness, apart)
     return np.asarray(np.where(r > 1e-8, k, 1.0))

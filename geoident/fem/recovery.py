@@ -69,24 +69,29 @@ def recovery(
     )
     patch = np.array([element])
     if reference_element(block.kind).cell.order == 1:
-        patch = _touching(mesh, block.nodes[row], group)
-    parts = [
-        _Part(mesh, kinematics, other, rows, first)
-        for (other, rows), first in zip(
-            rows_in(mesh.blocks, patch), _first_points(mesh, kinematics), strict=True
+        patch = np.concatenate(
+            [
+                span.start
+                + np.flatnonzero(np.isin(other.nodes, block.nodes[row]).any(axis=1) & group[span])
+                for other, span in spans(mesh.blocks)
+            ]
         )
-        if len(rows)
-    ]
-    numbers = np.concatenate([part.numbers for part in parts])
-    positions = np.concatenate([part.geometry.positions.reshape(-1, mesh.dim) for part in parts])
-    volumes = np.concatenate([part.geometry.volumes.ravel() for part in parts])
+    numbers, parts, first = list[Ints](), list[tuple[Ints, BlockGeometry]](), 0
+    for other, rows in rows_in(mesh.blocks, patch):
+        n_q = len(kinematics.quadrature(other.kind)[1])
+        if len(rows):
+            some = ElementBlock(other.kind, other.nodes[rows], other.numbers[rows])
+            parts.append((some.nodes, block_geometry(mesh.points, some, kinematics)))
+            numbers.append((first + rows[:, None] * n_q + np.arange(n_q)).ravel())
+        first += len(other) * n_q
+    positions = np.concatenate([g.positions.reshape(-1, mesh.dim) for _, g in parts])
+    volumes = np.concatenate([g.volumes.ravel() for _, g in parts])
     weights = linear_fit(positions, volumes, place)
-    rows = np.split(weights, np.cumsum([len(part.numbers) for part in parts])[:-1])
-    strain = sum(
-        (part.strain(own) for part, own in zip(parts, rows, strict=True)),
-        sp.csr_array((kinematics.n_strain, mesh.points.size)),
-    )
-    return Recovery(numbers, weights, sp.csr_array(strain))
+    gradients = sp.csr_array((kinematics.n_strain, mesh.points.size))
+    ends = np.cumsum([len(own) for own in numbers])[:-1]
+    for (nodes, geometry), own in zip(parts, np.split(weights, ends), strict=True):
+        gradients = gradients + _strain(nodes, geometry, kinematics, own, mesh.points.size)
+    return Recovery(np.concatenate(numbers), weights, sp.csr_array(gradients))
 
 
 def linear_fit(positions: Floats, volumes: Floats, place: Floats) -> Floats:
@@ -105,52 +110,25 @@ def linear_fit(positions: Floats, volumes: Floats, place: Floats) -> Floats:
     return np.asarray(np.concatenate([[1.0], (place - centre) / size]) @ inverse * root)
 
 
-class _Part:
-    """The elements of one block that belong to a patch.
+def _strain(
+    nodes: Ints, geometry: BlockGeometry, kinematics: Kinematics, weights: Floats, n_dofs: int
+) -> sp.csr_array:
+    """Weighted sum (n_strain, n_dofs) of the strains at the points of elements of one kind.
 
     Args:
-        mesh: the mesh.
+        nodes: (n_el, n_a) of the elements.
+        geometry: of the elements.
         kinematics: of the analysis.
-        block: the block.
-        rows: (n_el,) its elements in the patch.
-        first: number of the first strain point of the block.
+        weights: (n_el n_q,) of their strain points.
+        n_dofs: degrees of freedom of the mesh.
     """
-
-    def __init__(
-        self, mesh: Mesh, kinematics: Kinematics, block: ElementBlock, rows: Ints, first: int
-    ) -> None:
-        self._kinematics, self._n_dofs = kinematics, mesh.points.size
-        self._nodes = block.nodes[rows]
-        some = ElementBlock(block.kind, self._nodes, block.numbers[rows])
-        self.geometry: BlockGeometry = block_geometry(mesh.points, some, kinematics)
-        n_q = self.geometry.volumes.shape[1]
-        self.numbers = (first + rows[:, None] * n_q + np.arange(n_q)).ravel()
-
-    def strain(self, weights: Floats) -> sp.csr_array:
-        """Weighted sum (n_strain, n_dofs) of the strains of its points, weights (k,)."""
-        n_el, n_q, _, _ = self.geometry.gradients.shape
-        summed = np.einsum("eq,eqan->ean", weights.reshape(n_el, n_q), self.geometry.gradients)
-        rows, columns, data = [], [], []
-        for component, terms in enumerate(self._kinematics.strains):
-            for axis, entry in terms:
-                columns.append((self._nodes * self._kinematics.dim + axis).ravel())
-                data.append(summed[..., entry].ravel())
-                rows.append(np.full(len(columns[-1]), component))
-        entries = (np.concatenate(rows), np.concatenate(columns))
-        shape = (self._kinematics.n_strain, self._n_dofs)
-        return sp.csr_array((np.concatenate(data), entries), shape=shape)
-
-
-def _touching(mesh: Mesh, nodes: Ints, group: Bools) -> Ints:
-    """Elements (k,) of a group that have one of some nodes."""
-    touching = []
-    for block, span in spans(mesh.blocks):
-        near = np.isin(block.nodes, nodes).any(axis=1)
-        touching.append(span.start + np.flatnonzero(near & group[span]))
-    return np.concatenate(touching)
-
-
-def _first_points(mesh: Mesh, kinematics: Kinematics) -> list[int]:
-    """Number of the first strain point of every block."""
-    counts = [len(block) * len(kinematics.quadrature(block.kind)[1]) for block in mesh.blocks]
-    return [0, *np.cumsum(counts)[:-1].tolist()]
+    n_el, n_q = geometry.volumes.shape
+    summed = np.einsum("eq,eqan->ean", weights.reshape(n_el, n_q), geometry.gradients)
+    rows, columns, data = [], [], []
+    for component, terms in enumerate(kinematics.strains):
+        for axis, entry in terms:
+            columns.append((nodes * kinematics.dim + axis).ravel())
+            data.append(summed[..., entry].ravel())
+            rows.append(np.full(nodes.size, component))
+    entries = np.concatenate(data), (np.concatenate(rows), np.concatenate(columns))
+    return sp.csr_array(entries, shape=(kinematics.n_strain, n_dofs))

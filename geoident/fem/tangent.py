@@ -49,31 +49,21 @@ class PointBlocks:
         counts = [geometry.volumes.size for geometry in geometries]
         self._first = np.concatenate([[0], np.cumsum(counts)])
 
-    def split(self, points: Ints) -> Iterator[tuple[int, slice, Ints]]:
-        """Ascending points (q,) by block and in chunks.
+    def by_block(self, points: Ints) -> Iterator[tuple[int, slice, Ints]]:
+        """Ascending points (q,) by block.
 
         Yields:
             Number of the block, place in ``points``, and the points' numbers in the block.
         """
         ends = np.searchsorted(points, self._first)
         for block, (start, stop) in enumerate(pairwise(ends)):
-            chunk = max(1, _CHUNK // self.n_unknowns(block) ** 2)
-            for at in range(start, stop, chunk):
-                part = slice(at, min(at + chunk, stop))
-                yield block, part, points[part] - self._first[block]
-
-    def by_block(self, points: Ints) -> Iterator[tuple[int, slice, Ints]]:
-        """Ascending points (q,) by block: as `split`, in one piece."""
-        ends = np.searchsorted(points, self._first)
-        for block, (start, stop) in enumerate(pairwise(ends)):
             if stop > start:
                 part = slice(int(start), int(stop))
                 yield block, part, points[part] - self._first[block]
 
-    def chunks(self, block: int, n_points: int) -> Iterator[slice]:
-        """Parts of the points of some whole elements of a block; no element is cut in two."""
-        n_q = self.n_points(block)
-        chunk = n_q * max(1, _CHUNK // (n_q * self.n_unknowns(block) ** 2))
+    def chunks(self, block: int, n_points: int, each: int = 1) -> Iterator[slice]:
+        """Parts of some points of a block, each of a multiple of so many points."""
+        chunk = each * max(1, _CHUNK // (each * self.n_unknowns(block) ** 2))
         for at in range(0, n_points, chunk):
             yield slice(at, min(at + chunk, n_points))
 
@@ -160,17 +150,18 @@ class TangentPattern:
         """
         nnz = len(self._keys)
         below, above = np.zeros(nnz + 1), np.zeros(nnz + 1)
-        for block, part, local in self._blocks.split(points):
-            B = self._blocks.compatibility(block, local)
-            matrices = np.matmul(B.transpose(0, 2, 1), np.matmul(change[part], B))
-            slots = self._slots_of(block, self._blocks.element(block, local))
-            i, j = np.tril_indices(B.shape[2])
-            swapped = slots < 0  # the first of the pair comes earlier in the elimination
-            place = np.where(swapped, ~slots, slots).ravel()
-            one, other = matrices[:, i, j], matrices[:, j, i]
-            below += _sums(place, np.where(swapped, other, one), nnz + 1)
-            if not symmetric:
-                above += _sums(place, np.where(swapped, one, other), nnz + 1)
+        for block, part, local in self._blocks.by_block(points):
+            for some in self._blocks.chunks(block, len(local)):
+                B = self._blocks.compatibility(block, local[some])
+                matrices = np.matmul(B.transpose(0, 2, 1), np.matmul(change[part][some], B))
+                slots = self._slots_of(block, self._blocks.element(block, local[some]))
+                i, j = np.tril_indices(B.shape[2])
+                swapped = slots < 0  # the first of the pair comes earlier in the elimination
+                place = np.where(swapped, ~slots, slots).ravel()
+                one, other = matrices[:, i, j], matrices[:, j, i]
+                below += _sums(place, np.where(swapped, other, one), nnz + 1)
+                if not symmetric:
+                    above += _sums(place, np.where(swapped, one, other), nnz + 1)
         return below[:-1], (below if symmetric else above)[:-1]
 
     @property
@@ -253,7 +244,7 @@ class PointwiseStiffness:
             elements = self._blocks.element(block, local[::n_q])
             unit = self._unit(name, block, local, moduli)
             if unit is None:
-                for some in self._blocks.chunks(block, len(local)):
+                for some in self._blocks.chunks(block, len(local), each=n_q):
                     places = np.arange(part.start + some.start, part.start + some.stop)
                     change = moduli.matrices(places) * weight[some, None, None]
                     lower = self._element_matrices(block, local[some], change)

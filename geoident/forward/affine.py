@@ -21,7 +21,7 @@ from functools import partial
 
 import numpy as np
 
-from geoident.forward.actions.forces import HELD_EDGES
+from geoident.forward.actions.edges import HELD_EDGES
 from geoident.forward.actions.thermal import NORMAL_COMPONENTS
 from geoident.forward.analysis.analysis import StagedAnalysis
 from geoident.forward.checks import inadmissible_numbers

@@ -10,7 +10,6 @@ from support.anisotropy import moduli
 from support.meshes import KINDS, KINDS_2D, box, mixed_box
 from support.tractions import uniform_tractions
 
-from geoident.fem import stiffness
 from geoident.fem.elasticity import isotropic
 from geoident.fem.elements import reference_element
 from geoident.fem.faces import face_table, patches
@@ -100,26 +99,6 @@ def test_constant_strain_is_reproduced_on_distorted_elements(kind):
 
 
 @pytest.mark.parametrize("kind", [*KINDS, *MIXED])
-def test_patch_test_constant_stress_leaves_inner_nodes_in_balance(kind):
-    mesh = distorted(kind)
-    K = direct_stiffness(mesh)
-    gradient = np.random.default_rng(4).normal(size=(mesh.dim, mesh.dim))
-    forces = (K @ (mesh.points @ gradient.T).ravel()).reshape(-1, mesh.dim)
-    inner = np.all((mesh.points > 1e-9) & (mesh.points < 1 - 1e-9), axis=1)
-    assert inner.any()
-    np.testing.assert_allclose(forces[inner], 0.0, atol=1e-12)
-
-
-def test_strains_of_a_run_of_points_are_those_of_all_of_them():
-    mesh = distorted("hex8")
-    points, _ = points_of(mesh)
-    u = np.random.default_rng(1).normal(size=(points.n_dofs, 2))
-    run = slice(3, points.n_points - 5)
-    for which in (run, run, np.arange(points.n_points)[run]):
-        np.testing.assert_array_equal(points.strain(u, which), points.strain(u)[:, run])
-
-
-@pytest.mark.parametrize("kind", [*KINDS, *MIXED])
 def test_patch_test_tractions_of_a_constant_stress_give_its_linear_displacement(kind):
     mesh = distorted(kind)
     E, (points, _) = elasticity_of(mesh), points_of(mesh)
@@ -149,15 +128,6 @@ def _three_more(mesh):
 
 
 @pytest.mark.parametrize("kind", [*KINDS, *MIXED])
-def test_rigid_motion_makes_no_strain(kind):
-    mesh = distorted(kind)
-    points, _ = points_of(mesh)
-    skew = np.random.default_rng(6).normal(size=(mesh.dim, mesh.dim))
-    motion = mesh.points @ (skew - skew.T) + 1.5
-    np.testing.assert_allclose(points.strain(motion.ravel()), 0.0, atol=1e-12)
-
-
-@pytest.mark.parametrize("kind", [*KINDS, *MIXED])
 def test_assembled_stiffness_equals_its_definition(kind):
     mesh = distorted(kind)
     _, geometries = points_of(mesh)
@@ -181,25 +151,6 @@ def test_assembled_stiffness_equals_its_definition(kind):
     assert np.all(pattern.lower.indices[pattern.lower.indptr[:-1]] == np.arange(n))
 
 
-@pytest.mark.parametrize("kind", ["tri6", "hex8", *MIXED])
-def test_a_large_matrix_is_made_in_runs_as_in_one(kind, monkeypatch):
-    mesh = distorted(kind)
-    _, geometries = points_of(mesh)
-    rank = np.random.default_rng(0).permutation(mesh.n_nodes)
-    T = kinematics_of(mesh).stiffness_map(elasticity_of(mesh))
-    fixed = np.zeros(mesh.points.size, bool)
-    fixed[[0, 5, 7]] = True
-    made = []
-    for limits in ({}, {"_CHUNK": 500, "_HELD": 2, "_BLOCKS": 7, "_KEPT": 0}):
-        for name, limit in limits.items():
-            monkeypatch.setattr(stiffness, name, limit)
-        groups = {0: group_blocks(mesh, geometries, np.arange(mesh.n_elements), rank)}
-        pattern = stiffness_pattern(groups, node_of_rank=rank, fixed=fixed, dim=mesh.dim)
-        made.append((pattern.values(groups, {0: T}), pattern.lower.indices, pattern.lower.indptr))
-    for one, other in zip(*made, strict=True):
-        np.testing.assert_allclose(one, other, rtol=1e-13, atol=1e-14)
-
-
 @pytest.mark.parametrize("kind", [*KINDS, *MIXED])
 @pytest.mark.parametrize("columns", [(), (1,), (3,), (0,), (2, 2)])
 def test_strains_and_forces_are_products_with_compatibility(kind, columns):
@@ -215,33 +166,6 @@ def test_strains_and_forces_are_products_with_compatibility(kind, columns):
     forces = (C.T @ weights @ stress.reshape(C.shape[0], n)).reshape(u.shape)
     np.testing.assert_allclose(points.strain(u), strain, atol=1e-12)
     np.testing.assert_allclose(points.forces(stress, volume), forces, atol=1e-12)
-
-
-@pytest.mark.parametrize("kind", ["tri3", "hex20", "mixed, order 2"])
-def test_compatibility_of_some_points_is_that_of_all(kind):
-    points, _ = points_of(distorted(kind))
-    some = np.random.default_rng(1).permutation(points.n_points)[:7]
-    rows = (np.arange(points.n_strain)[:, None] * points.n_points + some).ravel()
-    expected = points.compatibility()[rows].toarray()
-    np.testing.assert_array_equal(points.compatibility(some).toarray(), expected)
-
-
-def test_stiffness_map_serves_a_general_anisotropic_material():
-    mesh = distorted("tet4", 2)
-    points, geometries = points_of(mesh)
-    root = np.random.default_rng(8).normal(size=(6, 6))
-    E = root @ root.T
-    rank = np.arange(mesh.n_nodes)
-    blocks = {0: group_blocks(mesh, geometries, np.arange(mesh.n_elements), rank)}
-    fixed = np.zeros(mesh.points.size, bool)
-    pattern = stiffness_pattern(blocks, node_of_rank=rank, fixed=fixed, dim=3)
-    values = pattern.values(blocks, {0: SOLID.stiffness_map(E)})
-    n = pattern.lower.n
-    lower = sp.csc_array((values, pattern.lower.indices, pattern.lower.indptr), shape=(n, n))
-    weights = sp.kron(E, sp.diags_array(points.volume))
-    C = points.compatibility()
-    expected = (C.T @ weights @ C).toarray()
-    np.testing.assert_allclose(lower.toarray(), np.tril(expected), atol=1e-12)
 
 
 @pytest.mark.parametrize("kind", [*KINDS, *MIXED])

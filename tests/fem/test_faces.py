@@ -9,7 +9,6 @@ import pytest
 from support.meshes import KINDS, KINDS_2D, box, build, gaping_box, mixed_box, opening
 
 from geoident.fem.faces import (
-    FaceKeys,
     FacetPatch,
     distance_to_faces,
     face_table,
@@ -50,24 +49,6 @@ def test_faces_are_the_same_in_a_mesh_of_any_size(kind, n_nodes):
         np.testing.assert_array_equal(large.find(moved), small.find(block))
         assert np.all(large.find(moved) >= 0)
         assert np.all(large.find(replace(moved, nodes=moved.nodes[:, ::-1] - mesh.n_nodes)) == -1)
-
-
-def test_faces_whose_numbers_overlap_in_21_bits_are_told_apart():
-    """In keys of 21 bits a node, 1, 2, 5 + 2^21 would be 1, 3, 5."""
-    faces = np.array([[1, 2, 5 + 2**21], [1, 3, 5], [1, 5, 3], [3, 5 + 2**21, 2]])
-    for n_nodes in (2**21 + 6, 2**23, 2**40):
-        keys, identity = FaceKeys.of([faces], n_nodes)
-        assert len(keys.sorted) == 3
-        assert identity[1] == identity[2]
-        np.testing.assert_array_equal(keys.find(faces[:, ::-1]), identity)
-
-
-def test_a_triangle_is_not_the_quadrilateral_that_holds_it():
-    triangle, quadrilateral = np.array([[4, 2, 3]]), np.array([[3, 2, 4, 9]])
-    for n_nodes in (10, 2**40):
-        keys, identity = FaceKeys.of([triangle, quadrilateral], n_nodes)
-        assert identity.tolist() == [0, 1]
-        assert keys.find(quadrilateral).tolist() == [1]
 
 
 @pytest.mark.parametrize("order", [1, 2])
@@ -146,31 +127,6 @@ def test_faces_are_outward_and_their_nodes_are_those_of_their_kind(kind):
         assert normal @ (corners.mean(axis=0) - on[0]) < 0
 
 
-SIZES = {"line": 2, "tri": 1 / 2, "quad": 4, "tet": 1 / 6, "hex": 8, "wedge": 1, "pyramid": 4 / 3}
-
-
-def sizes(points, simplices):
-    """Signed lengths, areas or volumes of simplices."""
-    edges = [points[list(s[1:])] - points[s[0]] for s in simplices]
-    return [np.linalg.det(e) / {1: 1, 2: 2, 3: 6}[points.shape[1]] for e in edges]
-
-
-@pytest.mark.parametrize("kind", [*KINDS, "line2", "line3"])
-def test_simplices_and_flat_pieces_fill_the_cell(kind):
-    """Corners alone, and for lines and surfaces all nodes; none the other way round."""
-    cell = CELLS[kind]
-    corners = np.array(cell.shape.corners, float)
-    nodes = np.vstack([corners, *((corners[a] + corners[b]) / 2 for a, b in cell.edges)])
-    exact = SIZES[cell.shape.name]
-    found = sizes(corners, cell.shape.simplices)
-    assert sum(map(abs, found)) == pytest.approx(exact)
-    if cell.dim < 3:
-        pieces = sizes(nodes, cell.flat_pieces)
-        assert sum(pieces) == pytest.approx(exact)
-        assert min(pieces) > 0
-        assert set(np.ravel(cell.flat_pieces)) == set(range(cell.n_nodes))
-
-
 @pytest.mark.parametrize(
     ("point", "expected"),
     [((0.2, 0.2, 3.0), 3.0), ((-1.0, 0.5, 0.0), 1.0), ((2.0, 2.0, 0.0), 2**0.5), ((1, 1, 0), 0.0)],
@@ -180,20 +136,6 @@ def test_distance_from_a_square(point, expected):
     square = FacetPatch("quad4", np.array([[0, 1, 2, 3]]), np.array([0]))
     mesh = Mesh(corners, ())
     assert distance_to_faces(mesh, (square,), np.array(point)) == pytest.approx(expected)
-
-
-def test_distance_from_a_segment():
-    mesh = Mesh(np.array([[0, 0], [2, 0.0]]), ())
-    line = (FacetPatch("line2", np.array([[0, 1]]), np.array([0])),)
-    for point, expected in (((1, 3), 3), ((-3, 4), 5), ((2, 0), 0)):
-        assert distance_to_faces(mesh, line, np.array(point, float)) == pytest.approx(expected)
-    assert distance_to_faces(mesh, (), np.zeros(2)) == np.inf
-
-
-def test_distance_from_a_segment_without_length():
-    mesh = Mesh(np.array([[1.0, 2.0], [1.0, 2.0]]), ())
-    point = FacetPatch("line2", np.array([[0, 1]]), np.array([0]))
-    assert distance_to_faces(mesh, (point,), np.array([4.0, 6.0])) == pytest.approx(5.0)
 
 
 def test_distance_from_faces_of_both_kinds():

@@ -7,51 +7,61 @@ from functools import lru_cache
 
 import numpy as np
 import pytest
-from support.cases import make_case, material, rollers
-from support.meshes import box, regroup
+from support.anisotropy import moduli
+from support.meshes import box
 
 from geoident import processors
 from geoident.errors import ModelError
 from geoident.fem import solvers
+from geoident.fem.elasticity import isotropic
+from geoident.fem.kinematics import SOLID, block_geometry
 from geoident.fem.solvers import Solver, is_beyond, iterative, levels, pick_solver
 from geoident.fem.solvers import conjugate_gradients as cg
 from geoident.fem.solvers.direct import NotPositiveDefinite, SolverCounts, UnknownPlaces
 from geoident.fem.solvers.factor_cost import FactorCost
+from geoident.fem.solvers.ordering import nested_dissection
 from geoident.fem.solvers.splu import SpluFactorization
-from geoident.fem.stiffness import stiffness_pattern
-from geoident.forward.ground.elasticity import ModuliAt
-from geoident.forward.model import StagedModel, staged_model
-from geoident.model.case import Stage
-from geoident.model.dual import ParameterPoint
+from geoident.fem.stiffness import group_blocks, node_graph, nodes_on_edges, stiffness_pattern
 
 
 @lru_cache(maxsize=16)
-def ground(kind, n, nu=0.3, stiff=8e9) -> StagedModel:
-    """A cube of rock on rollers, with a block of another stiffness."""
+def system(kind, n, *, nu=0.3, stiff=8e9, held=None):
+    """Pattern and values of a cube of rock on rollers with a block of another stiffness in it.
+
+    Args:
+        held: (k,) degrees of freedom; None for the rollers.
+    """
     mesh = box(kind, (n, n, n), size=(8.0, 8.0, 8.0), distortion=0.15)
-    mesh = regroup(mesh, other=lambda c: np.abs(c - 4.0).max(axis=1) < 2.1)
-    case = make_case(
-        mesh,
-        materials={"rock": material("rock", 8e9, nu), "other": material("other", stiff, nu)},
-        groups={"rock": "rock", "other": "other"},
-        supports=rollers(3),
-        stages=(Stage("load"),),
+    geometries = tuple(block_geometry(mesh.points, b, SOLID) for b in mesh.blocks)
+    inside = np.abs(mesh.points[mesh.blocks[0].nodes].mean(axis=1) - 4.0).max(axis=1) < 2.1
+    order = nested_dissection(mesh.points, *node_graph(mesh))
+    groups = {
+        name: group_blocks(mesh, geometries, np.flatnonzero(members), np.argsort(order))
+        for name, members in enumerate((~inside, inside))
+    }
+    fixed = (mesh.points == 0.0).ravel()
+    if held is not None:
+        fixed = np.isin(np.arange(mesh.points.size), held)
+    edges = nodes_on_edges(mesh)
+    pattern = stiffness_pattern(
+        groups,
+        node_of_rank=order,
+        fixed=fixed,
+        dim=3,
+        places=lambda dofs: UnknownPlaces(dofs, mesh.points, edges),
     )
-    return staged_model(mesh, case, solver=pick_solver())
+    maps = {
+        name: SOLID.stiffness_map(moduli(isotropic, {"E": E, "nu": nu}))
+        for name, E in enumerate((8e9, stiff))
+    }
+    values = pattern.values(groups, maps)
+    values.setflags(write=False)
+    return pattern.lower, values
 
 
 def iterative_solver():
     """Conjugate gradients for matrices of any size, with what is always installed beneath."""
     return Solver("iterative", SpluFactorization, lambda pattern: True)
-
-
-def system(staged):
-    """Pattern and values of the stiffness."""
-    state, point = staged.sequence.states[1], ParameterPoint({}, ())
-    found = staged.systems[1]
-    at = ModuliAt(staged.on_mesh, point, staged.discretization.points.n_strain)
-    laws = {name: at.moduli(name, mine).value for name, mine in found.points_of.items()}
-    return found.pattern.lower, staged.systems.values(found, state, laws, {})
 
 
 def loads(pattern, k=3):
@@ -86,7 +96,7 @@ def close(x, exact, part):
     ],
 )
 def test_solutions_are_those_of_a_factor(kind, n):
-    pattern, values = system(ground(kind, n))
+    pattern, values = system(kind, n)
     rhs = loads(pattern)
     exact = pick_solver().analyse(pattern).factorize(values).solve(rhs)
     solver = iterative_solver()
@@ -110,7 +120,7 @@ def test_solutions_are_those_of_a_factor(kind, n):
 def test_steps_do_not_grow_with_the_mesh(kind, sizes):
     steps = []
     for n in sizes:
-        pattern, values = system(ground(kind, n))
+        pattern, values = system(kind, n)
         solver = iterative_solver()
         solver.analyse(pattern).factorize(values).solve(loads(pattern)[:, :2])
         steps.append(solver.counts.iterations)
@@ -120,7 +130,7 @@ def test_steps_do_not_grow_with_the_mesh(kind, sizes):
 def test_stiff_and_soft_ground_beside_each_other_takes_no_more():
     found = []
     for stiff in (8e9, 8e5, 8e12):
-        pattern, values = system(ground("tet10", 3, stiff=stiff))
+        pattern, values = system("tet10", 3, stiff=stiff)
         solver = iterative_solver()
         solver.analyse(pattern).factorize(values).solve(loads(pattern))
         found.append(solver.counts.iterations)
@@ -128,7 +138,7 @@ def test_stiff_and_soft_ground_beside_each_other_takes_no_more():
 
 
 def test_corners_too_many_to_factorize_have_a_coarser_level(monkeypatch):
-    pattern, values = system(ground("tet10", 5))
+    pattern, values = system("tet10", 5)
     rhs = loads(pattern)
     exact = pick_solver().analyse(pattern).factorize(values).solve(rhs)
     monkeypatch.setattr(levels, "MOST_CORNERS", 300)
@@ -139,7 +149,7 @@ def test_corners_too_many_to_factorize_have_a_coarser_level(monkeypatch):
 
 
 def test_the_same_input_gives_the_same_bits():
-    pattern, values = system(ground("tet10", 3))
+    pattern, values = system("tet10", 3)
     first, second = (
         iterative_solver().analyse(pattern).factorize(values).solve(loads(pattern))
         for _ in range(2)
@@ -150,19 +160,7 @@ def test_the_same_input_gives_the_same_bits():
 @pytest.mark.parametrize("fixed", [(), (0, 1, 2), (0, 1, 2, 3, 4, 5)])
 def test_a_body_that_nothing_holds_is_refused(fixed):
     """Nothing holds it, or one place or two of them, about which it can turn."""
-    staged = ground("tet10", 4)
-    systems, held = staged.systems, np.isin(np.arange(staged.mesh.points.size), fixed)
-    free = stiffness_pattern(
-        systems._blocks,
-        node_of_rank=systems._node_of_rank,
-        fixed=held,
-        dim=3,
-        places=systems._places,
-    )
-    point = ParameterPoint({}, ())
-    at = ModuliAt(staged.on_mesh, point, staged.discretization.points.n_strain)
-    law = staged.discretization.kinematics.stiffness_map(at.moduli("rock").value.matrix)
-    pattern, values = free.lower, free.values(systems._blocks, dict.fromkeys(systems._blocks, law))
+    pattern, values = system("tet10", 4, held=fixed)
     with pytest.raises(NotPositiveDefinite) as caught:
         iterative_solver().analyse(pattern).factorize(values)
     assert caught.value.unknown is not None
@@ -171,7 +169,7 @@ def test_a_body_that_nothing_holds_is_refused(fixed):
 @pytest.mark.parametrize("kind", ["tet10", "tet4"])
 @pytest.mark.parametrize("where", ["everywhere", "at a node", "in a mode"])
 def test_an_indefinite_matrix_is_refused_whatever_the_loads(kind, where):
-    pattern, values = system(ground(kind, 4 if kind == "tet10" else 8))
+    pattern, values = system(kind, 4 if kind == "tet10" else 8)
     k, n = pattern.whole(values), pattern.n
     if where == "everywhere":
         values = values.copy()
@@ -196,7 +194,7 @@ def test_an_indefinite_matrix_is_refused_whatever_the_loads(kind, where):
 
 @pytest.mark.parametrize("entry", [0.0, -1.0, np.nan])
 def test_a_bad_diagonal_entry_is_named(entry):
-    pattern, values = system(ground("tet10", 3))
+    pattern, values = system("tet10", 3)
     values = values.copy()
     values[pattern.indptr[40]] = entry
     with pytest.raises(NotPositiveDefinite) as caught:
@@ -205,7 +203,7 @@ def test_a_bad_diagonal_entry_is_named(entry):
 
 
 def test_nearly_incompressible_ground_takes_more_steps_and_is_as_exact():
-    pattern, values = system(ground("tet10", 3, nu=0.495))
+    pattern, values = system("tet10", 3, nu=0.495)
     rhs = loads(pattern)
     exact = pick_solver().analyse(pattern).factorize(values).solve(rhs)
     x = iterative_solver().analyse(pattern).factorize(values).solve(rhs)
@@ -214,7 +212,7 @@ def test_nearly_incompressible_ground_takes_more_steps_and_is_as_exact():
 
 @pytest.mark.parametrize("at", ["factorize", "solve"])
 def test_what_does_not_come_to_the_end_is_factorized_or_refused(monkeypatch, at):
-    pattern, values = system(ground("tet10", 4, nu=0.3 if at == "solve" else 0.4999))
+    pattern, values = system("tet10", 4, nu=0.3 if at == "solve" else 0.4999)
     rhs = loads(pattern)
     exact = pick_solver().analyse(pattern).factorize(values).solve(rhs)
     if at == "solve":
@@ -260,26 +258,8 @@ def test_a_preconditioner_lost_in_rounding_ends_no_column(what):
         cg.least_eigenvalue(k.__matmul__, lambda r: inverse * r, np.diag(k), SolverCounts())
 
 
-def test_zeros_that_are_stored_are_in_the_factor_that_stands_in(monkeypatch):
-    """Ground of zero stiffness between nodes leaves zeros in the pattern, which must not shift."""
-    pattern, values = system(ground("hex8", 4))
-    whole = pattern.whole(values)
-    values = values.copy()
-    far = np.argsort(np.abs(values))[:5]
-    values[far] = 0.0
-    exact = pick_solver().analyse(pattern).factorize(values).solve(loads(pattern))
-
-    def stagnates(*_args: object) -> None:
-        raise cg.Stagnation
-
-    monkeypatch.setattr(iterative, "solve_in_energy", stagnates)
-    x = iterative_solver().analyse(pattern).factorize(values).solve(loads(pattern))
-    assert pattern.whole(values).nnz == whole.nnz
-    assert close(x, exact, 1e-9)
-
-
 def test_small_matrices_and_those_without_places_are_factorized():
-    pattern, values = system(ground("tet10", 3))
+    pattern, values = system("tet10", 3)
     solver = pick_solver("iterative")
     for one in (pattern, replace(pattern, places=None)):
         assert pattern.n < solvers.SMALL
@@ -296,7 +276,7 @@ def test_iterations_are_chosen_by_the_counted_work_and_entries():
 
 
 def test_the_choice_among_solvers_iterates_where_a_factor_takes_too_much(monkeypatch):
-    pattern, values = system(ground("tet10", 5))
+    pattern, values = system("tet10", 5)
     rhs = loads(pattern)
     exact = pick_solver().analyse(pattern).factorize(values).solve(rhs)
     monkeypatch.setattr(solvers, "COUNTED", 0)
@@ -317,11 +297,3 @@ def test_a_limit_of_the_process_counts(monkeypatch):
     monkeypatch.setattr(resource, "getrlimit", lambda _: (resource.RLIM_INFINITY,) * 2)
     monkeypatch.setattr(processors, "GROUP_LIMITS", ())
     assert processors.memory_limit() > 1e9
-
-
-def test_places_name_the_unknowns():
-    pattern, _ = system(ground("tet10", 3))
-    places = pattern.places
-    assert isinstance(places, UnknownPlaces)
-    ends = places.points[places.edges[:, 1:]].mean(axis=1)
-    np.testing.assert_allclose(places.points[places.edges[:, 0]], ends, atol=1e-12)

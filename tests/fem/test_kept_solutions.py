@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
-from geoident.fem import solvers
-from geoident.fem.solvers import iterative, kept_solutions, pick_solver
-from tests.fem.test_iterative import ground, iterative_solver, loads, system
+from geoident.fem.solvers import kept_solutions
+from tests.fem.test_iterative import iterative_solver, loads, system
 
 
 class Kept:
@@ -23,69 +21,26 @@ class Kept:
         self.of[name] = {k: v.copy() for k, v in arrays.items()}
 
 
-@pytest.fixture
-def solved(monkeypatch):
-    """How many blocks of right-hand sides are solved; everything is worth keeping."""
-    monkeypatch.setattr(kept_solutions, "WORTH", 0.0)
-    done = []
-    true = iterative.solve_in_energy
-
-    def counted(product, precondition, rhs, *rest):
-        done.append(rhs.shape[1])
-        return true(product, precondition, rhs, *rest)
-
-    monkeypatch.setattr(iterative, "solve_in_energy", counted)
-    return done
-
-
-def with_store(kept):
+def solved_with(store, values, rhs, pattern):
+    """Solutions, and how many steps they took."""
     solver = iterative_solver()
-    solver.keep_solutions(kept)
-    return solver
+    solver.keep_solutions(store)
+    return solver.analyse(pattern).factorize(values).solve(rhs), solver.counts.iterations
 
 
-def test_what_was_solved_before_is_found_bit_by_bit(solved, monkeypatch):
-    pattern, values = system(ground("tet10", 2))
+def test_what_was_solved_before_is_found_bit_by_bit_and_nothing_is_taken_for_it(monkeypatch):
+    monkeypatch.setattr(kept_solutions, "WORTH", 0.0)  # seconds: everything is worth keeping
+    pattern, values = system("tet10", 2)
     kept, rhs = Kept(), loads(pattern)
-    plain = iterative_solver()
-    exact = plain.analyse(pattern).factorize(values).solve(rhs)
-    first = with_store(kept)
-    assert np.array_equal(first.analyse(pattern).factorize(values).solve(rhs), exact)
-    assert len(solved) == 2
-    monkeypatch.setattr(iterative, "least_eigenvalue", None)  # is not even asked
-    again = with_store(kept)
-    assert np.array_equal(again.analyse(pattern).factorize(values).solve(rhs), exact)
-    assert len(solved) == 2
-    assert again.counts.iterations == 0
-
-
-def test_nothing_is_taken_for_the_solution_of_something_else(solved):
-    pattern, values = system(ground("tet10", 2))
-    kept, rhs = Kept(), loads(pattern)
-    with_store(kept).analyse(pattern).factorize(values).solve(rhs)
+    exact, _ = solved_with(None, values, rhs, pattern)
+    first, steps = solved_with(kept, values, rhs, pattern)
+    again, no_steps = solved_with(kept, values, rhs, pattern)
+    assert np.array_equal(first, exact)
+    assert np.array_equal(again, exact)
+    assert steps > no_steps == 0
     other = rhs.copy()
     other[5, 2] = np.nextafter(other[5, 2], np.inf)
-    stiffer = 2.0 * values
-    for v, b in ((values, other), (values, rhs[:, :2]), (stiffer, rhs)):
-        found = with_store(kept).analyse(pattern).factorize(v).solve(b)
-        plain = iterative_solver().analyse(pattern).factorize(v).solve(b)
-        assert np.array_equal(found, plain)
-    assert len(solved) == 1 + 2 * 3
-
-
-def test_what_is_solved_quickly_is_not_kept(solved, monkeypatch):
-    monkeypatch.setattr(kept_solutions, "WORTH", 1e9)
-    pattern, values = system(ground("tet10", 2))
-    kept = Kept()
-    with_store(kept).analyse(pattern).factorize(values).solve(loads(pattern))
-    assert not kept.of
-
-
-def test_the_choice_among_solvers_passes_the_store_on(solved, monkeypatch):
-    monkeypatch.setattr(solvers, "COUNTED", 0)
-    monkeypatch.setattr(solvers, "MOST_ENTRIES", 1000)
-    pattern, values = system(ground("tet10", 2))
-    kept, solver = Kept(), pick_solver("auto")
-    solver.keep_solutions(kept)
-    solver.analyse(pattern).factorize(values).solve(loads(pattern))
-    assert len(kept.of) == 2  # the least eigenvalue and a block of solutions
+    for v, b in ((values, other), (values, rhs[:, :2]), (2.0 * values, rhs)):
+        found, steps = solved_with(kept, v, b, pattern)
+        assert np.array_equal(found, solved_with(None, v, b, pattern)[0])
+        assert steps > 0

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from geoident.fem.solvers.ordering import LEAF, nested_dissection
+from geoident.fem.solvers.ordering import nested_dissection
 
 
 def grid(*counts):
@@ -78,19 +78,6 @@ def test_the_last_nodes_separate_the_mesh_into_halves():
     assert np.bincount(body).min() >= 0.4 * rest.size
 
 
-def test_the_graph_may_lack_or_hold_the_diagonal():
-    points, graph = grid(12, 9)
-    bare = sp.csr_array(graph - sp.eye_array(108))
-    bare.eliminate_zeros()
-    assert np.array_equal(order_of(points, graph), order_of(points, bare))
-
-
-def test_the_order_does_not_depend_on_where_the_mesh_stands_or_on_units():
-    points, graph = grid(13, 17)
-    moved = 0.25 * points + [1024.0, -512.0]
-    assert np.array_equal(order_of(points, graph), order_of(moved, graph))
-
-
 @pytest.mark.parametrize("counts", [(24, 24), (9, 9, 9)])
 def test_fill_is_well_below_that_of_the_natural_order(counts):
     points, graph = grid(*counts)
@@ -106,8 +93,3 @@ def test_fill_grows_as_n_log_n_in_the_plane():
         for points, graph in (grid(12, 12), grid(24, 24), grid(48, 48))
     ]
     assert max(per_node_and_level) < 1.6 * min(per_node_and_level)
-
-
-def test_a_small_part_is_left_whole():
-    points, graph = grid(LEAF)
-    assert np.array_equal(order_of(points, graph), np.arange(LEAF))

@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 
 from geoident.errors import InputError, ModelError
-from geoident.fem.elements import reference_element
 from geoident.fem.faces import face_table
-from geoident.fem.location import reference_coordinates
 from geoident.fem.overlaps import overlaps
 from geoident.model.case import Stage
 from geoident.model.cells import CELLS
@@ -112,19 +110,6 @@ def test_a_wall_meshed_by_chords_of_different_length_from_both_sides_is_no_overl
 
     assert len(found(beside(only(coarse, rock), only(fine, core))).element) == 0
     assert len(found(beside(only(coarse, rock), moved(only(fine, core), (0.3, 0.3)))).element)
-
-
-def test_reference_coordinates_are_those_of_the_map():
-    rng = np.random.default_rng(3)
-    for kind in KINDS:
-        mesh = box(kind, cells(kind, 2), distortion=0.2)
-        (block,) = mesh.blocks
-        reference = reference_element(kind)
-        weights = rng.dirichlet(np.ones(reference.cell.n_corners), len(block))
-        xi = weights @ reference.nodes[: reference.cell.n_corners]
-        x = mesh.points[block.nodes]
-        points = np.einsum("na,nai->ni", reference.shapes(xi), x)
-        np.testing.assert_allclose(reference_coordinates(reference, x, points), xi, atol=1e-7)
 
 
 def on(mesh, groups, stages=()):

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
-
 import numpy as np
 import pytest
 import scipy.sparse as sp
@@ -135,17 +133,6 @@ def test_round_plate_under_uniform_load(clamped, factor, verification):
             -q * a**2 / 8 if clamped else 0, rel=0.05, abs=0.02 * q * a**2
         )
     assert errors[1] < 0.3 * errors[0] < 0.01
-
-
-def test_forces_of_a_section_are_linear_so_that_derivatives_travel():
-    _, members = _shell([(0.5, 0.0), (2.0, 1.0), (2.5, 3.0)])
-    rows = np.random.default_rng(1).normal(size=(len(members.weight), 3))
-    both = section_forces(members, rows)
-    for name in [field.name for field in fields(both)]:
-        table = getattr(both, name)
-        for column in range(3):
-            alone = getattr(section_forces(members, rows[:, column]), name)
-            np.testing.assert_allclose(table[:, column], alone, rtol=1e-14)
 
 
 def test_moment_is_zero_at_a_hinge_of_a_shell_and_of_a_beam():

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from contextlib import ExitStack
-from types import SimpleNamespace
 
 import pytest
 
 from geoident.fem.solvers.threads import libraries, one_thread
-from geoident.workflow import fit as module
 
 
 @pytest.fixture
@@ -38,12 +36,4 @@ def test_what_was_before_comes_back_when_the_last_has_left(two):
     assert two() == {2}
     with pytest.raises(ValueError, match="lost"), one_thread():
         raise ValueError("lost")
-    assert two() == {2}
-
-
-def test_a_fit_is_made_with_one_thread(two, monkeypatch):
-    monkeypatch.setattr(module, "searched", lambda *_: two())
-    case = SimpleNamespace(fit=SimpleNamespace(ladder=()))
-    job = SimpleNamespace(inputs=SimpleNamespace(case=case))
-    assert module.fit(job, SimpleNamespace()) == {1}
     assert two() == {2}

@@ -39,31 +39,18 @@ _UNIT = 3 * 2**20
 
 
 @dataclass(frozen=True)
-class _Cut:
-    """How a kind of cell is cut.
-
-    Args:
-        kind: of the children.
-        rows: (n_children, n_a) their nodes among the places.
-    """
-
-    kind: str
-    rows: Ints
-
-
-@dataclass(frozen=True)
 class _Template:
     """The nodes of all children of one cell, and how they are made.
 
     Args:
         shares: (n_places, n_corners) of the parent's corners.
         shapes: (n_places, n_a) of the parent's nodes in the position.
-        cuts: the children, by kind.
+        children: kind and nodes (n_children, n_a) among the places, of children of each kind.
     """
 
     shares: Floats
     shapes: Floats
-    cuts: tuple[_Cut, ...]
+    children: tuple[tuple[str, Ints], ...]
 
 
 def halved(mesh: Mesh) -> Mesh:
@@ -92,36 +79,36 @@ def n_raised(mesh: Mesh) -> int:
 
 def _finer(mesh: Mesh, *, raises: bool) -> Mesh:
     names = np.random.default_rng(1).integers(1, 2**63, mesh.n_nodes).astype(np.uint64)
-    parts = [_children(mesh, block, names, raises=raises) for block in (*mesh.blocks, *mesh.facets)]
-    old = [names * np.uint64(_UNIT), *(keys for keys, _ in _middles(mesh, names))]
-    own = [np.arange(mesh.n_nodes), *(nodes for _, nodes in _middles(mesh, names))]
-    keys = np.concatenate([*old, *(part.keys.ravel() for part in parts)])
-    known = np.concatenate(own)
-    _, first, place = np.unique(keys, return_index=True, return_inverse=True)
-    fresh = first >= len(known)
+    blocks = [*spans(mesh.blocks), *spans(mesh.facets)]
+    templates = [_template(block.kind, raises=raises) for block, _ in blocks]
+    old_keys, old_nodes = _old_nodes(mesh, names)
+    keys, positions = [old_keys], [np.empty((0, mesh.dim))]
+    for (block, _), template in zip(blocks, templates, strict=True):
+        corners = names[block.nodes[:, : CELLS[block.kind].n_corners]]
+        shares = np.round(template.shares * _UNIT).astype(np.int64).astype(np.uint64)
+        keys.append((corners @ shares.T).ravel())  # modulo 2^64, as hashes are
+        x = np.einsum("pa,ead->epd", template.shapes, mesh.points[block.nodes], optimize=True)
+        positions.append(x.reshape(-1, mesh.dim))
+    _, first, place = np.unique(np.concatenate(keys), return_index=True, return_inverse=True)
+    is_old = first < len(old_nodes)
     number = np.empty(len(first), dtype=np.int64)
-    number[~fresh] = known[first[~fresh]]
-    number[fresh] = mesh.n_nodes + np.arange(np.count_nonzero(fresh))
-    points = np.empty((mesh.n_nodes + int(np.count_nonzero(fresh)), mesh.dim))
-    points[: mesh.n_nodes] = mesh.points
-    positions = np.concatenate([part.points.reshape(-1, mesh.dim) for part in parts])
-    points[number[fresh]] = positions[first[fresh] - len(known)]
-    node_of = number[place[len(known) :]]
-    elements, facets = _Joined(raises=raises), _Joined(raises=raises)
-    start = 0
+    number[is_old] = old_nodes[first[is_old]]
+    number[~is_old] = mesh.n_nodes + np.arange(np.count_nonzero(~is_old))
+    new_points = np.concatenate(positions)[first[~is_old] - len(old_nodes)]
+    places = np.split(number[place], np.cumsum([len(part) for part in keys[:-1]]))[1:]
+    elements, facets = _Children(), _Children()
     grown = {name: [np.asarray(group)] for name, group in mesh.node_groups.items()}
     borders = _borders(mesh)
-    for count, ((block, span), part) in enumerate(zip(_all_spans(mesh), parts, strict=True)):
-        nodes = node_of[start : start + part.keys.size].reshape(part.keys.shape)
-        start += part.keys.size
-        target = elements if count < len(mesh.blocks) else facets
-        target.add(block, span, nodes)
-        on_border = borders[count] if count < len(mesh.blocks) else None
-        for name, members in _grown(mesh, block, nodes, on_border, raises=raises):
+    for count, ((block, span), template) in enumerate(zip(blocks, templates, strict=True)):
+        nodes = places[count].reshape(len(block), -1)
+        is_element = count < len(mesh.blocks)
+        (elements if is_element else facets).add(block, span, nodes, template)
+        on_border = borders[count] if is_element else None
+        for name, members in _grown(mesh, block, nodes, on_border, template):
             grown[name].append(members)
     return replace(
         mesh,
-        points=points,
+        points=np.concatenate([mesh.points, new_points]),
         blocks=elements.blocks,
         facets=facets.blocks,
         groups={name: elements.of(group) for name, group in mesh.groups.items()},
@@ -130,55 +117,31 @@ def _finer(mesh: Mesh, *, raises: bool) -> Mesh:
     )
 
 
-def _all_spans(mesh: Mesh) -> Iterable[tuple[ElementBlock, slice]]:
-    yield from spans(mesh.blocks)
-    yield from spans(mesh.facets)
-
-
-@dataclass(frozen=True)
-class _Children:
-    """Places of the children of a block: keys (n_el, n_places), points (n_el, n_places, dim)."""
-
-    keys: Keys
-    points: Floats
-
-
-def _children(mesh: Mesh, block: ElementBlock, names: Keys, *, raises: bool) -> _Children:
-    template = _template(block.kind, raises=raises)
-    corners = names[block.nodes[:, : CELLS[block.kind].n_corners]]
-    shares = np.round(template.shares * _UNIT).astype(np.int64).astype(np.uint64)
-    keys = np.zeros((len(block), len(shares)), dtype=np.uint64)
-    for corner in range(corners.shape[1]):
-        keys += corners[:, corner, None] * shares[:, corner]  # modulo 2^64, as hashes are
-    points = np.einsum("pa,ead->epd", template.shapes, mesh.points[block.nodes], optimize=True)
-    return _Children(keys.astype(np.uint64), points)
-
-
-def _middles(mesh: Mesh, names: Keys) -> Iterable[tuple[Keys, Ints]]:
-    """Keys (k,) and numbers of the nodes that stand on edges of cells of second order."""
+def _old_nodes(mesh: Mesh, names: Keys) -> tuple[Keys, Ints]:
+    """Keys (k,) and numbers of the nodes of the mesh, those on edges by the ends of their edge."""
+    keys, nodes = [names * np.uint64(_UNIT)], [np.arange(mesh.n_nodes)]
     for block in (*mesh.blocks, *mesh.facets):
         cell = CELLS[block.kind]
         for k, (a, b) in enumerate(cell.edges):
             ends = names[block.nodes[:, a]] + names[block.nodes[:, b]]
-            yield ends * np.uint64(_UNIT // 2), block.nodes[:, cell.n_corners + k]
+            keys.append(ends * np.uint64(_UNIT // 2))
+            nodes.append(block.nodes[:, cell.n_corners + k])
+    return np.concatenate(keys), np.concatenate(nodes)
 
 
-class _Joined:
-    """Collects children by kind, with the parent of each."""
+class _Children:
+    """Children by kind, with the number and the row of the parent of each."""
 
-    def __init__(self, *, raises: bool) -> None:
-        self._raises = raises
+    def __init__(self) -> None:
         self._parts: dict[str, list[tuple[Ints, Ints, Ints]]] = {}
 
-    def add(self, block: ElementBlock, span: slice, nodes: Ints) -> None:
+    def add(self, block: ElementBlock, span: slice, nodes: Ints, template: _Template) -> None:
         """Takes the children of a block whose places have these nodes (n_el, n_places)."""
         parents = np.arange(span.start, span.stop)
-        for cut in _template(block.kind, raises=self._raises).cuts:
-            rows = nodes[:, cut.rows].reshape(-1, cut.rows.shape[1])
-            each = len(cut.rows)
-            self._parts.setdefault(cut.kind, []).append(
-                (rows, np.repeat(block.numbers, each), np.repeat(parents, each))
-            )
+        for kind, places in template.children:
+            rows, each = nodes[:, places].reshape(-1, places.shape[1]), len(places)
+            part = rows, np.repeat(block.numbers, each), np.repeat(parents, each)
+            self._parts.setdefault(kind, []).append(part)
 
     @property
     def blocks(self) -> tuple[ElementBlock, ...]:
@@ -216,10 +179,10 @@ def _borders(mesh: Mesh) -> list[Bools]:
 
 
 def _grown(
-    mesh: Mesh, block: ElementBlock, nodes: Ints, border: Bools | None, *, raises: bool
+    mesh: Mesh, block: ElementBlock, nodes: Ints, border: Bools | None, template: _Template
 ) -> Iterable[tuple[str, Ints]]:
     """New members of node groups among the places (n_el, n_places) of a block."""
-    cell, template = CELLS[block.kind], _template(block.kind, raises=raises)
+    cell = CELLS[block.kind]
     corners = block.nodes[:, : cell.n_corners]
     behind: Bools = np.array(template.shares > 0.0, dtype=np.bool_, ndmin=2)
     for name, group in mesh.node_groups.items():
@@ -246,28 +209,25 @@ def _template(kind: str, *, raises: bool) -> _Template:
     order, name = (2 if raises else cell.order), cell.shape.name
     parent = reference_element(kind)
     first = reference_element(f"{name}{cell.n_corners}")
-    cuts: list[tuple[str, list[Floats]]] = []
-    for shape, children in ((name, [_of(name)]),) if raises else _CUTS[name]:
+    kinds, rows = list[str](), list[Floats]()  # of every child, and its nodes
+    for shape, children in ((name, [_corners_of(name)]),) if raises else _CUTS[name]:
         child = next(
             c for c in CELLS.values() if c.shape.name == shape and c.order == order and c.usable
         )
-        edges = child.edges
-        rows = []
         for corners in children:
             at = np.array(corners, dtype=np.float64)
-            rows.append(np.vstack([at, *((at[a] + at[b]) / 2 for a, b in edges)]))
-        cuts.append((child.kind, rows))
-    everything = np.vstack([row for _, rows in cuts for row in rows])
-    places, index = np.unique(np.round(everything, 9), axis=0, return_inverse=True)
-    index = index.ravel()
-    cut, start = [], 0
-    for kind_of_child, rows in cuts:
-        size = len(rows) * len(rows[0])
-        cut.append(_Cut(kind_of_child, index[start : start + size].reshape(len(rows), -1)))
-        start += size
+            kinds.append(child.kind)
+            rows.append(np.vstack([at, *((at[a] + at[b]) / 2 for a, b in child.edges)]))
+    places, index = np.unique(np.vstack(rows).round(9), axis=0, return_inverse=True)
+    index_of = np.split(index.ravel(), np.cumsum([len(row) for row in rows])[:-1])
     shares = first.shapes(places)
     return _Template(
-        np.where(np.abs(shares) < _NO_SHARE, 0.0, shares), parent.shapes(places), tuple(cut)
+        np.where(np.abs(shares) < _NO_SHARE, 0.0, shares),
+        parent.shapes(places),
+        tuple(
+            (kind, np.array([own for own, k in zip(index_of, kinds, strict=True) if k == kind]))
+            for kind in dict.fromkeys(kinds)
+        ),
     )
 
 
@@ -337,18 +297,18 @@ def _right_handed(a: _Corners) -> _Corners:
     return a if np.linalg.det(edges) > 0.0 else (a[0], a[2], a[1], a[3])
 
 
-def _of(name: str) -> _Corners:
+def _corners_of(name: str) -> _Corners:
     shape = next(cell.shape for cell in CELLS.values() if cell.shape.name == name)
     return tuple(tuple(map(float, corner)) for corner in shape.corners)
 
 
-_BY_PYRAMIDS = _pyramids(_of("pyramid"))
+_BY_PYRAMIDS = _pyramids(_corners_of("pyramid"))
 _CUTS: dict[str, tuple[tuple[str, list[_Corners]], ...]] = {
-    "line": (("line", _grid(_of("line"))),),
-    "tri": (("tri", _triangles(_of("tri"))),),
-    "quad": (("quad", _grid(_of("quad"))),),
-    "tet": (("tet", [_right_handed(tet) for tet in _tetrahedra(_of("tet"))]),),
-    "hex": (("hex", _grid(_of("hex"))),),
-    "wedge": (("wedge", _wedges(_of("wedge"))),),
+    "line": (("line", _grid(_corners_of("line"))),),
+    "tri": (("tri", _triangles(_corners_of("tri"))),),
+    "quad": (("quad", _grid(_corners_of("quad"))),),
+    "tet": (("tet", [_right_handed(tet) for tet in _tetrahedra(_corners_of("tet"))]),),
+    "hex": (("hex", _grid(_corners_of("hex"))),),
+    "wedge": (("wedge", _wedges(_corners_of("wedge"))),),
     "pyramid": (("pyramid", _BY_PYRAMIDS[0]), ("tet", _BY_PYRAMIDS[1])),
 }

@@ -57,8 +57,8 @@ def openings(mesh: Mesh, table: FaceTable, present: Bools) -> Floats:
     keys, place = np.unique(ends, axis=0, return_inverse=True)
     whole = np.bincount(place.ravel(), angles, minlength=len(keys))
     curved = np.bincount(place.ravel(), round_ones, minlength=len(keys)) > 0
-    angle = whole[np.isin(_joined(keys, mesh), _free_ends(mesh, table, free))]
-    soft = curved[np.isin(_joined(keys, mesh), _free_ends(mesh, table, free))]
+    at_free = np.isin(_joined(keys, mesh), _free_ends(mesh, table, free))
+    angle, soft = whole[at_free], curved[at_free]
     return np.asarray(np.where(soft & (angle < np.pi + _ROUND), np.minimum(angle, np.pi), angle))
 
 
@@ -70,12 +70,12 @@ def _joined(ends: Ints, mesh: Mesh) -> Ints:
 def _free_ends(mesh: Mesh, table: FaceTable, rows: Ints) -> Ints:
     """Corners (edges) of the free faces in some rows of the table, as `_joined` numbers."""
     ends = [np.empty(0, np.int64)]
-    for _, _, _, corners in table.by_place(mesh, rows):
-        n = corners.shape[1]
+    for block, local, _, nodes in table.by_place(mesh, rows):
+        n = len(CELLS[block.kind].shape.faces[local])
         if mesh.dim == 2:
-            ends += [_joined(corners[:, [k]], mesh) for k in range(n)]
+            ends += [_joined(nodes[:, [k]], mesh) for k in range(n)]
         else:
-            edges = [np.sort(corners[:, [k, (k + 1) % n]], axis=1) for k in range(n)]
+            edges = [np.sort(nodes[:, [k, (k + 1) % n]], axis=1) for k in range(n)]
             ends += [_joined(edge, mesh) for edge in edges]
     return np.unique(np.concatenate(ends))
 

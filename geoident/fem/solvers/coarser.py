@@ -50,31 +50,25 @@ def corners(places: UnknownPlaces) -> Coarser | None:
     n, dim = len(places.dofs), places.dim
     on_edge = np.zeros(len(places.points), dtype=bool)
     on_edge[places.edges[:, 0]] = True
-    stays = np.flatnonzero(~on_edge[places.dofs // dim])
+    stays = np.flatnonzero(~on_edge[places.node])
     if not 0 < len(stays) <= MOST_OF_CORNERS * n:
         return None
-    column = np.full(places.points.size, -1, dtype=np.int64)
-    column[places.dofs[stays]] = np.arange(len(stays))
     unknown = np.full(places.points.size, -1, dtype=np.int64)
     unknown[places.dofs] = np.arange(n)
-    components = np.arange(dim)
-    rows, columns = [stays], [np.arange(len(stays))]
-    for end in (1, 2):
-        row = unknown[(places.edges[:, :1] * dim + components).ravel()]
-        of = column[(places.edges[:, end, None] * dim + components).ravel()]
-        both = (row >= 0) & (of >= 0)
-        rows.append(row[both])
-        columns.append(of[both])
-    row = np.concatenate(rows)
-    share = np.full(len(row), 0.5)
-    share[: len(stays)] = 1.0
-    entries = share, (row, np.concatenate(columns))
-    interpolation = sp.csr_array(sp.coo_array(entries, shape=(n, len(stays))))
-    dofs = places.dofs[stays]
-    nothing = np.empty((0, 3), dtype=np.int64)
-    return Coarser(
-        interpolation, places.points[dofs // dim], UnknownPlaces(dofs, places.points, nothing)
-    )
+    column = np.empty(n, dtype=np.int64)
+    column[stays] = np.arange(len(stays))
+    rows, columns, shares = [stays], [column[stays]], [np.ones(len(stays))]
+    middle, *ends = np.moveaxis(unknown[places.edges[:, :, None] * dim + np.arange(dim)], 1, 0)
+    for end in ends:
+        both = (middle >= 0) & (end >= 0)
+        rows.append(middle[both])
+        columns.append(column[end[both]])
+        shares.append(np.full(np.count_nonzero(both), 0.5))
+    places_of_entries = np.concatenate(rows), np.concatenate(columns)
+    entries = sp.coo_array((np.concatenate(shares), places_of_entries), shape=(n, len(stays)))
+    dofs, nothing = places.dofs[stays], np.empty((0, 3), dtype=np.int64)
+    coarser_places = UnknownPlaces(dofs, places.points, nothing)
+    return Coarser(sp.csr_array(entries), places.points[dofs // dim], coarser_places)
 
 
 def aggregates(matrix: sp.csr_array, places: UnknownPlaces, step: sp.csr_array) -> Coarser:
@@ -87,7 +81,7 @@ def aggregates(matrix: sp.csr_array, places: UnknownPlaces, step: sp.csr_array) 
     """
     dim = places.dim
     node, at = np.unique(places.dofs // dim, return_inverse=True)
-    graph = _node_graph(matrix, at, len(node))
+    graph = node_graph(matrix, at, len(node))
     aggregate = _aggregate_numbers(graph)
     motions = _rigid_motions(places, node, at, aggregate)
     count = int(aggregate.max()) + 1
@@ -98,8 +92,14 @@ def aggregates(matrix: sp.csr_array, places: UnknownPlaces, step: sp.csr_array) 
     return Coarser(smooth, centres[of], None)
 
 
-def _node_graph(matrix: sp.csr_array, at: Ints, n_nodes: int) -> sp.csr_array:
-    """Nodes that are coupled, each with itself."""
+def node_graph(matrix: sp.csr_array, at: Ints, n_nodes: int) -> sp.csr_array:
+    """Pattern (n_nodes, n_nodes) of the nodes that are coupled, each with itself.
+
+    Args:
+        matrix: (n, n) K.
+        at: (n,) node of each unknown.
+        n_nodes: their number.
+    """
     n = len(at)
     of = sp.csr_array((np.ones(n, dtype=np.int8), at, np.arange(n + 1)), shape=(n, n_nodes))
     pattern = sp.csr_array(

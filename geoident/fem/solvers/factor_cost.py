@@ -47,33 +47,18 @@ def factor_cost(lower: LowerPattern, node: Ints) -> FactorCost:
     """
     if lower.n == 0:
         return FactorCost(0, 0.0)
-    starts = np.concatenate([[True], node[1:] != node[:-1]])
-    first = np.flatnonzero(starts)
+    first = np.flatnonzero(np.concatenate([[True], node[1:] != node[:-1]]))
     size = np.diff(np.append(first, lower.n))
-    below = _rows_below(*_node_columns(lower, starts, first), size)
+    # Nodes below each node, by the column of its first unknown.
+    ones = np.ones(len(lower.indices), dtype=np.int8)
+    columns = sp.csc_array((ones, lower.indices, lower.indptr), shape=(lower.n, lower.n))[:, first]
+    of_node = sp.csr_array((np.ones(lower.n), np.arange(lower.n), np.append(first, lower.n)))
+    graph = sp.csc_array(sp.tril(of_node @ columns, -1))
+    below = _rows_below(graph.indptr.astype(np.int64), graph.indices.astype(np.int64), size)
     height = np.arange(lower.n)  # entries of a column above those of other nodes
     within = np.repeat(first + size, size) - height
     column = within + np.repeat(below, size)
     return FactorCost(int(column.sum()), float((column.astype(np.float64) ** 2).sum()))
-
-
-def _node_columns(lower: LowerPattern, starts: Bools, first: Ints) -> tuple[Ints, Ints]:
-    """Nodes below each node in its first column: starts of the columns, and the nodes.
-
-    Args:
-        lower: the pattern.
-        starts: (n,) the first unknowns of nodes.
-        first: (n_nodes,) the same by number.
-    """
-    node_of = np.cumsum(starts) - 1
-    counts = lower.indptr[first + 1] - lower.indptr[first]
-    above = np.repeat(np.arange(len(first)), counts)
-    before = np.cumsum(counts) - counts
-    nodes = node_of[lower.indices[np.arange(len(above)) + (lower.indptr[first] - before)[above]]]
-    fresh = nodes > above
-    fresh[1:] &= (nodes[1:] != nodes[:-1]) | (above[1:] != above[:-1])
-    indptr = np.concatenate([[0], np.cumsum(np.bincount(above[fresh], minlength=len(first)))])
-    return indptr, nodes[fresh]
 
 
 def _rows_below(indptr: Ints, nodes: Ints, size: Ints) -> Ints:

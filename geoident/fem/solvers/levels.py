@@ -22,7 +22,7 @@ import numpy as np
 import numpy.typing as npt
 import scipy.sparse as sp
 
-from geoident.fem.solvers.coarser import Coarser, aggregates, corners
+from geoident.fem.solvers.coarser import Coarser, aggregates, corners, node_graph
 from geoident.fem.solvers.direct import (
     LowerPattern,
     NotPositiveDefinite,
@@ -173,19 +173,14 @@ def _elimination_order(matrix: sp.csr_array, point: Floats) -> Ints:
     Unknowns at one point stay together: apart they would make the graph several times as large,
     and the separators of so many equal vertices take tens of minutes to find.
     """
-    order = np.lexsort(point.T)
-    begins = np.r_[True, (np.diff(point[order], axis=0) != 0.0).any(axis=1)]
-    place = np.empty(len(point), dtype=np.int64)
-    place[order] = np.cumsum(begins) - 1
-    rows = place[np.repeat(np.arange(len(point)), np.diff(matrix.indptr))]
-    edges = (np.ones(len(rows), dtype=np.int8), (rows, place[matrix.indices]))
-    graph = sp.csr_array(sp.coo_array(edges, shape=(place.max() + 1,) * 2))
+    places, at = np.unique(point, axis=0, return_inverse=True)
+    graph = node_graph(matrix, at.ravel(), len(places))
     dissected = nested_dissection(
-        point[order[begins]], graph.indptr.astype(np.int64), graph.indices.astype(np.int64)
+        places, graph.indptr.astype(np.int64), graph.indices.astype(np.int64)
     )
     rank = np.empty_like(dissected)
     rank[dissected] = np.arange(len(dissected))
-    return np.asarray(np.argsort(rank[place], kind="stable"))
+    return np.asarray(np.argsort(rank[at.ravel()], kind="stable"))
 
 
 def _smooth(matrix: sp.csr_array, scaled: sp.csr_array, x: Singles, rest: Singles) -> Singles:

@@ -12,7 +12,7 @@ import ctypes
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
-from contextlib import ContextDecorator
+from contextlib import ContextDecorator, suppress
 from dataclasses import dataclass
 from functools import lru_cache
 from importlib import import_module
@@ -104,25 +104,12 @@ def libraries() -> tuple[BlasLibrary, ...]:
     for name in ("numpy", "scipy"):
         package = Path(str(import_module(name).__file__)).parent
         places = (package.parent / f"{name}.libs", package / ".dylibs")
-        for path in (one for place in places for one in sorted(place.glob("*openblas*"))):
-            library = _opened(path)
-            if library is not None:
-                opened.append(library)
+        for path in (path for place in places for path in sorted(place.glob("*openblas*"))):
+            for ending in ("", "64_"):
+                with suppress(OSError, AttributeError):  # another library, or without that name
+                    library = ctypes.CDLL(str(path))
+                    get = library[f"scipy_openblas_get_num_threads{ending}"]
+                    put = library[f"scipy_openblas_set_num_threads{ending}"]
+                    get.restype, get.argtypes, put.argtypes = ctypes.c_int, [], [ctypes.c_int]
+                    opened.append(BlasLibrary(get, put))
     return tuple(opened)
-
-
-def _opened(path: Path) -> BlasLibrary | None:
-    """The library in a file; None where it is another."""
-    try:
-        library = ctypes.CDLL(str(path))
-    except OSError:
-        return None
-    for ending in ("", "64_"):
-        try:
-            get = getattr(library, f"scipy_openblas_get_num_threads{ending}")
-            put = getattr(library, f"scipy_openblas_set_num_threads{ending}")
-        except AttributeError:
-            continue
-        get.restype, get.argtypes, put.argtypes = ctypes.c_int, [], [ctypes.c_int]
-        return BlasLibrary(get, put)
-    return None

@@ -1,6 +1,6 @@
 """External actions f_j of every state and their derivatives: weight, loads, held edges, water.
 
-Loads are made ready first: what does not depend on parameters is computed once.
+What does not depend on parameters is computed once, when a model is made.
 """
 
 from __future__ import annotations
@@ -8,115 +8,84 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Protocol, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 import scipy.sparse as sp
 
-from geoident.fem.faces import FacetPatch, load_patches, patches
+from geoident.fem.faces import load_patches
 from geoident.fem.loads import (
-    facet_geometry,
     pressure_forces,
     pressure_operator,
-    stress_forces,
     traction_weights,
     weight_shares,
 )
+from geoident.forward.actions.edges import HELD_EDGES, loaded_edges
 from geoident.forward.actions.supports import group_nodes
 from geoident.forward.actions.thermal import NORMAL_COMPONENTS
-from geoident.forward.in_situ.overburden import Overburden
-from geoident.forward.in_situ.stress import (
-    CoverAndSurcharge,
-    InSituStress,
-    StressPlaces,
-    edges_held,
-)
 from geoident.forward.in_situ.water import FacePressure, PorePressure, is_wet
 from geoident.forward.stages import CaseOnMesh, ConstructionState
 from geoident.model.actions import FaceLoad, PointForce, Pressure, Seismic, Traction, Water
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.dual import Dual, ParameterPoint
-from geoident.model.in_situ import GeostaticStress
-from geoident.model.mesh import Mesh
 from geoident.model.parameter import Scalar
 
-ReadyLoad: TypeAlias = Callable[[ParameterPoint], Floats]
-"""A load that can be asked for its nodal forces (n_dofs, 1 + n) and their derivatives, N."""
+NodalForces: TypeAlias = Callable[[ParameterPoint], Floats]
+"""Nodal forces (n_dofs, 1 + n), N, with derivatives in the columns from 1 on."""
+
+ForcePart: TypeAlias = tuple[str, NodalForces]
+"""What acts, for a sentence, and its nodal forces."""
+
+_NO_FORCE = 1e-9
+"""Part of the largest force below which a force is rounding."""
 
 
-def _scaled_forces(terms: Sequence[tuple[Floats, Scalar]], point: ParameterPoint) -> Floats:
-    """Nodal forces (n_dofs,) that are given, each times a number of the case: (n_dofs, 1 + n)."""
-    return np.asarray(sum(np.outer(unit, point.number(k).columns) for unit, k in terms))
+def load_forces(on_mesh: CaseOnMesh, load: FaceLoad | PointForce, present: Bools) -> NodalForces:
+    """Nodal forces of a load on the ground that is there.
 
-
-def _water_forces(
-    terms: Sequence[tuple[FacePressure, sp.csr_array]], point: ParameterPoint
-) -> Floats:
-    """Forces (n_dofs, 1 + n) of water on faces.
-
-    Args:
-        terms: the pressure at the quadrature points of a patch with the operator (n_dofs, m)
-            that makes forces of it.
-        point: the parameters.
-    """
-    return np.asarray(sum(matrix @ p.at(point).columns for p, matrix in terms))
-
-
-def face_load(on_mesh: CaseOnMesh, load: FaceLoad, faces: Sequence[FacetPatch]) -> ReadyLoad:
-    """A load on the free faces of the ground.
+    A point force is shared by the nodes of the element around it, or evenly by those of a group.
 
     Args:
         on_mesh: the case on its mesh.
         load: the load.
-        faces: the free faces on which it acts.
+        present: (n_elements,) which elements are there.
+
+    Raises:
+        ValueError: a face of the load is not free (`load_place_faults`).
     """
     mesh, kinematics = on_mesh.mesh, on_mesh.kinematics
-    if isinstance(load, Pressure):
-        push = sum((pressure_forces(mesh, p, kinematics) for p in faces), np.zeros(1))
-        return partial(_scaled_forces, [(push, load.value)])
-    if isinstance(load, Traction):
-        area = sum((traction_weights(mesh, p, kinematics) for p in faces), np.zeros(1))
-        return _along_axes(mesh, area, load.value)
-    ready = [pressure_operator(mesh, p, kinematics) for p in faces]
-    return partial(_water_forces, [(FacePressure(load, where), matrix) for where, matrix in ready])
-
-
-def point_force(on_mesh: CaseOnMesh, load: PointForce, present: Bools) -> ReadyLoad:
-    """A force at a point, shared by the nodes around it; or on the nodes of a group.
-
-    Args:
-        on_mesh: the case on its mesh.
-        load: the force.
-        present: (n_elements,) which elements are there.
-    """
-    mesh = on_mesh.mesh
     shares = np.zeros(mesh.n_nodes)
-    if isinstance(load.place, str):
-        nodes = group_nodes(mesh, load.place)
-        shares[nodes] = 1 / len(nodes)
-    elif (site := on_mesh.locator.best(load.place, present)) is not None:
-        shares[site.nodes] = site.shapes
-    return _along_axes(mesh, shares, load.value)
+    if isinstance(load, PointForce):
+        if isinstance(load.place, str):
+            nodes = group_nodes(mesh, load.place)
+            shares[nodes] = 1 / len(nodes)
+        elif (site := on_mesh.locator.best(load.place, present)) is not None:
+            shares[site.nodes] = site.shapes
+        return partial(_along_axes, shares, load.value)
+    faces = load_patches(mesh, on_mesh.table, load.group, present)
+    if faces is None:
+        raise ValueError(f"load on '{load.group}' has no free face (see load_place_faults)")
+    if isinstance(load, Traction):
+        for patch in faces:
+            shares += traction_weights(mesh, patch, kinematics)
+        return partial(_along_axes, shares, load.value)
+    if isinstance(load, Pressure):
+        push = np.sum([pressure_forces(mesh, p, kinematics) for p in faces], axis=0)
+        pressure = load.value
+        return lambda point: np.outer(push, point.number(pressure).columns)
+    places, operators = zip(*(pressure_operator(mesh, p, kinematics) for p in faces), strict=True)
+    water, operator = FacePressure(load, np.concatenate(places)), sp.hstack(operators, "csr")
+    return lambda point: np.asarray(operator @ water.at(point).columns)
 
 
-def _along_axes(mesh: Mesh, shares: Floats, value: Sequence[Scalar]) -> ReadyLoad:
-    """Forces shared by the nodes (n_nodes,), with one number per axis."""
-    axes = np.eye(mesh.dim)
-    terms = [(np.outer(shares, a).ravel(), number) for a, number in zip(axes, value, strict=True)]
-    return partial(_scaled_forces, terms)
-
-
-ForcePart: TypeAlias = tuple[str, Callable[[ParameterPoint], Floats]]
-"""What acts, for a sentence, and its nodal forces (n_dofs, 1 + n) at a point."""
-
-HELD_EDGES = "what holds the edges of the model"
-
-_ROUNDING = 1e-9
-"""Part of the largest force below which a force is none."""
+def _along_axes(shares: Floats, value: Sequence[Scalar], point: ParameterPoint) -> Floats:
+    """Forces (n_dofs, 1 + n) of which each node has its share (n_nodes,), one number an axis."""
+    numbers = np.array([point.number(scalar).columns for scalar in value])
+    return np.asarray((shares[:, None, None] * numbers).reshape(-1, point.n_columns))
 
 
 class Actions:
-    """Nodal forces of everything that acts from outside; what is given is computed once.
+    """Nodal forces of everything that acts from outside.
 
     Args:
         on_mesh: the case on its mesh.
@@ -129,9 +98,14 @@ class Actions:
         self._on_mesh, self._beside = on_mesh, beside
         self._case, self._mesh, self._sequence = on_mesh.case, on_mesh.mesh, on_mesh.sequence
         self._discretization = on_mesh.discretization
-        self._shares = self._volume_shares()
-        self._edges = self._held_edges()
-        self._loads = self._ready_loads()
+        if self._case.gravity is not None:
+            geometries = self._discretization.geometries
+            self._volume_shares = [  # of every group, (n_nodes,) m3
+                weight_shares(self._mesh, geometries, self._sequence.elements(g))
+                for g in range(len(self._sequence.groups))
+            ]
+        self._edges = loaded_edges(on_mesh)
+        self._loads = self._all_load_forces()
         self._pores: dict[Water, PorePressure] = {}
 
     @property
@@ -150,11 +124,11 @@ class Actions:
             point: the parameters.
             unknowns: (m,) numbers of the dofs that no support fixes.
         """
-        edges = (edge for edges in self._edges.values() for edge in edges)
-        for forces in (e.forces(point)[:, 0] for e in edges if isinstance(e, _HeldEdge)):
-            largest = float(np.abs(forces).max(initial=0.0))
-            if np.abs(forces[unknowns]).max(initial=0.0) > _ROUNDING * largest:
-                return True
+        for edge in (edge for edges in self._edges.values() for edge in edges):
+            if edge.name == HELD_EDGES:
+                forces = np.abs(edge.forces(point)[:, 0])
+                if forces[unknowns].max(initial=0.0) > _NO_FORCE * forces.max(initial=0.0):
+                    return True
         return False
 
     def carried(self, state: int, groups: Collection[int], point: ParameterPoint) -> Floats:
@@ -188,39 +162,35 @@ class Actions:
         current = self._sequence.states[state]
         some = replace(current, materials={g: current.materials[g] for g in groups})
         if self._case.gravity is not None:
-            yield "the weight", partial(self._weight, some, self._case.gravity)
+            yield "the weight", partial(self._inertia, some, None)
         for group in groups:
             for edge in self._edges.get(group, ()):
                 yield edge.name, edge.forces
         for name, load in current.loads.items():
-            if isinstance(load, Seismic):
-                yield f"the seismic force '{name}'", partial(self._shaking, some, load)
+            if isinstance(load, Seismic) and self._case.gravity is not None:
+                yield f"the seismic force '{name}'", partial(self._inertia, some, load)
         if current.water is not None:
             yield (
                 "the pressure of the water in the pores",
                 partial(self._pore_forces, state, groups, current.water),
             )
 
-    def _weight(
-        self, state: ConstructionState, gravity: Sequence[float], point: ParameterPoint
+    def _inertia(
+        self, state: ConstructionState, shaking: Seismic | None, point: ParameterPoint
     ) -> Floats:
-        mass = self._mass(state, point).columns
-        return np.asarray(np.einsum("nc,i->nic", mass, gravity).reshape(-1, point.n_columns))
-
-    def _shaking(self, state: ConstructionState, load: Seismic, point: ParameterPoint) -> Floats:
-        """Parts of the weight of all ground that is there, along the axes."""
-        mass = self._mass(state, point)
-        size = 0.0 if self._case.gravity is None else float(np.linalg.norm(self._case.gravity))
-        along = [(mass * point.number(factor)).times(size).columns for factor in load.factors]
-        return np.stack(along, axis=1).reshape(-1, point.n_columns)
-
-    def _mass(self, state: ConstructionState, point: ParameterPoint) -> Dual:
-        """Mass (n_nodes,) that belongs to each node, kg."""
+        """The weight of the ground, or the parts of it with which an earthquake pushes."""
+        gravity = np.array(self._case.gravity)
         mass = np.zeros((self._mesh.n_nodes, point.n_columns))
         for group, material in state.materials.items():
             density = point.number(self._case.materials[material].density)
-            mass += np.outer(self._shares[group], density.columns)
-        return Dual(mass)
+            mass += np.outer(self._volume_shares[group], density.columns)
+        if shaking is None:
+            along = [mass * component for component in gravity]
+        else:
+            size = float(np.linalg.norm(gravity))
+            factors = [point.number(factor).times(size) for factor in shaking.factors]
+            along = [(Dual(mass) * factor).columns for factor in factors]
+        return np.stack(along, axis=1).reshape(-1, point.n_columns)
 
     def _pore_forces(
         self, state: int, groups: Collection[int], water: Water, point: ParameterPoint
@@ -238,37 +208,9 @@ class Actions:
         wet &= np.isin(group_of_point, list(groups))
         return points.forces(stress, np.where(wet, volume, 0.0))
 
-    def _volume_shares(self) -> list[Floats]:
-        """Per group the volume (n_nodes,) that belongs to each node, m3; no gravity, nothing."""
-        mesh, sequence, groups = self._mesh, self._sequence, range(len(self._sequence.groups))
-        if self._case.gravity is None:
-            return [np.zeros(mesh.n_nodes)] * len(groups)
-        geometries = self._discretization.geometries
-        return [weight_shares(mesh, geometries, sequence.elements(g)) for g in groups]
-
-    def _held_edges(self) -> dict[int, list[_Edge]]:
-        """Per group its outer faces in the virgin state, if something stays on them.
-
-        That is the in-situ stress where it is held, else what lies on the ground beside it.
-        """
-        case, sequence, table = self._case, self._sequence, self._on_mesh.table
-        rows = table.free(sequence.present(0))
-        group_of_row = sequence.group_of[table.element[rows]]
-        edges: dict[int, list[_Edge]] = {}
-        for g in map(int, np.unique(group_of_row)):
-            model = case.in_situ_of.get(sequence.groups[g], case.in_situ)
-            patches_of_group = partial(patches, self._mesh, table, rows[group_of_row == g])
-            if edges_held(model):
-                edges[g] = [_HeldEdge(self._on_mesh, patch) for patch in patches_of_group()]
-            elif isinstance(model, GeostaticStress) and (model.surcharge or model.cover):
-                edges[g] = [
-                    _CoveredEdge(self._on_mesh, patch, model) for patch in patches_of_group()
-                ]
-        return edges
-
-    def _ready_loads(self) -> dict[tuple[int, str], ReadyLoad]:
+    def _all_load_forces(self) -> dict[tuple[int, str], NodalForces]:
         """The loads of every state; what acts on the same ground is prepared once."""
-        made: dict[tuple[FaceLoad | PointForce, bytes], ReadyLoad] = {}
+        prepared: dict[tuple[FaceLoad | PointForce, bytes], NodalForces] = {}
         result = {}
         for n, state in enumerate(self._sequence.states):
             present = self._sequence.present(n)
@@ -276,85 +218,7 @@ class Actions:
                 if isinstance(load, Seismic):
                     continue
                 key = (load, present.tobytes())
-                if key not in made:
-                    made[key] = self._ready(load, present)
-                result[n, name] = made[key]
+                if key not in prepared:
+                    prepared[key] = load_forces(self._on_mesh, load, present)
+                result[n, name] = prepared[key]
         return result
-
-    def _ready(self, load: FaceLoad | PointForce, present: Bools) -> ReadyLoad:
-        if isinstance(load, PointForce):
-            return point_force(self._on_mesh, load, present)
-        faces = load_patches(self._mesh, self._on_mesh.table, load.group, present)
-        if faces is None:
-            msg = f"load on '{load.group}' has no free face (see load_place_faults)"
-            raise ValueError(msg)
-        return face_load(self._on_mesh, load, faces)
-
-
-class _Edge(Protocol):
-    """Something that stays on a part of the model's edge."""
-
-    name: str
-
-    def forces(self, point: ParameterPoint) -> Floats:
-        """Forces (n_dofs, 1 + n), N."""
-
-
-class _HeldEdge:
-    """Tractions sigma_0 n of the ground beyond a patch of the model's edge, water included."""
-
-    name = HELD_EDGES
-
-    def __init__(self, on_mesh: CaseOnMesh, patch: FacetPatch) -> None:
-        mesh, sequence, water = on_mesh.mesh, on_mesh.sequence, on_mesh.case.water
-        self._mesh, self._patch = mesh, patch
-        self._geometry = geometry = facet_geometry(mesh.points, patch, on_mesh.kinematics)
-        self._known: tuple[ParameterPoint, Ints, Floats] | None = None
-        positions = geometry.positions.reshape(-1, mesh.dim)
-        elements = patch.element.repeat(geometry.positions.shape[1])
-        groups = sequence.group_of[elements]
-        self._skeleton = InSituStress(on_mesh, StressPlaces(positions, groups, elements))
-        self._pores = None if water is None else PorePressure(water, mesh, positions)
-        self._wet = is_wet(water, groups, sequence.groups)
-
-    def forces(self, point: ParameterPoint) -> Floats:
-        """Forces (n_dofs, 1 + n), N; those of the last parameters are known, for all stages."""
-        if self._known is None or self._known[0] is not point:
-            nodal_forces = self._made(point)
-            some = np.flatnonzero(nodal_forces.any(axis=1))
-            self._known = point, some, nodal_forces[some]
-            return nodal_forces
-        _, some, values = self._known
-        nodal_forces = np.zeros((self._mesh.n_nodes * self._mesh.dim, point.n_columns))
-        nodal_forces[some] = values
-        return nodal_forces
-
-    def _made(self, point: ParameterPoint) -> Floats:
-        stress = self._skeleton.columns(point)
-        if self._pores is not None:
-            pressure = self._pores.at(point).columns
-            stress[:NORMAL_COMPONENTS] -= np.where(self._wet[:, None], pressure, 0.0)
-        return stress_forces(self._mesh, self._patch, self._geometry, stress)
-
-
-class _CoveredEdge:
-    """Cover and surcharge of a geostatic stress on a patch of the model's edge."""
-
-    name = "what lies on the ground"
-
-    def __init__(self, on_mesh: CaseOnMesh, patch: FacetPatch, model: GeostaticStress) -> None:
-        mesh = on_mesh.mesh
-        self._mesh, self._patch, self._kinematics = mesh, patch, on_mesh.kinematics
-        self._geometry = geometry = facet_geometry(mesh.points, patch, self._kinematics)
-        positions = geometry.positions.reshape(-1, mesh.dim)
-        elements = patch.element.repeat(geometry.positions.shape[1])
-        above = Overburden(on_mesh).above(positions, elements)
-        self._open = above.uncovered
-        self._on_top = CoverAndSurcharge(model, mesh, positions, above)
-
-    def forces(self, point: ParameterPoint) -> Floats:
-        """Forces (n_dofs, 1 + n), N: per area in plan, so as sigma n of a vertical stress."""
-        pressure = np.where(self._open[:, None], self._on_top.pressure(point).columns, 0.0)
-        stress = np.zeros((self._kinematics.n_strain, *pressure.shape))
-        stress[self._mesh.dim - 1] = -pressure
-        return stress_forces(self._mesh, self._patch, self._geometry, stress)

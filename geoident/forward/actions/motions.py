@@ -16,7 +16,7 @@ from geoident.errors import Fault
 from geoident.fem.location import format_point
 from geoident.forward.actions.supports import support_key, support_keys, support_nodes
 from geoident.forward.stages import CaseOnMesh
-from geoident.model.actions import Contraction, MotionField
+from geoident.model.actions import MotionField
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case, KeyPath, Support
 from geoident.model.dual import ParameterPoint
@@ -127,29 +127,24 @@ def _terms_of(mesh: Mesh, support: Support) -> list[_Term]:
     if field is not None:
         values, far = interpolated(field, mesh.points[nodes])
         if far.any():
-            msg = "points of a motion do not cover its support"
-            raise ValueError(msg)
+            raise ValueError("points of a motion do not cover its support")
         for column, c in enumerate(field.components):
             terms.append(_Term(nodes * dim + c, values[:, column], field.factor))
     wall = support.contraction
     if wall is not None:
-        inwards = -0.5 * (mesh.points[nodes] - _centre(mesh, support, wall))
+        if wall.centre is not None:
+            centre = np.array(wall.centre)
+        elif support.components == (0,):  # towards the axis of revolution
+            centre = np.zeros(dim)
+        else:
+            line = closed_line(mesh, support.group)
+            if line is None:
+                raise ValueError("a wall is no closed line")
+            centre = _centroid(mesh.points[line])
+        inwards = -0.5 * (mesh.points[nodes] - centre)
         for c in support.components:
             terms.append(_Term(nodes * dim + c, inwards[:, c], wall.part))
     return terms
-
-
-def _centre(mesh: Mesh, support: Support, wall: Contraction) -> Floats:
-    """(dim,) towards which a wall moves; about an axis of revolution, the axis."""
-    if wall.centre is not None:
-        return np.array(wall.centre)
-    if support.components == (0,):
-        return np.zeros(mesh.dim)
-    line = closed_line(mesh, support.group)
-    if line is None:
-        msg = "a wall is no closed line"
-        raise ValueError(msg)
-    return _centroid(mesh.points[line])
 
 
 def closed_line(mesh: Mesh, group: str) -> Ints | None:
@@ -222,25 +217,16 @@ def interpolated(field: MotionField, positions: Floats) -> tuple[Floats, Bools]:
     return motion, far
 
 
-class _Along:
-    """Values (k, c) at places (k, 1) on a line; NaN beyond them."""
-
-    def __init__(self, places: Floats, values: Floats) -> None:
-        order = np.argsort(places[:, 0])
-        self._places, self._values = places[order, 0], values[order]
-
-    def __call__(self, wanted: Floats) -> Floats:
-        x = wanted[:, 0]
-        columns = [np.interp(x, self._places, v, np.nan, np.nan) for v in self._values.T]
-        return np.stack(columns, axis=1)
-
-
 def _between(places: Floats, values: Floats) -> Callable[[Floats], Floats]:
     """What gives values (m, c) at places (m, r) between known ones; NaN beyond them."""
     from scipy.interpolate import LinearNDInterpolator  # noqa: PLC0415
 
     if places.shape[1] == 1:
-        return _Along(places, values)
+        order = np.argsort(places[:, 0])
+        x, columns = places[order, 0], values[order].T
+        return lambda wanted: np.stack(
+            [np.interp(wanted[:, 0], x, column, np.nan, np.nan) for column in columns], axis=1
+        )
     interpolate: Callable[[Floats], Floats] = LinearNDInterpolator(places, values)
     return interpolate
 

@@ -88,8 +88,11 @@ class PartialRelease:
         """
         current = self._sequence.states[state]
         held = {g: h for g, h in before.items() if g in current.release}
+        points = self._discretization.points
         for group in current.release.keys() & current.leaving:
-            support = -self._stress_forces(group, stress)
+            volume, own = np.zeros(points.n_points), self._discretization.points_of[group]
+            volume[own] = points.volume[own]
+            support = -points.forces(stress, volume)
             carried = self._actions.carried(current.base, {group}, point)
             support[:, : carried.shape[1]] += carried
             held[group] = support
@@ -113,11 +116,3 @@ class PartialRelease:
             part[:, 1 : point.n_columns] -= support[:, :1] * fraction[1:]
             total = total + part
         return total
-
-    def _stress_forces(self, group: int, stress: Floats) -> Floats:
-        """C_g^T V sigma, (n_dofs, 1 + n + k)."""
-        points = self._discretization.points
-        volume = np.zeros(points.n_points)
-        at = self._discretization.points_of[group]
-        volume[at] = points.volume[at]
-        return points.forces(stress, volume)

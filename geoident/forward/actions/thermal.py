@@ -9,6 +9,7 @@ stress at the temperature zero of its own count.
 from __future__ import annotations
 
 import numpy as np
+from scipy.spatial import QhullError
 
 from geoident.forward.stages import CaseOnMesh
 from geoident.model.actions import TemperatureField
@@ -30,7 +31,7 @@ class ThermalStrains:
     def __init__(self, on_mesh: CaseOnMesh) -> None:
         self._case, self._sequence = on_mesh.case, on_mesh.sequence
         self._discretization = on_mesh.discretization
-        self._fields: dict[tuple[int, int], Floats] = {}  # by first state and group
+        self._fields: dict[tuple[int, int], Floats] = {}  # given temperatures, by field and group
 
     def change(self, state: int, point: ParameterPoint) -> Floats | None:
         """Normal strain (n_points, 1 + n) that a state imposes, with derivatives; None for none."""
@@ -77,25 +78,16 @@ class ThermalStrains:
             return point.constant(np.zeros(1))
         if isinstance(given, Scalar):
             return Dual(point.number(given).columns[None])
-        key = (self._given_since(state, group), group)
+        key = (id(given), group)  # of the case, which lasts
         if key not in self._fields:
             positions = self._discretization.points.position[self._discretization.points_of[group]]
             self._fields[key] = interpolate(given, positions)
         return Dual(point.number(given.factor).columns[None]).times(self._fields[key])
 
-    def _given_since(self, state: int, group: int) -> int:
-        """The first state of its history at which a group has the temperature that it has now."""
-        states = self._sequence.states
-        base = states[state].base
-        while state and states[base].temperature.get(group) == states[state].temperature[group]:
-            state, base = base, states[base].base
-        return state
-
 
 def interpolate(field: TemperatureField, positions: Floats) -> Floats:
     """Values (m,) at positions (m, dim): linear between the points, the nearest beyond them."""
     from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator  # noqa: PLC0415
-    from scipy.spatial import QhullError  # noqa: PLC0415
 
     points, given = np.array(field.points), np.array(field.values)
     nearest = np.asarray(NearestNDInterpolator(points, given)(positions))

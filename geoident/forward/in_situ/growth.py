@@ -64,16 +64,11 @@ def _by_depth(base: Scalar, law: WithDepth, depths: Depths, point: ParameterPoin
 
 def _by_stress(base: Scalar, law: WithStress, in_situ: InSituStress, point: ParameterPoint) -> Dual:
     """Base (p' / pressure)^exponent; below the least p' that one counts, whatever the stress is."""
-    stress = mean_pressure(in_situ, point).columns
+    pressure = -in_situ.columns(point)[:3].sum(axis=0) / 3.0  # p' (q, 1 + n), Pa
     least = point.number(law.least).columns
-    counted = Dual(np.where(stress[:, :1] > least[0], stress, least))
+    counted = Dual(np.where(pressure[:, :1] > least[0], pressure, least))
     ratio = counted / point.number(law.pressure)
     return ratio.power(point.number(law.exponent)) * point.number(base)
-
-
-def mean_pressure(in_situ: InSituStress, point: ParameterPoint) -> Dual:
-    """The mean effective in-situ stress p' (q,), Pa, compression positive."""
-    return Dual(-in_situ.columns(point)[:3].sum(axis=0) / 3.0)
 
 
 def growth_faults(on_mesh: CaseOnMesh) -> list[Fault]:

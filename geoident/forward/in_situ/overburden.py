@@ -18,7 +18,7 @@ The lines are sought once per mesh and set of places; what depends on parameters
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -28,7 +28,7 @@ import scipy.sparse as sp
 from geoident.fem.faces import FacetPatch, load_patches
 from geoident.forward.in_situ.water import FacePressure
 from geoident.forward.stages import CaseOnMesh
-from geoident.model.actions import FaceLoad, Pressure, Seismic, Traction, WaterPressure
+from geoident.model.actions import FaceLoad, Pressure, Seismic, Traction
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case
 from geoident.model.cells import CELLS
@@ -82,8 +82,10 @@ class _Meetings:
     level: Floats
 
 
-class LoadAbove:
-    """A load on faces, as a vertical pressure on places below: per area in plan, downwards.
+def _load_above(
+    load: FaceLoad, met: _Meetings, positions: Floats
+) -> Callable[[ParameterPoint], Dual]:
+    """A load on faces as a vertical pressure (m,) on places below: per area in plan, downwards, Pa.
 
     Args:
         load: the load.
@@ -91,27 +93,23 @@ class LoadAbove:
         positions: (m, dim) the places, m.
     """
 
-    def __init__(self, load: FaceLoad, met: _Meetings, positions: Floats) -> None:
-        self._load, self._met, self._n = load, met, len(positions)
-        if isinstance(load, WaterPressure):
-            where = positions[met.place].copy()
-            where[:, -1] = met.level
-            self._water = FacePressure(load, where)
-
-    def at(self, point: ParameterPoint) -> Dual:
-        """Pressure (m,), Pa."""
-        load, met = self._load, self._met
-        if isinstance(load, Pressure):
-            return _scaled(point.number(load.value), self._sum(met.sign))
-        if isinstance(load, Traction):
-            return _scaled(point.number(load.value[-1]), self._sum(-1.0 / met.plan))
-        pressure = self._water.at(point).times(met.sign).columns
-        return Dual(np.stack([self._sum(column) for column in pressure.T], axis=-1))
-
-    def _sum(self, each: Floats) -> Floats:
-        """Sum (m,) of numbers (k,) given where lines meet faces."""
-        total = np.bincount(self._met.place, weights=each, minlength=self._n)
+    def sums(each: Floats) -> Floats:
+        """Sums (m,) of numbers (k,) given where lines meet faces."""
+        total = np.bincount(met.place, weights=each, minlength=len(positions))
         return total.astype(np.float64)
+
+    if isinstance(load, Pressure):
+        pressed, pressure = sums(met.sign), load.value
+        return lambda point: Dual(np.outer(pressed, point.number(pressure).columns))
+    if isinstance(load, Traction):
+        pulled, along = sums(-1.0 / met.plan), load.value[-1]
+        return lambda point: Dual(np.outer(pulled, point.number(along).columns))
+    on_faces = positions[met.place].copy()
+    on_faces[:, -1] = met.level
+    water = FacePressure(load, on_faces)
+    return lambda point: Dual(
+        np.stack([sums(met.sign * column) for column in water.at(point).columns.T], axis=-1)
+    )
 
 
 @dataclass(frozen=True)
@@ -122,14 +120,14 @@ class GroundAbove:
         lengths: (m, n_materials) sparse, of the vertical line above each place in each material, m.
         materials: names of the materials.
         top: (m,) level at which the ground ends, m; that of the place if none is above.
-        loads: on faces above.
+        loads: pressure (m,) of each load on faces above.
         tolerance: difference of levels that is none, m.
     """
 
     lengths: sp.csr_array
     materials: tuple[str, ...]
     top: Floats
-    loads: tuple[LoadAbove, ...]
+    loads: tuple[Callable[[ParameterPoint], Dual], ...]
     tolerance: float
 
     def weight(self, case: Case, point: ParameterPoint) -> Dual:
@@ -146,8 +144,8 @@ class GroundAbove:
         ]
         each = np.array(unit_weights).reshape(-1, point.n_columns)
         total = Dual(np.asarray(self.lengths @ each))
-        for load_above in self.loads:
-            total = total + load_above.at(point)
+        for pressure in self.loads:
+            total = total + pressure(point)
         return total
 
     @property
@@ -191,7 +189,7 @@ class Overburden:
             met = _Meetings(
                 met.place[higher], met.sign[higher], met.plan[higher], met.level[higher]
             )
-            loads.append(LoadAbove(load, met, positions))
+            loads.append(_load_above(load, met, positions))
         every = sp.hstack(lengths, format="csr") if lengths else sp.csr_array((len(positions), 0))
         return GroundAbove(every, tuple(self._boundaries), top, tuple(loads), tolerance)
 
@@ -224,11 +222,6 @@ class Overburden:
                 faces = load_patches(mesh, table, load.group, present) or ()
                 loaded.append((load, _pieces(mesh, faces)))
         return tuple(loaded)
-
-
-def _scaled(number: Dual, each: Floats) -> Dual:
-    """A number of the case times given numbers (m,)."""
-    return Dual(each[:, None] * number.columns)
 
 
 def _pieces(mesh: Mesh, faces: tuple[FacetPatch, ...]) -> _Pieces:

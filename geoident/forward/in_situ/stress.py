@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
@@ -25,7 +24,6 @@ from geoident.model.case import Case, KeyPath
 from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.ground import WithDepth
 from geoident.model.in_situ import (
-    Components,
     ConstantStress,
     GeostaticStress,
     HeimStress,
@@ -69,6 +67,9 @@ class InSituStress:
     Args:
         on_mesh: the case on its mesh.
         places: the positions.
+
+    Attributes:
+        n_outside: positions beside the faces that give the level of a surface.
     """
 
     def __init__(self, on_mesh: CaseOnMesh, places: StressPlaces) -> None:
@@ -78,18 +79,19 @@ class InSituStress:
         own = np.isin(groups, [names.index(g) for g in case.in_situ_of])
         zones = [(case.in_situ, ~own)]
         zones += [(model, groups == names.index(g)) for g, model in case.in_situ_of.items()]
-        self._zones = [
-            (_STRESSES[type(model)](model, on_mesh, places.of(here)), np.flatnonzero(here))
-            for model, here in zones
-            if model is not None and here.any()
-        ]
-        self.n_outside = sum(zone.n_outside for zone, _ in self._zones)
+        self._zones: list[tuple[_Components, Ints]] = []
+        self.n_outside = 0
+        for model, here in zones:
+            if model is not None and here.any():
+                components, n_outside = _STRESSES[type(model)](model, on_mesh, places.of(here))
+                self._zones.append((components, np.flatnonzero(here)))
+                self.n_outside += n_outside
 
     def columns(self, point: ParameterPoint) -> Floats:
         """Stress and its derivatives, (n_strain, m, 1 + n), Pa, tension positive."""
         result = np.zeros((*self._shape, point.n_columns))
-        for zone, here in self._zones:
-            for row, dual in enumerate(zone.components(point)[: len(result)]):
+        for components, here in self._zones:
+            for row, dual in enumerate(components(point)[: len(result)]):
                 result[row, here] = dual.columns
         return result
 
@@ -152,59 +154,6 @@ def zone_faults(on_mesh: CaseOnMesh) -> list[Fault]:
     ]
 
 
-class _StressAtPositions(Protocol):
-    """A stress at m positions; `n_outside` of them lie beyond the footprint of its surface."""
-
-    n_outside: int
-
-    def components(self, point: ParameterPoint) -> list[Dual]:
-        """xx, yy, zz, xy, yz, xz, each (m,) or the same everywhere, Pa."""
-
-
-class _Uniform:
-    """Stress that is the same at all positions."""
-
-    n_outside = 0
-
-    def __init__(self, model: ConstantStress, on_mesh: CaseOnMesh, places: StressPlaces) -> None:
-        self._components = model.components
-
-    def components(self, point: ParameterPoint) -> list[Dual]:
-        """xx, yy, zz, xy, yz, xz."""
-        return [point.number(scalar) for scalar in self._components]
-
-
-class _Heim:
-    """Stress by Heim's rule."""
-
-    def __init__(self, model: HeimStress, on_mesh: CaseOnMesh, places: StressPlaces) -> None:
-        positions = places.positions
-        self._model = model
-        self._dim = positions.shape[1]
-        self._n = len(positions)
-        surface = model.surface
-        self._depths = None if surface is None else Depths(on_mesh.mesh, surface, positions)
-        self.n_outside = 0 if self._depths is None else self._depths.n_outside
-
-    def components(self, point: ParameterPoint) -> list[Dual]:
-        """xx, yy, zz, xy, yz, xz."""
-        model = self._model
-        vertical = -self._overburden(point)
-        along = vertical * point.number(model.K0)
-        across = vertical * point.number(model.K0 if model.K0_across is None else model.K0_across)
-        components = _components(vertical, along, across, model.azimuth, point, self._dim)
-        return _with_tectonic(components, model.tectonic, point)
-
-    def _overburden(self, point: ParameterPoint) -> Dual:
-        """Vertical pressure (m,), compression positive."""
-        model = self._model
-        if model.vertical is not None:
-            return point.constant(np.ones(self._n)) * point.number(model.vertical)
-        assert model.unit_weight is not None
-        assert self._depths is not None
-        return self._depths.at(point).positive_part() * point.number(model.unit_weight)
-
-
 class CoverAndSurcharge:
     """What lies on the ground at places with no ground above, and above all places below.
 
@@ -248,102 +197,115 @@ class CoverAndSurcharge:
         return total
 
 
-class _Geostatic:
+_Components = Callable[[ParameterPoint], list[Dual]]
+"""xx, yy, zz, xy, yz, xz at m positions, each (m,) or the same everywhere, Pa."""
+
+_Prepared = tuple[_Components, int]
+"""A stress at m positions, and how many of them lie beside the footprint of its surface."""
+
+
+def _uniform(model: ConstantStress, on_mesh: CaseOnMesh, places: StressPlaces) -> _Prepared:
+    return lambda point: [point.number(scalar) for scalar in model.components], 0
+
+
+def _profile(model: ProfileStress, on_mesh: CaseOnMesh, places: StressPlaces) -> _Prepared:
+    """Stress that changes linearly with depth, also above the surface."""
+    depths = Depths(on_mesh.mesh, model.surface, places.positions)
+
+    def components(point: ParameterPoint) -> list[Dual]:
+        depth = depths.at(point)
+        return [
+            depth * point.number(slope) + point.number(start)
+            for start, slope in zip(model.at_surface, model.gradient, strict=True)
+        ]
+
+    return components, depths.n_outside
+
+
+def _heim(model: HeimStress, on_mesh: CaseOnMesh, places: StressPlaces) -> _Prepared:
+    """Vertical stress that is given or by depth, horizontal stresses as parts of it."""
+    n = len(places.positions)
+    depths = None
+    if model.surface is not None:
+        depths = Depths(on_mesh.mesh, model.surface, places.positions)
+
+    def components(point: ParameterPoint) -> list[Dual]:
+        if model.vertical is not None:
+            vertical = point.constant(np.full(n, -1.0)) * point.number(model.vertical)
+        else:
+            assert model.unit_weight is not None
+            assert depths is not None
+            vertical = -depths.at(point).positive_part() * point.number(model.unit_weight)
+        along = vertical * point.number(model.K0)
+        across = vertical * point.number(model.K0 if model.K0_across is None else model.K0_across)
+        return _components(model, vertical, along, across, point, on_mesh.mesh.dim)
+
+    return components, 0 if depths is None else depths.n_outside
+
+
+def _geostatic(model: GeostaticStress, on_mesh: CaseOnMesh, places: StressPlaces) -> _Prepared:
     """The weight of what stands above, less the pressure of the water, and parts of it."""
+    case, mesh, names = on_mesh.case, on_mesh.mesh, on_mesh.sequence.groups
+    positions, groups = places.positions, places.groups
+    above = Overburden(on_mesh).above(positions, places.elements)
+    cover = CoverAndSurcharge(model, mesh, positions, above)
+    pores = None if case.water is None else PorePressure(case.water, mesh, positions)
+    wet = is_wet(case.water, groups, names).astype(np.float64)
 
-    def __init__(self, model: GeostaticStress, on_mesh: CaseOnMesh, places: StressPlaces) -> None:
-        case, mesh, positions = on_mesh.case, on_mesh.mesh, places.positions
-        self._model, self._case = model, case
-        self._groups, self._names = places.groups, on_mesh.sequence.groups
-        self._dim = positions.shape[1]
-        self._above = Overburden(on_mesh).above(positions, places.elements)
-        self._on_top = CoverAndSurcharge(model, mesh, positions, self._above)
-        self._pores = None if case.water is None else PorePressure(case.water, mesh, positions)
-        self._wet = is_wet(case.water, self._groups, self._names)
-        self.n_outside = self._on_top.n_outside
-
-    def components(self, point: ParameterPoint) -> list[Dual]:
-        """xx, yy, zz, xy, yz, xz."""
-        model = self._model
-        vertical = -(self._above.weight(self._case, point) + self._on_top.pressure(point))
-        if self._pores is not None:
-            vertical = vertical + self._pores.at(point).times(self._wet.astype(float))
-        along = vertical * self._ratio(model.K0, point)
-        across = (
-            along if model.K0_across is None else vertical * self._ratio(model.K0_across, point)
-        )
-        components = _components(vertical, along, across, model.azimuth, point, self._dim)
-        return _with_tectonic(components, model.tectonic, point)
-
-    def _ratio(self, given: StressRatio, point: ParameterPoint) -> Dual:
+    def ratio(given: StressRatio, point: ParameterPoint) -> Dual:
         """A ratio of stresses, the same everywhere or (m,) by groups."""
         if isinstance(given, Scalar):
             return point.number(given)
-        columns = np.zeros((len(self._groups), point.n_columns))
-        for group, ratio in given.items():
-            columns[self._groups == self._names.index(group)] = point.number(ratio).columns
+        columns = np.zeros((len(groups), point.n_columns))
+        for group, number in given.items():
+            columns[groups == names.index(group)] = point.number(number).columns
         return Dual(columns)
 
+    def components(point: ParameterPoint) -> list[Dual]:
+        vertical = -(above.weight(case, point) + cover.pressure(point))
+        if pores is not None:
+            vertical = vertical + pores.at(point).times(wet)
+        along = across = vertical * ratio(model.K0, point)
+        if model.K0_across is not None:
+            across = vertical * ratio(model.K0_across, point)
+        return _components(model, vertical, along, across, point, mesh.dim)
 
-class _Profile:
-    """Stress that changes linearly with depth."""
-
-    def __init__(self, model: ProfileStress, on_mesh: CaseOnMesh, places: StressPlaces) -> None:
-        self._model = model
-        self._depths = Depths(on_mesh.mesh, model.surface, places.positions)
-        self.n_outside = self._depths.n_outside
-
-    def components(self, point: ParameterPoint) -> list[Dual]:
-        """xx, yy, zz, xy, yz, xz."""
-        depth = self._depths.at(point)
-        return [
-            depth * point.number(slope) + point.number(start)
-            for start, slope in zip(self._model.at_surface, self._model.gradient, strict=True)
-        ]
+    return components, cover.n_outside
 
 
-_STRESSES: Mapping[type, Callable[..., _StressAtPositions]] = {
-    ConstantStress: _Uniform,
-    HeimStress: _Heim,
-    ProfileStress: _Profile,
-    GeostaticStress: _Geostatic,
+_STRESSES: Mapping[type, Callable[..., _Prepared]] = {
+    ConstantStress: _uniform,
+    HeimStress: _heim,
+    ProfileStress: _profile,
+    GeostaticStress: _geostatic,
 }
 
 
 def _components(
+    model: HeimStress | GeostaticStress,
     vertical: Dual,
     along: Dual,
     across: Dual,
-    azimuth: Scalar | None,
     point: ParameterPoint,
     dim: int,
 ) -> list[Dual]:
-    """xx, yy, zz, xy, yz, xz of a vertical and two horizontal stresses."""
+    """Components of a vertical and two horizontal stresses, and of the tectonic stress.
+
+    In space ``along`` acts in the azimuth, clockwise from y; in a section along x.
+    """
     none = point.constant(np.zeros(vertical.value.shape))
     if dim == 2:
-        return [along, vertical, across, none, none, none]
-    xx, yy, xy = _turned(along, across, azimuth, point)
-    return [xx, yy, vertical, xy, none, none]
-
-
-def _with_tectonic(
-    components: list[Dual], tectonic: Components | None, point: ParameterPoint
-) -> list[Dual]:
-    """Components with a stress that is added everywhere."""
-    if tectonic is None:
+        components = [along, vertical, across, none, none, none]
+    elif model.azimuth is None:
+        components = [along, across, vertical, none, none, none]
+    else:
+        azimuth = point.number(model.azimuth)
+        east, north = azimuth.sine(), azimuth.cosine()
+        xx = along * (east * east) + across * (north * north)
+        yy = along * (north * north) + across * (east * east)
+        components = [xx, yy, vertical, (along - across) * (east * north), none, none]
+    if model.tectonic is None:
         return components
-    return [dual + point.number(more) for dual, more in zip(components, tectonic, strict=True)]
-
-
-def _turned(
-    along: Dual, across: Dual, azimuth: Scalar | None, point: ParameterPoint
-) -> tuple[Dual, Dual, Dual]:
-    """xx, yy, xy of principal stresses: ``along`` acts in the azimuth, clockwise from y."""
-    if azimuth is None:
-        return along, across, point.constant(np.zeros(along.value.shape))
-    angle = point.number(azimuth)
-    east = angle.through(np.sin, np.cos)
-    north = angle.through(np.cos, lambda a: -np.sin(a))
-    xx = along * (east * east) + across * (north * north)
-    yy = along * (north * north) + across * (east * east)
-    return xx, yy, (along - across) * (east * north)
+    return [
+        dual + point.number(more) for dual, more in zip(components, model.tectonic, strict=True)
+    ]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.spatial import KDTree
 
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.cells import CELLS
@@ -40,9 +41,7 @@ class Topography:
             highest[near[met]] = np.maximum(highest[near[met]], level)
         outside = ~np.isfinite(highest)
         if outside.any():
-            from scipy.spatial import cKDTree  # noqa: PLC0415 - 0.2 s, beyond the mesh alone
-
-            nearest = cKDTree(self._rim).query(plan[outside])[1]
+            nearest = KDTree(self._rim).query(plan[outside])[1]
             highest[outside] = self._tops[nearest]
         return highest, outside
 

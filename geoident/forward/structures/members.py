@@ -110,8 +110,8 @@ class Structures:
     def __init__(self, on_mesh: CaseOnMesh) -> None:
         self._sequence, self._mesh = on_mesh.sequence, on_mesh.mesh
         self._dim = on_mesh.mesh.dim
-        self._gravity = on_mesh.case.gravity or (0.0,) * self._dim
-        self.parts = _with_end_moments(on_mesh, tuple(_parts(on_mesh)))
+        self._gravity = np.array(on_mesh.case.gravity or (0.0,) * self._dim)
+        self.parts = tuple(_placed_structures(on_mesh))
         members = [part.members for part in self.parts]
         operators = [m.operator for m in members] or [sp.csr_array((0, on_mesh.mesh.points.size))]
         self._operator = sp.csr_array(sp.vstack(operators))
@@ -162,7 +162,7 @@ class Structures:
 
     def locked(self, state: ConstructionState, point: ParameterPoint) -> Floats:
         """Forces q (n_rows, 1 + n) given at a state, or at which bars were locked off before it."""
-        return self._given({**state.locked, **state.stressed}, point)
+        return self._forces_given({**state.locked, **state.stressed}, point)
 
     def late_nodes(self) -> Ints:
         """Nodes (k,) of beams, which all couple: eliminated last, so that they do not fill in."""
@@ -204,19 +204,19 @@ class Structures:
             beam = part.structure
             if part.name in state.structures and isinstance(beam, Beam) and beam.has_weight:
                 name = f"the weight of the structure '{part.name}'"
-                yield name, partial(self._weight_of, part, np.array(self._gravity))
+                yield name, partial(self._weight_of, part)
 
-    def _weight_of(self, part: StructureMembers, gravity: Floats, point: ParameterPoint) -> Floats:
+    def _weight_of(self, part: StructureMembers, point: ParameterPoint) -> Floats:
         """Nodal forces (n_dofs, 1 + n) of the weight of a beam, N."""
         beam = part.structure
         assert isinstance(beam, Beam)
-        size = float(np.linalg.norm(gravity))
+        size = float(np.linalg.norm(self._gravity))
         if beam.density is not None and beam.thickness is not None:
             pressure = point.number(beam.density) * point.number(beam.thickness)
             pressure = pressure.times(size)
         else:
             pressure = point.constant(0.0) if beam.weight is None else point.number(beam.weight)
-        unit = np.outer(area_shares(self._mesh, part.members), gravity / size).ravel()
+        unit = np.outer(area_shares(self._mesh, part.members), self._gravity / size).ravel()
         return np.outer(unit, pressure.columns)
 
     def strain(self, u: Floats) -> Floats:
@@ -239,7 +239,7 @@ class Structures:
         """
         forces[self.begins_anew(state)] = 0.0
         if state.stressed:
-            forces[:, : point.n_columns] += self._given(state.stressed, point)
+            forces[:, : point.n_columns] += self.given(state, point)
 
     def begins_anew(self, state: ConstructionState) -> Bools:
         """(n_rows,) forces that do not come from the stage before."""
@@ -258,9 +258,9 @@ class Structures:
 
     def given(self, state: ConstructionState, point: ParameterPoint) -> Floats:
         """Forces q (n_rows, 1 + n) to which bars are brought at a state; others zero."""
-        return self._given(state.stressed, point)
+        return self._forces_given(state.stressed, point)
 
-    def _given(self, forces: Mapping[str, Scalar], point: ParameterPoint) -> Floats:
+    def _forces_given(self, forces: Mapping[str, Scalar], point: ParameterPoint) -> Floats:
         """Forces q (n_rows, 1 + n) of some bars, structure to the force of one bar; others zero."""
         result = np.zeros((self.n_rows, point.n_columns))
         for part in self.parts:
@@ -282,7 +282,7 @@ def bar_share(bars: Bars, point: ParameterPoint) -> Dual:
     """The force of one bar per generalized force q of all: the spacing, or 1 / number, or 1."""
     if bars.spacing is not None:
         return point.number(bars.spacing)
-    return point.constant(1.0) if bars.number is None else _inverse(point.number(bars.number))
+    return point.constant(1.0) if bars.number is None else 1.0 / point.number(bars.number)
 
 
 def rigidities(structure: Structure, point: ParameterPoint) -> tuple[Dual, Dual]:
@@ -290,9 +290,17 @@ def rigidities(structure: Structure, point: ParameterPoint) -> tuple[Dual, Dual]
 
     About an axis EA of bars is that of all around it, or per metre of circumference.
     """
-    if isinstance(structure, Beam):
-        return _of_wall(structure, point)
     none = point.constant(0.0)
+    if isinstance(structure, Beam):
+        if structure.EA is not None and structure.EI is not None:
+            return point.number(structure.EA), point.number(structure.EI)
+        if structure.E is None or structure.thickness is None:
+            return none, none
+        modulus, t = point.number(structure.E), point.number(structure.thickness)
+        if structure.nu is not None:
+            nu = point.number(structure.nu)
+            modulus = modulus / (1.0 - nu * nu)
+        return modulus * t, (modulus * t * t * t).times(1 / 12)
     if structure.EA is not None:
         axial = point.number(structure.EA)
     elif structure.E is not None and structure.diameter is not None:
@@ -302,27 +310,7 @@ def rigidities(structure: Structure, point: ParameterPoint) -> tuple[Dual, Dual]
         axial = point.number(structure.E) * point.number(structure.area)
     else:
         axial = none
-    if structure.number is not None:
-        return axial * point.number(structure.number), none
-    if structure.spacing is None:
-        return axial, none
-    return axial * _inverse(point.number(structure.spacing)), none
-
-
-def _of_wall(beam: Beam, point: ParameterPoint) -> tuple[Dual, Dual]:
-    if beam.EA is not None and beam.EI is not None:
-        return point.number(beam.EA), point.number(beam.EI)
-    if beam.E is None or beam.thickness is None:
-        return point.constant(0.0), point.constant(0.0)
-    modulus, t = point.number(beam.E), point.number(beam.thickness)
-    if beam.nu is not None:
-        nu = point.number(beam.nu)
-        modulus = modulus * _inverse((-(nu * nu)).plus(1.0))
-    return modulus * t, (modulus * t * t * t).times(1 / 12)
-
-
-def _inverse(dual: Dual) -> Dual:
-    return dual.through(lambda x: 1 / x, lambda x: -1 / x**2)
+    return axial / bar_share(structure, point), none
 
 
 def inadmissible(case: Case, values: Values) -> str | None:
@@ -341,39 +329,27 @@ def inadmissible(case: Case, values: Values) -> str | None:
     return None
 
 
-def _parts(on_mesh: CaseOnMesh) -> Iterator[StructureMembers]:
-    first = 0
+def _placed_structures(on_mesh: CaseOnMesh) -> list[StructureMembers]:
+    """The structures that ever stand; for beams, also how moments at ends of pieces are found."""
+    mesh, first = on_mesh.mesh, 0
+    parts = []
     for name, structure in on_mesh.case.structures.items():
         present = present_throughout(on_mesh.sequence, name)
-        if present is None:
+        if present is not None:
+            members = placed(on_mesh, structure, present)
+            rows = slice(first, first + len(members.weight))
+            first = rows.stop
+            parts.append(StructureMembers(name, structure, members, rows))
+    bearing = [bears_on(mesh, part.members) for part in parts]
+    for n, part in enumerate(parts):
+        nodes, beam = part.members.nodes, part.structure
+        if nodes is None:
             continue
-        members = placed(on_mesh, structure, present)
-        rows = slice(first, first + len(members.weight))
-        first = rows.stop
-        yield StructureMembers(name, structure, members, rows)
-
-
-def _with_end_moments(
-    on_mesh: CaseOnMesh, parts: tuple[StructureMembers, ...]
-) -> tuple[StructureMembers, ...]:
-    """The structures, of beams with how moments at the ends of their pieces are found."""
-    mesh = on_mesh.mesh
-    held = [bears_on(mesh, part.members) for part in parts]
-    return tuple(
-        replace(part, end_moments=_end_moments(on_mesh, part, [*held[:n], *held[n + 1 :]]))
-        for n, part in enumerate(parts)
-    )
-
-
-def _end_moments(
-    on_mesh: CaseOnMesh, part: StructureMembers, others: list[Bools]
-) -> EndMoments | None:
-    """Of a beam, where others bear on nodes (n_nodes,) each."""
-    mesh, beam, nodes = on_mesh.mesh, part.structure, part.members.nodes
-    if nodes is None:
-        return None
-    assert isinstance(beam, Beam)
-    hinged, held = hinged_and_held(on_mesh, beam)
-    kinked = np.logical_or.reduce([np.zeros(mesh.n_nodes, dtype=bool), *others])
-    of_three = toothed(mesh, beam, nodes)
-    return end_moments(nodes, part.members.ends, of_three, kinked, held, hinged)
+        assert isinstance(beam, Beam)
+        hinged, held = hinged_and_held(on_mesh, beam)
+        others = [np.zeros(mesh.n_nodes, dtype=bool), *bearing[:n], *bearing[n + 1 :]]
+        kinked = np.logical_or.reduce(others)
+        of_three = toothed(mesh, beam, nodes)
+        moments = end_moments(nodes, part.members.ends, of_three, kinked, held, hinged)
+        parts[n] = replace(part, end_moments=moments)
+    return parts

@@ -7,6 +7,7 @@ from collections import deque
 import numpy as np
 import scipy.sparse as sp
 
+from geoident.fem.location import Site
 from geoident.fem.structures import Members, bars, beams, grouted_parts, shells
 from geoident.forward.actions.supports import group_nodes
 from geoident.forward.stages import CaseOnMesh, ConstructionSequence
@@ -32,17 +33,17 @@ def placed(on_mesh: CaseOnMesh, structure: Structure, present: Bools) -> Members
     """
     if not isinstance(structure, Beam):
         return _bars(on_mesh, structure, present)
-    pieces = straight_pieces(on_mesh.mesh, structure.group)
-    return _beams(on_mesh, structure, _facing_ground(on_mesh.mesh, pieces, present))
-
-
-def _beams(on_mesh: CaseOnMesh, beam: Beam, edges: Ints) -> Members:
-    """Beams, or shells of revolution, whose meridian does not turn on the axis."""
     mesh = on_mesh.mesh
-    hinged, held = hinged_and_held(on_mesh, beam)
+    edges = straight_pieces(mesh, structure.group)
+    # Where ground is on one side only it is on the left of pieces: bending moments are positive
+    # with tension on the open side. Pieces between ground on both sides, as the embedded part of a
+    # wall, go on in the direction of those that they follow on.
+    side = np.sign(facing_balance(mesh, edges, present)).astype(np.int64)
+    edges = np.where(_going_on(edges, side)[:, None], edges[:, ::-1], edges)
+    hinged, held = hinged_and_held(on_mesh, structure)
     if on_mesh.case.analysis is not Analysis.AXISYMMETRIC:
         return beams(mesh, edges, held, hinged)
-    return shells(mesh, edges, held, hinged, 0.0 if beam.nu is None else beam.nu.factor)
+    return shells(mesh, edges, held, hinged, 0.0 if structure.nu is None else structure.nu.factor)
 
 
 def hinge_nodes(mesh: Mesh, beam: Beam, hinge: str | tuple[float, ...]) -> Ints:
@@ -70,15 +71,18 @@ def _bars(on_mesh: CaseOnMesh, structure: Bars, present: Bools) -> Members:
     extent = None
     if on_mesh.case.analysis is Analysis.AXISYMMETRIC and structure.spacing is not None:
         extent = 2 * np.pi * ends[:, 0, 0]
-    held = [tuple([p for _, p in points] for points in held_points(structure, pair))
-            for pair in structure.ends]  # fmt: skip
+
+    def holding(points: list[_HeldPoint]) -> list[Site]:
+        sites = [locator.best(point, present) for _, point in points]
+        return [site for site in sites if site is not None]
+
     sites = [
-        tuple([s for p in points if (s := locator.best(p, present)) is not None] for points in pair)
-        for pair in held
+        (holding(first), holding(second))
+        for first, second in (held_points(structure, pair) for pair in structure.ends)
     ]
     if isinstance(structure, Anchors):
         ends, _ = grouted_parts(ends, structure.grouted, GROUT_POINTS)
-    return bars(on_mesh.mesh, ends, [(first, second) for first, second in sites], extent)
+    return bars(on_mesh.mesh, ends, sites, extent)
 
 
 def held_points(
@@ -112,17 +116,6 @@ def straight_pieces(mesh: Mesh, group: str) -> Ints:
     joined = np.concatenate(edges)
     _, once = np.unique(np.sort(joined, axis=1), axis=0, return_index=True)
     return joined[np.sort(once)]
-
-
-def _facing_ground(mesh: Mesh, edges: Ints, present: Bools) -> Ints:
-    """Edges turned so that present ground is on their left, where it is on one side only.
-
-    Bending moments then are positive with tension on the open side. Pieces with ground on both
-    sides, as the embedded part of a wall, go on in the direction of those that they follow on.
-    """
-    balance = facing_balance(mesh, edges, present)
-    turned = _going_on(edges, np.sign(balance).astype(np.int64))
-    return np.where(turned[:, None], edges[:, ::-1], edges)
 
 
 def _going_on(edges: Ints, side: Ints) -> Bools:

@@ -19,6 +19,12 @@ E, NU = 10e9, 0.25
 ROCK = material("rock", E, NU, 2600.0)
 
 
+def of_rock(mesh, **changes):
+    """A model of rock on rollers."""
+    usual = {"materials": {"rock": ROCK}, "groups": {"all": "rock"}, "supports": rollers(mesh.dim)}
+    return model(mesh, **{**usual, **changes})
+
+
 def scalars(*numbers):
     return tuple(Scalar(float(x)) for x in numbers)
 
@@ -49,9 +55,8 @@ def pushed_sphere(n, layers):
     far = np.setdiff1d(mesh.facet_groups["outer"], flat)
     mesh = replace(mesh, facet_groups={**mesh.facet_groups, "far": far})
     force = 8e6
-    staged = model(
+    staged = of_rock(
         mesh,
-        materials={"rock": ROCK},
         groups={"core": "rock", "rock": "rock"},
         supports=(
             Support("x0", (0,)), Support("y0", (1,)), Support("z0", (0, 1)),
@@ -84,11 +89,8 @@ def test_a_force_inside_an_element_keeps_its_resultant_and_its_moment(kind):
     mesh = box(kind, (3,) * dim, distortion=0.1)
     at = (0.41, 0.37, 0.62)[:dim]
     value = np.array([3.0, -5.0, 2.0])[:dim]
-    staged = model(
+    staged = of_rock(
         mesh,
-        materials={"rock": ROCK},
-        groups={"all": "rock"},
-        supports=rollers(dim),
         loads={"f": PointForce(at, scalars(*value))},
     )
     forces = staged.actions.forces(0, NOWHERE)[:, 0].reshape(-1, dim)
@@ -100,11 +102,8 @@ def test_a_force_inside_an_element_keeps_its_resultant_and_its_moment(kind):
 def test_nodes_of_a_group_share_a_force():
     mesh = box("quad4", (4, 4))
     mesh = replace(mesh, node_groups={"pad": np.array([4, 9, 14])})
-    staged = model(
+    staged = of_rock(
         mesh,
-        materials={"rock": ROCK},
-        groups={"all": "rock"},
-        supports=rollers(2),
         loads={"f": PointForce("pad", scalars(0, -9))},
     )
     forces = staged.actions.forces(0, NOWHERE)[:, 0].reshape(-1, 2)
@@ -113,10 +112,8 @@ def test_nodes_of_a_group_share_a_force():
 
 
 def test_an_earthquake_pushes_with_a_part_of_the_weight():
-    staged = model(
+    staged = of_rock(
         box("tri3", (4, 4), size=(8.0, 5.0)),
-        materials={"rock": ROCK},
-        groups={"all": "rock"},
         supports=(Support("y0", (0, 1)),),
         gravity=(0.0, -9.81),
         loads={"quake": Seismic(scalars(0.15, 0.05))},
@@ -127,10 +124,8 @@ def test_an_earthquake_pushes_with_a_part_of_the_weight():
 
 
 def test_nothing_is_pushed_where_nothing_weighs():
-    staged = model(
+    staged = of_rock(
         box("tri3", (4, 4), size=(8.0, 5.0)),
-        materials={"rock": ROCK},
-        groups={"all": "rock"},
         supports=(Support("y0", (0, 1)),),
         loads={"quake": Seismic(scalars(0.15, 0.05))},
     )
@@ -144,11 +139,10 @@ def shaken(names):
     def number(name):
         return Scalar(1.0, name) if name in names else Scalar(VALUES[name])
 
-    return model(
+    return of_rock(
         box("quad8", (4, 4), size=(8.0, 8.0)),
         parameters=tuple(Parameter(n, VALUES[n], 0, np.inf) for n in names),
         materials={"rock": material("rock", number("E"), 0.3, number("density"))},
-        groups={"all": "rock"},
         supports=(Support("y0", (0, 1)),),
         gravity=(0.0, -9.81),
         stages=(
@@ -173,11 +167,8 @@ def test_the_obstacle_is_the_factor_times_the_density():
 
 def test_a_force_outside_the_ground_is_a_fault():
     with pytest.raises(InputError, match="lies in no ground"):
-        model(
+        of_rock(
             box("quad4", (2, 2)),
-            materials={"rock": ROCK},
-            groups={"all": "rock"},
-            supports=rollers(2),
             loads={"f": PointForce((5.0, 5.0), scalars(0, 1))},
         )
 
@@ -187,11 +178,9 @@ def test_a_load_that_is_given_twice_is_at_fault_where_it_has_no_ground():
     mesh = regroup(box("quad4", (2, 2)), fill=lambda x: x[:, 1] > 0.5)
     force = PointForce((0.5, 0.9), scalars(0, 1))
     with pytest.raises(InputError) as error:
-        model(
+        of_rock(
             mesh,
-            materials={"rock": ROCK},
             groups={"rock": "rock", "fill": None},
-            supports=rollers(2),
             loads={"f": force},
             stages=(
                 Stage("fill", install={"fill": "rock"}, remove=("f",)),
@@ -213,11 +202,8 @@ def test_a_load_on_faces_that_border_nothing_is_a_fault():
     mesh = replace(mesh, facets=(*mesh.facets, lines), facet_groups=groups)
     stage = Stage("one", loads={"p": Pressure("across", Scalar(1e5))})
     with pytest.raises(InputError) as caught:
-        model(
+        of_rock(
             mesh,
-            materials={"rock": ROCK},
-            groups={"all": "rock"},
-            supports=rollers(2),
             stages=(stage,),
         )
     (fault,) = caught.value.faults

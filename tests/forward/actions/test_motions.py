@@ -14,7 +14,6 @@ from support.tunnels import with_lines
 from support.yielding import mohr, parameters, rock
 
 from geoident.errors import InputError
-from geoident.forward.actions.motions import _centroid as centroid
 from geoident.forward.actions.motions import closed_line, interpolated
 from geoident.forward.affine import affine_obstacle
 from geoident.forward.checks import check_on_mesh
@@ -277,6 +276,32 @@ def test_what_cannot_be_is_said_with_place_and_remedy():
     assert (fault.code, fault.path) == ("two-motions", "supports.rim")
 
 
+def test_motions_count_from_the_shape_at_which_their_support_began():
+    """A side is pulled out by 1 mm, held by a support that goes on to 3 mm, and let go again."""
+    pull = -1e-3 / 2.0 * E / (1 - NU**2)
+    stages = (
+        Stage("pull", loads={"p": Pressure("x1", Scalar(pull))}),
+        Stage("hold", supports={"x1": moved("x1", x=0.0)}),
+        Stage("on", supports={"x1": moved("x1", x=2e-3)}),
+        Stage("further", supports={"x1": moved("x1", x=5e-3)}),
+        Stage("back", supports={"x1": None}),
+    )
+    found = surveyed(box("quad4", (2, 1), size=(2.0, 1.0)), supports=rollers(2), stages=stages)
+    at_end = found.fields.mesh.points[:, 0] == 2.0
+    side = found.fields.displacement[1:, at_end, 0]
+    np.testing.assert_allclose(side, 1e-3 * np.array([[1, 1], [1, 1], [3, 3], [6, 6], [1, 1]]))
+
+
+def test_a_wall_moves_towards_the_centroid_of_its_area():
+    """Not towards the mean of its nodes, which crowd at one side."""
+    mesh = box("quad4", (4, 2), size=(2.0, 1.0))
+    mesh = replace(mesh, points=mesh.points**2 / [2.0, 1.0])
+    wall = Support("outer", (0, 1), contraction=Contraction(Scalar(0.02)))
+    found = surveyed(mesh, supports=(wall,), stages=(Stage("in"),))
+    exact = -0.01 * (mesh.points - np.array([1.0, 0.5]))
+    np.testing.assert_allclose(found.fields.displacement[1], exact, atol=1e-15)
+
+
 def test_a_wall_in_a_solid_moves_towards_its_axis():
     mesh = box("hex8", (2, 2, 1), size=(2.0, 2.0, 1.0))
     around = tuple(
@@ -341,58 +366,6 @@ def test_points_on_a_line_are_looked_at_along_it():
     assert apart.tolist() == [False, True]
 
 
-# Points of motions and closed lines, by hand
-
-
-def field_of(points, values, components=(0, 1)):
-    return MotionField(tuple(map(tuple, points)), components, tuple(map(tuple, values)))
-
-
-@pytest.mark.parametrize(("away", "far"), [(0.9e-9, False), (1.1e-9, True)])
-def test_one_point_is_a_motion_of_its_place_alone(away, far):
-    """To a thousand-millionth of its coordinates, or of a metre."""
-    field = field_of([(300.0, 40.0)], [(2.0, -1.0)])
-    places = np.array([[300.0 + 300.0 * away, 40.0], [300.0, 40.0]])
-    values, beyond = interpolated(field, places)
-    np.testing.assert_array_equal(values, [[2.0, -1.0]] * 2)
-    assert beyond.tolist() == [far, False]
-    near = field_of([(0.25, 0.5)], [(2.0, -1.0)])
-    _, beyond = interpolated(near, np.array([[0.25 + away, 0.5]]))
-    assert beyond.tolist() == [far]
-
-
-def test_motions_between_points_and_how_far_beyond_them():
-    """Half of the median distance to the nearest point: 1, 1, 2, 4 and 4 here, so 1."""
-    x = np.array([0.0, 1.0, 3.0, 7.0, 11.0])
-    places = 5.0 + np.array([[-0.99, 0.0], [-1.01, 0.0], [2.0, 0.0], [11.9, 0.0], [12.1, 0.0]])
-    points = 5.0 + np.column_stack([x, 0.0 * x])
-    values = np.column_stack([x**2, 3.0 - x])
-    found, far = interpolated(field_of(points[::-1], values[::-1]), places)
-    assert far.tolist() == [False, True, False, False, True]
-    exact = [[0, 3], [0, 3], [5, 1], [121, -8], [121, -8]]
-    np.testing.assert_allclose(found, exact, atol=1e-9)
-    # on a line at an angle, and places beside it are looked at along it
-    turn = np.array([[0.6, 0.8], [-0.8, 0.6]])
-    beside = places + np.array([0.0, 0.5])
-    found, far = interpolated(field_of(points @ turn, values), beside @ turn)
-    assert far.tolist() == [False, True, False, False, True]
-    np.testing.assert_allclose(found[2], [5.0, 1.0], atol=1e-9)
-
-
-def test_motions_in_the_plane_are_linear_in_triangles():
-    """And beyond them those of the nearest place towards their middle."""
-    points = np.array([[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [0.0, 4.0], [2.0, 2.0]])
-    values = np.column_stack([1.0 + points @ [2.0, -3.0], points @ [0.5, 0.25]])
-    places = np.array([[1.0, 2.5], [5.0, 2.0], [3.4, 5.4], [2.0, -1.4], [2.0, -1.45]])
-    found, far = interpolated(field_of(points, values), places)
-    shown = np.array([[1.0, 2.5], [4.0, 2.0], [2.0 + 1.4 / 1.7, 4.0], [2.0, 0.0], [2.0, 0.0]])
-    exact = np.column_stack([1.0 + shown @ [2.0, -3.0], shown @ [0.5, 0.25]])
-    np.testing.assert_allclose(found, exact, atol=1e-8)
-    allowed = 0.5 * np.sqrt(8.0)
-    assert 1.4 < allowed < 1.45
-    assert far.tolist() == [False, False, True, False, True]
-
-
 def _lines(*pairs):
     mesh = box("quad4", (3, 3), size=(3.0, 3.0))
     return with_lines(mesh, "wall", np.array(pairs))
@@ -414,12 +387,3 @@ def test_a_closed_line_is_gone_around_with_its_middle_nodes():
     assert closed_line(_lines((4, 5), (4, 5)), "wall") is None
     assert closed_line(_lines((4, 5, 1), (4, 5, 1)), "wall") is None
     assert closed_line(_lines(*ring, *ring), "wall") is None
-
-
-@pytest.mark.parametrize("way", [1, -1])
-def test_the_middle_of_an_area_is_that_of_its_parts(way):
-    """An L of a square of 2 and a rectangle of 1 by 3, far from the origin."""
-    corners = np.array([[0, 0], [5, 0], [5, 1], [2, 1], [2, 2], [0, 2]], dtype=float)
-    middle = (4.0 * np.array([1.0, 1.0]) + 3.0 * np.array([3.5, 0.5])) / 7.0
-    shift = np.array([300.0, -70.0])
-    np.testing.assert_allclose(centroid((corners + shift)[::way]), middle + shift, rtol=1e-13)

@@ -3,29 +3,24 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from support.cases import make_case, material, model, rollers
+from support.cases import make_case, material, rollers
 from support.meshes import box, regroup
 
 from geoident.errors import InputError
-from geoident.forward.actions.motions import GivenMotions
 from geoident.forward.actions.supports import (
     all_supports,
     fixed_dofs,
     group_nodes,
-    load_key,
-    support_key,
     support_nodes,
 )
-from geoident.forward.actions.thermal import ThermalStrains, interpolate
+from geoident.forward.actions.thermal import interpolate
 from geoident.forward.checks import check_on_mesh
-from geoident.model.actions import MotionField, PointForce, Pressure, TemperatureField
+from geoident.model.actions import PointForce, Pressure, TemperatureField
 from geoident.model.case import Analysis, Stage, Support
-from geoident.model.dual import ParameterPoint
-from geoident.model.parameter import Parameter, Scalar
+from geoident.model.parameter import Scalar
 
 ROCK = material("rock", 1e9, 0.25)
 
@@ -82,13 +77,6 @@ def test_what_supports_hold_and_the_axis():
         np.testing.assert_array_equal(fixed_dofs(on_mesh), exact.ravel())
 
 
-def test_where_supports_and_loads_are_written():
-    assert support_key("wall", 0) == ("supports", "wall")
-    assert support_key("wall", 3) == ("stages", 2, "supports", "wall")
-    assert load_key("q", 0) == ("loads", "q")
-    assert load_key("q", 1) == ("stages", 0, "loads", "q")
-
-
 def test_groups_that_the_mesh_does_not_have_are_said():
     mesh = _mesh()
     force = PointForce("nothing", (Scalar(1.0), Scalar(0.0)))
@@ -136,64 +124,6 @@ def test_loads_without_ground_or_a_free_face_are_said_of_the_stage():
     ]  # fmt: skip
 
 
-def _motions(states, mesh):
-    made = GivenMotions.__new__(GivenMotions)
-    discretization = SimpleNamespace(n_dofs=mesh.points.size)
-    made._on_mesh = SimpleNamespace(mesh=mesh, discretization=discretization)
-    made._states, made._terms = states, {}
-    return made
-
-
-def test_a_stage_imposes_the_change_of_what_its_supports_give():
-    """Since the state on which it builds; what begins later counts from there."""
-    mesh = _mesh()
-    point = ParameterPoint({"d": 3.0}, ("d",))
-    pair = np.array([2, 7])
-
-    def wall(factor, *more):
-        return Support("pair", (0, 1), motions=((1, Scalar(factor, "d")), *more))
-
-    def state(base, **supports):
-        return SimpleNamespace(base=base, supports=supports)
-
-    still = Support("x0", (0,))
-    x = (0, Scalar(0.5))
-    motions = _motions(
-        (
-            state(0, side=still, wall=wall(1.0)), state(0, side=still, wall=wall(1.0)),
-            state(1, side=still, wall=wall(1.0)), state(2, side=still, wall=wall(4.0, x)),
-            state(2, side=still), state(1, side=still, late=wall(2.0), wall=wall(1.0)),
-            state(4, side=still, other=Support("y0", (1,))),
-        ),
-        mesh,
-    )  # fmt: skip
-    assert motions.moved() == "wall"
-    assert motions.change(0, point) is None
-    first = motions.change(1, point)  # all of it: the virgin state imposes nothing
-    exact = np.zeros((mesh.points.size, 2))
-    exact[2 * pair + 1] = [3.0, 1.0]
-    np.testing.assert_array_equal(first, exact)
-    assert motions.change(2, point) is None
-    exact[2 * pair + 1] = [9.0, 3.0]
-    exact[2 * pair] = [0.5, 0.0]
-    np.testing.assert_array_equal(motions.change(3, point), exact)
-    np.testing.assert_array_equal(motions.change(4, point), np.zeros_like(exact))
-    dofs, moved = motions.step_of(5, "late", point)
-    assert dofs.tolist() == [4, 5, 14, 15]
-    np.testing.assert_array_equal(moved, [[0, 0], [6, 2], [0, 0], [6, 2]])
-    assert motions.change(6, point) is None  # nothing there moves
-    assert _motions((state(0, a=wall(1.0)), state(0, a=still)), mesh).moved() is None
-
-
-def test_motions_of_measured_points_and_of_walls_that_cannot_be():
-    mesh = _mesh()
-    far = MotionField(((50.0, 50.0), (51.0, 50.0)), (1,), ((1.0,), (2.0,)))
-    support = Support("pair", (1,), measured=far)
-    motions = _motions((SimpleNamespace(base=0, supports={"pair": support}),) * 2, mesh)
-    with pytest.raises(ValueError, match="points of a motion do not cover its support"):
-        motions.step_of(1, "pair", ParameterPoint({}, ()))
-
-
 TRIANGLE = TemperatureField(
     points=((0.0, 0.0), (4.0, 0.0), (0.0, 2.0), (4.0, 2.0)), values=(1.0, 9.0, 5.0, 13.0)
 )
@@ -206,50 +136,6 @@ def test_temperatures_are_linear_between_points_and_the_nearest_beyond():
     np.testing.assert_array_equal(interpolate(line, places), [2.0, 7.0, 1.0, 7.0])
     one = replace(TRIANGLE, points=((0.0, 0.0),), values=(4.0,))
     np.testing.assert_array_equal(interpolate(one, places), [4.0] * 4)
-
-
-def test_what_a_stage_warms_and_by_how_much():
-    """Rises of two groups, one of them a field that lasts; expansion and factors are sought."""
-    mesh = _mesh()
-    hot = replace(material("rock", 1e9, 0.25), expansion=Scalar(2.0, "a"))
-    cold = replace(material("fill", 1e9, 0.25), expansion=Scalar(3.0, "a"))
-    field = replace(TRIANGLE, factor=Scalar(0.5, "b"))
-    staged = model(
-        mesh,
-        parameters=(Parameter("a", 1.0, 0.1, 9.0), Parameter("b", 4.0, 0.1, 9.0)),
-        materials={"rock": hot, "fill": cold},
-        groups={"rock": "rock", "fill": None},
-        supports=rollers(2),
-        stages=(
-            Stage("warm", temperature={"rock": field}),
-            Stage("wait"),
-            Stage("fill", install={"fill": "fill"}, temperature={"fill": Scalar(7.0)}),
-            Stage("more", temperature={"fill": Scalar(2.0, "b")}),
-            Stage("cool", temperature={"rock": Scalar(0.0)}),
-        ),
-    )
-    thermal = ThermalStrains(staged.on_mesh)
-    groups = staged.on_mesh.sequence.groups
-    rock, fill = groups.index("rock"), groups.index("fill")
-    assert [thermal.warmed(n) for n in range(6)] == [[], [rock], [], [fill], [fill], [rock]]
-    point = ParameterPoint({"a": 1.5, "b": 4.0}, ("a", "b"))
-    assert thermal.change(0, point) is None
-    assert thermal.change(2, point) is None
-    position = staged.discretization.points.position
-    x, y = position.T
-    shape = 1.0 + 2.0 * x + 2.0 * y
-    low = y < 1.0
-    warm = np.zeros((len(x), 3))
-    warm[low] = np.stack([3.0 * 2.0 * shape, 2.0 * 2.0 * shape, 3.0 * 0.5 * shape], axis=1)[low]
-    np.testing.assert_allclose(thermal.change(1, point), warm, rtol=1e-12)
-    placed = np.zeros((len(x), 3))
-    placed[~low] = [4.5 * 7.0, 3.0 * 7.0, 0.0]
-    np.testing.assert_allclose(thermal.change(3, point), placed, rtol=1e-12)
-    more = np.zeros((len(x), 3))
-    more[~low] = [4.5 * 1.0, 3.0 * 1.0, 4.5 * 2.0]
-    np.testing.assert_allclose(thermal.change(4, point), more, rtol=1e-12)
-    np.testing.assert_allclose(thermal.change(5, point), -warm, rtol=1e-12)
-    assert len(thermal._fields) == 1  # that of the first stage is used again
 
 
 def test_of_supports_of_one_name_the_last_counts():

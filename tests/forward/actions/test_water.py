@@ -209,12 +209,6 @@ def test_every_number_of_the_water_is_differentiated_exactly():
     assert_exact(response, np.array(list(VALUES.values())), staged.names, step=2e-4)
 
 
-def test_the_obstacle_names_levels_and_products():
-    found = everything().response([("c", "fill")]).obstacle()
-    assert found.startswith("the water ends at the level ")
-    assert "its pressure is not linear in it" in found
-
-
 def filled(weight: Scalar, *parameters: Parameter):
     """A lake whose level is a parameter, against a dam of 16 m."""
     return model(

@@ -9,16 +9,14 @@ import pytest
 from support.cases import NOWHERE, make_case, material
 from support.meshes import box, regroup
 
-from geoident.forward.in_situ import overburden
 from geoident.forward.in_situ.overburden import Overburden
 from geoident.forward.stages import CaseOnMesh
-from geoident.model.actions import HeadLine, Pressure, Seismic, Traction, WaterPressure
+from geoident.model.actions import HeadLine, Pressure, Traction, WaterPressure
 from geoident.model.case import Analysis
 from geoident.model.dual import ParameterPoint
 from geoident.model.parameter import Scalar
 
 ROCK, CLAY = material("rock", 1e9, 0.2, 2500.0), material("clay", 1e8, 0.3, 1900.0)
-ZERO = Scalar(0.0)
 SLOPE = np.array([0.3, -0.2])
 """Rise of the upper face along x and y."""
 
@@ -109,44 +107,6 @@ def test_water_that_falls_along_a_slope_presses_by_its_level_there():
     assert (exact > 0.0).all()
 
 
-def test_loads_below_a_place_do_not_press_on_it():
-    """On the underside a pressure lifts what is above; of a place above it nothing counts."""
-    mesh = box("quad4", (2, 4), size=(1.0, 4.0))
-    mesh = regroup(mesh, low=lambda c: c[:, 1] < 1.0, gap=lambda c: c[:, 1] < 2.0)
-    groups = {"low": "rock", "gap": None, "rock": "clay"}
-    places = [[0.3, 3.0], [0.3, 0.5]]
-    faces = np.flatnonzero(np.ones(sum(len(b) for b in mesh.facets)))
-    assert len(faces)
-    found, case = above(mesh, places, groups=groups, loads={"p": Pressure("y1", Scalar(7e3))})
-    np.testing.assert_allclose(
-        found.weight(case, NOWHERE).value,
-        [7e3 + 19e3, 7e3 + 19e3 * 2.0 + 25e3 * 0.5], rtol=1e-9,
-    )  # fmt: skip
-    np.testing.assert_allclose(found.lengths.toarray()[:, found.materials.index("rock")], [0, 0.5])
-    np.testing.assert_allclose(found.top, 4.0)
-    on_top, case = above(mesh, [[0.3, 4.0], [0.3, 5.0]], groups=groups,
-                         loads={"p": Pressure("y1", Scalar(7e3))})  # fmt: skip
-    assert on_top.uncovered.tolist() == [True, True]
-    np.testing.assert_array_equal(on_top.weight(case, NOWHERE).value, [0.0, 0.0])
-    np.testing.assert_array_equal(on_top.top, [4.0, 5.0])
-    assert on_top.lengths.nnz == 0
-
-
-def test_shaking_and_gravity_of_any_direction_weigh_by_their_vertical_part():
-    mesh = sloping("tri3")
-    places = places_in(mesh)
-    height = top_at(places[:, :-1]) - places[:, -1]
-    shaking = {"one": Seismic((Scalar(0.3), Scalar(-0.2, "s"))), "p": Seismic((ZERO, Scalar(0.05)))}
-    found, case = above(mesh, places, loads=shaking, gravity=(6.0, -8.0))
-    weight = found.weight(case, ParameterPoint({"s": 1.5}, ("s",)))
-    np.testing.assert_allclose(
-        weight.value, 2500.0 * (8.0 + 10.0 * (0.3 - 0.05)) * height, rtol=1e-9
-    )
-    np.testing.assert_allclose(weight.columns[:, 1], 2500.0 * 10.0 * 0.2 * height, rtol=1e-9)
-    none, case = above(mesh, places, gravity=None)
-    np.testing.assert_array_equal(none.weight(case, NOWHERE).value, 0.0 * height)
-
-
 def test_places_on_the_border_of_an_element_see_what_is_above_that_element():
     """The line between two columns: of the left element that of the left ground, else the right."""
     mesh = box("quad4", (2, 3), size=(2.0, 3.0))
@@ -161,53 +121,3 @@ def test_places_on_the_border_of_an_element_see_what_is_above_that_element():
     np.testing.assert_allclose(lengths[:, found.materials.index("rock")], [0.0, 2.5], rtol=1e-9)
     corner, _ = above(mesh, [[0.0, 0.5], [2.0, 0.5]], elements=low, groups=groups)
     np.testing.assert_allclose(corner.lengths.sum(axis=1), 2.5, rtol=1e-9)
-
-
-@pytest.mark.parametrize("chunk", [4_000_000, 3, 17])
-@pytest.mark.parametrize("kind", ["tri3", "hex8"])
-def test_many_places_are_looked_at_together_or_in_parts(monkeypatch, chunk, kind):
-    """Strips of a plan of 300 places, and pairs in chunks, find what each place finds alone."""
-    monkeypatch.setattr(overburden, "_CHUNK", chunk)
-    mesh = sloping(kind, 3)
-    rng = np.random.default_rng(8)
-    plan = rng.uniform(0.01, 0.99, (300, mesh.dim - 1)) * np.array([1.0, 2.0])[: mesh.dim - 1]
-    places = np.column_stack([plan, rng.uniform(0.05, 2.4, 300)])
-    found, _ = above(mesh, places)
-    np.testing.assert_allclose(
-        found.lengths.toarray()[:, 0], top_at(plan) - places[:, -1], rtol=1e-9
-    )
-    np.testing.assert_allclose(found.top, top_at(plan), rtol=1e-9)
-
-
-def test_places_beside_the_ground_and_none_at_all():
-    mesh = sloping("hex8")
-    found, case = above(mesh, [[-0.5, 1.0, 1.0], [0.5, 1.0, 1.0], [0.5, 2.5, 1.0]])
-    height = top_at(np.array([[0.5, 1.0]]))[0] - 1.0
-    np.testing.assert_allclose(found.lengths.toarray()[:, 0], [0.0, height, 0.0], rtol=1e-9)
-    np.testing.assert_allclose(found.top, [1.0, 1.0 + height, 1.0], rtol=1e-9)
-    assert found.uncovered.tolist() == [True, False, True]
-    none, case = above(mesh, np.empty((0, 3)))
-    assert none.weight(case, NOWHERE).value.shape == (0,)
-    one, _ = above(mesh, [[0.25, 0.5, 1.0]])
-    np.testing.assert_allclose(one.lengths.toarray(), [[top_at(np.array([[0.25, 0.5]]))[0] - 1.0]])
-
-
-def test_levels_that_differ_by_less_than_a_billionth_of_the_mesh_are_one():
-    mesh = box("quad4", (2, 2), size=(3.0, 8.0))
-    found, _ = above(mesh, [[0.4, 8.0 - 7e-9], [0.4, 8.0 - 9e-9]])
-    assert found.tolerance == pytest.approx(8e-9)
-    lengths = found.lengths.toarray()[:, 0]
-    assert lengths[0] == 0.0
-    assert lengths[1] == pytest.approx(9e-9, rel=1e-6)
-    assert found.uncovered.tolist() == [True, False]
-    layer = box("quad4", (2, 4), size=(3.0, 8.0))
-    points = layer.points.copy()
-    for thin, length in ((7e-9, 0.0), (9e-9, 9e-9)):
-        points[layer.points[:, 1] == 6.0, 1] = 4.0 + thin  # the third row of elements below it
-        flat = regroup(replace(layer, points=points), seam=lambda c: abs(c[:, 1] - 4.0) < 1e-6)
-        found, _ = above(flat, [[0.4, 1.5]], groups={"seam": "clay", "rock": "rock"})
-        lengths = dict(zip(found.materials, found.lengths.toarray()[0], strict=True))
-        assert lengths["clay"] == pytest.approx(length, rel=1e-6, abs=0.0)
-        assert lengths["rock"] == pytest.approx(6.5)
-    small = box("quad4", (2, 2), size=(0.3, 0.5))
-    assert above(small, [[0.1, 0.1]])[0].tolerance == pytest.approx(1e-9)

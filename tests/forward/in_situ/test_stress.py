@@ -9,9 +9,7 @@ import pytest
 from support.cases import make_case, material
 from support.meshes import box, regroup
 
-from geoident.forward.in_situ.overburden import Overburden
 from geoident.forward.in_situ.stress import (
-    CoverAndSurcharge,
     InSituStress,
     StressPlaces,
     edges_held,
@@ -209,6 +207,15 @@ def test_the_weight_of_layers_cover_and_surcharge_less_the_water():
     np.testing.assert_allclose(columns[0, :, 0], K * columns[2, :, 0], rtol=1e-12)
 
 
+def test_a_surface_below_the_top_of_the_mesh_takes_nothing_off():
+    bare, low = (
+        on(plane(), in_situ=GeostaticStress(Scalar(1.0), **cover), gravity=(0.0, -10.0))
+        for cover in ({}, {"surface": Scalar(7.0), "cover": Scalar(2e4)})
+    )
+    stress, same = (InSituStress(one, places(one, *FLAT)).columns(POINT) for one in (bare, low))
+    np.testing.assert_allclose(same, stress, rtol=1e-12)
+
+
 def test_places_beside_the_surface_are_counted():
     """Faces of the top as far as x = 4 m give the level; what is further along has their edge's."""
     mesh = plane()
@@ -227,39 +234,6 @@ def test_places_beside_the_surface_are_counted():
              in_situ_of={"east": ProfileStress(components(), components(), "part")})  # fmt: skip
     more = (*FLAT, ("clay", 5.0, 1.0))
     assert InSituStress(two, places(two, *more)).n_outside == 2
-
-
-def test_the_cover_is_what_lies_between_the_mesh_and_the_surface():
-    mesh = plane()
-    found = on(mesh, gravity=(0.0, -10.0))
-    at = np.array([[1.0, 2.0], [1.0, 8.0], [1.0, 9.5]])
-    above = Overburden(found).above(at)
-    for level, thick in ((10.0, [2.0, 2.0, 0.5]), (7.0, [-1.0, -1.0, -2.5])):
-        model = GeostaticStress(Scalar(1.0), surface=Scalar(level), cover=Scalar(2e4),
-                                surcharge=Scalar(7e3))  # fmt: skip
-        lies = CoverAndSurcharge(model, mesh, at, above)
-        np.testing.assert_allclose(lies.thickness(POINT).value, thick, rtol=1e-12)
-        pressure = 7e3 + 2e4 * np.maximum(thick, 0.0)
-        np.testing.assert_allclose(lies.pressure(POINT).value, pressure, rtol=1e-12)
-        bare = CoverAndSurcharge(replace(model, cover=None, surcharge=None), mesh, at, above)
-        np.testing.assert_array_equal(bare.pressure(POINT).value, 0.0)
-    none = CoverAndSurcharge(GeostaticStress(Scalar(1.0), cover=Scalar(2e4)), mesh, at, above)
-    np.testing.assert_array_equal(none.thickness(POINT).value, 0.0)
-    assert none.n_outside == 0
-    # a millionth of the mesh is no cover: 8 m and 8e-6 of it
-    for more, counts in ((7e-6, False), (9e-6, True)):
-        near = GeostaticStress(Scalar(1.0), surface=Scalar(8.0 + more), cover=Scalar(2e4))
-        thick = CoverAndSurcharge(near, mesh, at, above).thickness(POINT).value
-        assert (thick[0] > 0.0) == counts
-
-
-def test_some_of_the_places():
-    here = np.array([True, False, True])
-    every = StressPlaces(np.arange(6.0).reshape(3, 2), np.array([4, 5, 6]), np.array([7, 8, 9]))
-    some = every.of(here)
-    np.testing.assert_array_equal(some.positions, [[0.0, 1.0], [4.0, 5.0]])
-    assert (some.groups.tolist(), some.elements.tolist()) == ([4, 6], [7, 9])
-    assert replace(every, elements=None).of(here).elements is None
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,6 @@ import pytest
 
 from geoident.errors import InputError
 from geoident.fem.location import Locator
-from geoident.forward.actions.supports import fixed_dofs
 from geoident.model.actions import Traction
 from geoident.model.case import Stage, Support
 from geoident.model.gauges import Channel
@@ -202,12 +201,6 @@ def test_jacked_again_and_let_down():
     )
 
 
-def test_prestress_of_a_stage_counts_before_that_of_building():
-    stages = (Stage("jack", build=("prop",), prestress={"prop": Scalar(1e4)}),)
-    found = _forces(_wall({"prop": _struts(prestress=Scalar(5e4))}, stages))
-    np.testing.assert_array_equal(found.axial[:, 0], -1e4)
-
-
 def _mass(n=8):
     """Ground behind a wall at x = 0, held at the far side and below."""
     return box("quad8", (n, n), size=(20.0, 20.0))
@@ -248,20 +241,6 @@ def test_anchor_is_locked_off_at_its_force_and_then_follows_the_motion():
     more = 1.2e8 / (length - GROUTED) * survey.computed[:, 1].mean()
     assert abs(more) > 1e3
     assert forces[0, 1] == pytest.approx(3e5 + more, rel=1e-10)
-
-
-def test_prestress_is_in_equilibrium_with_the_supports():
-    """Nothing from outside acts on the ground: the reactions of the supports vanish together."""
-    staged = _anchored((Stage("stress", build=("A1",), prestress={"A1": Scalar(3e5)}),))
-    *_, end = staged.at(NOTHING).states()
-    points = staged.discretization.points
-    held = points.forces(end.stress[..., 0], points.volume)
-    held += staged.structures.nodal_forces(end.members[:, :1])[:, 0]
-    free = ~fixed_dofs(staged.on_mesh)
-    assert np.abs(held[free]).max() < 1e-8 * 3e5
-    total = held.reshape(-1, 2).sum(axis=0)
-    assert np.abs(held).max() > 1e3
-    np.testing.assert_allclose(total, 0, atol=1e-8 * 3e5)
 
 
 def test_anchor_gives_its_force_to_the_ground_evenly_along_the_grout():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from support.tunnels import with_lines
 from geoident.errors import InputError
 from geoident.forward.checks import check_on_mesh
 from geoident.forward.structures.checks import structure_notes
+from geoident.forward.structures.members import inadmissible
 from geoident.model.case import Analysis, Stage, Support
 from geoident.model.parameter import Scalar
 from geoident.model.structures import Anchors, Beam, Bolts, Struts
@@ -117,6 +119,10 @@ def test_hinges_and_groups_that_are_not_on_the_beam():
          hint),
         ("missing-group", "structures.it.hinges[3]", f"the mesh {name} has no group 'none'", hint),
     ]  # fmt: skip
+    assert _faults(replace(beam, group="walls", clamped_on=(), hinges=())) == [
+        ("missing-group", "structures.it.on", f"the mesh {name} has no group 'walls' of lines",
+         "its groups: " + ", ".join(sorted(mesh.facet_groups))),
+    ]  # fmt: skip
     where = "a hinge stands at a node of the beam, where two of its pieces meet"
     assert _faults(replace(beam, clamped_on=("x0",), hinges=beam.hinges[:3])) == [
         ("no-hinge-there", "structures.it.hinges[1]",
@@ -173,3 +179,25 @@ def test_notes_of_linings_that_turn_freely_at_supports():
     assert notes("x0", "x1", supports=sides) == [idle]
     assert notes(analysis=Analysis.AXISYMMETRIC, supports=sides) == [free(1), idle]
     assert notes(supports=(Support("y0", (0, 1)),)) == [idle]
+
+
+BAR = (((1.0, 1.0), (3.0, 2.0)),)
+
+
+def test_numbers_that_cannot_be_are_said_of_structures_and_stages():
+    def said(EA, jack):
+        case = SimpleNamespace(
+            structures={"good": Bolts(BAR, EA=Scalar(1.0)), "bad": Bolts(BAR, EA=Scalar(EA))},
+            stages=(
+                Stage("first"),
+                Stage("second", prestress={"bad": Scalar(0.0), "good": Scalar(jack, "a")}),
+            ),
+        )
+        return inadmissible(case, {"a": 3.0})
+
+    assert said(1.0, 2.0) is None
+    assert said(1.0, 0.0) is None
+    assert said(-2.5, 1.0) == "of the structure 'bad' EA is -2.5, it must be positive"
+    assert said(1.0, -1.5) == (
+        "at stage 'second' the prestress of the structure 'good' is -4.5, it must not be negative"
+    )

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from geoident.errors import InputError
 from geoident.forward.actions.supports import fixed_dofs
 from geoident.model.actions import PointForce, Pressure, Traction
 from geoident.model.case import Stage, Support
@@ -233,26 +232,3 @@ def test_derivatives_by_every_number_about_an_axis():
     p = np.array([q.start for q in PARAMETERS])
     assert_exact(response, p, staged.names)
     assert response.readings(p)[read.index(("A", "stress"))] == pytest.approx(2e5, rel=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("beam", "path", "said"),
-    [
-        (Beam("wall", EA=Scalar(1e9), EI=Scalar(1e7), hinges=((3.0, 0.3),)), "hinges[0]",
-         "the hinge (3, 0.3) m is at no node of the beam 'lining'; its nearest node is (3, 0.5) m"),
-        (Beam("wall", EA=Scalar(1e9), EI=Scalar(1e7), hinges=("x0",)), "hinges[0]",
-         "no node of the group 'x0' lies on the beam 'lining'"),
-        (Beam("wall", EA=Scalar(1e9), EI=Scalar(1e7), hinges=("joints",)), "hinges[0]",
-         "the mesh  has no group 'joints'"),
-        (Beam("x0", EA=Scalar(1e9), EI=Scalar(1e7)), "on",
-         "2 pieces of the beam 'lining' lie on the axis x = 0, where a shell of revolution has no "
-         "radius"),
-        (Beam("wall", EA=Scalar(1e9), EI=Scalar(1e7), weight=Scalar(1e3)), "weight",
-         "the beam 'lining' has a weight, but there is no gravity"),
-    ],
-)  # fmt: skip
-def test_beams_that_cannot_be_are_refused(beam, path, said):
-    with pytest.raises(InputError) as error:
-        _shaft("quad8", structures={"lining": beam}, stages=(Stage("sink", build=("lining",)),))
-    (fault,) = error.value.faults
-    assert (fault.path, fault.message) == (f"structures.lining.{path}", said)
