@@ -5,35 +5,31 @@ from __future__ import annotations
 from contextlib import ExitStack
 
 import pytest
+import scipy.linalg  # noqa: F401 - brings the library of scipy
+from threadpoolctl import ThreadpoolController
 
-from geoident.fem.solvers.threads import libraries, one_thread
+from geoident.fem.solvers.threads import one_thread
 
 
 @pytest.fixture
-def two():
-    """Both libraries with two threads, and a look at them."""
-    before = [library.threads() for library in libraries()]
-    for library in libraries():
-        library.set_threads(2)
-    yield lambda: {library.threads() for library in libraries()}
-    for library, count in zip(libraries(), before, strict=True):
-        library.set_threads(count)
+def threads():
+    """Numbers of threads of the libraries of linear algebra, which are allowed two."""
+    libraries = ThreadpoolController().select(user_api="blas", internal_api="openblas")
+    with libraries.limit(limits=2):
+        yield lambda: {library["num_threads"] for library in libraries.info()}
 
 
-def test_there_are_the_libraries_of_numpy_and_scipy():
-    assert len(libraries()) == 2
-
-
-def test_what_was_before_comes_back_when_the_last_has_left(two):
+def test_what_was_before_comes_back_when_the_last_has_left(threads):
     first, second = ExitStack(), ExitStack()
+    assert threads() == {2}
     first.enter_context(one_thread())
     second.enter_context(one_thread())
     first.close()
-    assert two() == {1}
+    assert threads() == {1}
     with one_thread():
-        assert two() == {1}
+        assert threads() == {1}
     second.close()
-    assert two() == {2}
+    assert threads() == {2}
     with pytest.raises(ValueError, match="lost"), one_thread():
         raise ValueError("lost")
-    assert two() == {2}
+    assert threads() == {2}

@@ -8,17 +8,16 @@ long does it within `one_thread`, and what is large is divided into tasks by the
 
 from __future__ import annotations
 
-import ctypes
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
-from contextlib import ContextDecorator, suppress
-from dataclasses import dataclass
-from functools import lru_cache
-from importlib import import_module
-from pathlib import Path
+from contextlib import ContextDecorator
+from functools import cache
 from threading import Lock
-from typing import ClassVar
+from typing import Any, ClassVar
+
+import scipy.linalg  # noqa: F401 - with it both libraries of linear algebra are loaded
+from threadpoolctl import ThreadpoolController
 
 from geoident.processors import processors
 
@@ -55,61 +54,34 @@ def run_tasks(tasks: Sequence[Callable[[], None]]) -> None:
         future.result()
 
 
-@dataclass(frozen=True)
-class BlasLibrary:
-    """An OpenBLAS that is loaded.
-
-    Args:
-        threads: tells how many threads it takes.
-        set_threads: has it take so many.
-    """
-
-    threads: Callable[[], int]
-    set_threads: Callable[[int], None]
-
-
 class one_thread(ContextDecorator):  # noqa: N801  used as contextlib's own
-    """Within, the BLAS of numpy and that of scipy take one thread each, where they can be told so.
+    """Within, the libraries of linear algebra take one thread each.
 
     It may be entered again within, and by several threads at a time: the last that leaves
-    gives back what was before. Also a decorator of functions.
+    gives back what was before, which threadpoolctl's own limits do not. Also a decorator of
+    functions.
     """
 
     _lock = Lock()
     _within = 0
-    _before: ClassVar[list[int]] = []
+    _limit: ClassVar[Any] = None
 
     def __enter__(self) -> None:
         cls = one_thread
         with cls._lock:
             cls._within += 1
             if cls._within == 1:
-                cls._before = [library.threads() for library in libraries()]
-                for library in libraries():
-                    library.set_threads(1)
+                cls._limit = _linear_algebra().limit(limits=1)
 
     def __exit__(self, *error: object) -> None:
         cls = one_thread
         with cls._lock:
             cls._within -= 1
             if not cls._within:
-                for library, count in zip(libraries(), cls._before, strict=True):
-                    library.set_threads(count)
+                cls._limit.restore_original_limits()
 
 
-@lru_cache(maxsize=1)
-def libraries() -> tuple[BlasLibrary, ...]:
-    """Every OpenBLAS that comes with the wheels of numpy and scipy."""
-    opened = []
-    for name in ("numpy", "scipy"):
-        package = Path(str(import_module(name).__file__)).parent
-        places = (package.parent / f"{name}.libs", package / ".dylibs")
-        for path in (path for place in places for path in sorted(place.glob("*openblas*"))):
-            for ending in ("", "64_"):
-                with suppress(OSError, AttributeError):  # another library, or without that name
-                    library = ctypes.CDLL(str(path))
-                    get = library[f"scipy_openblas_get_num_threads{ending}"]
-                    put = library[f"scipy_openblas_set_num_threads{ending}"]
-                    get.restype, get.argtypes, put.argtypes = ctypes.c_int, [], [ctypes.c_int]
-                    opened.append(BlasLibrary(get, put))
-    return tuple(opened)
+@cache
+def _linear_algebra() -> ThreadpoolController:
+    """The libraries of linear algebra of numpy and scipy, looked for once."""
+    return ThreadpoolController().select(user_api="blas")
