@@ -41,7 +41,7 @@ from math import sin
 
 import numpy as np
 
-from geoident.fem.yielding.law import ReturnStep
+from geoident.fem.yielding.law import ReturnStep, YieldLaw
 from geoident.fem.yielding.principal_axes import (
     ROUGH,
     Spectrum,
@@ -124,7 +124,7 @@ class HoekBrownConstants:
         return self.cut is not self.tension
 
 
-class HoekBrownLaw:
+class HoekBrownLaw(YieldLaw):
     """The criterion in an isotropic elasticity, perfectly plastic.
 
     Args:
@@ -134,8 +134,6 @@ class HoekBrownLaw:
     Raises:
         ValueError: E is not isotropic.
     """
-
-    hardens = False
 
     def __init__(self, elasticity: Dual, constants: HoekBrownConstants) -> None:
         check_isotropic(elasticity.value)
@@ -152,10 +150,6 @@ class HoekBrownLaw:
         self.y_cut = 0.0 if constants.ends_at_tip else float(self.y_of(np.array(self.cut)))
         self.exponent = min(self.a, 1.0 - self.a)
         """k of the unknown w = y^k."""
-
-    def at(self, points: Ints) -> HoekBrownLaw:
-        """The same at points (k,): its numbers are those of all."""
-        return self
 
     def project(self, trial: Floats, hardened: Floats | None = None) -> HoekBrownReturn:
         """Return trial stresses (s, m) to the surface; nothing hardens."""
