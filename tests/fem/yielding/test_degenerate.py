@@ -89,14 +89,6 @@ def test_a_slab_without_thickness(far, missing):
     check(definite(np.random.default_rng(1), 3), planes, trial)
 
 
-def test_repeated_planes_share_nothing_and_one_is_active():
-    normals = np.array([[1.0, 0.0, 0.0]] * 3 + [[0.0, 1.0, 0.0]])
-    planes = Planes(normals, np.ones(4))
-    _, projection = check(np.eye(3), planes, np.array([[3.0], [3.0], [0.0]]))
-    np.testing.assert_allclose(projection.stress[:, 0], [1.0, 1.0, 0.0], atol=1e-15)
-    assert (projection.multipliers > 0.0).sum() == 2
-
-
 def test_a_stress_on_a_plane_or_an_edge_is_inside():
     planes = Planes(np.eye(3), np.ones(3))
     trial = np.array([[1.0, 1.0, 1.0, 0.5], [0.0, 1.0, 1.0, 1.0], [0.0, 0.3, 1.0, 1.0]])
@@ -109,22 +101,6 @@ def test_planes_reached_without_a_multiplier_are_biactive():
     projection = law.project(np.array([[2.0, 2.0], [1.0, 0.9], [0.0, 2.0]]))
     assert (projection.multipliers > 0.0).tolist() == [[True, False, False], [True, False, True]]
     assert projection.biactive.tolist() == [[False, True, False], [False, False, False]]
-
-
-def test_no_points_and_no_plane_reached():
-    law = polyhedral(np.eye(3), Planes(np.eye(3), np.ones(3)))
-    smooth = principal(isotropic(1.0, 1.0, 6), coulomb(0.5, 1.0, dilation=0.1))
-    for one, size in ((law, 3), (smooth, 6)):
-        for count in (0, 2):
-            projection = one.project(np.zeros((size, count)))
-            assert projection.stress.shape == (size, count)
-            assert projection.multipliers.shape == (0, len(one.planes))
-            assert projection.biactive.shape == (0, len(one.planes))
-            assert projection.reduction.shape == (0, size, size)
-            assert projection.reserve.shape == (0,)
-            stress, lam = projection.derivatives(np.zeros((size, 0, 2)), of_law=True)
-            assert stress.shape == (size, 0, 2)
-            assert lam.shape == (len(one.planes), 0, 2)
 
 
 @pytest.mark.parametrize("count", [5, 40])

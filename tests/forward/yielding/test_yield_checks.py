@@ -71,30 +71,6 @@ def test_every_material_that_yields_is_described():
     )
 
 
-def test_a_cut_off_beyond_the_apex_is_noted():
-    apex = 1e6 / 0.5463024898437905  # tan(0.5)
-    for tension, known in ((0.99 * apex, 1), (1.01 * apex, 2)):
-        notes = yield_notes(case_of(MohrCoulomb(Scalar(1e6), Scalar(0.5), tension=Scalar(tension))))
-        assert len(notes) == known
-
-
-def test_planes_without_stress_between_them():
-    bounds = (parameter("k", -2e6, -3e6, 2e6), parameter("q", 1e6, 1e6, 2e6))
-    left = facing(Scalar(1.0, "k"), Scalar(1.0, "q"))
-    (fault,) = yield_faults(case_of(left, parameters=bounds))
-    assert fault.code == "empty-domain"
-    assert "'right' and 'left'" in fault.message
-    assert "at the start" in fault.message
-    (fault,) = yield_faults(
-        case_of(left, parameters=(parameter("k", -2.5e6, -3e6, -2.1e6), bounds[1]))
-    )
-    assert "wherever the parameters are" in fault.message
-    tied = facing(Scalar(-1.5, "q"), Scalar(1.0, "q"))  # each alone could do, not both
-    (fault,) = yield_faults(case_of(tied, parameters=bounds))
-    assert "wherever the parameters are" in fault.message
-    assert yield_faults(case_of(facing(Scalar(1e6), Scalar(0.0)))) == []
-
-
 def test_planes_that_leave_no_stress_are_outside_the_domain_of_the_model():
     case = case_of(facing(Scalar(1.0, "k"), Scalar(1.0, "q")))
     rock = case.materials["rock"]
@@ -130,18 +106,6 @@ def test_strengths_outside_the_domain_are_named(surface, values, reason):
     assert inadmissible(yielding(SOUND), {}) is None
 
 
-def test_what_enters_free_of_stress_must_bear_that():
-    below = facing(Scalar(-1e6), Scalar(2e6))
-    stages = (Stage("fill", install={"a": "rock"}),)
-    (fault,) = yield_faults(case_of(below, stages=stages))
-    assert "installed free of stress at stage 'fill'" in fault.message
-    (fault,) = yield_faults(case_of(below, in_situ=None, groups={"a": "rock"}))
-    assert "begins free of stress" in fault.message
-    case = case_of(below, groups={"a": "rock"})
-    assert yield_faults(case) == []
-    assert "cannot be free of stress" in yield_notes(case)[1]
-
-
 def test_weak_planes_about_an_axis_lie_flat_or_upright():
     def faults(dip):
         weak = WeakPlane(Attitude(Scalar(dip), Scalar(pi / 2)), Scalar(1e6), Scalar(0.5))
@@ -150,13 +114,6 @@ def test_weak_planes_about_an_axis_lie_flat_or_upright():
     assert faults(0.0) == []
     assert faults(pi / 2) == []
     assert "all around" in faults(0.5)[0].message
-
-
-def test_weak_planes_strike_across_a_section():
-    weak = WeakPlane(Attitude(Scalar(0.5), Scalar(pi / 3)), Scalar(1e6), Scalar(0.5))
-    (fault,) = yield_faults(case_of(weak))
-    assert fault.code == "antiplane"
-    assert yield_faults(case_of(weak, analysis=Analysis.SOLID)) == []
 
 
 def test_condensation_is_told_that_the_ground_yields():
@@ -171,9 +128,6 @@ def test_condensation_is_told_that_the_ground_yields():
 
     assert obstacle() is None
     assert obstacle(SOUND) == "rock yields: its stresses are not linear in the displacements"
-
-
-# --- word by word ---
 
 
 def field(constant, surface=None, *, path="here"):
