@@ -138,6 +138,8 @@ class HoekBrownLaw(YieldLaw):
         ValueError: E is not isotropic.
     """
 
+    planes: HoekBrownConstants
+
     def __init__(self, elasticity: Dual, constants: HoekBrownConstants) -> None:
         check_isotropic(elasticity.value)
         self.planes = constants

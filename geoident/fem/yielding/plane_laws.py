@@ -54,6 +54,7 @@ class PolyhedralLaw(YieldLaw):
     [[1.0, 0.0], [2.0, 3.0]]
     """
 
+    planes: YieldPlanes
     associated = True
 
     def __init__(self, elasticity: Dual, planes: YieldPlanes) -> None:
@@ -97,6 +98,8 @@ class PrincipalLaw(YieldLaw):
         ValueError: E is not isotropic or not positive definite, normals do not descend, a plane
             flows inwards, or no stress satisfies all planes.
     """
+
+    planes: YieldPlanes
 
     def __init__(self, elasticity: Dual, planes: YieldPlanes) -> None:
         check_isotropic(elasticity.value)

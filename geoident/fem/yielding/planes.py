@@ -163,11 +163,10 @@ class ScaledPlanes:
             raise ValueError(f"plane {int(np.argmin(own)) + 1} has no normal, or flows inwards")
         self.scale: Floats = np.sqrt(own + np.diag(hardening.value))
         factor, rows = 1.0 / self.scale, 1.0 / self.scale[:, None]
-        parts = planes.normals * rows, flow * rows, planes.distances * factor
-        parts = *parts, hardening * (rows * factor)
-        self.by_parameter = elasticity, *parts
+        scaled = planes.normals * rows, flow * rows, planes.distances * factor
+        self.by_parameter = elasticity, *scaled, hardening * (rows * factor)
         self.normals, self.flow, self.distances, self.hardening = (
-            np.ascontiguousarray(part.value) for part in parts
+            np.ascontiguousarray(part.value) for part in self.by_parameter[1:]
         )
         self.hardens = bool(self.hardening.any())
 
@@ -188,8 +187,8 @@ class ScaledPlanes:
             raise ValueError("normals for sorted principal stresses must descend")
         rows: list[tuple[int, Ints, bool]] = []
         for p in range(len(normals)):
-            images = np.concatenate([normals[p][_ORDERS], flow[p][_ORDERS]], axis=1)
-            _, first = np.unique(images, axis=0, return_index=True)
+            both = np.concatenate([normals[p][_ORDERS], flow[p][_ORDERS]], axis=1)
+            _, first = np.unique(both, axis=0, return_index=True)
             rows += [(p, order, False) for order in _ORDERS[np.sort(first)]]
             is_cone = np.ptp(normals[p]) > 0.0 and normals[p].sum() > 0.0
             if is_cone and np.any(flow[p] != normals[p]):

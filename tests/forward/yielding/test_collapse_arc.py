@@ -7,6 +7,8 @@ next, beginning with a quarter of F / E.
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 import scipy.sparse as sp
@@ -18,7 +20,7 @@ from support.plastic import Planes, polyhedral
 from geoident.fem.elasticity import UniformModuli
 from geoident.fem.solvers.direct import NotPositiveDefinite
 from geoident.forward.analysis.collapse import limit_of
-from geoident.forward.analysis.constitutive import Ground
+from geoident.forward.analysis.constitutive import Flow, Ground
 from geoident.forward.analysis.stage_equations import StageEquations
 
 
@@ -59,6 +61,29 @@ def test_soft_ground_is_given_up_where_its_strains_are_large():
     found = limit_of(bar(0.9, k, h))
     assert found.du == pytest.approx([0.9], rel=1e-6)
     assert found.fraction == pytest.approx((k + h * (0.9 - k)) / 0.9, rel=1e-5)
+
+
+def test_ground_hardens_where_its_law_does():
+    """Only then are multipliers of earlier stages kept and counted."""
+    ground = bar(1.0, 0.1, 0.5).grounds[0]
+    assert ground.hardens is True
+    assert bar(1.0, 0.1, 0.0).grounds[0].hardens is False
+    assert Ground("elastic", slice(0, 1), UniformModuli(np.eye(1))).hardens is False
+
+
+@pytest.mark.parametrize(
+    ("viscosity", "slopes"), [(0.0, [1.0, 0.0, 1.0]), (0.25, [1.0, 0.25, 0.75])]
+)
+def test_slopes_of_a_stress_that_keeps_a_part_of_its_overstress(viscosity, slopes):
+    """sigma = k + mu (s* - k): by s* within the strength and beyond it, and by the strength k."""
+    of_trial, projected = np.array([[1.0, 1.0, 0.0], [1.0, 0.0, 1.0]])
+    projection = SimpleNamespace(derivatives=lambda trial, before, of_law: (projected, before))
+    (ground,) = bar(0.9, 0.3, 0.0).grounds
+    found, _ = Flow(ground, projection, 1).derivatives(of_trial, of_law=True, viscosity=viscosity)
+    assert found.tolist() == slopes
+
+
+# --- several bars, and the rules one by one ---
 
 
 def truss(seed: int, *, soft: float = 1.0):
