@@ -444,30 +444,31 @@ class HoekBrownReturn(ReturnStep):
         sigci, mb, s, a, lame, twice = (number(constant) for constant in constants)
         trial = Dual(np.concatenate([self.start[..., None], start, 0.0 * start[..., :1]], axis=-1))
         upper, lower = self._upper[..., None], self._lower[..., None]
-        n_upper, n_lower = self._n_upper, self._n_lower
-        log = Dual.constant(np.log(np.maximum(self._y, _LEAST_Y)), 1 + size)
+        on_cut, n_upper, n_lower = self.place >= CUT_1, self._n_upper, self._n_lower
 
-        log.columns[:, -1] = 1.0
-        d = ((1.0 - a) * log).exp()
+        # on the curve: the equation for y, in which all but ln y keeps its place
+        log_y = Dual.constant(np.log(np.maximum(self._y, _LEAST_Y)), 1 + size)
+        log_y.columns[:, -1] = 1.0
+        d = ((1.0 - a) * log_y).exp()
         g = d + mb * a
         if given.dilation is not None:
             sine = number(given.dilation).sine()
             g, d = 1.0 + sine, 1.0 - sine
-        volume = lame * (g - d)
-        some = np.maximum(n_lower, 1)
-        ratio = (volume - twice * d / some) / (volume + twice * g / n_upper)
-        largest, width = sigci / mb * (s - log.exp()), sigci * (a * log).exp()
+        n_some = np.maximum(n_lower, 1)  # none on the cut-off alone, where this does not count
         U = Dual((trial.columns * upper).sum(axis=0)) / n_upper
-        L = Dual((trial.columns * lower).sum(axis=0)) / some
+        L = Dual((trial.columns * lower).sum(axis=0)) / n_some
+        volume = lame * (g - d)
+        ratio = (volume - twice * d / n_some) / (volume + twice * g / n_upper)
+        largest, width = sigci / mb * (s - log_y.exp()), sigci * (a * log_y).exp()
         rest = (L - ratio * (U - largest) - largest + width).columns
-        on_cut = self.place >= CUT_1
-        log.columns[:, 1:-1] = -rest[:, 1:-1] / np.where(on_cut, np.inf, rest[:, -1])[:, None]
-        log.columns[:, -1] = 0.0
-        if not self._natural:
-            of_cut = (s - mb * number(given.cut) / sigci).log()
-            log.columns[on_cut, 1:] = of_cut.columns[1:]
+        slope = np.where(on_cut, np.inf, rest[:, -1])
 
-        largest, width = sigci / mb * (s - log.exp()), sigci * (a * log).exp()
+        log_y.columns[:, 1:-1] = -rest[:, 1:-1] / slope[:, None]
+        log_y.columns[:, -1] = 0.0
+        if not self._natural:
+            y_cut = s - mb * number(given.cut) / sigci
+            log_y.columns[on_cut, 1:] = y_cut.log().columns[1:]
+        largest, width = sigci / mb * (s - log_y.exp()), sigci * (a * log_y).exp()
         ends = np.where(upper, largest.columns, (largest - width).columns)
         fall = Dual(((upper | lower) * (trial.columns - ends)).sum(axis=0))
         between = trial - lame / (lame * (n_upper + n_lower) + twice) * fall

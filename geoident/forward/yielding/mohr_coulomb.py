@@ -191,7 +191,7 @@ def _solid_shrinkage(count: int, fit: Fit) -> float:
     def kappa(S: float) -> float:
         def borne(deviators: Floats) -> Floats:
             high, _, low = principal_deviators(deviators)
-            return (1 + S) * high - (1 - S) * low
+            return np.asarray((1 + S) * high - (1 - S) * low)
 
         return shrinkage(fit, difference + S * total, borne)
 

@@ -60,13 +60,20 @@ def stresses(n_strain, count=20_000):
     return stress
 
 
+PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2))
+
+
+def tensor_of(stress):
+    """Stresses (s, m) as tensors (m, 3, 3)."""
+    tensor = np.zeros((stress.shape[1], 3, 3))
+    for component, (i, j) in zip(stress, PAIRS, strict=False):
+        tensor[:, i, j] = tensor[:, j, i] = component
+    return tensor
+
+
 def principal(stress):
     """Principal stresses (m, 3), ascending."""
-    tensor = np.zeros((stress.shape[1], 3, 3))
-    pairs = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2))
-    for component, (i, j) in zip(stress, pairs, strict=False):
-        tensor[:, i, j] = tensor[:, j, i] = component
-    return np.linalg.eigvalsh(tensor)
+    return np.linalg.eigvalsh(tensor_of(stress))
 
 
 def coulomb(stress, c=1e6, phi=0.6):
@@ -143,8 +150,7 @@ def misfit(surface, n_strain):
 def test_the_worst_deviators_just_touch_what_is_inscribed_in_a_solid(friction):
     axes = np.linalg.qr(np.random.default_rng(6).normal(size=(40_000, 3, 3)))[0]
     tensor = axes @ np.diag([1.0, 0.0, -1.0]) @ axes.transpose(0, 2, 1)
-    pairs = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2))
-    deviators = np.stack([tensor[:, i, j] for i, j in pairs])
+    deviators = np.stack([tensor[:, i, j] for i, j in PAIRS])
     surface = MohrCoulomb(tied("c"), Scalar(friction), planes=108, fit="inscribed")
     exact = 1e6 * (cos(friction) + sin(friction))  # half the difference of 1 and -1 is 1
     borne = reach(planes_of(surface, n_strain=6), deviators) / exact
@@ -184,13 +190,8 @@ def test_a_weak_plane_in_a_solid_opens_and_slides():
     )
     tilted = replace(flat, frame=Axes((0.0, 0.6, 0.8), (1.0, 0.0, 0.0)))  # normal (0, 0.8, -0.6)
     stress = stresses(6)
-    tensor = np.zeros((3, 3, stress.shape[1]))
-    for component, (i, j) in zip(
-        stress, ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2)), strict=True
-    ):
-        tensor[i, j] = tensor[j, i] = component
     for surface, normal in ((flat, [0.0, 0.0, 1.0]), (tilted, [0.0, 0.8, -0.6])):
-        traction = np.einsum("ijm,j->im", tensor, normal)
+        traction = np.einsum("mij,j->im", tensor_of(stress), normal)
         pull = np.array(normal) @ traction
         slide = np.linalg.norm(traction - np.outer(normal, pull), axis=0)
         psi = np.maximum(slide + pull * tan(0.6) - 1e6, pull - 3e5)
@@ -212,14 +213,10 @@ def test_drucker_prager_meets_mohr_coulomb_where_it_says():
         exact = 2 * (c * cos(phi) + c * sin(phi)) / ((1 + sin(phi)) * high - (1 - sin(phi)) * low)
         assert reach(fine[match], deviator)[0] == pytest.approx(exact, rel=2e-3)
     # In plane strain associated flow lets the stress out of plane settle where most is borne.
-    mean, radius = -1e6, []
+    planes, mean, radius = fine["plane-strain"], -1e6, []
     for axial in np.linspace(-3e6, 0.0, 301):
-        left = fine["plane-strain"].distances - fine["plane-strain"].normals[:, :3] @ [
-            mean,
-            mean,
-            axial,
-        ]
-        radius.append(1 / (fine["plane-strain"].normals @ [1.0, -1.0, 0.0, 0.0] / left).max())
+        left = planes.distances - planes.normals[:, :3] @ [mean, mean, axial]
+        radius.append(1 / (planes.normals @ [1.0, -1.0, 0.0, 0.0] / left).max())
     assert max(radius) == pytest.approx(c * cos(phi) - mean * sin(phi), rel=3e-3)
 
 
