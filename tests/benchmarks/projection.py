@@ -20,7 +20,6 @@ import piqp
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from support.hardening import harden
 from support.plastic import (
     Planes,
     coulomb,
@@ -94,14 +93,14 @@ def line(
     return law, trial[:, projection.yielded], again
 
 
-def polyhedron(count: int, size: int, points: int, ratio: float = 0.0) -> None:
+def polyhedron(count: int, size: int, points: int, hardening: float = 0.0) -> None:
     """One line for random planes, with the ratio to piqp."""
     rng = np.random.default_rng(count)
-    planes, elasticity = random_planes(rng, count, size), definite(rng, size)
-    law_planes = harden(planes, elasticity, ratio) if ratio else planes
-    name = f"{count} planes, s = {size}" + (f", hardening {ratio:g}" if ratio else "")
+    planes = random_planes(rng, count, size, hardening=hardening)
+    elasticity = definite(rng, size)
+    name = f"{count} planes, s = {size}" + (", hardening" if hardening else "")
     trial = rng.normal(size=(size, points))
-    _, outside, again = line(name, lambda: polyhedral(elasticity, law_planes), trial)
+    _, outside, again = line(name, lambda: polyhedral(elasticity, planes), trial)
     other = by_piqp(elasticity, planes, outside[:, :SAMPLE]) * outside.shape[1]
     print(f" {other / again:9.0f}")
 
@@ -123,7 +122,7 @@ def main() -> None:
     print(f" {'tangent':>9s} {'ratio':>9s}")
     for count, size in ((4, 3), (12, 4), (16, 4), (40, 4), (24, 6), (100, 6)):
         polyhedron(count, size, points)
-    polyhedron(16, 4, points, ratio=0.01)
+    polyhedron(16, 4, points, hardening=0.01)
     for size in (4, 6):
         for dilation in (None, 0.0):
             smooth(size, points, dilation)

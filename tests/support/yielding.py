@@ -11,8 +11,16 @@ import numpy as np
 from geoident.forward.analysis.analysis import RunOptions
 from geoident.forward.analysis.stage import StageEnd
 from geoident.forward.model import StagedModel
+from geoident.forward.openings.closed_forms import (
+    GroundState,
+    Opening,
+    Rock,
+    WallLimit,
+    mohr_coulomb,
+)
 from geoident.model.actions import Pressure
 from geoident.model.case import Material, Stage
+from geoident.model.dual import Dual
 from geoident.model.in_situ import ConstantStress
 from geoident.model.mesh import Mesh
 from geoident.model.parameter import Parameter, Scalar
@@ -90,6 +98,16 @@ def parameters(**values: float) -> tuple[Parameter, ...]:
     )
 
 
+def dual(number: float) -> Dual:
+    """A number that depends on no parameter."""
+    return Dual(np.array([number]))
+
+
+def mohr_limit(c: float, phi: float, psi: float | None = None) -> WallLimit:
+    """Mohr-Coulomb of the closed forms; associated without psi."""
+    return mohr_coulomb(dual(c), dual(phi), dual(phi if psi is None else psi))
+
+
 def analysed(
     staged: StagedModel, p: np.ndarray = NOTHING, *, explain: bool = True
 ) -> list[StageEnd]:
@@ -132,6 +150,12 @@ class Cavity:
             "stages": (Stage("open", excavate=("core",)),),
         }
         return model(mesh, **{**settings, **changes})
+
+    def closed_form(self, limit: WallLimit, released: float = 1.0) -> GroundState:
+        """The opening in the plane by its closed form, with a part of the stress released."""
+        stress = dual(self.pressure)
+        ground = Rock(dual(self.E), dual(self.nu), stress, stress)
+        return Opening(self.radius, ground, limit).under((1.0 - released) * stress)
 
     def wall(self, staged: StagedModel) -> np.ndarray:
         """Nodes on the wall."""

@@ -1,8 +1,7 @@
 """Which yield planes are active where a return ends: two searches over sets of planes.
 
 A material has thousands of strain points and they reach a few dozens of faces, edges and vertices,
-all called faces here. What a set of active planes needs of linear algebra depends on the set alone
-and is kept (`ActiveSets`); a point only holds its number.
+all called faces here. A point only holds the number of its face (`ActiveSets`).
 
 *Associated flow* (`DualSearch`): the projection on a polyhedron by a dual active-set method,
 Goldfarb & Idnani (1983), Mathematical Programming 27, 1-33, exact in the norm of E^-1. Each point
@@ -25,13 +24,11 @@ with the plastic volume that takes: there the flow is free (de Souza Neto, Peric
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import combinations
-from typing import Generic, TypeVar
 
 import numpy as np
-import numpy.typing as npt
 
 from geoident.fem.yielding.domain import EmptyDomain, NoProjection, NoReturn
 from geoident.fem.yielding.planes import ScaledPlanes
@@ -52,33 +49,7 @@ _SINGULAR = 1e-9
 _BETWEEN = 1e5
 """Times the tolerance: what a point may lack that falls between two sets by rounding."""
 
-_Number = TypeVar("_Number", bound=np.generic)
-_UNKNOWN = -1  # number of a set of planes that has no row yet
-
-
-class _Rows(Generic[_Number]):
-    """Rows of equal shape that are appended in batches, in one array with room to grow.
-
-    Args:
-        row: what a row (...) is before it is written.
-    """
-
-    def __init__(self, row: npt.NDArray[_Number]) -> None:
-        self._empty = row[None]
-        self._rows = np.repeat(self._empty, 16, axis=0)
-        self.size = 0
-
-    def grow(self, count: int) -> None:
-        """Append `count` rows."""
-        self.size += count
-        while self.size > len(self._rows):
-            more = np.repeat(self._empty, len(self._rows), axis=0)
-            self._rows = np.concatenate([self._rows, more])
-
-    @property
-    def all(self) -> npt.NDArray[_Number]:
-        """The rows in use (size, ...): a view, to be read and written."""
-        return self._rows[: self.size]
+_UNKNOWN = -1  # in tables (faces, planes) of numbers: not asked for yet
 
 
 class ActiveSets:
@@ -90,115 +61,60 @@ class ActiveSets:
     >>> sets = ActiveSets(np.eye(3))
     >>> sets.number([2, 0])
     1
-    >>> sets.members[sets.joined(np.array([1]), np.array([1]))[0]]
+    >>> sets.members[sets.toggled(np.array([1]), np.array([1]))[0]]
     (0, 1, 2)
     """
 
     def __init__(self, coupling: Floats) -> None:
         self.coupling = coupling
-        self.members: list[tuple[int, ...]] = []
-        self._numbers: dict[tuple[int, ...], int] = {}
-        self._joined = _Rows(np.full(len(coupling), _UNKNOWN))
-        self._left = _Rows(np.full(len(coupling), _UNKNOWN))
-        self.number(())
+        self.members: list[tuple[int, ...]] = [()]
+        self._numbers: dict[tuple[int, ...], int] = {(): 0}
+        self._toggled = np.full((1, len(coupling)), _UNKNOWN)
 
-    def number(self, planes: Sequence[int]) -> int:
+    def number(self, planes: Iterable[int]) -> int:
         """Number of the face on which these planes are active."""
         key = tuple(sorted(planes))
-        known = self._numbers.get(key)
-        if known is None:
-            known = self._numbers[key] = len(self.members)
+        if key not in self._numbers:
+            self._numbers[key] = len(self.members)
             self.members.append(key)
-            self._joined.grow(1)
-            self._left.grow(1)
-        return known
+        return self._numbers[key]
 
-    def joined(self, faces: Ints, planes: Ints) -> Ints:
-        """Numbers (w,) of the faces (w,) with one more plane each."""
-        return self._neighbours(self._joined, faces, planes, lambda old, p: (*old, p))
-
-    def left(self, faces: Ints, planes: Ints) -> Ints:
-        """Numbers (w,) of the faces (w,) with one plane less each."""
-        return self._neighbours(
-            self._left, faces, planes, lambda old, p: tuple(j for j in old if j != p)
-        )
-
-    def _neighbours(
-        self,
-        table: _Rows[np.int64],
-        faces: Ints,
-        planes: Ints,
-        change: Callable[[tuple[int, ...], int], tuple[int, ...]],
-    ) -> Ints:
-        numbers = table.all[faces, planes]
-        missing = numbers == _UNKNOWN
-        if missing.any():
-            pairs = _different_pairs(faces[missing], planes[missing], len(self.coupling))
-            for face, plane in zip(*(some.tolist() for some in pairs), strict=True):
-                number = self.number(change(self.members[face], plane))
-                table.all[face, plane] = number
-            numbers = table.all[faces, planes]
+    def toggled(self, faces: Ints, planes: Ints) -> Ints:
+        """Numbers (w,) of the faces (w,) with one more plane, or without it where it is active."""
+        self._toggled = _enlarged(self._toggled, len(self.members))
+        numbers = self._toggled[faces, planes]
+        if (missing := numbers == _UNKNOWN).any():
+            for face, plane in _different_pairs(faces[missing], planes[missing]).T.tolist():
+                self._toggled[face, plane] = self.number({*self.members[face]} ^ {plane})
+            numbers = self._toggled[faces, planes]
         return numbers
 
-    def by_size(self, faces: Sequence[int]) -> Iterator[tuple[Ints, Ints, Floats]]:
-        """Faces (f,) with equally many planes together: batches for linear algebra.
-
-        Yields:
-            (g,) places among the faces, (g, w) their active planes W, (g, w, w) A_WW^-1.
-        """
-        sizes = np.array([len(self.members[face]) for face in faces], dtype=np.int64)
-        for size in np.unique(sizes):
-            places = np.flatnonzero(sizes == size)
-            active = np.array(
-                [self.members[faces[place]] for place in places.tolist()], dtype=np.int64
-            )
-            active = active.reshape(places.size, size)
-            own = self.coupling[active[:, :, None], active[:, None, :]]
-            yield places, active, np.asarray(np.linalg.inv(own), dtype=np.float64)
-
-    def compact(self, faces: Sequence[int]) -> tuple[Ints, Floats]:
+    def inverses(self, faces: Sequence[int]) -> tuple[Ints, Floats]:
         """Active planes (f, w) of faces (f,) and A_WW^-1 (f, w, w), filled up to the largest.
 
         Where a face has fewer planes, others stand with zeros in the inverse: each plane once, so
         that values can be written back to their places.
         """
-        width = max((len(self.members[face]) for face in faces), default=0)
-        filled = []
-        for face in faces:
-            members = self.members[face]
-            others = [plane for plane in range(width) if plane not in members]
-            filled.append((*members, *others[: width - len(members)]))
-        inverses = np.zeros((len(faces), width, width))
-        for places, active, inverse in self.by_size(faces):
-            size = active.shape[1]
-            inverses[places, :size, :size] = inverse
-        return np.array(filled, dtype=np.int64).reshape(len(faces), width), inverses
-
-    def holds(self, faces: Ints, excess: Floats, tolerance: Floats) -> Bools:
-        """Whether points end on given faces, for associated flow.
-
-        That is where multipliers are not negative and no plane is violated: the Kuhn-Tucker
-        conditions, which are sufficient.
-
-        Args:
-            faces: (q,).
-            excess: (q, y) scaled yield functions of the trial stresses.
-            tolerance: (q, y) what counts as zero in them.
-        """
-        used, place = np.unique(faces, return_inverse=True)
-        planes, inverses = self.compact(used.tolist())
-        active = np.take_along_axis(excess, planes[place], axis=1)
-        multipliers = np.einsum("qij,qj->qi", inverses[place], active)
-        full = np.zeros_like(excess)
-        np.put_along_axis(full, planes[place], multipliers, axis=1)
-        after = excess - full @ self.coupling
-        return np.asarray((multipliers >= 0.0).all(axis=1) & (after <= tolerance).all(axis=1))
+        members = [self.members[face] for face in faces]
+        width = max((len(some) for some in members), default=0)
+        filled = [(*some, *(p for p in range(width) if p not in some))[:width] for some in members]
+        planes = np.array(filled, dtype=np.int64).reshape(len(members), width)
+        active = np.arange(width) < np.array([[len(some)] for some in members]).reshape(-1, 1)
+        both = active[:, :, None] & active[:, None, :]
+        coupling = self.coupling[planes[:, :, None], planes[:, None, :]]
+        inverse = np.linalg.inv(np.where(both, coupling, np.eye(width)))
+        return planes, np.where(both, inverse, 0.0)
 
 
-def _different_pairs(faces: Ints, planes: Ints, count: int) -> tuple[Ints, Ints]:
-    """The different pairs (k,) of faces (w,) and planes (w,), of which there are `count`."""
-    pairs = np.unique(faces * count + planes)
-    return pairs // count, pairs % count
+def _enlarged(table: Ints, count: int) -> Ints:
+    """A table (f, y) with a row for each of `count` faces."""
+    new = np.full((count - len(table), table.shape[1]), _UNKNOWN)
+    return np.concatenate([table, new]) if len(new) else table
+
+
+def _different_pairs(faces: Ints, planes: Ints) -> Ints:
+    """The different pairs (2, k) of faces (w,) and planes (w,)."""
+    return np.asarray(np.unique(np.stack([faces, planes]), axis=1))
 
 
 @dataclass(eq=False)
@@ -207,7 +123,7 @@ class _Unfinished:
 
     Args:
         point: (w,) which they are.
-        excess: (w, y) scaled yield functions where they are now.
+        excess: (w, y) scaled yield functions where they are now; -inf for active planes.
         tolerance: (w, y) what counts as zero in these.
         multipliers: (w, y).
         face: (w,) numbers of their active sets.
@@ -226,6 +142,14 @@ class _Unfinished:
         for name, value in vars(self).items():
             setattr(self, name, value[rows])
 
+    def choose_planes(self) -> None:
+        """Give points that take in no plane the one they violate most, if there is one."""
+        free = np.flatnonzero(self.plane < 0)
+        outside = self.excess[free] - self.tolerance[free]
+        worst = outside.argmax(axis=1)
+        violated = outside[np.arange(free.size), worst] > 0.0
+        self.plane[free[violated]] = worst[violated]
+
 
 class DualSearch:
     """Finds active sets of associated flow.
@@ -235,21 +159,18 @@ class DualSearch:
     """
 
     def __init__(self, system: ScaledPlanes) -> None:
-        self.sets = ActiveSets(system.coupling)
-        self._root = system.root
+        self.system, self.sets = system, ActiveSets(system.coupling)
         count = len(system.coupling)
-        self._ray = _Rows(np.full(count, _UNKNOWN))
-        self._loss = _Rows(np.zeros(count))
-        self._drop = _Rows(np.zeros(count))
-        self._curvature = _Rows(np.zeros(()))
+        self._ray = np.full((1, count), _UNKNOWN)
+        self._loss, self._drop = np.zeros((0, count)), np.zeros((0, count))
+        self._curvature = np.zeros(0)
 
-    def find(self, excess: Floats, tolerance: Floats, limits: Floats | None = None) -> Ints:
+    def find(self, excess: Floats, tolerance: Floats) -> Ints:
         """Numbers (q,) of the faces on which the projections of points lie; 0 for the inside.
 
         Args:
             excess: (q, y) scaled yield functions of the trial stresses.
             tolerance: (q, y) what counts as zero in them.
-            limits: not needed.
 
         Raises:
             EmptyDomain: the planes contradict each other.
@@ -267,7 +188,7 @@ class DualSearch:
         )
         loosened = 1.0
         for step in range(100 + 20 * planes):  # a projection takes a handful a plane at most
-            _choose(work)
+            work.choose_planes()
             if step and step % (20 + planes) == 0 and loosened < _LOOSEST:
                 work.tolerance *= 10.0
                 loosened *= 10.0
@@ -284,38 +205,31 @@ class DualSearch:
         rows = np.arange(work.point.size)
         loss, drop, curvature = self._rays(work.face, work.plane)
         # the active plane whose multiplier vanishes first on the way, and the step to it
-        first, bound = np.zeros(rows.size, dtype=np.int64), np.full(rows.size, np.inf)
-        some = np.flatnonzero(work.face)
-        losing = loss[some]
-        steps = np.full(losing.shape, np.inf)
+        steps = np.full(loss.shape, np.inf)
         with np.errstate(over="ignore"):
-            np.divide(work.multipliers[some], losing, out=steps, where=losing > _DEPENDENT)
-        first[some] = steps.argmin(axis=1)
-        bound[some] = steps[np.arange(some.size), first[some]]
+            np.divide(work.multipliers, loss, out=steps, where=loss > _DEPENDENT)
+        first = steps.argmin(axis=1)
+        bound = steps[rows, first]
 
         to_plane = np.full(rows.size, np.inf)
         np.divide(work.excess[rows, work.plane], curvature, out=to_plane, where=curvature > 0.0)
         arrives = (to_plane <= bound) & np.isfinite(to_plane)
         length = np.minimum(bound, to_plane)
         if (stuck := np.isinf(length)).any():
-            _leave_or_refuse(work, loss, stuck)
+            self._leave_or_refuse(work, loss, stuck)
             length[stuck] = 0.0
-        loss *= length[:, None]
-        drop *= length[:, None]
-        work.multipliers -= loss
-        work.excess -= drop
+        work.multipliers -= loss * length[:, None]
+        work.excess -= drop * length[:, None]
 
-        planes = work.plane[arrives]
-        work.face[arrives] = self.sets.joined(work.face[arrives], planes)
+        changes = ~stuck
+        planes = np.where(arrives, work.plane, first)
+        work.face[changes] = self.sets.toggled(work.face[changes], planes[changes])
         # Members are on their planes: what rounding leaves there must not call them again.
-        work.excess[arrives, planes] = -np.inf
+        work.excess[arrives, planes[arrives]] = -np.inf
         work.plane[arrives] = -1
-
-        loses = ~arrives & ~stuck
-        planes = first[loses]
-        work.face[loses] = self.sets.left(work.face[loses], planes)
-        work.multipliers[loses, planes] = 0.0
-        work.excess[loses, planes] = 0.0
+        leaves = changes & ~arrives
+        work.multipliers[leaves, planes[leaves]] = 0.0
+        work.excess[leaves, planes[leaves]] = 0.0
 
     def _rays(self, faces: Ints, planes: Ints) -> tuple[Floats, Floats, Floats]:
         """Rays of faces (w,) and new planes (w,), per unit of the multiplier of the new plane.
@@ -324,61 +238,39 @@ class DualSearch:
             (w, y) by how much multipliers fall (-1 for the new plane), (w, y) by how much yield
             functions fall, and (w,) that of the new plane, zero where it depends on the face.
         """
-        self._ray.grow(len(self.sets.members) - self._ray.size)
-        rows = self._ray.all[faces, planes]
+        self._ray = _enlarged(self._ray, len(self.sets.members))
+        rows = self._ray[faces, planes]
         if (missing := rows == _UNKNOWN).any():
-            count = len(self.sets.coupling)
-            self._add_rays(*_different_pairs(faces[missing], planes[missing], count))
-            rows = self._ray.all[faces, planes]
-        return self._loss.all[rows], self._drop.all[rows], self._curvature.all[rows]
-
-    def _add_rays(self, faces: Ints, planes: Ints) -> None:
-        """Compute rays that are asked for the first time."""
-        start, count = self._loss.size, faces.size
-        for table in (self._loss, self._drop, self._curvature):
-            table.grow(count)
-        self._ray.all[faces, planes] = np.arange(start, start + count)
-        for places, active, inverse in self.sets.by_size(faces.tolist()):
-            new = planes[places]
-            loss = np.zeros((places.size, len(self.sets.coupling)))
+            some, new = _different_pairs(faces[missing], planes[missing])
+            self._ray[some, new] = len(self._loss) + np.arange(new.size)
+            active, inverse = self.sets.inverses(some.tolist())
+            loss = np.zeros((new.size, len(self.sets.coupling)))
             across = self.sets.coupling[active, new[:, None]]
-            np.put_along_axis(loss, active, np.einsum("gij,gj->gi", inverse, across), axis=1)
-            loss[np.arange(places.size), new] = -1.0
-            remaining = -loss @ self._root.T  # the part of the new normal across the active ones
-            drop = remaining @ self._root
-            np.put_along_axis(drop, active, 0.0, axis=1)
-            curvature = np.einsum("gr,gr->g", remaining, remaining)
-            self._loss.all[start + places] = loss
-            self._drop.all[start + places] = drop
-            self._curvature.all[start + places] = np.where(curvature > _DEPENDENT, curvature, 0.0)
+            np.put_along_axis(loss, active, np.einsum("fij,fj->fi", inverse, across), axis=1)
+            loss[np.arange(new.size), new] = -1.0
+            remaining = -loss @ self.system.root.T  # what of the normal is across the active ones
+            curvature = np.einsum("fr,fr->f", remaining, remaining)
+            curvature[curvature <= _DEPENDENT] = 0.0
+            self._loss = np.concatenate([self._loss, loss])
+            self._drop = np.concatenate([self._drop, remaining @ self.system.root])
+            self._curvature = np.concatenate([self._curvature, curvature])
+            rows = self._ray[faces, planes]
+        return self._loss[rows], self._drop[rows], self._curvature[rows]
 
+    def _leave_or_refuse(self, work: _Unfinished, loss: Floats, stuck: Bools) -> None:
+        """Drop a contradiction that is rounding; refuse one that is not.
 
-def _choose(work: _Unfinished) -> None:
-    """Give points that take in no plane the one they violate most, if there is one."""
-    free = np.flatnonzero(work.plane < 0)
-    if free.size == work.point.size:
-        outside = work.excess - work.tolerance
-    else:
-        outside = work.excess[free] - work.tolerance[free]
-    worst = outside.argmax(axis=1)
-    violated = outside[np.arange(free.size), worst] > 0.0
-    work.plane[free[violated]] = worst[violated]
-
-
-def _leave_or_refuse(work: _Unfinished, loss: Floats, stuck: Bools) -> None:
-    """Drop a contradiction that is rounding; refuse one that is not.
-
-    The new normal is minus a nonnegative combination of active ones, and yet its plane is violated:
-    Farkas' certificate that nothing satisfies them all.
-    """
-    rows = np.flatnonzero(stuck)
-    planes = work.plane[rows]
-    real = work.excess[rows, planes] > _NEGLIGIBLE * work.tolerance[rows, planes]
-    if real.any():
-        row = rows[real][0]
-        raise EmptyDomain(tuple(int(i) for i in np.flatnonzero(loss[row] < -_DEPENDENT)))
-    work.excess[rows, planes] = -np.inf
-    work.plane[rows] = -1
+        The new normal is minus a nonnegative combination of active ones, and yet its plane is
+        violated: Farkas' certificate that nothing satisfies them all.
+        """
+        rows = np.flatnonzero(stuck)
+        planes = work.plane[rows]
+        real = work.excess[rows, planes] > _NEGLIGIBLE * work.tolerance[rows, planes]
+        if real.any():
+            images = np.flatnonzero(loss[rows[real][0]] < -_DEPENDENT)
+            raise EmptyDomain(tuple(np.unique(self.system.owner[images]).tolist()))
+        work.excess[rows, planes] = -np.inf
+        work.plane[rows] = -1
 
 
 class CombinationSearch:
@@ -389,44 +281,34 @@ class CombinationSearch:
     """
 
     def __init__(self, system: ScaledPlanes) -> None:
-        self.sets = ActiveSets(system.coupling)
-        self._system = system
+        self.system, self.sets = system, ActiveSets(system.coupling)
         self._plain = np.flatnonzero(~system.upright)
-        # Hardening adds a dimension for each stated plane: so many more may be active at a point.
-        self._most = min(3 + system.count * system.hardens, self._plain.size)
-        self._known: list[int] = []
-        self._rest = self._independent_sets()
+        self._candidates: list[int] = []
+        for size in (1, 2, 3):
+            some = np.array(list(combinations(self._plain, size)), dtype=np.int64).reshape(-1, size)
+            coupling = system.coupling[some[:, :, None], some[:, None, :]]
+            regular = np.linalg.svd(coupling, compute_uv=False)[:, -1] > _SINGULAR
+            self._candidates += [self.sets.number(planes) for planes in some[regular].tolist()]
+        # the apex: where the hydrostatic axis first leaves the surface
+        upright = np.flatnonzero(system.upright)
+        pressure = system.distances[upright] / system.normals[upright].sum(axis=1)
+        owner = system.owner[upright]
+        self._apex = upright[owner == owner[pressure.argmin()]] if upright.size else upright
 
-    def _independent_sets(self) -> Iterator[int]:
-        """Faces whose planes can be active together, small ones first."""
-        for size in range(1, self._most + 1):
-            for some in combinations(self._plain.tolist(), size):
-                matrix = self._system.coupling[np.ix_(some, some)]
-                if np.linalg.svd(matrix, compute_uv=False)[-1] > _SINGULAR:
-                    yield self.sets.number(some)
-
-    def _candidates(self) -> Iterator[int]:
-        """The same, computed once and kept: most calls need only the first few."""
-        yield from self._known
-        for face in self._rest:
-            self._known.append(face)
-            yield face
-
-    def find(self, excess: Floats, tolerance: Floats, limits: Floats) -> Ints:
+    def find(self, excess: Floats, tolerance: Floats) -> Ints:
         """Faces (q,) of points with the scaled yield functions (q, i) of their trial stress.
 
         Args:
             excess: (q, i).
             tolerance: (q, i) what counts as zero in them.
-            limits: (q, i) scaled distances with hardening.
 
         Raises:
             NoReturn: no set brings a stress back that does not lie beyond the apex.
         """
         faces = np.zeros(len(excess), dtype=np.int64)
-        rest = np.flatnonzero(((excess > tolerance)[:, self._plain]).any(axis=1))
+        rest = np.flatnonzero((excess > tolerance)[:, self._plain].any(axis=1))
         best = np.full(len(excess), np.inf)
-        for face in self._candidates():
+        for face in self._candidates:
             if not rest.size:
                 return faces
             lacking = self._lacking(face, excess[rest], tolerance[rest])
@@ -435,35 +317,21 @@ class CombinationSearch:
             rest = rest[lacking > 1.0]
         far = rest[best[rest] > _BETWEEN]
         if far.size:
-            faces[far] = self._apex(excess[far], limits[far])
+            coupling = self.system.coupling[np.ix_(self._apex, self._apex)]
+            volume = np.linalg.solve(coupling, excess[far][:, self._apex].T).sum(axis=0)
+            if not self._apex.size or volume.min() < 0.0:
+                raise NoReturn("no set of yield planes with their flow brings a stress back")
+            faces[far] = self.sets.number(self._apex.tolist())
         return faces
 
     def _lacking(self, face: int, excess: Floats, tolerance: Floats) -> Floats:
         """By how many tolerances the worst condition (q,) fails on a face; a solution has < 1."""
         active = list(self.sets.members[face])
-        inverse = np.linalg.inv(self._system.coupling[np.ix_(active, active)])
+        inverse = np.linalg.inv(self.system.coupling[np.ix_(active, active)])
         multipliers = excess[:, active] @ inverse.T
-        after = excess - multipliers @ self._system.coupling[:, active].T
+        after = excess - multipliers @ self.system.coupling[:, active].T
         after[:, active] = 0.0
         with np.errstate(divide="ignore", invalid="ignore"):
             outside = (after / tolerance)[:, self._plain].max(axis=1)
             against = (-multipliers / tolerance[:, active]).max(axis=1)
         return np.asarray(np.nan_to_num(np.maximum(outside, against), nan=0.0))
-
-    def _apex(self, excess: Floats, limits: Floats) -> Ints:
-        """The apex (q,): where the hydrostatic axis first leaves the surface; see `find`."""
-        system = self._system
-        upright = np.flatnonzero(system.upright)
-        faces = np.zeros(len(excess), dtype=np.int64)
-        if upright.size:
-            pressure = limits[:, upright] / system.normals[upright].sum(axis=1)
-            owner = system.owner[upright][np.argmin(pressure, axis=1)]
-            meeting = system.upright & (system.owner == owner[:, None])
-            faces = np.array([self.sets.number(np.flatnonzero(row).tolist()) for row in meeting])
-        for face in np.unique(faces).tolist():
-            planes = list(self.sets.members[face])
-            coupling = system.coupling[np.ix_(planes, planes)]
-            volume = np.linalg.solve(coupling, excess[faces == face][:, planes].T).sum(axis=0)
-            if not planes or volume.min() < 0.0:
-                raise NoReturn("no set of yield planes with their flow brings a stress back")
-        return faces

@@ -41,7 +41,7 @@ from math import sin
 
 import numpy as np
 
-from geoident.fem.yielding.law import ReturnStep
+from geoident.fem.yielding.law import ReturnStep, YieldLaw
 from geoident.fem.yielding.principal_axes import (
     ROUGH,
     Spectrum,
@@ -73,6 +73,9 @@ _BROKEN = 1e-12
 
 _NEAR_ROOT = 1e-8
 """Relative change of a root from which on only rounding can keep the next one from being less."""
+
+_LEAST_Y = 1e-300
+"""In place of zero at the tip, where the width has no derivative by ln y."""
 
 _LEAST_STRENGTH, _LARGEST_STRENGTH = 1e-9, 1e6
 """Times sigci: between these the strength that a stress needs is looked for."""
@@ -124,7 +127,7 @@ class HoekBrownConstants:
         return self.cut is not self.tension
 
 
-class HoekBrownLaw:
+class HoekBrownLaw(YieldLaw):
     """The criterion in an isotropic elasticity, perfectly plastic.
 
     Args:
@@ -135,7 +138,7 @@ class HoekBrownLaw:
         ValueError: E is not isotropic.
     """
 
-    hardens = False
+    planes: HoekBrownConstants
 
     def __init__(self, elasticity: Dual, constants: HoekBrownConstants) -> None:
         check_isotropic(elasticity.value)
@@ -152,10 +155,6 @@ class HoekBrownLaw:
         self.y_cut = 0.0 if constants.ends_at_tip else float(self.y_of(np.array(self.cut)))
         self.exponent = min(self.a, 1.0 - self.a)
         """k of the unknown w = y^k."""
-
-    def at(self, points: Ints) -> HoekBrownLaw:
-        """The same at points (k,): its numbers are those of all."""
-        return self
 
     def project(self, trial: Floats, hardened: Floats | None = None) -> HoekBrownReturn:
         """Return trial stresses (s, m) to the surface; nothing hardens."""
@@ -227,18 +226,6 @@ class HoekBrownLaw:
         z = y ** (1.0 - self.a)
         return z + self.mb * self.a, z
 
-    def slopes(self, y: Floats) -> tuple[Floats, Floats, Floats]:
-        """Derivatives (q,) of sigma_1, of q and of z by w; of z only where the flow turns."""
-        k = self.exponent
-        largest = -self.sigci / self.mb * y ** (1.0 - k) / k
-        width = self.sigci * self.a * y ** (self.a - k) / k
-        z = (1.0 - self.a) * y ** (1.0 - self.a - k) / k if self.associated else np.zeros_like(y)
-        return largest, width, z
-
-    def middle_part(self, n_blocks: Ints) -> Floats:
-        """By what part (...) of all falls of stresses in the blocks one between them falls."""
-        return np.asarray(self.lame / (self.lame * n_blocks + self.twice_shear))
-
     def plastic_stress(self, fall: Floats) -> Floats:
         """2 G E^-1 times differences of principal stresses (3, ...), Pa."""
         part = self.lame / (3.0 * self.lame + self.twice_shear)
@@ -258,39 +245,64 @@ class HoekBrownLaw:
         Returns:
             y (k,), and what L lacks (k,) where nothing solves the equation, Pa: else 0.
         """
-        k = self.exponent
+        k, twice = self.exponent, self.twice_shear
 
         def equation(w: Floats) -> tuple[Floats, Floats]:
+            """What is left of L where U is brought to sigma_1(y), Pa, and its slope by w."""
             y = w ** (1.0 / k)
-            return self.unbalanced(y, upper, lower, n_upper, n_lower)[:2]
+            g, d = self.flow(y)
+            volume, fall = self.lame * (g - d), upper - self.largest(y)
+            upper_rate = volume + twice * g / n_upper
+            ratio = (volume - twice * d / n_lower) / upper_rate
+            first_slope = -self.sigci / self.mb * y ** (1.0 - k) / k
+            width_slope = self.sigci * self.a * y ** (self.a - k) / k
+            slope = (ratio - 1.0) * first_slope + width_slope
+            if self.associated:  # the flow turns
+                z_slope = (1.0 - self.a) * y ** (1.0 - self.a - k) / k
+                slope += (1.0 / n_lower + ratio / n_upper) * twice / upper_rate * z_slope * fall
+            return lower - ratio * fall - self.largest(y) + self.width(y), slope
 
         begin = np.maximum(self.y_of(upper), self.y_cut)
         low = begin**k
         lacking, _ = equation(low)
         exists = lacking < 0.0
-        span = self.mb * np.abs(upper - lower) / self.sigci + 1e-12
-        high = (begin + span) ** k
-        for _ in range(200):
-            short = exists & (equation(high)[0] < 0.0)
-            if not short.any():
-                break
-            span = np.where(short, 4.0 * span, span)
-            high = np.where(short, (begin + span) ** k, high)
+        # 1 - ratio is at least 1 / (1 + n_t lambda / 2 G), so the root lies before this
+        span = self.mb * np.abs(upper - lower) / self.sigci * (1.0 + n_upper * self.lame / twice)
+        high = (begin + span + 1e-12) ** k
         w = np.where(exists, bracketed(equation, low, np.where(exists, high, low)), low)
         return np.where(exists, w ** (1.0 / k), begin), np.where(exists, 0.0, lacking)
 
-    def unbalanced(
-        self, y: Floats, upper: Floats, lower: Floats, n_upper: int | Ints, n_lower: int | Ints
-    ) -> tuple[Floats, Floats, Floats]:
-        """What is left of L (k,) where U is brought to sigma_1(y), Pa; its slopes by w and -U."""
-        g, d = self.flow(y)
-        first_slope, width_slope, z_slope = self.slopes(y)
-        volume, fall = self.lame * (g - d), upper - self.largest(y)
-        upper_rate = volume + self.twice_shear * g / n_upper
-        ratio = (volume - self.twice_shear * d / n_lower) / upper_rate
-        turned = -(1.0 / n_lower + ratio / n_upper) * self.twice_shear / upper_rate * z_slope
-        rest = lower - ratio * fall - self.largest(y) + self.width(y)
-        return rest, (ratio - 1.0) * first_slope + width_slope - turned * fall, ratio
+    def end_on(self, trial: Floats, place: int) -> tuple[Floats, Floats, Floats]:
+        """The return to the face, an edge, or what the cut-off adds to these.
+
+        Args:
+            trial: (3, k) sorted principal stresses.
+            place: which of them.
+
+        Returns:
+            Stress (3, k), y (k,), and by how much (k,) its conditions are broken, Pa.
+        """
+        n_upper, n_lower = int(_UPPER[place]), int(_LOWER[place])
+        upper, lower = slice(0, n_upper), slice(3 - n_lower, 3)
+        middle = slice(upper.stop, lower.start)
+        y, lacking = np.full(trial.shape[1], self.y_cut), np.zeros(trial.shape[1])
+        if place < CUT_1:
+            means = trial[upper].mean(axis=0), trial[lower].mean(axis=0)
+            y, lacking = self.y_of_means(*means, n_upper, n_lower)
+        stress = trial.copy()
+        stress[upper] = self.cut if place >= CUT_1 else self.largest(y)
+        least = stress[0] - self.width(y)
+        stress[lower] = least
+        part = self.lame / (self.lame * (n_upper + n_lower) + self.twice_shear)
+        stress[middle] -= part * (trial - stress).sum(axis=0)
+
+        strain = self.plastic_stress(trial - stress)
+        opens, shears, (g, d) = strain[upper], -strain[lower], self.flow(y)
+        between = stress[middle]
+        conditions = [lacking[None], -opens, -shears, between - stress[0], least - between]
+        if place >= CUT_1:  # what pairs do not open the cut-off does
+            conditions.append(((g * shears.sum(axis=0) - d * opens.sum(axis=0)) / (g + d))[None])
+        return stress, y, np.maximum(np.concatenate(conditions).max(axis=0), 0.0)
 
 
 def bracketed(
@@ -324,44 +336,6 @@ def bracketed(
     return x
 
 
-def _end_on(law: HoekBrownLaw, trial: Floats, place: int) -> tuple[Floats, Floats, Floats]:
-    """The return to the face, an edge, or what the cut-off adds to these.
-
-    Args:
-        law: the surface.
-        trial: (3, k) sorted principal stresses.
-        place: which of them.
-
-    Returns:
-        Stress (3, k), y (k,), and by how much (k,) its conditions are broken, Pa.
-    """
-    n_upper, n_lower = int(_UPPER[place]), int(_LOWER[place])
-    upper, lower = slice(0, n_upper), slice(3 - n_lower, 3)
-    middle = slice(upper.stop, lower.start)
-    y, lacking = np.full(trial.shape[1], law.y_cut), np.zeros(trial.shape[1])
-    if place < CUT_1:
-        means = trial[upper].mean(axis=0), trial[lower].mean(axis=0)
-        y, lacking = law.y_of_means(*means, n_upper, n_lower)
-    stress = trial.copy()
-    stress[upper] = law.cut if place >= CUT_1 else law.largest(y)
-    stress[lower] = stress[0] - law.width(y)
-    stress[middle] -= law.middle_part(_UPPER[place] + _LOWER[place]) * (trial - stress).sum(axis=0)
-
-    strain = law.plastic_stress(trial - stress)
-    opens, shears, (g, d) = strain[upper], -strain[lower], law.flow(y)
-    least = stress[0] - law.width(y)
-    conditions = [
-        lacking[None],
-        -opens,
-        -shears,
-        stress[middle] - stress[0],
-        least - stress[middle],
-    ]
-    if place >= CUT_1:  # what pairs do not open the cut-off does
-        conditions.append(((g * shears.sum(axis=0) - d * opens.sum(axis=0)) / (g + d))[None])
-    return stress, y, np.maximum(np.concatenate(conditions).max(axis=0), 0.0)
-
-
 class HoekBrownReturn(ReturnStep):
     """The return of trial stresses to the surface of Hoek and Brown.
 
@@ -379,18 +353,18 @@ class HoekBrownReturn(ReturnStep):
         super().__init__(trial, yielded, spectral)
         self._law = law
         start = self.start
-        self._end, self._y, broken = _end_on(law, start, FACE)
+        self._end, self._y, broken = law.end_on(start, FACE)
         self.place = np.full(start.shape[1], FACE)
         scale = np.abs(start).max(axis=0, initial=0.0) + law.sigci * 1e-12
         rest = np.flatnonzero(broken > _BROKEN * scale)
         if rest.size:
-            ends = [_end_on(law, start[:, rest], place) for place in range(len(_UPPER))]
+            ends = [law.end_on(start[:, rest], place) for place in range(len(_UPPER))]
             best = np.argmin([broken for _, _, broken in ends], axis=0)
             at = np.arange(rest.size)
             self.place[rest] = best
             self._end[:, rest] = np.stack([end for end, _, _ in ends])[best, :, at].T
             self._y[rest] = np.stack([y for _, y, _ in ends])[best, at]
-        self._natural = law.planes.ends_at_tip
+        self._natural = np.bool_(law.planes.ends_at_tip)
         if self._natural:  # the surface has no width there
             self.place[(self.place > APEX) | (self._y <= 0.0)] = APEX
         self._end[:, self.place == APEX] = law.cut
@@ -424,16 +398,15 @@ class HoekBrownReturn(ReturnStep):
         """(q, y)."""
         return np.maximum(self._both_multipliers[:, : len(self._law.planes)], 0.0)
 
-    @cached_property
+    @property
     def biactive(self) -> Bools:
         """(q, y)."""
-        law, stress = self._law, self._end
+        law, first, last = self._law, self._end[0], self._end[2]
         near = _REACHED * (np.abs(self.start).max(axis=0, initial=0.0) + law.sigci * 1e-6)
-        on = stress[0] - stress[2] - law.width(law.y_of(stress[0])) >= -near
-        cut = stress[0] - law.cut >= -near
-        if self._natural:
-            on, cut = np.ones_like(on), np.zeros_like(cut)
-        reached = np.stack([on | (self._n_lower > 0), cut], axis=1)
+        on = (first - last - law.width(law.y_of(first)) >= -near) | (self._n_lower > 0)
+        reached = np.stack(
+            [on | self._natural, (first - law.cut >= -near) & ~self._natural], axis=1
+        )
         size = np.abs(self._plastic).max(axis=0, initial=0.0)[:, None]
         working = np.abs(self._both_multipliers) > 1e-11 * size  # a return adds up some roundings
         return np.asarray((reached & ~working)[:, : len(law.planes)])
@@ -453,65 +426,50 @@ class HoekBrownReturn(ReturnStep):
     def end_derivatives(
         self, start: Floats, hardened: Floats | None, *, of_law: bool
     ) -> tuple[Floats, None]:
-        """Derivatives (3, q, n + k) of the end; nothing hardens."""
-        law, given, y = self._law, self._law.planes, self._y
-        n = given.sigci.n if of_law else 0
-        first, width = np.zeros(start.shape[1:]), np.zeros(start.shape[1:])
-        on_cut, on_curve = (np.flatnonzero(self.place >= CUT_1), np.flatnonzero(self.place < CUT_1))
-        if n:
-            cut = given.cut
-            first[on_cut, :n] = cut.columns[1:]
-            if not self._natural:
-                log = (given.s - given.mb * cut / given.sigci).log()
-                width[on_cut, :n] = (given.sigci * (given.a * log).exp()).columns[1:]
+        """Derivatives (3, q, n + k) of the end; nothing hardens.
 
-        # on the curve: what constants change at fixed y; then w, by the equation for it
-        at = on_curve
-        n_upper, n_lower = self._n_upper[at], self._n_lower[at]
-        U = (self.start * self._upper).sum(axis=0)[at] / n_upper
-        L = (self.start * self._lower).sum(axis=0)[at] / n_lower
-        _, slope, ratio = law.unbalanced(y[at], U, L, n_upper, n_lower)
-        unbalanced = (start * self._lower[..., None]).sum(axis=0)[at] / n_lower[:, None]
-        unbalanced -= (ratio / n_upper)[:, None] * (start * self._upper[..., None]).sum(axis=0)[at]
-        if n:
-            direct = self._direct(at, U)
-            first[at, :n], width[at, :n], unbalanced_by_law = (
-                part.columns[:, 1:] for part in direct
-            )
-            unbalanced[:, :n] += unbalanced_by_law
-        w = -unbalanced / slope[:, None]
-        first_slope, width_slope, _ = law.slopes(y[at])
-        first[at] += first_slope[:, None] * w
-        width[at] += width_slope[:, None] * w
-
-        upper, lower = self._upper[..., None], self._lower[..., None]
-        ends = np.where(upper, first, np.where(lower, first - width, 0.0))
-        blocks = self._n_upper + self._n_lower
-        falls = law.middle_part(blocks)[:, None] * ((upper | lower) * (start - ends)).sum(axis=0)
-        if n:
-            lame, twice = law.moduli
-            part = lame / (lame * blocks + twice)
-            fall = ((self._upper | self._lower) * (self.start - self._end)).sum(axis=0)
-            falls[:, :n] += part.columns[:, 1:] * fall[:, None]
-        return np.where(upper | lower, ends, start - falls), None
-
-    def _direct(self, at: Ints, upper: Floats) -> tuple[Dual, Dual, Dual]:
-        """sigma_1, q and what is left of L, each (k,), with what constants change at fixed y.
-
-        Args:
-            at: (k,) points on the curve.
-            upper: U (k,), Pa.
+        Where the end is on the curve, a last column by ln y gives its change: what is left of L
+        stays zero.
         """
-        given, (lame, twice), log = self._law.planes, self._law.moduli, np.log(self._y[at])
-        largest = given.sigci / given.mb * (given.s - self._y[at])
-        width = given.sigci * (given.a * log).exp()
-        if given.dilation is None:
-            d = ((1.0 - given.a) * log).exp()
-            g = d + given.mb * given.a
-        else:
-            sine = given.dilation.sine()
+        law, given = self._law, self._law.planes
+        size = start.shape[2]
+
+        def number(constant: Dual) -> Dual:
+            columns = np.zeros(2 + size)
+            used = 1 + constant.n * of_law
+            columns[:used] = constant.columns[:used]
+            return Dual(columns)
+
+        constants = (given.sigci, given.mb, given.s, given.a, *law.moduli)
+        sigci, mb, s, a, lame, twice = (number(constant) for constant in constants)
+        trial = Dual(np.concatenate([self.start[..., None], start, 0.0 * start[..., :1]], axis=-1))
+        upper, lower = self._upper[..., None], self._lower[..., None]
+        on_cut, n_upper, n_lower = self.place >= CUT_1, self._n_upper, self._n_lower
+
+        # on the curve: the equation for y, in which all but ln y keeps its place
+        log_y = Dual.constant(np.log(np.maximum(self._y, _LEAST_Y)), 1 + size)
+        log_y.columns[:, -1] = 1.0
+        d = ((1.0 - a) * log_y).exp()
+        g = d + mb * a
+        if given.dilation is not None:
+            sine = number(given.dilation).sine()
             g, d = 1.0 + sine, 1.0 - sine
+        n_some = np.maximum(n_lower, 1)  # none on the cut-off alone, where this does not count
+        U = Dual((trial.columns * upper).sum(axis=0)) / n_upper
+        L = Dual((trial.columns * lower).sum(axis=0)) / n_some
         volume = lame * (g - d)
-        ratio = volume - twice * d * (1.0 / self._n_lower[at])
-        ratio = ratio / (volume + twice * g * (1.0 / self._n_upper[at]))
-        return largest, width, width - largest - ratio * (upper - largest)
+        ratio = (volume - twice * d / n_some) / (volume + twice * g / n_upper)
+        largest, width = sigci / mb * (s - log_y.exp()), sigci * (a * log_y).exp()
+        rest = (L - ratio * (U - largest) - largest + width).columns
+        slope = np.where(on_cut, np.inf, rest[:, -1])
+
+        log_y.columns[:, 1:-1] = -rest[:, 1:-1] / slope[:, None]
+        log_y.columns[:, -1] = 0.0
+        if not self._natural:
+            y_cut = s - mb * number(given.cut) / sigci
+            log_y.columns[on_cut, 1:] = y_cut.log().columns[1:]
+        largest, width = sigci / mb * (s - log_y.exp()), sigci * (a * log_y).exp()
+        ends = np.where(upper, largest.columns, (largest - width).columns)
+        fall = Dual(((upper | lower) * (trial.columns - ends)).sum(axis=0))
+        between = trial - lame / (lame * (n_upper + n_lower) + twice) * fall
+        return np.where(upper | lower, ends, between.columns)[..., 1:-1], None

@@ -41,24 +41,24 @@ class YieldLimits(Protocol):
     def __len__(self) -> int: ...
 
 
-class YieldLaw(Protocol):
-    """The yield law of one material at one parameter vector."""
+class YieldLaw(ABC):
+    """The yield law of one material at one parameter vector.
 
-    @property
-    def associated(self) -> bool:
-        """Whether the tangents are symmetric and there is a potential."""
+    Attributes:
+        planes: as they were given.
+        associated: whether the tangents are symmetric and there is a potential.
+        hardens: whether the multipliers of earlier steps count.
+    """
 
-    @property
-    def planes(self) -> YieldLimits:
-        """The planes as they were given."""
-
-    @property
-    def hardens(self) -> bool:
-        """Whether the multipliers of earlier steps count."""
+    planes: YieldLimits
+    associated: bool
+    hardens = False
 
     def at(self, points: Ints) -> YieldLaw:
-        """The law at some of its points, (k,) by place."""
+        """The law at some of its points, (k,) by place: the same, where all points are alike."""
+        return self
 
+    @abstractmethod
     def project(self, trial: Floats, hardened: Floats | None = None) -> ReturnStep:
         """Return trial stresses (s, m) to the yield surface.
 
@@ -67,6 +67,7 @@ class YieldLaw(Protocol):
             hardened: (y, m) multipliers of earlier steps; None for zero.
         """
 
+    @abstractmethod
     def excess(self, stress: Floats, hardened: Floats | None = None) -> Floats:
         """The yield functions psi (y, m) of stresses (s, m): positive outside, Pa."""
 

@@ -65,10 +65,11 @@ class YieldPlanes:
             excess -= self.hardening.value @ hardened
         return np.asarray(excess)
 
-    def scaled(self, factor: Dual) -> YieldPlanes:
-        """The same planes with normals, distances and flow multiplied by factors (y,)."""
-        rows = factor[:, None]
-        hardening = self.hardening
+    def of_unit_length(self) -> YieldPlanes:
+        """The same planes with normals of unit length; the flow keeps its angle to them."""
+        squares = Dual((self.normals * self.normals).columns.sum(axis=1))
+        factor = squares.root().reciprocal()
+        rows, hardening = factor[:, None], self.hardening
         return YieldPlanes(
             self.normals * rows,
             self.distances * factor,
@@ -76,11 +77,6 @@ class YieldPlanes:
             None if hardening is None else hardening * rows * factor[None],
             self.names,
         )
-
-    def of_unit_length(self) -> YieldPlanes:
-        """The same planes with normals of unit length; the flow keeps its angle to them."""
-        squares = Dual((self.normals * self.normals).columns.sum(axis=1))
-        return self.scaled(squares.root().reciprocal())
 
 
 def common_inside(parts: Sequence[YieldPlanes]) -> YieldPlanes:
@@ -109,7 +105,8 @@ def _block_diagonal(blocks: Sequence[Dual]) -> Dual:
 _ON_PLANE = 1e-13
 """Of the terms of a yield function: their rounding, within which a stress is on the plane."""
 
-_CYCLES = ((0, 1, 2), (1, 2, 0), (2, 0, 1))
+_ORDERS = np.array(list(permutations(range(3))))
+_CYCLES = np.array([(0, 1, 2), (1, 2, 0), (2, 0, 1)])
 """Orders of a plane's components, of which the images of a cone's plane meet in its apex."""
 
 
@@ -130,7 +127,8 @@ class ScaledPlanes:
         flow: M (i, s), scaled.
         distances: k (i,), scaled.
         hardening: H (i, i), scaled; zero for none.
-        by_parameter: E and the scaled planes with their derivatives.
+        hardens: whether H is not zero.
+        by_parameter: E, N, M, k and H with their derivatives.
 
     Raises:
         ValueError: E is not positive definite, or a plane has no normal or a flow against it.
@@ -143,6 +141,13 @@ class ScaledPlanes:
         owner: Ints | None = None,
         upright: Bools | None = None,
     ) -> None:
+        count, n = len(planes), planes.distances.n
+        self.owner = np.arange(count) if owner is None else owner
+        self.upright = np.zeros(count, dtype=np.bool_) if upright is None else upright
+        self._total: Floats | None = None
+        if owner is not None:
+            self._total = (owner == np.arange(owner.max() + 1)[:, None]).astype(np.float64)
+
         self.elasticity: Floats = np.asarray(0.5 * (elasticity.value + elasticity.value.T))
         try:
             np.linalg.cholesky(self.elasticity)
@@ -150,30 +155,20 @@ class ScaledPlanes:
             raise ValueError("the elasticity matrix is not positive definite") from error
         if not np.isfinite(planes.distances.value).all():
             raise ValueError("a plane without a finite distance is none")
-        count = len(planes)
-        self.owner = np.arange(count) if owner is None else owner
-        self.upright = np.zeros(count, dtype=np.bool_) if upright is None else upright
-        self.count = int(self.owner.max(initial=-1)) + 1
-        self._total: Floats | None = None
-        if owner is not None:
-            self._total = (self.owner == np.arange(self.count)[:, None]).astype(np.float64)
         flow = planes.normals if planes.flow is None else planes.flow
-        hardening = np.zeros((count, count))
-        if planes.hardening is not None:
-            hardening = np.ascontiguousarray(planes.hardening.value)
-        own = np.einsum("ys,st,yt->y", planes.normals.value, self.elasticity, flow.value)
+        hardening = planes.hardening or Dual.constant(np.zeros((count, count)), n)
+        normals, directions = planes.normals.value, flow.value
+        own = np.einsum("ys,st,yt->y", normals, self.elasticity, directions)
         if np.any(own <= 0.0):
             raise ValueError(f"plane {int(np.argmin(own)) + 1} has no normal, or flows inwards")
-        self.scale: Floats = np.sqrt(own + np.diag(hardening))
-        length = self.scale[:, None]
-        self.normals: Floats = np.ascontiguousarray(planes.normals.value) / length
-        self.flow: Floats = np.ascontiguousarray(flow.value) / length
-        self.distances: Floats = planes.distances.value / self.scale
-        self.hardening: Floats = hardening / (length * length.T)
-        self.by_parameter = (
-            elasticity,
-            planes.scaled(Dual.constant(1.0 / self.scale, planes.distances.n)),
+        self.scale: Floats = np.sqrt(own + np.diag(hardening.value))
+        factor, rows = 1.0 / self.scale, 1.0 / self.scale[:, None]
+        scaled = planes.normals * rows, flow * rows, planes.distances * factor
+        self.by_parameter = elasticity, *scaled, hardening * (rows * factor)
+        self.normals, self.flow, self.distances, self.hardening = (
+            np.ascontiguousarray(part.value) for part in self.by_parameter[1:]
         )
+        self.hardens = bool(self.hardening.any())
 
     @classmethod
     def of_sorted(cls, elasticity: Dual, planes: YieldPlanes) -> ScaledPlanes:
@@ -181,57 +176,38 @@ class ScaledPlanes:
 
         Args:
             elasticity: E (3, 3) of principal stresses and strains.
-            planes: with descending components of normals.
+            planes: with descending components of normals; they do not harden.
 
         Raises:
             ValueError: a normal does not descend, so the surface would not be convex.
         """
-        normals = planes.normals.value
-        flow = normals if planes.flow is None else planes.flow.value
+        given_flow = planes.normals if planes.flow is None else planes.flow
+        normals, flow = planes.normals.value, given_flow.value
         if np.any(np.diff(normals, axis=1) > 0.0):
             raise ValueError("normals for sorted principal stresses must descend")
-        rows = [
-            (p, order, False)
-            for p in range(len(normals))
-            for order in _different_orders(normals[p], flow[p])
-        ]
-        if planes.flow is not None:
-            tilted = np.any(flow != normals, axis=1) & (np.ptp(normals, axis=1) > 0)
-            tilted &= normals.sum(axis=1) > 0.0
-            rows += [(int(p), order, True) for p in np.flatnonzero(tilted) for order in _CYCLES]
-        owner = np.array([row[0] for row in rows], dtype=np.int64)
-        order = np.array([row[1] for row in rows], dtype=np.int64).reshape(-1, 3)
-        upright = np.array([row[2] for row in rows], dtype=np.bool_)
+        rows: list[tuple[int, Ints, bool]] = []
+        for p in range(len(normals)):
+            both = np.concatenate([normals[p][_ORDERS], flow[p][_ORDERS]], axis=1)
+            _, first = np.unique(both, axis=0, return_index=True)
+            rows += [(p, order, False) for order in _ORDERS[np.sort(first)]]
+            is_cone = np.ptp(normals[p]) > 0.0 and normals[p].sum() > 0.0
+            if is_cone and np.any(flow[p] != normals[p]):
+                rows += [(p, order, True) for order in _CYCLES]
+        owner, orders, upright = (np.array(column) for column in zip(*rows, strict=True))
 
         def turned(directions: Dual) -> Dual:
-            columns = directions.columns[owner]
-            return Dual(np.take_along_axis(columns, order[..., None], axis=1))
+            return Dual(np.take_along_axis(directions.columns[owner], orders[..., None], axis=1))
 
-        turned_normals, turned_flow = turned(planes.normals), None
-        if planes.flow is not None:
-            own = turned(planes.flow).columns
-            along = upright[:, None, None]
-            turned_flow = Dual(np.where(along, turned_normals.columns, own))
-        hardening = planes.hardening
-        images = YieldPlanes(
-            turned_normals,
-            planes.distances[owner],
-            turned_flow,
-            None if hardening is None else hardening[owner][:, owner],
+        image_normals, image_flow = turned(planes.normals), turned(given_flow)
+        image_flow = Dual(
+            np.where(upright[:, None, None], image_normals.columns, image_flow.columns)
         )
+        images = YieldPlanes(image_normals, planes.distances[owner], image_flow)
         return cls(elasticity, images, owner, upright)
 
     def summed(self, values: Floats) -> Floats:
         """Sums (y, ...) over the images of each stated plane of values (i, ...)."""
         return values if self._total is None else np.tensordot(self._total, values, axes=1)
-
-    def on_images(self, values: Floats | None) -> Floats | None:
-        """Values (i, ...) of images whose sums over those of each plane are given, (y, ...)."""
-        if values is None or self._total is None:
-            return values
-        images = np.zeros((len(self.owner), *values.shape[1:]))
-        images[self._total.argmax(axis=1)] = values  # all on the first image of a plane
-        return images
 
     @cached_property
     def moved(self) -> Floats:
@@ -249,11 +225,6 @@ class ScaledPlanes:
         plain = np.linalg.cholesky(self.elasticity).T @ self.normals.T
         values, vectors = np.linalg.eigh(self.hardening)
         return np.concatenate([plain, np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T])
-
-    @cached_property
-    def hardens(self) -> bool:
-        """Whether H is not zero."""
-        return bool(self.hardening.any())
 
     def limits(self, hardened: Floats | None) -> Floats:
         """Scaled distances k + H Lam, (i, 1) or (i, m), of unscaled multipliers (i, m)."""
@@ -274,12 +245,3 @@ class ScaledPlanes:
         way = np.maximum(self.excess(stress, hardened).max(axis=0, initial=0.0), 0.0)
         lengths = np.abs(self.normals).sum(axis=1)[:, None]
         return np.asarray(_ON_PLANE * (np.abs(self.limits(hardened)) + lengths * largest + way))
-
-
-def _different_orders(normal: Floats, flow: Floats) -> list[tuple[int, ...]]:
-    """Permutations that give different images of a plane, of its normal (3,) and its flow (3,)."""
-    both = np.stack([normal, flow])
-    seen: dict[bytes, tuple[int, ...]] = {}
-    for order in permutations(range(3)):
-        seen.setdefault((both[:, list(order)] + 0.0).tobytes(), order)
-    return list(seen.values())

@@ -14,12 +14,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from geoident.fem.yielding.law import ReturnStep, YieldLaw, YieldLimits
+from geoident.fem.yielding.law import ReturnStep, YieldLaw
 from geoident.model.arrays import Bools, Floats, Ints
 
 
-@dataclass(frozen=True, eq=False)
-class ScaledLaw:
+@dataclass(eq=False)
+class ScaledLaw(YieldLaw):
     """A law at points (m) with factors.
 
     Args:
@@ -34,17 +34,8 @@ class ScaledLaw:
     stiffness: Floats
     slopes: Floats
 
-    hardens = False
-
-    @property
-    def associated(self) -> bool:
-        """Whether the tangents are symmetric and there is a potential."""
-        return self.law.associated
-
-    @property
-    def planes(self) -> YieldLimits:
-        """Those of the factor one."""
-        return self.law.planes
+    def __post_init__(self) -> None:
+        self.planes, self.associated = self.law.planes, self.law.associated
 
     def at(self, points: Ints) -> ScaledLaw:
         """The law at some of its points, (k,) by place."""

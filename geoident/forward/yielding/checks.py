@@ -11,7 +11,6 @@ from geoident.fem.yielding.domain import empty_domain
 from geoident.forward.ground.checks import trials
 from geoident.forward.ground.elasticity import material_axes
 from geoident.forward.yielding.surfaces import is_smooth, yield_limits, yield_planes
-from geoident.model.arrays import Floats
 from geoident.model.case import Analysis, Case, KeyPath, Material
 from geoident.model.dual import ParameterPoint
 from geoident.model.ground import Field, Growth, constants
@@ -164,7 +163,9 @@ def _oblique(case: Case, material: Material) -> Iterator[Fault]:
     for surface in material.yields:
         if not isinstance(surface, WeakPlane):
             continue
-        normals = np.array([_normal(surface, values) for values in trials(case.parameters)])
+        points = [ParameterPoint(values, ()) for values in trials(case.parameters)]
+        axes = [material_axes(surface.frame, point, section=True).value for point in points]
+        normals = np.array(axes)[:, :, 2]
         if np.abs(normals[:, 2]).max() > _ROUNDED_NORMAL:
             message = f"the weak planes of '{material.name}' are oblique to the section, or may "
             message += "turn so in the fit, so the ground would also slide out of the plane"
@@ -180,10 +181,6 @@ def _oblique(case: Case, material: Material) -> Iterator[Fault]:
             continue
         path = _key(case, material, surface)
         yield case.source.fault(path, code="antiplane", message=message, hint=hint)
-
-
-def _normal(surface: WeakPlane, values: Values) -> Floats:
-    return material_axes(surface.frame, ParameterPoint(values, ()), section=True).value[:, 2]
 
 
 def _empty(case: Case, material: Material) -> Fault | None:

@@ -23,6 +23,7 @@ from typing import Any
 
 import numpy as np
 
+from geoident.fem.yielding.principal_axes import principal_values
 from geoident.model.arrays import Floats
 from geoident.model.yielding import Fit
 
@@ -36,7 +37,6 @@ _DRAWS = 4000
 """Deviators over which ratios are averaged: they scatter by 0.1 at most, their mean by 0.002."""
 
 _SEED = 20  # any: the same faces in each run
-_PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2))
 
 
 @lru_cache(maxsize=32)
@@ -163,13 +163,11 @@ def deviator_basis(n_strain: int) -> Floats:
     return basis
 
 
-def principal_values(deviators: Floats) -> Floats:
-    """Principal deviatoric stresses (m, 3), ascending, from coordinates (m, 5)."""
+def principal_deviators(deviators: Floats) -> Floats:
+    """Principal deviatoric stresses (3, m), descending, from coordinates (m, 5)."""
     components = deviators @ deviator_basis(6)
-    tensor = np.zeros((len(deviators), 3, 3))
-    for k, (i, j) in enumerate(_PAIRS):
-        tensor[:, i, j] = tensor[:, j, i] = components[:, k] / (1 if i == j else 2)
-    return np.asarray(np.linalg.eigvalsh(tensor), dtype=np.float64)
+    components[:, 3:] *= 0.5  # in products with a stress each shear counts twice
+    return principal_values(components.T)
 
 
 def polygon_shrinkage(sides: int, fit: Fit) -> float:

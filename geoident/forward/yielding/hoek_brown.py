@@ -17,6 +17,7 @@ from math import asin, degrees, sqrt
 import numpy as np
 
 from geoident.fem.yielding.hoek_brown import HoekBrownConstants, bracketed
+from geoident.fem.yielding.principal_axes import principal_values
 from geoident.model.arrays import Floats
 from geoident.model.case import Material
 from geoident.model.dual import Dual, ParameterPoint
@@ -137,7 +138,8 @@ def equivalent_notes(material: Material, stress: Floats, values: Values) -> tupl
         return ()
     mass = RockMassStrength.of(surface, values)
     name = f"'{material.name}' has mb {mass.mb:.3g}, s {mass.s:.3g} and a {mass.a:.3g}"
-    major, minor = _range(stress)
+    principal = principal_values(stress)  # tension positive, descending
+    major, minor = -float(principal[2].min()), -float(principal[0].min())
     if not major > _LEAST * mass.sigci:
         return (f"{name} at the start values; there is no in-situ stress to fit c and phi to",)
     deep = mass.around_tunnel(major)
@@ -146,16 +148,6 @@ def equivalent_notes(material: Material, stress: Floats, values: Values) -> tupl
     if minor > _LEAST * mass.sigci:
         text += f", {_line(mass, minor)} that there is in situ"
     return (text + " (Hoek et al. 2002); what is computed is the curve itself",)
-
-
-def _range(stress: Floats) -> tuple[float, float]:
-    """The largest major and the largest minor principal compression of stresses (s, q), Pa."""
-    full = np.zeros((stress.shape[1], 3, 3))
-    places = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2))
-    for row, (i, j) in zip(stress, places, strict=False):
-        full[:, i, j] = full[:, j, i] = -row
-    principal = np.linalg.eigvalsh(full)
-    return float(principal[:, 2].max()), float(principal[:, 0].max())
 
 
 def _line(mass: RockMassStrength, most: float) -> str:

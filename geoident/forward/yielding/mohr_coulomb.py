@@ -43,7 +43,7 @@ import numpy as np
 from geoident.fem.yielding.planes import YieldPlanes, common_inside
 from geoident.forward.yielding.facets import (
     polygon_shrinkage,
-    principal_values,
+    principal_deviators,
     shrinkage,
     spread_directions,
     spread_frames,
@@ -113,7 +113,7 @@ def _in_solid(count: int, fit: Fit) -> Floats:
     both = spread_directions(2 * max(count, _FEWEST))
     half = both[_upper(both)]
     deviators = products(half, half) - PRESSURE
-    kappa = shrinkage(fit, deviators, lambda x: principal_values(x)[:, 2])
+    kappa = shrinkage(fit, deviators, lambda x: principal_deviators(x)[0])
     return PRESSURE + deviators / kappa
 
 
@@ -134,15 +134,11 @@ def mohr_coulomb(surface: MohrCoulomb, point: ParameterPoint, n_strain: int) -> 
     """Mohr-Coulomb as a polyhedron, with its cut-off of tension.
 
     Args:
-        surface: as the case states it.
+        surface: by planes, as the case states it.
         point: the parameters.
         n_strain: number s of strain components.
-
-    Raises:
-        ValueError: the surface is smooth.
     """
-    if surface.planes is None:
-        raise ValueError("the smooth surface is no polyhedron")
+    assert surface.planes is not None
     count = surface.planes if n_strain < 6 else ceil(surface.planes / 6)
     parts = [(_section if n_strain < 6 else _solid)(surface, point, count)]
     if surface.tension is not None:
@@ -193,16 +189,15 @@ def _solid_shrinkage(count: int, fit: Fit) -> float:
     difference, total = _pair_deviators(count)
 
     def kappa(S: float) -> float:
-        return shrinkage(fit, difference + S * total, lambda x: _bears(principal_values(x), S))
+        def borne(deviators: Floats) -> Floats:
+            high, _, low = principal_deviators(deviators)
+            return np.asarray((1 + S) * high - (1 - S) * low)
+
+        return shrinkage(fit, difference + S * total, borne)
 
     if fit == "inscribed":
         return _BETWEEN_SINES * min(kappa(S) for S in _SINES)
     return kappa(0.5)
-
-
-def _bears(principal: Floats, S: float) -> Floats:
-    """(1 + S) of the largest less (1 - S) of the smallest, of principal stresses (m, 3)."""
-    return np.asarray((1 + S) * principal[:, 2] - (1 - S) * principal[:, 0])
 
 
 def _strength(surface: MohrCoulomb, point: ParameterPoint) -> Dual:

@@ -8,7 +8,7 @@ from math import sin
 
 import numpy as np
 import pytest
-from scipy.optimize import minimize, nnls
+from scipy.optimize import nnls
 
 from geoident.fem.yielding.hoek_brown import HoekBrownConstants, HoekBrownLaw
 from geoident.model.dual import Dual
@@ -133,37 +133,6 @@ def test_return_is_admissible_and_flows_as_the_planes_that_it_ends_on(dilation, 
     assert len(places) == (4 if tension is None else 9), places
 
 
-def test_associated_return_is_the_nearest_stress_in_energy():
-    """Brute force: a general minimiser over all six yield functions, from inside the surface."""
-    trial = trials(None, None, seed=3)
-    trial = trial[:, np.abs(trial).max(axis=0) > 0.1 * STRENGTH]
-    size = np.abs(trial).max(axis=0)
-    pairs = list(permutations(range(3), 2))
-
-    def room(x: np.ndarray, unit: float) -> np.ndarray:
-        stress = unit * x
-        y = S - MB * stress / SIGCI
-        apart = np.array([max(stress[i] - stress[j], 0.0) / SIGCI for i, j in pairs])
-        return np.array([y[i] for i, _ in pairs]) - apart ** (1.0 / A)
-
-    worst = 0.0
-    for n in range(0, trial.shape[1], 12):
-        p, unit = trial[:, n], size[n]
-        best = minimize(
-            lambda x, p=p, unit=unit: 0.5 * (p / unit - x) @ (COMPLIANCE * E) @ (p / unit - x),
-            np.full(3, -1.0),
-            jac=lambda x, p=p, unit=unit: -(COMPLIANCE * E) @ (p / unit - x),
-            constraints={"type": "ineq", "fun": room, "args": (unit,)},
-            method="SLSQP",
-            options={"ftol": 1e-15, "maxiter": 300},
-        )
-        ours = ends_of(trial[:, n : n + 1], dilation=None, tension=None)[:, 0]
-        energy = 0.5 * (p - ours) @ COMPLIANCE @ (p - ours) * E / unit**2
-        assert energy <= best.fun * (1.0 + 1e-9) + 1e-14
-        worst = max(worst, np.abs(ours / unit - best.x).max())
-    assert worst < 1e-4
-
-
 @pytest.mark.parametrize(
     ("n_stress", "associated", "natural"),
     [
@@ -244,16 +213,6 @@ def test_derivatives_keep_their_digits_near_the_tip():
         by_s = [float((one - other) / (2 * h)) for one, other in zip(more, less, strict=True)]
     k = NAMES.index("s")
     np.testing.assert_allclose(exact[[0, 1, 2], 0, k], [by_s[0], by_s[0], by_s[1]], rtol=1e-12)
-
-
-def test_associated_tangent_is_symmetric():
-    random = np.random.default_rng(1)
-    step = law(6, dilation=None).project(2e6 * random.normal(size=(6, 200)))
-    moduli = np.zeros((6, 6))
-    moduli[:3, :3] = LAME
-    moduli += G * np.diag([2, 2, 2, 1, 1, 1])
-    tangent = step.reduction @ moduli
-    np.testing.assert_allclose(tangent, np.swapaxes(tangent, 1, 2), atol=1e-9 * E)
 
 
 @FLOWS

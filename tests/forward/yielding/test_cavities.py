@@ -12,11 +12,10 @@ import pytest
 from support.cases import model
 from support.closed_forms import plastic_sphere
 from support.meshes import from_grid, regroup
-from support.yielding import Cavity, analysed, constant, mohr, rock
+from support.yielding import Cavity, analysed, constant, mohr, mohr_limit, rock
 
-from geoident.forward.openings.closed_forms import GroundState, Opening, Rock, mohr_coulomb
+from geoident.forward.openings.closed_forms import GroundState
 from geoident.model.case import Analysis, Stage, Support
-from geoident.model.dual import Dual
 
 CAVITY, C, PHI = Cavity(), 3.45e6, np.pi / 6
 ABOUT_AXIS, IN_SPACE = (3e6, 0.4), (6e6, 0.3)  # c and phi around spheres: plastic to 1.5, 1.3 radii
@@ -25,14 +24,7 @@ flows = pytest.mark.parametrize("psi", [None, 0.0], ids=["associated", "psi = 0"
 
 def exact(psi: float | None) -> GroundState:
     """The opening in the plane."""
-
-    def number(x: float) -> Dual:
-        return Dual(np.array([x]))
-
-    stress = number(CAVITY.pressure)
-    ground = Rock(number(CAVITY.E), number(CAVITY.nu), stress, stress)
-    strength = mohr_coulomb(number(C), number(PHI), number(PHI if psi is None else psi))
-    state = Opening(CAVITY.radius, ground, strength).under(number(0.0))
+    state = CAVITY.closed_form(mohr_limit(C, PHI, psi))
     assert state.plastic_radius is not None
     return state
 
@@ -176,33 +168,3 @@ def test_octant_of_a_spherical_cavity(psi):
 
 def test_octant_of_tetrahedra():
     assert octant("tet10", None, n=1, layers=6, reach=10) < 0.05
-
-
-FITS = ("inscribed", "best", "circumscribed")
-
-
-def closures(fit: str, sides: tuple[int, ...]) -> np.ndarray:
-    """Mean inward displacement of the wall with polygons of so many sides."""
-    mesh = CAVITY.mesh("quad8", n=4, layers=24, reach=10)
-    found = []
-    for planes in sides:
-        staged = CAVITY.staged(mesh, mohr(C, PHI, planes=planes or None, fit=fit))
-        found.append(-CAVITY.outwards(staged, analysed(staged)[-1]).mean())
-    return np.array(found)
-
-
-@pytest.mark.slow  # of surfaces: test_polyhedra.py
-def test_polyhedra_converge_with_the_square_of_their_planes():
-    smooth = closures("best", (0,))[0]
-    errors = {fit: closures(fit, (8, 16, 32, 64)) / smooth - 1 for fit in FITS}
-    for fit in ("inscribed", "circumscribed"):
-        order = np.log2(np.abs(errors[fit][0] / errors[fit][-1])) / 3
-        assert order == pytest.approx(2.0, abs=0.5), fit
-    # A surface inside yields more, one outside less; that of the same size lies between, and its
-    # error changes sign.
-    assert np.all(errors["inscribed"] > 0)
-    assert np.all(errors["circumscribed"] < 0)
-    worst = np.minimum(np.abs(errors["inscribed"]), np.abs(errors["circumscribed"]))
-    assert np.all(np.abs(errors["best"]) < worst)
-    assert np.abs(errors["best"]).max() < 0.03
-    assert np.abs(errors["best"][-1]) < 0.002

@@ -196,10 +196,7 @@ PROBLEMS = {
     "shaft, Hoek-Brown, cut-off": lambda: pressed_shaft(
         hoek(**MASS, tension=tied("cut")), sigci=14e6, mb=2.0, s=0.85, a=0.51, cut=3.3e6
     ),
-    "solid, Hoek-Brown": lambda: block(hoek(**MASS), sigci=9e6, mb=1.5, s=0.1, a=0.51),
     "tunnel, smooth": lambda: tunnel(mohr(*strength), **MOHR),
-    "tunnel, smooth, dilation": lambda: tunnel(mohr(*strength, psi=tied("psi")), psi=0.2, **MOHR),
-    "tunnel, 16 planes": lambda: tunnel(mohr(*strength, planes=16), **MOHR),
     "tunnel, inscribed, cut-off": lambda: tunnel(
         mohr(*strength, planes=10, tension=tied("cut"), fit="inscribed"), cut=2e5, **MOHR
     ),
@@ -208,7 +205,6 @@ PROBLEMS = {
     "lining": lined,
     "temperature": warmed,
     "water": soaked,
-    "shaft, smooth": lambda: pressed_shaft(mohr(*strength), c=3e6, phi=0.3),
     "shaft, smooth, cut-off": lambda: pressed_shaft(
         mohr(*strength, tension=tied("cut")), c=5e6, phi=0.4, cut=4.2e6
     ),
@@ -217,23 +213,11 @@ PROBLEMS = {
         octahedron(tied("h")), h=2e8, k1=4e6, k2=3.6e6, k3=4e6
     ),
     "solid, smooth": lambda: block(mohr(*strength), c=9e5, phi=0.4),
-    "solid, smooth, psi": lambda: block(mohr(*strength, psi=tied("psi")), c=9e5, phi=0.4, psi=0.1),
     "solid, planes": lambda: block(mohr(*strength, planes=48), c=9e5, phi=0.4),
 }
 
 
-LONG = (
-    "tunnel, smooth, dilation",
-    "solid, smooth, psi",
-    "solid, Hoek-Brown",
-    "tunnel, 16 planes",
-    "shaft, smooth",
-)
-"""Slow: the surface, ground and loads of each are in others (Hoek and Brown's in tunnels)."""
-NAMES = [pytest.param(name, marks=[pytest.mark.slow] * (name in LONG)) for name in PROBLEMS]
-
-
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", PROBLEMS)
 def test_derivatives_are_those_of_differences(name):
     """Steps small enough that no point changes its planes; the best of several steps."""
     given_ = PROBLEMS[name]()

@@ -11,20 +11,15 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 from support.cases import model
 from support.meshes import from_grid, regroup
-from support.yielding import NOTHING, Cavity, analysed, constant, hoek, rock
+from support.yielding import NOTHING, Cavity, analysed, constant, dual, hoek, rock
 
 from geoident.forward.analysis.analysis import RunOptions
-from geoident.forward.openings.closed_forms import GroundState, Opening, Rock, flow_slope
+from geoident.forward.openings.closed_forms import GroundState, flow_slope
 from geoident.forward.openings.hoek_brown import HoekBrownLimit
 from geoident.model.case import Analysis, Stage, Support
-from geoident.model.dual import Dual
 from geoident.model.parameter import Scalar
 
 MPa = 1e6
-
-
-def number(x: float) -> Dual:
-    return Dual(np.array([x]))
 
 
 @dataclass(frozen=True)
@@ -41,12 +36,15 @@ class Site:
     p0: float = 10 * MPa
     p: float = 0.0
 
+    @property
+    def cavity(self) -> Cavity:
+        return Cavity(pressure=self.p0, E=self.E, nu=self.nu)
+
     def state(self) -> GroundState:
         """The closed form, radius 1 m."""
-        rock = Rock(*map(number, (self.E, self.nu, self.p0, self.p0)))
-        constants = map(number, (self.sigci, self.mb, self.s, self.a))
-        limit = HoekBrownLimit(*constants, flow_slope(number(self.psi)))
-        return Opening(1.0, rock, limit).under(number(self.p))
+        constants = map(dual, (self.sigci, self.mb, self.s, self.a))
+        limit = HoekBrownLimit(*constants, flow_slope(dual(self.psi)))
+        return self.cavity.closed_form(limit, 1.0 - self.p / self.p0)
 
     def width(self, radial: float) -> float:
         y = self.mb * radial / self.sigci + self.s
@@ -58,7 +56,7 @@ GROUND = Site()
 
 def opened(psi: float, *, n: int, layers: int, reach: float):
     """Displacement of the wall and plastic radius by elements, in three stages."""
-    cavity = Cavity(pressure=GROUND.p0, E=GROUND.E, nu=GROUND.nu)
+    cavity = GROUND.cavity
     mesh = cavity.mesh("quad8", n=n, layers=layers, reach=reach)
     surface = hoek(GROUND.sigci, mb=GROUND.mb, s=GROUND.s, a=GROUND.a, psi=psi)
     stages = tuple(

@@ -15,18 +15,26 @@ import numpy as np
 import pytest
 from support.cases import displacement, model
 from support.meshes import box, elevate, regroup, with_outer_faces
-from support.yielding import NOTHING, Cavity, constant, hoek, mohr, parameters, rock
+from support.yielding import (
+    NOTHING,
+    Cavity,
+    constant,
+    dual,
+    hoek,
+    mohr,
+    mohr_limit,
+    parameters,
+    rock,
+)
 
 from geoident.errors import CollapseError
 from geoident.forward.analysis import equilibrium, plastic_step
 from geoident.forward.analysis.analysis import RunOptions
-from geoident.forward.analysis.bands import band_at
 from geoident.forward.model import StagedModel
-from geoident.forward.openings.closed_forms import Opening, Rock, flow_slope, mohr_coulomb
+from geoident.forward.openings.closed_forms import GroundState, flow_slope
 from geoident.forward.openings.hoek_brown import HoekBrownLimit
 from geoident.model.actions import Traction
 from geoident.model.case import Stage, Support
-from geoident.model.dual import Dual
 from geoident.model.mesh import ElementBlock, Mesh
 from geoident.model.parameter import Scalar
 
@@ -57,17 +65,9 @@ def unstructured(size: float) -> Mesh:
     return regroup(with_outer_faces(mesh), core=lambda c: np.linalg.norm(c, axis=1) < 1.0)
 
 
-def exact(psi: float, released: float) -> float:
+def wall_of(state: GroundState) -> float:
     """Outward displacement of the wall."""
-
-    def number(x: float) -> Dual:
-        return Dual(np.array([x]))
-
-    stress = number(CAVITY.pressure)
-    ground = Rock(number(CAVITY.E), number(CAVITY.nu), stress, stress)
-    strength = mohr_coulomb(number(C), number(PHI), number(psi))
-    state = Opening(CAVITY.radius, ground, strength).under((1.0 - released) * stress)
-    return float(state.displacement(np.array([CAVITY.radius])).value[0])
+    return float(state.displacement(np.array([1.0])).value[0])
 
 
 def opened(size: float, psi: float) -> StagedModel:
@@ -84,7 +84,8 @@ def test_opening_of_unstructured_triangles(size, verification):
         staged = opened(size, psi)
         run = staged.at(NOTHING, RunOptions(derivatives=False))
         walls = [CAVITY.outwards(staged, end) for end in run.states()][1:]
-        truth = [exact(psi, released) for released in RELEASED]
+        limit = mohr_limit(C, PHI, psi)
+        truth = [wall_of(CAVITY.closed_form(limit, released)) for released in RELEASED]
         assert run.findings.plastic.unbalanced == {}
         for wall, right in zip(walls, truth, strict=True):
             assert wall.mean() == pytest.approx(right, rel=0.005)
@@ -126,76 +127,44 @@ def test_derivatives_without_dilation_are_those_of_the_response(size):
     np.testing.assert_allclose(differences, slopes @ step, rtol=0, atol=1e-6 * scale)
 
 
+WEAK = Cavity(pressure=10e6, E=3e9, nu=0.25)
 HOEK = {"mb": 1.2, "s": 2e-3, "a": 0.507}
 
 
 def weak_rock(psi: float, released: Sequence[float] = RELEASED) -> StagedModel:
     """Hoek-Brown on the 0.10 mesh; near the wall it is as ground of 60 degrees."""
-    cavity = Cavity(pressure=10e6, E=3e9, nu=0.25)
     stages = tuple(
         Stage(f"{part:.1%}", excavate=() if n else ("core",), release={"core": Scalar(part)})
         for n, part in enumerate(released)
     )
-    return cavity.staged(unstructured(0.10), hoek(30e6, psi=psi, **HOEK), stages=stages)
+    return WEAK.staged(unstructured(0.10), hoek(30e6, psi=psi, **HOEK), stages=stages)
 
 
-@pytest.mark.parametrize("parts", [1, pytest.param(25, marks=pytest.mark.slow)])
-def test_what_is_said_of_a_band_is_true(monkeypatch, parts):
-    """A search that may not go on ends in ground that is viscous still: its band, place, part.
-
-    All is reckoned again from residuals and displacements.
-    """
+def test_what_is_said_of_a_band_is_true(monkeypatch):
+    """A search that may not go on ends in ground that is viscous still: its band and its place."""
     monkeypatch.setattr(equilibrium, "SEARCH", 21)
-    monkeypatch.setattr(plastic_step, "_PARTS", parts)
-    asked = []
-
-    def seen(equations, trial):
-        asked.append((equations, trial, band_at(equations, trial)))
-        return asked[-1][-1]
-
-    monkeypatch.setattr(plastic_step, "band_at", seen)
+    monkeypatch.setattr(plastic_step, "_PARTS", 1)
     staged = weak_rock(0.0)
     with pytest.raises(CollapseError) as caught:
         staged.survey(NOTHING, fields=False)
-    ((equations, trial, band),) = asked
-    error, text = caught.value, str(caught.value)
-    assert f"keeps {100 * equations.viscosity:.2g} % of its overstress, and a band has" in text
+    text = str(caught.value)
+    assert re.search(r"keeps [\d.]+ % of its overstress, and a band has", text)
     assert "support that acts in this stage, a larger dilation, or larger elements" in text
+    assert "0 % of the change of load of this stage was brought" in text
+    points = staged.discretization.points
+    xx, yy, zz, xy = strain = points.strain(caught.value.mechanism)
 
-    # work of second order in this mode is negative in the ground itself (Hill 1958)
-    inviscid, h, x = equations.viscous(0.0), 1e-7, error.mechanism
-    ends = [inviscid.at(trial.du + sign * h * x).residual for sign in (-1.0, 1.0)]
-    elastic = [inviscid.at(sign * h * x).residual for sign in (-1.0, 1.0)]
-    work, by_elastic = (float((a - b) @ x[equations.dofs]) for a, b in (ends, elastic))
-    assert -0.1 * by_elastic < work < 0.0
-    assert -0.05 < band.stiffness < 0.0
+    # half of the strain of the band is in so many points
+    held = np.sort((strain**2).sum(axis=0) * points.volume)[::-1]
+    count, _ = map(int, re.findall(r"half of its strain in (\d+) of the (\d+) strain", text)[0])
+    assert held[: 3 * count].sum() > 0.5 * held.sum() > held[: count // 3].sum()
 
-    # its share of the points, and its place
-    strain = staged.discretization.points.strain(x)
-    held = np.sort((strain**2).sum(axis=0) * equations.volume)[::-1]
-    assert held[: 3 * band.points].sum() > 0.5 * held.sum() > held[: band.points // 3].sum()
-    yielded = sum(flow.points.size for flow in equations.flowing(trial))
-    assert f"half of its strain in {band.points} of the {yielded} strain points" in text
-    xx, yy, zz, xy = strain
     mean = (xx + yy + zz) / 3.0
     shear = (xx - mean) ** 2 + (yy - mean) ** 2 + (zz - mean) ** 2 + 0.5 * xy**2
-    place = staged.discretization.points.position[shear.argmax()]
-    said = re.search(r"shears most in group 'rock' near \(([-.\d]+), ([-.\d]+)\) m", text)
-    assert said is not None
-    np.testing.assert_allclose([float(number) for number in said.groups()], place, atol=6e-4)
+    place = points.position[shear.argmax()]
+    near = re.search(r"shears most in group 'rock' near \(([-.\d]+), ([-.\d]+)\) m", text)
+    np.testing.assert_allclose([float(x) for x in near.groups()], place, atol=6e-4)
     assert np.linalg.norm(place) < 1.5
-
-    # the part that was brought to equilibrium is in equilibrium
-    assert f"{100 * error.fraction:.3g} % of the change of load of this stage was brought" in text
-    if parts == 1:  # too few steps to look for any
-        assert error.fraction == 0.0
-        return
-    assert 0.0 < error.fraction < 1.0
-    monkeypatch.undo()
-    part = RELEASED[1] + error.fraction * (RELEASED[2] - RELEASED[1])
-    again = weak_rock(0.0, (*RELEASED[:2], part)).at(NOTHING, RunOptions(derivatives=False))
-    assert len(list(again.states())) == 4
-    assert again.findings.plastic.unbalanced == again.findings.plastic.overstressed == {}
 
 
 @pytest.mark.slow
@@ -204,51 +173,17 @@ def test_where_the_even_flow_ends_a_band_is_shown():
 
     Near the wall the ground is as one of 60 degrees; the motions are short by less than promised.
     """
-    far, wall, psi = 10e6, np.array([1.0]), np.radians(10.0)
-    cavity, staged = Cavity(pressure=far, E=3e9, nu=0.25), weak_rock(psi)
+    psi, staged = np.radians(10.0), weak_rock(np.radians(10.0))
     run = staged.at(NOTHING, RunOptions(derivatives=False))
     *_, end = run.states()
-    ground = Rock(*(Dual(np.array([x])) for x in (3e9, 0.25, far, far)))
-    constants = (Dual(np.array([x])) for x in (30e6, *HOEK.values()))
-    limit = HoekBrownLimit(*constants, flow_slope(Dual(np.array([psi]))))
-    state = Opening(1.0, ground, limit).under(Dual(np.array([0.0])))
-    short = 1.0 - cavity.outwards(staged, end).mean() / state.displacement(wall).value[0]
+    limit = HoekBrownLimit(*map(dual, (30e6, *HOEK.values())), flow_slope(dual(psi)))
+    short = 1.0 - WEAK.outwards(staged, end).mean() / wall_of(WEAK.closed_form(limit))
     (stage,) = run.findings.plastic.overstressed
     found = run.findings.plastic.localising[stage]
     assert 0.02 < short < found.short < 0.1
     assert found.band.startswith("a band has lost its stability, with half of its strain in ")
     assert int(found.band.split(" in ")[1].split()[0]) < 20
     assert "it shears most in group 'rock' near (0.0" in found.band
-
-
-@pytest.mark.slow
-def test_the_even_flow_is_not_stable_on_other_elements_either(monkeypatch):
-    """Where triangles find no equilibrium, quad8 in rows have the exact one: it is not stable."""
-    ends = []
-    solved = plastic_step.solve
-
-    def spied(equations, *args, **kwargs):
-        ends.append((equations, solved(equations, *args, **kwargs)))
-        return ends[-1][1]
-
-    monkeypatch.setattr(plastic_step, "solve", spied)
-    far, wall = 10e6, np.array([1.0])
-    cavity = Cavity(pressure=far, E=3e9, nu=0.25)
-    mesh = cavity.mesh("quad8", n=24, layers=40, reach=40.0)
-    staged = cavity.staged(mesh, hoek(30e6, psi=0.0, **HOEK), stages=STAGES)
-    run = staged.at(NOTHING, RunOptions(derivatives=False))
-    *_, end = run.states()
-    assert run.findings.plastic.unbalanced == run.findings.plastic.overstressed == {}
-    ground = Rock(*(Dual(np.array([x])) for x in (3e9, 0.25, far, far)))
-    constants = (Dual(np.array([x])) for x in (30e6, *HOEK.values()))
-    limit = HoekBrownLimit(*constants, flow_slope(Dual(np.array([0.0]))))
-    state = Opening(1.0, ground, limit).under(Dual(np.array([0.0])))
-    exact_wall = float(state.displacement(wall).value[0])
-    np.testing.assert_allclose(cavity.outwards(staged, end), exact_wall, rtol=0.003)
-    equations, balance = ends[-1]
-    band = band_at(equations, balance.trial)
-    assert band is not None
-    assert -0.01 < band.stiffness < -5e-4
 
 
 # --- loads that are not carried ---

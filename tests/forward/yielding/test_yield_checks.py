@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import pytest
 from support.cases import make_case, material, model, rollers
 from support.meshes import box
+from support.yielding import hoek, mohr
 
 from geoident.forward.ground.elasticity import inadmissible
 from geoident.forward.yielding.checks import no_stress_left, yield_faults, yield_notes
@@ -19,15 +20,13 @@ from geoident.model.parameter import Parameter, Scalar
 from geoident.model.yielding import (
     DruckerPrager,
     GivenPlanes,
-    HoekBrown,
-    MohrCoulomb,
     WeakPlane,
     YieldPlane,
     YieldSurface,
 )
 
 SECTION = SimpleNamespace(dim=2)
-SOUND = MohrCoulomb(Scalar(1e6), Scalar(0.5))
+SOUND = mohr(1e6, 0.5)
 FLAT = Attitude(Scalar(0.0), Scalar(0.0))
 IN_SITU = ConstantStress((Scalar(-1e6),) * 4)
 
@@ -40,6 +39,10 @@ def yielding(*surfaces: YieldSurface) -> Material:
 def case_of(*surfaces: YieldSurface, **changes):
     changes = {"materials": {"rock": yielding(*surfaces)}, "in_situ": IN_SITU, **changes}
     return make_case(SECTION, **changes)
+
+
+def tied(name: str) -> Scalar:
+    return Scalar(1.0, name)
 
 
 def facing(left: Scalar, right: Scalar) -> GivenPlanes:
@@ -62,7 +65,7 @@ def test_every_material_that_yields_is_described():
     assert note == "'rock' yields by Mohr-Coulomb, smooth, with associated flow"
     (note,) = yield_notes(
         case_of(
-            MohrCoulomb(Scalar(1e6), Scalar(0.0), planes=8),
+            mohr(1e6, 0.0, planes=8),
             WeakPlane(Attitude(Scalar(0.3), Scalar(pi / 2)), Scalar(1e5), Scalar(0.4)),
         )
     )
@@ -71,32 +74,8 @@ def test_every_material_that_yields_is_described():
     )
 
 
-def test_a_cut_off_beyond_the_apex_is_noted():
-    apex = 1e6 / 0.5463024898437905  # tan(0.5)
-    for tension, known in ((0.99 * apex, 1), (1.01 * apex, 2)):
-        notes = yield_notes(case_of(MohrCoulomb(Scalar(1e6), Scalar(0.5), tension=Scalar(tension))))
-        assert len(notes) == known
-
-
-def test_planes_without_stress_between_them():
-    bounds = (parameter("k", -2e6, -3e6, 2e6), parameter("q", 1e6, 1e6, 2e6))
-    left = facing(Scalar(1.0, "k"), Scalar(1.0, "q"))
-    (fault,) = yield_faults(case_of(left, parameters=bounds))
-    assert fault.code == "empty-domain"
-    assert "'right' and 'left'" in fault.message
-    assert "at the start" in fault.message
-    (fault,) = yield_faults(
-        case_of(left, parameters=(parameter("k", -2.5e6, -3e6, -2.1e6), bounds[1]))
-    )
-    assert "wherever the parameters are" in fault.message
-    tied = facing(Scalar(-1.5, "q"), Scalar(1.0, "q"))  # each alone could do, not both
-    (fault,) = yield_faults(case_of(tied, parameters=bounds))
-    assert "wherever the parameters are" in fault.message
-    assert yield_faults(case_of(facing(Scalar(1e6), Scalar(0.0)))) == []
-
-
 def test_planes_that_leave_no_stress_are_outside_the_domain_of_the_model():
-    case = case_of(facing(Scalar(1.0, "k"), Scalar(1.0, "q")))
+    case = case_of(facing(tied("k"), tied("q")))
     rock = case.materials["rock"]
     assert no_stress_left(case, rock, {"k": -1e6, "q": 2e6}) is None
     assert no_stress_left(case, rock, {"k": 1e6, "q": 2e6}) is None
@@ -107,19 +86,13 @@ def test_planes_that_leave_no_stress_are_outside_the_domain_of_the_model():
 @pytest.mark.parametrize(
     ("surface", "values", "reason"),
     [
-        (MohrCoulomb(Scalar(1.0, "c"), Scalar(0.5)), {"c": -1e6}, "cohesion of rock is -1e+06 Pa"),
-        (MohrCoulomb(Scalar(1.0, "c"), Scalar(0.0)), {"c": 0.0}, "must be positive"),
-        (MohrCoulomb(Scalar(1e6), Scalar(1.0, "f")), {"f": pi / 2}, "friction of rock is 90 deg"),
-        (DruckerPrager(Scalar(1e6), Scalar(1.0, "f")), {"f": -0.1}, "from 0 to below 90 deg"),
+        (mohr(tied("c"), 0.5), {"c": -1e6}, "cohesion of rock is -1e+06 Pa"),
+        (mohr(tied("c"), 0.0), {"c": 0.0}, "must be positive"),
+        (mohr(1e6, tied("f")), {"f": pi / 2}, "friction of rock is 90 deg"),
+        (DruckerPrager(Scalar(1e6), tied("f")), {"f": -0.1}, "from 0 to below 90 deg"),
+        (mohr(1e6, 0.5, psi=tied("f")), {"f": radians(40)}, "dilation of rock is 40 deg"),
         (
-            MohrCoulomb(Scalar(1e6), Scalar(0.5), Scalar(1.0, "f")),
-            {"f": radians(40)},
-            "dilation of rock is 40 deg",
-        ),
-        (
-            WeakPlane(
-                Attitude(Scalar(0.0), Scalar(0.0)), Scalar(1e6), Scalar(0.5), Scalar(1.0, "t")
-            ),
+            WeakPlane(FLAT, Scalar(1e6), Scalar(0.5), tied("t")),
             {"t": -1.0},
             "tension of rock is -1 Pa, it must not be negative",
         ),
@@ -128,35 +101,6 @@ def test_planes_that_leave_no_stress_are_outside_the_domain_of_the_model():
 def test_strengths_outside_the_domain_are_named(surface, values, reason):
     assert reason in inadmissible(yielding(surface), values)
     assert inadmissible(yielding(SOUND), {}) is None
-
-
-def test_what_enters_free_of_stress_must_bear_that():
-    below = facing(Scalar(-1e6), Scalar(2e6))
-    stages = (Stage("fill", install={"a": "rock"}),)
-    (fault,) = yield_faults(case_of(below, stages=stages))
-    assert "installed free of stress at stage 'fill'" in fault.message
-    (fault,) = yield_faults(case_of(below, in_situ=None, groups={"a": "rock"}))
-    assert "begins free of stress" in fault.message
-    case = case_of(below, groups={"a": "rock"})
-    assert yield_faults(case) == []
-    assert "cannot be free of stress" in yield_notes(case)[1]
-
-
-def test_weak_planes_about_an_axis_lie_flat_or_upright():
-    def faults(dip):
-        weak = WeakPlane(Attitude(Scalar(dip), Scalar(pi / 2)), Scalar(1e6), Scalar(0.5))
-        return yield_faults(case_of(weak, analysis=Analysis.AXISYMMETRIC))
-
-    assert faults(0.0) == []
-    assert faults(pi / 2) == []
-    assert "all around" in faults(0.5)[0].message
-
-
-def test_weak_planes_strike_across_a_section():
-    weak = WeakPlane(Attitude(Scalar(0.5), Scalar(pi / 3)), Scalar(1e6), Scalar(0.5))
-    (fault,) = yield_faults(case_of(weak))
-    assert fault.code == "antiplane"
-    assert yield_faults(case_of(weak, analysis=Analysis.SOLID)) == []
 
 
 def test_condensation_is_told_that_the_ground_yields():
@@ -171,9 +115,6 @@ def test_condensation_is_told_that_the_ground_yields():
 
     assert obstacle() is None
     assert obstacle(SOUND) == "rock yields: its stresses are not linear in the displacements"
-
-
-# --- word by word ---
 
 
 def field(constant, surface=None, *, path="here"):
@@ -219,7 +160,7 @@ def test_elasticity_varies_as_a_whole_or_not_at_all():
 
 @pytest.mark.parametrize("angle", ["friction", "dilation"])
 def test_angles_are_the_same_at_all_points(angle):
-    (found,) = varied(MohrCoulomb(Scalar(1e6), Scalar(0.5), Scalar(0.1)), fields=(field(angle, 0),))
+    (found,) = varied(mohr(1e6, 0.5, psi=0.1), fields=(field(angle, 0),))
     assert found == (
         "here",
         f"{angle} of 'rock' is an angle, which cannot be a field: it makes the shape of the yield "
@@ -231,12 +172,12 @@ def test_angles_are_the_same_at_all_points(angle):
 def test_strengths_vary_together():
     """All strengths of all surfaces but angles, numbers of zero and those without a dimension."""
     assert varied(SOUND, fields=(field("cohesion", 0),)) == []
-    loose = MohrCoulomb(Scalar(1e6), Scalar(0.5), None, Scalar(0.0))
+    loose = mohr(1e6, 0.5, tension=0.0)
     assert varied(loose, fields=(field("cohesion", 0),)) == []
-    tied = MohrCoulomb(Scalar(1e6), Scalar(0.5), None, Scalar(0.0, "T"))
+    none_yet = mohr(1e6, 0.5, tension=Scalar(0.0, "T"))
     told = "cohesion of 'rock' varies from place to place, but tension of its surface 1 does not: "
     told += "a yield surface can grow and shrink from place to place, but not change its shape"
-    ground = replace(yielding(tied), fields=(field("cohesion", 0),))
+    ground = replace(yielding(none_yet), fields=(field("cohesion", 0),))
     (fault,) = yield_faults(
         make_case(
             SECTION, materials={"rock": ground}, in_situ=IN_SITU,
@@ -245,7 +186,7 @@ def test_strengths_vary_together():
     )  # fmt: skip
     assert fault.message == told
     assert fault.hint == "Leave out tension, or give cohesion without a field."
-    cut = MohrCoulomb(Scalar(1e6), Scalar(0.5), None, Scalar(1e5))
+    cut = mohr(1e6, 0.5, tension=1e5)
     ((path, message, _),) = varied(cut, fields=(field("cohesion", 0, path="there"),))
     assert (path, message) == ("there", told)
     ((_, message, hint),) = varied(cut, fields=(field("tension", 0),))
@@ -253,8 +194,7 @@ def test_strengths_vary_together():
     assert hint == "Leave out cohesion, or give tension without a field."
     (_, both) = (found[1] for found in varied(cut, SMALL, fields=(field("cohesion", 0),))[:2])
     assert "but the plane 'first', the plane 'second' of its surface 2 do not: a yield" in both
-    hoek = HoekBrown(Scalar(1e7), mb=Scalar(1.0), s=Scalar(0.1), a=Scalar(0.5))
-    assert varied(hoek, fields=(field("sigci", 0),)) == []
+    assert varied(hoek(1e7, mb=1.0, s=0.1, a=0.5), fields=(field("sigci", 0),)) == []
 
 
 def test_what_hardens_varies_nowhere():
@@ -271,17 +211,15 @@ def test_what_hardens_varies_nowhere():
 
 def test_cut_offs_without_effect_are_told_in_megapascal():
     apex = 1e6 / tan(0.5)
-    surface = MohrCoulomb(Scalar(1e6), Scalar(0.5), tension=Scalar(apex))
+    surface = mohr(1e6, 0.5, tension=apex)
     _, note = yield_notes(case_of(surface))
     assert note == (
         "the tension of 'rock' is not less than c / tan(phi), at the start 1.83 MPa: its cut-off "
         "has no effect"
     )
     assert len(yield_notes(case_of(replace(surface, tension=Scalar(apex * (1 - 1e-9)))))) == 1
-    hoek = HoekBrown(
-        Scalar(1e7), mb=Scalar(2.0), s=Scalar(0.1), a=Scalar(0.5), tension=Scalar(0.6e6)
-    )
-    assert yield_notes(case_of(hoek))[1].startswith(
+    curved = hoek(1e7, mb=2.0, s=0.1, a=0.5, tension=0.6e6)
+    assert yield_notes(case_of(curved))[1].startswith(
         "the tension of 'rock' is not less than s sigci / mb, at the start 0.5 MPa"
     )
 
@@ -308,10 +246,14 @@ def test_oblique_planes_are_told_word_by_word():
         "ground would also slide out of the plane"
     )
     assert fault.hint == "Use analysis: solid, or give a strike normal to the section."
+    assert yield_faults(case_of(weak, analysis=Analysis.SOLID)) == []
     dips = WeakPlane(Attitude(Scalar(0.5), Scalar(pi / 2)), Scalar(1e6), Scalar(0.5))
     (fault,) = yield_faults(case_of(dips, analysis=Analysis.AXISYMMETRIC))
     assert fault.message == "weak planes of 'rock' that dip are not the same all around the axis"
     assert fault.hint == "Use 'dip: 0 deg', or analysis: solid."
+    for dip in (0.0, pi / 2):
+        lies = replace(dips, frame=Attitude(Scalar(dip), Scalar(pi / 2)))
+        assert yield_faults(case_of(lies, analysis=Analysis.AXISYMMETRIC)) == []
     # a strike that may turn in the fit
     turns = WeakPlane(Attitude(Scalar(0.5), Scalar(1.0, "d")), Scalar(1e6), Scalar(0.5))
     bounds = (Parameter("d", pi / 2, 1.0, 2.0, dimension="angle", unit="deg"),)
@@ -331,7 +273,7 @@ def test_a_surface_of_a_list_is_named_by_its_place():
 
 def test_planes_that_leave_no_stress_are_told_with_a_remedy():
     bounds = (parameter("k", -2e6, -3e6, 2e6), parameter("q", 1e6, 1e6, 2e6))
-    surface = facing(Scalar(1.0, "k"), Scalar(1.0, "q"))
+    surface = facing(tied("k"), tied("q"))
     (fault,) = yield_faults(case_of(surface, parameters=bounds))
     assert fault.path == "materials.rock.yield.planes"
     said = "no stress satisfies the yield planes 'right' and 'left' of rock together"

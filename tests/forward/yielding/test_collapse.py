@@ -1,9 +1,8 @@
-"""What plastic stages cost, and what is said where there is no equilibrium."""
+"""What is said where there is no equilibrium, or none can be."""
 
 from __future__ import annotations
 
 import re
-import tracemalloc
 from ast import literal_eval
 from dataclasses import replace
 from types import SimpleNamespace
@@ -31,14 +30,6 @@ STAGES = tuple(
     Stage(f"s{n}", excavate=() if n else ("core",), release={"core": Scalar(part)})
     for n, part in enumerate((0.5, 0.8, 1.0))
 )
-ORDINARY = {
-    "smooth": mohr(1.5e6, 0.5),
-    "dilation": mohr(1.5e6, 0.5, psi=0.1),
-    "cut-off": mohr(1.5e6, 0.5, tension=1e5),
-    "16 planes": mohr(1.5e6, 0.5, planes=16),
-    "24 planes, inscribed": mohr(1.5e6, 0.5, planes=24, fit="inscribed"),
-    "Tresca": mohr(5e6, 0.0),
-}
 
 
 def parametric(surface, c: float = 1.5e6) -> tuple:
@@ -52,41 +43,6 @@ def parametric(surface, c: float = 1.5e6) -> tuple:
         channels=(displacement("g", (1.01, 0.01), (1.0, 0.0)),),
     )
     return staged, staged.response([("g", stage.name) for stage in STAGES])
-
-
-@pytest.mark.parametrize("planes", [None, 16])
-def test_second_evaluation_at_the_same_place_is_the_first(planes):
-    _, response = parametric(mohr(Scalar(1.0, "c"), 0.5, planes=planes))
-    p = np.array([2e9, 1.5e6])
-    first = response.evaluate(p)
-    second = response.evaluate(p)
-    for one, other in zip(first, second, strict=True):
-        np.testing.assert_allclose(one, other, rtol=1e-7, atol=1e-9 * np.abs(one).max())
-
-
-def peak(n: int) -> float:
-    """Memory per strain point of a plastic analysis, bytes, without the mesh."""
-    mesh = box("quad4", (n, n), size=(4.0, 4.0))
-    staged = model(
-        mesh,
-        materials={"rock": rock(1e9, 0.3, mohr(1e6, 0.0))},
-        groups={"all": "rock"},
-        supports=rollers(2),
-        stages=(Stage("press", loads={"p": Traction("y1", (Scalar(0.0), Scalar(-1.9e6)))}),
-                Stage("pull", loads={"p": Traction("y1", (Scalar(0.0), Scalar(1.9e6)))})),
-    )  # fmt: skip
-    tracemalloc.start()
-    staged.survey(NOTHING, fields=False)
-    found = tracemalloc.get_traced_memory()[1]
-    tracemalloc.stop()
-    return found / staged.discretization.points.n_points
-
-
-def test_memory_is_linear_in_the_number_of_points():
-    """Four and sixteen times the points; a dense matrix of points^2 would be 16 and 256 times."""
-    small, middle, large = (peak(n) for n in (10, 20, 40))
-    assert middle < 1.5 * small
-    assert large < 1.5 * middle
 
 
 def pulled(load: float, *yields, **changes):
@@ -138,7 +94,6 @@ def test_ground_without_strength_collapses_soon(yields):
         staged.survey(NOTHING, fields=False)
     assert caught.value.stage == "first"
     assert not caught.value.fraction > 1e-3
-    assert staged.counts.factorizations < 150
 
 
 def test_flow_without_potential_collapses_too():
@@ -256,32 +211,21 @@ def test_planes_that_nearly_coincide_are_told_with_a_remedy(monkeypatch):
     assert caught.value.hint == remedy
 
 
-@pytest.mark.parametrize(
-    ("proven", "message", "hint"),
-    [
-        (
-            True,
-            "at stage 's' the ground cannot carry the loads: plastic collapse; 12.3 % of the "
-            "change of load of this stage is carried",
-            "Raise the strengths (their start values or bounds), or see whether the stage lacks "
-            "support or loads more than is meant.",
-        ),
-        (
-            False,
-            "at stage 's' no equilibrium was found: flow with a dilation so far below the friction "
-            "shears in bands on this mesh, or the ground collapses; 12.3 % of the change of load "
-            "of this stage was brought to equilibrium",
-            "See whether a larger dilation, or associated flow, or larger elements where it shears "
-            "carry the stage: then the ground does not lack strength.",
-        ),
-    ],
-)
-def test_a_collapse_that_is_not_proven_has_another_remedy(proven, message, hint):
+def test_a_collapse_that_is_not_proven_has_another_remedy():
     """A mechanism and a band say more, elsewhere (`test_little_dilation`)."""
     task = SimpleNamespace(state=SimpleNamespace(name="s"))
-    told = collapse_error(SimpleNamespace(), task, 0.1234, None, proven=proven)
-    assert (told.message, told.hint, told.fraction) == (message, hint, 0.1234)
-    unknown = collapse_error(SimpleNamespace(), task, np.nan, None, proven=proven)
+    error = collapse_error(SimpleNamespace(), task, 0.1234, None, proven=False)
+    message = (
+        "at stage 's' no equilibrium was found: flow with a dilation so far below the friction "
+        "shears in bands on this mesh, or the ground collapses; 12.3 % of the change of load "
+        "of this stage was brought to equilibrium"
+    )
+    assert (error.message, error.fraction) == (message, 0.1234)
+    assert error.hint == (
+        "See whether a larger dilation, or associated flow, or larger elements where it shears "
+        "carry the stage: then the ground does not lack strength."
+    )
+    unknown = collapse_error(SimpleNamespace(), task, np.nan, None, proven=False)
     assert unknown.message == message.partition("; ")[0]
 
 

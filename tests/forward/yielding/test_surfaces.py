@@ -1,4 +1,4 @@
-"""Yield planes against the smooth surfaces that they stand for, and their derivatives."""
+"""Yield planes against the surfaces that they stand for, their names, and their derivatives."""
 
 from __future__ import annotations
 
@@ -14,10 +14,9 @@ from support.plastic import Planes
 
 from geoident.forward.ground.elasticity import ModuliAt
 from geoident.forward.stages import CaseOnMesh
-from geoident.forward.yielding.mohr_coulomb import cut_off
 from geoident.forward.yielding.surfaces import YieldLaws, yield_planes
 from geoident.model.case import Material
-from geoident.model.dual import Dual, ParameterPoint
+from geoident.model.dual import ParameterPoint
 from geoident.model.ground import Attitude, Axes, Isotropic
 from geoident.model.parameter import Scalar
 from geoident.model.yielding import (
@@ -61,13 +60,20 @@ def stresses(n_strain, count=20_000):
     return stress
 
 
+PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2))
+
+
+def tensor_of(stress):
+    """Stresses (s, m) as tensors (m, 3, 3)."""
+    tensor = np.zeros((stress.shape[1], 3, 3))
+    for component, (i, j) in zip(stress, PAIRS, strict=False):
+        tensor[:, i, j] = tensor[:, j, i] = component
+    return tensor
+
+
 def principal(stress):
     """Principal stresses (m, 3), ascending."""
-    tensor = np.zeros((stress.shape[1], 3, 3))
-    pairs = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2))
-    for component, (i, j) in zip(stress, pairs, strict=False):
-        tensor[:, i, j] = tensor[:, j, i] = component
-    return np.linalg.eigvalsh(tensor)
+    return np.linalg.eigvalsh(tensor_of(stress))
 
 
 def coulomb(stress, c=1e6, phi=0.6):
@@ -104,16 +110,6 @@ SMOOTH = {
         ),
     ),
 }
-
-
-@pytest.mark.parametrize(("count", "least"), [(5, 12), (20, 20), (48, 48)])
-def test_a_cut_off_in_space_has_as_many_directions_as_asked_for(count, least):
-    """Twelve at least; the mirror images of an even spread may add some, not as many again."""
-    limit = Dual(np.array([3e5]))
-    planes = cut_off(limit, ParameterPoint({}, ()), 6, count, "best")
-    assert least <= len(planes.normals.value) < 1.5 * least + 6
-    assert len(planes.names) == len(planes.normals.value)
-    assert planes.names[-1] == f"tension {len(planes.names)}"
 
 
 @pytest.mark.parametrize("n_strain", [4, 6])
@@ -154,8 +150,7 @@ def misfit(surface, n_strain):
 def test_the_worst_deviators_just_touch_what_is_inscribed_in_a_solid(friction):
     axes = np.linalg.qr(np.random.default_rng(6).normal(size=(40_000, 3, 3)))[0]
     tensor = axes @ np.diag([1.0, 0.0, -1.0]) @ axes.transpose(0, 2, 1)
-    pairs = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2))
-    deviators = np.stack([tensor[:, i, j] for i, j in pairs])
+    deviators = np.stack([tensor[:, i, j] for i, j in PAIRS])
     surface = MohrCoulomb(tied("c"), Scalar(friction), planes=108, fit="inscribed")
     exact = 1e6 * (cos(friction) + sin(friction))  # half the difference of 1 and -1 is 1
     borne = reach(planes_of(surface, n_strain=6), deviators) / exact
@@ -176,13 +171,6 @@ def test_planes_in_a_solid_converge_as_frames_fill_the_rotations():
     assert np.log2(wrong[0] / wrong[1]) == pytest.approx(2.0, abs=0.3)  # y^(-2/3): a quarter
 
 
-def test_normals_have_unit_length():
-    for surface, _ in SMOOTH.values():
-        for n_strain in (4, 6):
-            normals = planes_of(surface, n_strain=n_strain).normals
-            np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1.0, rtol=1e-14)
-
-
 def test_a_weak_plane_in_a_section_is_coulomb_on_it():
     stress = stresses(4)
     for dip in (0.0, 0.3, 0.7, pi / 2):
@@ -193,8 +181,7 @@ def test_a_weak_plane_in_a_section_is_coulomb_on_it():
         psi = np.abs(slip) + normal * tan(0.6) - 1e6
         planes = planes_of(surface)
         assert len(planes.normals) == 2
-        found = excess(planes, stress)
-        np.testing.assert_array_equal(found > 0, psi > 0)
+        np.testing.assert_array_equal(excess(planes, stress) > 0, psi > 0)
 
 
 def test_a_weak_plane_in_a_solid_opens_and_slides():
@@ -203,19 +190,14 @@ def test_a_weak_plane_in_a_solid_opens_and_slides():
     )
     tilted = replace(flat, frame=Axes((0.0, 0.6, 0.8), (1.0, 0.0, 0.0)))  # normal (0, 0.8, -0.6)
     stress = stresses(6)
-    tensor = np.zeros((3, 3, stress.shape[1]))
-    for component, (i, j) in zip(
-        stress, ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2)), strict=True
-    ):
-        tensor[i, j] = tensor[j, i] = component
     for surface, normal in ((flat, [0.0, 0.0, 1.0]), (tilted, [0.0, 0.8, -0.6])):
-        traction = np.einsum("ijm,j->im", tensor, normal)
+        traction = np.einsum("mij,j->im", tensor_of(stress), normal)
         pull = np.array(normal) @ traction
         slide = np.linalg.norm(traction - np.outer(normal, pull), axis=0)
         psi = np.maximum(slide + pull * tan(0.6) - 1e6, pull - 3e5)
         sure = np.abs(psi) > 2e-3 * np.abs(stress).max(axis=0)
-        found = excess(planes_of(surface, n_strain=6), stress)
-        np.testing.assert_array_equal(found[sure] > 0, psi[sure] > 0)
+        outside = excess(planes_of(surface, n_strain=6), stress) > 0
+        np.testing.assert_array_equal(outside[sure], psi[sure] > 0)
 
 
 def test_drucker_prager_meets_mohr_coulomb_where_it_says():
@@ -231,14 +213,10 @@ def test_drucker_prager_meets_mohr_coulomb_where_it_says():
         exact = 2 * (c * cos(phi) + c * sin(phi)) / ((1 + sin(phi)) * high - (1 - sin(phi)) * low)
         assert reach(fine[match], deviator)[0] == pytest.approx(exact, rel=2e-3)
     # In plane strain associated flow lets the stress out of plane settle where most is borne.
-    mean, radius = -1e6, []
+    planes, mean, radius = fine["plane-strain"], -1e6, []
     for axial in np.linspace(-3e6, 0.0, 301):
-        left = fine["plane-strain"].distances - fine["plane-strain"].normals[:, :3] @ [
-            mean,
-            mean,
-            axial,
-        ]
-        radius.append(1 / (fine["plane-strain"].normals @ [1.0, -1.0, 0.0, 0.0] / left).max())
+        left = planes.distances - planes.normals[:, :3] @ [mean, mean, axial]
+        radius.append(1 / (planes.normals @ [1.0, -1.0, 0.0, 0.0] / left).max())
     assert max(radius) == pytest.approx(c * cos(phi) - mean * sin(phi), rel=3e-3)
 
 
@@ -302,27 +280,110 @@ def test_derivatives_agree_with_differences(name, n_strain):
 def parts_of(material, values, n_strain):
     """What the planes of a material are made of, with derivatives."""
     planes = yield_planes(material, ParameterPoint(values, tuple(VALUES)), n_strain)
-    found = {part: getattr(planes, part) for part in PARTS}
-    return {part: dual for part, dual in found.items() if dual is not None}
+    parts = {part: getattr(planes, part) for part in PARTS}
+    return {part: dual for part, dual in parts.items() if dual is not None}
 
 
 def stretched(parts):
     return np.concatenate([dual.value.ravel() for dual in parts.values()])
 
 
-def test_every_plane_has_its_own_name():
-    for surfaces in LIMITED.values():
-        for n_strain in (4, 6):
-            rock = Material("rock", ROCK, yields=surfaces)
-            planes = yield_planes(rock, ParameterPoint(VALUES, ()), n_strain)
-            assert len(planes.names) == len(planes)
-            assert len(set(planes.names)) == len(planes)
+@pytest.mark.parametrize("n_strain", [4, 6])
+@pytest.mark.parametrize("name", LIMITED)
+def test_every_plane_has_its_own_name(name, n_strain):
+    rock = Material("rock", ROCK, yields=LIMITED[name])
+    planes = yield_planes(rock, ParameterPoint(VALUES, ()), n_strain)
+    assert len(planes) == len(planes.names) == len(set(planes.names))
+
+
+def names_of(*surfaces, n_strain=4):
+    rock = Material("rock", ROCK, yields=surfaces)
+    return yield_planes(rock, ParameterPoint(VALUES, ()), n_strain).names
+
+
+def test_planes_are_named_by_family_direction_and_surface():
+    """Of a kind that is there twice surfaces are counted; of the others not."""
+    square = MohrCoulomb(tied("c"), tied("phi"), tension=tied("T"), planes=4)
+    turns = ("0 deg", "45 deg", "90 deg", "135 deg")
+    families = ("shear", "shear, axial compression", "shear, axial tension", "tension")
+    names = (*(f"{family} {turn}" for family in families for turn in turns), "tension axial")
+    assert names_of(square) == names
+    assert names_of(replace(square, planes=None)) == ("shear", "tension")
+    assert names_of(replace(square, planes=48), n_strain=6)[::48] == ("shear 1", "tension 1")
+    plane = (YieldPlane("a", (1.0, 0.0, 0.0, 0.0, 0.0, 0.0), Scalar(1e6)),)
+    weak = WeakPlane(Attitude(Scalar(0.0), Scalar(pi / 2)), tied("c"), tied("phi"))
+    assert names_of(weak, GivenPlanes(plane), replace(weak, tension=tied("T"))) == (
+        "weak-plane 1: slip 1", "weak-plane 1: slip 2", "planes: a",
+        "weak-plane 2: slip 1", "weak-plane 2: slip 2", "weak-plane 2: opening",
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("psi", [None, 0.3])
+@pytest.mark.parametrize("tension", [None, 3e5])
+def test_smooth_mohr_coulomb_in_sorted_principal_stresses(psi, tension):
+    """(1 + sin phi) s1 - (1 - sin phi) s3 <= 2 c cos phi; the flow has the angle of dilation."""
+    S, strengths = sin(0.6), (None if x is None else Scalar(x) for x in (psi, tension))
+    rock = Material("rock", ROCK, yields=(MohrCoulomb(tied("c"), tied("phi"), *strengths),))
+    planes = yield_planes(rock, ParameterPoint(VALUES, ()), 6)
+    size = sqrt((1 + S) ** 2 + (1 - S) ** 2)
+    normals = np.array([[(1 + S) / size, 0.0, (S - 1) / size], [1.0, 0.0, 0.0]])
+    count = len(planes)
+    assert count == 1 + (tension is not None)
+    np.testing.assert_allclose(planes.normals.value, normals[:count], rtol=1e-14)
+    np.testing.assert_allclose(planes.distances.value, [2e6 * cos(0.6) / size, 3e5][:count])
+    assert (planes.flow is None) == (psi is None)
+    if psi is not None:
+        flow = np.array([[1 + sin(psi), 0.0, sin(psi) - 1], [size, 0.0, 0.0]]) / size
+        np.testing.assert_allclose(planes.flow.value, flow[:count], rtol=1e-14)
+
+
+@pytest.mark.parametrize("n_strain", [4, 6])
+def test_given_planes_are_as_they_are_given(n_strain):
+    normals = np.random.default_rng(6).normal(size=(3, 6))
+    given = tuple(YieldPlane(f"p{k}", tuple(row), Scalar(k + 1.0)) for k, row in enumerate(normals))
+    rock = Material("rock", ROCK, yields=(GivenPlanes(given, Scalar(3e5)),))
+    planes = yield_planes(rock, ParameterPoint({}, ()), n_strain)
+    np.testing.assert_array_equal(planes.normals.value, normals[:, :n_strain])
+    assert planes.distances.value.tolist() == [1.0, 2.0, 3.0]
+    np.testing.assert_array_equal(planes.hardening.value, 3e5 * np.eye(3))
+    assert planes.names == ("p0", "p1", "p2")
+
+
+FROZEN = {
+    ("mohr-coulomb", 4, "inscribed"): (81, 6.1503248520e07, 96.449514773),
+    ("mohr-coulomb", 4, "best"): (81, 6.1740918219e07, 96.0810483862),
+    ("mohr-coulomb", 6, "inscribed"): (43, 1.6969855624e07, 258.202416982),
+    ("mohr-coulomb", 6, "best"): (43, 2.5138119196e07, 240.741102076),
+    ("drucker-prager", 4, "inscribed"): (49, 4.2672100945e07, 78.1859394701),
+    ("drucker-prager", 4, "best"): (49, 4.5760945493e07, 78.2926408398),
+    ("drucker-prager", 6, "inscribed"): (47, 2.9307512906e07, 346.759843542),
+    ("drucker-prager", 6, "best"): (47, 3.7819246821e07, 323.747235327),
+    ("weak-plane", 6, None): (6, 4.2788526724e06, 44.5656825212),
+}
+
+
+@pytest.mark.parametrize("case", FROZEN, ids=str)
+def test_planes_are_the_same_on_every_machine_and_in_every_version(case):
+    """A case fitted with planes has the same strength later: number, distances, directions."""
+    name, n_strain, fit = case
+    surfaces = {
+        "mohr-coulomb": MohrCoulomb(tied("c"), tied("phi"), None, tied("T"), 20),
+        "drucker-prager": DruckerPrager(tied("c"), tied("phi"), "outer", tied("T"), 30),
+        "weak-plane": WeakPlane(
+            Attitude(tied("dip"), tied("direction")), tied("c"), tied("phi"), tied("T"), 5
+        ),
+    }
+    surface = surfaces[name] if fit is None else replace(surfaces[name], fit=fit)
+    planes = planes_of(surface, n_strain=n_strain)
+    np.testing.assert_allclose(np.linalg.norm(planes.normals, axis=1), 1.0, rtol=1e-14)
+    direction = np.random.default_rng(0).normal(size=(n_strain, 3))[:, 0]
+    sums = len(planes.distances), planes.distances.sum(), ((planes.normals @ direction) ** 4).sum()
+    assert sums == pytest.approx(FROZEN[case], rel=1e-9)
 
 
 def test_what_does_not_yield_has_no_law():
-    steel = Material("steel", ROCK)
     mesh = box("tri3", (1, 1))
-    on_mesh = CaseOnMesh(make_case(mesh, materials={"steel": steel}), mesh)
+    on_mesh = CaseOnMesh(make_case(mesh, materials={"steel": Material("steel", ROCK)}), mesh)
     laws = YieldLaws(ModuliAt(on_mesh, ParameterPoint(VALUES, ()), 4))
     assert laws.law("steel") is None
     assert laws.limits == {}
