@@ -102,17 +102,17 @@ def misfit(problem: Problem, values: Floats, readings: Floats, jacobian: Floats)
         mean = len(gap) - float(np.sum(seen**2))
         spread = mean - float(np.sum(seen**2)) + float(np.sum((seen.T @ seen) ** 2))
         with np.errstate(over="ignore"):
-            return _judged(float(left @ left), mean, spread)
+            return judged(float(left @ left), mean, spread)
     kept = len(gap) - int(LEFT_OUT * len(gap))
     sd = _total_sd(problem)
     drawn = _drawn(problem, J, rows, sd, kept)
     with np.errstate(over="ignore"):
         squares = float(np.sort((gap / sd) ** 2)[:kept].sum())
-    return _judged(squares, float(drawn.mean()), float(drawn.var()) / 2.0)
+    return judged(squares, float(drawn.mean()), float(drawn.var()) / 2.0)
 
 
-def _judged(squares: float, mean: float, spread: float) -> Misfit:
-    """Squares by a distribution with a mean and half a variance."""
+def judged(squares: float, mean: float, spread: float) -> Misfit:
+    """Squares of residuals by the distribution of their mean and half their variance."""
     if mean <= _LEAST or spread <= 0.0:
         return UNKNOWN
     freedom = mean**2 / spread

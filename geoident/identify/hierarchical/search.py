@@ -103,11 +103,11 @@ def fit_sections(
     begin = begin or SectionsStart()
     free = np.array([law.scatter.kind == "estimate" for law in laws], dtype=np.bool_)
     joint = JointUnknowns(sections, shared, laws, np.ones(len(laws), dtype=np.bool_))
-    given = np.array([law.scatter.size for law in laws], dtype=np.float64) / joint.reference
-    first = _FIRST_SCATTER * joint.largest if begin.tau is None else begin.tau
-    tau = np.where(free, first, given)
-    starts = np.array([q.start for q in joint.unknowns[: joint.n_common]], dtype=np.float64)
-    common = starts if begin.common is None else begin.common
+    given = np.array([law.scatter.size for law in laws]) / joint.law_scaling.reference
+    tau = np.where(free, _FIRST_SCATTER * joint.largest if begin.tau is None else begin.tau, given)
+    common = begin.common
+    if common is None:
+        common = np.array([q.start for q in joint.unknowns[: joint.n_common]])
     points = [joint.expected_point(section, common) for section in joint.sections]
     if begin.points:
         pairs = zip(begin.points, points, strict=True)
@@ -117,7 +117,12 @@ def fit_sections(
     for _ in range(_ROUNDS):
         joint = JointUnknowns(sections, shared, laws, tau > 0.0)
         problem = joint.problem(models, tau).begun_at(joint.joined(common, points))
-        outcome = _descended(problem, options if last else rough, observe)
+        history = History("gauss-newton", problem.response, observe)
+        descent = gauss_newton_descent(Discrepancy(problem), options if last else rough, history)
+        first = descent.evaluator.evaluate(descent.evaluator.scaling.start)
+        descent.evaluator.record(first.x, first, 0.0, "start")
+        end = descent.run(first)
+        outcome = history.outcome(end.point.p, end.point.phi, end.status, end.reason)
         done = len(iterations)
         iterations += tuple(
             replace(step, number=done + n) for n, step in enumerate(outcome.iterations)
@@ -134,13 +139,3 @@ def fit_sections(
         outcome = replace(outcome, status="not-converged", reason=reason)
     outcome = replace(outcome, iterations=iterations)
     return HierarchicalFit(joint, problem, outcome, tau, free, linear)
-
-
-def _descended(problem: Problem, options: GaussNewtonOptions, observe: Observer) -> Outcome:
-    """One descent from where a problem begins."""
-    history = History("gauss-newton", problem.response, observe)
-    descent = gauss_newton_descent(Discrepancy(problem), options, history)
-    point = descent.evaluator.evaluate(descent.evaluator.scaling.start)
-    descent.evaluator.record(point.x, point, 0.0, "start")
-    ending = descent.run(point)
-    return history.outcome(ending.point.p, ending.point.phi, ending.status, ending.reason)

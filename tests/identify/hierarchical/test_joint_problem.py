@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.three_sections import COUNTS, LARGEST, ORDERS, SCALE, Site
+from support.three_sections import COUNTS, FURTHER, LARGEST, ORDERS, SCALE, Site
 
 from geoident.errors import ModelError
 from geoident.identify.hierarchical.joint_problem import JointResponse
@@ -68,22 +68,9 @@ def test_unknowns_are_what_is_common_and_what_is_of_each_section(site):
     assert known["K0"].prior == ORDERS[0][1].prior
     assert known["nu of S2"].prior == ORDERS[0][2].prior
     assert all(known[n].prior is None for n in known if n[:2] in ("E ", "h "))  # of the law
-    np.testing.assert_array_equal(joint.reference, [1.0, SCALE["h"]])
-    np.testing.assert_array_equal(joint.log, [True, False])
+    np.testing.assert_array_equal(joint.law_scaling.reference, [1.0, SCALE["h"]])
+    np.testing.assert_array_equal(joint.law_scaling.log, [True, False])
     np.testing.assert_allclose(joint.largest, LARGEST)
-
-
-def test_parameters_of_sections_follow_from_the_unknowns(site):
-    expected = points_of(site, site.values)
-    for s in range(3):
-        p, slopes = site.joint.point(s, site.values)
-        np.testing.assert_allclose(p, expected[s], rtol=1e-12)
-        for j, step in enumerate(1e-6 * np.maximum(np.abs(site.values), 1e-2)):
-            ends = [points_of(site, site.values + sign * step * np.eye(len(slopes[0]))[j])[s]
-                    for sign in (-1.0, 1.0)]  # fmt: skip
-            np.testing.assert_allclose(
-                slopes[:, j], (ends[1] - ends[0]) / (2.0 * step), rtol=1e-6, atol=1e-7
-            )
 
 
 def test_all_readings_and_rows_of_laws_with_their_derivatives(site):
@@ -120,26 +107,6 @@ def test_the_problem_of_all_has_the_errors_of_each_and_the_scatter_of_the_laws(s
     assert problem.parameters == site.joint.unknowns
 
 
-class Sharpened:
-    """Models that note where Jacobians are joint better."""
-
-    def __init__(self):
-        self.asked = []
-
-    def sharpen(self, points):
-        self.asked.append({s: p.tolist() for s, p in points.items()})
-        return True
-
-
-def test_jacobians_are_sharpened_where_the_sections_are(site):
-    models = Sharpened()
-    assert JointResponse(site.joint, models).sharpen(site.values)
-    expected = {s: p.tolist() for s, p in enumerate(points_of(site, site.values))}
-    assert models.asked[0].keys() == expected.keys()
-    for s, p in expected.items():
-        np.testing.assert_allclose(models.asked[0][s], p)
-
-
 @pytest.mark.parametrize(("value", "inside"), [(0.9999999999995, True), (1.0000000000015, False)])
 def test_a_law_may_end_on_a_bound_up_to_rounding(value, inside):
     """E = a exp(b GSI) is 500 at its upper bound, 0.05 at its lower one."""
@@ -160,11 +127,10 @@ def test_what_is_outside_its_domain_is_said():
     deep[2] = 0.4
     assert "The law of E gives" in response.admissible(deep)
     for a, said in ((-2.0, "-2"), (np.nan, "nan"), (0.0, "0")):
-        with pytest.raises(
-            ModelError, match=f"The law of E gives {said}, outside its admissible range"
-        ):
-            site.joint.law(0, {"GSI": 0.0}, np.array([1.0, a, 0.1]))
-    assert site.joint.law(1, {"D": 2.0}, np.array([0, 0, 0, -7.0, 0.5]))[0] == pytest.approx(-0.6)
+        beyond = site.values.copy()
+        beyond[1:3] = a, 0.0
+        expected = f"The law of E gives {said}, outside its admissible range."
+        assert response.admissible(beyond) == expected
 
 
 def test_parameters_to_be_expected_keep_to_their_bounds(site):
@@ -176,3 +142,5 @@ def test_parameters_to_be_expected_keep_to_their_bounds(site):
     section = replace(site.sections[0], parameters=own)
     found = site.joint.expected_point(section, site.values)
     assert found.tolist() == [0.3, 0.21, 0.23]
+    deep = replace(FURTHER, covariates={"GSI": 400.0, "D": -200.0})
+    assert site.joint.expected_point(deep, site.values)[[0, 3]].tolist() == [-40.0, 500.0]

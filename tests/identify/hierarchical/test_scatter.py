@@ -88,13 +88,6 @@ def test_a_scatter_that_is_likeliest_far_off_is_followed_beyond_it():
     assert mean == pytest.approx(5.0 * np.exp(1.5 / 40.0), rel=1e-3)
 
 
-def test_given_scatters_are_one_node():
-    tau = np.array([0.3, 0.7])
-    linear = SimpleNamespace(largest=np.ones(2), minus_two_log=lambda tau: 0.0)
-    found = scatter_posterior(linear, tau, np.zeros(2, dtype=bool))
-    assert (found.nodes.tolist(), found.weights.tolist()) == ([[0.3, 0.7]], [1.0])
-
-
 @pytest.mark.parametrize(
     ("weights", "ends"),
     [
