@@ -31,8 +31,8 @@ import numpy as np
 from scipy.special import gammaln, ndtr
 
 from geoident.identify.assessment.diagnostics import effective_sd
+from geoident.identify.assessment.spectrum import admissible_ranges
 from geoident.identify.assessment.truncated_normal import log_probability_within
-from geoident.identify.assessment.uncertainty import UNBOUNDED_RANGE
 from geoident.identify.problem.errors import Covariance
 from geoident.identify.problem.problem import Linearization, Problem
 from geoident.identify.problem.scaling import Scaling
@@ -72,7 +72,7 @@ def laplace_mass(at: Linearization, x: Floats, scaling: Scaling) -> LaplaceMass:
     free = np.flatnonzero(scaling.upper > scaling.lower)
     lower, upper, n = scaling.lower[free], scaling.upper[free], len(free)
     J, r = at.jacobian[:, free], at.residual
-    width = np.where(np.isfinite(upper - lower), upper - lower, UNBOUNDED_RANGE)
+    width = admissible_ranges(scaling)[free]
     A = np.concatenate([J * width, np.eye(n) / FLAT])  # in ranges, for the numbers' sake
     _, S, Vt = np.linalg.svd(A, full_matrices=False)
     inverse = (Vt.T / S**2) @ Vt

@@ -9,11 +9,10 @@ import pytest
 import scipy.sparse as sp
 from scipy.stats import norm
 
-from geoident.identify.assessment import misfit as misfit_module
 from geoident.identify.assessment.conflicts import prior_conflicts, tied_sentences
 from geoident.identify.assessment.diagnostics import diagnose, effective_sd
 from geoident.identify.assessment.later_readings import given_used, later_covariance
-from geoident.identify.assessment.misfit import UNKNOWN, misfit
+from geoident.identify.assessment.misfit import misfit
 from geoident.identify.assessment.prediction_bands import depends_on_gaps, predict_band
 from geoident.identify.assessment.profile_path import Nonlinearity
 from geoident.identify.assessment.truncated_normal import Posterior
@@ -107,12 +106,6 @@ def test_later_readings_given_the_used_ones_are_those_of_conditioning():
     whole = np.diag(LATER_SD**2) + LATER_B @ LATER_B.T
     np.testing.assert_allclose(alone.sd, np.sqrt(np.diag(whole)))
     np.testing.assert_allclose(later_covariance(problem_of(shared=False), LATER), whole)
-    bare = replace(LATER, columns=sp.csr_array((3, 0)), column_component=np.zeros(0, dtype=int))
-    for shared in (True, False):
-        problem = problem_of(shared=shared)
-        found = given_used(problem, v, A, later=bare, later_jacobian=J_later)
-        np.testing.assert_allclose(found.sd, LATER_SD)
-        np.testing.assert_allclose(later_covariance(problem, bare), np.diag(LATER_SD**2))
 
 
 # Residuals
@@ -132,55 +125,6 @@ def test_squares_of_residuals_have_the_moments_of_dense_matrices(shared):
     assert found.freedom == pytest.approx(mean**2 / spread)
     assert found.scale == pytest.approx(np.sqrt(found.squares / mean))
     assert found.above + found.below == pytest.approx(1.0)
-
-
-@pytest.mark.parametrize("shared", [True, False])
-def test_repetitions_of_a_robust_loss_are_linear_fits_to_normal_errors(shared, monkeypatch):
-    """The smallest squares of each, by least squares of the same errors."""
-    problem = problem_of(shared=shared, loss=HuberOptions(1.3))
-    monkeypatch.setattr(misfit_module, "_DRAWS", 250)
-    J = A * SLOPE
-    P = np.array([[0.0, 17.0 / 0.4]])
-    rows = np.concatenate([problem.whiten(J), P])
-    sd = misfit_module._total_sd(problem)
-    total = np.sqrt(SD**2 + (np.sum(B**2, axis=1) if shared else 0.0))
-    np.testing.assert_allclose(sd, total)
-    found = misfit_module._drawn(problem, J, rows, sd, 6)
-    assert found.shape == (250,)
-    rng = np.random.default_rng(0)
-    errors = SD[:, None] * rng.normal(size=(7, 250))
-    if shared:
-        errors = errors + B @ rng.normal(size=(2, 250))
-    white = np.concatenate([problem.whiten(errors), rng.normal(size=(1, 250))])
-    x = np.linalg.lstsq(rows, white, rcond=None)[0]
-    left = np.sort(((errors - J @ x) / total[:, None]) ** 2, axis=0)
-    np.testing.assert_allclose(found, left[:6].sum(axis=0))
-    judged = misfit(problem, AT, A @ AT, A)
-    gap = np.sort(((Y - A @ AT) / total) ** 2)
-    assert judged.squares == pytest.approx(gap[:6].sum())
-    assert judged.mean == pytest.approx(found.mean())
-    assert judged.freedom == pytest.approx(2.0 * found.mean() ** 2 / found.var())
-
-
-@pytest.mark.parametrize(
-    ("entries", "together", "draws"),
-    [(10**9, 10**9, 2000), (7 * 300, 10**9, 300), (7, 10**9, 200), (10**9, 7 * 150, 2100),
-     (10**9, 1, 2000)],
-)  # fmt: skip
-def test_fewer_repetitions_are_made_of_many_readings_and_some_at_a_time(
-    entries, together, draws, monkeypatch
-):
-    monkeypatch.setattr(misfit_module, "_ENTRIES", entries)
-    monkeypatch.setattr(misfit_module, "_TOGETHER", together)
-    problem = problem_of(shared=False)
-    found = misfit_module._drawn(problem, A, A / SD[:, None], SD, 5)
-    assert len(found) == draws
-
-
-@pytest.mark.parametrize(("mean", "spread"), [(0.5, 1.0), (3.0, 0.0)])
-def test_where_nothing_is_left_nothing_is_judged(mean, spread):
-    assert misfit_module._judged(2.0, mean, spread) is UNKNOWN
-    assert misfit_module._judged(2.0, 0.51, 1.0).freedom == pytest.approx(0.51**2)
 
 
 # Priors

@@ -14,7 +14,6 @@ import pytest
 
 from geoident.identify.assessment.prediction_bands import predict_band
 from geoident.identify.assessment.profile_path import (
-    Nonlinearity,
     PathReadings,
     most_truncated,
     with_profile,
@@ -57,7 +56,9 @@ class Site:
         self.evaluations = 0
         here = self.answers(self.p)
         self.linear = assess(self.problem, self.p, here.used_jacobian, here.used)
-        self.known, self.path = with_profile(self.linear, self.problem, self.p, here, self.counted)
+        self.known, self.curved = with_profile(
+            self.linear, self.problem, self.p, here, self.counted
+        )
 
     def answers(self, p):
         return PathReadings(tunnel(p), slopes(tunnel, p), later(p), slopes(later, p))
@@ -67,8 +68,7 @@ class Site:
         return self.answers(p)
 
     def bands(self):
-        curved = None if self.path is None else Nonlinearity.along(self.path, self.known)
-        return predict_band(self.known, slopes(later, self.p), LATER_SD, curved)
+        return predict_band(self.known, slopes(later, self.p), LATER_SD, self.curved)
 
     def on_a_grid(self):
         """Shortest 95 % intervals of E and of the later readings without their own errors."""
@@ -152,7 +152,7 @@ def test_what_seems_determined_on_its_bound_stays_so_only_where_it_is(make_probl
 def test_far_from_bounds_nothing_is_evaluated(make_problem):
     site = Site(make_problem, 2.6, 1)
     assert site.evaluations == 0
-    assert site.path is None
+    assert site.curved is None
     assert site.known is site.linear
 
 
@@ -250,9 +250,8 @@ def test_readings_deviate_as_the_model_does_and_where_it_has_none_not_at_all(mak
     def partly(p):
         return np.array([np.nan, saturating(p)[0]])
 
-    _, known, path = alone(make_problem, readings=partly)
-    curved = Nonlinearity.along(path, known)
-    assert curved.drawn.max() <= path.t[-1]
+    _, _, curved = alone(make_problem, readings=partly)
+    assert curved.drawn.max() <= curved.t[-1]
     deviations = curved.at_draws(slice(None))
     assert deviations.shape == (2, len(curved.drawn))
     np.testing.assert_array_equal(deviations[0], 0.0)
@@ -262,7 +261,7 @@ def test_readings_deviate_as_the_model_does_and_where_it_has_none_not_at_all(mak
     second = curved.of(np.array([False, True]))
     np.testing.assert_array_equal(second.at_draws(slice(0, 1)), deviations[1:])
     beyond = replace(curved, drawn=np.array([-9.0, 99.0]))
-    np.testing.assert_allclose(beyond.at_draws(slice(None)).T, path.deviation[[0, -1]])
+    np.testing.assert_allclose(beyond.at_draws(slice(None)).T, curved.deviation[[0, -1]])
 
 
 def test_the_path_is_that_of_the_parameter_that_a_bound_truncates_most(make_problem):
