@@ -197,7 +197,7 @@ def _determined_pair(known: Knowledge, direction: Direction, covariance: Floats)
         i, j = j, i
     slope = np.zeros(len(known.values))  # of ln p_i + sign ln p_j
     slope[[i, j]] = np.array([1.0, sign]) / known.values[[i, j]]
-    half = NORMAL_95 * float(np.sqrt(max(slope @ covariance @ slope, 0.0)))
+    half = NORMAL_95 * float(np.sqrt(max(float(slope @ covariance @ slope), 0.0)))
     if not half <= PAIR_HALF_WIDTH:
         return ""
     names = known.parameters[i].name, known.parameters[j].name

@@ -85,11 +85,6 @@ class PValue:
     few: float
     far: float
 
-    @property
-    def least(self) -> float:
-        """The smaller of them."""
-        return min(self.few, self.far)
-
 
 @dataclass(frozen=True)
 class Innovations:

@@ -233,7 +233,7 @@ class RestrictedLikelihood:
         priors = np.column_stack([np.zeros((len(self.prior), k)), self.prior_rows, -self.prior])
         zero = np.zeros((1, k + q + 1))  # so that there are as many rows as columns
         rows = np.vstack([*own, np.eye(k, k + q + 1), priors, zero])
-        T = np.linalg.qr(rows, mode="r")
+        T: Floats = np.asarray(np.linalg.qr(rows, mode="r"))
         value = 2.0 * float(np.log(self.structure.sd).sum()) + float(self._count @ np.append(t, 0))
         value += 2.0 * float(np.log(np.abs(np.diag(T)[:-1])).sum()) + float(T[-1, -1]) ** 2
         return value, own, T
@@ -267,7 +267,8 @@ def _triangular(rows: sp.csr_array) -> Floats:
     n = rows.shape[1]
     factor = np.zeros((0, n))
     for some in np.array_split(np.arange(rows.shape[0]), -(-rows.shape[0] * n // _ENTRIES) or 1):
-        factor = np.linalg.qr(np.vstack([factor, rows[some].toarray()]), mode="r")
+        stacked = np.vstack([factor, rows[some].toarray()])
+        factor = np.asarray(np.linalg.qr(stacked, mode="r"))
     return factor
 
 

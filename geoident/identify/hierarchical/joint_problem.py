@@ -137,10 +137,10 @@ class JointUnknowns:
             unknowns += law.constants
         self.n_common = len(unknowns)
         self._unknown_of: list[Ints] = []  # of each parameter of a section; -1: given by a law
-        self._scattered: list[list[tuple[int, int]]] = []  # of each section: law and unknown
+        self._scattered: list[list[tuple[int, int]]] = []  # of each: its parameter, the unknown
         for section in self.sections:
             numbers, scattered = [], []
-            for q in section.parameters:
+            for i, q in enumerate(section.parameters):
                 k = self.law_of(q.name)
                 if q.name in shared:
                     numbers.append(self.shared.index(q.name))
@@ -148,7 +148,7 @@ class JointUnknowns:
                     numbers.append(-1)
                 else:
                     if k is not None:
-                        scattered.append((k, len(unknowns)))
+                        scattered.append((i, len(unknowns)))
                     numbers.append(len(unknowns))
                     prior = q.prior if k is None else None  # the law takes the prior's place
                     unknowns.append(replace(q, name=f"{q.name} of {section.name}", prior=prior))
@@ -260,26 +260,21 @@ class JointUnknowns:
         Args:
             values: (N,) all unknowns, SI.
         """
+        F = self.n_common
+        slope = Scaling(self.unknowns[:F]).slope(values[:F])
         deviations, rows = list[float](), list[Floats]()
-        for section, scattered in zip(self.sections, self._scattered, strict=True):
-            mu, slopes = self.at_laws(section.covariates, values)
-            for k, number in scattered:
+        for s, section in enumerate(self.sections):
+            p, _ = self.point(s, values)
+            Phi, _, deviation = self.by_common(section, p, values)
+            for i, number in self._scattered[s]:
                 row = np.zeros(len(values))
-                row[: self.n_common] = -slopes[k] / self._size(k, mu[k])
-                row[number] = 1.0 / self._size(k, values[number])
-                deviations.append(self._deviation(k, values[number], mu[k]))
+                row[:F], row[number] = (
+                    -Phi[i] / slope,
+                    1.0 / Scaling(section.parameters).slope(p)[i],
+                )
+                deviations.append(deviation[i])
                 rows.append(row)
         return np.array(deviations), np.array(rows).reshape(-1, len(values))
-
-    def _size(self, k: int, value: float) -> float:
-        """dp/dx of the parameter of a law, SI."""
-        return float(value if self.law_scaling.log[k] else self.law_scaling.reference[k])
-
-    def _deviation(self, k: int, value: float, mu: float) -> float:
-        """x(value) - x(mu) of the parameter of a law."""
-        if self.law_scaling.log[k]:
-            return float(np.log(value) - np.log(mu))
-        return float((value - mu) / self.law_scaling.reference[k])
 
     def by_common(
         self, section: SectionReadings, p: Floats, values: Floats
@@ -302,8 +297,11 @@ class JointUnknowns:
         for i, q in enumerate(section.parameters):
             k = self.law_of(q.name)
             if k is not None:
-                Z[i, k], Phi[i] = 1.0, slopes[k] * slope / self._size(k, mu[k])
-                deviation[i] = self._deviation(k, p[i], mu[k])
+                Z[i, k], Phi[i] = 1.0, slopes[k] * slope / self.law_scaling.slope(mu)[k]
+                if self.law_scaling.log[k]:
+                    deviation[i] = np.log(p[i]) - np.log(mu[k])
+                else:
+                    deviation[i] = (p[i] - mu[k]) / self.law_scaling.reference[k]
             elif q.name in self.shared:
                 Phi[i, self.shared.index(q.name)] = 1.0
         return Phi, Z, deviation
@@ -315,7 +313,11 @@ class JointUnknowns:
             models: of the sections.
             tau: (K,) scatter about the laws, on their scales.
         """
-        laws = [k for scattered in self._scattered for k, _ in scattered]
+        laws = [
+            self._law_numbers[section.parameters[i].name]
+            for section, scattered in zip(self.sections, self._scattered, strict=True)
+            for i, _ in scattered
+        ]
         blocks = [
             sp.csr_array((len(section.sd), 0)) if section.shared is None else section.shared.columns
             for section in self.sections
@@ -330,6 +332,7 @@ class JointUnknowns:
         )
 
 
+@dataclass(frozen=True)
 class JointResponse:
     """The readings of all sections, and the rows of the laws, as one response.
 
@@ -338,24 +341,24 @@ class JointResponse:
         models: of the sections.
     """
 
-    def __init__(self, joint: JointUnknowns, models: SectionModels) -> None:
-        self._joint, self._models = joint, models
+    joint: JointUnknowns
+    models: SectionModels
 
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the N unknowns."""
-        return tuple(q.name for q in self._joint.unknowns)
+        return tuple(q.name for q in self.joint.unknowns)
 
     @property
     def counts(self) -> Counts:
         """Costs so far."""
-        return self._models.counts
+        return self.models.counts
 
     def admissible(self, p: Floats) -> str | None:
         """Why p (N,) is outside the domain, or None if it is inside."""
         try:
-            self._joint.points(p)
-            self._joint.law_rows(p)
+            self.joint.points(p)
+            self.joint.law_rows(p)
         except ModelError as error:
             return str(error)
         return None
@@ -366,17 +369,17 @@ class JointResponse:
 
     def evaluate(self, p: Floats) -> tuple[Floats, Floats]:
         """v(p), (g,), and its exact Jacobian, (g, N)."""
-        sections = range(len(self._joint.sections))
-        points, slopes = zip(*(self._joint.point(s, p) for s in sections), strict=True)
-        answers = self._models.evaluate(dict(enumerate(points)))
-        deviations, rows = self._joint.law_rows(p)
+        sections = range(len(self.joint.sections))
+        points, slopes = zip(*(self.joint.point(s, p) for s in sections), strict=True)
+        answers = self.models.evaluate(dict(enumerate(points)))
+        deviations, rows = self.joint.law_rows(p)
         v = [answers[s][0] for s in sections]
         J = [answers[s][1] @ slopes[s] for s in sections]
         return np.concatenate([*v, deviations]), np.concatenate([*J, rows])
 
     def sharpen(self, p: Floats) -> bool:
         """Improve the Jacobians at p (N,); returns whether any could be improved."""
-        return self._models.sharpen(self._joint.points(p))
+        return self.models.sharpen(self.joint.points(p))
 
 
 def sd_of_bounds(parameter: Parameter) -> float:

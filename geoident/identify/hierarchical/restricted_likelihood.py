@@ -274,7 +274,7 @@ def scatter_posterior(linear: LinearSections, tau: Floats, free: Bools) -> Scatt
     if not len(dims):
         return ScatterPosterior(tau[None, :], np.ones(1))
     top, least = linear.largest[dims].copy(), linear.minus_two_log(tau)
-    for j, k in enumerate(dims):  # up to where the posterior ends
+    for j, k in enumerate(dims.tolist()):  # up to where the posterior ends
         for size in np.geomspace(1e-4, 1.0, 60) * linear.largest[k]:
             if size > tau[k] and linear.minus_two_log(_replaced(tau, k, size)) > least + _DROP:
                 top[j] = size

@@ -27,8 +27,8 @@ _ROUNDS = 40
 _SETTLED = 1e-5
 """Relative change of a scatter that ends the rounds: a thousandth of what is known of it."""
 
-_ROUGH = 1e-8
-"""Tolerance of descents as long as the scatter is not settled."""
+_ROUGH, _FINE = 1e-8, 1e-12
+"""Tolerance of descents as long as the scatter is not settled, and of the last one."""
 
 _FIRST_SCATTER = 0.25
 """Of the largest scatter: where the search for it begins."""
@@ -77,8 +77,6 @@ def fit_sections(
     laws: Sequence[ParameterLaw],
     models: SectionModels,
     observe: Observer,
-    *,
-    options: GaussNewtonOptions | None = None,
     begin: SectionsStart | None = None,
 ) -> HierarchicalFit:
     """The most likely scatter of sections about laws, and all other unknowns at it.
@@ -92,14 +90,11 @@ def fit_sections(
         laws: of others.
         models: of the sections.
         observe: is told of every trial; its reason to stop ends the search.
-        options: tolerance and steps of each descent.
         begin: where to begin; None for the starts of the parameters.
 
     Raises:
         ModelError: a model has no solution at the start.
     """
-    options = options or GaussNewtonOptions(tolerance=1e-12)
-    rough = replace(options, tolerance=max(options.tolerance, _ROUGH))
     begin = begin or SectionsStart()
     free = np.array([law.scatter.kind == "estimate" for law in laws], dtype=np.bool_)
     joint = JointUnknowns(sections, shared, laws, np.ones(len(laws), dtype=np.bool_))
@@ -118,7 +113,8 @@ def fit_sections(
         joint = JointUnknowns(sections, shared, laws, tau > 0.0)
         problem = joint.problem(models, tau).begun_at(joint.joined(common, points))
         history = History("gauss-newton", problem.response, observe)
-        descent = gauss_newton_descent(Discrepancy(problem), options if last else rough, history)
+        options = GaussNewtonOptions(tolerance=_FINE if last else _ROUGH)
+        descent = gauss_newton_descent(Discrepancy(problem), options, history)
         first = descent.evaluator.evaluate(descent.evaluator.scaling.start)
         descent.evaluator.record(first.x, first, 0.0, "start")
         end = descent.run(first)

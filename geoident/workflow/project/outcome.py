@@ -430,7 +430,7 @@ def predicted_section(
         )
     except ModelError:
         none = np.full(len(sd), np.nan)
-        bands = ReadingBands(none, none, none, none, none)
+        bands = ReadingBands(none, none, none)
     readings = [
         SectionReading(
             section.name, one.gauge, one.stage, one.measured, one.sd, False,
