@@ -66,3 +66,12 @@ def test_no_solution_at_an_end_is_not_linear(make_problem):
     ends, said, _ = asked(make_problem, 0.5 * np.linalg.norm(MOTION), function=breaks)
     assert ends.below == np.inf
     assert said
+
+
+def test_the_least_known_parameter_in_its_value_is_asked(make_problem):
+    two = (Parameter("a", 1.0, -9.0, 9.0), Parameter("b", 1.0, -9.0, 9.0))
+    values = np.array([2.0, 1.0])
+    problem = make_problem(lambda p: p, two, values, np.array([0.5, 0.4]))
+    ends = interval_ends(problem, assess(problem, values, np.eye(2), values), values)
+    assert ends.parameter == 1
+    assert [ends.below, ends.above] == pytest.approx([3.8415] * 2, rel=1e-3)

@@ -8,8 +8,10 @@ from geoident.identify.assessment.variance_components import (
     LikelihoodTerms,
     RestrictedLikelihood,
     estimate_components,
+    likelihood_at,
 )
 from geoident.identify.problem.errors import ErrorStructure
+from geoident.model.parameter import Parameter
 
 A, N = 8, 5
 GROUPS = sp.csr_array(np.kron(np.eye(A), np.ones((N, 1))))
@@ -160,9 +162,18 @@ def test_factors_end_at_their_bounds():
 # The model linearised at the estimate
 
 
-OWN = ErrorStructure(
-    np.ones(3), np.zeros(3, dtype=int), sp.csr_array((3, 0)), np.zeros(0, int), ("own",)
-)
+@pytest.mark.parametrize(("lower", "freedom"), [(-9.0, 1), (3.0, 0)])
+def test_a_parameter_on_its_bound_takes_no_degree_of_freedom(make_problem, y, lower, freedom):
+    """Repeated readings of one quantity, whose mean is fitted or held by its bound."""
+    at = np.array([y.mean() if freedom else lower])
+    mean = Parameter("m", at[0], lower, 9.0)
+    problem = make_problem(lambda p: np.full(40, p[0]), [mean], y, np.ones(40))
+    none = sp.csr_array((40, 0))
+    structure = ErrorStructure(np.ones(40), np.zeros(40, int), none, np.zeros(0, int), ("own",))
+    readings, J = problem.response.evaluate(at)
+    found = estimate_components(likelihood_at(problem, structure, at, readings, J), np.zeros(1))
+    expected = np.sum((y - at[0]) ** 2) / (40 - freedom)
+    assert np.exp(found.log_factor[0]) == pytest.approx(expected, rel=1e-6)
 
 
 @pytest.mark.parametrize("t", [(0.3, -0.4, 0.2), (-9.0, -8.0, 3.0)])
