@@ -87,36 +87,26 @@ def conflict_sentences(
         parameters: the n unknowns.
         reference: (n,) by which linear parameters are divided in x.
     """
-    return tuple(_conflict(one, parameters[one.parameter], reference) for one in conflicts)
-
-
-def _conflict(conflict: PriorConflict, parameter: Parameter, reference: Floats) -> str:
-    prior = parameter.prior
-    assert prior is not None
-    size = 1.0 if parameter.scale == "log" else float(reference[conflict.parameter])
-    ends = [conflict.x + step * NORMAL_95 * conflict.sd_x for step in (0.0, -1.0, 1.0)]
-    natural = [float(np.exp(x)) if parameter.scale == "log" else size * x for x in ends]
-    unit = parameter.unit, parameter.dimension
-    value, low, high = (f"{in_unit(number, *unit):.3g}" for number in natural)
-    mean, sd = (f"{in_unit(number, *unit):.3g}" for number in (prior.mean, prior.sd))
-    word = shown_unit(*unit)
-    chance = 2.0 * float(ndtr(-abs(conflict.distance)))
-    return (
-        f"The prior of {parameter.name} ({mean} +- {sd} {word}".rstrip()
-        + f") contradicts the readings: without it they give {value} {word}".rstrip()
-        + f" (95 %: {low} to {high}), {abs(conflict.distance):.1f} standard deviations from it. By "
-        f"chance this happens in {_one_of(chance)} fits. The result lies between the two: the "
-        "prior, the accuracies or the model is wrong."
-    )
-
-
-def _one_of(chance: float) -> str:
-    """A probability in words.
-
-    >>> _one_of(0.0124), _one_of(1e-9)
-    ('1 of 81', 'less than 1 of 10 000')
-    """
-    return f"1 of {1.0 / chance:.0f}" if chance > 1e-4 else "less than 1 of 10 000"
+    sentences = []
+    for conflict in conflicts:
+        q, size = parameters[conflict.parameter], float(reference[conflict.parameter])
+        assert q.prior is not None
+        steps = np.array([0.0, -NORMAL_95, NORMAL_95])
+        x = conflict.x + steps * conflict.sd_x
+        natural = [*(np.exp(x) if q.scale == "log" else size * x), q.prior.mean, q.prior.sd]
+        value, low, high, mean, sd = (
+            f"{in_unit(float(number), q.unit, q.dimension):.3g}" for number in natural
+        )
+        unit = f" {shown_unit(q.unit, q.dimension)}".rstrip()
+        chance = 2.0 * float(ndtr(-abs(conflict.distance)))
+        seldom = f"1 of {1.0 / chance:.0f}" if chance > 1e-4 else "less than 1 of 10 000"
+        sentences.append(
+            f"The prior of {q.name} ({mean} +- {sd}{unit}) contradicts the readings: without it "
+            f"they give {value}{unit} (95 %: {low} to {high}), {abs(conflict.distance):.1f} "
+            f"standard deviations from it. By chance this happens in {seldom} fits. The result "
+            "lies between the two: the prior, the accuracies or the model is wrong."
+        )
+    return tuple(sentences)
 
 
 def tied_sentences(
@@ -129,10 +119,16 @@ def tied_sentences(
         correlation: (k, k) NaN where they are not determined.
         inseparable: sentences on parameters that cannot be separated at all.
     """
+    heads = [
+        text.partition(":")[0].replace(",", " ").split()
+        for text in inseparable
+        if text.startswith("The readings cannot separate ")
+    ]
     for i, one in enumerate(parameters):
-        for j in range(i + 1, len(parameters)):
-            other, size = parameters[j], float(correlation[i, j])
-            if not abs(size) >= TIED or _in_one_sentence(one.name, other.name, inseparable):
+        for j, other in enumerate(parameters[i + 1 :], start=i + 1):
+            size = float(correlation[i, j])
+            said = any(one.name in names and other.name in names for names in heads)
+            if said or not abs(size) >= TIED:
                 continue
             how = (
                 "both larger or both smaller" if size > 0.0 else "one larger and the other smaller"
@@ -142,11 +138,3 @@ def tied_sentences(
                 f"{how}, they would fit the readings nearly as well. A prior on one of them would "
                 "narrow both."
             )
-
-
-def _in_one_sentence(one: str, other: str, sentences: Sequence[str]) -> bool:
-    head = [
-        text.partition(":")[0] for text in sentences if text.startswith("The readings cannot sepa")
-    ]
-    words = [text.replace(",", " ").split() for text in head]
-    return any(one in named and other in named for named in words)

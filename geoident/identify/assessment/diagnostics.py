@@ -34,12 +34,13 @@ Computed once, from the Jacobian at the estimate; no evaluation of the model.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
+import scipy.sparse as sp
 
 from geoident.identify.assessment.uncertainty import Assessment
+from geoident.identify.problem.errors import Covariance, SharedErrors
 from geoident.identify.problem.losses import robust_scale, weights
 from geoident.identify.problem.problem import Problem, own_residuals
 from geoident.model.arrays import Floats, Ints
@@ -102,46 +103,22 @@ def diagnose(
         jacobian: (g, n) its derivative, SI.
         sets: (g,) number of the set, from 0, in which each reading is removed.
     """
-    if problem.shared is not None:
-        return _diagnose_correlated(problem, assessment, readings, jacobian, sets)
-    e = (problem.measured - readings) / problem.sd
-    w = weights(problem.loss, e)
-    B = jacobian * assessment.slope * (np.sqrt(w) / problem.sd)[:, None]
-    C = assessment.held_covariance_x
-    leverage = np.einsum("gi,ij,gj->g", B, C, B)
-    influence, distance = _removed(B, np.column_stack([B, np.sqrt(w) * e]), sets, C)
-    spare = np.where(leverage < ALONE, 1.0 - leverage, np.nan)
-    return ReadingInfluence(
-        standardized=e,
-        studentized=e / np.sqrt(spare),
-        weight=w,
-        leverage=leverage,
-        influence=influence,
-        distance=distance,
-        scale=robust_scale(e),
-    )
-
-
-def _diagnose_correlated(
-    problem: Problem, assessment: Assessment, readings: Floats, jacobian: Floats, sets: Ints
-) -> ReadingInfluence:
-    """The same where readings share errors."""
-    gap = problem.measured - readings
-    w = _weights(problem, readings)
-    weighted = replace(problem, sd=problem.sd / np.sqrt(w))
-    assert weighted.covariance is not None
-    covariance, C = weighted.covariance, assessment.held_covariance_x
+    gap, w = problem.measured - readings, _weights(problem, readings)
+    sd = problem.sd / np.sqrt(w)
+    none = SharedErrors(sp.csr_array((len(gap), 0)))
+    covariance, C = Covariance(sd, problem.shared or none), assessment.held_covariance_x
     pull = covariance.solve(jacobian * assessment.slope)
     force, own = covariance.solve(gap), covariance.inverse_diagonal
     left = np.maximum(own - np.einsum("gi,ij,gj->g", pull, C, pull), 0.0) / own
     # rows of a set are weighted by the covariance of its errors given all others
     moved = np.column_stack([pull, force]) / own[:, None]
-    for rows in _members(sets):
-        if len(rows) > 1:
+    order = np.argsort(sets, kind="stable")
+    for rows in np.split(order, np.flatnonzero(np.diff(sets[order])) + 1):
+        if problem.shared is not None and len(rows) > 1:
             of_set = np.column_stack([pull[rows], force[rows]])
             moved[rows] = covariance.without_others(rows, of_set)
     influence, distance = _removed(pull, moved, sets, C)
-    e = force / own / np.sqrt(1.0 / own + problem.sd**2 - weighted.sd**2)
+    e = force / own / np.sqrt(1.0 / own + problem.sd**2 - sd**2)
     spare = np.where(left > 1.0 - ALONE, left, np.nan)
     return ReadingInfluence(
         standardized=e,
@@ -152,12 +129,6 @@ def _diagnose_correlated(
         distance=distance,
         scale=robust_scale(e),
     )
-
-
-def _members(sets: Ints) -> Iterator[Ints]:
-    """The numbers (r,) of the readings of every set."""
-    order = np.argsort(sets, kind="stable")
-    yield from np.split(order, np.flatnonzero(np.diff(sets[order])) + 1)
 
 
 def _removed(pull: Floats, moved: Floats, sets: Ints, C: Floats) -> tuple[Floats, Floats]:

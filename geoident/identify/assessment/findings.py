@@ -28,7 +28,6 @@ NOTICEABLE = 0.15
 SIMILAR = 0.05
 """Entries that differ by less than this part count as equal."""
 
-
 LEANING = 0.5
 """Share of a parameter's variance due to the prior of another from which on this is reported."""
 
@@ -72,19 +71,9 @@ class Direction:
         )
 
     @property
-    def single(self) -> bool:
-        """One parameter only."""
-        return len(self.indices) == 1
-
-    @property
     def equal(self) -> bool:
         """All entries are relative changes of the same size."""
         return self.relative and min(abs(a) for a in self.weights) > 1.0 - SIMILAR
-
-    @property
-    def subjects(self) -> str:
-        """The parameters in a list, such as ``E and sigma_v``."""
-        return join(self.names)
 
     def phrase(self) -> str:
         """Why the readings cannot separate the parameters along the direction.
@@ -169,7 +158,7 @@ def describe_gaps(known: Knowledge, covariance: Floats) -> tuple[str, ...]:
     gaps = known.whole.undetermined_vectors
     remaining = list(known.directions(gaps))
     held = list(known.directions(without(known.readings.undetermined_vectors, gaps)))
-    reported = {d.indices[0] for d in remaining + held if d.single}
+    reported = {d.indices[0] for d in remaining + held if len(d.indices) == 1}
     return (
         *(_gap(d, _determined_pair(known, d, covariance)) for d in remaining),
         *(_held(known, d, _determined_pair(known, d, covariance)) for d in held),
@@ -180,23 +169,22 @@ def describe_gaps(known: Knowledge, covariance: Floats) -> tuple[str, ...]:
 
 def _gap(direction: Direction, pair: str) -> str:
     """A direction that nothing determines."""
-    if direction.single:
-        return f"The readings do not determine {direction.subjects}."
-    return f"The readings cannot separate {direction.subjects}: {direction.phrase()}.{pair}"
+    names = join(direction.names)
+    if len(direction.names) == 1:
+        return f"The readings do not determine {names}."
+    return f"The readings cannot separate {names}: {direction.phrase()}.{pair}"
 
 
 def _held(known: Knowledge, direction: Direction, pair: str) -> str:
     """A direction that only a prior determines."""
     names = [q.name for q in known.parameters if q.prior and q.name in direction.names]
-    priors = "priors" if len(names) != 1 else "prior"
-    prior = f"the {priors} of {join(names)}" if names else "the priors"
-    if direction.single:
-        return (
-            f"The readings do not determine {direction.subjects}: "
-            f"it is known only from {'its prior' if names else 'the priors'}."
-        )
-    separates = "separates" if len(names) == 1 else "separate"
-    return f"{_gap(direction, '')} Only {prior} {separates} them.{pair}"
+    if len(direction.names) == 1:
+        prior = "its prior" if names else "the priors"
+        return f"{_gap(direction, '')[:-1]}: it is known only from {prior}."
+    one = len(names) == 1
+    of = f" of {join(names)}" if names else ""
+    separate = f"the prior{of} separates" if one else f"the priors{of} separate"
+    return f"{_gap(direction, '')} Only {separate} them.{pair}"
 
 
 def _determined_pair(known: Knowledge, direction: Direction, covariance: Floats) -> str:
@@ -207,7 +195,9 @@ def _determined_pair(known: Knowledge, direction: Direction, covariance: Floats)
     sign = -1.0 if direction.weights[1] > 0.0 else 1.0
     if sign < 0.0 and abs(known.values[i]) > abs(known.values[j]):
         i, j = j, i
-    half = NORMAL_95 * _log_sd(known.values, covariance, (i, j), sign)
+    slope = np.zeros(len(known.values))  # of ln p_i + sign ln p_j
+    slope[[i, j]] = np.array([1.0, sign]) / known.values[[i, j]]
+    half = NORMAL_95 * float(np.sqrt(max(float(slope @ covariance @ slope), 0.0)))
     if not half <= PAIR_HALF_WIDTH:
         return ""
     names = known.parameters[i].name, known.parameters[j].name
@@ -217,41 +207,26 @@ def _determined_pair(known: Knowledge, direction: Direction, covariance: Floats)
     return f" {text} is determined: {value:.4g} (95 %: {low:.4g} to {high:.4g}, SI units)."
 
 
-def _log_sd(values: Floats, covariance: Floats, pair: tuple[int, int], sign: float) -> float:
-    """Standard deviation of ln p_i + sign ln p_j."""
-    g = np.zeros(len(values))
-    g[list(pair)] = np.array([1.0, sign]) / values[list(pair)]
-    variance = float(g @ covariance @ g)
-    return float(np.sqrt(max(variance, 0.0)))
-
-
 def _prior_only(known: Knowledge, reported: set[int]) -> Iterator[str]:
-    """Parameters that hardly gained from the readings."""
-    for i, parameter in enumerate(known.parameters):
-        if known.from_prior[i] and i not in reported:
-            leaning = _leaning_on(known, i)
-            also = f" The results for {join(leaning)} rest mainly on that prior." if leaning else ""
-            yield (
-                f"{parameter.name} is known only from its prior: the readings hardly add to it."
-                + also
-            )
-
-
-def _leaning_on(known: Knowledge, prior_of: int) -> list[str]:
-    """Parameters whose variance comes mainly from the prior of another one.
+    """Parameters that hardly gained from the readings, and those that lean on their priors.
 
     With the posterior covariance C, an error of one standard deviation in the prior row P_k
     moves the estimate by C P_k^T, so (C P_k^T)_i^2 / C_ii is its share of the variance of i.
     """
     covariance = known.whole.determined_covariance
-    rows = known.prior_rows[known.prior_rows[:, prior_of] != 0.0]
-    part = ((covariance @ rows.T) ** 2).sum(axis=1)
-    shares = part / np.maximum(np.diag(covariance), 1e-300)
-    return [
-        q.name
-        for j, q in enumerate(known.parameters)
-        if j != prior_of and not known.from_prior[j] and shares[j] > LEANING
-    ]
+    for i, parameter in enumerate(known.parameters):
+        if not known.from_prior[i] or i in reported:
+            continue
+        rows = known.prior_rows[known.prior_rows[:, i] != 0.0]
+        part = ((covariance @ rows.T) ** 2).sum(axis=1)
+        leans = part / np.maximum(np.diag(covariance), 1e-300) > LEANING
+        leaning = [
+            q.name
+            for j, q in enumerate(known.parameters)
+            if j != i and not known.from_prior[j] and leans[j]
+        ]
+        also = f" The results for {join(leaning)} rest mainly on that prior." if leaning else ""
+        yield f"{parameter.name} is known only from its prior: the readings hardly add to it.{also}"
 
 
 def _bounds(known: Knowledge) -> Iterator[str]:

@@ -25,14 +25,12 @@ P is computed by `truncated_normal`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from scipy.special import gammaln, ndtr
 
 from geoident.identify.assessment.diagnostics import effective_sd
+from geoident.identify.assessment.spectrum import admissible_ranges
 from geoident.identify.assessment.truncated_normal import log_probability_within
-from geoident.identify.assessment.uncertainty import UNBOUNDED_RANGE
 from geoident.identify.problem.errors import Covariance
 from geoident.identify.problem.problem import Linearization, Problem
 from geoident.identify.problem.scaling import Scaling
@@ -47,32 +45,22 @@ a ten-thousandth, narrow enough to make the curvature invertible."""
 _LOG_2PI = float(np.log(2.0 * np.pi))  # of normal densities
 
 
-@dataclass(frozen=True)
-class LaplaceMass:
-    """What a minimum holds.
-
-    Args:
-        log_mass: logarithm of M.
-        covariance_x: (n, n) H^-1 in the scaled parameters, before the bounds; zero for parameters
-            whose bounds coincide, which take no part.
-    """
-
-    log_mass: float
-    covariance_x: Floats
-
-
-def laplace_mass(at: Linearization, x: Floats, scaling: Scaling) -> LaplaceMass:
+def laplace_mass(at: Linearization, x: Floats, scaling: Scaling) -> tuple[float, Floats]:
     """What the minimum at x (n,) holds.
 
     Args:
         at: residuals and Jacobian there.
         x: (n,) scaled parameters.
         scaling: of them.
+
+    Returns:
+        The logarithm of M, and H^-1 (n, n) in the scaled parameters, before the bounds; zero for
+        parameters whose bounds coincide, which take no part.
     """
     free = np.flatnonzero(scaling.upper > scaling.lower)
     lower, upper, n = scaling.lower[free], scaling.upper[free], len(free)
     J, r = at.jacobian[:, free], at.residual
-    width = np.where(np.isfinite(upper - lower), upper - lower, UNBOUNDED_RANGE)
+    width = admissible_ranges(scaling)[free]
     A = np.concatenate([J * width, np.eye(n) / FLAT])  # in ranges, for the numbers' sake
     _, S, Vt = np.linalg.svd(A, full_matrices=False)
     inverse = (Vt.T / S**2) @ Vt
@@ -86,7 +74,7 @@ def laplace_mass(at: Linearization, x: Floats, scaling: Scaling) -> LaplaceMass:
     log_mass = -0.5 * lowest + 0.5 * n * _LOG_2PI - log_root + inside
     covariance_x = np.zeros((len(x), len(x)))
     covariance_x[np.ix_(free, free)] = covariance
-    return LaplaceMass(log_mass, covariance_x)
+    return log_mass, covariance_x
 
 
 def log_prior_volume(parameters: tuple[Parameter, ...]) -> float:

@@ -21,8 +21,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.sparse as sp
 
-from geoident.identify.problem.errors import ErrorStructure, SharedErrors
+from geoident.identify.problem.errors import Covariance, ErrorStructure, SharedErrors
 from geoident.identify.problem.problem import Problem
 from geoident.model.arrays import Floats
 
@@ -59,17 +60,21 @@ def given_used(
         later: the errors of the later readings, with the shared errors of the used ones.
         later_jacobian: (l, n) SI.
     """
-    sd, shared = later.stated
-    if problem.covariance is None or shared is None:
-        total = sd**2 + _squares(shared) if shared is not None else sd**2
-        return LaterReadings(np.zeros(len(sd)), later_jacobian, np.sqrt(total))
-    used, B = problem.covariance, shared.columns
-    variance = sd**2 + used.conditional_variance(B)
+    B, used = later.columns, _errors_of_used(problem, later)
+    variance = later.sd**2 + used.conditional_variance(B)
     return LaterReadings(
         np.asarray(B @ used.expected_shared(problem.measured - readings)),
         later_jacobian - B @ used.expected_shared(jacobian),
-        np.sqrt(np.maximum(variance, sd**2)),
+        np.sqrt(np.maximum(variance, later.sd**2)),
     )
+
+
+def _errors_of_used(problem: Problem, later: ErrorStructure) -> Covariance:
+    """Covariance of the used readings, which share nothing where the problem says so."""
+    if problem.covariance is not None:
+        return problem.covariance
+    none = sp.csr_array((len(problem.sd), later.columns.shape[1]))
+    return Covariance(problem.sd, SharedErrors(none))
 
 
 def later_covariance(problem: Problem, later: ErrorStructure) -> Floats:
@@ -79,13 +84,8 @@ def later_covariance(problem: Problem, later: ErrorStructure) -> Floats:
         problem: the used readings.
         later: the errors of the later readings, with the shared errors of the used ones.
     """
-    sd, shared = later.stated
-    covariance = np.array(np.diag(sd**2))
-    if shared is not None and problem.covariance is None:
-        covariance += (shared.columns @ shared.columns.T).toarray()
-    elif shared is not None and problem.covariance is not None:
-        covariance += problem.covariance.conditional_covariance(shared.columns)
-    return covariance
+    left = _errors_of_used(problem, later).conditional_covariance(later.columns)
+    return np.asarray(np.diag(later.sd**2) + left)
 
 
 def simulated_readings(
@@ -104,20 +104,11 @@ def simulated_readings(
         later: the errors of the later readings, with the shared errors of the used ones.
         rng: of random numbers.
     """
-    sd, shared = later.stated
-    drawn = np.asarray(later_answers + sd * rng.standard_normal(later_answers.shape))
-    if shared is None:
+    B, used = later.columns, _errors_of_used(problem, later)
+    drawn = np.asarray(later_answers + later.sd * rng.standard_normal(later_answers.shape))
+    if not B.shape[1]:
         return drawn
-    z = rng.standard_normal((len(answers), len(shared)))
-    drawn += (shared.columns @ z.T).T
-    used = problem.covariance
-    if used is None:
-        return drawn
+    z = rng.standard_normal((len(answers), B.shape[1]))
     errors = (used.shared.columns @ z.T).T + problem.sd * rng.standard_normal(answers.shape)
     known = used.expected_shared((problem.measured - answers - errors).T)
-    return np.asarray(drawn + (shared.columns @ known).T)
-
-
-def _squares(shared: SharedErrors) -> Floats:
-    """Variance (l,) of what each reading shares."""
-    return np.asarray(shared.columns.power(2).sum(axis=1), dtype=np.float64).ravel()
+    return np.asarray(drawn + (B @ (z.T + known)).T)

@@ -25,7 +25,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import chdtr, chdtrc, chdtri
+from scipy.special import chdtr, chdtrc
 
 from geoident.identify.problem.problem import Problem
 from geoident.identify.problem.scaling import Scaling
@@ -102,35 +102,24 @@ def misfit(problem: Problem, values: Floats, readings: Floats, jacobian: Floats)
         mean = len(gap) - float(np.sum(seen**2))
         spread = mean - float(np.sum(seen**2)) + float(np.sum((seen.T @ seen) ** 2))
         with np.errstate(over="ignore"):
-            return _judged(float(left @ left), mean, spread)
+            return judged(float(left @ left), mean, spread)
     kept = len(gap) - int(LEFT_OUT * len(gap))
-    sd = _total_sd(problem)
+    sd = problem.sd  # of each reading with all that it shares
+    if problem.shared is not None:
+        sd = np.sqrt(sd**2 + np.ravel(problem.shared.columns.power(2).sum(axis=1)))
     drawn = _drawn(problem, J, rows, sd, kept)
     with np.errstate(over="ignore"):
         squares = float(np.sort((gap / sd) ** 2)[:kept].sum())
-    return _judged(squares, float(drawn.mean()), float(drawn.var()) / 2.0)
+    return judged(squares, float(drawn.mean()), float(drawn.var()) / 2.0)
 
 
-def _judged(squares: float, mean: float, spread: float) -> Misfit:
-    """Squares by a distribution with a mean and half a variance."""
+def judged(squares: float, mean: float, spread: float) -> Misfit:
+    """Squares of residuals by the distribution of their mean and half their variance."""
     if mean <= _LEAST or spread <= 0.0:
         return UNKNOWN
     freedom = mean**2 / spread
     x = min(squares * mean / spread, 1e300)
     return Misfit(squares, mean, freedom, float(chdtrc(freedom, x)), float(chdtr(freedom, x)))
-
-
-def limit(judged: Misfit, probability: float) -> float:
-    """The scale that chance exceeds with a probability."""
-    return float(np.sqrt(chdtri(judged.freedom, probability) / judged.freedom))
-
-
-def _total_sd(problem: Problem) -> Floats:
-    """Standard deviation of each reading (g,) with all that it shares, SI."""
-    if problem.shared is None:
-        return problem.sd
-    shared = np.asarray(problem.shared.columns.power(2).sum(axis=1)).ravel()
-    return np.asarray(np.sqrt(problem.sd**2 + shared), dtype=np.float64)
 
 
 def _drawn(problem: Problem, J: Floats, rows: Floats, sd: Floats, kept: int) -> Floats:

@@ -27,11 +27,11 @@ explains all residuals would let them vanish.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.linalg import solve_triangular
 
 from geoident.identify.assessment.unknown_variances import with_possible
 from geoident.identify.assessment.variance_components import (
@@ -42,7 +42,7 @@ from geoident.identify.assessment.variance_components import (
     estimate_components,
     likeliest_factors,
 )
-from geoident.identify.problem.errors import SharedErrors, scaled_rows
+from geoident.identify.problem.errors import Covariance, SharedErrors
 from geoident.model.arrays import Floats
 
 PRIOR_SD = 0.3
@@ -196,24 +196,26 @@ def weigh_all(
         free: whether scatter and zeros may be other than stated; else they are as stated.
     """
     sizes = ZEROS if zeros is not None else ZEROS[:1]
-    sums = _Sums(likelihood, columns, zeros)
-    spectra = [_Spectrum(sums, z) for z in sizes.tolist()]
-    values = np.stack([spectrum.values(SIZES, FACTORS) for spectrum in spectra], axis=2)
+    minus_two_l = [_spectrum(likelihood, columns, zeros, z) for z in sizes.tolist()]
+    values = np.stack([of(SIZES, FACTORS) for of in minus_two_l], axis=2)
     prior = np.zeros((len(FACTORS), len(sizes)))
     prior[0, 0] = 1.0
     if free:
         of_zero = _zero_prior() if zeros is not None else np.ones(1)
         prior = np.outer(_factor_prior(), of_zero)
     joint = _weights(values, prior)
-    empty = np.zeros(0)
-    unknown = VarianceComponents(empty, np.zeros((0, 0)), empty, empty, np.nan)
-    weights = SizeWeights(joint, values, prior, unknown)
-    factor, zero = np.array([weights.factor]), weights.zero
-    used = _Spectrum(sums, zero).values(np.array([weights.size]), factor)
-    roots = [*factor, factor[0] * max(zero, _NOTHING)][: len(sizes[:2])] if free else []
+    none = np.zeros(0)
+    found = SizeWeights(
+        joint, values, prior, VarianceComponents(none, np.zeros((0, 0)), none, none, np.nan)
+    )
+    factor, zero = found.factor, found.zero
+    at_used = _spectrum(likelihood, columns, zeros, zero)(
+        np.array([found.size]), np.array([factor])
+    )
+    roots = [factor, factor * max(zero, _NOTHING)][: len(sizes[:2])] if free else []
     t = 2.0 * np.log(np.array(roots))
-    at_used = VarianceComponents(t, np.zeros((len(t), len(t))), t, t, float(used[0, 0]))
-    return SizeWeights(joint, values, prior, at_used)
+    used = VarianceComponents(t, np.zeros((len(t), len(t))), t, t, float(at_used[0, 0]))
+    return replace(found, components=used)
 
 
 _NOTHING = 1e-4
@@ -242,127 +244,54 @@ def at_size(likelihood: Likelihood, eta: float, start: Floats) -> VarianceCompon
         start: (c,) logarithms of the factors of the others to begin with.
     """
     held = _held(likelihood, eta)
-    if len(start):
-        return with_possible(held, estimate_components(held, start))
-    nothing = np.zeros(0)
-    return VarianceComponents(nothing, np.zeros((0, 0)), nothing, nothing, held.value(nothing))
+    return with_possible(held, estimate_components(held, start))
 
 
 def _held(likelihood: Likelihood, eta: float) -> ConditionalLikelihood:
     return ConditionalLikelihood(likelihood, 2.0 * np.log(eta), ACCURACY_SPREAD)
 
 
-class _Sums:
-    """Sums over the readings that give the spectrum at every error of the zeros.
-
-    With F = [W, B, J, y] in own standard deviations, W being what many readings share and C what
-    few do, A = 1 + C^T C falls into small blocks and
-
-        F^T (1 + C C^T)^-1 F = F^T F - (F^T C) A^-1 (C^T F) ,
-
-    in which the error of the zeros is a factor on columns of C or of W: readings are gone through
-    once.
+def _spectrum(
+    likelihood: RestrictedLikelihood,
+    columns: sp.csr_array,
+    zeros: sp.csr_array | None,
+    zero: float,
+) -> Callable[[Floats, Floats], Floats]:
+    """-2 l (m, f) of sizes (m,) and factors (f,), by the spectrum of the model error.
 
     Args:
         likelihood: of all errors of the gauges as stated, without model error.
         columns: (g, r) of the model error at eta = 1, SI.
         zeros: (g, k) errors of zeros as large as the accuracies; None where they are known.
+        zero: their size, in accuracies.
     """
+    structure, r = likelihood.structure, columns.shape[1]
+    stated = structure.columns
+    gauges = stated if zeros is None else sp.csr_array(sp.hstack([stated, zero * zeros]))
+    covariance = Covariance(structure.sd, SharedErrors(gauges))
+    jacobian, given, prior = _without_unseen(likelihood)
+    white = covariance.whiten(np.column_stack([columns.toarray(), jacobian, likelihood.gap]))
+    product = white.T @ white
+    value, vectors = np.linalg.eigh(product[:r, :r])
+    kept = value > _NO_MODE * value.max(initial=0.0)
+    eigenvalues = value[kept]
+    along = (vectors[:, kept].T @ product[:r, r:]) / np.sqrt(eigenvalues)[:, None]
+    across = product[r:, r:] - along.T @ along
+    constant = covariance.log_determinant() + prior
 
-    def __init__(
-        self,
-        likelihood: RestrictedLikelihood,
-        columns: sp.csr_array,
-        zeros: sp.csr_array | None,
-    ) -> None:
-        structure = likelihood.structure
-        stated = structure.columns
-        gauges = stated if zeros is None else sp.csr_array(sp.hstack([stated, zeros]))
-        self._of_zero = np.arange(gauges.shape[1]) >= stated.shape[1]
-        blocks, self._wide = SharedErrors(sp.csr_array(gauges)).parts
-        jacobian, self.given, prior = _without_unseen(likelihood)
-        self.modes = columns.shape[1]
-        own = 1.0 / structure.sd
-        F = np.hstack([
-            each.toarray() if sp.issparse(each) else each
-            for each in (gauges[:, self._wide], columns, jacobian, likelihood.gap[:, None])
-        ])  # fmt: skip
-        F *= own[:, None]
-        C = sp.csr_array(scaled_rows(own, sp.csr_array(gauges)))
-        self._whole = F.T @ F
-        self._blocks = []
-        for _, shared in blocks:
-            some = C[:, shared.ravel()]
-            squares = sp.csr_array(some.T @ some).tocoo()
-            k = shared.shape[1]
-            stacked = np.zeros((len(shared), k, k))
-            stacked[squares.row // k, squares.row % k, squares.col % k] = squares.data
-            mixed = np.asarray(some.T @ F).reshape(*shared.shape, F.shape[1])
-            self._blocks.append((shared, stacked, mixed))
-        self.readings = len(F)
-        self._constant = 2.0 * float(np.log(structure.sd).sum()) + prior
-
-    def at(self, zero: float) -> tuple[Floats, float]:
-        """Products of the inverse of the errors of the gauges, and -2 l's constant.
-
-        Args:
-            zero: error of the zeros, in accuracies.
-
-        Returns:
-            (q, q) of [B, J, y], and the logarithm of the determinant with what priors say of
-            directions that no reading sees.
-        """
-        size = np.where(self._of_zero, zero, 1.0)
-        product, log_root = self._whole.copy(), 0.0
-        for shared, squares, mixed in self._blocks:
-            scale = size[shared]
-            A = np.eye(shared.shape[1]) + scale[:, :, None] * squares * scale[:, None, :]
-            L = np.linalg.cholesky(A)
-            less = (np.linalg.inv(L) @ (scale[:, :, None] * mixed)).reshape(-1, len(product))
-            product -= less.T @ less
-            log_root += float(np.log(np.diagonal(L, axis1=1, axis2=2)).sum())
-        w, scale = len(self._wide), size[self._wide]
-        product[:w] *= scale[:, None]
-        product[:, :w] *= scale
-        L = np.linalg.cholesky(np.eye(w) + product[:w, :w])
-        less = solve_triangular(L, product[:w, w:], lower=True)
-        log_root += float(np.log(np.diag(L)).sum())
-        return product[w:, w:] - less.T @ less, self._constant + 2.0 * log_root
-
-
-class _Spectrum:
-    """-2 l of eta and s, by the eigenvalues of the model error among the errors of the gauges.
-
-    Args:
-        sums: of the readings.
-        zero: error of the zeros, in accuracies.
-    """
-
-    def __init__(self, sums: _Sums, zero: float) -> None:
-        product, self._constant = sums.at(zero)
-        r = sums.modes
-        value, vectors = np.linalg.eigh(product[:r, :r])
-        kept = value > _NO_MODE * value.max(initial=0.0)
-        self._lambda = value[kept]
-        self._along = (vectors[:, kept].T @ product[:r, r:]) / np.sqrt(self._lambda)[:, None]
-        self._across = product[r:, r:] - self._along.T @ self._along
-        self._rest = sums.readings - len(self._lambda)
-        self._given = sums.given
-
-    def values(self, sizes: Floats, factors: Floats) -> Floats:
-        """-2 l at sizes (m,) and factors (f,), (m, f)."""
-        minus_two_l = np.empty((len(sizes), len(factors)))
-        square = factors**2
+    def minus_two_l(sizes: Floats, factors: Floats) -> Floats:
+        values, square = np.empty((len(sizes), len(factors))), factors**2
         for m, eta in enumerate(sizes.tolist()):
-            variance = square[:, None] + eta**2 * self._lambda
-            weighed = self._along / variance[:, :, None]
-            sums = np.swapaxes(weighed, 1, 2) @ self._along
-            sums = sums + self._across / square[:, None, None] + self._given
+            variance = square[:, None] + eta**2 * eigenvalues
+            sums = np.swapaxes(along / variance[:, :, None], 1, 2) @ along
+            sums = sums + across / square[:, None, None] + given
             M, pull = sums[:, :-1, :-1], sums[:, :-1, -1:]
             least = sums[:, -1, -1] - np.sum(pull * np.linalg.solve(M, pull), axis=(1, 2))
-            minus_two_l[m] = np.log(variance).sum(axis=1) + self._rest * np.log(square)
-            minus_two_l[m] += np.linalg.slogdet(M)[1] + least
-        return minus_two_l + self._constant
+            values[m] = np.log(variance).sum(axis=1) + np.linalg.slogdet(M)[1] + least
+            values[m] += (len(white) - len(eigenvalues)) * np.log(square)
+        return values + constant
+
+    return minus_two_l
 
 
 def _without_unseen(likelihood: RestrictedLikelihood) -> tuple[Floats, Floats, float]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from geoident.identify.assessment.profile_path import Nonlinearity
 from geoident.identify.assessment.uncertainty import Assessment
-from geoident.model.arrays import Bools, Floats
+from geoident.model.arrays import Floats
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,9 @@ def predict_band(
     rows = jacobian * assessment.slope
     deviation = None if nonlinearity is None else nonlinearity.at_draws
     summary = assessment.posterior.summary(rows, sd, deviation=deviation)
-    undetermined = depends_on_gaps(assessment, rows, sd)
+    # not determined where the part of undetermined directions is larger than all the rest
+    determined = np.sum((rows @ assessment.determined_x) ** 2, axis=1) + sd**2
+    undetermined = np.sum((rows @ assessment.gaps_x) ** 2, axis=1) > determined
     if nonlinearity is not None and nonlinearity.undetermined:
         undetermined |= summary.shift_variance > summary.own_sd**2
     lower95, upper95 = summary.lower95, summary.upper95
@@ -60,18 +62,3 @@ def predict_band(
         np.where(undetermined, np.inf, np.maximum(upper95, 0.0)),
         np.where(undetermined, np.inf, summary.rms),
     )
-
-
-def depends_on_gaps(assessment: Assessment, rows: Floats, sd: Floats) -> Bools:
-    """Whether linear functions of x (l, n), with an own error (l,), are not determined.
-
-    They are where the part of undetermined directions is larger than all the rest.
-
-    Args:
-        assessment: how well the parameters are known.
-        rows: (l, n) coefficients.
-        sd: (l,) standard deviation of the own errors.
-    """
-    known = np.sum((rows @ assessment.determined_x) ** 2, axis=1) + sd**2
-    undetermined = np.sum((rows @ assessment.gaps_x) ** 2, axis=1)
-    return np.asarray(undetermined > known, dtype=np.bool_)

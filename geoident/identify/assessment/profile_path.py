@@ -24,8 +24,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from geoident.identify.assessment.spectrum import admissible_ranges
 from geoident.identify.assessment.truncated_normal import Posterior, truncated_normal
-from geoident.identify.assessment.uncertainty import UNBOUNDED_RANGE, Assessment, with_posterior
+from geoident.identify.assessment.uncertainty import Assessment, with_posterior
 from geoident.identify.problem.problem import Problem
 from geoident.identify.problem.scaling import Scaling
 from geoident.model.arrays import Bools, Floats
@@ -84,30 +85,11 @@ Evaluate = Callable[[Floats], PathReadings | None]
 
 
 @dataclass(frozen=True)
-class ProfilePath:
-    """The points of a path, the estimate among them, in the order of t.
-
-    Args:
-        parameter: number of the parameter t.
-        t: (m,) its distance from the estimate in x.
-        dx: (m, n) all parameters from the estimate in x.
-        log_density: (m,).
-        deviation: (m, l) of the readings from linear, SI.
-    """
-
-    parameter: int
-    t: Floats
-    dx: Floats
-    log_density: Floats
-    deviation: Floats
-
-
-@dataclass(frozen=True)
 class Nonlinearity:
     """How l readings deviate from linear along a profile path, at the draws of the posterior.
 
     Args:
-        t: (m,) points of the path.
+        t: (m,) points of the path, from the estimate in x, in order.
         deviation: (m, l) of the readings from linear there, SI.
         drawn: (K,) t of the draws.
         undetermined: the parameter t is not determined.
@@ -117,13 +99,6 @@ class Nonlinearity:
     deviation: Floats
     drawn: Floats
     undetermined: bool
-
-    @classmethod
-    def along(cls, path: ProfilePath, assessment: Assessment) -> Nonlinearity:
-        """Of the readings of a path, at the draws of the assessment that it led to."""
-        i = path.parameter
-        known = bool(assessment.determined[i] | assessment.from_prior[i])
-        return cls(path.t, path.deviation, assessment.posterior.shift[i], undetermined=not known)
 
     def of(self, chosen: Bools) -> Nonlinearity:
         """Of some of the readings (l,)."""
@@ -137,6 +112,8 @@ class Nonlinearity:
 
 @dataclass(frozen=True)
 class _Point:
+    """Of a path: t and all parameters (n,) from the estimate in x, deviations from linear (l,)."""
+
     t: float
     dx: Floats
     phi: float
@@ -166,7 +143,7 @@ def most_truncated(assessment: Assessment, problem: Problem) -> int | None:
 
 def with_profile(
     assessment: Assessment, problem: Problem, values: Floats, at: PathReadings, evaluate: Evaluate
-) -> tuple[Assessment, ProfilePath | None]:
+) -> tuple[Assessment, Nonlinearity | None]:
     """The assessment with the posterior itself along the parameter that its bound truncates most.
 
     Args:
@@ -177,26 +154,25 @@ def with_profile(
         evaluate: the model elsewhere.
 
     Returns:
-        The assessment, as it is where nothing is truncated or all is linear; the path, or None.
+        The assessment, as it is where nothing is truncated or all is linear; how readings deviate
+        from linear along the path, or None.
     """
     i = most_truncated(assessment, problem)
     if i is None:
         return assessment, None
     profile = _Profile(assessment, problem, values, at, evaluate, i)
-    by_t: dict[float, _Point] = {}
-    for point in profile.points():
-        by_t.setdefault(point.t, point)  # an estimate on its bound and an end there are one place
+    # an estimate on its bound and an end there are one place
+    by_t = {point.t: point for point in reversed(profile.points())}
     if len(by_t) < 3:
         return assessment, None
     points = [by_t[t] for t in sorted(by_t)]
-    path = ProfilePath(
-        i,
+    known = with_posterior(assessment, problem, values, profile.posterior(points))
+    return known, Nonlinearity(
         np.array([point.t for point in points]),
-        np.array([point.dx for point in points]),
-        np.array([point.log_density for point in points]),
         np.array([point.deviation for point in points]),
+        known.posterior.shift[i],
+        undetermined=not known.determined[i] | known.from_prior[i],
     )
-    return with_posterior(assessment, problem, values, profile.posterior(path)), path
 
 
 class _Profile:
@@ -221,9 +197,7 @@ class _Profile:
         self.sd = float(np.linalg.norm(row))
         self.slope = self.factor @ row / self.sd**2  # how the others follow, linearised
         self.slope[i] = 1.0
-        at_estimate = self._relaxed(0.0, np.zeros(len(values)), values, at)
-        assert at_estimate is not None
-        self.estimate: _Point = at_estimate
+        self.estimate = self._relaxed(0.0, np.zeros(len(values)), values, at)
 
     def points(self) -> list[_Point]:
         """All of them; none where the linearised model agrees with the farthest."""
@@ -234,10 +208,8 @@ class _Profile:
         ends = [float(np.clip(_BEYOND * end[0], low, high))
                 for end in (linear.lower95, linear.upper95)]  # fmt: skip
         ends = [end for end in ends if abs(end) > _AT_ESTIMATE * self.sd]
-        if not ends:
-            return []
-        farthest = self._point(max(ends, key=abs))
-        if farthest is not None and self._is_linear(farthest):
+        farthest = self._point(max(ends, key=abs)) if ends else None
+        if not ends or (farthest is not None and self._is_linear(farthest)):
             return []
         points = [self.estimate]
         for end in ends:
@@ -266,15 +238,13 @@ class _Profile:
         dx[self.i] = t
         values = self.scaling.to_natural(self.x + dx)
         readings = self.evaluate(values)
-        return None if readings is None else self._relaxed(t, dx, values, readings)
+        if readings is None or not np.isfinite(readings.used).all():
+            return None
+        return self._relaxed(t, dx, values, readings)
 
-    def _relaxed(
-        self, t: float, dx: Floats, values: Floats, readings: PathReadings
-    ) -> _Point | None:
+    def _relaxed(self, t: float, dx: Floats, values: Floats, readings: PathReadings) -> _Point:
         """The point after one Gauss-Newton step of the others; the estimate stays where it is."""
         problem, scaling = self.problem, self.scaling
-        if not np.isfinite(readings.used).all():
-            return None
         slope = scaling.slope(values)
         r = np.concatenate(
             [problem.whiten(readings.used - problem.measured), scaling.prior_residuals(values)]
@@ -282,19 +252,16 @@ class _Profile:
         A = np.concatenate(
             [problem.whiten(readings.used_jacobian * slope), scaling.prior_jacobian(values)]
         )
-        width = np.where(
-            np.isfinite(self.upper - self.lower), self.upper - self.lower, UNBOUNDED_RANGE
-        )
+        width = admissible_ranges(scaling)
         others = np.flatnonzero((width > 0.0) & (np.arange(len(dx)) != self.i))
-        step, log_volume = np.zeros(len(dx)), 0.0
-        if len(others):
-            rows = np.concatenate([A[:, others], np.diag(1.0 / (_WEAK * width[others]))])
-            U, S, Vt = np.linalg.svd(rows, full_matrices=False)
-            step[others] = -Vt.T @ ((U[: len(r)].T @ r) / S)
-            log_volume = -float(np.log(S).sum())
+        rows = np.concatenate([A[:, others], np.diag(1.0 / (_WEAK * width[others]))])
+        U, S, Vt = np.linalg.svd(rows, full_matrices=False)
+        log_volume = -float(np.log(S).sum())
         if t == 0.0:
             phi, none = float(r @ r), np.zeros(len(readings.all))
             return _Point(t, dx, phi, log_volume - 0.5 * phi, none)
+        step = np.zeros(len(dx))
+        step[others] = -Vt.T @ ((U[: len(r)].T @ r) / S)
         step = np.clip(step, self.lower - dx, self.upper - dx)
         left = r + A @ step
         phi, dx = float(left @ left), dx + step
@@ -313,10 +280,11 @@ class _Profile:
             and np.all(np.abs(point.deviation) <= _SAME_READING * sd + 1e-300)
         )
 
-    def posterior(self, path: ProfilePath) -> Posterior:
+    def posterior(self, points: list[_Point]) -> Posterior:
         """The truncated normal with the density of the path in place of the normal one along it."""
-        i, first, last = self.i, path.t[0], path.t[-1]
-        log_density = _monotone(path.t, path.log_density)
+        i, at = self.i, np.array([point.t for point in points])
+        first, last = at[0], at[-1]
+        log_density = _monotone(at, np.array([point.log_density for point in points]))
         fine = np.linspace(first, last, _FINE)
         weight = np.exp(log_density(fine) - log_density(fine).max())
         weight /= weight.sum()
@@ -332,8 +300,8 @@ class _Profile:
         t = np.clip(drawn.shift[i], first, last)
         log_ratio = log_density(t) + 0.5 * ((t - centre) / sd) ** 2
         weight = drawn.weight * np.exp(log_ratio - log_ratio.max())
-        straight = path.t[:, None] * self.slope
-        shift = drawn.shift + _monotone(path.t, path.dx - straight)(t).T
+        bent = np.array([point.dx - point.t * self.slope for point in points])
+        shift = drawn.shift + _monotone(at, bent)(t).T
         shift = np.clip(shift, self.lower[:, None], self.upper[:, None])
         return replace(drawn, shift=shift, weight=weight / weight.sum())
 

@@ -85,11 +85,6 @@ class PValue:
     few: float
     far: float
 
-    @property
-    def least(self) -> float:
-        """The smaller of them."""
-        return min(self.few, self.far)
-
 
 @dataclass(frozen=True)
 class Innovations:
@@ -123,7 +118,9 @@ def p_value(groups: Sequence[Innovations]) -> PValue:
     random = np.random.default_rng(_SEED)
     inside, squares = np.zeros(DRAWS), np.zeros(DRAWS)
     for one in groups:
-        drawn = random.standard_normal((DRAWS, len(one.z))) @ _root(one.correlation).T
+        values, vectors = np.linalg.eigh(one.correlation)  # which may be singular
+        root = vectors * np.sqrt(np.maximum(values, 0.0))
+        drawn = random.standard_normal((DRAWS, len(one.z))) @ root.T
         if np.isfinite(one.freedom):
             wrong = random.chisquare(one.freedom, DRAWS) / one.freedom
             drawn /= np.sqrt(wrong)[:, None]
@@ -134,12 +131,6 @@ def p_value(groups: Sequence[Innovations]) -> PValue:
     few = (1.0 + np.count_nonzero(inside <= seen)) / (1.0 + DRAWS)
     far = (1.0 + np.count_nonzero(squares >= np.sum(errors**2))) / (1.0 + DRAWS)
     return PValue(float(few), float(far))
-
-
-def _root(R: Floats) -> Floats:
-    """A with A A^T = R (l, l), which may be singular."""
-    values, vectors = np.linalg.eigh(R)
-    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
 STEADY = 0.2

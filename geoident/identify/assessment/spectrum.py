@@ -17,11 +17,21 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from geoident.identify.problem.scaling import Scaling
 from geoident.model.arrays import Bools, Floats
 from geoident.model.results.bands import NORMAL_95
 
+UNBOUNDED_RANGE = 10.0
+"""Admissible range in x of a parameter without finite bounds: ten references, or a factor e^10."""
+
 RANK = 1e-10
 """Singular values below this part of the largest are rounding."""
+
+
+def admissible_ranges(scaling: Scaling) -> Floats:
+    """Range (n,) in x between the bounds of each parameter; zero of what is given."""
+    width = scaling.upper - scaling.lower
+    return np.where(np.isfinite(width), width, UNBOUNDED_RANGE)
 
 
 @dataclass(frozen=True)

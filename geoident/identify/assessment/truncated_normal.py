@@ -24,7 +24,7 @@ without draws), one-sided, from the bound on, where the density is highest on it
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -135,7 +135,8 @@ class Posterior:
         """
         own = np.sqrt(np.sum((rows @ self.factor) ** 2, axis=1) + (0.0 if sd is None else sd**2))
         rms, variance, low, high, tail = (np.empty(len(rows)) for _ in range(5))
-        for block in _blocks(len(rows), len(self.weight)):
+        size = max(1, _BLOCK // len(self.weight))
+        for block in (slice(first, first + size) for first in range(0, len(rows), size)):
             mean = rows[block] @ self.shift
             if deviation is not None:
                 mean = mean + deviation(block)
@@ -169,12 +170,6 @@ class Posterior:
             tail[i] = _lowest(_TAILS, width)
             low[i], high[i] = np.interp([tail[i], tail[i] + 0.95], below, drawn)
         return low, high, tail
-
-
-def _blocks(rows: int, columns: int) -> Iterator[slice]:
-    """Rows of a table, so many at a time that it stays small."""
-    size = max(1, _BLOCK // columns)
-    return (slice(first, first + size) for first in range(0, rows, size))
 
 
 def _lowest(t: Floats, width: Floats) -> float:
@@ -218,9 +213,8 @@ def truncated_normal(
     inside = ndtr((upper[R] - mean[R]) / sd[R]) - ndtr((lower[R] - mean[R]) / sd[R])
     if always is not None:
         inside[always == R] = -1.0
-    R = R[np.argsort(inside, kind="stable")][
-        : factor.shape[1]
-    ]  # the variables that bounds truncate most come first
+    # the variables that bounds truncate most come first
+    R = R[np.argsort(inside, kind="stable")][: factor.shape[1]]
     Q, U = np.linalg.qr(factor[R].T)
     u = _sobol(len(R) + 1, LOG2_DRAWS)
     y, log_weight = _conditioned(U.T, lower[R] - mean[R], upper[R] - mean[R], u[1:])

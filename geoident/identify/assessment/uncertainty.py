@@ -47,7 +47,7 @@ from geoident.identify.assessment.conflicts import (
     tied_sentences,
 )
 from geoident.identify.assessment.findings import Knowledge, describe_gaps, join
-from geoident.identify.assessment.spectrum import SingularDirections
+from geoident.identify.assessment.spectrum import SingularDirections, admissible_ranges
 from geoident.identify.assessment.truncated_normal import Posterior, truncated_normal
 from geoident.identify.assessment.unknown_variances import OverAccuracies
 from geoident.identify.problem.errors import Covariance, SharedErrors
@@ -57,12 +57,8 @@ from geoident.model.arrays import Bools, Floats
 from geoident.model.parameter import Parameter
 from geoident.model.results.bands import NORMAL_95
 
-UNBOUNDED_RANGE = 10.0
-"""Admissible range in x of a parameter without finite bounds: ten references, or a factor e^10."""
-
 PRIOR_SHARE = 0.95
 """Posterior by prior standard deviation from which on a parameter is known from its prior only."""
-
 
 FLAT = 10.0
 """Standard deviation of an undetermined direction, in admissible extents: flat between bounds."""
@@ -144,50 +140,58 @@ def assess(
     if over is not None:
         wider = np.stack(over.wider(np.eye(len(values))), axis=1)
     scaling = Scaling(problem.parameters)
-    slope, width = scaling.slope(values), _ranges(scaling)
+    slope, width = scaling.slope(values), admissible_ranges(scaling)
     B = problem.whiten(jacobian * slope) * width
     P = scaling.prior_jacobian(values) * width
     A, varies = np.concatenate([B, P]), width > 0.0
-    on_bound = _on_bound(problem.parameters, values, slope * width)
+    below, above = values - problem.bounds[0], problem.bounds[1] - values
+    on_bound = np.minimum(np.abs(below), np.abs(above)) <= 1e-12 * slope * width  # by rounding
     at_bound = ~varies | on_bound
-    whole = SingularDirections.of(A, varies)
+    whole, held = SingularDirections.of(A, varies), SingularDirections.of(A, ~at_bound)
     undetermined = np.linalg.norm(whole.undetermined_columns, axis=1)
-    total = np.hypot(np.sqrt(np.diag(whole.determined_covariance)), undetermined)
-    from_prior = _only_from_prior(P, total)
+    total = np.hypot(np.linalg.norm(whole.determined_columns, axis=1), undetermined)
+    from_prior = np.abs(P).max(axis=0, initial=0.0) * total >= PRIOR_SHARE
     known_enough = (NORMAL_95 * wider.max(axis=1) * total <= 0.5) & (
         NORMAL_95 * undetermined <= 0.25
     )
     determined = known_enough & ~from_prior
     named = np.array([not q.field for q in problem.parameters], dtype=np.bool_)
-    known = _knowledge(problem.parameters, values, at_bound, from_prior, B, P, slope * width)
+    held_x = held.determined_covariance * np.outer(width, width)
     pressed = np.zeros(len(values))
-    held = SingularDirections.of(A, ~at_bound)
     conflicts: tuple[str, ...] = ()
     if readings is not None:
-        of_priors = scaling.prior_residuals(values)
+        of_priors, rows = scaling.prior_residuals(values), scaling.prior_jacobian(values)
         r = np.concatenate([problem.whiten(readings - problem.measured), of_priors])
-        rows, free = scaling.prior_jacobian(values), _scaled(held, width)[0]
-        gradient = np.divide(A.T @ r, width, out=np.zeros_like(width), where=width > 0.0)
-        step = -free @ gradient  # to the least misfit: a point of a grid is beside it
+        gradient = A.T @ r
+        inwards = np.where(below <= above, 1.0, -1.0)
+        pressed = np.where(on_bound & (gradient * inwards > 0.0), gradient, 0.0)
+        # to the least misfit: a point of a grid is beside it
+        step = -held_x @ np.divide(gradient, width, out=np.zeros_like(width), where=varies)
         contradicting = prior_conflicts(
-            scaling.to_scaled(values) + step, rows, of_priors + rows @ step, free, named
+            scaling.to_scaled(values) + step, rows, of_priors + rows @ step, held_x, named
         )
         conflicts = conflict_sentences(contradicting, problem.parameters, scaling.reference)
-        pressed = _pressed(A.T @ r, problem.parameters, values, on_bound)
     mean, factor = _uncut(scaling, whole, width, pressed)
-    posterior = truncated_normal(mean, factor, *_bounds_from_estimate(scaling, width, values))
-    every_x, every_gap_x = _scaled(whole, width)
+    x = scaling.to_scaled(values)
+    posterior = truncated_normal(
+        mean,
+        factor,
+        np.where(varies, np.minimum(scaling.lower - x, 0.0), -np.inf),
+        np.where(varies, np.maximum(scaling.upper - x, 0.0), np.inf),
+    )
     # a prior is knowledge too: what is known from it alone has its number, and says so
     numbered = (determined | (known_enough & from_prior)) & varies
     numbers = _numbers(scaling, values, posterior, numbered, wider)
-    square = np.ix_(named, named)
-    gaps = describe_gaps(
-        known, (np.outer(slope, slope) * (every_x + every_gap_x @ every_gap_x.T))[square]
-    )
+    half = NORMAL_95 * np.linalg.norm(factor, axis=1)[:, None] * wider
+    beyond = (x + mean - half[:, 0] < scaling.lower) | (x + mean + half[:, 1] > scaling.upper)
+    known = _knowledge(problem.parameters, values, at_bound, from_prior, B, P, slope * width)
+    size, square = slope * width, np.ix_(named, named)
+    every = whole.determined_covariance + whole.undetermined_columns @ whole.undetermined_columns.T
+    gaps = describe_gaps(known, (np.outer(size, size) * every)[square])
     tied = tied_sentences(known.parameters, numbers["correlation"][square], gaps)
     return Assessment(
         **numbers,
-        beyond_bounds=numbered & _reaches_beyond(scaling, values, mean, factor, wider),
+        beyond_bounds=numbered & beyond,
         at_bound=at_bound,
         determined=determined,
         from_prior=known_enough & from_prior,
@@ -198,8 +202,8 @@ def assess(
         uncut_mean=mean,
         uncut_factor=factor,
         determined_x=whole.determined_columns * width[:, None],
-        gaps_x=every_gap_x,
-        held_covariance_x=_scaled(held, width)[0],
+        gaps_x=whole.undetermined_columns * width[:, None],
+        held_covariance_x=held_x,
         over=over,
         wider=wider,
     )
@@ -235,9 +239,9 @@ def _knowledge(
         scaled = B[:, ~named] / np.abs(P[rows][:, ~named]).max(axis=0)
         modes = Covariance(np.ones(len(B)), SharedErrors(sp.csr_array(scaled)))
         B, P = modes.whiten(B[:, named]), P[~rows][:, named]
-    taken, varies = np.flatnonzero(named), width[named] > 0.0
+    varies = width[named] > 0.0
     return Knowledge(
-        tuple(parameters[i] for i in taken),
+        tuple(q for q in parameters if not q.field),
         values[named],
         at_bound[named],
         from_prior[named],
@@ -246,15 +250,6 @@ def _knowledge(
         SingularDirections.of(np.concatenate([B, P]), varies),
         SingularDirections.of(B, varies),
     )
-
-
-def _pressed(
-    gradient: Floats, parameters: tuple[Parameter, ...], values: Floats, on_bound: Bools
-) -> Floats:
-    """The gradient (n,) of phi / 2 in z that holds parameters on their bounds; zero elsewhere."""
-    middle = np.array([0.5 * (q.lower + q.upper) for q in parameters])
-    inwards = np.where(values <= middle, 1.0, -1.0)
-    return np.where(on_bound & (gradient * inwards > 0.0), gradient, 0.0)
 
 
 def _uncut(
@@ -266,7 +261,7 @@ def _uncut(
         scaling: with the bounds.
         whole: directions of readings and priors in z.
         width: (n,) of the parameters in x.
-        pressed: (n,) the gradient in z that bounds hold.
+        pressed: (n,) the gradient of phi / 2 in z that holds parameters on their bounds; else zero.
     """
     unbounded = ~np.isfinite(scaling.upper - scaling.lower)
     open_ended = np.abs(whole.V[unbounded]).max(axis=0, initial=0.0) > 0.01
@@ -274,15 +269,6 @@ def _uncut(
     size = 1.0 / np.maximum(whole.S, 1.0 / widest)
     factor = width[:, None] * whole.V * size
     return -factor @ (size * (whole.V.T @ pressed)), factor
-
-
-def _bounds_from_estimate(scaling: Scaling, width: Floats, values: Floats) -> tuple[Floats, Floats]:
-    """The bounds (n,), (n,) in x from the estimate; infinite for parameters that are given."""
-    x, fixed = scaling.to_scaled(values), width <= 0.0
-    return (
-        np.where(fixed, -np.inf, np.minimum(scaling.lower - x, 0.0)),
-        np.where(fixed, np.inf, np.maximum(scaling.upper - x, 0.0)),
-    )
 
 
 def with_posterior(
@@ -301,7 +287,7 @@ def with_posterior(
     """
     scaling, numbered = Scaling(problem.parameters), np.isfinite(assessment.sd)
     low, high = _ends(scaling, values, posterior, assessment.wider)
-    lost = assessment.determined & (np.maximum(-low, high) > 0.5 * _ranges(scaling))
+    lost = assessment.determined & (np.maximum(-low, high) > 0.5 * admissible_ranges(scaling))
     lost &= np.array([not q.field for q in problem.parameters], dtype=np.bool_)
     numbers = _numbers(scaling, values, posterior, numbered & ~lost, assessment.wider)
     findings = assessment.findings
@@ -322,34 +308,6 @@ def with_posterior(
     )
 
 
-def _scaled(spectrum: SingularDirections, width: Floats) -> tuple[Floats, Floats]:
-    """Covariance (n, n) of the determined directions and the undetermined ones (n, u), in x.
-
-    Both from one spectrum: no direction may fall between those of two.
-    """
-    return spectrum.determined_covariance * np.outer(
-        width, width
-    ), spectrum.undetermined_columns * width[:, None]
-
-
-def _ranges(scaling: Scaling) -> Floats:
-    """Admissible range (n,) of each parameter in x."""
-    width = scaling.upper - scaling.lower
-    return np.where(np.isfinite(width), width, UNBOUNDED_RANGE)
-
-
-def _on_bound(parameters: tuple[Parameter, ...], values: Floats, width: Floats) -> Bools:
-    """Parameters (n,) on a bound, up to rounding."""
-    ends = np.array([(q.lower, q.upper) for q in parameters]).reshape(-1, 2)
-    return np.asarray(np.abs(values[:, None] - ends).min(axis=1) <= 1e-12 * width, dtype=np.bool_)
-
-
-def _only_from_prior(P: Floats, total: Floats) -> Bools:
-    """Parameters (n,) hardly better known than by their prior: rows P (k, n) and sd (n,) in z."""
-    precision = np.abs(P).max(axis=0, initial=0.0)
-    return np.asarray(precision * total >= PRIOR_SHARE, dtype=np.bool_)
-
-
 def _numbers(
     scaling: Scaling, values: Floats, posterior: Posterior, numbered: Bools, wider: Floats
 ) -> dict[str, Any]:
@@ -357,12 +315,13 @@ def _numbers(
     slope = scaling.slope(values)
     sd_x = np.where(numbered, np.sqrt(np.diag(posterior.covariance)), np.nan)
     low, high = _ends(scaling, values, posterior, wider)
+    C = np.where(np.outer(numbered, numbered), posterior.covariance, np.nan)
     return {
         "sd": slope * sd_x,
         "lower95": np.where(numbered, scaling.away(values, low), np.nan),
         "upper95": np.where(numbered, scaling.away(values, high), np.nan),
-        "covariance": _only(numbered, np.outer(slope, slope) * posterior.covariance),
-        "correlation": _only(numbered, posterior.covariance / np.outer(sd_x, sd_x)),
+        "covariance": np.outer(slope, slope) * C,
+        "correlation": C / np.outer(sd_x, sd_x),
     }
 
 
@@ -379,18 +338,3 @@ def _ends(
     low = np.maximum(drawn.lower95 * wider[:, 0], first)
     high = np.minimum(drawn.upper95 * wider[:, 1], last)
     return np.minimum(low, 0.0), np.maximum(high, 0.0)
-
-
-def _reaches_beyond(
-    scaling: Scaling, values: Floats, mean: Floats, factor: Floats, wider: Floats
-) -> Bools:
-    """Whether the normal interval of a parameter (n,) goes beyond a bound, where it is cut."""
-    half = NORMAL_95 * np.linalg.norm(factor, axis=1)[:, None] * wider
-    x = scaling.to_scaled(values) + mean
-    below, above = x - half[:, 0] < scaling.lower, x + half[:, 1] > scaling.upper
-    return np.asarray(below | above, dtype=np.bool_)
-
-
-def _only(kept: Bools, matrix: Floats) -> Floats:
-    """The matrix (n, n) with NaN in the rows and columns that are not kept (n,)."""
-    return np.where(np.outer(kept, kept), matrix, np.nan)

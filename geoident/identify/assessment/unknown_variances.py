@@ -19,7 +19,7 @@ are those of the t distribution whose 95 % interval is as much wider.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -86,8 +86,23 @@ def with_possible(likelihood: Likelihood, likeliest: VarianceComponents) -> Vari
             return np.inf
         return likelihood.value(t) - likeliest.minus_two_l
 
-    ends = np.array([_ends(rise, axes, k, best) for k in range(axes.shape[1])])
-    z, log_weight = _grid(axes, ends) if axes.shape[1] <= _GRID else _halton(ends)
+    def reach(step: Floats, first: float = 0.0) -> float:
+        """How often a step (d,) can be made until nothing is left."""
+        while rise((first + 1.0) * step) < _RISE:
+            first += 1.0
+        return first
+
+    ends = np.empty((axes.shape[1], 2))
+    for k, unit in enumerate(np.eye(axes.shape[1])):
+        if np.any(best[axes[:, k] != 0.0] <= LOWEST):  # vanished: from the smallest one weighed
+            ends[k] = LEAST - LOWEST, reach(unit, LEAST - LOWEST)
+        else:
+            ends[k] = -reach(-unit), reach(unit)
+    if len(ends) <= _GRID:
+        z = np.array(list(product(*(np.arange(first, last + 0.5) for first, last in ends))))
+        log_weight = np.zeros(len(z))
+    else:
+        z, log_weight = _halton(ends)
     rises = np.array([rise(one) for one in z])
     kept = np.isfinite(rises)
     log_odds = log_weight[kept] - 0.5 * rises[kept]
@@ -113,34 +128,6 @@ def _axes(likeliest: VarianceComponents) -> Floats:
     for k, c in enumerate(vanished.tolist(), start=len(inner)):
         axes[c, k] = _LONGEST
     return axes
-
-
-def _ends(
-    rise: Callable[[Floats], float], axes: Floats, k: int, best: Floats
-) -> tuple[float, float]:
-    """First and last number of steps along an axis, up to where nothing is left."""
-    unit = np.zeros(axes.shape[1])
-    unit[k] = 1.0
-    if np.any(best[axes[:, k] != 0.0] <= LOWEST):  # it has vanished: from the smallest one weighed
-        first = LEAST - LOWEST
-        last = first
-        while rise((last + 1.0) * unit) < _RISE:
-            last += 1.0
-        return first, last
-    ends = []
-    for sign in (-1.0, 1.0):
-        steps = 0.0
-        while rise(sign * (steps + 1.0) * unit) < _RISE:
-            steps += 1.0
-        ends.append(sign * steps)
-    return ends[0], ends[1]
-
-
-def _grid(axes: Floats, ends: Floats) -> tuple[Floats, Floats]:
-    """All points (K, d) of a grid, and the logarithms (K,) of their weights."""
-    sides = [np.arange(first, last + 0.5) for first, last in ends]
-    z = np.array(list(product(*sides)))
-    return z, np.zeros(len(z))
 
 
 def _halton(ends: Floats) -> tuple[Floats, Floats]:
@@ -194,10 +181,10 @@ class OverAccuracies:
         scaling = Scaling(problems[0].parameters)
         J, gap = jacobian * scaling.slope(values), problems[0].measured - readings
         P, rho = scaling.prior_jacobian(values), scaling.prior_residuals(values)
-        size = np.linalg.norm(np.concatenate([problems[0].whiten(J), P]), axis=0)
+        first = np.concatenate([problems[0].whiten(J), P])
+        size = np.linalg.norm(first, axis=0)
         unit = 1.0 / np.where(size > 0.0, size, 1.0)
-        first = np.concatenate([problems[0].whiten(J), P]) * unit
-        _, S, Vt = np.linalg.svd(first, full_matrices=False)
+        _, S, Vt = np.linalg.svd(first * unit, full_matrices=False)
         seen = unit[:, None] * Vt[_UNSEEN * S.max(initial=0.0) < S].T
         shift, factor = [], []
         for problem in problems:

@@ -22,10 +22,18 @@ which they show hardly any, begins at zero and ends where -2 l is 3.84 above its
 that the readings cannot separate keep their ratio (a pseudo-inverse of I moves only what is
 seen).
 
-Of many readings all this takes sums alone: the products [B, J, y]^T diag(1/s^2) [B, J, y] of the
-readings of each component, made once. With Sigma^-1 by Woodbury's formula (`problem.errors`) they
-give -2 l and its derivatives at any t, at a cost that does not depend on how many readings there
-are.
+The errors are e = own + B z with the shared errors z of variance one. So -2 l is found from one
+least-squares problem for z and x together (the mixed model equations of Henderson 1950), by the
+triangular factor T of
+
+    [ B/s  J/s  y/s ]                   -2 l = sum ln s^2 + 2 sum ln |T_ii| + T_ll^2
+    [  1    0    0  ]                   S    = (T^T T)^-1 , the covariance of (z, x)
+    [  0    R  -rho ]
+
+with T_ll the last entry, and T^T T that of the columns of z and x. Then B^T P B = 1 - S_zz,
+P B = D^-1 [B, J] S_z and P = D^-1 - D^-1 [B, J] S [B, J]^T D^-1 with D = diag(s^2), and B^T q is
+the mean of z. The rows of readings enter by a triangular factor for each component, made once: the
+cost at a t does not depend on how many readings there are.
 
 Directions of the parameters that neither readings nor priors see are left out of J, and so are
 parameters on a bound.
@@ -39,15 +47,9 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.linalg import cho_solve
+from scipy.linalg import solve_triangular
 
-from geoident.identify.problem.errors import (
-    FEW,
-    Covariance,
-    ErrorStructure,
-    SharedErrors,
-    products,
-)
+from geoident.identify.problem.errors import ErrorStructure
 from geoident.identify.problem.problem import Problem
 from geoident.identify.problem.scaling import Scaling
 from geoident.model.arrays import Bools, Floats
@@ -72,9 +74,6 @@ _TAKES_PART = 0.1
 _NO_INFORMATION = 1e-12
 """Least diagonal of the information by which it is scaled: no division by zero."""
 
-_END_WITHIN = 1e-3
-"""Width of the bracket of an upper end in t: the accuracy there within 0.05 %."""
-
 _NOTHING = 1e-3
 """Information on a logarithm of a variance below which the residuals show nothing of it."""
 
@@ -87,9 +86,6 @@ variance is as far as the information at one t can be trusted; six steps reach e
 
 _MOST_HALVINGS, _ROUNDING_OF_LIKELIHOOD = 30, 1e-12
 """Of one step, down to a billionth; and the part by which -2 l may rise by rounding."""
-
-_CHI_SQUARED_95 = NORMAL_95**2
-"""Rise of -2 l at the ends of a 95 % interval of one factor."""
 
 
 class VariancePoints(NamedTuple):
@@ -208,198 +204,76 @@ class RestrictedLikelihood:
         self.jacobian = jacobian
         self.prior = prior
         self.prior_rows = prior_rows
-        self._few = len(gap) <= FEW
-        self._unshared = SharedErrors(structure.columns)  # where there are no columns
+        # readings of each component, those of given size last
+        self._members = [structure.component == c for c in (*range(len(structure.names)), -1)]
+        self._count = np.array([np.count_nonzero(one) for one in self._members], dtype=np.float64)
 
     @cached_property
-    def _parts(self) -> list[_Part]:
-        return [_part(self.structure, c) for c in range(len(self.structure.names))]
-
-    @cached_property
-    def _sums(self) -> _Sums:
-        return _sums(self.structure, np.column_stack([self.jacobian, self.gap]))
+    def _factors(self) -> list[Floats]:
+        """Triangular factors of [B, J, y] / s at factors of one, one for each component."""
+        own = np.column_stack([self.jacobian, self.gap])
+        rows = sp.csr_array(sp.hstack([self.structure.columns, sp.csr_array(own)]))
+        rows = sp.csr_array(sp.diags_array(1.0 / self.structure.sd) @ rows)
+        return [_triangular(sp.csr_array(rows[np.flatnonzero(one)])) for one in self._members]
 
     def value(self, t: Floats) -> float:
         """-2 l at t (c,)."""
-        by_itself = self._few or self.structure.columns.shape[1] > _MANY_SHARED
-        return self._densely(t)[0] if by_itself else self._solved(t).value
-
-    def terms(self, t: Floats) -> LikelihoodTerms:
-        """-2 l at t (c,) with its derivatives."""
-        return self._terms_densely(t) if self._few else self._terms_of_sums(t)
+        return self._solved(t)[0]
 
     def weak_prior(self, t: Floats) -> float:
         """What of -2 l at t (c,) was known before any residual: nothing."""
         return 0.0
 
-    def _terms_densely(self, t: Floats) -> LikelihoodTerms:
-        """The same with matrices (g, g): exact however small the own errors are."""
-        value, sigma, q, M = self._densely(t)
-        pull = sigma.solve(self.jacobian)
-        P = sigma.inverse - pull @ np.linalg.solve(M, pull.T)
-        moved = [part.times(P) for part in self._parts]  # V_c P
-        size = np.exp(t)
-        trace = np.array([np.trace(V) for V in moved])
-        squares = np.array([part.squares(q) for part in self._parts])
-        both = [[float(np.sum(A * B.T)) for B in moved] for A in moved]
-        information = 0.5 * np.outer(size, size) * np.array(both).reshape(len(t), len(t))
-        return LikelihoodTerms(value, size * (trace - squares), information)
+    def _solved(self, t: Floats) -> tuple[float, list[Floats], Floats]:
+        """-2 l, the rows of each component and the factor T of all rows, at t (c,)."""
+        k, q = self.structure.columns.shape[1], self.jacobian.shape[1]
+        root = np.exp(0.5 * np.append(t, 0.0))  # the last one for -1: given
+        scale = np.append(root[self.structure.column_component], np.ones(q + 1))
+        own = [factor * scale / r for factor, r in zip(self._factors, root, strict=True)]
+        priors = np.column_stack([np.zeros((len(self.prior), k)), self.prior_rows, -self.prior])
+        zero = np.zeros((1, k + q + 1))  # so that there are as many rows as columns
+        rows = np.vstack([*own, np.eye(k, k + q + 1), priors, zero])
+        T: Floats = np.asarray(np.linalg.qr(rows, mode="r"))
+        value = 2.0 * float(np.log(self.structure.sd).sum()) + float(self._count @ np.append(t, 0))
+        value += 2.0 * float(np.log(np.abs(np.diag(T)[:-1])).sum()) + float(T[-1, -1]) ** 2
+        return value, own, T
 
-    def _densely(self, t: Floats) -> tuple[float, Covariance, Floats, Floats]:
-        """-2 l, Sigma, q and M."""
-        sd, shared = self.structure.at(t)
-        sigma = Covariance(sd, shared or self._unshared)
-        J, R = self.jacobian, self.prior_rows
-        M = J.T @ sigma.solve(J) + R.T @ R
-        x = np.linalg.solve(M, J.T @ sigma.solve(self.gap) - R.T @ self.prior)
-        left = self.gap - J @ x
-        q = sigma.solve(left)
-        prior = self.prior + R @ x
-        _, log_det = np.linalg.slogdet(M)
-        value = sigma.log_determinant() + float(log_det) + float(left @ q + prior @ prior)
-        return value, sigma, q, M
-
-    def _terms_of_sums(self, t: Floats) -> LikelihoodTerms:
-        """The same of the sums alone."""
-        s = self._solved(t)
-        k, n = len(s.inverse), len(s.x)
-        # P = 1/D - 1/D F S F^T 1/D  and  P B = 1/D F Y  with F = [B, J]
-        steps = np.vstack([-s.inverse @ s.BJ, np.eye(n)])
-        S = steps @ np.linalg.solve(s.M, steps.T)
-        S[:k, :k] += s.inverse
-        Y = -steps @ np.linalg.solve(s.M, s.BJ.T @ s.inverse)
-        Y[:k] += s.inverse
-        shared = np.eye(k) - s.inverse - s.inverse @ s.BJ @ np.linalg.solve(s.M, s.BJ.T) @ s.inverse
-        z = s.inverse @ (s.By - s.BJ @ s.x)  # B^T q
-        q = np.concatenate([-z, -s.x, [1.0]])  # q = 1/D [F, y] times it
-        numbers = range(len(t))
-        own = [s.of_own[c] for c in numbers]
-        part = [S @ each[:-1, :-1] for each in own]
+    def terms(self, t: Floats) -> LikelihoodTerms:
+        """-2 l at t (c,) with its derivatives."""
+        k, numbers = self.structure.columns.shape[1], range(len(t))
+        value, own, T = self._solved(t)
+        inverse = solve_triangular(T[:-1, :-1], np.eye(len(T) - 1))
+        S, mean = inverse @ inverse.T, inverse @ T[:-1, -1]
+        shared = np.eye(k) - S[:k, :k]  # B^T P B
         columns = [np.flatnonzero(self.structure.column_component == c) for c in numbers]
-        trace = np.array([
-            self._sums.count[c] - np.trace(part[c]) + shared[columns[c], columns[c]].sum()
-            for c in numbers
-        ])  # fmt: skip
-        squares = np.array([q @ own[c] @ q + z[columns[c]] @ z[columns[c]] for c in numbers])
-        both = np.zeros((len(t), len(t)))
+        squares = [float(np.sum((own[c] @ np.append(-mean, 1.0)) ** 2)) for c in numbers]
+        gram = [own[c][:, :-1].T @ own[c][:, :-1] for c in numbers]
+        moved = [S @ one for one in gram]
+        gradient, both = np.zeros(len(t)), np.zeros((len(t), len(t)))
         for c in numbers:
-            mixed = np.einsum("ij,ij->j", Y, own[c][:-1, :-1] @ Y)
+            trace = self._count[c] - np.trace(moved[c]) + np.diag(shared)[columns[c]].sum()
+            gradient[c] = trace - squares[c] - np.sum(mean[columns[c]] ** 2)
+            both[c, c] += self._count[c] - 2.0 * np.trace(moved[c])
+            mixed = np.einsum("ij,ij->j", S[:, :k], gram[c] @ S[:, :k])
             for d in numbers:
-                both[c, d] += np.sum(part[c] * part[d].T) + mixed[columns[d]].sum()
+                both[c, d] += np.sum(moved[c] * moved[d].T) + mixed[columns[d]].sum()
                 both[d, c] += mixed[columns[d]].sum()
                 both[c, d] += np.sum(shared[np.ix_(columns[c], columns[d])] ** 2)
-            both[c, c] += self._sums.count[c] - 2.0 * np.trace(part[c])
-        return LikelihoodTerms(s.value, trace - squares, 0.5 * both)
-
-    def _solved(self, t: Floats) -> _Solved:
-        """What follows of the sums at t (c,)."""
-        structure, k = self.structure, self.structure.columns.shape[1]
-        root = np.exp(0.5 * np.append(t, 0.0))  # the last one for -1: given
-        beside = np.ones(self.jacobian.shape[1] + 1)  # of the Jacobian and the readings
-        scale = np.concatenate([root[structure.column_component], beside])
-        of_own = [
-            (each * scale[:, None] * scale) / r**2
-            for each, r in zip(self._sums.each, root, strict=True)
-        ]
-        total = np.sum(of_own, axis=0)
-        BB, BJ, By = total[:k, :k], total[:k, k:-1], total[:k, -1]
-        JJ, Jy, yy = total[k:-1, k:-1], total[k:-1, -1], total[-1, -1]
-        R = np.linalg.cholesky(BB + np.eye(k))
-        inverse = np.asarray(cho_solve((R, True), np.eye(k)))
-        J_, prior = self.prior_rows, self.prior
-        M = JJ - BJ.T @ inverse @ BJ + J_.T @ J_
-        pull = Jy - BJ.T @ inverse @ By
-        x = np.linalg.solve(M, pull - J_.T @ prior)
-        lowest = yy - By @ inverse @ By - 2.0 * x @ pull + x @ (M - J_.T @ J_) @ x
-        left = prior + J_ @ x
-        _, log_det = np.linalg.slogdet(M)
-        value = self._sums.log_variance + float(self._sums.count @ np.append(t, 0.0))
-        value += 2.0 * float(np.log(np.diag(R)).sum()) + float(log_det)
-        return _Solved(value + float(lowest + left @ left), of_own, inverse, BJ, By, M, x)
+        return LikelihoodTerms(value, gradient, 0.5 * both)
 
 
-@dataclass(frozen=True)
-class _Part:
-    """V_c = diag(own) + B B^T at a factor of one: own (g,), B (g, k)."""
-
-    own: Floats
-    B: Floats
-
-    def times(self, matrix: Floats) -> Floats:
-        """V_c times a matrix (g, g)."""
-        return np.asarray(self.own[:, None] * matrix + self.B @ (self.B.T @ matrix))
-
-    def squares(self, q: Floats) -> float:
-        """q^T V_c q."""
-        shared = self.B.T @ q
-        return float(q @ (self.own * q) + shared @ shared)
+def _triangular(rows: sp.csr_array) -> Floats:
+    """A triangular factor (at most n, n) of rows (m, n), dense some rows at a time."""
+    n = rows.shape[1]
+    factor = np.zeros((0, n))
+    for some in np.array_split(np.arange(rows.shape[0]), -(-rows.shape[0] * n // _ENTRIES) or 1):
+        stacked = np.vstack([factor, rows[some].toarray()])
+        factor = np.asarray(np.linalg.qr(stacked, mode="r"))
+    return factor
 
 
-def _part(structure: ErrorStructure, c: int) -> _Part:
-    own = np.where(structure.component == c, structure.sd**2, 0.0)
-    columns = structure.columns[:, np.flatnonzero(structure.column_component == c)]
-    return _Part(own, np.asarray(columns.toarray()))
-
-
-@dataclass(frozen=True)
-class _Solved:
-    """-2 l at one t, and what it is made of: parts of [B, J, y]^T D^-1 [B, J, y]."""
-
-    value: float
-    of_own: list[Floats]
-    inverse: Floats
-    BJ: Floats
-    By: Floats
-    M: Floats
-    x: Floats
-
-
-@dataclass(frozen=True)
-class _Sums:
-    """All that the likelihood takes of g readings, at factors of one.
-
-    Args:
-        each: [B, J, y]^T diag(1/s^2) [B, J, y] of the readings of every component, those of
-            given size last.
-        count: of readings, likewise.
-        log_variance: sum of ln s^2 of all.
-    """
-
-    each: list[Floats]
-    count: Floats
-    log_variance: float
-
-
-def _sums(structure: ErrorStructure, more: Floats) -> _Sums:
-    """The sums, with the columns (g, n + 1) that stand beside those of shared errors."""
-    weight = structure.sd**-2.0
-    numbers = [*range(len(structure.names)), -1]
-    return _Sums(
-        [_products(structure.columns, more, weight * (structure.component == c)) for c in numbers],
-        np.array([np.count_nonzero(structure.component == c) for c in numbers], dtype=np.float64),
-        2.0 * float(np.log(structure.sd).sum()),
-    )
-
-
-def _products(columns: sp.csr_array, more: Floats, weight: Floats) -> Floats:
-    """[B, M]^T diag(weight) [B, M] of B (g, k) and M (g, n), dense some rows at a time."""
-    k, g = columns.shape[1] + more.shape[1], len(weight)
-    if columns.nnz < _SPARSE * columns.shape[0] * columns.shape[1]:
-        return products(sp.csr_array(sp.hstack([columns, sp.csr_array(more)])), weight)
-    total = np.zeros((k, k))
-    for rows in np.array_split(np.arange(g), max(1, -(-g * k // _SMALL))):
-        total += products(np.hstack([columns[rows].toarray(), more[rows]]), weight[rows])
-    return total
-
-
-_MANY_SHARED = 2000
-"""Shared errors from which on sums of their products cost more than to solve with all readings."""
-
-_SPARSE = 0.1
-"""Part of the entries below which a matrix is taken as sparse."""
-
-_SMALL = 4_000_000
-"""Entries of a matrix that is made dense."""
+_ENTRIES = 4_000_000
+"""Of the rows of readings that are made dense at once (32 MB)."""
 
 
 def likelihood_at(
@@ -414,8 +288,8 @@ def likelihood_at(
         readings: (g,) v there, SI.
         jacobian: (g, n) its derivative, SI.
     """
-    scaling = Scaling(problem.parameters)
-    free = _free(problem, values)
+    scaling, (lower, upper) = Scaling(problem.parameters), problem.bounds
+    free = (values > lower) & (values < upper)
     J = (jacobian * scaling.slope(values))[:, free]
     R = scaling.prior_jacobian(values)[:, free]
     rows = np.concatenate([J / problem.sd[:, None], R])
@@ -428,12 +302,6 @@ def likelihood_at(
         scaling.prior_residuals(values),
         R @ seen,
     )
-
-
-def _free(problem: Problem, values: Floats) -> Bools:
-    """Parameters (n,) that are not on a bound."""
-    lower, upper = problem.bounds
-    return np.asarray((values > lower) & (values < upper), dtype=np.bool_)
 
 
 def estimate_components(likelihood: Likelihood, start: Floats) -> VarianceComponents:
@@ -456,7 +324,14 @@ def estimate_components(likelihood: Likelihood, start: Floats) -> VarianceCompon
     lower[inseparable | small] = -np.inf
     upper[inseparable | (t >= HIGHEST)] = np.inf
     for c in np.flatnonzero(small).tolist():
-        upper[c] = _upper_end(likelihood, t, c, terms.value + _CHI_SQUARED_95)
+        from scipy.optimize import brentq  # noqa: PLC0415 - 0.3 s, and few fits have such an end
+
+        def rise(x: float, c: int = c) -> float:
+            """-2 l above its value at the end of an interval; component c is x, others stay."""
+            trial = likelihood.value(np.where(np.arange(len(t)) == c, x, t))
+            return trial - terms.value - NORMAL_95**2
+
+        upper[c] = brentq(rise, t[c], HIGHEST) if rise(HIGHEST) > 0.0 else np.inf
     return VarianceComponents(t, covariance, lower, upper, terms.value)
 
 
@@ -479,27 +354,22 @@ def likeliest_factors(likelihood: Likelihood, start: Floats) -> tuple[Floats, Li
         inverse, _ = _inverse(at.information[np.ix_(moving, moving)])
         step = np.zeros(len(t))
         step[moving] = np.clip(-0.5 * inverse @ at.gradient[moving], -_LONGEST, _LONGEST)
-        before, t = t, _descend(likelihood, t, step, at.value)
+        before = t
+        for _ in range(_MOST_HALVINGS):  # until -2 l does not rise
+            t = np.clip(before + step, LOWEST, HIGHEST)
+            if likelihood.value(t) <= at.value + _ROUNDING_OF_LIKELIHOOD * abs(at.value):
+                break
+            step = 0.5 * step
+        else:
+            t = before
         if np.abs(t - before).max() <= _CONVERGED:
             break
     at = likelihood.terms(t)
-    lowest = at.value
     for c in np.flatnonzero(np.diag(at.information) < _NOTHING).tolist():
-        trial = t.copy()
-        trial[c] = LOWEST
-        if likelihood.value(trial) <= lowest + _NOTHING:
+        trial = np.where(np.arange(len(t)) == c, LOWEST, t)
+        if likelihood.value(trial) <= at.value + _NOTHING:
             t = trial
     return t, likelihood.terms(t)
-
-
-def _descend(likelihood: Likelihood, t: Floats, step: Floats, value: float) -> Floats:
-    """The end of a step, halved until -2 l does not rise above its value; t if it always does."""
-    for _ in range(_MOST_HALVINGS):
-        trial = np.clip(t + step, LOWEST, HIGHEST)
-        if likelihood.value(trial) <= value + _ROUNDING_OF_LIKELIHOOD * abs(value):
-            return trial
-        step = 0.5 * step
-    return t
 
 
 def _inverse(information: Floats) -> tuple[Floats, Bools]:
@@ -511,20 +381,3 @@ def _inverse(information: Floats) -> tuple[Floats, Bools]:
     return inverse, np.asarray(
         np.any(np.abs(vectors[:, ~seen]) > _TAKES_PART, axis=1), dtype=np.bool_
     )
-
-
-def _upper_end(likelihood: Likelihood, t: Floats, c: int, level: float) -> float:
-    """The factor of a component, the others as they are, at which -2 l reaches a level."""
-    low, high = LOWEST, HIGHEST
-
-    def at(x: float) -> float:
-        trial = t.copy()
-        trial[c] = x
-        return likelihood.value(trial)
-
-    if at(high) < level:
-        return np.inf
-    while high - low > _END_WITHIN:
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if at(middle) < level else (low, middle)
-    return high

@@ -43,15 +43,11 @@ class ReadingBands:
 
     Args:
         computed: at the parameters that are expected.
-        median: of the distribution.
-        sd: root of the mean square deviation from ``computed``, with the errors of the readings.
         lower95: lower end of the 95 % band.
         upper95: upper end.
     """
 
     computed: Floats
-    median: Floats
-    sd: Floats
     lower95: Floats
     upper95: Floats
 
@@ -76,54 +72,45 @@ def reading_bands(section: FurtherSection, evaluate: SectionEvaluation, sd: Floa
     axes, sizes = vectors[:, kept], np.sqrt(variances[kept])
     x = scaling.to_scaled(section.values)
 
-    def within(step: Floats) -> float:
-        """The part of a step (n,) from x that is inside the bounds."""
+    def place(k: int, t: float) -> tuple[float, Floats]:
+        """Where t standard deviations along axis k end, at a bound at the latest: t, parameters."""
+        step = t * sizes[k] * axes[:, k]
         moving = np.abs(step) > 1e-12
         room = np.where(step > 0.0, scaling.upper - x, scaling.lower - x)[moving] / step[moving]
-        return float(np.clip(room.min(initial=1.0), 0.0, 1.0))
+        part = float(np.clip(room.min(initial=1.0), 0.0, 1.0))
+        return t * part, scaling.away(section.values, part * step)
 
-    ends = [
-        sign * _REACH * size * axis
-        for axis, size in zip(axes.T, sizes, strict=True)
-        for sign in (-1, 1)
-    ]
-    places = [scaling.away(section.values, within(step) * step) for step in ends]
-    answers = evaluate([section.values, *places])
+    ends = [(k, t) for k in range(len(sizes)) for t in (-_REACH, _REACH)]
+    answers = evaluate([section.values, *(place(k, t)[1] for k, t in ends)])
     if answers[0] is None:
         raise ModelError("The model has no solution at the parameters that are expected.")
     v0, J0 = answers[0]
-    rng = np.random.default_rng(_SEED)
-    draws = _draws(section, rng)
+    draws = _draws(section, rng := np.random.default_rng(_SEED))
     values = np.tile(v0, (len(draws), 1))
     for k, (axis, size) in enumerate(zip(axes.T, sizes, strict=True)):
         # t in standard deviations along the axis, the readings there and their derivatives by t
         knots = [(0.0, v0, J0 @ (scaling.slope(section.values) * axis * size))]
-        for sign, first in zip((-1.0, 1.0), answers[1 + 2 * k : 3 + 2 * k], strict=True):
-            t, answer = sign * _REACH, first
+        for (_, end), first in zip(ends[2 * k :][:2], answers[1 + 2 * k :][:2], strict=True):
+            t, answer = end, first
             for _ in range(_HALVINGS):
                 if answer is None:
                     t *= 0.5
-                    step = t * size * axis
-                    (answer,) = evaluate([scaling.away(section.values, within(step) * step)])
-            step = t * size * axis
-            if answer is not None and abs(t) * within(step) >= _NO_WAY:
-                p = scaling.away(section.values, within(step) * step)
-                knots.append(
-                    (t * within(step), answer[0], answer[1] @ (scaling.slope(p) * axis * size))
-                )
+                    (answer,) = evaluate([place(k, t)[1]])
+            at, p = place(k, t)
+            if answer is not None and abs(at) >= _NO_WAY:
+                knots.append((at, answer[0], answer[1] @ (scaling.slope(p) * axis * size)))
         knots.sort(key=lambda knot: knot[0])
-        at, v, slope = (np.array(column) for column in zip(*knots, strict=True))
-        t = (draws @ axis) / size
-        inside = np.clip(t, at[0], at[-1])[:, None]
+        places, v, slopes = (np.array(column) for column in zip(*knots, strict=True))
+        drawn = (draws @ axis) / size
         if len(knots) == 1:
-            values += t[:, None] * slope[0]
+            values += drawn[:, None] * slopes[0]
             continue
-        spline = CubicHermiteSpline(at, v, slope)
-        values += spline(inside[:, 0]) - v0 + spline(inside[:, 0], 1) * (t[:, None] - inside)
+        spline = CubicHermiteSpline(places, v, slopes)
+        inside = np.clip(drawn, places[0], places[-1])
+        values += spline(inside) - v0 + spline(inside, 1) * (drawn - inside)[:, None]
     values += sd * rng.normal(size=values.shape)
-    low, median, high = np.quantile(values, [0.025, 0.5, 0.975], axis=0)
-    rms = np.sqrt(np.mean((values - v0) ** 2, axis=0))
-    return ReadingBands(v0, median, rms, np.minimum(low, v0), np.maximum(high, v0))
+    low, high = np.quantile(values, [0.025, 0.975], axis=0)
+    return ReadingBands(v0, np.minimum(low, v0), np.maximum(high, v0))
 
 
 def _draws(section: FurtherSection, rng: np.random.Generator) -> Floats:

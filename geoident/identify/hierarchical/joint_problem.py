@@ -19,16 +19,16 @@ together. Where tau_k is zero there is no z_sk: the parameter is mu_k(c_s; b) it
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Protocol
 
 import numpy as np
 import scipy.sparse as sp
 
 from geoident.errors import ModelError
-from geoident.identify.problem.errors import Covariance, SharedErrors
+from geoident.identify.assessment.spectrum import admissible_ranges
+from geoident.identify.problem.errors import SharedErrors
 from geoident.identify.problem.problem import Problem
 from geoident.identify.problem.scaling import Scaling
 from geoident.model.arrays import Bools, Floats, Ints
@@ -36,9 +36,6 @@ from geoident.model.parameter import Parameter
 from geoident.model.project.project import ParameterLaw
 from geoident.model.results.costs import Counts
 from geoident.units import in_unit, shown_unit
-
-UNBOUNDED_RANGE = 10.0
-"""Range of a scale without finite bounds: ten references, or a factor e^10."""
 
 _ON_BOUND = 1e-12
 """A law may leave the bounds of its parameter by this part of them: the rounding of a formula."""
@@ -63,17 +60,6 @@ class SectionReadings:
     measured: Floats
     sd: Floats
     shared: SharedErrors | None = None
-
-    @cached_property
-    def shared_columns(self) -> sp.csr_array:
-        """B (g, K), the sizes of the shared errors, SI; without columns where there are none."""
-        return sp.csr_array((len(self.sd), 0)) if self.shared is None else self.shared.columns
-
-    def whiten(self, values: Floats) -> Floats:
-        """Values (g,) or (g, k) of the readings, SI, in independent standard deviations."""
-        if self.shared is None:
-            return np.asarray((values.T / self.sd).T)
-        return Covariance(self.sd, self.shared).whiten(values)
 
 
 class SectionModels(Protocol):
@@ -114,13 +100,10 @@ class JointUnknowns:
         unknowns: the N unknowns.
         n_common: number F of shared parameters and constants of laws, which come first.
         sections: the sections, with one scale in all.
-        scalings: S scales of their parameters.
         templates: shared parameters and those of laws by name.
-        reference: (K,) SI by the scale of a law's parameter; 1 of one on a logarithmic scale.
-        log: (K,) the scale of a law's parameter is its logarithm.
+        law_scaling: scale of the parameters of the K laws.
         largest: (K,) standard deviation, on its scale, of a parameter of which only the bounds are
             known.
-        constants: of each law, the numbers (c,) of the unknowns that are its constants.
 
     >>> from geoident.model.parameter import Parameter
     >>> from geoident.model.project.formulas import LawTerm
@@ -147,40 +130,38 @@ class JointUnknowns:
         first = {q.name: q for q in sections[0].parameters}
         self.templates = {name: first[name] for name in (*shared, *self._law_numbers)}
         self.sections = tuple(self.on_common_scale(section) for section in sections)
-        self.scalings = tuple(Scaling(section.parameters) for section in self.sections)
         unknowns = [self.templates[name] for name in shared]
-        self.constants: list[Ints] = []
+        self._constants: list[Ints] = []  # of each law, which unknowns are its constants
         for law in laws:
-            self.constants.append(np.arange(len(law.constants)) + len(unknowns))
+            self._constants.append(np.arange(len(law.constants)) + len(unknowns))
             unknowns += law.constants
         self.n_common = len(unknowns)
         self._unknown_of: list[Ints] = []  # of each parameter of a section; -1: given by a law
+        self._scattered: list[list[tuple[int, int]]] = []  # of each: its parameter, the unknown
         for section in self.sections:
-            numbers = []
-            for q in section.parameters:
+            numbers, scattered = [], []
+            for i, q in enumerate(section.parameters):
                 k = self.law_of(q.name)
                 if q.name in shared:
                     numbers.append(self.shared.index(q.name))
                 elif k is not None and not scattering[k]:
                     numbers.append(-1)
                 else:
+                    if k is not None:
+                        scattered.append((i, len(unknowns)))
                     numbers.append(len(unknowns))
                     prior = q.prior if k is None else None  # the law takes the prior's place
                     unknowns.append(replace(q, name=f"{q.name} of {section.name}", prior=prior))
             self._unknown_of.append(np.array(numbers, dtype=np.int64))
+            self._scattered.append(scattered)
         self.unknowns: tuple[Parameter, ...] = tuple(unknowns)
         of_laws = [self.templates[law.parameter] for law in laws]
-        scaling = Scaling(of_laws)
-        self.reference, self.log = scaling.reference, scaling.log
+        self.law_scaling = Scaling(of_laws)
         self.largest = np.array([sd_of_bounds(q) for q in of_laws], dtype=np.float64)
 
     def law_of(self, name: str) -> int | None:
         """The number of the law of a parameter, or None."""
         return self._law_numbers.get(name)
-
-    def is_common(self, name: str) -> bool:
-        """Whether a parameter is shared, or follows a law."""
-        return name in self.templates
 
     def on_common_scale(self, section: SectionReadings) -> SectionReadings:
         """A section whose common parameters start where those of the first do: one scale in all."""
@@ -190,34 +171,24 @@ class JointUnknowns:
         )
         return replace(section, parameters=parameters)
 
-    def law(self, k: int, covariates: Mapping[str, float], values: Floats) -> tuple[float, Floats]:
-        """The value x(mu) of a law and its derivatives (c,) by its constants, SI.
+    def at_laws(self, covariates: Mapping[str, float], values: Floats) -> tuple[Floats, Floats]:
+        """The values mu (K,) of the laws, SI, and their derivatives (K, F) by what is common.
 
         Args:
-            k: number of the law.
             covariates: of a section.
-            values: (N,) or (F,) unknowns, SI.
+            values: (F,) at least, the unknowns, SI.
 
         Raises:
-            ModelError: it has no value there.
+            ModelError: a law has no value there.
         """
-        mu, slopes = self.laws[k].at(covariates, values[self.constants[k]])
-        if not np.isfinite(mu) or (self.log[k] and mu <= 0.0):
-            name = self.laws[k].parameter
-            raise ModelError(f"The law of {name} gives {mu:g}, outside its admissible range.")
-        return self.to_scale(k, mu), slopes / self.scale_slope(k, mu)
-
-    def to_scale(self, k: int, value: float) -> float:
-        """The parameter of a law, SI, on its scale."""
-        return float(np.log(value)) if self.log[k] else float(value / self.reference[k])
-
-    def from_scale(self, k: int, x: float) -> float:
-        """The parameter of a law, SI, from its scale."""
-        return float(np.exp(x)) if self.log[k] else float(x * self.reference[k])
-
-    def scale_slope(self, k: int, value: float) -> float:
-        """Derivative of the parameter of a law, SI, by x."""
-        return float(value if self.log[k] else self.reference[k])
+        mu, slopes = np.zeros(len(self.laws)), np.zeros((len(self.laws), self.n_common))
+        for k, (law, constants) in enumerate(zip(self.laws, self._constants, strict=True)):
+            mu[k], slopes[k, constants] = law.at(covariates, values[constants])
+            if not np.isfinite(mu[k]) or (self.law_scaling.log[k] and mu[k] <= 0.0):
+                raise ModelError(
+                    f"The law of {law.parameter} gives {mu[k]:g}, outside its admissible range."
+                )
+        return mu, slopes
 
     def expected_point(self, section: SectionReadings, values: Floats) -> Floats:
         """The parameters (n,) expected of a section, SI: its own at their priors or starts.
@@ -226,13 +197,14 @@ class JointUnknowns:
             section: with its parameters and covariates.
             values: (F,) at least, the unknowns, SI.
         """
+        mu, _ = self.at_laws(section.covariates, values)
         expected = []
         for q in section.parameters:
             k = self.law_of(q.name)
             if q.name in self.shared:
                 p = float(values[self.shared.index(q.name)])
             elif k is not None:
-                p = self.from_scale(k, self.law(k, section.covariates, values)[0])
+                p = float(mu[k])
             else:
                 p = q.start if q.prior is None else q.prior.mean
             expected.append(min(max(p, q.lower), q.upper))
@@ -249,17 +221,24 @@ class JointUnknowns:
             ModelError: a law has no value within the bounds of its parameter.
         """
         section, numbers = self.sections[s], self._unknown_of[s]
+        mu, by_common = self.at_laws(section.covariates, values)
         p, slopes = values[numbers], np.zeros((len(numbers), len(self.unknowns)))
-        for i, q in enumerate(section.parameters):
-            if numbers[i] >= 0:
-                slopes[i, numbers[i]] = 1.0
+        for i, (q, number) in enumerate(zip(section.parameters, numbers.tolist(), strict=True)):
+            if number >= 0:
+                slopes[i, number] = 1.0
                 continue
             k = self._law_numbers[q.name]
-            x, by_constants = self.law(k, section.covariates, values)
-            p[i] = self.from_scale(k, x)
+            p[i], slopes[i, : self.n_common] = mu[k], by_common[k]
             if not q.lower * (1 - _ON_BOUND) <= p[i] <= q.upper * (1 + _ON_BOUND):
-                raise ModelError(_outside_bounds(q, float(p[i]), section.name))
-            slopes[i, self.constants[k]] = by_constants * self.scale_slope(k, p[i])
+                value, low, high = (
+                    f"{in_unit(float(x), q.unit, q.dimension):.4g} "
+                    f"{shown_unit(q.unit, q.dimension)}".rstrip()
+                    for x in (p[i], q.lower, q.upper)
+                )
+                raise ModelError(
+                    f"The law of {q.name} gives {value} for {section.name}, outside its bounds "
+                    f"{low} to {high}."
+                )
         return p, slopes
 
     def points(self, values: Floats) -> dict[int, Floats]:
@@ -275,54 +254,54 @@ class JointUnknowns:
             values[numbers[own]] = point[own]
         return values
 
-    def scattered(self) -> Iterator[tuple[int, SectionReadings, int]]:
-        """Law, section and unknown of each parameter that scatters about a law, in order."""
-        for section, numbers in zip(self.sections, self._unknown_of, strict=True):
-            for q, number in zip(section.parameters, numbers.tolist(), strict=True):
-                k = self.law_of(q.name)
-                if k is not None and self.scattering[k]:
-                    yield k, section, number
-
     def law_rows(self, values: Floats) -> tuple[Floats, Floats]:
         """x(z) - x(mu) of all that scatters, (m,), and its derivatives (m, N), SI.
 
         Args:
             values: (N,) all unknowns, SI.
         """
-        scattered = list(self.scattered())
-        deviations, rows = np.zeros(len(scattered)), np.zeros((len(scattered), len(self.unknowns)))
-        for j, (k, section, number) in enumerate(scattered):
-            x, by_constants = self.law(k, section.covariates, values)
-            deviations[j] = self.to_scale(k, values[number]) - x
-            rows[j, number] = 1.0 / self.scale_slope(k, values[number])
-            rows[j, self.constants[k]] = -by_constants
-        return deviations, rows
+        F = self.n_common
+        slope = Scaling(self.unknowns[:F]).slope(values[:F])
+        deviations, rows = list[float](), list[Floats]()
+        for s, section in enumerate(self.sections):
+            p, _ = self.point(s, values)
+            Phi, _, deviation = self.by_common(section, p, values)
+            for i, number in self._scattered[s]:
+                row = np.zeros(len(values))
+                row[:F], row[number] = (
+                    -Phi[i] / slope,
+                    1.0 / Scaling(section.parameters).slope(p)[i],
+                )
+                deviations.append(deviation[i])
+                rows.append(row)
+        return np.array(deviations), np.array(rows).reshape(-1, len(values))
 
     def by_common(
-        self, section: SectionReadings, p: Floats, values: Floats, n: int
+        self, section: SectionReadings, p: Floats, values: Floats
     ) -> tuple[Floats, Floats, Floats]:
         """How the parameters of a section follow from the common unknowns, all on their scales.
 
         Args:
             section: one of the sections, or a further one.
-            p: (m,) its parameters, SI.
+            p: (n,) its parameters, SI.
             values: (F,) at least, the unknowns, SI.
-            n: rows of the arrays, padded with zeros.
 
         Returns:
             Phi (n, F), Z (n, K): which parameter follows which law, and the deviation of x from
             its law (n,).
         """
-        F = self.n_common
+        n, F = len(p), self.n_common
         slope = Scaling(self.unknowns[:F]).slope(values[:F])
+        mu, slopes = self.at_laws(section.covariates, values)
         Phi, Z, deviation = np.zeros((n, F)), np.zeros((n, len(self.laws))), np.zeros(n)
         for i, q in enumerate(section.parameters):
             k = self.law_of(q.name)
             if k is not None:
-                x, by_constants = self.law(k, section.covariates, values)
-                where = self.constants[k]
-                Z[i, k], Phi[i, where] = 1.0, by_constants * slope[where]
-                deviation[i] = self.to_scale(k, p[i]) - x
+                Z[i, k], Phi[i] = 1.0, slopes[k] * slope / self.law_scaling.slope(mu)[k]
+                if self.law_scaling.log[k]:
+                    deviation[i] = np.log(p[i]) - np.log(mu[k])
+                else:
+                    deviation[i] = (p[i] - mu[k]) / self.law_scaling.reference[k]
             elif q.name in self.shared:
                 Phi[i, self.shared.index(q.name)] = 1.0
         return Phi, Z, deviation
@@ -334,8 +313,15 @@ class JointUnknowns:
             models: of the sections.
             tau: (K,) scatter about the laws, on their scales.
         """
-        laws = [k for k, _, _ in self.scattered()]
-        blocks = [section.shared_columns for section in self.sections]
+        laws = [
+            self._law_numbers[section.parameters[i].name]
+            for section, scattered in zip(self.sections, self._scattered, strict=True)
+            for i, _ in scattered
+        ]
+        blocks = [
+            sp.csr_array((len(section.sd), 0)) if section.shared is None else section.shared.columns
+            for section in self.sections
+        ]
         columns = sp.block_diag([*blocks, sp.csr_array((len(laws), 0))], format="csr")
         return Problem(
             JointResponse(self, models),
@@ -346,6 +332,7 @@ class JointUnknowns:
         )
 
 
+@dataclass(frozen=True)
 class JointResponse:
     """The readings of all sections, and the rows of the laws, as one response.
 
@@ -354,24 +341,24 @@ class JointResponse:
         models: of the sections.
     """
 
-    def __init__(self, joint: JointUnknowns, models: SectionModels) -> None:
-        self._joint, self._models = joint, models
+    joint: JointUnknowns
+    models: SectionModels
 
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the N unknowns."""
-        return tuple(q.name for q in self._joint.unknowns)
+        return tuple(q.name for q in self.joint.unknowns)
 
     @property
     def counts(self) -> Counts:
         """Costs so far."""
-        return self._models.counts
+        return self.models.counts
 
     def admissible(self, p: Floats) -> str | None:
         """Why p (N,) is outside the domain, or None if it is inside."""
         try:
-            self._joint.points(p)
-            self._joint.law_rows(p)
+            self.joint.points(p)
+            self.joint.law_rows(p)
         except ModelError as error:
             return str(error)
         return None
@@ -382,30 +369,19 @@ class JointResponse:
 
     def evaluate(self, p: Floats) -> tuple[Floats, Floats]:
         """v(p), (g,), and its exact Jacobian, (g, N)."""
-        sections = range(len(self._joint.sections))
-        points, slopes = zip(*(self._joint.point(s, p) for s in sections), strict=True)
-        answers = self._models.evaluate(dict(enumerate(points)))
-        deviations, rows = self._joint.law_rows(p)
+        sections = range(len(self.joint.sections))
+        points, slopes = zip(*(self.joint.point(s, p) for s in sections), strict=True)
+        answers = self.models.evaluate(dict(enumerate(points)))
+        deviations, rows = self.joint.law_rows(p)
         v = [answers[s][0] for s in sections]
         J = [answers[s][1] @ slopes[s] for s in sections]
         return np.concatenate([*v, deviations]), np.concatenate([*J, rows])
 
     def sharpen(self, p: Floats) -> bool:
         """Improve the Jacobians at p (N,); returns whether any could be improved."""
-        return self._models.sharpen(self._joint.points(p))
+        return self.models.sharpen(self.joint.points(p))
 
 
 def sd_of_bounds(parameter: Parameter) -> float:
     """Standard deviation, on its scale, of a parameter that is uniform between its bounds."""
-    scaling = Scaling([parameter])
-    width = float(scaling.upper[0] - scaling.lower[0])
-    return (width if np.isfinite(width) else UNBOUNDED_RANGE) / math.sqrt(12.0)
-
-
-def _outside_bounds(q: Parameter, value: float, section: str) -> str:
-    value, low, high = (in_unit(x, q.unit, q.dimension) for x in (value, q.lower, q.upper))
-    unit = f" {shown_unit(q.unit, q.dimension)}".rstrip()
-    return (
-        f"The law of {q.name} gives {value:.4g}{unit} for {section}, outside its "
-        f"bounds {low:.4g}{unit} to {high:.4g}{unit}."
-    )
+    return float(admissible_ranges(Scaling([parameter]))[0]) / math.sqrt(12.0)

@@ -10,8 +10,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import chdtr, chdtrc
+from scipy.special import chdtrc
 
+from geoident.identify.assessment.misfit import Misfit, judged
 from geoident.identify.assessment.normal_mixture import mixture_interval
 from geoident.identify.hierarchical.joint_problem import SectionReadings, sd_of_bounds
 from geoident.identify.hierarchical.restricted_likelihood import (
@@ -98,30 +99,28 @@ class SectionsKnowledge:
         p, _ = self._joint.point(s, self._values)
         means = self._sections[:, s, : len(p)]
         variances = np.diagonal(self._covariances[:, s], axis1=1, axis2=2)[:, : len(p)]
-        return _interval(self._joint.scalings[s], p, means, variances, self.scatter.weights)
+        scaling = Scaling(self._joint.sections[s].parameters)
+        return _interval(scaling, p, means, variances, self.scatter.weights)
 
     def section_covariance(self, s: int) -> Floats:
         """Of the parameters (n, n) of a section, SI, about the estimate."""
         p, _ = self._joint.point(s, self._values)
         n, means = len(p), self._sections[:, s]
         C = second_moment(self.scatter.weights, means, self._covariances[:, s])[:n, :n]
-        slope = self._joint.scalings[s].slope(p)
+        slope = Scaling(self._joint.sections[s].parameters).slope(p)
         return np.asarray(C * np.outer(slope, slope))
 
     def law(self, section: SectionReadings) -> Interval95:
         """The laws (K,) at a section, without its scatter about them."""
         joint = self._joint
-        K, F = len(joint.laws), joint.n_common
-        slope = Scaling(joint.unknowns[:F]).slope(self._values[:F])
-        p, Phi = np.zeros(K), np.zeros((K, F))
-        for k in range(K):
-            x, by_constants = joint.law(k, section.covariates, self._values)
-            p[k] = joint.from_scale(k, x)
-            Phi[k, joint.constants[k]] = by_constants * slope[joint.constants[k]]
+        scaling = Scaling([joint.templates[law.parameter] for law in joint.laws])
+        mu, slopes = joint.at_laws(section.covariates, self._values)
+        F = joint.n_common
+        common = Scaling(joint.unknowns[:F]).slope(self._values[:F])
+        Phi = slopes * common / scaling.slope(mu)[:, None]
         means = self._common @ Phi.T
         variances = np.einsum("kf,jfg,kg->jk", Phi, self._common_covariances, Phi)
-        scaling = Scaling([joint.templates[law.parameter] for law in joint.laws])
-        return _interval(scaling, p, means, variances, self.scatter.weights, cut=False)
+        return _interval(scaling, mu, means, variances, self.scatter.weights, cut=False)
 
     def further(self, section: SectionReadings) -> FurtherSection:
         """The parameters of a section whose readings took no part.
@@ -132,13 +131,12 @@ class SectionsKnowledge:
         joint, section = self._joint, self._joint.on_common_scale(section)
         scaling = Scaling(section.parameters)
         p = joint.expected_point(section, self._values)
-        Phi, Z, _ = joint.by_common(section, p, self._values, len(p))
+        Phi, Z, _ = joint.by_common(section, p, self._values)
         own = np.zeros(len(p))  # variance of what is the section's own: its prior, or its bounds
-        rows = zip(scaling.priors, scaling.prior_jacobian(p), strict=True)
-        of_priors = {i: row[i] for (i, _), row in rows}
+        roots = scaling.prior_jacobian(p).sum(axis=0)
         for i, q in enumerate(section.parameters):
-            if not joint.is_common(q.name):
-                own[i] = of_priors[i] ** -2 if i in of_priors else sd_of_bounds(q) ** 2
+            if q.name not in joint.templates:
+                own[i] = roots[i] ** -2 if q.prior is not None else sd_of_bounds(q) ** 2
         means = self._common @ Phi.T
         covariances = Phi @ self._common_covariances @ Phi.T + np.diag(own)
         covariances += (Z * self.scatter.nodes[:, None, :] ** 2) @ Z.T
@@ -195,34 +193,22 @@ def _interval(
     return Interval95(p, rms * scaling.slope(p), lower, upper)
 
 
-@dataclass(frozen=True)
-class SectionMisfit:
-    """Residuals of a section, judged.
+def section_misfits(fit: HierarchicalFit) -> tuple[tuple[Misfit, float], ...]:
+    """The residuals of each section, judged, and whether it is of the same ground.
 
-    Args:
-        scale: size of the residuals by that of their errors; NaN where nothing can be said.
-        above: probability that chance makes them at least as large.
-        outlying: probability that a section of the same ground is at least as far from what all
-            others tell of it; NaN where nothing can be said.
+    Returns:
+        For each section its misfit, and the probability that a section of the same ground is at
+        least as far from what all others tell of it; NaN where nothing can be said.
     """
-
-    scale: float
-    above: float
-    outlying: float
-
-
-def section_misfits(fit: HierarchicalFit) -> tuple[SectionMisfit, ...]:
-    """The residuals of each section, and whether it is of the same ground."""
     return tuple(
-        SectionMisfit(*_judged(*moments), _outlying(fit.linear, fit.tau, fit.free, s))
+        (judged(*moments), _outlying(fit.linear, fit.tau, fit.free, s))
         for s, moments in enumerate(_residual_moments(fit))
     )
 
 
-def total_misfit(fit: HierarchicalFit) -> tuple[float, float]:
-    """Size of all residuals by their errors, and the probability of at least as much by chance."""
-    squares, mean, half_variance = _residual_moments(fit).sum(axis=0).tolist()
-    return _judged(squares, mean, half_variance)
+def total_misfit(fit: HierarchicalFit) -> Misfit:
+    """All residuals, judged by their errors."""
+    return judged(*_residual_moments(fit).sum(axis=0))
 
 
 def _residual_moments(fit: HierarchicalFit) -> Floats:
@@ -237,15 +223,6 @@ def _residual_moments(fit: HierarchicalFit) -> Floats:
     squares_of_hat = np.einsum("sij,sji->s", hat, hat)
     half_variance = mean - np.trace(hat, axis1=1, axis2=2) + squares_of_hat
     return np.stack([linear.rest + np.sum(r**2, axis=1), mean, half_variance], axis=1)
-
-
-def _judged(squares: float, mean: float, half_variance: float) -> tuple[float, float]:
-    """Scale and probability, by the chi-squared distribution of the same mean and variance."""
-    if mean <= 0.5 or half_variance <= 0.0:  # hardly a degree of freedom is left
-        return float("nan"), 1.0
-    freedom = mean**2 / half_variance
-    above = float(chdtrc(freedom, min(squares * mean / half_variance, 1e300)))
-    return float(np.sqrt(squares / mean)), above
 
 
 def _outlying(linear: LinearSections, tau: Floats, free: Bools, s: int) -> float:
@@ -269,4 +246,4 @@ def _outlying(linear: LinearSections, tau: Floats, free: Bools, s: int) -> float
         return float("nan")
     d = seen.T @ (linear.q[s] - R @ mean)
     V = np.eye(len(d)) + seen.T @ R @ C @ R.T @ seen
-    return float(1.0 - chdtr(len(d), float(d @ np.linalg.solve(V, d))))
+    return float(chdtrc(len(d), float(d @ np.linalg.solve(V, d))))

@@ -24,11 +24,12 @@ known (Gelman 2006 on uniform priors for standard deviations).
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
+import scipy.sparse as sp
 
 from geoident.identify.hierarchical.joint_problem import JointUnknowns, SectionModels
+from geoident.identify.problem.errors import Covariance, SharedErrors
 from geoident.identify.problem.scaling import Scaling
 from geoident.model.arrays import Bools, Floats, Ints
 
@@ -58,7 +59,6 @@ class GivenScatter:
     """The posterior of all unknowns at one tau, from the point of linearisation, on the scales.
 
     Args:
-        tau: (K,) the scatter.
         minus_two_log: of the restricted likelihood, up to a constant.
         common: (F,) mean of f.
         common_covariance: (F, F).
@@ -66,7 +66,6 @@ class GivenScatter:
         covariances: (S, n, n).
     """
 
-    tau: Floats
     minus_two_log: float
     common: Floats
     common_covariance: Floats
@@ -122,24 +121,26 @@ class LinearSections:
         Phi, Z, W = np.zeros((S, n, F)), np.zeros((S, n, K)), np.zeros((S, n, n))
         R, q, deviation = np.zeros((S, n, n)), np.zeros((S, n)), np.zeros((S, n))
         rest, rows = np.zeros(S), np.zeros(S, dtype=np.int64)
-        for s, (section, scaling) in enumerate(zip(joint.sections, joint.scalings, strict=True)):
-            p, (v, J) = points[s], answers[s]
-            Phi[s], Z[s], deviation[s] = joint.by_common(section, p, values, n)
-            own = [i for i, q_ in enumerate(section.parameters) if not joint.is_common(q_.name)]
+        for s, section in enumerate(joint.sections):
+            scaling, p, (v, J) = Scaling(section.parameters), points[s], answers[s]
+            m = len(p)
+            Phi[s, :m], Z[s, :m], deviation[s, :m] = joint.by_common(section, p, values)
+            own = [i for i, q_ in enumerate(section.parameters) if q_.name not in joint.templates]
             W[s, own, np.arange(len(own))] = 1.0
             # rows A x = b: whitened readings, then priors of the section's own parameters
             chosen = [row for row, (i, _) in enumerate(scaling.priors) if i in own]
-            A = np.zeros((max(len(v) + len(chosen), n), n))
-            A[: len(v), : len(p)] = section.whiten(J * scaling.slope(p))
-            A[len(v) : len(v) + len(chosen), : len(p)] = scaling.prior_jacobian(p)[chosen]
-            b = np.zeros(len(A))
-            b[: len(v)] = section.whiten(section.measured - v)
-            b[len(v) : len(v) + len(chosen)] = -scaling.prior_residuals(p)[chosen]
+            shared = section.shared or SharedErrors(sp.csr_array((len(v), 0)))
+            whiten = Covariance(section.sd, shared).whiten
+            rows[s] = len(v) + len(chosen)
+            A, b = np.zeros((max(rows[s], n), n)), np.zeros(max(rows[s], n))
+            A[: len(v), :m] = whiten(J * scaling.slope(p))
+            A[len(v) : rows[s], :m] = scaling.prior_jacobian(p)[chosen]
+            b[: len(v)] = whiten(section.measured - v)
+            b[len(v) : rows[s]] = -scaling.prior_residuals(p)[chosen]
             b += A @ deviation[s]  # as it would be on the law
             Q, R[s] = np.linalg.qr(A)
             q[s] = Q.T @ b
             rest[s] = max(float(b @ b - q[s] @ q[s]), 0.0)
-            rows[s] = len(v) + len(chosen)
         common = Scaling(joint.unknowns[:F])
         P, residuals = common.prior_jacobian(values[:F]), common.prior_residuals(values[:F])
         return cls(
@@ -165,24 +166,17 @@ class LinearSections:
 
     def minus_two_log(self, tau: Floats) -> float:
         """-2 log L at tau (K,), up to a constant."""
-        return self._solved(tau)[0]
+        return self.given(tau).minus_two_log
 
     def given(self, tau: Floats) -> GivenScatter:
-        """The posterior at tau (K,)."""
-        value, f, C, T, l0, inverse, B0 = self._solved(tau)
-        by_f = self.Phi - B0 @ T
-        x = np.einsum("snf,f->sn", by_f, f) + np.einsum("snl,sl->sn", B0, l0)
-        covariances = by_f @ C @ by_f.swapaxes(1, 2) + B0 @ inverse @ B0.swapaxes(1, 2)
-        return GivenScatter(tau, value, f, C, x, covariances)
+        """The posterior at tau (K,).
 
-    def _solved(self, tau: Floats) -> tuple[float, Floats, Floats, Floats, Floats, Floats, Floats]:
-        """-2 log L, f and its covariance C; l = (a, w) of each section as l0 - T f; its inverse H.
-
-        The normal equations are block diagonal but for f, which is found from the Schur complement.
+        The normal equations are block diagonal but for f, which is found from the Schur complement;
+        l = (a, w) of each section is then l0 - T f.
         """
         K = self.Z.shape[2]
         B0 = np.concatenate([self.Z * tau, self.W], axis=2)  # (S, n, K + L)
-        B, (RPhi, matrix, right) = self.R @ B0, self._common_equations
+        B, RPhi = self.R @ B0, self.R @ self.Phi
         Bt = B.swapaxes(1, 2)
         H = Bt @ B
         diagonal = np.arange(H.shape[1])
@@ -191,60 +185,56 @@ class LinearSections:
         T = inverse @ (Bt @ RPhi)
         g = np.einsum("snl,sn->sl", B, self.q)
         l0 = np.einsum("slm,sm->sl", inverse, g)
-        schur = matrix - np.einsum("snf,snl,slg->fg", RPhi, B, T)
-        right = right - np.einsum("slf,sl->f", T, g)
+        schur = np.einsum("snf,sng->fg", RPhi, RPhi - B @ T) + self.precision
+        schur += _RIDGE * np.eye(len(schur))
+        right = np.einsum("snf,sn->f", RPhi, self.q) - self.gradient - np.einsum("slf,sl->f", T, g)
         C = np.linalg.inv(schur)
         f = C @ right
-        known = float(self.rest.sum()) + self.prior_squares
-        squares = known + float(np.sum(self.q**2) - np.sum(g * l0) - right @ f)
+        squares = float(self.rest.sum() + np.sum(self.q**2)) + self.prior_squares
+        squares -= float(np.sum(g * l0) + right @ f)
         logs = float(np.linalg.slogdet(H)[1].sum() + np.linalg.slogdet(schur)[1])
-        return squares + logs, f, C, T, l0, inverse, B0
-
-    @cached_property
-    def _common_equations(self) -> tuple[Floats, Floats, Floats]:
-        """R Phi (S, n, F), and the normal equations of f alone: matrix (F, F), right side (F,)."""
-        RPhi = np.asarray(self.R @ self.Phi)
-        matrix = np.einsum("snf,sng->fg", RPhi, RPhi) + self.precision
-        right = np.einsum("snf,sn->f", RPhi, self.q) - self.gradient
-        return RPhi, matrix + _RIDGE * np.eye(len(matrix)), right
+        by_f = self.Phi - B0 @ T
+        x = np.einsum("snf,f->sn", by_f, f) + np.einsum("snl,sl->sn", B0, l0)
+        covariances = by_f @ C @ by_f.swapaxes(1, 2) + B0 @ inverse @ B0.swapaxes(1, 2)
+        return GivenScatter(squares + logs, f, C, x, covariances)
 
 
 def most_likely(linear: LinearSections, start: Floats, free: Bools) -> Floats:
     """The tau (K,) of the largest restricted likelihood; zero where none is as likely.
+
+    One after the other, each on a grid and between the two nodes beside its best one.
 
     Args:
         linear: the sections.
         start: (K,) where to begin; what is not free stays.
         free: (K,) is to be found.
     """
+    from scipy.optimize import minimize_scalar  # noqa: PLC0415 - 0.3 s, and only projects search
+
     tau = start.copy()
     for _ in range(_SWEEPS):
         before = tau.copy()
         for k in np.flatnonzero(free).tolist():
-            tau[k] = _most_likely_of_one(linear, tau, k)
+
+            def value(size: float, k: int = k) -> float:
+                return linear.minus_two_log(_replaced(tau, k, size))
+
+            grid = np.log(linear.largest[k]) + np.linspace(np.log(_LEAST), 0.0, 40)
+            i = int(np.argmin([value(np.exp(x)) for x in grid]))
+            best = minimize_scalar(
+                lambda x, value=value: value(np.exp(x)),
+                bounds=(grid[max(i - 1, 0)], grid[min(i + 1, len(grid) - 1)]),
+                method="bounded",
+                options={"xatol": 1e-9},
+            )
+            tau[k] = 0.0 if value(0.0) <= float(best.fun) + 1e-9 else float(np.exp(best.x))
         if np.all(np.abs(tau - before) <= 1e-7 * before) or free.sum() < 2:
             break
     return tau
 
 
-def _most_likely_of_one(linear: LinearSections, tau: Floats, k: int) -> float:
-    """The most likely tau_k, all others given."""
-    from scipy.optimize import minimize_scalar  # noqa: PLC0415 - 0.3 s, and only projects search
-
-    def value(size: float) -> float:
-        trial = tau.copy()
-        trial[k] = size
-        return linear.minus_two_log(trial)
-
-    grid = np.log(linear.largest[k]) + np.linspace(np.log(_LEAST), 0.0, 40)
-    i = int(np.argmin([value(np.exp(x)) for x in grid]))
-    best = minimize_scalar(
-        lambda x: value(np.exp(x)),
-        bounds=(grid[max(i - 1, 0)], grid[min(i + 1, len(grid) - 1)]),
-        method="bounded",
-        options={"xatol": 1e-9},
-    )
-    return 0.0 if value(0.0) <= float(best.fun) + 1e-9 else float(np.exp(best.x))
+def _replaced(tau: Floats, k: int, size: float) -> Floats:
+    return np.where(np.arange(len(tau)) == k, size, tau)
 
 
 @dataclass(frozen=True)
@@ -284,11 +274,9 @@ def scatter_posterior(linear: LinearSections, tau: Floats, free: Bools) -> Scatt
     if not len(dims):
         return ScatterPosterior(tau[None, :], np.ones(1))
     top, least = linear.largest[dims].copy(), linear.minus_two_log(tau)
-    for j, k in enumerate(dims):  # up to where the posterior ends
+    for j, k in enumerate(dims.tolist()):  # up to where the posterior ends
         for size in np.geomspace(1e-4, 1.0, 60) * linear.largest[k]:
-            trial = tau.copy()
-            trial[k] = size
-            if size > tau[k] and linear.minus_two_log(trial) > least + _DROP:
+            if size > tau[k] and linear.minus_two_log(_replaced(tau, k, size)) > least + _DROP:
                 top[j] = size
                 break
     if len(dims) in _GRID_NODES:

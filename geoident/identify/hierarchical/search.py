@@ -27,8 +27,8 @@ _ROUNDS = 40
 _SETTLED = 1e-5
 """Relative change of a scatter that ends the rounds: a thousandth of what is known of it."""
 
-_ROUGH = 1e-8
-"""Tolerance of descents as long as the scatter is not settled."""
+_ROUGH, _FINE = 1e-8, 1e-12
+"""Tolerance of descents as long as the scatter is not settled, and of the last one."""
 
 _FIRST_SCATTER = 0.25
 """Of the largest scatter: where the search for it begins."""
@@ -77,8 +77,6 @@ def fit_sections(
     laws: Sequence[ParameterLaw],
     models: SectionModels,
     observe: Observer,
-    *,
-    options: GaussNewtonOptions | None = None,
     begin: SectionsStart | None = None,
 ) -> HierarchicalFit:
     """The most likely scatter of sections about laws, and all other unknowns at it.
@@ -92,22 +90,19 @@ def fit_sections(
         laws: of others.
         models: of the sections.
         observe: is told of every trial; its reason to stop ends the search.
-        options: tolerance and steps of each descent.
         begin: where to begin; None for the starts of the parameters.
 
     Raises:
         ModelError: a model has no solution at the start.
     """
-    options = options or GaussNewtonOptions(tolerance=1e-12)
-    rough = replace(options, tolerance=max(options.tolerance, _ROUGH))
     begin = begin or SectionsStart()
     free = np.array([law.scatter.kind == "estimate" for law in laws], dtype=np.bool_)
     joint = JointUnknowns(sections, shared, laws, np.ones(len(laws), dtype=np.bool_))
-    given = np.array([law.scatter.size for law in laws], dtype=np.float64) / joint.reference
-    first = _FIRST_SCATTER * joint.largest if begin.tau is None else begin.tau
-    tau = np.where(free, first, given)
-    starts = np.array([q.start for q in joint.unknowns[: joint.n_common]], dtype=np.float64)
-    common = starts if begin.common is None else begin.common
+    given = np.array([law.scatter.size for law in laws]) / joint.law_scaling.reference
+    tau = np.where(free, _FIRST_SCATTER * joint.largest if begin.tau is None else begin.tau, given)
+    common = begin.common
+    if common is None:
+        common = np.array([q.start for q in joint.unknowns[: joint.n_common]])
     points = [joint.expected_point(section, common) for section in joint.sections]
     if begin.points:
         pairs = zip(begin.points, points, strict=True)
@@ -117,7 +112,13 @@ def fit_sections(
     for _ in range(_ROUNDS):
         joint = JointUnknowns(sections, shared, laws, tau > 0.0)
         problem = joint.problem(models, tau).begun_at(joint.joined(common, points))
-        outcome = _descended(problem, options if last else rough, observe)
+        history = History("gauss-newton", problem.response, observe)
+        options = GaussNewtonOptions(tolerance=_FINE if last else _ROUGH)
+        descent = gauss_newton_descent(Discrepancy(problem), options, history)
+        first = descent.evaluator.evaluate(descent.evaluator.scaling.start)
+        descent.evaluator.record(first.x, first, 0.0, "start")
+        end = descent.run(first)
+        outcome = history.outcome(end.point.p, end.point.phi, end.status, end.reason)
         done = len(iterations)
         iterations += tuple(
             replace(step, number=done + n) for n, step in enumerate(outcome.iterations)
@@ -134,13 +135,3 @@ def fit_sections(
         outcome = replace(outcome, status="not-converged", reason=reason)
     outcome = replace(outcome, iterations=iterations)
     return HierarchicalFit(joint, problem, outcome, tau, free, linear)
-
-
-def _descended(problem: Problem, options: GaussNewtonOptions, observe: Observer) -> Outcome:
-    """One descent from where a problem begins."""
-    history = History("gauss-newton", problem.response, observe)
-    descent = gauss_newton_descent(Discrepancy(problem), options, history)
-    point = descent.evaluator.evaluate(descent.evaluator.scaling.start)
-    descent.evaluator.record(point.x, point, 0.0, "start")
-    ending = descent.run(point)
-    return history.outcome(ending.point.p, ending.point.phi, ending.status, ending.reason)

@@ -308,5 +308,4 @@ def follow_bound(
 
     weighted = replace(problem, sd=effective_sd(problem, readings.computed[readings.used]))
     here = _path_readings(survey, readings)
-    assessment, path = with_profile(assessment, weighted, values, here, evaluate)
-    return assessment, None if path is None else Nonlinearity.along(path, assessment)
+    return with_profile(assessment, weighted, values, here, evaluate)

@@ -15,7 +15,6 @@ import numpy as np
 from geoident.errors import ModelError
 from geoident.identify.assessment.findings import join
 from geoident.identify.assessment.laplace import (
-    LaplaceMass,
     laplace_mass,
     log_normalisation,
     log_prior_volume,
@@ -94,13 +93,13 @@ def weighed_minima(
     points = [best, *_near(discrepancy, outcome.minima, best.phi + RIVAL)]
     points = distinct_minima(points, Angles(problem.parameters, scaling))
     masses = [laplace_mass(point.linearization, point.x, scaling) for point in points]
-    evidence = _evidence(problem, best, computed, masses)
+    log_mass = np.array([mass for mass, _ in masses])
+    evidence = _evidence(problem, best, computed, log_mass)
     if len(points) == 1:
         return None, evidence
-    log_mass = np.array([mass.log_mass for mass in masses])
     odds = np.exp(log_mass - log_mass.max())
     slopes = np.array([scaling.slope(point.p) for point in points])
-    covariance = np.array([mass.covariance_x for mass in masses])
+    covariance = np.array([covariance_x for _, covariance_x in masses])
     rivals = Rivals(
         values=np.array([point.p for point in points]),
         objectives=np.array([point.phi for point in points]),
@@ -124,13 +123,12 @@ def _near(
 
 
 def _evidence(
-    problem: Problem, best: Iterate, computed: Floats, masses: Sequence[LaplaceMass]
+    problem: Problem, best: Iterate, computed: Floats, log_mass: Floats
 ) -> Evidence | None:
     """The evidence of a model; None where a parameter has neither bounds nor a prior."""
     volume = log_prior_volume(problem.parameters)
     if not np.isfinite(volume):
         return None
-    log_mass = np.array([mass.log_mass for mass in masses])
     top = float(log_mass.max())
     total = top + float(np.log(np.exp(log_mass - top).sum()))
     constant = log_normalisation(problem, computed)

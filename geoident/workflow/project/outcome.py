@@ -11,12 +11,12 @@ from datetime import UTC, datetime
 import numpy as np
 
 from geoident.errors import ExitCode, ModelError
+from geoident.identify.assessment.misfit import Misfit
 from geoident.identify.assessment.uncertainty import assess
 from geoident.identify.hierarchical.bands import ReadingBands, reading_bands
 from geoident.identify.hierarchical.joint_problem import SectionReadings
 from geoident.identify.hierarchical.knowledge import (
     Interval95,
-    SectionMisfit,
     SectionsKnowledge,
     section_misfits,
     total_misfit,
@@ -108,20 +108,20 @@ def project_result(
     knowledge = SectionsKnowledge(whole.fit)
     tables = _Tables(job, models, whole, knowledge)
     misfits = dict(zip(whole.numbers, section_misfits(whole.fit), strict=True))
-    scale, above = total_misfit(whole.fit)
+    total = total_misfit(whole.fit)
     common, laws = tables.common(), tables.laws()
     rows, readings = tables.sections()
     later = [tables.left_out(one) for one in left_out]
-    poor = above < POOR and scale >= UNUSABLE
+    poor = total.above < POOR and total.scale >= UNUSABLE
     status = _status(whole.fit, common, laws, rows, poor=poor)
     result = ProjectResult(
         title=job.project.title,
         status=status,
         exit_code=int(ExitCode.DONE if status == "converged" else ExitCode.NOT_CONVERGED),
-        reason=_reason(whole.fit, common, laws, rows, poor=poor, scale=scale),
+        reason=_reason(whole.fit, common, laws, rows, poor=poor, scale=total.scale),
         objective=float(whole.fit.outcome.objective),
-        misfit=scale,
-        above=above,
+        misfit=total.scale,
+        above=total.above,
         findings=(),
         notes=tables.notes(),
         project_text=job.text,
@@ -245,7 +245,7 @@ class _Tables:
         joint, tau, scatter = self._joint, self._fit.tau, self._knowledge.scatter
         rows = []
         for k, law in enumerate(joint.laws):
-            q, unit = joint.templates[law.parameter], joint.reference[k]
+            q, unit = joint.templates[law.parameter], joint.law_scaling.reference[k]
             low, high = (tau[k], tau[k])
             if law.scatter.kind == "estimate":
                 ends = scatter.interval(k)
@@ -270,19 +270,19 @@ class _Tables:
         )
 
     def ends(
-        self, misfits: dict[int, SectionMisfit], readings: Sequence[SectionReading]
+        self, misfits: dict[int, tuple[Misfit, float]], readings: Sequence[SectionReading]
     ) -> tuple[SectionEnd, ...]:
         folder = self._job.place.path.parent
         rows = []
         for n, section in enumerate(self._job.project.sections):
-            found = misfits.get(n, SectionMisfit(_NAN, _NAN, _NAN))
+            misfit, outlying = misfits.get(n, (None, _NAN))
+            scale, above = (misfit.scale, misfit.above) if misfit else (_NAN, _NAN)
             own = [row for row in readings if row.section == section.name]
             counted = [r for r in own if (r.judged if section.predicted else r.used)]
             rows.append(
                 SectionEnd(
                     section.name, seen_from(folder, section.case), section.predicted,
-                    len(counted), self._whole.prepared[n].status, found.scale, found.above,
-                    found.outlying,
+                    len(counted), self._whole.prepared[n].status, scale, above, outlying,
                 )
             )  # fmt: skip
         return tuple(rows)
@@ -430,7 +430,7 @@ def predicted_section(
         )
     except ModelError:
         none = np.full(len(sd), np.nan)
-        bands = ReadingBands(none, none, none, none, none)
+        bands = ReadingBands(none, none, none)
     readings = [
         SectionReading(
             section.name, one.gauge, one.stage, one.measured, one.sd, False,

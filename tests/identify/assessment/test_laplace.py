@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 from scipy.integrate import dblquad, quad
-from scipy.stats import multivariate_normal, norm
+from scipy.stats import multivariate_normal
 
 from geoident.identify.assessment.diagnostics import effective_sd
 from geoident.identify.assessment.laplace import (
@@ -26,7 +26,7 @@ from geoident.model.parameter import Parameter, Prior
 def _mass(problem, p):
     discrepancy = Discrepancy(problem)
     x = discrepancy.scaling.to_scaled(np.asarray(p))
-    return laplace_mass(discrepancy.linearize(np.asarray(p)), x, discrepancy.scaling).log_mass
+    return laplace_mass(discrepancy.linearize(np.asarray(p)), x, discrepancy.scaling)[0]
 
 
 @pytest.mark.parametrize("measured", [[0.9, 0.4], [3.0, 2.2], [-5.0, 0.0]], ids=str)
@@ -45,14 +45,6 @@ def test_the_mass_of_a_linear_model_is_the_integral_over_the_bounds(make_problem
     expected, _ = dblquad(density, low[0], high[0], low[1], high[1], epsabs=0.0, epsrel=1e-6)
     for at in ([1.0, 1.0], [2.0, 0.3]):  # the linearised model is the same from everywhere
         assert _mass(problem, at) == pytest.approx(np.log(expected), abs=3e-3)
-
-
-def test_what_the_readings_do_not_see_holds_its_range(make_problem):
-    q = [Parameter("a", 1.0, -4.0, 4.0), Parameter("b", 1.0, 0.0, 3.0)]
-    problem = make_problem(lambda p: p[:1], q, [0.5], 0.1)
-    reference = Discrepancy(problem).scaling.reference
-    expected = np.log(0.1 / reference[0] * np.sqrt(2 * np.pi)) + np.log(3.0 / reference[1])
-    assert _mass(problem, [0.5, 1.0]) == pytest.approx(expected, abs=1e-3)
 
 
 def test_the_evidence_of_a_linear_model_is_the_density_of_its_readings(make_problem):
@@ -115,20 +107,6 @@ def test_the_normalisation_is_the_integral_over_the_readings(make_problem, loss)
     assert log_normalisation(problem, np.array([0.5])) == pytest.approx(np.log(expected), abs=1e-6)
 
 
-def test_shared_errors_under_a_robust_loss_are_counted_as_under_the_squared_one(make_problem):
-    """Where no reading is off the two losses agree, but for the tails of the one."""
-    B = np.full((4, 1), 0.5)
-    q = [Parameter("a", 1.0, 0.0, 2.0)]
-    given = replace(
-        make_problem(lambda p: np.ones(4) * p[0], q, [1.0, 1.1, 0.9, 1.0], 0.3),
-        shared=SharedErrors(sp.csr_array(B)),
-    )
-    v = np.ones(4)
-    squared = log_normalisation(given, v)
-    huber = log_normalisation(replace(given, loss=HuberOptions(9.0)), v)
-    assert huber == pytest.approx(squared, abs=1e-6)
-
-
 def test_the_covariance_of_a_minimum_is_that_of_the_readings_and_a_hundred_ranges():
     """Ranges of a parameter between bounds, and ten of one that has none; of one held, nothing."""
     parameters = (
@@ -141,21 +119,21 @@ def test_the_covariance_of_a_minimum_is_that_of_the_readings_and_a_hundred_range
     r = np.array([0.4, -0.9])
     scaling = Scaling(parameters)
     x = scaling.to_scaled(np.array([2.5, 4.0, 5.0, 3.0]))
-    found = laplace_mass(Linearization(r, J), x, scaling)
+    log_mass, covariance_x = laplace_mass(Linearization(r, J), x, scaling)
     some = [0, 1, 3]
     width = np.array([3.0 / 2.0, 10.0, np.log(8.0)])
     curvature = J[:, some].T @ J[:, some] + np.diag((100.0 * width) ** -2.0)
-    covariance = found.covariance_x[np.ix_(some, some)]
+    covariance = covariance_x[np.ix_(some, some)]
     np.testing.assert_allclose(covariance, np.linalg.inv(curvature), rtol=1e-6)
-    assert not found.covariance_x[2].any()
-    assert not found.covariance_x[:, 2].any()
+    assert not covariance_x[2].any()
+    assert not covariance_x[:, 2].any()
     gradient = J[:, some].T @ r
     step = np.linalg.solve(curvature, gradient)
     bounds = scaling.lower[some], scaling.upper[some]
     inside = log_probability_within(x[some] - step, covariance, *bounds)
     lowest = r @ r - gradient @ step
     expected = -0.5 * lowest + 1.5 * np.log(2.0 * np.pi) - 0.5 * np.linalg.slogdet(curvature)[1]
-    assert found.log_mass == pytest.approx(expected + inside, abs=1e-6)
+    assert log_mass == pytest.approx(expected + inside, abs=1e-6)
 
 
 def test_a_parameter_that_is_held_is_the_same_as_none(make_problem):
@@ -166,23 +144,6 @@ def test_a_parameter_that_is_held_is_the_same_as_none(make_problem):
     both = make_problem(lambda p: A @ p, [free, held], y, 0.3)
     alone = make_problem(lambda p: A @ np.append(p, 2.0), [free], y, 0.3)
     assert _mass(both, [1.0, 2.0]) == pytest.approx(_mass(alone, [1.0]), abs=1e-9)
-
-
-def test_volumes_of_priors_and_widths_multiply():
-    q = (
-        Parameter("a", 3.0, 1.0, 6.0, "linear", Prior(4.0, 1.3)),
-        Parameter("b", 3.0, 1.0, 7.0, "linear"),
-        Parameter("c", 3.0, 2.0, 5.0, "log", Prior(2.5, 0.5, "lognormal")),
-    )
-    parts = [log_prior_volume((one,)) for one in q]
-    assert log_prior_volume(q) == pytest.approx(sum(parts), rel=1e-12)
-    # a: sd over its reference, 3; b: its width over 3; c: sd / mean
-    between = norm.cdf((6.0 - 4.0) / 1.3) - norm.cdf((1.0 - 4.0) / 1.3)
-    assert parts[0] == pytest.approx(np.log(1.3 / 3.0 * np.sqrt(2.0 * np.pi) * between))
-    assert parts[1] == pytest.approx(np.log(6.0 / 3.0))
-    ends = np.log(np.array([2.0, 5.0]) / 2.5) / 0.2
-    between = norm.cdf(ends[1]) - norm.cdf(ends[0])
-    assert parts[2] == pytest.approx(np.log(0.2 * np.sqrt(2.0 * np.pi) * between))
 
 
 def test_shared_errors_count_beside_the_own_ones_under_any_loss(make_problem):

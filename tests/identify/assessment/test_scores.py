@@ -42,15 +42,6 @@ class TestOneBand:
         inside = Bands(*(np.array([[x]]) for x in (1.5, 1.0, 0.0, 2.0)))
         assert inside.interval_score[0, 0] == pytest.approx(2.0)
 
-    def test_what_is_not_determined_or_not_read_has_no_score(self):
-        found = bands(
-            [[1.0, np.nan, 1.0]], [[0.0, 0.0, np.nan]], [[np.inf, 1, 1]], [[np.inf, 1, 1]]
-        )
-        assert not found.scored.any()
-        assert found.open.tolist() == [[True, False, False]]
-        assert np.isnan(found.z).all()
-        assert np.isnan(found.log_density).all()
-
 
 class TestScores:
     def test_by_hand(self):
@@ -123,7 +114,6 @@ class TestChance:
         found = p_value([Innovations(z, np.eye(20))])
         assert found.few > 0.3
         assert found.far < 1e-3
-        assert found.least == found.far
 
     def test_fits_count_as_independent(self):
         one = Innovations(np.array([2.5, 2.5]), np.ones((2, 2)))
@@ -137,11 +127,7 @@ class TestChance:
         assert p_value([Innovations(z, R)]).far == pytest.approx(2 * norm.sf(3.0), abs=0.001)
 
     def test_of_nothing(self):
-        assert p_value([]).least == 1.0
-
-    def test_is_the_same_every_time(self):
-        group = Innovations(np.array([2.5, 0.1]), np.array([[1.0, 0.5], [0.5, 1.0]]))
-        assert p_value([group]) == p_value([group])
+        assert (p_value([]).few, p_value([]).far) == (1.0, 1.0)
 
 
 def test_changes_of_a_mean_that_grows_are_independent_standard_normal():

@@ -59,28 +59,3 @@ def test_means_variances_and_covariances_of_later_readings():
     cross = L @ B.T
     whole = np.diag([0.25**2, 0.35**2]) + L @ L.T - cross @ np.linalg.solve(sigma, cross.T)
     np.testing.assert_allclose(np.cov(found.T), whole, atol=0.003)
-
-
-def test_readings_that_share_nothing_have_their_own_errors():
-    problem = Problem(Fixed(), np.zeros(3), np.ones(3), (Parameter("a", 1.0, 0.0, 2.0),))
-    none = sp.csr_array((2, 0))
-    later = ErrorStructure(
-        np.array([0.25, 0.35]), np.array([-1, -1]), none, np.empty(0, dtype=np.int64), ()
-    )
-    found = simulated_readings(
-        problem, np.zeros((DRAWS, 3)), np.zeros((DRAWS, 2)), later, np.random.default_rng(0)
-    )
-    np.testing.assert_allclose(found.std(axis=0), [0.25, 0.35], rtol=0.01)
-
-
-def test_later_readings_that_share_errors_with_each_other_alone():
-    problem = Problem(Fixed(), np.zeros(3), np.ones(3), (Parameter("a", 1.0, 0.0, 2.0),))
-    rows = np.array([[1.0, 0.0, 0.3], [0.6, 0.5, -0.2]])
-    later = ErrorStructure(
-        np.array([0.25, 0.35]), np.array([-1, -1]), sp.csr_array(rows), np.full(3, -1), ()
-    )
-    found = simulated_readings(
-        problem, np.zeros((DRAWS, 3)), np.zeros((DRAWS, 2)), later, np.random.default_rng(0)
-    )
-    expected = np.diag([0.25**2, 0.35**2]) + rows @ rows.T
-    np.testing.assert_allclose(np.cov(found.T), expected, atol=0.015)

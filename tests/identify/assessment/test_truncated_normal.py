@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.integrate import quad
 from scipy.stats import multivariate_normal, norm, truncnorm
 
 from geoident.identify.assessment.truncated_normal import (
-    Posterior,
     log_probability_within,
     truncated_normal,
 )
@@ -133,20 +131,6 @@ def test_what_is_not_truncated_follows_as_a_normal_given_the_rest(cut):
     np.testing.assert_allclose(picked.covariance, whole[np.ix_([3, 1], [3, 1])])
 
 
-@pytest.mark.parametrize(("off", "cut"), [(2.99, True), (3.01, False)])
-def test_bounds_farther_than_three_standard_deviations_are_not_reached(off, cut):
-    for lower, upper in ((MEAN - off * SD, FAR), (-FAR, MEAN + off * SD)):
-        for k in range(4):
-            low, high = np.where(np.arange(4) == k, [lower, upper], [-FAR, FAR])
-            found = truncated_normal(MEAN, FACTOR, low, high)
-            assert (len(found.weight) > 1) == cut
-            if not cut:
-                np.testing.assert_array_equal(found.shift, MEAN[:, None])
-                np.testing.assert_array_equal(found.factor, FACTOR)
-    always = truncated_normal(MEAN, FACTOR, -9.0 * SD, 9.0 * SD, always=2)
-    np.testing.assert_allclose(always.factor[2], 0.0, atol=1e-12)
-
-
 def test_without_a_bound_near_intervals_are_exactly_normal():
     found = truncated_normal(np.zeros(2), np.eye(2), np.full(2, -5.0), np.full(2, 5.0))
     ends = found.summary(np.array([[1.0, 2.0]]), np.array([2.0]))
@@ -155,33 +139,6 @@ def test_without_a_bound_near_intervals_are_exactly_normal():
     cut = ends = found.summary(np.eye(2), limits=(np.array([-1.0, -9.0]), np.array([9.0, 0.5])))
     np.testing.assert_allclose(cut.lower95, [-1.0, norm.ppf(0.025)])
     np.testing.assert_allclose(cut.upper95, [norm.ppf(0.975), 0.5])
-
-
-def test_what_does_not_depend_on_a_bound_keeps_its_normal_interval():
-    """Of two independent ones only the first is on its bound."""
-    found = truncated_normal(np.zeros(2), np.eye(2), np.array([0.0, -9.0]), np.full(2, 9.0))
-    ends = found.summary(np.eye(2), limits=(np.array([0.0, -9.0]), np.full(2, 9.0)))
-    assert ends.lower95[0] == 0.0
-    assert [ends.lower95[1], ends.upper95[1]] == pytest.approx(norm.ppf([0.025, 0.975]).tolist())
-
-
-def test_what_is_given_is_not_truncated():
-    factor = FACTOR.copy()
-    factor[1] = 0.0
-    lower = np.where(np.arange(4) == 1, MEAN, -FAR)
-    found = truncated_normal(MEAN, factor, lower, np.where(np.arange(4) == 1, MEAN, FAR))
-    assert found.weight.tolist() == [1.0]
-
-
-def test_of_one_mode_the_bound_that_cuts_most_counts():
-    """By its own standard deviation: the second variable's, 1.5 of its sd away, not 2."""
-    mean, factor = np.array([4.0, -3.0]), np.array([[0.1], [10.0]])
-    room = np.array([0.2, 15.0])
-    found = truncated_normal(mean, factor, np.full(2, -np.inf), mean + room)
-    assert found.shift[1].max() == pytest.approx(12.0, abs=0.2)
-    assert found.shift[0].max() == pytest.approx(4.15, abs=0.002)
-    found = truncated_normal(mean, factor, mean - room, np.full(2, np.inf))
-    assert found.shift[0].min() == pytest.approx(3.85, abs=0.002)
 
 
 def test_many_bounds_are_met_by_their_probability():
@@ -197,16 +154,6 @@ def test_many_bounds_are_met_by_their_probability():
         np.testing.assert_allclose(centre, centre.mean(), rtol=0.01)
 
 
-def test_many_parameters_on_their_bounds_do_not_follow_each_other():
-    """Independent half normals, of which the mean and the variance are known."""
-    n = 40
-    found = truncated_normal(np.zeros(n), np.eye(n), np.zeros(n), np.full(n, np.inf))
-    mean = found.shift @ found.weight
-    np.testing.assert_allclose(mean, np.sqrt(2.0 / np.pi), atol=0.003)
-    covariance = found.covariance - np.outer(mean, mean)
-    np.testing.assert_allclose(covariance / (1.0 - 2.0 / np.pi), np.eye(n), atol=0.1)
-
-
 @pytest.mark.parametrize("rest", [1e-16, -1e-16, 0.0])
 def test_a_parameter_that_another_gives_is_not_divided_by_nothing(rest):
     """The second is 1.5 times the first, up to rounding: both bounds hold."""
@@ -219,15 +166,6 @@ def test_a_parameter_that_another_gives_is_not_divided_by_nothing(rest):
     assert mean == pytest.approx(truncnorm(0.0, 1.0).mean(), abs=0.01)
 
 
-def test_the_same_input_gives_the_same_numbers_however_many_rows_there_are():
-    found = truncated_normal(MEAN, FACTOR, MEAN - 0.5 * SD, FAR)
-    rows = np.random.default_rng(0).normal(size=(300, 4))
-    whole, again = found.summary(rows), found.summary(rows[[7, 299]])
-    np.testing.assert_allclose(whole.lower95[[7, 299]], again.lower95, rtol=1e-12)
-    same = truncated_normal(MEAN, FACTOR, MEAN - 0.5 * SD, FAR)
-    np.testing.assert_array_equal(same.shift, found.shift)
-
-
 def test_deviations_from_linear_move_each_draw():
     """exp of a half normal in place of itself: quantiles are those of the exponential."""
     found = truncated_normal(np.zeros(1), np.eye(1), np.zeros(1), np.full(1, np.inf))
@@ -236,22 +174,6 @@ def test_deviations_from_linear_move_each_draw():
     law = truncnorm(0.0, np.inf)
     low, high = shortest(lambda p: np.exp(law.ppf(p)))
     np.testing.assert_allclose([bent.lower95[0], bent.upper95[0]], [low, high], rtol=0.01)
-
-
-@pytest.mark.parametrize(("inside", "off"), [(True, 0.04), (False, 0.06)])
-def test_an_interval_begins_at_a_limit_that_is_close_and_hardly_anything_between(inside, off):
-    """No farther than a twentieth of the interval; and no more than a four-hundredth below it."""
-    half = truncated_normal(np.zeros(1), np.eye(1), np.zeros(1), np.full(1, np.inf))
-    far = np.full(1, np.inf)
-    free = half.summary(np.eye(1))
-    limit = free.lower95 - off * (free.upper95 - free.lower95)
-    ends = half.summary(np.eye(1), limits=(limit, far))
-    assert ends.lower95[0] == (limit[0] if inside else free.lower95[0])
-    turned = half.summary(-np.eye(1), limits=(-far, -limit))
-    assert turned.upper95[0] == pytest.approx(-ends.lower95[0], abs=1e-6)
-    even = Posterior(np.zeros((1, 1)), np.ones(1), np.eye(1), np.zeros(1))
-    below = np.array([norm.ppf(0.025) - 0.1])  # of which a normal leaves two in a hundred
-    assert even.summary(np.eye(1), limits=(below, far)).lower95[0] > below[0]
 
 
 # Probability between bounds
@@ -292,31 +214,3 @@ def test_one_number_between_two_bounds_has_its_normal_probability(lower, upper):
     far, near = (-upper, -lower) if lower > 0.0 else (lower, upper)
     expected = norm.logcdf(near) + np.log1p(-np.exp(norm.logcdf(far) - norm.logcdf(near)))
     assert found == pytest.approx(expected, rel=1e-9)
-
-
-def test_bounds_far_off_cut_nothing():
-    """Of two, one is cut: the probability is that of this one alone."""
-    mean, sd = np.array([1.0, -2.0]), np.array([2.0, 0.5])
-    covariance = np.array([[4.0, 0.3], [0.3, 0.25]])
-    for k in (0, 1):
-        z = np.full(2, 5.1)
-        z[k] = 0.7
-        found = log_probability_within(mean, covariance, mean - z * sd, np.full(2, np.inf))
-        assert found == pytest.approx(norm.logcdf(0.7), rel=1e-9)
-    assert log_probability_within(mean, covariance, mean - 6 * sd, mean + 6 * sd) == 0.0
-
-
-def test_two_numbers_between_bounds_are_integrated_one_given_the_other():
-    """By scipy's quadrature of what the second has, given the first."""
-    mean, covariance = np.array([0.5, -1.0]), np.array([[2.0, -1.1], [-1.1, 1.5]])
-    lower, upper = np.array([-0.3, -1.2]), np.array([1.4, 3.0])
-
-    def given(x):
-        centre = mean[1] + covariance[1, 0] / covariance[0, 0] * (x - mean[0])
-        sd = np.sqrt(covariance[1, 1] - covariance[0, 1] ** 2 / covariance[0, 0])
-        inner = norm.cdf(upper[1], centre, sd) - norm.cdf(lower[1], centre, sd)
-        return inner * norm.pdf(x, mean[0], np.sqrt(covariance[0, 0]))
-
-    expected = np.log(quad(given, lower[0], upper[0], epsabs=0.0, epsrel=1e-12)[0])
-    found = log_probability_within(mean, covariance, lower, upper)
-    assert found == pytest.approx(expected, abs=2e-4)

@@ -4,26 +4,14 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from geoident.identify.assessment import variance_components
 from geoident.identify.assessment.variance_components import (
-    ConditionalLikelihood,
     LikelihoodTerms,
     RestrictedLikelihood,
     estimate_components,
-    likeliest_factors,
     likelihood_at,
 )
-from geoident.identify.problem import errors
 from geoident.identify.problem.errors import ErrorStructure
-from geoident.model.parameter import Parameter, Prior
-
-
-@pytest.fixture(params=[300, 0], autouse=True)
-def few(request, monkeypatch):
-    """By dense factors, and by those of what is shared: both must hold."""
-    for module in (errors, variance_components):
-        monkeypatch.setattr(module, "FEW", request.param)
-
+from geoident.model.parameter import Parameter
 
 A, N = 8, 5
 GROUPS = sp.csr_array(np.kron(np.eye(A), np.ones((N, 1))))
@@ -68,14 +56,13 @@ def test_repeated_readings_of_one_quantity_have_the_variance_with_n_less_one(y):
     assert found.covariance[0, 0] == pytest.approx(2.0 / 39)
 
 
-def test_a_hundred_thousand_readings_cost_their_sums_only():
-    """Repeated readings with a zero that is given: the zero is in the mean, so n - 1 it stays."""
+def test_of_a_hundred_thousand_readings_the_sums_are_enough():
+    """Repeated readings with zeros that are given: they are in the mean, so n - 1 it stays."""
     g = 100_000
     y = np.random.default_rng(5).normal(3.0, 0.2, g)
-    zero = sp.csr_array(np.full((g, 1), 0.5))
-    structure = ErrorStructure(
-        np.full(g, 0.1), np.zeros(g, dtype=int), zero, np.full(1, -1), ("own",)
-    )
+    zeros = sp.csr_array(np.full((g, 50), 0.07))
+    own, none = np.zeros(g, dtype=int), np.full(50, -1)
+    structure = ErrorStructure(np.full(g, 0.1), own, zeros, none, ("own",))
     likelihood = RestrictedLikelihood(structure, y, np.ones((g, 1)), np.zeros(0), np.zeros((0, 1)))
     found = estimate_components(likelihood, np.zeros(1))
     assert 0.01 * np.exp(found.log_factor[0]) == pytest.approx(y.var(ddof=1), rel=1e-9)
@@ -96,36 +83,6 @@ def likelihood_with_all(y):
     )
     J, R = generator.normal(size=(g, 3)), np.array([[0.0, 2.0, 0.0]])
     return RestrictedLikelihood(structure, y, J, np.array([0.4]), R)
-
-
-def test_derivatives_of_the_restricted_likelihood(y):
-    likelihood = likelihood_with_all(y)
-    t = np.array([0.3, -0.4, 0.2])
-    terms = likelihood.terms(t)
-    for c in range(3):
-        steps = [1e-3, 5e-4]
-        slopes = []
-        for h in steps:
-            ends = [likelihood.value(t + sign * h * np.eye(3)[c]) for sign in (1, -1)]
-            slopes.append((ends[0] - ends[1]) / (2.0 * h))
-        richardson = (4.0 * slopes[1] - slopes[0]) / 3.0
-        assert terms.gradient[c] == pytest.approx(richardson, rel=1e-7)
-
-
-def test_the_restricted_likelihood_is_that_of_error_contrasts(y):
-    """Up to a constant, the likelihood of all that the parameters cannot change (without prior)."""
-    likelihood = one_way(y)
-    contrasts = np.linalg.svd(np.ones((40, 1)))[0][:, 1:]
-
-    def of_contrasts(t):
-        sigma = np.exp(t[0]) * np.eye(40) + np.exp(t[1]) * (GROUPS @ GROUPS.T).toarray()
-        V = contrasts.T @ sigma @ contrasts
-        u = contrasts.T @ y
-        return np.linalg.slogdet(V)[1] + u @ np.linalg.solve(V, u)
-
-    ts = (np.zeros(2), np.array([0.5, -1.0]), np.array([-0.3, 2.0]))
-    gaps = [likelihood.value(t) - of_contrasts(t) for t in ts]
-    np.testing.assert_allclose(gaps, gaps[0], rtol=1e-9)
 
 
 def test_what_the_readings_cannot_separate_keeps_its_ratio(y):
@@ -152,7 +109,6 @@ def test_a_part_of_which_the_residuals_show_nothing_is_zero_with_an_upper_end():
 
 
 @pytest.mark.slow  # replicate by replicate: above
-@pytest.mark.parametrize("few", [300], indirect=True)
 def test_intervals_cover():
     """100 replicates: the intervals of both sizes hold the truth as often as they say."""
     generator = np.random.default_rng(11)
@@ -166,126 +122,66 @@ def test_intervals_cover():
     assert np.all(inside <= 99)
 
 
-# The rules of the estimate one by one, on likelihoods that are given
+# Rules of the estimate, on likelihoods that are given
 
 
-class CaseNumber:
-    """-2 l by its value, half of its slope and the information; minima of parabolas by default."""
+class Parabola:
+    """-2 l that is a parabola."""
 
-    def __init__(self, curvature, minimum, *, value=None, information=None):
+    def __init__(self, curvature, minimum, *, information=None):
         self.a, self.m = np.array(curvature, dtype=float), np.array(minimum, dtype=float)
         self.information = np.diag(self.a) if information is None else np.array(information)
-        self.given = value
 
     def value(self, t):
-        return float(self.a @ (t - self.m) ** 2) if self.given is None else self.given(t)
+        return float(self.a @ (t - self.m) ** 2)
 
     def terms(self, t):
         return LikelihoodTerms(self.value(t), 2.0 * self.a * (t - self.m), self.information)
 
 
-def test_an_estimate_has_the_covariance_of_the_information_and_its_normal_interval():
-    found = estimate_components(CaseNumber([4.0, 25.0], [1.5, -2.0]), np.zeros(2))
-    np.testing.assert_allclose(found.log_factor, [1.5, -2.0])
-    np.testing.assert_allclose(found.covariance, np.diag([0.25, 0.04]))
-    half = 1.959963984540054 * np.array([0.5, 0.2])
-    np.testing.assert_allclose(found.log_factor - found.lower, half)
-    np.testing.assert_allclose(found.upper - found.log_factor, half)
-    assert found.minus_two_l == pytest.approx(0.0, abs=1e-12)
-
-
 @pytest.mark.parametrize(("half", "begins_at_zero"), [(3.99, False), (4.01, True)])
 def test_an_interval_wider_than_a_factor_of_seven_begins_at_zero(half, begins_at_zero):
     """Its upper end is where -2 l has risen by 3.84: for a parabola the same place."""
-    likelihood = CaseNumber([(1.959963984540054 / half) ** 2, 9.0], [1.0, 0.0])
+    likelihood = Parabola([(1.959963984540054 / half) ** 2, 9.0], [1.0, 0.0])
     found = estimate_components(likelihood, np.zeros(2))
     assert np.isneginf(found.lower[0]) == begins_at_zero
     assert 0.0 <= found.upper[0] - (1.0 + half) + 1e-9 <= 1e-3
     assert np.isfinite(found.lower[1])
 
 
-@pytest.mark.parametrize(
-    ("information", "rise", "vanishes"),
-    [(0.9e-3, 0.9e-3, True), (1.1e-3, 0.9e-3, False), (0.9e-3, 1.1e-3, False)],
-)
-def test_what_the_residuals_show_nothing_of_is_at_its_lowest(information, rise, vanishes):
-    def value(t):
-        return 7.0 + rise * (t[0] == -18.0) + t[1] ** 2
-
-    likelihood = CaseNumber(
-        [0.0, 1.0], [2.0, 3.0], value=value, information=np.diag([information, 1.0])
-    )
-    found, _ = likeliest_factors(likelihood, np.array([2.0, 3.0]))
-    assert found.tolist() == [-18.0 if vanishes else 2.0, 3.0]
-
-
 def test_factors_end_at_their_bounds():
-    found = estimate_components(CaseNumber([1.0, 1.0], [-30.0, 30.0]), np.zeros(2))
+    found = estimate_components(Parabola([1.0, 1.0], [-30.0, 30.0]), np.zeros(2))
     assert found.log_factor.tolist() == [-18.0, 18.0]
     assert found.lower.tolist() == [-np.inf, 18.0]
     np.testing.assert_array_equal(found.covariance, np.zeros((2, 2)))
     # -2 l of the first has risen by 3.84 above that at -18 where its parabola says so
     assert 0.0 <= found.upper[0] - (-30.0 + np.sqrt(144.0 + 1.959963984540054**2)) <= 1e-3
     assert found.upper[1] == np.inf
-    likelihood = CaseNumber([1.0, 1.0], [-30.0, 30.0])
-    at_ends, _ = likeliest_factors(likelihood, np.array([-40.0, 40.0]))
-    assert at_ends.tolist() == [-18.0, 18.0]
-    near = CaseNumber([1.0, 1.0], [-17.0, 17.0])
-    inwards, _ = likeliest_factors(near, np.array([-18.0, 18.0]))
-    np.testing.assert_allclose(inwards, [-17.0, 17.0])
 
 
 # The model linearised at the estimate
 
 
-@pytest.mark.parametrize(("part", "directions"), [(0.9e-8, 1), (1.1e-8, 2)])
-def test_directions_that_the_readings_hardly_see_are_left_out(make_problem, part, directions):
-    parameters = [Parameter(name, 0.0, -9.0, 9.0) for name in "ab"]
-    problem = make_problem(lambda p: np.array([0.5 * p[0], 0.25 * p[1] * part, 0.0]),
-                           parameters, np.zeros(3), np.array([0.5, 0.25, 1.0]))  # fmt: skip
-    readings, J = problem.response.evaluate(np.zeros(2))
-    found = likelihood_at(problem, OWN, np.zeros(2), readings, J)
-    assert found.jacobian.shape == (3, directions)
-    assert found.prior_rows.shape == (0, directions)
-
-
-@pytest.mark.parametrize(("values", "directions"), [(0.0, 2), (-9.0, 1), (9.0, 1)])
-def test_parameters_on_a_bound_are_left_out(make_problem, values, directions):
-    parameters = [
-        Parameter("a", 0.0, -9.0, 9.0, prior=Prior(mean=1.0, sd=2.0)),
-        Parameter("b", 0.0, -9.0, 9.0),
-    ]
-    problem = make_problem(lambda p: np.array([p[0], 3.0 * p[1], p[0]]),
-                           parameters, np.ones(3), np.ones(3))  # fmt: skip
-    at = np.array([2.0, values])
+@pytest.mark.parametrize(("lower", "freedom"), [(-9.0, 1), (3.0, 0)])
+def test_a_parameter_on_its_bound_takes_no_degree_of_freedom(make_problem, y, lower, freedom):
+    """Repeated readings of one quantity, whose mean is fitted or held by its bound."""
+    at = np.array([y.mean() if freedom else lower])
+    mean = Parameter("m", at[0], lower, 9.0)
+    problem = make_problem(lambda p: np.full(40, p[0]), [mean], y, np.ones(40))
+    none = sp.csr_array((40, 0))
+    structure = ErrorStructure(np.ones(40), np.zeros(40, int), none, np.zeros(0, int), ("own",))
     readings, J = problem.response.evaluate(at)
-    found = likelihood_at(problem, OWN, at, readings, J)
-    assert found.jacobian.shape == (3, directions)
-    np.testing.assert_allclose(found.gap, [-1.0, 1.0 - 3.0 * values, -1.0])
-    np.testing.assert_allclose(found.prior @ found.prior, 0.25)
-    # what is kept spans the same normal matrix
-    scale = 2.0  # of a, if any: the rows of readings are twice those of the prior
-    free = found.jacobian @ found.jacobian.T
-    expected = J[:, :directions] @ J[:, :directions].T
-    ratio = np.trace(free) / np.trace(expected)
-    np.testing.assert_allclose(free, ratio * expected, atol=1e-9)
-    rows = found.prior_rows @ found.prior_rows.T
-    np.testing.assert_allclose(rows, ratio / scale**2)
+    found = estimate_components(likelihood_at(problem, structure, at, readings, J), np.zeros(1))
+    expected = np.sum((y - at[0]) ** 2) / (40 - freedom)
+    assert np.exp(found.log_factor[0]) == pytest.approx(expected, rel=1e-6)
 
 
-OWN = ErrorStructure(
-    np.ones(3), np.zeros(3, dtype=int), sp.csr_array((3, 0)), np.zeros(0, int), ("own",)
-)
-
-
-@pytest.mark.parametrize("dense", [True, False])
-def test_information_and_gradient_are_those_of_dense_matrices(y, monkeypatch, dense):
+@pytest.mark.parametrize("t", [(0.3, -0.4, 0.2), (-9.0, -8.0, 3.0)])
+def test_information_and_gradient_are_those_of_dense_matrices(y, t):
     """tr(P V_c P V_d) / 2 and tr P V_c - q^T V_c q, with P and q from Sigma itself."""
-    monkeypatch.setattr(variance_components, "_SPARSE", 0.0 if dense else 2.0)
-    monkeypatch.setattr(variance_components, "_SMALL", 100)  # some rows at a time
     given = likelihood_with_all(y)
     structure, J, R, prior = given.structure, given.jacobian, given.prior_rows, given.prior
-    t = np.array([0.3, -0.4, 0.2])
+    t = np.array(t)
     B = structure.columns.toarray()
     V = []
     for c in (-1, 0, 1, 2):
@@ -301,9 +197,9 @@ def test_information_and_gradient_are_those_of_dense_matrices(y, monkeypatch, de
     q = inverse @ (y - J @ x)
     found = given.terms(t)
     expected = [np.trace(P @ one) - q @ one @ q for one in own]
-    np.testing.assert_allclose(found.gradient, expected, rtol=1e-8)
+    np.testing.assert_allclose(found.gradient, expected, rtol=1e-7)
     both = [[0.5 * np.trace(P @ a @ P @ b) for b in own] for a in own]
-    np.testing.assert_allclose(found.information, both, rtol=1e-8)
+    np.testing.assert_allclose(found.information, both, rtol=1e-7, atol=1e-9)
     left = prior + R @ x
     value = np.linalg.slogdet(sigma)[1] + np.linalg.slogdet(M)[1]
     value += (y - J @ x) @ q + left @ left
@@ -311,25 +207,11 @@ def test_information_and_gradient_are_those_of_dense_matrices(y, monkeypatch, de
     assert given.value(t) == pytest.approx(value, rel=1e-9)
 
 
-def test_the_last_of_the_components_may_be_held_with_a_weak_prior_of_the_others(y):
-    whole = likelihood_with_all(y)
-    held = ConditionalLikelihood(whole, 0.2, 1.7)
-    t = np.array([0.3, -0.4])
-    at = np.array([0.3, -0.4, 0.2])
-    prior = (0.15 / 1.7) ** 2 + (0.2 / 1.7) ** 2
-    assert held.value(t) == pytest.approx(whole.value(at) + prior, rel=1e-12)
-    found, terms = held.terms(t), whole.terms(at)
-    assert found.value == pytest.approx(terms.value + prior, rel=1e-12)
-    np.testing.assert_allclose(found.gradient, terms.gradient[:2] + 0.5 * t / 1.7**2)
-    expected = terms.information[:2, :2] + 0.25 * np.eye(2) / 1.7**2
-    np.testing.assert_allclose(found.information, expected)
-
-
 def test_an_interval_that_reaches_the_lowest_factor_begins_at_zero_and_only_that():
     """Of four components: one seen, one hardly, two that are not told apart."""
     information = np.diag([25.0, 0.04, 9.0, 9.0])
     information[2, 3] = information[3, 2] = 9.0
-    likelihood = CaseNumber([25.0, 0.04, 9.0, 9.0], [1.5, 2.0, 0.0, 0.0], information=information)
+    likelihood = Parabola([25.0, 0.04, 9.0, 9.0], [1.5, 2.0, 0.0, 0.0], information=information)
     found = estimate_components(likelihood, np.zeros(4))
     half = 1.959963984540054
     assert found.lower[0] == pytest.approx(1.5 - half / 5.0)
@@ -338,27 +220,3 @@ def test_an_interval_that_reaches_the_lowest_factor_begins_at_zero_and_only_that
     assert 0.0 <= found.upper[1] - (2.0 + half / 0.2) <= 2e-3
     assert found.upper[2:].tolist() == [np.inf, np.inf]
     np.testing.assert_allclose(found.covariance[2:, 2:], np.full((2, 2), 1 / 36.0))
-
-
-def test_derivatives_by_parameters_are_in_their_scales(make_problem):
-    """J dp/dx and the rows of the priors, of the directions that are seen; gaps as measured."""
-    parameters = [
-        Parameter("a", 2.0, 0.5, 9.0, "log", Prior(3.0, 0.8)),
-        Parameter("b", 4.0, -9.0, 9.0, prior=Prior(1.0, 2.0)),
-        Parameter("c", 1.0, 1.0, 3.0),
-    ]
-    A = np.array([[1.0, 0.4, 2.0], [-0.3, 0.7, 1.0], [0.5, 0.1, -1.0]])
-    problem = make_problem(lambda p: A @ p, parameters, np.array([5.0, 1.0, 2.0]),
-                           np.array([0.5, 0.2, 0.9]))  # fmt: skip
-    values = np.array([2.5, 3.0, 1.0])
-    readings, J = problem.response.evaluate(values)
-    found = likelihood_at(problem, OWN, values, readings, J)
-    size = np.array([2.5, 4.0])
-    expected = A[:, :2] * size
-    np.testing.assert_allclose(found.jacobian @ found.jacobian.T, expected @ expected.T)
-    rows = np.diag(size / [0.8, 2.0])
-    square = found.prior_rows @ found.prior_rows.T
-    np.testing.assert_allclose(square, rows @ rows.T, atol=1e-12)
-    np.testing.assert_allclose(found.jacobian @ found.prior_rows.T, expected @ rows.T)
-    np.testing.assert_allclose(found.prior, [(2.5 - 3.0) / 0.8, (3.0 - 1.0) / 2.0])
-    np.testing.assert_allclose(found.gap, np.array([5.0, 1.0, 2.0]) - A @ values)

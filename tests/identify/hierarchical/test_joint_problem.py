@@ -4,14 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.three_sections import COUNTS, LARGEST, ORDERS, SCALE, Site
+from support.three_sections import FURTHER, LARGEST, ORDERS, SCALE, Site
 
 from geoident.errors import ModelError
-from geoident.identify.hierarchical.joint_problem import JointResponse
 from geoident.model.parameter import Parameter
 
 SCATTERING = [(True, True), (True, False), (False, True), (False, False)]
-COMMON_NAMES = ["K0", "a", "b", "m", "n"]
 
 
 @pytest.fixture(scope="module", params=SCATTERING, ids=str)
@@ -19,39 +17,20 @@ def site(request):
     return Site(request.param)
 
 
-def own_names(scattering):
-    held = {"K0"} | {n for n, more in zip("Eh", scattering, strict=True) if not more}
-    return [f"{q.name} of S{s}" for s, order in enumerate(ORDERS) for q in order
-            if q.name not in held]  # fmt: skip
-
-
-def laws_of(site, s, values):
-    """By the formulas of the two laws: E, h."""
-    _, a, b, m, n = values[:5]
-    known = site.sections[s].covariates
-    return {"E": a * np.exp(b * known["GSI"]), "h": m + n * known["D"]}
-
-
-def points_of(site, values):
-    """Parameters of the sections, from unknowns by their names."""
-    by_name = dict(zip([q.name for q in site.joint.unknowns], values, strict=True))
-    found = []
-    for s, order in enumerate(ORDERS):
-        law = laws_of(site, s, values)
-        found.append([
-            by_name.get(f"{q.name} of S{s}", by_name["K0"] if q.name == "K0" else law.get(q.name))
-            for q in order
-        ])  # fmt: skip
-    return [np.array(p, float) for p in found]
-
-
 def readings_of(site, values):
-    """All readings, then the gaps of scattering laws, section by section, by hand."""
+    """All readings, then the gaps of scattering laws, section by section, from their formulas."""
+    by_name = dict(zip([q.name for q in site.joint.unknowns], values, strict=True))
+    K0, a, b, m, n = values[:5]
     parts, gaps = [], []
-    for s, p in enumerate(points_of(site, values)):
-        parts.append(site.matrices[s] @ np.abs(p) ** 1.3)
-        law = laws_of(site, s, values)
-        for q, z in zip(ORDERS[s], p, strict=True):
+    for s, (section, order) in enumerate(zip(site.sections, ORDERS, strict=True)):
+        law = {
+            "E": a * np.exp(b * section.covariates["GSI"]),
+            "h": m + n * section.covariates["D"],
+            "K0": K0,
+        }
+        p = [by_name.get(f"{q.name} of S{s}", law.get(q.name)) for q in order]
+        parts.append(site.matrices[s] @ np.abs(np.array(p)) ** 1.3)
+        for q, z in zip(order, p, strict=True):
             if q.name == "E" and site.joint.scattering[0]:
                 gaps.append(np.log(z / law["E"]))
             if q.name == "h" and site.joint.scattering[1]:
@@ -61,83 +40,35 @@ def readings_of(site, values):
 
 def test_unknowns_are_what_is_common_and_what_is_of_each_section(site):
     joint = site.joint
-    names = COMMON_NAMES + own_names(joint.scattering)
-    assert [q.name for q in joint.unknowns] == names
-    assert JointResponse(joint, site.models).names == tuple(names)
+    held = {"K0"} | {n for n, more in zip("Eh", joint.scattering, strict=True) if not more}
+    own = [f"{q.name} of S{s}" for s, order in enumerate(ORDERS) for q in order
+           if q.name not in held]  # fmt: skip
+    assert [q.name for q in joint.unknowns] == ["K0", "a", "b", "m", "n", *own]
     known = {q.name: q for q in joint.unknowns}
     assert known["K0"].prior == ORDERS[0][1].prior
     assert known["nu of S2"].prior == ORDERS[0][2].prior
     assert all(known[n].prior is None for n in known if n[:2] in ("E ", "h "))  # of the law
-    np.testing.assert_array_equal(joint.reference, [1.0, SCALE["h"]])
-    np.testing.assert_array_equal(joint.log, [True, False])
     np.testing.assert_allclose(joint.largest, LARGEST)
 
 
-def test_parameters_of_sections_follow_from_the_unknowns(site):
-    expected = points_of(site, site.values)
-    for s in range(3):
-        p, slopes = site.joint.point(s, site.values)
-        np.testing.assert_allclose(p, expected[s], rtol=1e-12)
-        for j, step in enumerate(1e-6 * np.maximum(np.abs(site.values), 1e-2)):
-            ends = [points_of(site, site.values + sign * step * np.eye(len(slopes[0]))[j])[s]
-                    for sign in (-1.0, 1.0)]  # fmt: skip
-            np.testing.assert_allclose(
-                slopes[:, j], (ends[1] - ends[0]) / (2.0 * step), rtol=1e-6, atol=1e-7
-            )
-
-
 def test_all_readings_and_rows_of_laws_with_their_derivatives(site):
-    response = JointResponse(site.joint, site.models)
+    problem = site.joint.problem(site.models, np.array([0.3, 0.07]))
+    response = problem.response
     v, J = response.evaluate(site.values)
     np.testing.assert_allclose(v, readings_of(site, site.values), rtol=1e-10)
-    np.testing.assert_array_equal(response.readings(site.values), v)
     assert J.shape == (len(v), len(site.values))
     for j, step in enumerate(1e-6 * np.maximum(np.abs(site.values), 1e-2)):
         unit = step * np.eye(len(site.values))[j]
         slope = readings_of(site, site.values + unit) - readings_of(site, site.values - unit)
         np.testing.assert_allclose(J[:, j], slope / (2.0 * step), rtol=2e-5, atol=1e-5)
     assert response.admissible(site.values) is None
-    assert response.counts == site.models.counts
-
-
-def test_the_problem_of_all_has_the_errors_of_each_and_the_scatter_of_the_laws(site):
-    problem = site.joint.problem(site.models, np.array([0.3, 0.07]))
-    scatter = [
-        size
-        for order in ORDERS
-        for q in order
-        for law, size, more in zip("Eh", (0.3, 0.07), site.joint.scattering, strict=True)
-        if q.name == law and more
-    ]
-    measured = np.concatenate([*(one.measured for one in site.sections), np.zeros(len(scatter))])
-    np.testing.assert_array_equal(problem.measured, measured)
-    sd = np.concatenate([*(one.sd for one in site.sections), scatter])
-    np.testing.assert_array_equal(problem.sd, sd)
-    B = site.sections[1].shared.columns.toarray()
-    before, after = COUNTS[0], COUNTS[2] + len(scatter)
-    expected = np.vstack([np.zeros((before, 2)), B, np.zeros((after, 2))])
-    np.testing.assert_array_equal(problem.shared.columns.toarray(), expected)
-    assert problem.parameters == site.joint.unknowns
-
-
-class Sharpened:
-    """Models that note where Jacobians are joint better."""
-
-    def __init__(self):
-        self.asked = []
-
-    def sharpen(self, points):
-        self.asked.append({s: p.tolist() for s, p in points.items()})
-        return True
-
-
-def test_jacobians_are_sharpened_where_the_sections_are(site):
-    models = Sharpened()
-    assert JointResponse(site.joint, models).sharpen(site.values)
-    expected = {s: p.tolist() for s, p in enumerate(points_of(site, site.values))}
-    assert models.asked[0].keys() == expected.keys()
-    for s, p in expected.items():
-        np.testing.assert_allclose(models.asked[0][s], p)
+    # readings with their own errors, then the laws with their scatter
+    g = sum(len(section.sd) for section in site.sections)
+    np.testing.assert_array_equal(problem.sd[:g], np.concatenate([q.sd for q in site.sections]))
+    scatter = dict(zip("Eh", (0.3, 0.07), strict=True))
+    held = {n for n, more in zip("Eh", site.joint.scattering, strict=True) if not more}
+    expected = [scatter[q.name] for order in ORDERS for q in order if q.name in set("Eh") - held]
+    np.testing.assert_array_equal(problem.sd[g:], expected)
 
 
 @pytest.mark.parametrize(("value", "inside"), [(0.9999999999995, True), (1.0000000000015, False)])
@@ -155,16 +86,12 @@ def test_a_law_may_end_on_a_bound_up_to_rounding(value, inside):
 
 def test_what_is_outside_its_domain_is_said():
     site = Site((False, False))
-    response = JointResponse(site.joint, site.models)
-    deep = site.values.copy()
-    deep[2] = 0.4
-    assert "The law of E gives" in response.admissible(deep)
+    response = site.joint.problem(site.models, np.zeros(2)).response
     for a, said in ((-2.0, "-2"), (np.nan, "nan"), (0.0, "0")):
-        with pytest.raises(
-            ModelError, match=f"The law of E gives {said}, outside its admissible range"
-        ):
-            site.joint.law(0, {"GSI": 0.0}, np.array([1.0, a, 0.1]))
-    assert site.joint.law(1, {"D": 2.0}, np.array([0, 0, 0, -7.0, 0.5]))[0] == pytest.approx(-0.6)
+        beyond = site.values.copy()
+        beyond[1:3] = a, 0.0
+        expected = f"The law of E gives {said}, outside its admissible range."
+        assert response.admissible(beyond) == expected
 
 
 def test_parameters_to_be_expected_keep_to_their_bounds(site):
@@ -174,5 +101,6 @@ def test_parameters_to_be_expected_keep_to_their_bounds(site):
         replace(ORDERS[0][2], lower=0.23),
     )
     section = replace(site.sections[0], parameters=own)
-    found = site.joint.expected_point(section, site.values)
-    assert found.tolist() == [0.3, 0.21, 0.23]
+    assert site.joint.expected_point(section, site.values).tolist() == [0.3, 0.21, 0.23]
+    deep = replace(FURTHER, covariates={"GSI": 400.0, "D": -200.0})
+    assert site.joint.expected_point(deep, site.values)[[0, 3]].tolist() == [-40.0, 500.0]

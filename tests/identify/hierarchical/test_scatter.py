@@ -74,27 +74,6 @@ def test_a_scatter_beyond_the_ends_of_what_is_tried_is_at_the_end():
         assert found[0] == pytest.approx(end, rel=1e-5)
 
 
-def test_a_scatter_that_is_likeliest_far_off_is_followed_beyond_it():
-    """What is smaller does not count, however unlikely; and nodes reach beyond the likeliest."""
-
-    def minus_two_log(tau):
-        return float(40.0 * np.log(tau[0] / 5.0) ** 2)
-
-    linear = SimpleNamespace(largest=np.array([100.0]), minus_two_log=minus_two_log)
-    found = scatter_posterior(linear, np.array([5.0]), np.ones(1, dtype=bool))
-    assert found.nodes.max() > 5.0 * np.exp(np.sqrt(20.0 / 40.0))
-    # ln tau is normal about ln 5, with a density that is even in tau
-    mean = found.weights @ found.nodes[:, 0]
-    assert mean == pytest.approx(5.0 * np.exp(1.5 / 40.0), rel=1e-3)
-
-
-def test_given_scatters_are_one_node():
-    tau = np.array([0.3, 0.7])
-    linear = SimpleNamespace(largest=np.ones(2), minus_two_log=lambda tau: 0.0)
-    found = scatter_posterior(linear, tau, np.zeros(2, dtype=bool))
-    assert (found.nodes.tolist(), found.weights.tolist()) == ([[0.3, 0.7]], [1.0])
-
-
 @pytest.mark.parametrize(
     ("weights", "ends"),
     [
