@@ -36,6 +36,7 @@ from geoident.forward.gauges.observation import AnalysisState, Observation
 from geoident.forward.ground.elasticity import inadmissible_moduli
 from geoident.forward.observed import Details, Observed, ObservedModel, Query
 from geoident.forward.openings.face import advance_of, advancing_face, face_note
+from geoident.forward.reduced.reduction import Reduction
 from geoident.forward.stages import CaseOnMesh
 from geoident.forward.structures.forces import MemberRecorder
 from geoident.model.arrays import Floats
@@ -135,7 +136,7 @@ class StagedKernel(ObservedModel):
 
     Attributes:
         face: what turns distances to a tunnel face into released parts.
-        known_displacements: of the states at parameters (n,), where a surrogate knows them.
+        reduction: the analyses that were recorded last for a reduced model; None where none were.
     """
 
     def __init__(self, on_mesh: CaseOnMesh, observation: Observation, *, solver: Solver) -> None:
@@ -149,7 +150,7 @@ class StagedKernel(ObservedModel):
         self.face = advancing_face(on_mesh, solver)
         self.analysis = StagedAnalysis(on_mesh, self.systems, self.face)
         self.actions = self.analysis.actions
-        self.known_displacements: Callable[[Floats], KnownDisplacements | None] = _not_known
+        self.reduction: Reduction | None = None
         self._kept: ResumableRun | None = None
         self._ways: dict[tuple[int, bytes, bytes], ReadingAdjoints] = {}
 
@@ -264,7 +265,7 @@ class StagedKernel(ObservedModel):
         """
         # evaluations are those of the model itself; what is looked at beside them may follow
         beside = query.survey or query.partial
-        known = self.known_displacements(p) if beside and not tell else None
+        known = self.reduction.displacements(p) if self.reduction and beside and not tell else None
         back = self._way_chosen(p, query, adjoints) if query.derivatives and not known else None
         run, states = self._analysed(p, query, back, tell, known)
         values = self.values(p)
@@ -389,10 +390,6 @@ class StagedKernel(ObservedModel):
     def _told(self, state: int) -> None:
         if self.on_state is not None:
             self.on_state(state)
-
-
-def _not_known(_: Floats) -> None:
-    """No displacements are known before a surrogate is made."""
 
 
 def _values(end: StageEnd) -> StageEnd:
