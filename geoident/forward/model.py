@@ -10,7 +10,6 @@ from geoident.forward.analysis.analysis import RunOptions
 from geoident.forward.analysis.fields import MeshRecorder
 from geoident.forward.analysis.virgin import contradictions, overburden_notes, surface_gaps
 from geoident.forward.checks import check_on_mesh, imbalance_notes, notes_on_mesh
-from geoident.forward.gauges.observation import Observation
 from geoident.forward.ground.field import field_notes, point_field, with_modes
 from geoident.forward.in_situ.growth import growth_notes, point_growths, start_faults
 from geoident.forward.openings.face import FaceState, conversion_note, face_states

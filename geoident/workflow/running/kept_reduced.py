@@ -174,6 +174,8 @@ def _refusal(result: Result, inputs: Inputs) -> tuple[str, str]:
     there = parse_yaml(result.case_resolved, inputs.path).data
     differs = _first_difference(_seen(there), _seen(here), ())
     if differs is None:
+        if tuple(channel.name for channel in inputs.case.channels) != result.reduced.channels:
+            return "its reduced model is of gauges in another order", again
         return "", ""
     path, one, other = differs
     return (
