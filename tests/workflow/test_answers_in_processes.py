@@ -1,7 +1,6 @@
 """Thousands of answers in several processes: the bits of one process, and no process in vain."""
 
 import pickle
-from contextlib import contextmanager
 from functools import partial
 from typing import ClassVar
 
@@ -10,7 +9,7 @@ import pytest
 
 from geoident.workflow.estimating.setup import prepare
 from geoident.workflow.executing.executor import Answered
-from geoident.workflow.running.answers import Asked, WhereTimeIsSaved, here, in_processes
+from geoident.workflow.running.answers import Asked, here, in_processes
 from geoident.workflow.running.jobs import Request, plan_fit
 from tests.support.trench import write_case
 
@@ -99,22 +98,3 @@ def test_they_have_the_bits_of_one_process(case, points, alone, begun):
     assert begun == [2]
     list(asked.answers(points[::-1]))  # whatever the model was asked before
     assert bits(here(asked)(points)) == alone
-
-
-@pytest.mark.parametrize(
-    ("worth", "expected"), [pytest.param(0.0, 1, marks=pytest.mark.slow), (1e-9, 1), (1e9, 0)]
-)
-def test_processes_are_begun_once_it_takes_long(case, points, alone, begun, worth, expected):
-    asked, ended = model_of(case), []
-
-    @contextmanager
-    def processes():
-        with elsewhere(case, asked) as compute:
-            yield compute
-        ended.append(True)
-
-    with WhereTimeIsSaved(asked, processes, worth) as compute:
-        found = bits(compute(points[:16])) + bits(compute(points[16:]))
-        assert list(compute(points[:0])) == []
-    assert found == alone
-    assert len(begun) == len(ended) == expected

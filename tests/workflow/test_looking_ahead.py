@@ -1,7 +1,6 @@
 """Parts of a search in processes: the numbers, the counts and the checkpoint of a serial run."""
 
 import pickle
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -17,11 +16,10 @@ from geoident.errors import (
     ModelError,
     TimeIsUp,
 )
-from geoident.identify.problem.ahead import BESIDE, ReadingsAt, asked_in_turns
+from geoident.identify.problem.ahead import BESIDE, asked_in_turns
 from geoident.identify.problem.problem import Problem
 from geoident.io.result.checkpoint import EvaluationLog
 from geoident.model.parameter import Parameter
-from geoident.workflow.estimating.setup import prepare, with_workers
 from geoident.workflow.executing.executor import Answered
 from geoident.workflow.executing.looking_ahead import Recording, ResponseBeside
 from geoident.workflow.fit import fit
@@ -114,15 +112,6 @@ def test_a_scan_where_ground_yields_or_does_not_stand_has_them_too(yielding, on_
     alone, together = scanned(yielding, 1, grid), scanned(yielding, 2, grid, folder="two")
     assert np.isinf(alone.grid.objective).any()
     assert np.isfinite(alone.grid.objective).sum() > 6
-    assert np.array_equal(alone.grid.objective, together.grid.objective)
-    assert same(alone, together)
-
-
-@pytest.mark.slow  # real ones: executing/test_processes.py; the same numbers: above
-def test_real_processes_give_the_same(yielding):
-    grid = GRID.replace("FROM", "0.3 MPa").replace("LOW", "1.8 MPa")
-    alone, together = scanned(yielding, 1, grid), scanned(yielding, 2, grid, folder="two")
-    assert np.isfinite(alone.grid.objective).all()
     assert np.array_equal(alone.grid.objective, together.grid.objective)
     assert same(alone, together)
 
@@ -247,22 +236,6 @@ def test_when_a_stop_is_wished_what_was_found_is_kept(log):
     assert all(log.find("readings", p) for p in POINTS)
 
 
-def test_points_out_of_the_domain_and_without_solution_stop_no_part():
-    class Toy:
-        names, seen = ("a",), []
-
-        def admissible(self, p):
-            return "no" if p[0] < 0 else None
-
-        def readings(self, p):
-            self.seen.append(float(p[0]))
-            raise ModelError("none")
-
-    toy = Toy()
-    ReadingsAt(np.array([[-1.0], [1.0], [2.0]]))(toy)
-    assert toy.seen == [1.0, 2.0]
-
-
 def test_a_stop_ends_a_scan_and_the_same_command_goes_on(trench, on_other_models):
     """The wish comes with the second point; what is known then is not computed again."""
 
@@ -306,17 +279,3 @@ def test_errors_come_from_other_processes_as_they_were(error):
     assert str(again) == str(error)
     assert again.__dict__ == error.__dict__
     assert again.exit_code == error.exit_code
-
-
-def test_processes_are_begun_unasked_only_where_it_is_worth_while(trench):
-    job = plan_scan(Request(str(trench)))
-    setup = prepare(job)
-    few = [ReadingsAt(np.ones((1, 2)))] * 4
-    many = [replace(look, points=np.ones((10**6, 2))) for look in few]
-    with with_workers(job, setup, Control(jobs=None)) as ready:
-        assert ready.workers.at_once(few) == 1
-        assert ready.workers.at_once(many) == ready.workers.at_once() >= 1
-    with with_workers(job, setup, Control(jobs=3)) as ready:
-        assert ready.workers.at_once(few) == 3
-    with with_workers(job, setup, Control(jobs=1)) as ready:
-        assert ready.workers is None

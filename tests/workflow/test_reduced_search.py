@@ -7,14 +7,10 @@ import pytest
 from support.reduced import PAIRS_PLANE, plane
 
 from geoident.identify import identify
-from geoident.identify.direct.scan import scan
 from geoident.identify.problem.problem import Problem
 from geoident.model.methods import GaussNewtonOptions, ScanAxis, ScanOptions
 from geoident.workflow.running.cached_response import CachedResponse, substituting
 from geoident.workflow.running.reduced_scan import (
-    LEAST,
-    NEAR,
-    LedReadings,
     with_reduced_readings,
 )
 
@@ -92,23 +88,6 @@ def test_a_run_that_ended_is_replayed_without_a_march(measured):
     assert made == 0
     assert counted == count
     np.testing.assert_array_equal(again.values, whole.values)
-
-
-@pytest.mark.slow  # a grid near a fit: test_kept_reduced.py
-def test_a_grid_is_answered_by_the_reduced_model_where_its_misfit_is_right(measured):
-    staged = plane()
-    response = staged.response(PAIRS_PLANE)
-    problem = Problem(response, measured, np.full(len(measured), SD), tuple(staged.case.parameters))
-    axes = {"E": ScanAxis(3e9, 9e9, 11), "K0": ScanAxis(0.8, 1.6, 11)}
-    options = ScanOptions(axes)
-    led = with_reduced_readings(problem, staged.response(PAIRS_PLANE), options)
-    assert isinstance(led.response, LedReadings)
-    found, whole = (scan(one, options, lambda _: None).grid.objective for one in (led, problem))
-    assert np.all(np.abs(found - whole) <= LEAST + 1.01 * NEAR * whole)
-    assert led.response.by_reduced > 90
-    assert led.response.by_reduced + led.response.by_model == 121
-    assert led.response.counts.evaluations <= led.response.by_model + 11 + 121
-    assert led.response.note.startswith(f"{led.response.by_reduced} of 121 points")
 
 
 def test_a_small_grid_is_not_worth_a_reduced_model(measured):

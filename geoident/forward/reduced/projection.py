@@ -1,4 +1,4 @@
-"""From snapshots to the reduced model: bases, projected matrices, and what the bounds need.
+"""From snapshots to the reduced model: bases, projected matrices, what its estimated error needs.
 
 For every state j the displacements of the snapshots and their derivatives, by the parameters in
 their sizes, span the space of u_j; a basis of it is made orthonormal in the energy of the moduli at

@@ -107,7 +107,7 @@ class Reduction:
             factorizing += 20.0 * float(self._analysis.systems[state].pattern.lower.n) ** 2
             for zone in affine.zones[state]:
                 terms = {(other, material) for other, material, _ in zone.parts if other}
-                blocks = 1 + sum(affine.form.spans[material].rank for _, material in terms)
+                blocks = 1 + sum(len(affine.form.spans[material].basis) for _, material in terms)
                 projecting += 12.0 * len(zone.points) * (columns * blocks) ** 2
         return PROJECTED * projecting > factorizing
 

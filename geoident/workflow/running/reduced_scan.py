@@ -51,7 +51,7 @@ KEPT = "a reduced model that was kept"
 """What it is called then."""
 
 _TRAINING = 400
-"""Points of the grid at which its bound is looked at."""
+"""Points of the grid at which its error is looked at."""
 
 _REDUCED = "reduced model"
 """Kind of what is kept in the checkpoint."""

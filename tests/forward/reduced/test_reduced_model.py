@@ -235,22 +235,6 @@ def test_what_does_not_fit_into_the_memory_is_said(monkeypatch):
     assert response.surrogate_obstacle() == why
 
 
-@pytest.mark.parametrize("analyses", [1.5, 2.5, 4.5])
-def test_older_analyses_give_way_where_the_memory_is_small(monkeypatch, analyses):
-    """Numbers are counted of an analysis without further columns."""
-    staged = plane()
-    points = staged.discretization.points
-    one = (4 * points.n_dofs + 5 * len(staged.case.channels)) * (1 + len(staged.names))
-    monkeypatch.setattr("geoident.forward.reduced.reduction.MOST_ENTRIES", int(analyses * one))
-    response = staged.response(PAIRS_PLANE)
-    response.record(economical=False)
-    for p in spread(staged, 5, seed=4):
-        response.evaluate(p)
-    assert 1 <= len(response.visited()) <= analyses
-    assert np.array_equal(response.visited()[-1], p)
-    assert response.surrogate(response.visited()) is not None
-
-
 @pytest.mark.parametrize("name", ["plane", "braced", "gauged"])
 def test_a_model_that_is_kept_answers_as_the_one_it_was(name):
     """Readings, derivatives and errors of all and of some readings, without the mesh."""
