@@ -128,19 +128,6 @@ def test_increments_add_up_to_readings():
     assert not early[3:].any()
 
 
-def test_ground_that_does_not_yield_has_no_activity():
-    one = staged().response(ALL)
-    assert not one.yields()
-    with pytest.raises(ValueError, match="no material of the case yields"):
-        one.activity(P)
-    one.readings(P)
-    with pytest.raises(ValueError, match="no material of the case yields"):
-        one.activity(P)
-    one.by_tangents(P)
-    with pytest.raises(ValueError, match="no material of the case yields"):
-        one.activity(P)
-
-
 def test_what_is_known_of_a_model():
     one = staged()
     assert one.values(P) == {"E": 6e9, "K0": 0.8, "b": 2e-3}

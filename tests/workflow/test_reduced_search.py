@@ -14,17 +14,9 @@ from geoident.workflow.running.reduced_scan import (
     with_reduced_readings,
 )
 
+from .test_remember import Notebook
+
 SD = 1e-4
-
-
-class Log(dict):
-    """A log in memory."""
-
-    def find(self, kind, p):
-        return self.get((kind, p.tobytes()))
-
-    def add(self, kind, p, arrays):
-        self[kind, p.tobytes()] = {name: np.array(values) for name, values in arrays.items()}
 
 
 def truth(staged):
@@ -61,8 +53,8 @@ def solved(measured, log, *, reduced, stop=10**9):
 
 
 def test_fewer_evaluations_lead_to_the_same_answer(measured):
-    plain, usual, _ = solved(measured, Log(), reduced=False)
-    led, few, _ = solved(measured, Log(), reduced=True)
+    plain, usual, _ = solved(measured, Notebook(), reduced=False)
+    led, few, _ = solved(measured, Notebook(), reduced=True)
     assert few < usual
     assert led.status == "converged"
     assert led.objective - plain.objective < 1e-6  # a thousandth of a standard deviation
@@ -71,8 +63,8 @@ def test_fewer_evaluations_lead_to_the_same_answer(measured):
 
 @pytest.mark.parametrize("stop", [pytest.param(1, marks=pytest.mark.slow), 2])
 def test_a_run_that_was_cut_short_goes_on_to_the_same_numbers(measured, stop):
-    whole, count, _ = solved(measured, Log(), reduced=True)
-    log = Log()
+    whole, count, _ = solved(measured, Notebook(), reduced=True)
+    log = Notebook()
     with pytest.raises(KeyboardInterrupt):
         solved(measured, log, reduced=True, stop=stop)
     again, counted, made = solved(measured, log, reduced=True)
@@ -82,7 +74,7 @@ def test_a_run_that_was_cut_short_goes_on_to_the_same_numbers(measured, stop):
 
 
 def test_a_run_that_ended_is_replayed_without_a_march(measured):
-    log = Log()
+    log = Notebook()
     whole, count, _ = solved(measured, log, reduced=True)
     again, counted, made = solved(measured, log, reduced=True)
     assert made == 0

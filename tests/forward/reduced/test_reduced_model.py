@@ -111,14 +111,6 @@ def test_the_error_of_the_stresses_is_that_of_the_work_of_a_load():
         assert exact - 1e-7 <= reduced.error(p) <= 30.0 * exact + 1e-7
 
 
-def test_many_at_once_are_as_one_by_one():
-    staged, _, reduced = made("plane")
-    values = spread(staged, 7, seed=5)
-    together, _ = reduced.estimated(values)
-    one_by_one = np.array([reduced.readings(p) for p in values])
-    np.testing.assert_allclose(together, one_by_one, rtol=1e-12, atol=1e-15)
-
-
 def test_derivatives_are_those_of_its_readings():
     staged, _, reduced = made("strata")
     p = spread(staged, 1, seed=6)[0]
@@ -259,12 +251,3 @@ def test_a_model_that_is_kept_answers_as_the_one_it_was(name):
                                    rtol=1e-12)  # fmt: skip
         assert answer.error(values[0]) == pytest.approx(reduced.error(values[0]), rel=1e-9)
         assert answer.admissible(kept.upper * 1.1) is not None
-
-
-def test_a_model_whose_errors_are_unknown_is_not_kept():
-    staged, response, _ = made("plane")
-    surrogate = response.surrogate(response.visited())
-    with pytest.raises(ValueError, match="knows nothing of the errors of its readings"):
-        kept_model(surrogate, staged, response.visited())
-    with pytest.raises(ValueError, match="nothing is known of the errors"):
-        surrogate.estimated(spread(staged, 2))
