@@ -47,12 +47,13 @@ class ReducibleResponse(StagedResponse):
         model = self._model
         if self.reduction is not None or self._beyond is not None:
             return
-        known = model.reduction
-        if not (economical and known is not None and known.economical and known.last >= self._last):
-            known = Reduction(
-                model.analysis, model.observation, self._last, most=most, economical=economical
-            )
-        self.reduction = model.reduction = known  # that of another response may go as far
+        known = model.reduction if economical else None
+        if isinstance(known, Reduction) and known.economical and known.last >= self._last:
+            self.reduction = known  # that of another response goes as far
+            return
+        self.reduction = model.reduction = Reduction(
+            model.analysis, model.observation, self._last, most=most, economical=economical
+        )
 
     def surrogate_obstacle(self) -> str | None:
         """Why there is no surrogate, a clause, or None if there may be one."""

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import islice
+from typing import Protocol
 
 import numpy as np
 
@@ -36,7 +37,6 @@ from geoident.forward.gauges.observation import AnalysisState, Observation
 from geoident.forward.ground.elasticity import inadmissible_moduli
 from geoident.forward.observed import Details, Observed, ObservedModel, Query
 from geoident.forward.openings.face import advance_of, advancing_face, face_note
-from geoident.forward.reduced.reduction import Reduction
 from geoident.forward.stages import CaseOnMesh
 from geoident.forward.structures.forces import MemberRecorder
 from geoident.model.arrays import Floats
@@ -63,6 +63,13 @@ Tell = Callable[[StageEnd, AnalysisRun], None]
 
 Seen = tuple[StageEnd, Floats, tuple[str, ...]]
 """A state, what all channels see of it, and those that read one of several equal stresses."""
+
+
+class KnowsDisplacements(Protocol):
+    """The analyses recorded for a reduced model, and this: `reduced.reduction.Reduction`."""
+
+    def displacements(self, p: Floats) -> KnownDisplacements | None:
+        """Displacements of the states at p (n,); None where they are not known well enough."""
 
 
 class ResumableRun:
@@ -150,7 +157,7 @@ class StagedKernel(ObservedModel):
         self.face = advancing_face(on_mesh, solver)
         self.analysis = StagedAnalysis(on_mesh, self.systems, self.face)
         self.actions = self.analysis.actions
-        self.reduction: Reduction | None = None
+        self.reduction: KnowsDisplacements | None = None
         self._kept: ResumableRun | None = None
         self._ways: dict[tuple[int, bytes, bytes], ReadingAdjoints] = {}
 

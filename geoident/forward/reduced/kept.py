@@ -20,23 +20,22 @@ from geoident.forward.reduced.loads import LoadForm
 from geoident.forward.reduced.model import ReducedModel
 from geoident.forward.reduced.moduli import Span, material_moduli, rigidity_moduli
 from geoident.forward.reduced.projection import ReducedStage, ZoneResidual
-from geoident.forward.reduced.response import ReducedResponse
+from geoident.forward.reduced.response import Gauged, ReducedResponse
 from geoident.forward.reduced.stress_rows import StageForces
 from geoident.forward.reduced.zones import StressTerm, rigidity_name
-from geoident.forward.staged import StagedKernel
 from geoident.model.arrays import Floats, Ints
 from geoident.model.case import Case
 from geoident.model.results.reduced import FORM, KeptReducedModel
 
 
 def kept_model(
-    reduced: ReducedResponse, staged: StagedKernel, analyses: Sequence[Floats]
+    reduced: ReducedResponse, gauged: Gauged, analyses: Sequence[Floats]
 ) -> KeptReducedModel:
     """The arrays of a reduced model.
 
     Args:
         reduced: the model.
-        staged: of which it is.
+        gauged: the model on the mesh of which it is.
         analyses: (n,) parameters of which it was made.
 
     Raises:
@@ -45,7 +44,7 @@ def kept_model(
     if not len(reduced.ratios):
         msg = "a reduced model that knows nothing of the errors of its readings is not kept"
         raise ValueError(msg)
-    model, rule, parameters = reduced.model, staged.rule, staged.case.parameters
+    model, rule, parameters = reduced.model, gauged.rule, gauged.case.parameters
     return KeptReducedModel(
         form=FORM,
         names=model.form.names,
@@ -58,7 +57,7 @@ def kept_model(
         weights=rule.weights,
         zero=rule.zero,
         readable=rule.readable,
-        built_on=staged.built_on,
+        built_on=gauged.built_on,
         rows=reduced.rows,
         states=reduced.states,
         blocks=_blocks_of(model, reduced.ratios),
@@ -177,10 +176,11 @@ class RestoredModel:
         rule: how readings are made of what channels see.
         instrument_errors: what gauges add by themselves.
         bases: (n_states,) the state on which each builds.
+        built_on: (n_states, n_states) see `ConstructionSequence.built_on`.
     """
 
     def __init__(self, kept: KeptReducedModel, case: Case) -> None:
-        self.kept, self.case = kept, case
+        self.kept, self.case, self.built_on = kept, case, kept.built_on
         self._blocks = blocks = _Blocks(kept)
         states = [n for n in range(len(kept.readable)) if blocks.get("base", n) is not None]
         stages = tuple(map(blocks.stage, states))

@@ -22,7 +22,7 @@ from geoident.errors import ModelError
 from geoident.forward.gauges.instrument_errors import InstrumentErrors, ReadingPlaces
 from geoident.forward.gauges.zeros import ReadingRule
 from geoident.forward.reduced.model import ReducedModel, ReducedStates
-from geoident.model.arrays import Floats, Ints
+from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case
 from geoident.model.results.costs import Counts
 
@@ -55,6 +55,10 @@ class Gauged(Protocol):
     @property
     def bases(self) -> Ints:
         """(n_states,) the state on which each builds."""
+
+    @property
+    def built_on(self) -> Bools:
+        """(n_states, n_states) see `ConstructionSequence.built_on`."""
 
     def admissible(self, p: Floats) -> str | None:
         """Why p (n,) is outside the domain, or None."""
