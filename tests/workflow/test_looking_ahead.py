@@ -29,14 +29,7 @@ from geoident.workflow.running.control import Control
 from geoident.workflow.running.jobs import Request, plan_fit, plan_scan
 from geoident.workflow.scan import scan
 from tests.support.plastic_bars import Frame, PlasticBars
-from tests.support.trench import write_case
-
-PLANES = """E: 5 GPa, nu: 0.25, yield: {type: planes, planes: [
-    {name: shear, normal: [0.7071067811865476, -0.7071067811865476, 0], distance: $k1},
-    {name: push, normal: [-1, 0, 0], distance: $k2}]}"""
-
-K1 = "k1: {start: 0.7 MPa, bounds: [0.3 MPa, 2 MPa]"
-K2 = "k2: {start: 2 MPa, bounds: [1 MPa, 5 MPa], scale: log"
+from tests.support.trench import write_case, write_yielding_case
 
 
 @pytest.fixture
@@ -45,19 +38,8 @@ def trench(tmp_path):
 
 
 @pytest.fixture
-def yielding(trench):
-    text = trench.read_text()
-    for old, new in (
-        ("E:  {start: 2 GPa, bounds: [0.1 GPa, 50 GPa]", K1),
-        ("K0: {start: 1.0, bounds: [0.2, 4]", K2),
-        ("E: $E, nu: 0.25", PLANES),
-        ("K0: $K0", "K0: 1.5"),
-        ("method: gauss-newton, ", ""),
-        ("stages: [first], ", ""),
-    ):  # fmt: skip
-        text = text.replace(old, new)
-    trench.write_text(text)
-    return trench
+def yielding(tmp_path):
+    return write_yielding_case(tmp_path)
 
 
 class OnOtherModels(InThisProcess):
