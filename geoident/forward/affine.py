@@ -5,8 +5,8 @@ nodal forces, thermal stresses, forces held by partial release and rigidities of
 these comes with its exact derivatives. They are evaluated at a few parameter vectors spread over
 the bounds; where a derivative by h is not the same at all of them, the part is not affine in h.
 Which parameter it changes with is found by moving one at a time: if only another one, k, does it,
-the part contains the product of h and k. A kink that only lies nearer to a bound than the outermost
-of these vectors, 2 % of the way, is not seen.
+the part contains the product of h and k. That is a test and no proof: a kink between two of these
+vectors that leaves all slopes the same, or within a millionth of the way from a bound, is not seen.
 
 Products over stages, of a modulus and the stress that the stages before left, are no obstacle: the
 displacements are unknowns of their own (theory 4.1). The products that remain within one stage are
@@ -51,8 +51,11 @@ _SLOPE_TOLERANCE = 1e-9
 _VALUE_ROUNDING = 1e-13
 """Change of the value, relative to it, below which a derivative is rounding."""
 
-_PLACES = (0.013, 0.518, 0.987)
-"""Where the trial points lie between the bounds, about: near both ends, and between."""
+_PLACES = (1e-6, 0.518, 1.0 - 1e-6)
+"""Where the trial points lie between the bounds: at both ends, where fits may end, and between.
+
+Not on a bound itself, since a kink there (a strength that ends at zero) does no harm.
+"""
 
 _TURNS = ((0, 1, 2), (2, 0, 1), (1, 2, 0), (0, 2, 1), (1, 0, 2), (2, 1, 0))
 """In which order the parameters take these places, so that they do not move all together."""
@@ -134,7 +137,7 @@ def first_obstacle(
 def trial_points(
     parameters: Sequence[Parameter], admissible: Callable[[Values], bool]
 ) -> list[ParameterPoint]:
-    """Three generic points in the bounds: no ratio of offsets is a simple number.
+    """Three points in the bounds, two of them at their ends.
 
     Points outside the domain of the model are drawn towards the start, which is inside.
     """
@@ -152,8 +155,9 @@ def trial_points(
 
 def _place(parameter: Parameter, turn: int, k: int) -> float:
     """The value of the k-th parameter at a trial point."""
-    golden = (1 + k + 7 * turn) * 0.6180339887498949 % 1.0
-    part = _PLACES[_TURNS[k % len(_TURNS)][turn]] + 0.01 * (golden - 0.5)
+    part = _PLACES[_TURNS[k % len(_TURNS)][turn]]
+    if 0.1 < part < 0.9:  # no ratio of offsets is a simple number
+        part += 0.01 * ((1 + k + 7 * turn) * 0.6180339887498949 % 1.0 - 0.5)
     size = abs(parameter.start) or 1.0
     low, high = parameter.lower, parameter.upper
     low = low if np.isfinite(low) else min(parameter.start - 0.5 * size, high)

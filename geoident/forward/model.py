@@ -10,11 +10,10 @@ from geoident.forward.analysis.analysis import RunOptions
 from geoident.forward.analysis.fields import MeshRecorder
 from geoident.forward.analysis.virgin import contradictions, overburden_notes, surface_gaps
 from geoident.forward.checks import check_on_mesh, imbalance_notes, notes_on_mesh
-from geoident.forward.gauges.observation import Observation
 from geoident.forward.ground.field import field_notes, point_field, with_modes
 from geoident.forward.in_situ.growth import growth_notes, point_growths, start_faults
 from geoident.forward.openings.face import FaceState, conversion_note, face_states
-from geoident.forward.reducible import ReducibleResponse, SharedReduction
+from geoident.forward.reducible import ReducibleResponse
 from geoident.forward.staged import StagedKernel
 from geoident.forward.stages import CaseOnMesh
 from geoident.forward.yielding.hoek_brown import equivalent_notes
@@ -71,10 +70,6 @@ class StagedModel(StagedKernel):
         observation: its gauges there.
         solver: factorizes the stiffness matrices.
     """
-
-    def __init__(self, on_mesh: CaseOnMesh, observation: Observation, *, solver: Solver) -> None:
-        super().__init__(on_mesh, observation, solver=solver)
-        self._shared = SharedReduction()
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -136,7 +131,7 @@ class StagedModel(StagedKernel):
             pairs: what was read.
             times: when each was read, seconds since 1970; None for what is known of its stage.
         """
-        return ReducibleResponse(self, self._shared, pairs, times)
+        return ReducibleResponse(self, pairs, times)
 
     def fields_up_to_collapse(self, p: Floats) -> FieldSeries:
         """The states that do not build on a stage that collapses; what is known of the others.

@@ -14,25 +14,16 @@ import numpy as np
 
 from geoident.forward.observed import Query
 from geoident.forward.reduced.reduction import Reduction
-from geoident.forward.reduced.response import ReadingsAsked, ReducedResponse
+from geoident.forward.reduced.response import ReducedResponse
 from geoident.forward.reduced.stress_rows import beyond_reduction
 from geoident.forward.response import StagedResponse
-from geoident.forward.staged import StagedKernel
 from geoident.model.arrays import Floats
 from geoident.model.response import Evaluation
 
 NOT_RECORDED = "no analyses are recorded for one"
 
-
-class SharedReduction:
-    """The analyses that were recorded last: other responses of the model may use them.
-
-    Attributes:
-        reduction: those; None where none are recorded.
-    """
-
-    def __init__(self) -> None:
-        self.reduction: Reduction | None = None
+GOOD = 1e-5
+"""Error of the stresses of many answers that needs no further analysis."""
 
 
 class ReducibleResponse(StagedResponse):
@@ -40,23 +31,11 @@ class ReducibleResponse(StagedResponse):
 
     It evaluates as a `StagedResponse` does. Fulfils also the protocol ``HasSurrogate``.
 
-    Args:
-        model: of the case.
-        shared: the analyses of other responses.
-        pairs: channel and stage of every reading.
-        times: when each was read; None for what is known of its stage.
+    Attributes:
+        reduction: the analyses that are recorded; None where none are.
     """
 
-    def __init__(
-        self,
-        model: StagedKernel,
-        shared: SharedReduction,
-        pairs: Sequence[tuple[str, str]],
-        times: Sequence[float | None] = (),
-    ) -> None:
-        super().__init__(model, pairs, times)
-        self._shared = shared
-        self.reduction: Reduction | None = None
+    reduction: Reduction | None = None
 
     def record(self, *, economical: bool = True, most: int = 4) -> None:
         """Record the analyses with derivatives from now on, for a surrogate.
@@ -68,15 +47,13 @@ class ReducibleResponse(StagedResponse):
         model = self._model
         if self.reduction is not None or self._beyond is not None:
             return
-        known = self._shared.reduction
-        if economical and known is not None and known.economical and known.last >= self._last:
+        known = model.reduction if economical else None
+        if isinstance(known, Reduction) and known.economical and known.last >= self._last:
             self.reduction = known  # that of another response goes as far
             return
-        self.reduction = Reduction(
+        self.reduction = model.reduction = Reduction(
             model.analysis, model.observation, self._last, most=most, economical=economical
         )
-        self._shared.reduction = self.reduction
-        model.known_displacements = self.reduction.displacements
 
     def surrogate_obstacle(self) -> str | None:
         """Why there is no surrogate, a clause, or None if there may be one."""
@@ -110,7 +87,9 @@ class ReducibleResponse(StagedResponse):
         """Parameter vectors (n,) whose analyses are recorded, in their order."""
         return () if self.reduction is None else self.reduction.recorded()
 
-    def surrogate(self, visited: Sequence[Floats]) -> ReducedResponse | None:
+    def surrogate(
+        self, visited: Sequence[Floats], reference: Floats | None = None
+    ) -> ReducedResponse | None:
         """The reduced model of the analyses at some parameter vectors (n,); None for none.
 
         Where no analysis is recorded, one is made now.
@@ -118,6 +97,7 @@ class ReducibleResponse(StagedResponse):
         Args:
             visited: (n,) they, the last of which counts most; those before the last `most` ones
                 are left out.
+            reference: (n,) parameters whose moduli measure; None for those of the last.
 
         Raises:
             ModelError: there is no solution at one of them.
@@ -130,34 +110,13 @@ class ReducibleResponse(StagedResponse):
         for p in wanted:
             if not reduction.knows(p):
                 self.evaluation(p)
-        return self._reduced(reduction, wanted)
-
-    def _reduced(
-        self, reduction: Reduction, visited: Sequence[Floats], reference: Floats | None = None
-    ) -> ReducedResponse | None:
-        made = reduction.model(visited, reference)
+        made = reduction.model(wanted, reference)
         if made is None:
             return None
-        model = self._model
-        values = model.values(made.reference)
-        added = model.instrument_errors.added(values, self.names, self._places)
-        dimensions = [channel.dimension for channel in model.case.channels]
-        return ReducedResponse(
-            made,
-            model.observation,
-            ReadingsAsked(self._places.rows, self._places.states, added, dimensions),
-            model.sequence.bases,
-            self.admissible,
-        )
+        return ReducedResponse(made, self._model, self._places, np.zeros(0))
 
     def surrogate_around(
-        self,
-        centre: Floats,
-        training: Floats,
-        *,
-        most: int,
-        also: Sequence[Floats] = (),
-        good: float = 1e-5,
+        self, centre: Floats, training: Floats, *, most: int, also: Sequence[Floats] = ()
     ) -> ReducedResponse | None:
         """A surrogate for many answers, which estimates the errors of its readings; None for none.
 
@@ -171,7 +130,6 @@ class ReducibleResponse(StagedResponse):
             training: (k, n) some of what will be asked.
             most: analyses of which it is made at most, beside `also`.
             also: (n,) parameters of which it is to be made, too.
-            good: error of the stresses that needs no further analysis.
 
         Raises:
             ModelError: there is no solution at one of them.
@@ -188,7 +146,7 @@ class ReducibleResponse(StagedResponse):
                 continue
             error = surrogate.errors(training)
             worst = int(np.argmax(error))
-            enough = error[worst] <= good and len(visited) > 1
+            enough = error[worst] <= GOOD and len(visited) > 1
             if not waiting and (enough or len(visited) >= most + len(also)):
                 break
             p = waiting.pop(0) if waiting else training[worst]
@@ -197,9 +155,7 @@ class ReducibleResponse(StagedResponse):
             ratio = surrogate.ratio(p, self.evaluation(p).readings)
             ratios = np.maximum(ratios, ratio) if len(ratios) else ratio
             visited.append(p)
-        reduction = self.reduction
-        assert reduction is not None
-        surrogate_there = self._reduced(reduction, visited[-reduction.most :], centre)
-        if surrogate_there is not None:
-            surrogate_there.ratios = ratios
-        return surrogate_there
+        surrogate = self.surrogate(visited, centre)
+        if surrogate is not None:
+            surrogate.ratios = ratios
+        return surrogate

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import islice
+from typing import Protocol
 
 import numpy as np
 
@@ -62,6 +63,13 @@ Tell = Callable[[StageEnd, AnalysisRun], None]
 
 Seen = tuple[StageEnd, Floats, tuple[str, ...]]
 """A state, what all channels see of it, and those that read one of several equal stresses."""
+
+
+class KnowsDisplacements(Protocol):
+    """The analyses recorded for a reduced model, and this: `reduced.reduction.Reduction`."""
+
+    def displacements(self, p: Floats) -> KnownDisplacements | None:
+        """Displacements of the states at p (n,); None where they are not known well enough."""
 
 
 class ResumableRun:
@@ -135,7 +143,7 @@ class StagedKernel(ObservedModel):
 
     Attributes:
         face: what turns distances to a tunnel face into released parts.
-        known_displacements: of the states at parameters (n,), where a surrogate knows them.
+        reduction: the analyses that were recorded last for a reduced model; None where none were.
     """
 
     def __init__(self, on_mesh: CaseOnMesh, observation: Observation, *, solver: Solver) -> None:
@@ -149,7 +157,7 @@ class StagedKernel(ObservedModel):
         self.face = advancing_face(on_mesh, solver)
         self.analysis = StagedAnalysis(on_mesh, self.systems, self.face)
         self.actions = self.analysis.actions
-        self.known_displacements: Callable[[Floats], KnownDisplacements | None] = _not_known
+        self.reduction: KnowsDisplacements | None = None
         self._kept: ResumableRun | None = None
         self._ways: dict[tuple[int, bytes, bytes], ReadingAdjoints] = {}
 
@@ -264,7 +272,7 @@ class StagedKernel(ObservedModel):
         """
         # evaluations are those of the model itself; what is looked at beside them may follow
         beside = query.survey or query.partial
-        known = self.known_displacements(p) if beside and not tell else None
+        known = self.reduction.displacements(p) if self.reduction and beside and not tell else None
         back = self._way_chosen(p, query, adjoints) if query.derivatives and not known else None
         run, states = self._analysed(p, query, back, tell, known)
         values = self.values(p)
@@ -389,10 +397,6 @@ class StagedKernel(ObservedModel):
     def _told(self, state: int) -> None:
         if self.on_state is not None:
             self.on_state(state)
-
-
-def _not_known(_: Floats) -> None:
-    """No displacements are known before a surrogate is made."""
 
 
 def _values(end: StageEnd) -> StageEnd:

@@ -57,7 +57,7 @@ from geoident.workflow.scoring.ladder import fit_ladder
 from geoident.workflow.scoring.trials import LastStage, added, last_stage
 
 ENOUGH = 1e-4
-"""Bound of the relative error in energy with which the reduced model tells whether the model is
+"""Estimate of the relative error in energy with which the reduced model tells whether the model is
 linear over an interval, where the misfit must rise by 3.8 within a fifth."""
 
 

@@ -1,10 +1,10 @@
-"""How long the reduced model of a case takes for many evaluations, each with its certificate.
+"""How long the reduced model of a case takes for many evaluations, with estimates of its errors.
 
     python tests/benchmarks/reduced_evaluations.py CASE RESULT [--count 100000]
 
 The reduced model is that of `geoident sample`: of analyses at the fit's answer and, one after the
-other, where the bound of its error is largest among draws around it. Prints one line of JSON:
-seconds to make it and to evaluate it, and how many readings are proven to be off by no more than
+other, where its error is largest among draws around it. Prints one line of JSON:
+seconds to make it and to evaluate it, and how many readings are estimated to be off by no more than
 2 % of their accuracy; factorizations before and, none, after it was made.
 """
 
@@ -56,7 +56,7 @@ def run(case: str, result: str, count: int) -> dict[str, float]:
     made, factorized = (time.perf_counter(), time.process_time()), model.counts.factorizations
     close = 0
     for first in range(TRAINING, TRAINING + count, AT_ONCE):
-        _, error = reduced.certified(points[first : min(first + AT_ONCE, TRAINING + count)])
+        _, error = reduced.estimated(points[first : min(first + AT_ONCE, TRAINING + count)])
         close += int(np.count_nonzero(error <= limit))
     done = time.perf_counter(), time.process_time()
     return {

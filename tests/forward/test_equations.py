@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 from scipy.sparse.linalg import spsolve
@@ -23,7 +21,6 @@ from geoident.model.yielding import WeakPlane
 
 P = {"E": 8e9, "El": 1e10, "sv": 5e6, "q": 2e5, "k": 3e8}
 HERE = np.array(list(P.values()))
-ONE = Scalar(1.0)
 
 
 def braced(**changes):
@@ -112,23 +109,6 @@ def test_equations_of_ground_far_from_yielding_answer_as_the_march(gravity, scal
     ]  # fmt: skip
 
 
-def test_a_law_is_made_once_for_all_stages():
-    arrays = braced().response(PAIRS).staged_system()
-    assert len(arrays.laws) == len({id(law) for law in arrays.laws})
-    used = {k for stage in arrays.stages for k in stage.laws.values()}
-    assert used == set(range(len(arrays.laws)))
-    planes = next(law for law in arrays.laws if law.n_planes == 3)
-    np.testing.assert_allclose(planes.distances.at(HERE), [P["k"], 4e8, 2 * P["k"]], rtol=1e-12)
-    np.testing.assert_allclose(planes.hardening.at(HERE), 1e8 * np.eye(3), rtol=1e-12)
-    assert not planes.hardening.depends_on.any()
-    np.testing.assert_allclose(planes.elasticity.at(HERE)[3, 3], P["E"] / 2.5, rtol=1e-12)
-    soft = next(law for law in arrays.laws if law.n_planes == 2)
-    assert not soft.hardening.constant.any()
-    elastic = [law for law in arrays.laws if law.n_planes == 0]
-    assert all(law.distances.slopes.shape == (0, 5) for law in elastic)
-    assert all(law.hardening.slopes.shape == (0, 0, 5) for law in elastic)
-
-
 def test_stress_that_is_not_there_at_first_is_none():
     """What is placed later has no in-situ stress, whatever the model of that would be."""
     staged = braced(groups={"dug": None, "soil": "soil", "rock": "rock"},
@@ -162,15 +142,6 @@ def test_what_the_equations_do_not_know_is_named():
     assert obstacle(**one(**warm)) == "the stage 'odd' changes temperatures"
     support = {"supports": {"x1": None}}
     assert obstacle(**one(**support)) == "the stage 'odd' changes what is held"
-
-
-def test_a_distance_to_the_face_is_a_release():
-    staged = braced(structures={}, channels=FAR, **one())
-    stages = (*staged.case.stages, SimpleNamespace(name="face", release={}, distance=ONE,
-                                                   temperature={}))  # fmt: skip
-    analysis = SimpleNamespace(case=SimpleNamespace(stages=stages))
-    point = ParameterPoint({}, ())
-    assert export_obstacle(analysis, point) == "the stage 'face' releases stress in part"
 
 
 def grounds(*surfaces, **more):

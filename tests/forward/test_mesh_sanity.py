@@ -11,10 +11,9 @@ from geoident.fem.measure import coinciding_nodes
 from geoident.fem.orientation import overlapping
 from geoident.model.case import Stage
 from geoident.model.in_situ import HeimStress
-from geoident.model.mesh import ElementBlock
 from geoident.model.parameter import Scalar
 from tests.support.cases import material, model, rollers
-from tests.support.meshes import KINDS, KINDS_2D, box, build, regroup
+from tests.support.meshes import KINDS, KINDS_2D, box, regroup
 
 
 def on(mesh):
@@ -57,54 +56,6 @@ def test_a_node_that_was_moved_far_off_tangles_the_mesh(kind):
     assert "a node in the wrong place" in fault.hint
 
 
-def test_two_elements_on_one_another_tangle_the_mesh():
-    points = np.array([[0, 0], [1, 0], [0, 1], [0.2, 0.9], [1, 1.0]])
-    nodes = np.array([[0, 1, 2], [0, 1, 3], [1, 4, 2]])
-    mesh = box("tri3", (1, 1))
-    mesh = replace(mesh, points=points, blocks=(ElementBlock("tri3", nodes, np.arange(7, 10)),),
-                   facets=(), facet_groups={}, groups={"all": np.arange(3)})  # fmt: skip
-    assert overlapping(mesh, face_table(mesh)).tolist() == [[0, 1]]
-    held = {"x0": np.array([0, 2]), "y0": np.array([0, 1])}
-    with pytest.raises(InputError, match="elements 7 and 8 lie on the same side"):
-        on(replace(mesh, node_groups=held))
-
-
-def test_more_pairs_of_elements_are_tangled_than_are_named():
-    """Seven triangles with another on each; the first have (0, 0) to (1, 0) in common."""
-    triangles = np.array([[0, 1, 2], [0, 1, 3]])
-    points = np.array([[0, 0], [1, 0], [0, 1], [0.2, 0.9]])
-    mesh = build(
-        "tri3", np.concatenate([points + np.array([2 * n, 0]) for n in range(7)]),
-        np.concatenate([triangles + 4 * n for n in range(7)]),
-    )  # fmt: skip
-    with pytest.raises(InputError) as caught:
-        on(mesh)
-    (fault,) = (fault for fault in caught.value.faults if fault.code == "tangled-mesh")
-    assert fault.message == (
-        "the mesh is tangled: elements 1 and 2, 3 and 4, 5 and 6, 7 and 8, 9 and 10 and 2 more "
-        "pairs lie on the same side of the face that they share (the first near (0.5, 0) m)"
-    )
-
-
-def turned(mesh, rows):
-    block = mesh.blocks[0]
-    nodes = block.nodes.copy()
-    nodes[rows] = nodes[rows][:, [0, 2, 1]]
-    return replace(mesh, blocks=(replace(block, nodes=nodes),))
-
-
-def test_elements_that_are_turned_are_named():
-    mesh = box("tri3", (2, 2))
-    assert any(
-        note == "elements 2, 4 are numbered clockwise, other than the rest; they were turned"
-        for note in on(turned(mesh, [1, 3])).notes
-    )
-    assert any(
-        note == "all elements of the mesh are numbered clockwise; they were turned"
-        for note in on(turned(mesh, np.arange(8))).notes
-    )
-
-
 def test_an_element_on_a_node_of_its_own_is_told():
     """The node of one element is a copy of that of its neighbours: the ground can part there."""
     mesh = box("quad4", (4, 4))
@@ -120,18 +71,6 @@ def test_an_element_on_a_node_of_its_own_is_told():
     assert coinciding_nodes(parted).tolist() == [[node, mesh.n_nodes]]
     note = next(note for note in on(parted).notes if "one place" in note)
     assert note.startswith("two nodes stand at one place (near (0.5, 0.5")
-
-
-def test_a_node_inside_the_side_of_another_element_is_told():
-    """Two elements on the right of one on the left share only its corners."""
-    points = np.array(
-        [[0, 0], [1, 0], [1, 1], [0, 1], [1, 0.5], [2, 0], [2, 0.5], [2, 1]], dtype=float
-    )
-    mesh = build("quad4", points, np.array([[0, 1, 2, 3], [1, 5, 6, 4], [4, 6, 7, 2]]))
-    note = next(note for note in on(mesh).notes if "inside the side" in note)
-    assert note.startswith("a node stands inside the side of an element that does not have it")
-    assert "(near (1, 0.5" in note
-    assert not any("inside the side" in note for note in on(box("quad4", (4, 4))).notes)
 
 
 def test_ground_that_is_missing_is_told_where_the_case_says_so():

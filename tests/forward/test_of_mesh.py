@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import gc
-import weakref
-
 import numpy as np
 
 from geoident.forward.of_mesh import OfMesh
@@ -40,28 +37,3 @@ def test_another_mesh_takes_the_place_of_the_last():
     assert known(two, "a", find) == [2]
     assert known(two, "a", find) == [2]
     assert known(one, "a", find) == [3]
-
-
-def test_what_was_found_goes_with_the_mesh_and_that_of_the_next_stays():
-    known, find, one, two = OfMesh[list](), Finder(), mesh(), mesh()
-    class_of_found = type("ResultHandle", (), {})
-    found = known(one, "a", class_of_found)
-    gone = weakref.ref(found)
-    del found, one
-    gc.collect()
-    assert gone() is None
-    one = mesh()
-    assert known(one, "a", find) == [1]
-    assert known(two, "a", find) == [2]
-    del one  # not the one that was asked about last
-    gc.collect()
-    assert known(two, "a", find) == [2]
-
-
-def test_results_that_were_dropped_for_want_of_room_are_computed_anew():
-    known, find, one = OfMesh[list](), Finder(), mesh()
-    answers = [known(one, key, find)[0] for key in range(1000)]
-    assert answers == list(range(1, 1001))
-    again = known(one, 0, find)
-    assert again[0] in (1, 1001)
-    assert known(one, 0, find) is again

@@ -13,7 +13,7 @@ from support.yielding import mohr, rock
 
 from geoident.errors import CollapseError
 from geoident.forward.analysis.analysis import RunOptions
-from geoident.forward.staged import ResumableRun, equal_notes, unbalanced_notes
+from geoident.forward.staged import equal_notes, unbalanced_notes
 from geoident.forward.stages import VIRGIN
 from geoident.model.actions import Pressure
 from geoident.model.case import Stage
@@ -95,35 +95,6 @@ def test_a_survey_to_a_state_leaves_the_later_ones_open():
         assert part.counts.factorizations == last
 
 
-def test_what_was_marched_is_not_marched_again():
-    """A survey at the same place goes on with it; elsewhere, or forgotten, it is a new one."""
-    one = staged()
-    early = [(c, s) for c, s in ALL if s in ("s1", "s2")]
-    first = one.response(early).by_tangents(P)
-    assert (one.counts.evaluations, one.counts.factorizations) == (1, 2)
-    found = one.survey(P, fields=True)
-    assert one.counts.evaluations == 1
-    assert one.counts.factorizations == 4 - 1  # the same ground at the last two
-    fresh = staged().survey(P, fields=True)
-    np.testing.assert_allclose(found.computed, fresh.computed, rtol=1e-10)
-    size = np.abs(fresh.sensitivity).max(axis=(0, 1))
-    np.testing.assert_allclose(found.sensitivity / size, fresh.sensitivity / size, atol=1e-9)
-    np.testing.assert_allclose(found.increments, fresh.increments, rtol=1e-9, atol=1e-15)
-    np.testing.assert_allclose(
-        found.fields.displacement, fresh.fields.displacement, rtol=1e-9, atol=1e-15
-    )
-    again = one.response(early).by_tangents(P)
-    np.testing.assert_array_equal(again[1], first[1])
-    np.testing.assert_allclose(one.computed(P), fresh.computed, rtol=1e-10)
-    states = []
-    one.computed(P, lambda end: states.append(end.state))
-    assert states == [0, 1, 2, 3, 4]
-    assert one.counts.evaluations == 1
-    one.forget()
-    one.response(early).by_tangents(P)
-    assert one.counts.evaluations == 2
-
-
 @pytest.mark.parametrize("derivatives", [True, False])
 def test_an_evaluation_depends_on_its_parameters_alone(derivatives):
     """Whatever was evaluated, surveyed or asked for at other places before."""
@@ -157,19 +128,6 @@ def test_increments_add_up_to_readings():
     assert not early[3:].any()
 
 
-def test_ground_that_does_not_yield_has_no_activity():
-    one = staged().response(ALL)
-    assert not one.yields()
-    with pytest.raises(ValueError, match="no material of the case yields"):
-        one.activity(P)
-    one.readings(P)
-    with pytest.raises(ValueError, match="no material of the case yields"):
-        one.activity(P)
-    one.by_tangents(P)
-    with pytest.raises(ValueError, match="no material of the case yields"):
-        one.activity(P)
-
-
 def test_what_is_known_of_a_model():
     one = staged()
     assert one.values(P) == {"E": 6e9, "K0": 0.8, "b": 2e-3}
@@ -184,22 +142,6 @@ def test_what_is_known_of_a_model():
     one.on_state = told.append
     one.computed(P)
     assert told == [0, 1, 2, 3, 4]
-
-
-def test_states_one_by_one_as_far_as_they_are_wanted():
-    whole = staged().survey(P, fields=False).computed
-    one, told = staged(), []
-    one.on_state = told.append
-    analysis = ResumableRun(one, P, RunOptions(derivatives=False))
-    first = analysis.computed(1)
-    assert told == [0, 1]
-    np.testing.assert_allclose(first[:, 0], whole[:, 0], rtol=1e-10, atol=1e-18)
-    assert np.isnan(first[:, 1:]).all()
-    analysis.computed(0)
-    assert told == [0, 1]
-    np.testing.assert_allclose(analysis.computed(4), whole, rtol=1e-10, atol=1e-18)
-    assert told == [0, 1, 2, 3, 4]
-    np.testing.assert_allclose(staged().computed(P), whole, rtol=1e-10, atol=1e-18)
 
 
 def test_condensed_equations_with_errors_that_are_shared():

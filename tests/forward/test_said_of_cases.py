@@ -34,22 +34,6 @@ def fault(lines, place):
     return lines[at].removeprefix(f"case.yaml:{place}: "), lines[at + 1].strip()
 
 
-def test_gravity_without_a_density(tmp_path):
-    note = "there is gravity, but no material has a density: nothing weighs"
-    assert note in said(tmp_path, gravity="9.81 m/s2")[0]
-    heavy = rock("E: $E, nu: 0.25, density: 2600 kg/m3")
-    assert note not in said(tmp_path, gravity="9.81 m/s2", materials=heavy)[0]
-
-
-def test_more_pairs_of_groups_are_parted_than_are_named(tmp_path):
-    # 7 seams of 3 nodes between 8 columns of 2 squares
-    stages = "[{name: dig, excavate: [g8]}]"
-    mesh = grid(8, 2, by_column, parted=True)
-    text, _ = said(tmp_path, mesh, groups=COLUMNS, gauges=LOW, stages=stages)
-    assert "21 pairs of nodes stand at one place each (the first near (1, 0) m)" in text
-    assert "'g4' and 'g5', of 'g5' and 'g6' and 2 more pairs of groups that do not share" in text
-
-
 def test_the_weight_above_more_groups_than_are_named(tmp_path):
     # points of a 2 x 2 rule in squares of 1 m: 0.2113 m and 1.7887 m below the surface
     materials = rock("E: $E, nu: 0.25, density: 2000 kg/m3")
@@ -129,17 +113,6 @@ def test_nothing_is_left(tmp_path):
     assert fault(lines, "8:40: stages[1]") == (
         "after stage 'rest' no ground is present",
         "Something has to stay: leave out what the stage takes away last.",
-    )
-
-
-def test_elements_in_no_group_of_the_case(tmp_path):
-    mesh = grid(group=lambda column, _: "other" if column == 1 else "ground")
-    groups = "{ground: rock}"
-    _, lines = said(tmp_path, mesh, groups=groups, stages="[{name: dig, excavate: [ground]}]")
-    message, hint = fault(lines, "6:1: groups")
-    assert message.startswith("4 elements of squares.msh are in none of the groups of the case")
-    assert hint == (
-        "list their group under 'groups'; a group that is never present is written 'NAME: absent'"
     )
 
 

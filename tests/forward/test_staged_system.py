@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
-import pytest
 import scipy.sparse as sp
 
 from geoident.forward.staged_system import (
@@ -15,7 +12,6 @@ from geoident.forward.staged_system import (
     PointSet,
     StagedSystem,
     bilinear,
-    fixed,
 )
 
 N_DOFS, N = 7, 3
@@ -153,68 +149,3 @@ def test_it_has_the_equations_the_slacks_and_the_readings_of_the_stages():
     assert sorted(system.slacks.products) == [0, 1, 2]
     assert system.readings.products == {}
     assert system.names == staged.names
-
-
-def test_pairs_and_kinds_say_what_each_number_is():
-    """Slacks are paired with the multiplier of their own plane and point, and of one kind each."""
-    staged, p = staged_system(), np.array([0.4, -0.3, 0.7])
-    system = bilinear(staged, p)
-    n = system.equations.by_x.shape[1]
-    marks, rest = unknowns(staged, np.arange(float(n)))
-    assert not rest.size
-    kind_of_unknown, kind_of_equation = np.full(n, -1), []
-    pairs, kinds, stiffness, work = [], [], [], []
-    for j, stage in enumerate(staged.stages):
-        kind_of_unknown[marks[j, None][stage.dofs].astype(int)] = 0
-        kind_of_equation += [-1] * len(stage.dofs)
-        for s, number in stage.laws.items():
-            sigma, multipliers = (part.astype(int) for part in marks[j, s])
-            law, points = staged.laws[number], staged.sets[s]
-            kind_of_unknown[sigma.ravel()] = 1 + s
-            kind_of_equation += [1 + s] * sigma.size
-            pairs += multipliers.ravel().tolist()
-            kinds += [1 + s] * multipliers.size
-            own = np.diag(law.normals @ law.elasticity.at(p) @ law.normals.T)
-            stiffness += np.outer(own, np.ones(points.n_points)).ravel().tolist()
-            work += np.outer(np.ones(law.n_planes), points.volume).ravel().tolist()
-    np.testing.assert_array_equal(system.kind_of_unknown, kind_of_unknown)
-    np.testing.assert_array_equal(system.kind_of_equation, kind_of_equation)
-    np.testing.assert_array_equal(system.kind_of_slack, kinds)
-    np.testing.assert_array_equal(system.multipliers, pairs)
-    np.testing.assert_allclose(system.stiffness, stiffness, rtol=1e-12)
-    np.testing.assert_array_equal(system.work, work)
-
-
-def test_stages_without_ground_have_no_pairs():
-    staged = staged_system()
-    alone = replace(staged, stages=(replace(staged.stages[0], laws={}),))
-    system = bilinear(replace(alone, active=staged.active[:1]), np.zeros(N))
-    assert system.slacks.by_x.shape == (0, 4)
-    assert system.multipliers.shape == (0,)
-    c, A = system.equations.at(np.ones(N))
-    force = staged.stages[0].forces
-    np.testing.assert_allclose(c, (force.constant + force.slopes.sum(axis=1))[[5, 0, 3, 1]])
-    assert A.shape == (4, 4)
-    assert A.nnz == 0
-
-
-@pytest.mark.parametrize("shape", [(2,), (2, 3), ()])
-def test_an_affine_array_says_what_moves_it(shape):
-    array = affine(np.random.default_rng(7), *shape, only=(0, 2))
-    assert array.depends_on.tolist() == [True, False, True]
-    p = np.array([2.0, 5.0, -3.0])
-    by_hand = array.constant + 2.0 * array.slopes[..., 0] - 3.0 * array.slopes[..., 2]
-    np.testing.assert_allclose(array.at(p), by_hand, rtol=1e-14)
-    terms = list(array.terms())
-    assert [h for h, _ in terms] == [None, 0, 2]
-    for (_, found), wanted in zip(
-        terms, (array.constant, array.slopes[..., 0], array.slopes[..., 2]), strict=True
-    ):
-        np.testing.assert_array_equal(found, wanted)
-
-
-def test_a_fixed_array_is_moved_by_nothing():
-    array = fixed(np.arange(6.0).reshape(2, 3), 4)
-    assert array.slopes.shape == (2, 3, 4)
-    assert not array.depends_on.any()
-    np.testing.assert_array_equal(array.at(np.ones(4)), array.constant)

@@ -9,10 +9,8 @@ from support.meshes import box, regroup
 
 from geoident.forward.stages import (
     CaseOnMesh,
-    as_index,
     element_number,
     group_faults,
-    numbers,
     released_by,
     used_groups,
 )
@@ -21,30 +19,6 @@ from geoident.model.case import VIRGIN, Stage, Support
 from geoident.model.mesh import ElementBlock, Mesh
 from geoident.model.parameter import Scalar
 from geoident.model.structures import Bars, Beam
-
-
-@pytest.mark.parametrize(
-    ("marked", "expected"),
-    [
-        ([2, 3, 4], slice(2, 5)),
-        ([0], slice(0, 1)),
-        ([4], slice(4, 5)),
-        ([0, 2, 3, 4], None),
-        ([0, 2, 3, 5], None),
-        ([1, 2, 4], None),
-        ([], None),
-        (range(6), slice(0, 6)),
-    ],
-)
-def test_only_one_run_is_a_slice(marked, expected):
-    mask = np.zeros(6, dtype=bool)
-    mask[list(marked)] = True
-    found = as_index(mask)
-    assert isinstance(found, slice) == (expected is not None)
-    if expected is not None:
-        assert found == expected
-    assert numbers(found, 6).tolist() == list(marked)
-
 
 # --- states ---
 

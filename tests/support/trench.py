@@ -75,3 +75,31 @@ def write_mesh(path: Path, *, n: tuple[int, int] = (6, 4)) -> None:
     for name, members in sides.items():
         lines += [f"*NSET, NSET={name}", *map(str, members)]
     path.write_text("\n".join(lines) + "\n")
+
+
+PLANES = """E: 5 GPa, nu: 0.25, yield: {type: planes, planes: [
+    {name: shear, normal: [0.7071067811865476, -0.7071067811865476, 0], distance: $k1},
+    {name: push, normal: [-1, 0, 0], distance: $k2}]}"""
+
+
+def write_yielding_case(folder: Path) -> Path:
+    """The trench in ground that yields by two planes, whose distances k1 and k2 are sought."""
+    case = write_case(folder)
+    text = case.read_text()
+    for old, new in (
+        (
+            "E:  {start: 2 GPa, bounds: [0.1 GPa, 50 GPa]",
+            "k1: {start: 0.7 MPa, bounds: [0.3 MPa, 2 MPa]",
+        ),
+        (
+            "K0: {start: 1.0, bounds: [0.2, 4]",
+            "k2: {start: 2 MPa, bounds: [1 MPa, 5 MPa], scale: log",
+        ),
+        ("E: $E, nu: 0.25", PLANES),
+        ("K0: $K0", "K0: 1.5"),
+        ("method: gauss-newton, ", ""),
+        ("stages: [first], ", ""),
+    ):
+        text = text.replace(old, new)
+    case.write_text(text)
+    return case

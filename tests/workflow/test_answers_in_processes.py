@@ -1,7 +1,6 @@
 """Thousands of answers in several processes: the bits of one process, and no process in vain."""
 
 import pickle
-from contextlib import contextmanager
 from functools import partial
 from typing import ClassVar
 
@@ -10,35 +9,15 @@ import pytest
 
 from geoident.workflow.estimating.setup import prepare
 from geoident.workflow.executing.executor import Answered
-from geoident.workflow.running.answers import Asked, WhereTimeIsSaved, here, in_processes
+from geoident.workflow.running.answers import Asked, here, in_processes
 from geoident.workflow.running.jobs import Request, plan_fit
-from tests.support.trench import write_case
-
-PLANES = """E: 5 GPa, nu: 0.25, yield: {type: planes, planes: [
-    {name: shear, normal: [0.7071067811865476, -0.7071067811865476, 0], distance: $k1},
-    {name: push, normal: [-1, 0, 0], distance: $k2}]}"""
-
-
-K1 = "k1: {start: 0.7 MPa, bounds: [0.3 MPa, 2 MPa]"
-K2 = "k2: {start: 2 MPa, bounds: [1 MPa, 5 MPa], scale: log"
+from tests.support.trench import write_yielding_case
 
 
 @pytest.fixture(scope="module")
 def case(tmp_path_factory):
     """A trench whose ground yields: an evaluation begins from one near by."""
-    path = write_case(tmp_path_factory.mktemp("yielding"))
-    text = path.read_text()
-    for old, new in (
-        ("E:  {start: 2 GPa, bounds: [0.1 GPa, 50 GPa]", K1),
-        ("K0: {start: 1.0, bounds: [0.2, 4]", K2),
-        ("E: $E, nu: 0.25", PLANES),
-        ("K0: $K0", "K0: 1.5"),
-        ("method: gauss-newton, ", ""),
-        ("stages: [first], ", ""),
-    ):  # fmt: skip
-        text = text.replace(old, new)
-    path.write_text(text)
-    return path
+    return write_yielding_case(tmp_path_factory.mktemp("yielding"))
 
 
 def model_of(path):
@@ -99,22 +78,3 @@ def test_they_have_the_bits_of_one_process(case, points, alone, begun):
     assert begun == [2]
     list(asked.answers(points[::-1]))  # whatever the model was asked before
     assert bits(here(asked)(points)) == alone
-
-
-@pytest.mark.parametrize(
-    ("worth", "expected"), [pytest.param(0.0, 1, marks=pytest.mark.slow), (1e-9, 1), (1e9, 0)]
-)
-def test_processes_are_begun_once_it_takes_long(case, points, alone, begun, worth, expected):
-    asked, ended = model_of(case), []
-
-    @contextmanager
-    def processes():
-        with elsewhere(case, asked) as compute:
-            yield compute
-        ended.append(True)
-
-    with WhereTimeIsSaved(asked, processes, worth) as compute:
-        found = bits(compute(points[:16])) + bits(compute(points[16:]))
-        assert list(compute(points[:0])) == []
-    assert found == alone
-    assert len(begun) == len(ended) == expected

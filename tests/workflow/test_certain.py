@@ -9,8 +9,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from geoident.workflow.estimating import search
-from geoident.workflow.estimating.search import SearchState
 from geoident.workflow.running.cached_response import (
     EXACT,
     CachedResponse,
@@ -87,19 +85,3 @@ def test_who_is_not_led_asks_the_model():
     assert not known_nearly(response, P)
     with substituting(response):
         assert response.evaluate(P)[0] == 2.0 * P  # the model has answered
-
-
-@pytest.mark.parametrize(("error", "asked"), [(0.9e-9, False), (0.9e-6, True), (1.1e-6, False)])
-def test_a_search_that_was_led_asks_the_model_at_its_end_unless_the_surrogate_is_certain(
-    monkeypatch, error, asked
-):
-    _, response = begun(error)
-    with substituting(response):
-        response.evaluate(P)
-    made = search._Search((), None)
-    problem = SimpleNamespace(response=response, begun_at=lambda p: p)
-    outcome = SimpleNamespace(status="converged", values=P)
-    monkeypatch.setattr(search._Search, "descent", lambda self, problem: f"from {problem}")
-    monkeypatch.setattr(search, "after", lambda first, again: again)
-    found = made._confirmed(SearchState(None, problem, outcome))
-    assert found.outcome == ("from [2.]" if asked else outcome)

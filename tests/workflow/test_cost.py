@@ -93,27 +93,3 @@ def test_iterations_are_reckoned_with_where_a_factor_takes_too_much(monkeypatch)
     # all grows with the unknowns: four times as many in a halved plane mesh
     finer = cost.refinement_cost(staged, told)
     assert finer.seconds == pytest.approx(4 * told.seconds)
-
-
-def test_a_finer_mesh_that_is_too_large_to_factorize_is_reckoned_by_iterations(monkeypatch):
-    staged = excavation(1)
-    plain = cost.estimate_cost(staged, solver="auto")
-    assert cost.refinement_cost(staged, plain).solver == plain.solver != "iterative"
-    monkeypatch.setattr(
-        solvers, "MOST_ENTRIES", 2 * plain.factor_entries
-    )  # its own, no finer one's
-    finer = cost.refinement_cost(staged, plain)
-    monkeypatch.setattr(solvers, "MOST_ENTRIES", 1000)
-    iterated = cost.estimate_cost(staged, solver="auto")
-    assert finer.solver == iterated.solver == "iterative"
-    making = 3e-5 * 4 * max(staged.n_dofs)
-    assert finer.seconds == pytest.approx(4 * iterated.seconds + making)
-    assert finer.memory - 120e6 == pytest.approx(4 * (iterated.memory - 120e6))
-
-
-def test_a_rough_count_takes_every_stage_for_the_largest():
-    staged = excavation(1)
-    exact = cost.estimate_cost(staged, solver="cholmod")
-    rough = cost.estimate_cost(staged, solver="cholmod", rough=True)
-    assert rough.factor_entries == exact.factor_entries
-    assert exact.factor_flops < rough.factor_flops < 1.1 * exact.factor_flops

@@ -172,21 +172,6 @@ def assert_density_of_the_model(found, fit, path):
     np.testing.assert_allclose(told - told[0], logs - logs[0], atol=1e-4)
 
 
-@pytest.mark.slow  # of one answer: above
-def test_draws_where_it_is_not_close_are_of_the_full_model(kept, fitted, tmp_path):
-    found = fitted.data.reduced
-    worse = {
-        name: 1e9 * block if name.startswith(("zone-rest", "zone-loads")) else block
-        for name, block in found.blocks.items()
-    }
-    path = kept / "loose.fit.h5"
-    write_result(replace(fitted.data, reduced=replace(found, blocks=worse)), path, overwrite=False)
-    drawn = sampled(path, tmp_path / "worse.sample.h5")
-    by_model = int(note_of(drawn).rpartition("; ")[2].split()[0])
-    assert by_model > 150  # else the adjoints are exact: one modulus
-    assert drawn.counts.factorizations > 2
-
-
 def test_a_grid_near_the_fit_needs_no_new_march(kept, fitted):
     grid = {"E": {"from": "4.6 GPa", "to": "5.4 GPa"}, "K0": {"from": 1.4, "to": 1.6}}
     values = {"fit.scan.grid": grid, "fit.scan.points": 6, "fit.stages": ["first", "second"]}

@@ -1,7 +1,6 @@
 """Parts of a search in processes: the numbers, the counts and the checkpoint of a serial run."""
 
 import pickle
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -17,11 +16,10 @@ from geoident.errors import (
     ModelError,
     TimeIsUp,
 )
-from geoident.identify.problem.ahead import BESIDE, ReadingsAt, asked_in_turns
+from geoident.identify.problem.ahead import BESIDE, asked_in_turns
 from geoident.identify.problem.problem import Problem
 from geoident.io.result.checkpoint import EvaluationLog
 from geoident.model.parameter import Parameter
-from geoident.workflow.estimating.setup import prepare, with_workers
 from geoident.workflow.executing.executor import Answered
 from geoident.workflow.executing.looking_ahead import Recording, ResponseBeside
 from geoident.workflow.fit import fit
@@ -29,17 +27,9 @@ from geoident.workflow.running import workers
 from geoident.workflow.running.cached_response import CachedResponse
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.jobs import Request, plan_fit, plan_scan
-from geoident.workflow.running.workers import ModelWorkers
 from geoident.workflow.scan import scan
 from tests.support.plastic_bars import Frame, PlasticBars
-from tests.support.trench import write_case
-
-PLANES = """E: 5 GPa, nu: 0.25, yield: {type: planes, planes: [
-    {name: shear, normal: [0.7071067811865476, -0.7071067811865476, 0], distance: $k1},
-    {name: push, normal: [-1, 0, 0], distance: $k2}]}"""
-
-K1 = "k1: {start: 0.7 MPa, bounds: [0.3 MPa, 2 MPa]"
-K2 = "k2: {start: 2 MPa, bounds: [1 MPa, 5 MPa], scale: log"
+from tests.support.trench import write_case, write_yielding_case
 
 
 @pytest.fixture
@@ -48,19 +38,8 @@ def trench(tmp_path):
 
 
 @pytest.fixture
-def yielding(trench):
-    text = trench.read_text()
-    for old, new in (
-        ("E:  {start: 2 GPa, bounds: [0.1 GPa, 50 GPa]", K1),
-        ("K0: {start: 1.0, bounds: [0.2, 4]", K2),
-        ("E: $E, nu: 0.25", PLANES),
-        ("K0: $K0", "K0: 1.5"),
-        ("method: gauss-newton, ", ""),
-        ("stages: [first], ", ""),
-    ):  # fmt: skip
-        text = text.replace(old, new)
-    trench.write_text(text)
-    return trench
+def yielding(tmp_path):
+    return write_yielding_case(tmp_path)
 
 
 class OnOtherModels(InThisProcess):
@@ -95,13 +74,6 @@ def same(one, other):
     return np.array_equal(one.parameters.values, other.parameters.values)
 
 
-def test_a_scan_of_elastic_ground_has_the_bits_of_a_serial_one(trench, on_other_models):
-    points = "fit.scan.points=3"
-    alone, together = scanned(trench, 1, points), scanned(trench, 2, points, folder="two")
-    assert np.array_equal(alone.grid.objective, together.grid.objective)
-    assert same(alone, together)
-
-
 GRID = (
     "fit.scan.grid={k2: {from: LOW, to: 2 MPa, points: 2}, "
     "k1: {from: FROM, to: 0.9 MPa, points: 12}}"
@@ -118,34 +90,19 @@ def test_a_scan_where_ground_yields_or_does_not_stand_has_them_too(yielding, on_
     assert same(alone, together)
 
 
-@pytest.mark.slow  # real ones: executing/test_processes.py; the same numbers: above
-def test_real_processes_give_the_same(yielding):
-    grid = GRID.replace("FROM", "0.3 MPa").replace("LOW", "1.8 MPa")
-    alone, together = scanned(yielding, 1, grid), scanned(yielding, 2, grid, folder="two")
-    assert np.isfinite(alone.grid.objective).all()
-    assert np.array_equal(alone.grid.objective, together.grid.objective)
-    assert same(alone, together)
-
-
 @pytest.mark.parametrize(
     "method",
     [("fit.method=complementarity",), ("fit.method=gauss-newton", "fit.gauss-newton.starts=3")],
     ids=["restarts", "starts"],
 )
-def test_a_search_from_several_points_has_them_too(yielding, method, on_other_models, monkeypatch):
+def test_a_search_from_several_points_has_them_too(yielding, method, on_other_models):
     said = (*method, "fit.backtest=false", "fit.model_error=none")
-    found, sent = [], []
-    look = ModelWorkers.look
-    monkeypatch.setattr(
-        ModelWorkers, "look",
-        lambda self, looks, *where: sent.append(len(looks)) or look(self, looks, *where),
-    )  # fmt: skip
+    found = []
     for jobs, folder in ((1, "one"), (2, "two")):
         (yielding.parent / folder).mkdir()
         request = Request(str(yielding), said, str(yielding.parent / folder))
         found.append(fit(plan_fit(request), Control(jobs=jobs)).result)
     assert same(*found)
-    assert sent
 
 
 class Beside:
@@ -247,22 +204,6 @@ def test_when_a_stop_is_wished_what_was_found_is_kept(log):
     assert all(log.find("readings", p) for p in POINTS)
 
 
-def test_points_out_of_the_domain_and_without_solution_stop_no_part():
-    class Toy:
-        names, seen = ("a",), []
-
-        def admissible(self, p):
-            return "no" if p[0] < 0 else None
-
-        def readings(self, p):
-            self.seen.append(float(p[0]))
-            raise ModelError("none")
-
-    toy = Toy()
-    ReadingsAt(np.array([[-1.0], [1.0], [2.0]]))(toy)
-    assert toy.seen == [1.0, 2.0]
-
-
 def test_a_stop_ends_a_scan_and_the_same_command_goes_on(trench, on_other_models):
     """The wish comes with the second point; what is known then is not computed again."""
 
@@ -306,17 +247,3 @@ def test_errors_come_from_other_processes_as_they_were(error):
     assert str(again) == str(error)
     assert again.__dict__ == error.__dict__
     assert again.exit_code == error.exit_code
-
-
-def test_processes_are_begun_unasked_only_where_it_is_worth_while(trench):
-    job = plan_scan(Request(str(trench)))
-    setup = prepare(job)
-    few = [ReadingsAt(np.ones((1, 2)))] * 4
-    many = [replace(look, points=np.ones((10**6, 2))) for look in few]
-    with with_workers(job, setup, Control(jobs=None)) as ready:
-        assert ready.workers.at_once(few) == 1
-        assert ready.workers.at_once(many) == ready.workers.at_once() >= 1
-    with with_workers(job, setup, Control(jobs=3)) as ready:
-        assert ready.workers.at_once(few) == 3
-    with with_workers(job, setup, Control(jobs=1)) as ready:
-        assert ready.workers is None

@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from geoident.errors import ExitCode, Interrupted
 from geoident.forward.reduced import reduction
 from geoident.workflow.fit import fit
 from geoident.workflow.running.control import Control, Silent
@@ -123,23 +122,3 @@ def test_a_fit_and_all_that_it_says_takes_fewer_evaluations(case, whole):
     for name in ("values", "lower95", "upper95"):
         ours, theirs = (getattr(r.parameters, name) for r in (whole, plain))
         assert np.all(np.abs(ours - theirs) <= 1e-4 * wide)
-
-
-@pytest.mark.slow  # a search by the reduced model, cut short: test_reduced_search.py
-@pytest.mark.parametrize("after", [2, 5])
-def test_one_that_was_cut_short_ends_with_the_same_numbers(case, whole, after):
-    class Stopping(Silent):
-        steps = 0
-
-        def step(self, iteration):
-            self.steps += 1
-            if self.steps == after:
-                control.stop.ask(ExitCode.INTERRUPTED)
-
-    control = Control(Stopping())
-    with pytest.raises(Interrupted):
-        fitted(control=control)
-    again, other = fitted(), whole
-    np.testing.assert_array_equal(again.parameters.values, other.parameters.values)
-    np.testing.assert_array_equal(again.sensitivity, other.sensitivity)
-    np.testing.assert_array_equal(again.fields.displacement, other.fields.displacement)

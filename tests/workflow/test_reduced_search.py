@@ -6,29 +6,17 @@ import numpy as np
 import pytest
 from support.reduced import PAIRS_PLANE, plane
 
-from geoident.identify.direct.scan import scan
 from geoident.identify.problem.methods import identify
 from geoident.identify.problem.problem import Problem
 from geoident.model.methods import GaussNewtonOptions, ScanAxis, ScanOptions
 from geoident.workflow.running.cached_response import CachedResponse, substituting
 from geoident.workflow.running.reduced_scan import (
-    LEAST,
-    NEAR,
-    LedReadings,
     with_reduced_readings,
 )
 
+from .test_remember import Notebook
+
 SD = 1e-4
-
-
-class Log(dict):
-    """A log in memory."""
-
-    def find(self, kind, p):
-        return self.get((kind, p.tobytes()))
-
-    def add(self, kind, p, arrays):
-        self[kind, p.tobytes()] = {name: np.array(values) for name, values in arrays.items()}
 
 
 def truth(staged):
@@ -65,8 +53,8 @@ def solved(measured, log, *, reduced, stop=10**9):
 
 
 def test_fewer_evaluations_lead_to_the_same_answer(measured):
-    plain, usual, _ = solved(measured, Log(), reduced=False)
-    led, few, _ = solved(measured, Log(), reduced=True)
+    plain, usual, _ = solved(measured, Notebook(), reduced=False)
+    led, few, _ = solved(measured, Notebook(), reduced=True)
     assert few < usual
     assert led.status == "converged"
     assert led.objective - plain.objective < 1e-6  # a thousandth of a standard deviation
@@ -75,8 +63,8 @@ def test_fewer_evaluations_lead_to_the_same_answer(measured):
 
 @pytest.mark.parametrize("stop", [pytest.param(1, marks=pytest.mark.slow), 2])
 def test_a_run_that_was_cut_short_goes_on_to_the_same_numbers(measured, stop):
-    whole, count, _ = solved(measured, Log(), reduced=True)
-    log = Log()
+    whole, count, _ = solved(measured, Notebook(), reduced=True)
+    log = Notebook()
     with pytest.raises(KeyboardInterrupt):
         solved(measured, log, reduced=True, stop=stop)
     again, counted, made = solved(measured, log, reduced=True)
@@ -86,29 +74,12 @@ def test_a_run_that_was_cut_short_goes_on_to_the_same_numbers(measured, stop):
 
 
 def test_a_run_that_ended_is_replayed_without_a_march(measured):
-    log = Log()
+    log = Notebook()
     whole, count, _ = solved(measured, log, reduced=True)
     again, counted, made = solved(measured, log, reduced=True)
     assert made == 0
     assert counted == count
     np.testing.assert_array_equal(again.values, whole.values)
-
-
-@pytest.mark.slow  # a grid near a fit: test_kept_reduced.py
-def test_a_grid_is_answered_by_the_reduced_model_where_its_misfit_is_right(measured):
-    staged = plane()
-    response = staged.response(PAIRS_PLANE)
-    problem = Problem(response, measured, np.full(len(measured), SD), tuple(staged.case.parameters))
-    axes = {"E": ScanAxis(3e9, 9e9, 11), "K0": ScanAxis(0.8, 1.6, 11)}
-    options = ScanOptions(axes)
-    led = with_reduced_readings(problem, staged.response(PAIRS_PLANE), options)
-    assert isinstance(led.response, LedReadings)
-    found, whole = (scan(one, options, lambda _: None).grid.objective for one in (led, problem))
-    assert np.all(np.abs(found - whole) <= LEAST + 1.01 * NEAR * whole)
-    assert led.response.by_reduced > 90
-    assert led.response.by_reduced + led.response.by_model == 121
-    assert led.response.counts.evaluations <= led.response.by_model + 11 + 121
-    assert led.response.note.startswith(f"{led.response.by_reduced} of 121 points")
 
 
 def test_a_small_grid_is_not_worth_a_reduced_model(measured):

@@ -9,7 +9,7 @@ from geoident.errors import ExitCode, Interrupted, ModelError
 from geoident.model.response import Condensed, Evaluation
 from geoident.model.results.costs import Counts
 from geoident.workflow.running.cached_response import CachedResponse
-from geoident.workflow.running.control import Control, Silent, StopRequest
+from geoident.workflow.running.control import StopRequest
 
 
 @dataclass
@@ -135,14 +135,6 @@ def test_readings_are_answered_from_an_evaluation():
     assert spring.asked == ["evaluate"]
 
 
-def test_the_condensed_equations_come_back_whole():
-    log, p = Notebook(), np.array([2.0])
-    first = remembered(log).condense(p, p, p)
-    again = remembered(log).condense(p, p, p)
-    for name in ("readings", "flexibility", "matrix", "vector"):
-        assert np.array_equal(getattr(first, name), getattr(again, name))
-
-
 def test_a_failed_evaluation_costs_and_is_not_kept():
     log, p = Notebook(), np.array([200.0])
     model = remembered(log)
@@ -161,13 +153,6 @@ def test_a_wish_to_stop_is_heard_before_the_next_evaluation():
     with pytest.raises(Interrupted) as caught:
         model.evaluate(p)
     assert caught.value.exit_code == ExitCode.TERMINATED
-
-
-def test_the_time_given_ends_a_search_at_the_next_iteration():
-    control = Control(Silent(), max_time=0.0)
-    assert control.observe(None)
-    assert control.out_of_time
-    assert Control().observe(None) is None
 
 
 def test_each_part_of_a_search_and_what_follows_begins_as_a_new_model_does():

@@ -11,13 +11,7 @@ from geoident.model.methods import ComplementarityOptions
 from geoident.model.parameter import Parameter
 from geoident.workflow.running.cached_response import CachedResponse
 
-
-class Notebook(dict):
-    def find(self, kind, p):
-        return self.get((kind, p.tobytes()))
-
-    def add(self, kind, p, arrays):
-        self[kind, p.tobytes()] = arrays
+from .test_remember import Notebook
 
 
 def search(log, *, stop_after=10**9):
@@ -56,12 +50,3 @@ def test_an_interrupted_search_goes_on_to_the_same_answer():
     assert ours == theirs
     assert again.costs.evaluations <= evaluations - evaluations // 2
     assert resumed.certificate.activity.planes == whole.certificate.activity.planes
-
-
-def test_what_was_complete_costs_nothing_again():
-    log = Notebook()
-    first, _ = search(log)
-    second, model = search(log)
-    assert model.costs.evaluations == 0
-    assert np.array_equal(first.values, second.values)
-    assert second.certificate.kind == first.certificate.kind

@@ -16,7 +16,7 @@ from geoident.forward.analysis.analysis import StagedAnalysis
 from geoident.forward.checks import inadmissible_numbers
 from geoident.forward.gauges.observation import Observation
 from geoident.forward.reduced.loads import LoadForm, load_form
-from geoident.forward.reduced.moduli import Span, rigidity_span, span_of
+from geoident.forward.reduced.moduli import Span, material_moduli, rigidity_moduli, span_of
 from geoident.forward.reduced.points import AnalysisPoints
 from geoident.forward.reduced.stress_rows import StressRows, stress_rows
 from geoident.forward.reduced.zones import Zone, member_zones, rigidity_name
@@ -117,14 +117,15 @@ def affine_analysis(
     if loads is None:
         return None
     s = analysis.systems.discretization.points.n_strain
-    materials = analysis.case.materials
-    spans: dict[str, Span] = {
-        name: span_of(materials[name], names, samples, s) for name in analysis.sequence.materials
+    moduli = {
+        name: material_moduli(analysis.case.materials[name], names, s)
+        for name in analysis.sequence.materials
     }
     for part in analysis.systems.structures.parts:
         for bending in sorted(set(part.members.bending.tolist())):
             name = rigidity_name(part.name, bending)
-            spans[name] = rigidity_span(part.structure, names, samples, s, bending=bending)
+            moduli[name] = rigidity_moduli(part.structure, names, s, bending=bending)
+    spans = {name: span_of(name, E, samples) for name, E in moduli.items()}
     points = AnalysisPoints(analysis.systems)
     every = zip(ground, member_zones(analysis, points), strict=True)
     zones = tuple((*own, *members) for own, members in every)

@@ -36,7 +36,7 @@ class ReducedCaseModel(ObservedModel):
         self._restored, self._limit, self._build = restored, limit, build
         self._built = False
         kept = restored.kept
-        super().__init__(restored.case, restored.observation, kept.built_on, restored.bases)
+        super().__init__(restored.case, restored.rule, kept.built_on, restored.bases)
         self.by_reduced = self.by_model = 0
         self.worst = 0.0
 

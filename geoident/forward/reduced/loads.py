@@ -14,7 +14,8 @@ of the stress in situ: a force as any other.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cache
 from itertools import combinations
 
 import numpy as np
@@ -25,6 +26,7 @@ from geoident.forward.in_situ.stress import NEGLIGIBLE_IMBALANCE
 from geoident.forward.reduced.points import AnalysisPoints
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.dual import ParameterPoint
+from geoident.model.parameter import Values
 
 _ROUNDED = 1e-10
 """Relative difference of loads, interpolated and computed, that is rounding."""
@@ -84,22 +86,78 @@ def load_form(
     """
     scale = np.abs(samples).max(axis=0)
     scale[scale == 0.0] = 1.0
-    loads = _Loads(analysis, names, last)
-    moves = loads.moved_by(samples[:2])
-    for exponents in _forms(moves):
+    moves = [
+        np.any(part[:, 1:] != 0.0, axis=0)
+        for p in samples[:2]
+        for part in _given(analysis, dict(zip(names, map(float, p), strict=True)), last, names)
+    ]
+
+    @cache
+    def given(sample: int) -> list[Floats]:
+        values = dict(zip(names, map(float, samples[sample]), strict=True))
+        return [part[:, 0] for part in _given(analysis, values, last)]
+
+    # in-situ stress, forces of bars and nodal forces of each state count by their own sizes
+    sizes = [float(np.abs(part).max(initial=0.0)) or 1.0 for part in given(0)]
+    for exponents in _forms(np.any(moves, axis=0)):
         count = len(exponents)
         if count + _CHECKS > len(samples):
             return None
-        tried = np.concatenate([samples[:count], samples[-_CHECKS:]])
-        all_given = [loads.at(p) for p in tried]
-        there = np.flatnonzero(np.any(all_given, axis=0))  # most forces are zero
-        given = np.stack([one[there] for one in all_given])
-        design = monomials(tried / scale, exponents)
-        fields = np.linalg.pinv(design[:count], rcond=count * _EPS) @ given[:count]
-        missed = np.abs(design[count:] @ fields - given[count:]).max(initial=0.0)
-        if missed <= _ROUNDED * max(1.0, np.abs(given).max()):
-            return _shortened(loads, (fields, there), exponents, scale, samples)
-    return None
+        tried = [*range(count), *range(len(samples) - _CHECKS, len(samples))]
+        loads = np.stack([
+            np.concatenate([part / size for part, size in zip(given(k), sizes, strict=True)])
+            for k in tried
+        ])  # fmt: skip
+        nonzero = np.flatnonzero(loads.any(axis=0))  # most forces are zero
+        design = monomials(samples[tried] / scale, exponents)
+        fields = np.linalg.pinv(design[:count], rcond=count * _EPS) @ loads[:count, nonzero]
+        missed = np.abs(design[count:] @ fields - loads[count:, nonzero]).max(initial=0.0)
+        if missed <= _ROUNDED * max(1.0, np.abs(loads).max(initial=0.0)):
+            break
+    else:
+        return None
+    # as many fields as are independent
+    left, size, rows = np.linalg.svd(fields, full_matrices=False)
+    kept = size > 1e-12 * max(float(size.max(initial=0.0)), 1e-300)
+    spread = np.zeros((np.count_nonzero(kept), loads.shape[1]))
+    spread[:, nonzero] = rows[kept]
+    ends = np.cumsum([len(part) for part in given(0)])[:-1]
+    stress, bars, *forces = (
+        np.ascontiguousarray((size * part).T)
+        for size, part in zip(sizes, np.split(spread, ends, axis=1), strict=True)
+    )
+    points = AnalysisPoints(analysis.systems)
+    in_situ = stress.reshape(points.n_strain, points.n_ground, len(spread))
+    mix = (left[:, kept] * size[kept]).T
+    form = LoadForm(scale, exponents, mix, points.joined(in_situ, bars), tuple(forces), False)
+    psi, _ = form.coordinates(samples[-_CHECKS:])
+    imbalance = analysis.imbalance(in_situ @ psi.T, forces[0] @ psi.T).max(initial=0.0)
+    return replace(form, settles=bool(imbalance > NEGLIGIBLE_IMBALANCE))
+
+
+def _given(
+    analysis: StagedAnalysis, values: Values, last: int, names: Sequence[str] = ()
+) -> list[Floats]:
+    """In-situ stress, forces of jacked bars, and nodal forces of the states, (..., 1 + n) each.
+
+    Args:
+        analysis: of the case.
+        values: parameters by name.
+        last: the last state.
+        names: the n of them by which to differentiate.
+    """
+    point = ParameterPoint(values, tuple(names))
+    stress = analysis.in_situ.columns(point)
+    stress[:, ~analysis.systems[0].present] = 0.0
+    structures, held = analysis.systems.structures, dict[int, Held]()
+    jacked, forces = np.zeros((structures.n_rows, point.n_columns)), []
+    for n, state in enumerate(analysis.sequence.states[: last + 1]):
+        jacked += structures.given(state, point)
+        held[n] = analysis.release.held(n, held[state.base], stress, point) if n else {}
+        forces.append(
+            analysis.actions.forces(n, point) + analysis.release.forces(n, held[n], point)
+        )
+    return [stress.reshape(-1, point.n_columns), jacked, *forces]
 
 
 def _forms(moves: Bools) -> Iterator[Ints]:
@@ -117,109 +175,3 @@ def _forms(moves: Bools) -> Iterator[Ints]:
     triples = [unit[list(three)].sum(axis=0) for three in combinations(some, 3)]
     if triples:
         yield np.stack([*linear, *pairs, *squares, *triples])
-
-
-class _Loads:
-    """In-situ stress and forces of some states as one vector, each part by its size."""
-
-    def __init__(self, analysis: StagedAnalysis, names: Sequence[str], last: int) -> None:
-        self.analysis, self.names, self.last = analysis, tuple(names), last
-        self._sizes: list[float] = []
-        self._known: dict[bytes, Floats] = {}
-
-    def _parts(self, p: Floats, *, slopes: bool = False) -> list[Floats]:
-        values = dict(zip(self.names, map(float, p), strict=True))
-        point = ParameterPoint(values, self.names if slopes else ())
-        analysis = self.analysis
-        stress = analysis.in_situ.columns(point)
-        stress[:, ~analysis.systems[0].present] = 0.0
-        states, structures = analysis.sequence.states[: self.last + 1], analysis.systems.structures
-        jacked = np.zeros((structures.n_rows, point.n_columns))
-        for state in states:
-            jacked += structures.given(state, point)
-        return [stress.reshape(-1, point.n_columns), jacked, *self._forces(stress, point)]
-
-    def _forces(self, stress: Floats, point: ParameterPoint) -> Iterator[Floats]:
-        """Forces (n_dofs, 1 + n) of the states, with what is held of ground that left.
-
-        Args:
-            stress: (s, n_points, 1 + n) in situ.
-            point: the parameters.
-        """
-        analysis, held = self.analysis, dict[int, Held]()
-        for n, state in enumerate(analysis.sequence.states[: self.last + 1]):
-            forces = analysis.actions.forces(n, point)
-            held[n] = analysis.release.held(n, held[state.base], stress, point) if n else {}
-            yield forces + analysis.release.forces(n, held[n], point)
-
-    def moved_by(self, samples: Floats) -> Bools:
-        """(n,) parameters by which any of them has a derivative."""
-        moved = [
-            np.any(part[:, 1:] != 0.0, axis=0)
-            for p in samples
-            for part in self._parts(p, slopes=True)
-        ]
-        return np.asarray(np.any(moved, axis=0))
-
-    @property
-    def size(self) -> int:
-        """Numbers in all parts."""
-        return len(next(iter(self._known.values())))
-
-    def at(self, p: Floats) -> Floats:
-        """All parts at parameters (n,)."""
-        if p.tobytes() not in self._known:
-            self._known[p.tobytes()] = self._made(p)
-        return self._known[p.tobytes()]
-
-    def _made(self, p: Floats) -> Floats:
-        parts = [part[:, 0] for part in self._parts(p)]
-        if not self._sizes:
-            sizes = [float(np.abs(part).max(initial=0.0)) for part in parts]
-            self._sizes = [size or 1.0 for size in sizes]
-        scaled = (part / size for part, size in zip(parts, self._sizes, strict=True))
-        return np.concatenate(list(scaled))
-
-    def split(self, fields: Floats) -> tuple[Floats, tuple[Floats, ...]]:
-        """Stress and forces of bars (s, n_points, r), forces (n_dofs, r), of vectors (r, ...)."""
-        points, n_dofs = (
-            AnalysisPoints(self.analysis.systems),
-            self.analysis.systems.discretization.n_dofs,
-        )
-        n_rows = points.n_points - points.n_ground
-        sizes = (points.n_strain * points.n_ground, n_rows, *[n_dofs] * (self.last + 1))
-        parts = np.split(fields, np.cumsum(sizes)[:-1], axis=1)
-        stress, jacked, *forces = (
-            np.ascontiguousarray((size * part).T)
-            for size, part in zip(self._sizes, parts, strict=True)
-        )
-        in_situ = stress.reshape(points.n_strain, points.n_ground, len(fields))
-        return points.joined(in_situ, jacked), tuple(forces)
-
-
-def _shortened(
-    loads: _Loads, given: tuple[Floats, Ints], exponents: Ints, scale: Floats, samples: Floats
-) -> LoadForm:
-    """The form by as many fields as are independent.
-
-    Args:
-        loads: of the case.
-        given: fields (k, q), and of which entries they are (q,); the others are zero.
-        exponents: of the monomials.
-        scale: of the parameters.
-        samples: some of them.
-    """
-    fields, there = given
-    left, size, rows = np.linalg.svd(fields, full_matrices=False)
-    kept = size > 1e-12 * max(float(size.max(initial=0.0)), 1e-300)
-    spread = np.zeros((np.count_nonzero(kept), loads.size))
-    spread[:, there] = rows[kept]
-    stress, forces = loads.split(spread)
-    mix = (left[:, kept] * size[kept]).T
-    analysis, settles = loads.analysis, False
-    form = LoadForm(scale, exponents, mix, stress, forces, settles)
-    psi, _ = form.coordinates(samples[-_CHECKS:])
-    in_situ = stress[:, : analysis.systems.discretization.points.n_points]
-    of_samples = analysis.imbalance(in_situ @ psi.T, forces[0] @ psi.T)
-    settles = bool(of_samples.max(initial=0.0) > NEGLIGIBLE_IMBALANCE)
-    return LoadForm(scale, exponents, mix, stress, forces, settles)

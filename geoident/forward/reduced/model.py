@@ -17,7 +17,9 @@ and the two are orthogonal in the complementary energy, |s|^2 = sum V s^T E^-1 s
 
 where kappa is 1, or the largest eigenvalue of the moduli before a change of material against those
 after it: excavation takes energy away, and what is placed brings none. |rho_j| is at most the
-distance of sigma~_j from any stress in equilibrium (see `projection`).
+distance of sigma~_j from any stress in equilibrium (see `projection`). That holds where moduli and
+loads are the sums of `affine_analysis`, which is looked at for moduli at every p, and for loads at
+vectors all over the bounds.
 """
 
 from __future__ import annotations
@@ -30,7 +32,7 @@ import numpy as np
 from geoident.forward.reduced.affine_analysis import AffineFactors, AffineForm
 from geoident.forward.reduced.moduli import relative_eigenvalues
 from geoident.forward.reduced.projection import ReducedStage
-from geoident.forward.reduced.stress_rows import StageForces
+from geoident.forward.reduced.zones import StressTerm
 from geoident.model.arrays import Floats
 
 
@@ -68,157 +70,127 @@ class ReducedModel:
             ValueError: moduli leave the span of those that were seen.
         """
         at = self.form.at(values)
+        columns = 1 + len(self.form.names) if derivatives else 1
         solved: list[Floats] = []
         for number, stage in enumerate(self.stages):
-            solved.append(self._solve(stage, number, at, solved, derivatives=derivatives))
+            own = {m: M for (state, m), M in stage.matrices.items() if state == number}
+            before = {key: M for key, M in stage.matrices.items() if key[0] != number}
+            right = _by_loads(stage.load, at, columns) - _by_states(before, at, solved, columns)
+            if not own:  # nothing moves
+                solved.append(np.zeros((len(values), stage.size, columns)))
+                continue
+            K = sum(np.tensordot(at.moduli[m], M, axes=1) for m, M in own.items())
+            q = np.linalg.solve(K, right[..., :1])
+            for m, M in own.items() if derivatives else ():
+                work = np.tensordot(q[..., 0], M, axes=(1, 2))  # (b, r, N)
+                right[..., 1:] -= np.einsum("bri,brn->bin", work, at.slopes[m])
+            solved.append(np.concatenate([q, np.linalg.solve(K, right[..., 1:])], axis=2))
         return ReducedStates(at, tuple(solved))
-
-    def _solve(
-        self,
-        stage: ReducedStage,
-        number: int,
-        at: AffineFactors,
-        before: Sequence[Floats],
-        *,
-        derivatives: bool,
-    ) -> Floats:
-        """Q (b, N, 1 + n or 1) of a state."""
-        b, n = len(at.loads), len(self.form.names)
-        q = np.zeros((b, stage.size, 1 + n if derivatives else 1))
-        if not stage.size:
-            return q
-        right = at.loads @ stage.load.T
-        K = np.zeros((b, stage.size, stage.size))
-        for (state, material), matrices in stage.matrices.items():
-            c = at.moduli[material]
-            if state == number:
-                K += np.tensordot(c, matrices, axes=1)
-            else:
-                right -= _product(matrices, c, before[state][..., 0])
-        q[..., :1] = np.linalg.solve(K, right[..., None])
-        if not derivatives:
-            return q
-        rest = np.einsum("ir,brn->bin", stage.load, at.load_slopes)
-        for (state, material), matrices in stage.matrices.items():
-            own = q if state == number else before[state]
-            parts = np.tensordot(own[..., 0], matrices, axes=(1, 2))  # (b, r, N)
-            rest -= np.einsum("bri,brn->bin", parts, at.slopes[material])
-            if state != number:
-                turned = np.tensordot(own[..., 1:], matrices, axes=(1, 2))  # (b, n, r, N)
-                rest -= np.einsum("bnri,br->bin", turned, at.moduli[material])
-        q[..., 1:] = np.linalg.solve(K, rest)
-        return q
 
     def observed(self, states: ReducedStates) -> Floats:
         """What all channels see, (n_states, n_channels, b, 1 + n or 1)."""
         seen = []
         for stage, q in zip(self.stages, states.states, strict=True):
+            columns, forces = q.shape[2], stage.forces
             table = np.tensordot(stage.observed, q, axes=(1, 1))
-            table[stage.forces.channels] = _forces(stage.forces, states, table.shape[2])
+            given = _by_loads(forces.loads, states.at, columns)
+            moved = _by_states(forces.terms, states.at, states.states, columns)
+            table[forces.channels] = (given + moved).swapaxes(0, 1)
             seen.append(table)
         return np.stack(seen)
 
     def errors(self, states: ReducedStates) -> Floats:
         """Error of the stresses in energy, relative to the largest energy of a state, (b,)."""
-        stress = self.stress_errors(states)
-        size = np.zeros_like(stress)
+        at, b = states.at, len(states.at.loads)
+        weights = {name: 1.0 / self._least_eigenvalues(name, at) for name in self.form.spans}
+        squared, energy = np.zeros((2, len(self.stages), b))
         for number, stage in enumerate(self.stages):
-            q = states.states[number][..., 0]
-            for (state, material), matrices in stage.matrices.items():
-                if state == number:
-                    moved = _product(matrices, states.at.moduli[material], q)
-                    size[number] += np.sum(q * moved, axis=1)
-        largest = np.sqrt(np.maximum(size, 0.0)).max(axis=0, initial=0.0)
-        return np.asarray(stress.max(axis=0) / np.where(largest > 0.0, largest, 1.0))
-
-    def stress_errors(self, states: ReducedStates) -> Floats:
-        """Error of the stresses of every state in complementary energy, (n_states, b)."""
-        at = states.at
-        moduli = {name: self._eigenvalues(name, at) for name in self.form.spans}
-        stress = np.zeros((len(self.stages), len(at.loads)))
-        for number, stage in enumerate(self.stages):
-            squared = self._residual(stage, at, states, moduli)
+            squared[number] = self._unbalanced(stage, states, weights)
             if number:
-                squared = squared + stress[stage.base] ** 2 * self._growth(stage, at)
-            stress[number] = np.sqrt(squared)
-        return stress
+                squared[number] += squared[stage.base] * self._growth(stage, at)
+            q = states.states[number][..., 0]
+            own = {key: M for key, M in stage.matrices.items() if key[0] == number}
+            moved = _by_states(own, at, states.states, 1)[..., 0]
+            energy[number] = np.sum(q * moved, axis=1)
+        largest = energy.max(axis=0, initial=0.0)
+        return np.asarray(np.sqrt(squared.max(axis=0) / np.where(largest > 0.0, largest, 1.0)))
 
-    def _eigenvalues(self, name: str, at: AffineFactors) -> Floats:
-        span = self.form.spans[name]
-        c, b = at.moduli[name], len(at.loads)
+    def _least_eigenvalues(self, name: str, at: AffineFactors) -> Floats:
+        """Smallest eigenvalue (b,) of E(p) against E at the reference."""
+        span, c = self.form.spans[name], at.moduli[name]
         if span.fixed is not None:
-            return np.ones((b, span.basis.shape[1]))
+            return np.ones(len(c))
         reference, _ = span.coordinates(self.reference[None])
-        return relative_eigenvalues(span.matrix(c), span.matrix(reference[0]))
+        return relative_eigenvalues(span.matrix(c), span.matrix(reference[0]))[:, 0]
 
-    def _growth(self, stage: ReducedStage, at: AffineFactors) -> Floats | float:
+    def _growth(self, stage: ReducedStage, at: AffineFactors) -> Floats:
         """Kappa (b,)."""
-        growth: Floats | float = 1.0
-        for before, after in stage.changes:
-            matrices = (self.form.spans[m].matrix(at.moduli[m]) for m in (before, after))
-            old, new = matrices
-            root = np.linalg.inv(np.linalg.cholesky(new))
-            largest = np.linalg.eigvalsh(root @ old @ root.swapaxes(1, 2))[:, -1]
-            growth = np.maximum(growth, largest)
+        growth = np.ones(len(at.loads))
+        for change in stage.changes:
+            old, new = (self.form.spans[m].matrix(at.moduli[m]) for m in change)
+            growth = np.maximum(growth, relative_eigenvalues(old, new)[:, -1])
         return growth
 
-    def _residual(
-        self,
-        stage: ReducedStage,
-        at: AffineFactors,
-        states: ReducedStates,
-        moduli: Mapping[str, Floats],
+    def _unbalanced(
+        self, stage: ReducedStage, states: ReducedStates, weights: Mapping[str, Floats]
     ) -> Floats:
-        """Bound (b,) of |rho|^2: the least distance of the two stresses."""
-        if not stage.residuals:
-            return np.zeros(len(at.loads))
-        apart = []
-        for zone in stage.residuals:
-            y = at.loads @ zone.loads.T
-            for (state, material), columns in zone.terms.items():
-                q = states.states[state][..., 0]
-                y -= _product_columns(columns, at.moduli[material], q)
-            apart.append(y)
-        weight = {name: 1.0 / values[:, 0] for name, values in moduli.items()}
-        h = np.zeros((len(at.loads), 0))
-        if stage.residuals[0].rest.shape[1]:
-            normal = sum(weight[m][:, None, None] * N for m, N in stage.normal.items())
-            pull = sum(
-                weight[z.material][:, None] * (y @ z.rest)
-                for z, y in zip(stage.residuals, apart, strict=True)
-            )
-            h = -np.linalg.solve(normal, np.asarray(pull)[..., None]).squeeze(2)
+        """|rho|^2 (b,) at most: the least distance of the two stresses.
+
+        Args:
+            stage: the state.
+            states: all states.
+            weights: of every material, (b,).
+        """
+        at, zones = states.at, stage.residuals
         total = np.zeros(len(at.loads))
-        for zone, y in zip(stage.residuals, apart, strict=True):
-            left = y + h @ zone.rest.T
-            total += weight[zone.material] * np.sum(left**2, axis=1)
+        if not zones:
+            return total
+        apart = []
+        for zone in zones:
+            terms = {key: columns.swapaxes(0, 1) for key, columns in zone.terms.items()}
+            y = _by_loads(zone.loads, at, 1) - _by_states(terms, at, states.states, 1)
+            apart.append(y[..., 0])
+        size = zones[0].rest.shape[1]
+        normal, pull = np.zeros((len(total), size, size)), np.zeros((len(total), size, 1))
+        for zone, y in zip(zones, apart, strict=True):
+            weight = weights[zone.material][:, None, None]
+            normal += weight * (zone.rest.T @ zone.rest)
+            pull += weight * (y @ zone.rest)[..., None]
+        best = -np.linalg.solve(normal, pull)[..., 0]
+        for zone, y in zip(zones, apart, strict=True):
+            left = y + best @ zone.rest.T
+            total += weights[zone.material] * np.sum(left**2, axis=1)
         return total
 
 
-def _forces(forces: StageForces, states: ReducedStates, columns: int) -> Floats:
-    """What channels see of the stress of a state, (c, b, 1 + n or 1)."""
-    at = states.at
-    table = np.zeros((len(forces.channels), len(at.loads), columns))
-    table[..., 0] = forces.loads @ at.loads.T
+def _by_loads(of_loads: Floats, at: AffineFactors, columns: int) -> Floats:
+    """What (k, r) of the loads make, (b, k, columns) with derivatives or without."""
+    found = np.empty((len(at.loads), len(of_loads), columns))
+    found[..., 0] = at.loads @ of_loads.T
     if columns > 1:
-        table[..., 1:] = np.einsum("cr,brn->cbn", forces.loads, at.load_slopes)
-    for (state, material), terms in forces.terms.items():
-        q, c = states.states[state], at.moduli[material]
-        parts = np.tensordot(terms, q, axes=(2, 1))  # (r, c, b, columns)
-        table += np.einsum("rcbn,br->cbn", parts, c)
+        found[..., 1:] = np.einsum("kr,brn->bkn", of_loads, at.load_slopes)
+    return found
+
+
+def _by_states(
+    terms: Mapping[StressTerm, Floats],
+    at: AffineFactors,
+    states: Sequence[Floats],
+    columns: int,
+) -> Floats:
+    """Sum of c_r M_r q over states and materials, (b, k, columns); (b, 1, columns) of no terms.
+
+    Args:
+        terms: M (r, k, N) by state and material.
+        at: moduli c.
+        states: q of every state.
+        columns: 1 + n with derivatives, 1 without.
+    """
+    size = next((M.shape[1] for M in terms.values()), 1)
+    found = np.zeros((len(at.loads), size, columns))
+    for (state, material), M in terms.items():
+        parts = np.tensordot(states[state][..., :columns], M, axes=(1, 2))  # (b, columns, r, k)
+        found += np.einsum("bxrk,br->bkx", parts, at.moduli[material])
         if columns > 1:
-            table[..., 1:] += np.einsum("rcb,brn->cbn", parts[..., 0], at.slopes[material])
-    return table
-
-
-def _product(matrices: Floats, c: Floats, q: Floats) -> Floats:
-    """Sum_r c_r M_r q (b, N) of matrices (r, N, M), c (b, r) and q (b, M)."""
-    parts = np.tensordot(q, matrices, axes=(1, 2))  # (b, r, N)
-    return np.asarray(np.einsum("brn,br->bn", parts, c))
-
-
-def _product_columns(columns: Floats, c: Floats, q: Floats) -> Floats:
-    """(b, k) of columns (k, r, N)."""
-    return np.asarray(
-        np.einsum("br,bn->brn", c, q).reshape(len(q), -1) @ columns.reshape(len(columns), -1).T
-    )
+            found[..., 1:] += np.einsum("brk,brn->bkn", parts[:, 0], at.slopes[material])
+    return found

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from geoident.forward.analysis.systems import StageSystem, StageSystems
-from geoident.forward.stages import ConstructionState, Index, numbers
+from geoident.forward.stages import Index, numbers
 from geoident.model.arrays import Floats
 
 
@@ -28,7 +28,6 @@ class AnalysisPoints:
     """
 
     def __init__(self, systems: StageSystems) -> None:
-        self._discretization = systems.discretization
         self._ground, self._structures = systems.discretization.points, systems.structures
         self.n_strain, self.n_ground = self._ground.n_strain, self._ground.n_points
         self.n_points = self.n_ground + self._structures.n_rows
@@ -69,25 +68,3 @@ class AnalysisPoints:
         if self.n_points > self.n_ground:
             forces += self._structures.nodal_forces(stress[0, self.n_ground :])
         return forces
-
-    def clear(self, strain: Floats, state: ConstructionState, system: StageSystem) -> None:
-        """Set strains (s, n_points, k) to zero where nothing works with its stiffness in a state.
-
-        Args:
-            strain: (s, n_points, k), changed in place.
-            state: the state.
-            system: of its stage.
-        """
-        strain[:, : self.n_ground][:, ~system.present] = 0.0
-        strain[:, self.n_ground :][:, ~self._structures.stiff(state)] = 0.0
-
-    def clear_begun(self, strain: Floats, state: ConstructionState) -> None:
-        """Set strains (s, n_points, k) to zero where a state does not go on from its base.
-
-        Args:
-            strain: (s, n_points, k), changed in place.
-            state: the state.
-        """
-        for group in state.placed:
-            strain[:, : self.n_ground][:, self._discretization.points_of[group]] = 0.0
-        strain[:, self.n_ground :][:, self._structures.begins_anew(state)] = 0.0

@@ -1,4 +1,4 @@
-"""From snapshots to the reduced model: bases, projected matrices, and what the bounds need.
+"""From snapshots to the reduced model: bases, projected matrices, what its estimated error needs.
 
 For every state j the displacements of the snapshots and their derivatives, by the parameters in
 their sizes, span the space of u_j; a basis of it is made orthonormal in the energy of the moduli at
@@ -77,7 +77,6 @@ class ReducedStage:
         matrices: sum V eps(U)^T J_r eps(U_l), (r_m, N, N_l), by state and material.
         load: (N, r) work of the loads.
         residuals: of every zone.
-        normal: by material, H^T H (h, h) in its measure.
         changes: materials that changed in it: before and after.
         forces: what channels see of its stress.
     """
@@ -87,7 +86,6 @@ class ReducedStage:
     matrices: Mapping[StressTerm, Floats]
     load: Floats
     residuals: tuple[ZoneResidual, ...]
-    normal: Mapping[str, Floats]
     changes: tuple[tuple[str, str], ...]
     forces: StageForces
 
@@ -118,7 +116,7 @@ class GalerkinProjection:
     def __init__(
         self, affine: AffineAnalysis, snapshots: Sequence[Snapshot], reference: Floats
     ) -> None:
-        self._affine, self._snapshots = affine, tuple(snapshots)
+        self._affine, self._snapshots = affine, snapshots
         self._spans, self._loads = affine.form.spans, affine.form.loads
         self._base = [state.base for state in affine.analysis.sequence.states]
         self._points = affine.points
@@ -128,29 +126,26 @@ class GalerkinProjection:
             name: np.linalg.inv(np.linalg.cholesky(span.matrix(self._at_reference[name])))
             for name, span in self._spans.items()
         }
-        self._motion: dict[int, Floats] = {}  # by state, the columns of all snapshots
-        self._turn_of: dict[str, Floats] = {}
+        states = range(snapshots[0].last + 1)
+        # the columns of all snapshots side by side: of every state, and T (r, M, M) by material
+        self._motion = [np.hstack([s.motion[state] for s in snapshots]) for state in states]
+        self._turns = {
+            name: np.array([sla.block_diag(*T) for T in zip(*(s.turns[name] for s in snapshots),
+                                                            strict=True)])
+            for name in self._spans
+        }  # fmt: skip
         self._turn: dict[int, Floats] = {}  # by state, what makes its basis of the columns
 
     def displacements(self, state: int, q: Floats) -> Floats:
         """Displacements (n_dofs, k) of a state by its coordinates (N, k)."""
-        columns = self._turn[state] @ q
-        places = np.cumsum([snapshot.columns for snapshot in self._snapshots])[:-1]
-        parts = zip(self._snapshots, np.split(columns, places), strict=True)
-        first, *others = [snapshot.motion[state] @ part for snapshot, part in parts]
-        return np.asarray(sum(others, first))
+        return np.asarray(self._motion[state] @ (self._turn[state] @ q))
 
     def stages(self) -> tuple[ReducedStage, ...] | None:
         """All states; None where the loads of the snapshots do not yet span those of the case."""
         combination = self._combination()
         if combination is None:
             return None
-        first = 0 if self._loads.settles else 1
-        states = range(self._snapshots[0].last + 1)
-        return tuple(
-            self._stage(state, *combination) if state >= first else self._nothing(state)
-            for state in states
-        )
+        return tuple(self._stage(state, *combination) for state in range(len(self._motion)))
 
     def _strains(self, state: int, points: Index) -> Floats:
         """Columns (s, q, M) of the snapshots: strains of the displacements of a state.
@@ -160,26 +155,11 @@ class GalerkinProjection:
         if state == 0:
             settled = [s.settled[:, points] for s in self._snapshots if s.settled is not None]
             return np.concatenate(settled, axis=-1)
-        return self._points.strain(self._columns(state), points)
-
-    def _columns(self, state: int) -> Floats:
-        """(n_dofs, M) displacements of a state in all snapshots; none of the virgin one."""
-        if state and state not in self._motion:
-            self._motion[state] = np.hstack([s.motion[state] for s in self._snapshots])
-        return self._motion.get(state, np.zeros((0, 0)))
+        return self._points.strain(self._motion[state], points)
 
     def _parts(self, zone: Zone) -> list[tuple[int, str, float]]:
         """Of what the stress of a zone consists, less that in situ."""
         return [part for part in zone.parts if part[0] or self._loads.settles]
-
-    def _turns(self, material: str) -> Floats:
-        """T (r, M, M) of all snapshots."""
-        if material not in self._turn_of:
-            each = [s.turns[material] for s in self._snapshots]
-            self._turn_of[material] = np.array(
-                [sla.block_diag(*(T[r] for T in each)) for r in range(len(each[0]))]
-            )
-        return self._turn_of[material]
 
     def _combination(self) -> tuple[Floats, Floats] | None:
         """(M, r) and (M, h): what makes columns with loads of one psi each, and without loads."""
@@ -194,50 +174,50 @@ class GalerkinProjection:
         particular = (right[:rank].T / values) @ left.T / size.T
         return particular, right[rank:].T
 
-    def _nothing(self, state: int) -> ReducedStage:
-        r = self._loads.stress.shape[-1]
-        empty = np.zeros((len(self._snapshots[0].observed[state]), 0))
-        forces = self._forces(state)
-        return ReducedStage(self._base[state], empty, {}, np.zeros((0, r)), (), {}, (), forces)
-
     def _stage(self, state: int, particular: Floats, free: Floats) -> ReducedStage:
-        factors = [self._factor(zone) for zone in self._affine.zones[state]]
-        strains = [self._energy(factor, state) for factor in factors]
+        """One state.
+
+        Args:
+            state: its number.
+            particular: (M, r) what makes columns with loads of one psi each.
+            free: (M, h) what makes columns without loads.
+        """
+        zones, M = self._affine.zones[state], len(particular)
+        moves = bool(state) or self._loads.settles
+        factors = [self._factor(zone) for zone in zones] if moves else []
+        of_strain = [
+            np.einsum("r,krm->km", self._at_reference[f.zone.material],
+                      f.terms[state, f.zone.material])
+            for f in factors
+        ]  # fmt: skip
         # what settles is known as a small difference of stresses
         least = DEPENDENT if state else 1e3 * DEPENDENT
-        turn = self._turn[state] = orthonormal_columns(np.concatenate(strains), least)
-        rest = free @ orthonormal_columns(np.concatenate([f.stress @ free for f in factors]))
+        turn = orthonormal_columns(np.concatenate([np.zeros((0, M)), *of_strain]), least)
+        self._turn[state] = turn
+        unloaded = [np.zeros((0, free.shape[1])), *(f.stress @ free for f in factors)]
+        rest = free @ orthonormal_columns(np.concatenate(unloaded))
         load = np.zeros((turn.shape[1], particular.shape[1]))
         matrices: dict[StressTerm, Floats] = {}
         residuals = []
-        normal: dict[str, Floats] = {}
-        for factor, strain in zip(factors, strains, strict=True):
+        for factor, strain in zip(factors, of_strain, strict=True):
             test = (strain @ turn).T
-            terms = {
-                (other, name): columns @ self._turn[other]
-                for (other, name), columns in factor.terms.items()
-            }
-            for key, columns in terms.items():
-                product = np.tensordot(test, columns, axes=1).swapaxes(0, 1)
-                matrices[key] = matrices[key] + product if key in matrices else product
+            terms = {key: part @ self._turn[key[0]] for key, part in factor.terms.items()}
+            for key, part in terms.items():
+                product = np.tensordot(test, part, axes=1).swapaxes(0, 1)
+                matrices[key] = matrices.get(key, 0.0) + product
             own = factor.stress @ particular
             load += test @ own
-            made = _residual(factor.zone.material, own, factor.stress @ rest, terms)
-            residuals.append(made)
-            square = made.rest.T @ made.rest
-            normal[made.material] = normal.get(made.material, 0.0) + square
-        observed = np.hstack([s.observed[state] for s in self._snapshots]) @ turn
-        zones = self._affine.zones[state]
-        changes = sorted({(z.before, z.material) for z in zones if z.before != z.material})
+            residuals.append(_residual(factor.zone.material, own, factor.stress @ rest, terms))
         return ReducedStage(
-            self._base[state],
-            observed,
-            matrices,
-            load,
-            tuple(residuals),
-            normal,
-            tuple(changes),
-            self._forces(state),
+            base=self._base[state],
+            observed=np.hstack([s.observed[state] for s in self._snapshots]) @ turn,
+            matrices=matrices,
+            load=load,
+            residuals=tuple(residuals),
+            changes=tuple(sorted({(z.before, z.material) for z in zones if z.before != z.material}))
+            if moves
+            else (),
+            forces=self._forces(state),
         )
 
     def _forces(self, state: int) -> StageForces:
@@ -246,68 +226,52 @@ class GalerkinProjection:
         loads = np.zeros((len(rows.channels), given.shape[-1]))
         terms: dict[StressTerm, Floats] = {}
         for zone in self._affine.zones[state]:
-            columns_of_zone, weights = rows.at(zone.points)
-            if not len(columns_of_zone):
+            points, weights = rows.at(zone.points)
+            if not len(points):
                 continue
             if zone.history.given:
-                loads += np.einsum("csq,sqr->cr", weights, given[:, columns_of_zone])
+                loads += np.einsum("csq,sqr->cr", weights, given[:, points])
             for other, material, sign in self._parts(zone):
-                strain = sign * self._strains(other, columns_of_zone)
-                work = np.stack(
-                    [
-                        np.tensordot(weights, np.tensordot(J, strain, axes=1), axes=2)
-                        for J in self._spans[material].basis
-                    ]
-                )
-                key = other, material
-                work = work @ self._turn[other]
-                terms[key] = terms[key] + work if key in terms else work
+                strain, key = sign * self._strains(other, points), (other, material)
+                stress = np.tensordot(self._spans[material].basis, strain, axes=1)  # (r, s, q, M)
+                work = np.tensordot(stress, weights, axes=((1, 2), (1, 2))).swapaxes(1, 2)
+                terms[key] = terms.get(key, 0.0) + work @ self._turn[other]
         jacked, weights = rows.at(self._affine.jacked(state))
         loads += np.einsum("csq,sqr->cr", weights, given[:, jacked])
         return StageForces(rows.channels, loads, terms)
-
-    def _energy(self, factor: _Factor, state: int) -> Floats:
-        """Columns (k, M) whose squares are the energy of the strains of a state in a zone."""
-        material = factor.zone.material
-        columns = factor.terms[state, material]
-        return np.asarray(np.einsum("r,krm->km", self._at_reference[material], columns))
 
     def _factor(self, zone: Zone) -> _Factor:
         """R of a zone."""
         signs: dict[StressTerm, float] = {}
         for other, material, sign in self._parts(zone):
             signs[other, material] = signs.get((other, material), 0.0) + sign
-        ranks = [self._spans[name].rank for _, name in signs]
-        count = sum(s.columns for s in self._snapshots)
         runs = list(_runs_of(zone.points))
         blocks = [np.zeros((0, 0))] * len(runs)
-        for other, _ in signs:
-            self._columns(other)
 
         def factorize(number: int) -> None:
-            blocks[number] = self._block(zone.material, signs, runs[number])
+            points, columns = runs[number], []
+            for (other, name), sign in signs.items():
+                strain = self._strains(other, points)
+                columns += [np.tensordot(sign * J, strain, axes=1) for J in self._spans[name].basis]
+            joined = np.concatenate(columns, axis=-1)
+            joined = np.tensordot(self._inverse_root[zone.material], joined, axes=1)
+            joined *= np.sqrt(self._points.volume[points])[:, None]
+            blocks[number] = triangular_factor(joined.reshape(-1, joined.shape[-1]))
 
         run_tasks([partial(factorize, number) for number in range(len(runs))])
         triangular = triangular_factor(np.concatenate(blocks))
-        terms, place = {}, 0
-        stress = np.zeros((len(triangular), count))
-        for key, rank in zip(signs, ranks, strict=True):
-            columns_of = triangular[:, place : place + rank * count]
-            terms[key] = columns_of.reshape(len(triangular), rank, count)
-            place += rank * count
-            stress += np.tensordot(terms[key], self._turns(key[1]), axes=((1, 2), (0, 1)))
-        return _Factor(zone, stress, terms)
-
-    def _block(self, material: str, signs: Mapping[StressTerm, float], points: Index) -> Floats:
-        """R of some points (q,) of a zone."""
-        columns = []
-        for (other, name), sign in signs.items():
-            strain = self._strains(other, points)
-            columns += [np.tensordot(sign * J, strain, axes=1) for J in self._spans[name].basis]
-        joined = np.concatenate(columns, axis=-1)
-        joined = np.tensordot(self._inverse_root[material], joined, axes=1)
-        joined *= np.sqrt(self._points.volume[points])[:, None]
-        return triangular_factor(joined.reshape(-1, joined.shape[-1]))
+        ranks = [len(self._spans[name].basis) for _, name in signs]
+        M = triangular.shape[1] // sum(ranks)
+        parts = np.split(triangular, np.cumsum(ranks)[:-1] * M, axis=1)
+        terms = {
+            key: part.reshape(len(triangular), -1, M)
+            for key, part in zip(signs, parts, strict=True)
+        }
+        stress = sum(
+            np.tensordot(part, self._turns[name], axes=((1, 2), (0, 1)))
+            for (_, name), part in terms.items()
+        )
+        return _Factor(zone, np.asarray(stress), terms)
 
 
 def _residual(

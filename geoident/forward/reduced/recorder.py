@@ -15,7 +15,7 @@ displacements of a load, and h the parameters that move moduli,
 makes a column w of v and h, and further ones of w and every h: products of K^-1 K_h with v, the
 space of conjugate gradients for other moduli, preconditioned by the factor that is there (Saad,
 Iterative methods for sparse linear systems, 2003, 6.7). What is in the bracket is a stress in
-equilibrium with no load, as the bounds of the error need it. Second derivatives are in the space,
+equilibrium with no load, as the estimate of the error needs it. Second derivatives are there,
 too, so the model of one analysis is right to second order in the moduli. The shift b_h changes
 nothing in the space, and keeps columns from growing and from being alike: b_h E is as near to E_h
 as it can be, in the mean over the volume. Where it is the same as E_h (all moduli grow alike, which

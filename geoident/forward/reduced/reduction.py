@@ -68,12 +68,6 @@ class Reduction:
         self._made: tuple[tuple[bytes, ...], ReducedModel | None, GalerkinProjection] | None = None
         self.obstacle = reduction_obstacle(analysis)
 
-    def covers(self) -> bool:
-        """Whether there is nothing against it; loads and moduli are looked at once."""
-        if self._affine is None and self.obstacle is None:
-            self.obstacle = self._prepare()
-        return self.obstacle is None
-
     def _prepare(self) -> str | None:
         """Look at moduli and loads; why there is no reduced model, a clause, or None."""
         analysis, points = self._analysis, self._analysis.systems.discretization.points
@@ -113,7 +107,7 @@ class Reduction:
             factorizing += 20.0 * float(self._analysis.systems[state].pattern.lower.n) ** 2
             for zone in affine.zones[state]:
                 terms = {(other, material) for other, material, _ in zone.parts if other}
-                blocks = 1 + sum(affine.form.spans[material].rank for _, material in terms)
+                blocks = 1 + sum(len(affine.form.spans[material].basis) for _, material in terms)
                 projecting += 12.0 * len(zone.points) * (columns * blocks) ** 2
         return PROJECTED * projecting > factorizing
 
@@ -141,7 +135,9 @@ class Reduction:
 
     def recorder(self, p: Floats) -> Recorder | None:
         """What records an analysis at p (n,); None where the case has no reduced model."""
-        if not self.covers() or self._affine is None:
+        if self._affine is None and self.obstacle is None:  # moduli and loads are looked at once
+            self.obstacle = self._prepare()
+        if self._affine is None:
             return None
         # of a search the first analysis is to reach as far as its end
         further = 0 if self.economical and self.snapshots else self._further
@@ -186,11 +182,9 @@ class Reduction:
             return None
 
         def known(state: int) -> Floats | None:
-            return (
-                projection.displacements(state, states.states[state][0])
-                if state <= self.last
-                else None
-            )
+            if state > self.last:
+                return None
+            return projection.displacements(state, states.states[state][0])
 
         return known
 
@@ -217,19 +211,15 @@ def _obstacles(analysis: StagedAnalysis) -> Iterator[str]:
     for name, count in Counter(name for state in states for name in state.stressed).items():
         if count > 1:
             yield f"the bars of '{name}' are stressed more than once"
-    yield from _obstacles_of_stages(analysis)
-
-
-def _obstacles_of_stages(analysis: StagedAnalysis) -> Iterator[str]:
     moved = analysis.motions.moved()
     if moved is not None:
         yield f"the support '{moved}' is moved"
-    for stage in analysis.case.stages:
+    for stage in case.stages:
         if stage.supports:
             yield f"the stage '{stage.name}' changes what is held"
         if stage.temperature:
             yield f"the stage '{stage.name}' changes temperatures"
-    for state in analysis.sequence.states:
+    for state in states:
         if state.base and state.release.keys() & state.leaving:
             yield (
                 f"the stage '{state.name}' releases in part the stress of ground that other stages "

@@ -14,15 +14,16 @@ for d.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
 from geoident.errors import ModelError
-from geoident.forward.gauges.observation import Observation
+from geoident.forward.gauges.instrument_errors import InstrumentErrors, ReadingPlaces
+from geoident.forward.gauges.zeros import ReadingRule
 from geoident.forward.reduced.model import ReducedModel, ReducedStates
-from geoident.model.arrays import Floats, Ints
+from geoident.model.arrays import Bools, Floats, Ints
+from geoident.model.case import Case
 from geoident.model.results.costs import Counts
 
 ROUNDING = 1e-10
@@ -36,23 +37,31 @@ it (gauges of stress), mostly a hundredth of that.
 """
 
 
-@dataclass(frozen=True, eq=False)
-class ReadingsAsked:
-    """Readings (g) that are asked for.
+class Gauged(Protocol):
+    """A case with its gauges: the model on the mesh, or what a result keeps of it."""
 
-    Args:
-        rows: (g,) their channels.
-        states: (g,) their states.
-        added: what instruments add to them and its derivatives (g, 1 + n) at the reference of the
-            reduced model; linear in the parameters.
-        dimensions: (n_channels,) of all channels: errors are judged by the most that is seen of
-            the same.
-    """
+    @property
+    def case(self) -> Case:
+        """The case."""
 
-    rows: Ints
-    states: Ints
-    added: Floats
-    dimensions: Sequence[str]
+    @property
+    def rule(self) -> ReadingRule:
+        """How readings are made of what channels see."""
+
+    @property
+    def instrument_errors(self) -> InstrumentErrors:
+        """What the gauges add by themselves."""
+
+    @property
+    def bases(self) -> Ints:
+        """(n_states,) the state on which each builds."""
+
+    @property
+    def built_on(self) -> Bools:
+        """(n_states, n_states) see `ConstructionSequence.built_on`."""
+
+    def admissible(self, p: Floats) -> str | None:
+        """Why p (n,) is outside the domain, or None."""
 
 
 class ReducedResponse:
@@ -60,27 +69,19 @@ class ReducedResponse:
 
     Args:
         reduced: the model.
-        observation: the gauges.
-        asked: the readings.
-        bases: (n_states,) the state on which each builds.
-        admissible: says why parameters (n,) are outside the domain, or None.
+        gauged: the case with its gauges.
+        places: the g readings that are asked for.
         ratios: (g,) |d| / (s e) as seen at analyses that were withheld; empty where none were.
     """
 
     def __init__(
-        self,
-        reduced: ReducedModel,
-        observation: Observation,
-        asked: ReadingsAsked,
-        bases: Ints,
-        admissible: Callable[[Floats], str | None],
-        ratios: Floats | None = None,
+        self, reduced: ReducedModel, gauged: Gauged, places: ReadingPlaces, ratios: Floats
     ) -> None:
-        self.model, self._observation, self._asked = reduced, observation, asked
-        self.rows, self.states, self._bases = asked.rows, asked.states, bases
-        self._admissible = admissible
-        self.ratios = np.zeros(0) if ratios is None else ratios
-        dimensions = np.array(asked.dimensions, dtype=np.str_)
+        self.model, self._gauged, self.ratios = reduced, gauged, ratios
+        self.rows, self.states = places.rows, places.states
+        at_reference = dict(zip(self.names, map(float, reduced.reference), strict=True))
+        self._added = gauged.instrument_errors.added(at_reference, self.names, places)
+        dimensions = [channel.dimension for channel in gauged.case.channels]
         self._dimension = np.unique(dimensions, return_inverse=True)[1]  # (n_channels,) numbers
         self._evaluations = 0
         self._last: tuple[bytes, ReducedStates] | None = None
@@ -97,7 +98,7 @@ class ReducedResponse:
 
     def admissible(self, p: Floats) -> str | None:
         """Why p (n,) is outside the domain, or None."""
-        return self._admissible(p)
+        return self._gauged.admissible(p)
 
     def readings(self, p: Floats) -> Floats:
         """v(p), (g,)."""
@@ -105,7 +106,7 @@ class ReducedResponse:
 
     def evaluate(self, p: Floats) -> tuple[Floats, Floats]:
         """v(p), (g,), and its Jacobian, (g, n)."""
-        table = self._table(self._at(p), p[None])[:, 0]
+        table = self._table(self.model.observed(self._at(p)), p[None])[:, 0]
         return table[:, 0], table[:, 1:]
 
     def error(self, p: Floats) -> float:
@@ -121,7 +122,7 @@ class ReducedResponse:
         (n_states, n_channels); 0 for those that read something else than motions.
         """
         seen = self.model.observed(self._at(p))[:, :, 0, 0]
-        return self._observation.increments(seen, self._bases)
+        return self._gauged.rule.increments(seen, self._gauged.bases)
 
     def errors(self, values: Floats) -> Floats:
         """The error of the stresses (b,) at parameter vectors (b, n)."""
@@ -138,7 +139,7 @@ class ReducedResponse:
         if not len(self.ratios):
             msg = "nothing is known of the errors of these readings"
             raise ValueError(msg)
-        inside = np.array([self._admissible(p) is None for p in values], dtype=bool)
+        inside = np.array([self.admissible(p) is None for p in values], dtype=bool)
         table, error = np.full((2, len(values), len(self.rows)), np.nan)
         if not inside.any():
             return table, error
@@ -148,9 +149,10 @@ class ReducedResponse:
             relative = self.model.errors(states)
         except (ValueError, np.linalg.LinAlgError):
             return table, error
-        table[inside] = self._table(states, values[inside])[..., 0].T
+        seen = self.model.observed(states)
+        table[inside] = self._table(seen, values[inside])[..., 0].T
         part = SAFETY * self.ratios * relative[:, None] + ROUNDING
-        error[inside] = part * self._most_seen(states)
+        error[inside] = part * self._most_seen(seen)
         return table, error
 
     def ratio(self, p: Floats, readings: Floats) -> Floats:
@@ -163,19 +165,20 @@ class ReducedResponse:
         off, of_reading = np.abs(self.readings(p) - readings), self._dimension[self.rows]
         for one in np.unique(of_reading):  # any reading of a dimension may be off by so much
             off[of_reading == one] = off[of_reading == one].max()
-        size = self._most_seen(self._at(p))[0]
+        size = self._most_seen(self.model.observed(self._at(p)))[0]
         off = np.maximum(off, ROUNDING * size)  # of less nothing is known
         scale = size * max(self.error(p), np.finfo(np.float64).eps)
         return np.asarray(np.divide(off, scale, out=np.zeros_like(off), where=scale > 0.0))
 
-    def _most_seen(self, states: ReducedStates) -> Floats:
+    def _most_seen(self, seen: Floats) -> Floats:
         """The most that any channel of the dimension of each reading sees of any state, (b, g)."""
-        seen = np.nan_to_num(np.abs(self.model.observed(states)[..., 0])).max(axis=0)
-        most = np.zeros((seen.shape[1], 1 + int(self._dimension.max(initial=0))))
-        np.maximum.at(most.T, self._dimension, seen)
-        return np.asarray(most[:, self._dimension[self.rows]])
+        largest = np.nan_to_num(np.abs(seen[..., 0])).max(axis=0)
+        most = np.zeros((1 + int(self._dimension.max(initial=0)), largest.shape[1]))
+        np.maximum.at(most, self._dimension, largest)
+        return most[self._dimension[self.rows]].T
 
     def _at(self, p: Floats) -> ReducedStates:
+        """All states at p (n,): the last ones are kept."""
         if self._last is None or self._last[0] != p.tobytes():
             self._evaluations += 1
             try:
@@ -186,13 +189,12 @@ class ReducedResponse:
             self._last = p.tobytes(), states
         return self._last[1]
 
-    def _table(self, states: ReducedStates, values: Floats) -> Floats:
-        """Readings (g, b, 1 + n or 1)."""
-        seen = self.model.observed(states)
+    def _table(self, seen: Floats, values: Floats) -> Floats:
+        """Readings (g, b, 1 + n or 1) of what all channels see at parameter vectors (b, n)."""
         flat = seen.reshape(*seen.shape[:2], -1)
-        table = self._observation.readings(flat, self.rows, self.states)
+        table = self._gauged.rule.readings(flat, self.rows, self.states)
         table = table.reshape(len(self.rows), *seen.shape[2:])
-        value, slopes = self._asked.added[:, :1], self._asked.added[:, 1:]
+        value, slopes = self._added[:, :1], self._added[:, 1:]  # linear in the parameters
         table[..., 0] += value + slopes @ (values - self.model.reference).T
         if table.shape[2] > 1:
             table[..., 1:] += slopes[:, None]

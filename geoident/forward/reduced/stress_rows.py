@@ -40,11 +40,7 @@ class StressRows:
     weights: Floats
 
     def at(self, points: Ints) -> tuple[Ints, Floats]:
-        """Those of some points (p,) that are read, and their weights (c, s, q).
-
-        Args:
-            points: (p,) strain points, ascending.
-        """
+        """Those of some points (p,) that are read, and their weights (c, s, q)."""
         here = np.isin(self.points, points)
         return self.points[here], self.weights[:, :, here]
 
@@ -118,22 +114,29 @@ def _covered(
     analysis: StagedAnalysis, observable: Observable, wanted: Bools
 ) -> tuple[Floats, Floats] | None:
     """Weights of the stresses (s n_points,) and of the forces (n_rows,); None if not covered."""
+    ground, structures = analysis.systems.discretization, analysis.systems.structures
+    n_strain, n_points = ground.points.n_strain, ground.points.n_points
+    nothing = StageEnd(
+        0,
+        np.zeros((ground.n_dofs, 1)),
+        np.zeros((n_strain, n_points, 1)),
+        np.zeros((structures.n_rows, 1)),
+        np.zeros(n_points, dtype=bool),
+    )
     start = analysis.case.start
     moved = {name: value * (1.0 + _MOVED) + 1e-12 for name, value in start.items()}
-    nothing = _nothing(analysis)
     weights = []
     for values in (start, moved):
-        point = ParameterPoint(values, ())
-        state = AnalysisState(nothing, point, analysis.systems.structures)
+        state = AnalysisState(nothing, ParameterPoint(values, ()), structures)
         rows = observable.linear(state, wanted)
         if rows is None or rows.u is not None:
             return None
-        chosen = np.flatnonzero(wanted)
+        (chosen,) = np.flatnonzero(wanted)
         stress, members = (
-            np.zeros(size) if part is None else part[chosen].toarray()[0]
+            np.zeros(size) if part is None else part[[chosen]].toarray()[0]
             for part, size in (
                 (rows.stress, nothing.stress.size),
-                (rows.members, len(nothing.members)),
+                (rows.members, structures.n_rows),
             )
         )
         weights.append((stress, members))
@@ -141,19 +144,6 @@ def _covered(
             still = replace(state, end=replace(nothing, state=number))
             if np.any(observable.values(still)[wanted]):  # something beside the stress
                 return None
-    for one, other in zip(*weights, strict=True):
-        if not np.array_equal(one, other):
-            return None
-    return weights[0] if any(part.any() for part in weights[0]) else None
-
-
-def _nothing(analysis: StagedAnalysis) -> StageEnd:
-    """A state without displacements, stresses and forces."""
-    points = analysis.systems.discretization.points
-    return StageEnd(
-        0,
-        np.zeros((analysis.systems.discretization.n_dofs, 1)),
-        np.zeros((points.n_strain, points.n_points, 1)),
-        np.zeros((analysis.systems.structures.n_rows, 1)),
-        np.zeros(points.n_points, dtype=bool),
-    )
+    (stress, members), other = weights
+    same = np.array_equal(stress, other[0]) and np.array_equal(members, other[1])
+    return (stress, members) if same and (stress.any() or members.any()) else None

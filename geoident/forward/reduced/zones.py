@@ -120,19 +120,14 @@ def zones_of(on_mesh: CaseOnMesh) -> tuple[tuple[Zone, ...], ...]:
                 histories[group] = before[group].went_on(material, state.base, number)
         of_state.append(histories)
         made_of = sequence.states[state.base].materials
-        kinds: dict[tuple[str, str, StressHistory], list[int]] = {}
+        alike: dict[tuple[str, str, StressHistory], list[Ints]] = {}
         for group, history in histories.items():
             material = state.materials[group]
             old = material if group in state.placed else made_of.get(group, material)
-            kinds.setdefault((material, old, history), []).append(group)
-        zones = []
-        for (material, old, history), groups in kinds.items():
-            points_of_groups = [
-                numbers(discretization.points_of[group], n_points) for group in groups
-            ]
-            points = np.sort(np.concatenate(points_of_groups))
+            points = numbers(discretization.points_of[group], n_points)
             if len(points):  # a mesh may name groups without elements
-                zones.append(Zone(points, material, old, history))
+                alike.setdefault((material, old, history), []).append(points)
+        zones = [Zone(np.sort(np.concatenate(points)), *kind) for kind, points in alike.items()]
         of_states.append(tuple(zones))
     return tuple(of_states)
 
@@ -167,8 +162,10 @@ def member_zones(analysis: StagedAnalysis, points: AnalysisPoints) -> tuple[tupl
             for bending in (False, True):
                 rows = np.flatnonzero(part.members.bending == bending)
                 if len(rows):
+                    rigidity = rigidity_name(part.name, bending)
+                    segments = tuple(replace(s, material=rigidity) for s in history.segments)
                     at = points.n_ground + part.rows.start + rows
-                    zones.append(_member_zone(at, rigidity_name(part.name, bending), history))
+                    zones.append(Zone(at, rigidity, rigidity, replace(history, segments=segments)))
         of_state.append(histories)
         of_states.append(tuple(zones))
     return tuple(of_states)
@@ -177,8 +174,3 @@ def member_zones(analysis: StagedAnalysis, points: AnalysisPoints) -> tuple[tupl
 def rigidity_name(structure: str, bending: bool) -> str:
     """What stands for a material where members of a structure are a zone."""
     return f"{'EI' if bending else 'EA'} of {structure}"
-
-
-def _member_zone(points: Ints, rigidity: str, history: StressHistory) -> Zone:
-    segments = tuple(replace(segment, material=rigidity) for segment in history.segments)
-    return Zone(points, rigidity, rigidity, replace(history, segments=segments))

@@ -209,7 +209,7 @@ class CachedResponse:
 
     @contextmanager
     def substituting(self, tolerance: float) -> Iterator[None]:
-        """Meanwhile the surrogate answers wherever the bound of its error is small enough.
+        """Meanwhile the surrogate answers wherever the estimate of its error is small enough.
 
         Args:
             tolerance: of the error in energy, relative.

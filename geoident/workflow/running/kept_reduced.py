@@ -104,13 +104,7 @@ def made_to_keep(
     if reduced is None:
         why = "no time was left to make it" if control.over() else "the model has no solution near"
         return NONE.format(response.surrogate_obstacle() or why)
-    return kept_model(
-        reduced,
-        model.observation,
-        case,
-        analyses=response.visited(),
-        built_on=model.sequence.built_on,
-    )
+    return kept_model(reduced, model, response.visited())
 
 
 def restored_of(fit: Result, case: Case) -> RestoredModel | None:
@@ -180,6 +174,8 @@ def _refusal(result: Result, inputs: Inputs) -> tuple[str, str]:
     there = parse_yaml(result.case_resolved, inputs.path).data
     differs = _first_difference(_seen(there), _seen(here), ())
     if differs is None:
+        if tuple(channel.name for channel in inputs.case.channels) != result.reduced.channels:
+            return "its reduced model is of gauges in another order", again
         return "", ""
     path, one, other = differs
     return (

@@ -4,17 +4,16 @@ With estimates e of the errors of the readings and E = |e / s|, the discrepancy 
 weighted residuals r is off by no more than E (2 |r| + E): errors that are shared and robust losses
 make it less. So far from the readings, where phi is large, the reduced model may be coarse.
 
-The reduced model and its answers are kept in the checkpoint: a scan that is killed goes on where it
-was.
+The reduced model is kept in the checkpoint, since the analyses of which it is made take long: a
+scan that is killed goes on with it. Its answers take milliseconds and are given again.
 """
 
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, fields, replace
+from dataclasses import astuple, dataclass, field, replace
 
 import numpy as np
 
@@ -30,7 +29,6 @@ from geoident.model.methods import ScanOptions
 from geoident.model.response import Response
 from geoident.model.results.costs import NO_COST, Counts
 from geoident.model.results.reduced import FORM, KeptReducedModel
-from geoident.workflow.executing.looking_ahead import EvaluationArrays
 from geoident.workflow.running.evaluation_log import Log
 from geoident.workflow.running.reduced_answers import LedByReduced, reduced_around
 
@@ -53,13 +51,10 @@ KEPT = "a reduced model that was kept"
 """What it is called then."""
 
 _TRAINING = 400
-"""Points of the grid at which its bound is looked at."""
+"""Points of the grid at which its error is looked at."""
 
-_ANSWERS, _REDUCED = "reduced readings", "reduced model"
-"""Kinds of what is kept in the checkpoint."""
-
-_SECONDS = 1.0
-"""Of answers of the reduced model that are lost with a process, at most."""
+_REDUCED = "reduced model"
+"""Kind of what is kept in the checkpoint."""
 
 
 @dataclass
@@ -70,26 +65,12 @@ class LedReadings(LedByReduced):
         inner: the model.
         discrepancy: of the problem.
         spent: what making the reduced model has cost.
-        log: keeps the answers of the reduced model; None for nowhere.
     """
 
     inner: Response
     discrepancy: Discrepancy
     spent: Counts
-    log: Log | None = None
-
-    def __post_init__(self) -> None:
-        self._known: dict[bytes, Floats | None] = {}
-        self._from_before: dict[bytes, Floats] = {}
-        self._unkept: list[tuple[Floats, Floats]] = []
-        self._blocks, self._kept_at = 0, time.monotonic()
-        while self.log is not None:
-            block = self.log.find(_ANSWERS, np.array([float(self._blocks)]))
-            if block is None:
-                break
-            self._blocks += 1
-            for p, v in zip(block["p"], block["v"], strict=True):
-                self._from_before[p.tobytes()] = v
+    _known: dict[bytes, Floats | None] = field(default_factory=dict)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -109,7 +90,7 @@ class LedReadings(LedByReduced):
     def readings(self, p: Floats) -> Floats:
         """v(p), (g,)."""
         found = self._by_reduced(p)
-        del self._known[p.tobytes()]
+        del self._known[p.tobytes()]  # asked once
         if found is not None:
             self.by_reduced += 1
             return found
@@ -120,29 +101,9 @@ class LedReadings(LedByReduced):
         """v(p), (g,), of the reduced model where it is close enough."""
         key = p.tobytes()
         if key not in self._known:
-            before = self._from_before.get(key)
-            if before is None:
-                found, error = self.reduced.estimated(p[None])
-                # NaN: it is not close enough, and the model is asked
-                close = self._close(p, found[0], error[0])
-                before = np.asarray(found[0] if close else np.full(len(found[0]), np.nan))
-                self._keep(p, before)
-            self._known[key] = before if np.isfinite(before).all() else None
+            (v,), (error,) = self.reduced.estimated(p[None])
+            self._known[key] = v if self._close(p, v, error) else None
         return self._known[key]
-
-    def _keep(self, p: Floats, v: Floats) -> None:
-        """Write answers to the checkpoint, every second."""
-        self._unkept.append((p, v))
-        if self.log is None or time.monotonic() - self._kept_at < _SECONDS:
-            return
-        arrays = {
-            name: np.array(each)
-            for name, each in zip("pv", zip(*self._unkept, strict=True), strict=True)
-        }
-        self.log.add(_ANSWERS, np.array([float(self._blocks)]), arrays)
-        self._blocks += 1
-        self._unkept.clear()
-        self._kept_at = time.monotonic()
 
     @property
     def at_once(self) -> int:
@@ -228,19 +189,17 @@ def with_reduced_readings(
     if not len(training):
         return problem
     centre = training[len(training) // 2]
-    log = None if beside is None else beside.log
-    if beside is None or (known := beside.find(centre)) is None:
+    known = None if beside is None else beside.find(centre)
+    if known is None:
         before = response.counts
         reduced = reduced_around(response, centre, training, MARCHES_OF_GRID)
         if reduced is None:
             return problem
         after = response.counts
-        spent = replace(after - before, analyses=after.analyses)
+        known = reduced, replace(after - before, analyses=after.analyses)
         if beside is not None:
-            reduced = beside.add(centre, reduced, response, spent)
-    else:
-        reduced, spent = known
-    led = LedReadings(reduced, problem.response, Discrepancy(problem), spent, log)
+            known = beside.add(centre, *known, response)
+    led = LedReadings(known[0], problem.response, Discrepancy(problem), known[1])
     return replace(problem, response=led)
 
 
@@ -266,68 +225,50 @@ class ReducedInLog:
     def find(self, centre: Floats) -> tuple[ReducedResponse, Counts] | None:
         """The reduced model around a point (n,) and what it has cost; None if it is not there."""
         known = self.log.find(_REDUCED, centre)
-        return None if known is None else (self._restored(known), _counts(known["cost"]))
+        if known is None:
+            return None
+        model, text = self._model, "".join(map(chr, known["materials"].astype(int)))
+        kept = KeptReducedModel(
+            form=FORM,
+            names=model.names,
+            materials=tuple(text.split("\n")) if text else (),
+            channels=model.rule.channels,
+            weights=model.rule.weights,
+            zero=model.rule.zero,
+            readable=model.rule.readable,
+            built_on=model.built_on,
+            blocks={k.removeprefix(_BLOCK): a for k, a in known.items() if k.startswith(_BLOCK)},
+            rows=known["rows"].astype(np.int64),
+            states=known["states"].astype(np.int64),
+            **{name: known[name] for name in _NUMBERS},
+        )
+        restored = RestoredModel(kept, model.case).response(self._pairs, self._times)
+        return restored, Counts(*map(int, known["cost"]))
 
     def add(
-        self, centre: Floats, reduced: ReducedResponse, response: ReducibleResponse, spent: Counts
-    ) -> ReducedResponse:
+        self, centre: Floats, reduced: ReducedResponse, spent: Counts, response: ReducibleResponse
+    ) -> tuple[ReducedResponse, Counts]:
         """Keep a reduced model; what comes back is what an interrupted run would find of it.
 
         Args:
             centre: (n,) around which it was made.
             reduced: the model.
-            response: of whose analyses it is made.
             spent: what it has cost.
+            response: of whose analyses it is made.
         """
-        model = self._model
-        kept = kept_model(
-            reduced,
-            model.observation,
-            model.case,
-            analyses=response.visited(),
-            built_on=model.sequence.built_on,
-        )
-        arrays = {name: getattr(kept, name) for name in _NUMBERS}
+        kept = kept_model(reduced, self._model, response.visited())
+        arrays = {name: np.asarray(getattr(kept, name)) for name in (*_NUMBERS, "rows", "states")}
         arrays |= {_BLOCK + name: block for name, block in kept.blocks.items()}
-        codes = np.array([ord(c) for c in "\n".join(kept.materials)], dtype=np.float64)
-        known = {**arrays, "materials": codes, "cost": _cost(spent)}
-        self.log.add(_REDUCED, centre, known)
-        return self._restored(known)
-
-    def _restored(self, known: EvaluationArrays) -> ReducedResponse:
-        model = self._model
-        observation = model.observation
-        text = "".join(chr(int(code)) for code in known["materials"])
-        kept = KeptReducedModel(
-            form=FORM,
-            names=model.names,
-            materials=tuple(text.split("\n")) if text else (),
-            channels=observation.channels,
-            weights=observation.weights,
-            zero=observation.zero,
-            readable=observation.readable,
-            built_on=model.sequence.built_on,
-            blocks={k.removeprefix(_BLOCK): a for k, a in known.items() if k.startswith(_BLOCK)},
-            reference=known["reference"],
-            lower=known["lower"],
-            upper=known["upper"],
-            analyses=known["analyses"],
-            rows=known["rows"].astype(np.int64),
-            states=known["states"].astype(np.int64),
-        )
-        return RestoredModel(kept, model.case).response(self._pairs, self._times)
+        arrays["materials"] = np.array([ord(c) for c in "\n".join(kept.materials)], dtype=float)
+        arrays["cost"] = np.array(astuple(spent), dtype=float)
+        self.log.add(_REDUCED, centre, arrays)
+        found = self.find(centre)
+        assert found is not None
+        return found
 
 
-_NUMBERS = ("reference", "lower", "upper", "analyses", "rows", "states")
+_NUMBERS = ("reference", "lower", "upper", "analyses")
 _BLOCK = "block "
-
-
-def _cost(counts: Counts) -> Floats:
-    return np.array([getattr(counts, each.name) for each in fields(Counts)], dtype=np.float64)
-
-
-def _counts(cost: Floats) -> Counts:
-    return Counts(*(int(number) for number in cost))
 
 
 def _training(problem: Problem, response: Response, axes: Mapping[str, Floats]) -> Floats:

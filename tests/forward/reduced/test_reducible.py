@@ -13,16 +13,6 @@ def recording(**options):
     return staged, response
 
 
-def test_there_is_none_unless_marches_are_recorded():
-    staged = plane(n=4)
-    response = staged.response(PAIRS_PLANE)
-    p = spread(staged, 1, seed=3)[0]
-    assert response.surrogate_obstacle() is not None
-    response.evaluate(p)
-    assert response.surrogate([p]) is None
-    assert len(response.visited()) == 0
-
-
 def test_it_depends_on_what_was_visited_alone():
     """Whether the analyses were made before, in which order, and what else was visited."""
     staged, response = recording(most=3)
@@ -48,15 +38,3 @@ def test_only_the_last_ones_count():
     whole, last = response.surrogate(visited), response.surrogate(visited[1:])
     np.testing.assert_array_equal(whole.readings(asked), last.readings(asked))
     assert staged.counts.evaluations == 2
-
-
-def test_another_response_of_the_model_uses_what_was_recorded():
-    staged = plane()
-    first, second = staged.response(PAIRS_PLANE), staged.response(PAIRS_PLANE[:2])
-    for response in (first, second):
-        response.record()
-    p = spread(staged, 1, seed=3)[0]
-    if first.surrogate([p]) is not None:
-        count = staged.counts.evaluations
-        assert second.surrogate([p]) is not None
-        assert staged.counts.evaluations == count
