@@ -40,13 +40,7 @@ import scipy.sparse as sp
 
 from geoident.forward.actions.thermal import NORMAL_COMPONENTS
 from geoident.forward.analysis.analysis import StagedAnalysis
-from geoident.forward.analysis.stage import (
-    ElasticTrace,
-    LastFactor,
-    LinearRows,
-    StageTask,
-    factorize,
-)
+from geoident.forward.analysis.stage import ElasticTrace, HeldFactors, LinearRows, StageTask
 from geoident.forward.ground.elasticity import ModeSlopes
 from geoident.forward.stages import Index, numbers
 from geoident.model.arrays import Bools, Floats, Ints
@@ -199,7 +193,7 @@ class AdjointAnalysis:
         analysis: StagedAnalysis,
         plan: AdjointPlan,
         traces: Sequence[ElasticTrace],
-        factors: LastFactor,
+        factors: HeldFactors,
         point: ParameterPoint,
         seeds: ReadingSeeds,
     ) -> None:
@@ -329,7 +323,7 @@ class AdjointAnalysis:
         later = self._let_go_later(task, carried.M)
         if later is not None:
             rest -= self._forces_of(task, later)
-        factor = factorize(task, self._systems, self._factors)
+        factor = self._factors.factor(task, self._systems)
         right = rest[dofs]
         rest[:] = 0.0
         if factor is not None:

@@ -8,7 +8,7 @@ from support.cases import displacement, model, rollers
 from support.meshes import box, regroup
 from support.yielding import constant, mohr, parameters, rock
 
-from geoident.forward.analysis import equilibrium, plastic_step, stage_equations
+from geoident.forward.analysis import equilibrium, plastic_step
 from geoident.model.case import Stage
 from geoident.model.parameter import Scalar
 
@@ -48,7 +48,7 @@ def found():
 def test_the_worst_places_are_solved_by_themselves_and_nothing_else_changes(monkeypatch):
     """Steps of the whole ground alone take nearly twice as many, to the same state."""
     w, exact, many = found()
-    monkeypatch.setattr(stage_equations, "LARGE", 0)
+    monkeypatch.setattr(equilibrium, "LARGE", 0)
     v, slopes, few = found()
     assert v == pytest.approx(w, rel=1e-9)
     assert slopes == pytest.approx(exact, rel=1e-7)
@@ -57,10 +57,10 @@ def test_the_worst_places_are_solved_by_themselves_and_nothing_else_changes(monk
 
 def test_they_are_part_of_the_ground_only(monkeypatch):
     """Where more than a tenth would have to move, whole steps are taken."""
-    monkeypatch.setattr(stage_equations, "LARGE", 0)
+    monkeypatch.setattr(equilibrium, "LARGE", 0)
     _, _, few = found()
     with monkeypatch.context() as alone:
-        alone.setattr(equilibrium, "_settled", lambda equations, trial: None)
+        alone.setattr(equilibrium, "_settled", lambda equations, patches, trial: None)
         _, _, many = found()
     monkeypatch.setattr(equilibrium, "_PATCH", 0.0)
     assert found()[2] == many > few
