@@ -248,11 +248,10 @@ class AnalysisRun:
                         kept[state.base] = u.copy(), carried.copy()
                 forces = np.zeros_like(u)
                 try:
-                    yielded = (
-                        self._advance(n, u, carried, forces)
-                        if n
-                        else (self._begin(carried, forces))
-                    )
+                    if n == 0:
+                        yielded = self._begin(carried, forces)
+                    else:
+                        yielded = self._advance(n, u, carried, forces)
                 except CollapseError as error:
                     if not self._options.partial:
                         raise
@@ -277,11 +276,9 @@ class AnalysisRun:
         """Displacements (n_dofs, 1 + n + k) and what is carried, all zero."""
         points, unit = self._systems.discretization.points, self._options.unit_forces
         columns = self.point.n_columns + (unit.n_columns if unit else 0)
+        u = np.zeros((self._systems.discretization.n_dofs, columns))
         stress = np.zeros((points.n_strain, points.n_points, columns))
-        members = np.zeros((self._structures.n_rows, columns))
-        return np.zeros((self._systems.discretization.n_dofs, columns)), StressState(
-            stress, members
-        )
+        return u, StressState(stress, np.zeros((self._structures.n_rows, columns)))
 
     def _act(self, number: int, forces: Floats) -> Floats:
         """Add what acts in a state to forces (n_dofs, 1 + n + k).
@@ -289,10 +286,8 @@ class AnalysisRun:
         Returns:
             (n_dofs, n) its derivatives by the parameters that are no modes, for adjoints.
         """
-        acting, unit = (
-            self._analysis.actions.forces(number, self._ordinary),
-            (self._options.unit_forces),
-        )
+        unit = self._options.unit_forces
+        acting = self._analysis.actions.forces(number, self._ordinary)
         forces[:, : self.point.n_columns] += acting[:, : self.point.n_columns]
         if unit is not None:
             unit.add_to(forces, number)
@@ -344,13 +339,14 @@ class AnalysisRun:
         u[~system.touched] = 0.0
         task = self._task(number, carried, forces)
         task.impose(systems)
-        known = self._options.displacements and self._options.displacements(number)
         yielded = np.zeros(carried.stress.shape[1], dtype=bool)
         if self._plastic is not None and self._plastic.yields(state):
             du, yielded = self._plastic.step(task)
         else:
-            known = None if known is None else known[:, : u.shape[1]] - u
-            du = elastic_step(task, systems, self.factors, known)
+            given = self._options.displacements
+            u_known = None if given is None else given(number)
+            du_known = None if u_known is None else u_known[:, : u.shape[1]] - u
+            du = elastic_step(task, systems, self.factors, du_known)
         if task.motion is not None:
             du[:, : point.n_columns] += task.motion
         if self._options.traced:

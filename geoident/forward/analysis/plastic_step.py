@@ -268,20 +268,21 @@ class PlasticSteps:
             raise collapse_error(
                 on_mesh, task, np.nan, error.mechanism, proven=proven, ended=error.even
             ) from error
-        even, band, reached = error.even, None, None
+        even, band, fraction, reached = error.even, None, np.nan, None
         if even is not None:
             band = band_at(equations.viscous(even.viscosity), even.trial)
-        carried = carried_part(equations, error)
-        fraction, trial, error = carried.fraction, carried.trial, carried.error
-        if fraction >= 1.0 and trial is not None:
-            try:
-                return solve(equations, [trial.du])
-            except NoEquilibrium as again:
-                fraction, trial, error = np.nan, None, again
-        if task.motion is not None:  # what is carried of it is not known
-            fraction, trial = np.nan, None
-        if trial is not None:
-            reached = LastEquilibrium(trial.du, trial.stress, trial.yielded())
+        if equations.associated or task.motion is None:
+            carried = carried_part(equations, error)
+            trial, error = carried.trial, carried.error
+            if carried.fraction >= 1.0 and trial is not None:
+                try:
+                    return solve(equations, [trial.du])
+                except NoEquilibrium as again:
+                    error = again
+            elif task.motion is None:  # what is carried of a given motion is not known
+                fraction = carried.fraction
+                if trial is not None:
+                    reached = LastEquilibrium(trial.du, trial.stress, trial.yielded())
         raise collapse_error(
             on_mesh, task, fraction, error.mechanism,
             proven=equations.associated or error.proven, ended=even, band=band, reached=reached,
