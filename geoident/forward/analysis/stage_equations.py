@@ -19,7 +19,7 @@ from geoident.fem.yielding.domain import NoReturn
 from geoident.forward.analysis.constitutive import Flow, Ground
 from geoident.model.arrays import Bools, Floats, Ints
 
-ELASTIC_PARTS = (1e-10, 1e-7, 1e-5, 1e-3, 1e-2, 0.1, 1.0)
+ELASTIC_PARTS = (1e-10, 1e-7, 1e-3, 1.0)
 """Parts of the elastic stiffness that are left in a tangent: the first that makes it definite."""
 
 _SAME_TANGENT = 1e-7
