@@ -113,13 +113,13 @@ def _end_of_arc(equations: StageEquations) -> tuple[float, Floats]:
             growth = float(np.sqrt(growth))
             alpha = growth * reached
             continue
-        t_there, du_there = following
-        softer = alpha > _SOFTER * compliance * t_there
-        if softer and np.abs(before.operators.strain(du_there)).max() > LARGE_STRAIN:
+        t_next, du_next = following
+        softer = alpha > _SOFTER * compliance * t_next
+        if softer and np.abs(before.operators.strain(du_next)).max() > LARGE_STRAIN:
             break
-        if t_there >= 1.0:
-            return 1.0, du_there
-        grown = t_there - t
+        if t_next >= 1.0:
+            return 1.0, du_next
+        grown = t_next - t
         if grown > 0.0:
             t, du = following
         if alpha > compliance and grown <= _STANDS_STILL * t * np.log2(growth):

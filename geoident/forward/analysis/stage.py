@@ -304,6 +304,14 @@ class HeldFactors:
         """Forget all."""
         self._held.clear()
 
+    def find(self, state: ConstructionState) -> Factor | None:
+        """The factorization of K at a state, if it is one that is held and still valid."""
+        key = state.materials, state.structures, set(state.stressed), state.held
+        for stands, factor, _, _ in self._held:
+            if stands == key and factor.valid:
+                return factor
+        return None
+
     def factor(self, task: StageTask, systems: StageSystems) -> Factor | None:
         """Factorization of K of a stage; None where every displacement is prescribed.
 
@@ -314,15 +322,14 @@ class HeldFactors:
         symbolic = systems.symbolic(system)
         if symbolic is None:
             return None
-        key = state.materials, state.structures, set(state.stressed), state.held
-        for stands, factor, _, _ in self._held:
-            if stands == key and factor.valid:
-                return factor
+        held = self.find(state)
+        if held is not None:
+            return held
         size = len(system.pattern.lower.indices)
-        while self._held and sum(held[3] for held in self._held) + size > self._entries:
+        while self._held and sum(one[3] for one in self._held) + size > self._entries:
             del self._held[0]  # the oldest makes room
         spare = 0
-        while any(held[2] is symbolic for held in self._held):  # it would overwrite that factor
+        while any(one[2] is symbolic for one in self._held):  # it would overwrite that factor
             spare += 1
             symbolic = systems.symbolic(system, spare) or symbolic
         try:
@@ -331,6 +338,7 @@ class HeldFactors:
         except NotPositiveDefinite as error:
             place = systems.describe_unknown(system, error.unknown)
             raise not_positive_definite(state.name, place) from error
+        key = state.materials, state.structures, set(state.stressed), state.held
         self._held.append((key, factor, symbolic, size))
         return factor
 
