@@ -10,7 +10,6 @@ from support.strata import TRUTH, write_case, write_readings
 
 from geoident.fem.solvers import pick_solver
 from geoident.forward.model import staged_model
-from geoident.identify.least_squares.several_starts import SeveralStarts
 from geoident.identify.problem.methods import identify
 from geoident.identify.problem.problem import Problem
 from geoident.io.case.file import read_case
@@ -50,18 +49,6 @@ def test_five_starts_find_the_lowest_minimum_from_anywhere_one_start_from_some_p
     assert all(outcome.objective <= lowest + 1e-6 for outcome in several)
     assert all("dip is an angle" in " ".join(outcome.remarks) for outcome in several)
     np.testing.assert_allclose(several[0].values, list(TRUTH.values()), rtol=0.15)
-
-
-@pytest.mark.slow  # tests/identify/least_squares has its parts
-def test_further_descents_are_left_where_they_come_to_what_is_known(problem, monkeypatch):
-    dips = np.linspace(-80.0, 80.0, 3)
-    short = [_from(problem, dip, AUTOMATIC) for dip in dips]
-    monkeypatch.setattr(SeveralStarts, "_not_worth_it", lambda self, point, full: False)
-    whole = [_from(problem, dip, AUTOMATIC) for dip in dips]
-    for one, other in zip(short, whole, strict=True):
-        assert one.objective == pytest.approx(other.objective, abs=1e-6)
-    cost = sum(len(outcome.iterations) for outcome in short)
-    assert cost <= 0.8 * sum(len(outcome.iterations) for outcome in whole)
 
 
 def test_where_an_angle_is_known_well_enough_one_start_will_do(problem):

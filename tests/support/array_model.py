@@ -254,7 +254,7 @@ class ArrayModel:
         rest = stage.forces.slopes - self.operators.forces(slopes, equations.volume)
         du = np.zeros((len(trial.du), 1 + n))
         du[:, 0] = trial.du
-        factor, _ = equations.factor(trial)
+        factor = equations.tangent(trial).factor
         du[stage.dofs, 1:] = factor.solve(rest[stage.dofs])
         more = self.operators.strain(du[:, 1:])
         for ground in equations.grounds:

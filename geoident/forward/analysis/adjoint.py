@@ -40,13 +40,7 @@ import scipy.sparse as sp
 
 from geoident.forward.actions.thermal import NORMAL_COMPONENTS
 from geoident.forward.analysis.analysis import StagedAnalysis
-from geoident.forward.analysis.stage import (
-    ElasticTrace,
-    LastFactor,
-    LinearRows,
-    StageTask,
-    factorize,
-)
+from geoident.forward.analysis.stage import ElasticTrace, HeldFactors, LinearRows, StageTask
 from geoident.forward.ground.elasticity import ModeSlopes
 from geoident.forward.stages import Index, numbers
 from geoident.model.arrays import Bools, Floats, Ints
@@ -199,7 +193,7 @@ class AdjointAnalysis:
         analysis: StagedAnalysis,
         plan: AdjointPlan,
         traces: Sequence[ElasticTrace],
-        factors: LastFactor,
+        factors: HeldFactors,
         point: ParameterPoint,
         seeds: ReadingSeeds,
     ) -> None:
@@ -211,8 +205,8 @@ class AdjointAnalysis:
         self._points = analysis.systems.discretization.points
         self._structures = analysis.systems.structures
         self._fields = {id(one): number for number, one in enumerate(analysis.on_mesh.fields)}
-        self._first, self._count = 0, seeds.count  # the readings that are looked at
-        self._by_ordinary = np.zeros((self._count, len(self._ordinary.names)))
+        self._first = 0  # of the readings that are looked at
+        self._by_ordinary = np.zeros((seeds.count, len(self._ordinary.names)))
         self._by_field: dict[int, Floats] = {}  # (q, count) by field
         self._prepared: dict[int, _Work] = {}
         self._left: dict[int, list[tuple[Ints, _Adjoint]]] = {}
@@ -222,53 +216,39 @@ class AdjointAnalysis:
 
         Some readings at a time: what is done to them then stays near the processor.
         """
-        parts = [np.zeros((0, len(self._point.names)))]
+        places = {name: k for k, name in enumerate(self._point.names)}
+        result = np.zeros((self._seeds.count, len(places)))
         for first in range(0, self._seeds.count, _AT_ONCE):
-            self._first, self._count = first, min(_AT_ONCE, self._seeds.count - first)
-            self._by_ordinary = np.zeros((self._count, len(self._ordinary.names)))
-            self._by_field.clear()
+            part = result[first : first + _AT_ONCE]
+            self._first = first
+            self._by_ordinary = np.zeros((len(part), len(self._ordinary.names)))
+            self._by_field = {
+                n: np.zeros((len(field.points), len(part)))
+                for n, field in enumerate(self._analysis.on_mesh.fields)
+            }
             for state in reversed(range(len(self._traces))):
-                if len(self._columns(state)):
-                    self._stage(state)
-            parts.append(self._gathered())
-        return np.vstack(parts)
-
-    def _columns(self, state: int) -> Ints:
-        """Which of the readings (k) of this part a state acts on."""
-        columns = self._plan.columns[state]
-        ends = np.searchsorted(columns, (self._first, self._first + self._count))
-        return np.asarray(columns[ends[0] : ends[1]] - self._first)
-
-    def _gathered(self) -> Floats:
-        names = {name: k for k, name in enumerate(self._point.names)}
-        result = np.zeros((self._count, len(names)))
-        result[:, [names[name] for name in self._ordinary.names]] = self._by_ordinary
-        for number, products in self._by_field.items():
-            one = self._analysis.on_mesh.fields[number]
-            known = [k for k, name in enumerate(one.names) if name in names]
-            places = [names[one.names[k]] for k in known]
-            modes = one.modes if len(known) == len(one.names) else one.modes[:, known]
-            result[:, places] -= products.T @ modes
+                reached = self._plan.columns[state]
+                ends = np.searchsorted(reached, (first, first + len(part)))
+                if ends[0] < ends[1]:
+                    self._stage(state, reached[ends[0] : ends[1]] - first)
+            part[:, [places[name] for name in self._ordinary.names]] = self._by_ordinary
+            for n, products in self._by_field.items():
+                field = self._analysis.on_mesh.fields[n]
+                known = [k for k, name in enumerate(field.names) if name in places]
+                modes = field.modes if len(known) == len(field.names) else field.modes[:, known]
+                part[:, [places[field.names[k]] for k in known]] -= products.T @ modes
         return result
 
-    def _stage(self, number: int) -> None:
-        """One stage backwards."""
-        trace, columns = self._traces[number], self._columns(number)
-        task = trace.task
+    def _stage(self, number: int, columns: Ints) -> None:
+        """One stage backwards, for some readings (k) of this part."""
+        trace = self._traces[number]
         carried = self._arrive(number, columns)
         if number == 0:
             carried.u[:] = 0.0  # the motion to balance is forgotten
         w = carried.M
         if trace.stepped:
-            w = self._solved(task, carried)
-            # lambda = w - M, at the unknowns
-            slopes = self._force_slopes(number)
-            self._by_ordinary[columns] += w.T @ slopes - carried.M.T @ slopes
-            motion = self._imposed(number)
-            if motion is not None:
-                self._by_ordinary[columns] += carried.u.T @ motion[self._plan.read]
-            if trace.held:
-                self._hold(trace, w, carried, columns)
+            w = self._solved(trace.task, carried)
+            self._forces(trace, w, carried, columns)
         self._strains(trace, w, carried.d, columns)
         member = self._members(trace, w, carried, columns)
         if number:
@@ -277,34 +257,29 @@ class AdjointAnalysis:
     def _arrive(self, number: int, columns: Ints) -> _Adjoint:
         """What a state is left by those that build on it, and by its own readings."""
         k, s, n_dofs = len(columns), self._points.n_strain, self._systems.discretization.n_dofs
-        n_read = len(self._plan.read)
-        n_rows, parts = self._structures.n_rows, self._left.pop(number, [])
+        parts = self._left.pop(number, [])
         if len(parts) == 1 and len(parts[0][0]) == k:
             adjoint = parts[0][1]
         else:
             adjoint = _Adjoint(
                 np.zeros((n_dofs, k)),
-                np.zeros((n_read, k)),
+                np.zeros((len(self._plan.read), k)),
                 np.zeros((s, len(self._plan.special), k)),
-                np.zeros((n_rows, k)),
+                np.zeros((self._structures.n_rows, k)),
             )
-            for theirs, part in parts:
-                at = _together(np.searchsorted(columns, theirs))
+            for later, part in parts:
+                at = _together(np.searchsorted(columns, later))
                 adjoint.M[:, at] += part.M
                 adjoint.u[:, at] += part.u
                 adjoint.d[..., at] += part.d
                 adjoint.members[:, at] += part.members
                 for group, held in part.held.items():
                     adjoint.held.setdefault(group, np.zeros((n_dofs, k)))[:, at] += held
-        self._add_seeds(number, columns, adjoint)
-        return adjoint
 
-    def _add_seeds(self, number: int, columns: Ints, adjoint: _Adjoint) -> None:
-        """What readings depend on a state itself."""
         weights = self._plan.weights[number, self._first + columns]
         here = np.flatnonzero(weights)
         if not len(here):
-            return
+            return adjoint
         rows, channels = self._seeds.rows, self._seeds.channel[self._first + columns[here]]
         scale = sp.diags_array(weights[here])
         if rows.u is not None:
@@ -318,87 +293,68 @@ class AdjointAnalysis:
         if rows.members is not None and self._structures.n_rows:
             forces = (scale @ rows.members[channels]).T.toarray()
             adjoint.members[:, here] -= forces / self._structures.weight[:, None]
+        return adjoint
 
     def _solved(self, task: StageTask, carried: _Adjoint) -> Floats:
         """The adjoint displacements w (n_dofs, k)."""
+        structures, dofs = self._structures, task.system.dofs
         rest = -(self._plan.forces @ self._special_stress(task, carried.d))
         rest[self._plan.read] += carried.u
-        if self._structures.n_rows:
-            rest -= self._structures.nodal_forces(task.rigidities[:, :1] * carried.members)
-        dofs = task.system.dofs
-        later = self._let_go_later(task, carried.M)
-        if later is not None:
-            rest -= self._forces_of(task, later)
-        factor = factorize(task, self._systems, self._factors)
+        if structures.n_rows:
+            rest -= structures.nodal_forces(task.rigidities[:, :1] * carried.members)
+        # at supports that hold now and not later w = M, since lambda is zero
+        held = task.system.touched.copy()
+        held[dofs] = False
+        let_go = np.where(held[:, None], carried.M, 0.0) if np.any(carried.M[held]) else None
+        if let_go is not None:
+            stress, moduli = self._points.strain(let_go), task.moduli_by_material()
+            for material, points in task.system.points_of.items():
+                stress[:, points] = moduli[material].stress(stress[:, points])
+            rest -= self._points.forces(stress, task.system.volume)
+            if structures.n_rows:
+                rest -= structures.nodal_forces(task.rigidities[:, :1] * structures.strain(let_go))
+        factor = self._factors.factor(task, self._systems)
         right = rest[dofs]
         rest[:] = 0.0
         if factor is not None:
             rest[dofs] = factor.solve(right)
-        return rest if later is None else rest + later
-
-    def _let_go_later(self, task: StageTask, M: Floats) -> Floats | None:
-        """Of M (n_dofs, k), what belongs to supports that hold now and not later; None for none.
-
-        There w = M, since lambda is zero.
-        """
-        held = task.system.touched.copy()
-        held[task.system.dofs] = False
-        if not np.any(M[held]):
-            return None
-        return np.where(held[:, None], M, 0.0)
-
-    def _forces_of(self, task: StageTask, u: Floats) -> Floats:
-        """Forces (n_dofs, k) of the ground and structures of a stage at displacements."""
-        stress = self._points.strain(u)
-        for material, points in task.system.points_of.items():
-            moduli = task.ground_moduli.moduli(material, points).value
-            stress[:, points] = moduli.stress(stress[:, points])
-        forces = self._points.forces(stress, task.system.volume)
-        if self._structures.n_rows:
-            forces += self._structures.nodal_forces(
-                task.rigidities[:, :1] * self._structures.strain(u)
-            )
-        return forces
+        return rest if let_go is None else rest + let_go
 
     def _special_stress(self, task: StageTask, d: Floats) -> Floats:
         """V E d (n_strain n_special, k) at the special points, zero where they are absent."""
-        stress = np.zeros_like(d)
+        stress, moduli = np.zeros_like(d), task.moduli_by_material()
         for material, points in task.system.points_of.items():
             place = self._plan.place[points]
             here = np.flatnonzero(place >= 0)
             if len(here):
-                moduli = task.ground_moduli.moduli(material, points).value.at(here)
-                stress[:, place[here]] = moduli.stress(d[:, place[here]])
+                stress[:, place[here]] = moduli[material].at(here).stress(d[:, place[here]])
         stress *= task.system.volume[self._plan.special][None, :, None]
         return stress.reshape(d.shape[0] * d.shape[1], d.shape[2])
 
-    def _force_slopes(self, number: int) -> Floats:
-        """df/dp (n_dofs, n) at the unknowns, of what acts and of released fractions; else zero."""
-        trace = self._traces[number]
-        forces, dofs = np.zeros_like(trace.slopes), trace.task.system.dofs
-        forces[dofs] = trace.slopes[dofs]
+    def _forces(self, trace: ElasticTrace, w: Floats, carried: _Adjoint, columns: Ints) -> None:
+        """Take lambda = w - M to the parameters of forces, of given motions and of what is held."""
+        task, dofs, ordinary = trace.task, trace.task.system.dofs, self._ordinary
+        release = self._analysis.release
+        slopes = np.zeros_like(trace.slopes)
+        slopes[dofs] = trace.slopes[dofs]
+        released = {group: release.part(task.number, group, ordinary) for group in trace.held}
         for group, support in trace.held.items():
-            fraction = self._analysis.release.part(number, group, self._ordinary).columns[1:]
-            forces[dofs] -= np.outer(support[dofs], fraction)
-        return forces
+            slopes[dofs] -= np.outer(support[dofs], released[group].columns[1:])
+        self._by_ordinary[columns] += w.T @ slopes - carried.M.T @ slopes
+        motion = self._imposed(task.number)
+        if motion is not None:
+            self._by_ordinary[columns] += carried.u.T @ motion[self._plan.read]
+        for group in trace.held:
+            held = carried.held.setdefault(group, np.zeros_like(carried.M))
+            held[dofs] += (1.0 - float(released[group].value)) * (w[dofs] - carried.M[dofs])
+            if group in task.state.leaving:
+                own = self._analysis.actions.carried(task.state.base, {group}, ordinary)[:, 1:]
+                self._by_ordinary[columns] += held.T @ own
 
     def _imposed(self, number: int) -> Floats | None:
         """Derivatives (n_dofs, n) of the displacement step that supports impose; None for none."""
         motion = self._analysis.motions.change(number, self._ordinary)
         return None if motion is None else motion[:, 1:]
-
-    def _hold(self, trace: ElasticTrace, w: Floats, carried: _Adjoint, columns: Ints) -> None:
-        """Adjoints of what is held; where the group leaves at this stage, of what made it."""
-        state, dofs = trace.task.state, trace.task.system.dofs
-        pull = w[dofs] - carried.M[dofs]
-        for group in trace.held:
-            part = self._analysis.release.part(trace.task.number, group, self._ordinary)
-            fraction = float(part.value)
-            held = carried.held.setdefault(group, np.zeros_like(carried.M))
-            held[dofs] += (1.0 - fraction) * pull
-            if group in state.leaving:
-                own = self._analysis.actions.carried(state.base, {group}, self._ordinary)[:, 1:]
-                self._by_ordinary[columns] += held.T @ own
 
     def _strains(self, trace: ElasticTrace, w: Floats, d: Floats, columns: Ints) -> None:
         """Take b = C w + d of a stage to the parameters of its moduli and strains.
@@ -414,14 +370,14 @@ class AdjointAnalysis:
             special = place[modes.field.points]
             also = np.flatnonzero(special >= 0)
             products[also] += np.einsum("sq,sqk->qk", change[:, also], d[:, special[also]])
-            self._add_products(modes, products, columns)
+            self._by_field[self._fields[id(modes.field)]][:, _together(columns)] += products
         direct = np.einsum("sqk,sqn->kn", d, work.direct, optimize=True)
         self._by_ordinary[columns] -= w.T @ work.forces + direct
 
     def _work_of(self, trace: ElasticTrace) -> _Work:
         """The work of V dsigma/dp at kept displacements."""
-        points, task = self._points, trace.task
-        volume, ordinary = task.system.volume, self._ordinary
+        points, task, ordinary = self._points, trace.task, self._ordinary
+        volume = task.system.volume
         by_ordinary = np.zeros((points.n_strain, points.n_points, len(ordinary.names)))
         by_field = []
         if trace.in_situ is not None:
@@ -432,36 +388,29 @@ class AdjointAnalysis:
             strain[:NORMAL_COMPONENTS] -= thermal[:, 0]
         motion = self._imposed(task.number)
         imposed = None if motion is None else points.strain(motion)
-        for material, mine in task.system.points_of.items():
-            moduli = task.ground_moduli.moduli(material, mine)
+        for material, at in task.system.points_of.items():
+            moduli = task.ground_moduli.moduli(material, at)
             if imposed is not None:
-                by_ordinary[:, mine] += moduli.value.stress(imposed[:, mine])
+                by_ordinary[:, at] += moduli.value.stress(imposed[:, at])
             if trace.stepped:
                 for name, slope in moduli.slopes.items():
                     if name in ordinary.names:
                         k = ordinary.names.index(name)
-                        by_ordinary[:, mine, k] += slope.stress(strain[:, mine])
+                        by_ordinary[:, at, k] += slope.stress(strain[:, at])
                 for modes in moduli.modes:
                     # absent points of the field have no work: so no rows need be picked
                     change = np.zeros((points.n_strain, len(modes.field.points)))
-                    at = slice(None) if modes.places is None else modes.places
-                    change[:, at] = modes.moduli.stress(strain[:, mine]) * volume[mine]
+                    rows = slice(None) if modes.places is None else modes.places
+                    change[:, rows] = modes.moduli.stress(strain[:, at]) * volume[at]
                     operator = self._systems.work(modes.field.points, change)
                     by_field.append((modes, change, operator))
             if thermal is not None:
-                normal = np.zeros((points.n_strain, *thermal[mine, 1:].shape))
-                normal[:NORMAL_COMPONENTS] = thermal[mine, 1:]
-                by_ordinary[:, mine] -= moduli.value.stress(normal)
-        at_special = self._plan.special
-        direct = volume[at_special, None] * by_ordinary[:, at_special]
+                normal = np.zeros((points.n_strain, *thermal[at, 1:].shape))
+                normal[:NORMAL_COMPONENTS] = thermal[at, 1:]
+                by_ordinary[:, at] -= moduli.value.stress(normal)
+        special = self._plan.special
+        direct = volume[special, None] * by_ordinary[:, special]
         return _Work(by_field, points.forces(by_ordinary, volume), direct)
-
-    def _add_products(self, modes: ModeSlopes, products: Floats, columns: Ints) -> None:
-        """Add V b^T D eps (q, k) of a stage at all points of a field."""
-        number = self._fields[id(modes.field)]
-        if number not in self._by_field:
-            self._by_field[number] = np.zeros((len(modes.field.points), self._count))
-        self._by_field[number][:, _together(columns)] += products
 
     def _members(self, trace: ElasticTrace, w: Floats, carried: _Adjoint, columns: Ints) -> Floats:
         """The same of structures, for rigidities and given forces; returns B w (n_rows, k)."""

@@ -45,27 +45,21 @@ from geoident.forward.actions.forces import Actions
 from geoident.forward.actions.motions import GivenMotions
 from geoident.forward.actions.release import Held, PartialRelease, ReleasedParts
 from geoident.forward.actions.thermal import NORMAL_COMPONENTS, ThermalStrains
-from geoident.forward.analysis.plastic_step import (
-    PlasticFindings,
-    PlasticSteps,
-    WarmStart,
-)
+from geoident.forward.analysis.plastic_step import PlasticFindings, PlasticSteps, WarmStart
 from geoident.forward.analysis.stage import (
-    BaseStates,
     ElasticTrace,
+    HeldFactors,
     LastEquilibrium,
-    LastFactor,
     StageEnd,
     StageTask,
     StressState,
     UnitForces,
     elastic_step,
-    follow_displacements,
 )
-from geoident.forward.analysis.systems import StageSystem, StageSystems
+from geoident.forward.analysis.systems import StageSystems
 from geoident.forward.ground.elasticity import ModuliAt
 from geoident.forward.in_situ.stress import NEGLIGIBLE_IMBALANCE, InSituStress, StressPlaces
-from geoident.forward.stages import CaseOnMesh, ConstructionState
+from geoident.forward.stages import CaseOnMesh
 from geoident.model.arrays import Bools, Floats
 from geoident.model.dual import ParameterPoint
 from geoident.model.parameter import Values
@@ -205,36 +199,25 @@ class AnalysisRun:
         options: RunOptions,
         tell: Callable[[int], None] = lambda state: None,
     ) -> None:
-        self._tell = tell
-        systems = analysis.systems
+        systems, derivatives = analysis.systems, options.derivatives and not options.traced
         self._analysis, self._systems, self._options = analysis, systems, options
-        self._structures = systems.structures
-        self.given, derivatives = point, options.derivatives and not options.traced
-        self._point = point if derivatives else ParameterPoint(point.values, ())
-        self._ordinary = analysis.without_modes(point) if options.traced else self._point
-        self._slopes = np.zeros((0, 0))
+        self._structures, self._tell = systems.structures, tell
+        self.given = point
+        self.point = point if derivatives else ParameterPoint(point.values, ())
+        self._ordinary = analysis.without_modes(point) if options.traced else self.point
         self.traces: list[ElasticTrace] = []
+        self.factors = HeldFactors(HELD_ENTRIES if options.traced else 0)
         n_strain = systems.discretization.points.n_strain
         self._ground = ModuliAt(analysis.on_mesh, point, n_strain)
         self._plastic: PlasticSteps | None = None
         if any(material.yields for material in analysis.case.materials.values()):
             self._plastic = PlasticSteps(
-                analysis.case,
-                systems,
-                analysis.warm,
-                self._ground,
-                explain=options.explain,
-                even_only=options.even_only,
-            )
-        self.factors = LastFactor(HELD_ENTRIES if options.traced else 0)
+                analysis.case, systems, analysis.warm, self._ground,
+                explain=options.explain, even_only=options.even_only,
+            )  # fmt: skip
         self._held: dict[int, Held] = {0: {}}
         self._imbalance = 0.0
         self._collapses: list[CollapseError] = []
-
-    @property
-    def point(self) -> ParameterPoint:
-        """The parameters, and those by which the analysis differentiates."""
-        return self._point
 
     @property
     def findings(self) -> RunFindings:
@@ -250,24 +233,25 @@ class AnalysisRun:
                 outside a yield surface, or the ground collapses (`CollapseError`), unless the
                 options say to go on: then that state and all that build on it are NaN.
         """
-        analysis, unit = self._analysis, self._options.unit_forces
-        u, carried = self._at_rest()
         last = self._options.last
-        states = analysis.sequence.states[: None if last is None else last + 1]
-        bases = BaseStates(states)
+        states = self._analysis.sequence.states[: None if last is None else last + 1]
+        last_use = {state.base: n for n, state in enumerate(states) if n and state.base != n - 1}
+        kept: dict[int, tuple[Floats, StressState]] = {}  # what later states build on
+        u, carried = self._at_rest()
         lost: set[int] = set()
         for n, state in enumerate(states):
             yielded, last_found = None, None
-            if n == 0 or state.base not in lost:
-                bases.go_to(n, u, carried)
+            if not n or state.base not in lost:
+                if n and state.base != n - 1:
+                    u, carried = kept.pop(state.base)
+                    if last_use[state.base] > n:
+                        kept[state.base] = u.copy(), carried.copy()
                 forces = np.zeros_like(u)
-                acting = analysis.actions.forces(n, self._ordinary)
-                forces[:, : self._point.n_columns] = acting[:, : self._point.n_columns]
-                self._slopes = acting[:, 1:]
-                if unit is not None:
-                    unit.add_to(forces, n)
                 try:
-                    yielded = self._advance_to_state(n, u, carried, forces)
+                    if n == 0:
+                        yielded = self._begin(carried, forces)
+                    else:
+                        yielded = self._advance(n, u, carried, forces)
                 except CollapseError as error:
                     if not self._options.partial:
                         raise
@@ -276,132 +260,119 @@ class AnalysisRun:
             self._tell(n)
             if yielded is None:
                 lost.add(n)
-                yield replace(_unknown(n, u, carried), last=last_found)
+                still = np.zeros(carried.stress.shape[1], dtype=bool)
+                yield StageEnd(
+                    n, u * np.nan, carried.stress * np.nan, carried.members * np.nan, still,
+                    last=last_found,
+                )  # fmt: skip
             else:
                 yield StageEnd(n, u, carried.stress, carried.members, yielded, forces)
-                bases.leave(n, u, carried)
+                if last_use.get(n, -1) > n + 1:
+                    kept[n] = u.copy(), carried.copy()
         if not self._options.traced:
             self.factors.forget()
 
     def _at_rest(self) -> tuple[Floats, StressState]:
         """Displacements (n_dofs, 1 + n + k) and what is carried, all zero."""
         points, unit = self._systems.discretization.points, self._options.unit_forces
-        columns = self._point.n_columns + (unit.n_columns if unit else 0)
+        columns = self.point.n_columns + (unit.n_columns if unit else 0)
+        u = np.zeros((self._systems.discretization.n_dofs, columns))
         stress = np.zeros((points.n_strain, points.n_points, columns))
-        members = np.zeros((self._structures.n_rows, columns))
-        return np.zeros((self._systems.discretization.n_dofs, columns)), StressState(
-            stress, members
-        )
+        return u, StressState(stress, np.zeros((self._structures.n_rows, columns)))
 
-    def _advance_to_state(
-        self, number: int, u: Floats, carried: StressState, forces: Floats
-    ) -> Bools:
-        """Bring a state to equilibrium; updates u (n_dofs, 1 + n + k) and what is carried.
+    def _act(self, number: int, forces: Floats) -> Floats:
+        """Add what acts in a state to forces (n_dofs, 1 + n + k).
 
         Returns:
-            (n_points,) the strain points that yield.
+            (n_dofs, n) its derivatives by the parameters that are no modes, for adjoints.
         """
-        still = np.zeros(carried.stress.shape[1], dtype=bool)
-        if number == 0:
-            self._begin(carried, forces)
-            return still
-        analysis, state = self._analysis, self._analysis.sequence.states[number]
-        held = analysis.release.held(number, self._held[state.base], carried.stress, self._point)
-        self._held[number] = held
-        forces += analysis.release.forces(number, held, self._point)
-        self._clear(self._systems[number], state, carried, u)
-        task = self._task(number, carried, forces, analysis.thermal.change(number, self._point))
-        task = replace(task, motion=analysis.motions.change(number, self._point))
-        given = self._options.displacements
-        known = None if given is None else given(number)
-        if self._plastic is not None and self._plastic.yields(state):
-            du, yielded = self._plastic.step(task)
-        elif known is not None:
-            du, yielded = known[:, : u.shape[1]] - u, still
-            follow_displacements(task, self._systems, du)
-        else:
-            du, yielded = elastic_step(task, self._systems, self.factors), still
-        if self._options.traced:
-            values = {group: support[:, 0].copy() for group, support in held.items()}
-            self.traces.append(ElasticTrace(task, du[:, 0], self._slopes, values))
-        u += du
-        return yielded
+        unit = self._options.unit_forces
+        acting = self._analysis.actions.forces(number, self._ordinary)
+        forces[:, : self.point.n_columns] += acting[:, : self.point.n_columns]
+        if unit is not None:
+            unit.add_to(forces, number)
+        return acting[:, 1:]
 
-    def _begin(self, carried: StressState, forces: Floats) -> None:
+    def _begin(self, carried: StressState, forces: Floats) -> Bools:
         """Set the in-situ stress; bring it to equilibrium if it is not, and forget the motion.
 
         What is out of balance is small; it is taken as elastic. Where the stress then is must be
-        inside the yield surfaces.
+        inside the yield surfaces. Returns that no strain point (n_points,) yields.
         """
-        system, stress, n = self._systems[0], carried.stress, self._point.n_columns
+        system, stress, n = self._systems[0], carried.stress, self.point.n_columns
+        slopes = self._act(0, forces)
         given = self._analysis.in_situ.columns(self._ordinary)
         given[:, ~system.present] = 0.0
         stress[..., :n] = given[..., :n]
-        stress[:, ~system.present] = 0.0
         imbalance = self._analysis.imbalance(stress, forces)
         self._imbalance = float(imbalance[0])
         if self._options.traced:
-            acting = np.hstack([forces, self._slopes])
-            imbalance = self._analysis.imbalance(given, acting)
+            imbalance = self._analysis.imbalance(given, np.hstack([forces, slopes]))
         task = self._task(0, carried, forces)
         stepped = bool(imbalance.max() > NEGLIGIBLE_IMBALANCE)  # it may come as K0 changes
         du = np.zeros(len(forces))
         if stepped:
             du = elastic_step(task, self._systems, self.factors)[:, 0]
         if self._options.traced:
-            trace = ElasticTrace(task, du, self._slopes, {}, given[..., 1:], stepped)
-            self.traces.append(trace)
+            self.traces.append(ElasticTrace(task, du, slopes, {}, given[..., 1:], stepped))
         if self._plastic is not None:
             self._plastic.refuse_virgin(task)
+        return np.zeros(stress.shape[1], dtype=bool)
 
-    def _clear(
-        self, system: StageSystem, state: ConstructionState, carried: StressState, u: Floats
-    ) -> None:
-        """What is gone or placed anew carries nothing; nodes that are gone forget their motion."""
+    def _advance(self, number: int, u: Floats, carried: StressState, forces: Floats) -> Bools:
+        """Bring a state to equilibrium; updates u (n_dofs, 1 + n + k), what is carried, and forces.
+
+        Returns:
+            (n_points,) the strain points that yield.
+        """
+        analysis, systems, point = self._analysis, self._systems, self.point
+        system, state = systems[number], analysis.sequence.states[number]
+        slopes = self._act(number, forces)
+        held = analysis.release.held(number, self._held[state.base], carried.stress, point)
+        self._held[number] = held
+        forces += analysis.release.forces(number, held, point)
+        # what is gone or placed anew carries nothing; nodes that are gone forget their motion
         carried.clear(~system.present)
         for group in state.placed:
-            carried.clear(self._systems.discretization.points_of[group])
-        self._structures.begin(state, carried.members, self._point)
+            carried.clear(systems.discretization.points_of[group])
+        self._structures.begin(state, carried.members, point)
         u[~system.touched] = 0.0
+        task = self._task(number, carried, forces)
+        task.impose(systems)
+        yielded = np.zeros(carried.stress.shape[1], dtype=bool)
+        if self._plastic is not None and self._plastic.yields(state):
+            du, yielded = self._plastic.step(task)
+        else:
+            given = self._options.displacements
+            u_known = None if given is None else given(number)
+            du_known = None if u_known is None else u_known[:, : u.shape[1]] - u
+            du = elastic_step(task, systems, self.factors, du_known)
+        if task.motion is not None:
+            du[:, : point.n_columns] += task.motion
+        if self._options.traced:
+            values = {group: support[:, 0].copy() for group, support in held.items()}
+            self.traces.append(ElasticTrace(task, du[:, 0], slopes, values))
+        u += du
+        return yielded
 
-    def _task(
-        self, number: int, carried: StressState, forces: Floats, thermal: Floats | None = None
-    ) -> StageTask:
-        """A state to be brought to equilibrium.
-
-        ``thermal`` is the normal strain (n_points, 1 + n) of a change of temperature.
-        """
-        system, state = self._systems[number], self._analysis.sequence.states[number]
-        moduli = self._structures.moduli(state, self._point)
-        task = StageTask(
-            number, system, state, self._point, self._ground, carried, forces, moduli, thermal
+    def _task(self, number: int, carried: StressState, forces: Floats) -> StageTask:
+        """A state to be brought to equilibrium, with what is imposed after the virgin state."""
+        analysis, state, point = self._analysis, self._analysis.sequence.states[number], self.point
+        return StageTask(
+            number,
+            self._systems[number],
+            state,
+            point,
+            self._ground,
+            carried,
+            forces,
+            rigidities=self._structures.moduli(state, point),
+            thermal=analysis.thermal.change(number, point) if number else None,
+            motion=analysis.motions.change(number, point) if number else None,
         )
-        if thermal is not None:
-            _impose(task, thermal)
-        return task
 
 
 def _last_of(error: CollapseError, before: Floats) -> LastEquilibrium | None:
     """What was found on the way to a load that is not carried, after displacements (n_dofs,)."""
     reached = error.reached
     return replace(reached, u=before + reached.u) if isinstance(reached, LastEquilibrium) else None
-
-
-def _unknown(state: int, u: Floats, carried: StressState) -> StageEnd:
-    """A state that is not reached."""
-    still = np.zeros(carried.stress.shape[1], dtype=bool)
-    nan = np.nan
-    return StageEnd(state, u * nan, carried.stress * nan, carried.members * nan, still)
-
-
-def _impose(task: StageTask, thermal: Floats) -> None:
-    """Take E eps_0 from the stress, with the derivatives of eps_0.
-
-    Those by the moduli (dE/dp) are added in `elastic_step`.
-    """
-    moduli = task.moduli_by_material()
-    for material, points in task.system.points_of.items():
-        normal = thermal[points]
-        strain = np.zeros((task.carried.stress.shape[0], *normal.shape))
-        strain[:NORMAL_COMPONENTS] = normal
-        task.carried.stress[:, points, : thermal.shape[1]] -= moduli[material].stress(strain)

@@ -55,13 +55,13 @@ def band_at(equations: StageEquations, trial: Trial) -> ShearBand | None:
         equations: of the stage, with the viscosity at which the state is in equilibrium.
         trial: the state.
     """
-    n, yielding = len(equations.dofs), sum(flow.points.size for flow in equations.flowing(trial))
+    n, yielding = len(equations.dofs), sum(flow.points.size for flow in trial.flowing)
     if n <= _MODES + 1 or not yielding:
         return None
-    factor, _ = equations.factor(trial)
+    tangent = equations.tangent(trial)
     inverse = spla.LinearOperator(
         (n, n),
-        matvec=lambda x: factor.solve(equations.elastic_forces(x.ravel())[:, None])[:, 0],
+        matvec=lambda x: tangent.solve(equations.elastic_forces(x.ravel())),
         dtype=np.float64,
     )
     start = np.random.default_rng(0).standard_normal(n)

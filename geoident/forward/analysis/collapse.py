@@ -13,6 +13,8 @@ is reached; where Newton's method does not get there, it grows by less. Meshes t
 without change of volume have no limit load (Nagtegaal, Parks, Rice 1974, Comput. Methods Appl.
 Mech. Eng. 4): there the arc ends where the ground has become ten thousand times softer and its
 strains large.
+
+Flow without potential has no such arc: there t is found by halving.
 """
 
 from __future__ import annotations
@@ -24,10 +26,17 @@ import numpy as np
 from geoident.errors import CollapseError
 from geoident.fem.location import format_point
 from geoident.forward.analysis.bands import ShearBand
-from geoident.forward.analysis.equilibrium import follow_slope
+from geoident.forward.analysis.equilibrium import LARGE_STRAIN, follow_slope, solve
 from geoident.forward.analysis.stage import LastEquilibrium, StageTask
-from geoident.forward.analysis.stage_equations import Balance, StageEquations, Trial
+from geoident.forward.analysis.stage_equations import (
+    ELASTIC_PARTS,
+    Balance,
+    NoEquilibrium,
+    StageEquations,
+    Trial,
+)
 from geoident.forward.analysis.systems import StageSystem
+from geoident.forward.analysis.viscous_path import StepBudget
 from geoident.forward.stages import CaseOnMesh
 from geoident.model.arrays import Floats
 from geoident.model.results.yielded import Mechanism
@@ -39,16 +48,10 @@ _STANDS_STILL = 2e-4
 """Relative growth of t over a doubling of the displacement that counts as the limit."""
 
 _SOFTER = 1e4
-"""How much softer than elastic the ground is when it counts as flowing, where _LONG is passed."""
-
-_LONG = 1.0
-"""Strain up to which ground may be as soft as it likes (it may harden)."""
-
-_HALF = 0.5
-"""Part of the largest rate of shear from which on a mechanism shears strongly."""
+"""How much softer than elastic the ground is when it counts as flowing, at large strains."""
 
 _MOST_DOUBLINGS = 24
-"""Of the elastic displacement: far beyond, where `_SOFTER` and `_LONG` end the search."""
+"""Of the elastic displacement: far beyond, where `_SOFTER` and `LARGE_STRAIN` end the search."""
 
 _LEAST_GROWTH = 1.05
 """Of the displacement, from one equilibrium to the next: the search ends below it."""
@@ -56,84 +59,133 @@ _LEAST_GROWTH = 1.05
 _MOST_STEPS = 40
 """Of Newton at one displacement; where it converges, it takes 5 to 15."""
 
+_RESOLUTION = 1 / 512
+"""To which the part of a load that is carried is known where there is no potential."""
+
+_PARTS = 80
+"""Newton steps for the part that could be balanced, where collapse is not proven."""
+
+_HALF = 0.5
+"""Part of the largest rate of shear from which on a mechanism shears strongly."""
+
 
 @dataclass(frozen=True)
-class Limit:
-    """Where the arc of equilibria ended.
+class CarriedPart:
+    """The part of a stage's change of load that is carried.
 
     Args:
-        fraction: t that is carried, at most 1.
-        du: (n_dofs,) displacement step there.
+        fraction: t, at most 1.
+        trial: equilibrium under it; None where only t = 0 was brought to equilibrium.
+        error: how more of it fails.
     """
 
     fraction: float
-    du: Floats
+    trial: Trial | None
+    error: NoEquilibrium
 
 
-def limit_of(equations: StageEquations) -> Limit:
-    """The largest part of the change of load of a stage that can be carried."""
+def carried_part(equations: StageEquations, error: NoEquilibrium) -> CarriedPart:
+    """The largest part of the change of load of a stage that can be carried.
+
+    Args:
+        equations: of the stage.
+        error: how the whole load fails.
+    """
+    if equations.associated:
+        fraction, du = _end_of_arc(equations)
+        return CarriedPart(fraction, equations.at(du), error)
+    return _halved(equations, error)
+
+
+def _end_of_arc(equations: StageEquations) -> tuple[float, Floats]:
+    """Load factor t, at most 1, and displacement step (n_dofs,) where the arc ends."""
     before = equations.under(equations.before())
     load = (equations.forces - before.forces)[equations.dofs]
     rest = before.at(np.zeros_like(equations.forces))
-    factor, _ = before.factor(rest)
-    compliance = float(load @ factor.solve(load[:, None])[:, 0])
-    alpha, growth = 0.25 * compliance, 2.0
-    last, reached = Limit(0.0, rest.du), 0.0
+    compliance = float(load @ before.tangent(rest).solve(load))
+    alpha, growth, reached = 0.25 * compliance, 2.0, 0.0
+    t, du = 0.0, rest.du
     while alpha <= 2.0**_MOST_DOUBLINGS * compliance:
-        limit = _controlled(before, load, alpha, last)
-        if limit is None:
+        following = _controlled(before, load, alpha, t, du)
+        if following is None:
             if growth < _LEAST_GROWTH or not reached:
-                return last
+                break
             growth = float(np.sqrt(growth))
             alpha = growth * reached
             continue
-        softer = alpha > _SOFTER * compliance * limit.fraction
-        if softer and _strain(before, limit) > _LONG:
-            return last
-        if limit.fraction >= 1.0:
-            return Limit(1.0, limit.du)
-        grown = limit.fraction - last.fraction
-        last = limit if grown > 0.0 else last
-        still = _STANDS_STILL * last.fraction * np.log2(growth)
-        if alpha > compliance and grown <= still:
-            return last
+        t_next, du_next = following
+        softer = alpha > _SOFTER * compliance * t_next
+        if softer and np.abs(before.operators.strain(du_next)).max() > LARGE_STRAIN:
+            break
+        if t_next >= 1.0:
+            return 1.0, du_next
+        grown = t_next - t
+        if grown > 0.0:
+            t, du = following
+        if alpha > compliance and grown <= _STANDS_STILL * t * np.log2(growth):
+            break
         reached, growth = alpha, min(growth**2, 2.0)
         alpha *= growth
-    return last
+    return t, du
 
 
-def _strain(equations: StageEquations, limit: Limit) -> float:
-    """The largest strain."""
-    return float(np.abs(equations.operators.strain(limit.du)).max())
-
-
-def _controlled(before: StageEquations, load: Floats, alpha: float, start: Limit) -> Limit | None:
-    """Equilibrium at a prescribed measure alpha of the displacements; None if not found.
+def _controlled(
+    before: StageEquations, load: Floats, alpha: float, t: float, du: Floats
+) -> tuple[float, Floats] | None:
+    """Load factor t and displacements (n_dofs,) at a measure alpha of these; None if not found.
 
     Steps on the surface of alpha follow the slope of the potential there; f - f_0 does no work on
     them.
+
+    Args:
+        before: the equations under f_0.
+        load: f - f_0 (n,) at the unknowns.
+        alpha: the measure.
+        t: load factor of the last equilibrium.
+        du: (n_dofs,) its displacements.
     """
-    dofs = before.dofs
-    trial, t = before.at(start.du), start.fraction
+    dofs, trial = before.dofs, before.at(du)
     for _ in range(_MOST_STEPS):
         rest = trial.residual + t * load
         short = alpha - float(load @ trial.du[dofs])
         on_surface = abs(short) <= 1e-9 * alpha
-        if on_surface and np.abs(rest).max() <= _BALANCED * _scale(trial, t, load):
-            return Limit(t, trial.du)
-        factor, _ = before.factor(trial, least=1)
-        free, ahead = factor.solve(np.column_stack([rest, load])).T
+        scale = max(trial.scale, abs(t) * float(np.abs(load).max()))
+        if on_surface and np.abs(rest).max() <= _BALANCED * scale:
+            return t, trial.du
+        tangent = before.tangent(trial, least=ELASTIC_PARTS[1])  # flowing ground is singular
+        free, ahead = tangent.factor.solve(np.column_stack([rest, load])).T
         step = before.spread(free + (short - load @ free) / (load @ ahead) * ahead)
-        if on_surface:
-            trial, _ = follow_slope(before, trial, step)
-        else:
-            trial = before.at(trial.du + step)
+        end = before.at(trial.du + step)
+        trial = follow_slope(before, trial, step, end)[0] if on_surface else end
         t = -float(trial.residual @ load) / float(load @ load)
     return None
 
 
-def _scale(trial: Trial, t: float, load: Floats) -> float:
-    return max(trial.scale, abs(t) * float(np.abs(load).max()))
+def _halved(equations: StageEquations, error: NoEquilibrium) -> CarriedPart:
+    """The part that is carried by flow without potential.
+
+    Where no collapse is proven only even flow is looked for, with few steps: each part beyond the
+    last would be lost where the whole is.
+    """
+    even_only = not error.proven
+    budget = StepBudget(_PARTS) if even_only else None
+    before, trial = equations.before(), None
+    rest = np.zeros_like(before)
+    least, most = 0.0, 1.0
+    while most - least > _RESOLUTION and (budget is None or budget.left > 0):
+        part = 0.5 * (least + most)
+        under = equations.under(before + part * (equations.forces - before))
+        starts = [rest, rest if trial is None else trial.du]
+        try:
+            balance = solve(
+                under, starts, even_only=even_only, budget=budget, most_strain=LARGE_STRAIN
+            )
+            least, trial = part, balance.trial
+        except NoEquilibrium as failed:
+            most = part
+            if failed.mechanism is not None and (failed.proven or not error.proven):
+                error = failed
+    return CarriedPart(least, trial, error)
 
 
 def collapse_error(

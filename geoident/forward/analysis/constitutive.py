@@ -1,9 +1,8 @@
-"""The ground of a stage at its strain points: what it bears at given strains (theory 5).
+"""The ground of a stage at its strain points: stress and tangent at given strains (theory 5).
 
-Materials are elastic, and where one yields its law brings the trial stress to the yield surface. A
-stage asks for the stress, for what flow takes of the potential, for the change of the stiffness and
-for derivatives; and it tells which planes its points reach (`ReachedPlanes`). Nothing else in the
-analysis knows of planes.
+Materials are elastic, and where one yields its law brings the trial stress to the yield surface.
+`ReachedPlanes` counts which planes the points of a stage reach. Nothing else in the analysis knows
+of planes.
 """
 
 from __future__ import annotations
@@ -16,7 +15,6 @@ import numpy as np
 from geoident.fem.elasticity import Moduli
 from geoident.fem.yielding.law import ReturnStep, YieldLaw
 from geoident.fem.yielding.localisation import may_localise
-from geoident.forward.analysis.stage import StageTask
 from geoident.forward.stages import Index, numbers
 from geoident.forward.yielding.surfaces import YieldLaws
 from geoident.model.arrays import Bools, Floats, Ints
@@ -42,11 +40,6 @@ class Ground:
     hardened: Floats | None = None
 
     @property
-    def yields(self) -> bool:
-        """Whether it has a yield law."""
-        return self.law is not None
-
-    @property
     def associated(self) -> bool:
         """Whether its flow, if it yields, has a potential."""
         return self.law is None or self.law.associated
@@ -56,7 +49,7 @@ class Ground:
         """Whether multipliers of earlier stages count."""
         return self.law is not None and self.law.hardens
 
-    def among(self, points: Ints, n_points: int) -> Ground | None:
+    def restrict(self, points: Ints, n_points: int) -> Ground | None:
         """Its part among some points (q,), ascending, numbered by them; None where there is none.
 
         Args:
@@ -71,13 +64,13 @@ class Ground:
         hardened = None if self.hardened is None else self.hardened[:, rows]
         return Ground(self.name, here, self.elasticity.at(rows), law, hardened)
 
-    def bear(self, stress: Floats, strain: Floats, viscosity: float) -> Flow | None:
-        """How it flows at strains of a step; None for a material that does not yield.
+    def integrate_stress(self, stress: Floats, strain: Floats, viscosity: float) -> Flow | None:
+        """Bring stresses to the end of a step; how the ground flows, None if it never yields.
 
         Args:
-            stress: (s, m) before, of all points; afterwards, at its own, what they bear then.
+            stress: (s, m) of all points before the step; its own are overwritten.
             strain: (s, m) of the step.
-            viscosity: part of the overstress s* - P(s*) that is kept (`viscous_path`).
+            viscosity: part mu of the overstress s* - P(s*) that is kept (`viscous_path`).
 
         Raises:
             NoReturn: flow that is not associated leads nowhere.
@@ -92,35 +85,8 @@ class Ground:
         stress[:, points] = projection.stress
         if viscosity > 0.0:
             stress[:, points] += viscosity * (trial - projection.stress)
-        return Flow(self, projection, stress.shape[1])
-
-    def limit(self, plane: int, point: int, stress: Floats) -> tuple[str, float]:
-        """Name and distance k, Pa, of a plane.
-
-        Args:
-            plane: its number.
-            point: by place among those of this ground.
-            stress: (s, m) any stress of this ground.
-        """
-        assert self.law is not None
-        distances = -self.law.excess(np.zeros_like(stress))
-        return self.law.planes.names[plane], float(distances[plane, point])
-
-
-def grounds_of(task: StageTask, laws: YieldLaws) -> list[Ground]:
-    """The materials that are there in a stage.
-
-    Args:
-        task: the stage.
-        laws: how they yield at its parameters.
-    """
-    moduli, grounds = task.moduli_by_material(), []
-    for name, points in task.system.points_of.items():
-        law, hardened = laws.at(name, points), None
-        if law is not None and law.hardens:
-            hardened = task.carried.multipliers(name, points, 0)
-        grounds.append(Ground(name, points, moduli[name], law, hardened))
-    return grounds
+        flowing = numbers(points, stress.shape[1])[projection.yielded]
+        return Flow(self, projection, flowing, viscosity)
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,42 +96,20 @@ class Flow:
     Args:
         ground: its strain points.
         projection: of their trial stresses.
-        n_points: number of strain points of the mesh.
+        points: (q,) the strain points of the mesh with an active plane, ascending.
+        viscosity: part mu of the overstress that is kept.
     """
 
     ground: Ground
     projection: ReturnStep
-    n_points: int
+    points: Ints
+    viscosity: float = 0.0
 
     @cached_property
-    def points(self) -> Ints:
-        """(q,) the strain points with an active plane, ascending."""
-        return numbers(self.ground.points, self.n_points)[self.projection.yielded]
-
-    @property
-    def multipliers(self) -> Floats:
-        """(q, y) dlam >= 0 of the step at these points."""
-        return self.projection.multipliers
-
-    @property
-    def flowing(self) -> Bools:
-        """(q,) points with a positive multiplier."""
-        return np.asarray((self.multipliers > 0.0).any(axis=1))
-
-    @property
-    def reserve(self) -> Floats:
-        """(q,) what the potential of theory 5 loses against the elastic one, J/m3."""
-        return self.projection.reserve
-
-    def softening(self, viscosity: float) -> Floats:
-        """T E - E (q, s, s): what the consistent tangent differs from the elasticity.
-
-        Args:
-            viscosity: part of the overstress that is kept.
-        """
-        reduction = self.projection.reduction
-        change = (1.0 - viscosity) * (reduction - np.eye(reduction.shape[1]))
-        return np.asarray(change @ self._moduli)
+    def tangent_change(self) -> Floats:
+        """T E - E (q, s, s), with (1 - mu) T + mu in place of T."""
+        T = self.projection.reduction
+        return np.asarray((1.0 - self.viscosity) * (T - np.eye(T.shape[1])) @ self._moduli)
 
     def may_localise(self) -> Bools:
         """(q,) points at which shear may go into a band."""
@@ -176,7 +120,7 @@ class Flow:
         return self.ground.elasticity.matrices(self.projection.yielded)
 
     def derivatives(
-        self, trial: Floats, before: Floats | None = None, *, of_law: bool, viscosity: float
+        self, trial: Floats, before: Floats | None = None, *, of_law: bool
     ) -> tuple[Floats, Floats | None]:
         """Derivatives of stress (s, q, n) and multipliers (y, q, n), as in `ReturnStep`.
 
@@ -184,11 +128,10 @@ class Flow:
             trial: (s, q, n) of the trial stress.
             before: (y, q, n) of the multipliers of earlier stages; None for zero.
             of_law: the first columns are by the parameters of the law.
-            viscosity: part of the overstress that is kept.
         """
         stress, multipliers = self.projection.derivatives(trial, before, of_law=of_law)
-        if viscosity > 0.0:
-            stress = stress + viscosity * (trial - stress)
+        if self.viscosity > 0.0:
+            stress = stress + self.viscosity * (trial - stress)
         return stress, multipliers
 
 
@@ -220,7 +163,7 @@ class ReachedPlanes:
             flow: of one material.
         """
         place = self._rows[flow.ground.name], state - 1
-        flowing = (flow.multipliers > 0.0).sum(axis=0)
+        flowing = (flow.projection.multipliers > 0.0).sum(axis=0)
         self._points[place] = np.maximum(self._points[place], flowing)
         self._biactive[place] = flow.projection.biactive.sum(axis=0)
 

@@ -20,12 +20,12 @@ step are brought to equilibrium by themselves, all else kept (`fem.patches`): no
 (Lanzkron, Rose & Wilkes 1996, SIAM J. Sci. Comput. 17, 538-559). It lowers Pi, and takes factors of
 a few hundred unknowns.
 
-Flow that is not associated has no potential; its steps are judged by the next ones, and where
-they are lost a path of viscous grounds leads to the solution (`viscous_path`).
-
 A load beyond collapse has no minimum: Pi falls without end along a mechanism d. That is found
 by the slope of Pi far out along the steps (the kinematic theorem of limit analysis): if it is
 still falling there, d dissipates less than the loads give, and no equilibrium exists.
+
+Flow that is not associated has no potential; its steps are judged by the next ones, and where
+they are lost a path of viscous grounds leads to the solution (`viscous_path`).
 
 Cost: one factorization for every step, one for the derivatives if the last was made elsewhere.
 """
@@ -37,11 +37,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from geoident.fem.solvers.direct import Factor
 from geoident.forward.analysis.stage_equations import (
     Balance,
     NoEquilibrium,
+    Patches,
     StageEquations,
+    Tangent,
     Trial,
 )
 from geoident.forward.analysis.viscous_path import (
@@ -53,6 +54,9 @@ from geoident.forward.analysis.viscous_path import (
 )
 from geoident.model.arrays import Floats
 
+LARGE = 10_000
+"""Unknowns from which on a factorization costs more than a few places solved by themselves."""
+
 MOST_STEPS = 60
 """Newton steps at most; a stage rarely takes more than fifteen."""
 
@@ -60,6 +64,13 @@ PATIENCE = 10
 """Newton steps after which flow without potential takes the path of viscous grounds.
 
 Steps that wander longer may end in bands of shear where there is an even flow.
+"""
+
+LARGE_STRAIN = 1.0
+"""Strain of yielding points beyond which small strains describe nothing.
+
+Meshes that lock under flow without change of volume let pressures grow without end: where all else
+flows, Newton's method finds equilibria kilometres away (Nagtegaal, Parks, Rice 1974).
 """
 
 _SUSPICIOUS = 4
@@ -81,8 +92,14 @@ _LITTLE_VISCOUS = 3e-3
 FAR_OUT = 1e6
 """Where along a step its mechanism alone decides, in steps."""
 
+_NO_POWER = 1e-6
+"""Part of the power of the loads on a mechanism that the slope of Pi far out must exceed."""
+
 _HARDLY_RISEN = 0.3
 """Slope of Pi at the end of a step, as part of that at its beginning, that is nearly none."""
+
+_MOST_CUTS = 40
+"""Shares of a step that are tried to find the zero of the slope of Pi; three are usual."""
 
 _QUICK = 0.1
 """Part of the out-of-balance force that a good step leaves."""
@@ -106,6 +123,7 @@ def solve(
     *,
     even_only: bool = False,
     budget: StepBudget | None = None,
+    most_strain: float = np.inf,
 ) -> Balance:
     """The equilibrium of a stage.
 
@@ -114,6 +132,7 @@ def solve(
         guesses: (n_dofs,) displacement steps; the nearest one is the start (`distance`).
         even_only: without potential, no flow in bands of shear is looked for.
         budget: steps that are left where there is no potential; None for a search of its own.
+        most_strain: of yielding points; an equilibrium beyond it counts as none.
 
     Raises:
         NoEquilibrium: see there.
@@ -121,74 +140,126 @@ def solve(
     """
     start = min((equations.at(guess) for guess in guesses), key=equations.distance)
     if equations.associated:
-        return _by_potential(equations, start)
-    return _without_potential(equations, start, budget or StepBudget(SEARCH), even_only=even_only)
+        balance = _minimise(equations, start)
+    else:
+        budget = budget or StepBudget(SEARCH)
+        balance = _without_potential(equations, start, budget, even_only=even_only)
+    strain = np.abs(equations.operators.strain(balance.trial.du))
+    if any(strain[:, flow.points].max() > most_strain for flow in balance.trial.flowing):
+        raise NoEquilibrium(balance.trial.du)
+    return balance
 
 
-def _by_potential(equations: StageEquations, trial: Trial) -> Balance:
-    """Newton's method along the slope of Pi, from a trial."""
-    factor: Factor | None = None
-    made_at: Trial | None = None
+def _minimise(equations: StageEquations, trial: Trial) -> Balance:
+    """Newton's method for the minimum of Pi.
+
+    Raises:
+        NoEquilibrium: Pi falls without end, or no minimum was found.
+    """
+    tangent: Tangent | None = None
     for step in range(MOST_STEPS):
         if trial.error <= BALANCED:
-            return Balance(trial, factor, made_at)
-        factor, level = equations.factor(trial)
-        made_at = trial if level == 0 else None
-        d = equations.spread(factor.solve(trial.residual[:, None])[:, 0])
-        following, share = _stepped(equations, trial, d)
+            return Balance(trial, tangent)
+        tangent = equations.tangent(trial)
+        d = equations.spread(tangent.solve(trial.residual))
+        following, whole = _step(equations, trial, d)
         if following.error >= trial.error and trial.error <= NO_LOWER:
-            return Balance(trial, factor, made_at)
-        if step >= _SUSPICIOUS and share == 1.0:
+            return Balance(trial, tangent)
+        if whole and step >= _SUSPICIOUS:
             _refuse_mechanism(equations, following, d)
         trial = following
     raise NoEquilibrium(trial.du)
 
 
-def _stepped(equations: StageEquations, trial: Trial, d: Floats) -> tuple[Trial, float]:
-    """Follows a step (n_dofs,), its worst places brought to equilibrium by themselves.
+def _step(equations: StageEquations, trial: Trial, d: Floats) -> tuple[Trial, bool]:
+    """Follow a step d (n_dofs,), in a large model with its worst places settled by themselves.
 
     Returns:
-        Where it ended, and the share of the step that was made.
+        Where it ended, and whether the whole step was taken.
     """
-    whole = equations.at(trial.du + d)
-    quick = whole.error <= _QUICK * trial.error
-    if quick or equations.patches is None or not equations.large:
-        return follow_slope(equations, trial, d, whole)
-    settled = _settled(equations, whole)
-    if settled is not None:
-        way = (settled.du - trial.du)[equations.dofs]
-        slope = float(trial.residual @ way)
-        if slope > 0.0 and float(settled.residual @ way) >= -_HARDLY_RISEN * slope:
-            return settled, 1.0
-    return follow_slope(equations, trial, d, whole)
+    end = equations.at(trial.du + d)
+    quick = end.error <= _QUICK * trial.error
+    if equations.patches is not None and len(equations.dofs) >= LARGE and not quick:
+        settled = _settled(equations, equations.patches, end)
+        if settled is not None and _hardly_risen(equations, trial, settled):
+            return settled, True
+    return follow_slope(equations, trial, d, end)
 
 
-def _settled(equations: StageEquations, trial: Trial) -> Trial | None:
+def follow_slope(
+    equations: StageEquations, trial: Trial, d: Floats, end: Trial
+) -> tuple[Trial, bool]:
+    """Follow a step to near the zero of the slope of Pi, which is monotone.
+
+    A whole step at whose end Pi still falls, or has hardly risen, is taken as it is.
+
+    Args:
+        equations: of the stage.
+        trial: where the step begins.
+        d: (n_dofs,) the step.
+        end: where the whole step ends.
+
+    Returns:
+        Where it ended, and whether the whole step was taken.
+    """
+    if _hardly_risen(equations, trial, end):
+        return end, True
+    free = d[equations.dofs]
+    first = float(trial.residual @ free)
+    low, slope_low, high, slope_high = 0.0, first, 1.0, float(end.residual @ free)
+    for _ in range(_MOST_CUTS):
+        share = (low * slope_high - high * slope_low) / (slope_high - slope_low)
+        share = float(np.clip(share, low + 0.02 * (high - low), high - 0.02 * (high - low)))
+        end = equations.at(trial.du + share * d)
+        slope = float(end.residual @ free)
+        if abs(slope) <= _HARDLY_RISEN * first:
+            break
+        if slope > 0.0:
+            low, slope_low, slope_high = share, slope, 0.5 * slope_high
+        else:
+            high, slope_high, slope_low = share, slope, 0.5 * slope_low
+    return end, False
+
+
+def _hardly_risen(equations: StageEquations, trial: Trial, end: Trial) -> bool:
+    """Whether Pi falls from a trial to another, and has not turned to rise much at its end."""
+    way = (end.du - trial.du)[equations.dofs]
+    slope = float(trial.residual @ way)
+    return slope > 0.0 and float(end.residual @ way) >= -_HARDLY_RISEN * slope
+
+
+def _settled(equations: StageEquations, patches: Patches, trial: Trial) -> Trial | None:
     """The same with the places that are farthest from equilibrium brought there, all else kept.
 
     None where they are too many.
     """
-    patches = equations.patches
-    assert patches is not None
     rest = np.abs(trial.residual)
     worst, most = float(rest.max(initial=0.0)), int(_PATCH * rest.size)
-    for part in _WORST:
-        patch = patches.around(np.flatnonzero(rest > part * worst), most)
-        if patch is not None:
-            break
-    else:
+    around = (patches.around(np.flatnonzero(rest > part * worst), most) for part in _WORST)
+    patch = next((one for one in around if one is not None), None)
+    if patch is None:
         return None
     own = equations.within(patch, patches.within(patch), trial.du)
     here = own.at(trial.du[patch.dofs])
     for _ in range(_PATCH_STEPS):
         if np.abs(here.residual).max() <= _SETTLED * worst:
             break
-        factor, _ = own.factor(here)
-        d = own.spread(factor.solve(here.residual[:, None])[:, 0])
-        here, _ = follow_slope(own, here, d)
+        here, _ = _step(own, here, own.spread(own.tangent(here).solve(here.residual)))
     du = trial.du.copy()
     du[patch.dofs] = here.du
     return equations.at(du)
+
+
+def _refuse_mechanism(equations: StageEquations, trial: Trial, d: Floats) -> None:
+    """Raise where Pi falls without end along a step d (n_dofs,) from a trial.
+
+    Raises:
+        NoEquilibrium: it does.
+    """
+    far, free = equations.at(trial.du + FAR_OUT * d), d[equations.dofs]
+    power = float(np.abs(equations.forces[equations.dofs] * free).sum())
+    if float(far.residual @ free) > _NO_POWER * power:
+        raise NoEquilibrium(d, proven=True)
 
 
 def _without_potential(
@@ -199,22 +270,25 @@ def _without_potential(
     Where the even flow folds back at little viscosity, its last point is the answer: beyond the
     fold there are only bands of shear, whose place is that of the elements. Where it folds back
     earlier, the load may still be in balance but for a little.
+
+    Raises:
+        NoEquilibrium: neither leads to an end.
     """
-    direct = newton(equations, start, most=PATIENCE, budget=budget)
+    direct = newton(equations, start, budget, most=PATIENCE)
     if direct.converged:
         return direct
     path = follow_path(equations, budget)
     if path is None:
         raise NoEquilibrium(direct.trial.du)
     if path.runs_away is not None:
-        raise NoEquilibrium(path.runs_away, limit=True)
+        raise NoEquilibrium(path.runs_away, proven=True)
     end = path.balance
     if end.viscosity == 0.0:
         return end
     if end.viscosity <= (_HARDLY_VISCOUS if even_only else _LITTLE_VISCOUS):
         missing = np.abs(path.promised - end.trial.du).max()
         short = float(missing / (np.abs(path.promised).max() or 1.0))
-        return replace(end, factor=None, made_at=None, short=short)
+        return replace(end, tangent=None, short=short)
     refused = NoEquilibrium(end.trial.du, even=end)
     if even_only:
         raise refused
@@ -226,51 +300,4 @@ def _without_potential(
     trial = min(trials, key=lambda one: one.error)
     if trial.error > _UNBALANCED * at_rest:
         raise refused
-    return Balance(trial, None, None, unbalanced=trial.error / at_rest)
-
-
-def follow_slope(
-    equations: StageEquations, trial: Trial, d: Floats, whole: Trial | None = None
-) -> tuple[Trial, float]:
-    """Follows a step to near the zero of the slope of Pi, which is monotone.
-
-    A full step on which Pi still falls at its end, or has hardly risen, is taken as it is.
-
-    Args:
-        equations: of the stage.
-        trial: where the step begins.
-        d: (n_dofs,) the step.
-        whole: what is at its end, if that is known.
-
-    Returns:
-        Where it ended, and the share of the step that was made.
-    """
-    free = d[equations.dofs]
-    slope = float(trial.residual @ free)
-    following = equations.at(trial.du + d) if whole is None else whole
-    slope_there = float(following.residual @ free)
-    if slope_there >= -_HARDLY_RISEN * slope:
-        return following, 1.0
-    low, s_low, high, s_high = 0.0, slope, 1.0, slope_there
-    share = 1.0
-    for _ in range(40):
-        share = (low * s_high - high * s_low) / (s_high - s_low)
-        share = float(np.clip(share, low + 0.02 * (high - low), high - 0.02 * (high - low)))
-        following = equations.at(trial.du + share * d)
-        slope_there = float(following.residual @ free)
-        if abs(slope_there) <= 0.3 * slope:
-            break
-        if slope_there > 0.0:
-            low, s_low, s_high = share, slope_there, 0.5 * s_high
-        else:
-            high, s_high, s_low = share, slope_there, 0.5 * s_low
-    return following, share
-
-
-def _refuse_mechanism(equations: StageEquations, trial: Trial, d: Floats) -> None:
-    """Raise where Pi falls without end along a step."""
-    far = equations.at(trial.du + FAR_OUT * d)
-    free = d[equations.dofs]
-    power = float(np.abs(equations.forces[equations.dofs] * free).sum())
-    if float(far.residual @ free) > 1e-6 * power:
-        raise NoEquilibrium(d)
+    return Balance(trial, unbalanced=trial.error / at_rest)

@@ -18,6 +18,7 @@ from geoident.forward.actions.thermal import NORMAL_COMPONENTS
 from geoident.forward.analysis.systems import StageSystem, StageSystems
 from geoident.forward.ground.elasticity import ModuliAt
 from geoident.forward.stages import ConstructionState, Index
+from geoident.forward.structures.members import Structures
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.dual import ParameterPoint
 
@@ -121,10 +122,6 @@ class StressState:
     members: Floats
     hardened: dict[str, Floats] = field(default_factory=dict)
 
-    def columns(self, part: slice) -> StressState:
-        """Some of its columns, not copied."""
-        return StressState(self.stress[..., part], self.members[:, part])
-
     def clear(self, points: Bools | Ints | slice) -> None:
         """Points (n_points,), or (k,) by number, that are gone or placed anew carry nothing.
 
@@ -164,52 +161,6 @@ class StressState:
         hardened = {name: values.copy() for name, values in self.hardened.items()}
         return StressState(self.stress.copy(), self.members.copy(), hardened)
 
-    def restore(self, kept: StressState) -> None:
-        """Take over the values of a copy."""
-        self.stress[:], self.members[:] = kept.stress, kept.members
-        self.hardened.clear()
-        self.hardened.update({name: values.copy() for name, values in kept.hardened.items()})
-
-
-class BaseStates:
-    """Keeps what later states build on, as long as they need it, and no longer.
-
-    Args:
-        states: of the analysis.
-    """
-
-    def __init__(self, states: Sequence[ConstructionState]) -> None:
-        self._bases = [state.base for state in states]
-        self._last_use = {base: n for n, base in enumerate(self._bases) if base != n - 1}
-        self._kept: dict[int, tuple[Floats, StressState]] = {}
-
-    def go_to(self, state: int, u: Floats, carried: StressState) -> None:
-        """Put the displacements and stresses in place on which a state builds.
-
-        Args:
-            state: index of the state.
-            u: (n_dofs, 1 + n + k), overwritten.
-            carried: overwritten.
-        """
-        base = self._bases[state]
-        if base == state - 1 or state == 0:
-            return
-        u[:], kept = self._kept[base]
-        carried.restore(kept)
-        if self._last_use[base] == state:
-            del self._kept[base]
-
-    def leave(self, state: int, u: Floats, carried: StressState) -> None:
-        """Copy them where a later state builds on this one, but not the next.
-
-        Args:
-            state: index of the state.
-            u: (n_dofs, 1 + n + k).
-            carried: at its end.
-        """
-        if self._last_use.get(state, -1) > state:
-            self._kept[state] = u.copy(), carried.copy()
-
 
 @dataclass(frozen=True)
 class StageTask:
@@ -221,12 +172,12 @@ class StageTask:
         state: what is there.
         point: the parameters, and those to differentiate by.
         ground_moduli: of all materials.
-        carried: before the stage, without what left; thermal strains are in it. Changed in place.
+        carried: before the stage, without what left; see `impose`. Changed in place.
         forces: (n_dofs, 1 + n + k).
         rigidities: (n_rows, 1 + n) of structures.
-        thermal: (n_points, 1 + n) normal strains, or None.
-        motion: (n_dofs, 1 + n) displacement step that supports impose, zero where nothing is given;
-            None for none.
+        thermal: (n_points, 1 + n) normal strains eps_0 of a change of temperature; None for none.
+        motion: (n_dofs, 1 + n) displacement step w that supports impose, zero where nothing is
+            given; None for none.
     """
 
     number: int
@@ -237,7 +188,7 @@ class StageTask:
     carried: StressState
     forces: Floats
     rigidities: Floats
-    thermal: Floats | None
+    thermal: Floats | None = None
     motion: Floats | None = None
 
     @property
@@ -251,6 +202,66 @@ class StageTask:
             m: self.ground_moduli.moduli(m, points).value
             for m, points in self.system.points_of.items()
         }
+
+    def impose(self, systems: StageSystems) -> None:
+        """Bring what temperatures and supports impose into what is carried, E (C w - eps_0).
+
+        With the derivatives of w and eps_0; those of E are added with the step (`add_slopes`).
+        The other nodes stay where they are for now: what they are then out of balance by, the
+        step of the stage takes away.
+        """
+        if self.motion is not None:
+            self.add_stress(systems, self.motion, slice(0, 1 + self.n))
+        if self.thermal is not None:
+            moduli, stress = self.moduli_by_material(), self.carried.stress
+            for material, points in self.system.points_of.items():
+                strain = np.zeros((stress.shape[0], *self.thermal[points].shape))
+                strain[:NORMAL_COMPONENTS] = self.thermal[points]
+                stress[:, points, : 1 + self.n] -= moduli[material].stress(strain)
+
+    def add_stress(self, systems: StageSystems, du: Floats, columns: slice) -> None:
+        """Add E C du to what is carried, and the forces of structures likewise.
+
+        Args:
+            systems: the equations of the stages.
+            du: (n_dofs, c) displacement steps.
+            columns: c columns of what is carried.
+        """
+        strain, moduli = systems.discretization.points.strain(du), self.moduli_by_material()
+        for material, points in self.system.points_of.items():
+            self.carried.stress[:, points, columns] += moduli[material].stress(strain[:, points])
+        self.add_member_forces(systems.structures, du, columns)
+
+    def add_member_forces(self, structures: Structures, du: Floats, columns: slice) -> None:
+        """The same of the forces of structures alone."""
+        if structures.n_rows:
+            self.carried.members[:, columns] += self.rigidities[:, :1] * structures.strain(du)
+
+    def add_slopes(self, systems: StageSystems, du: Floats, slopes: Floats) -> None:
+        """Add dE/dp_h eps for the moduli that depend on parameters; structures likewise.
+
+        Args:
+            systems: the equations of the stages.
+            du: (n_dofs,) displacement step, without what supports impose.
+            slopes: dsigma/dp (s, n_points, n + k), changed in place.
+        """
+        du = du if self.motion is None else du + self.motion[:, 0]
+        strain = systems.discretization.points.strain(du)
+        if self.thermal is not None:
+            strain[:NORMAL_COMPONENTS] -= self.thermal[:, 0]
+        columns = {name: column for column, name in enumerate(self.point.names)}
+        for material, points in self.system.points_of.items():
+            moduli = self.ground_moduli.moduli(material, points)
+            for name, slope in moduli.slopes.items():
+                if name in columns:
+                    slopes[:, points, columns[name]] += slope.stress(strain[:, points])
+            for modes in moduli.modes:
+                change, phi = modes.moduli.stress(strain[:, points]), modes.modes
+                for some, place in _runs(modes.field.names, columns):
+                    slopes[:, points, place] += change[..., None] * phi[None, :, some]
+        if systems.structures.n_rows:
+            members = systems.structures.strain(du)[:, None]
+            self.carried.members[:, 1 : 1 + self.n] += self.rigidities[:, 1:] * members
 
 
 @dataclass(frozen=True, eq=False)
@@ -274,7 +285,7 @@ class ElasticTrace:
     stepped: bool = True
 
 
-class LastFactor:
+class HeldFactors:
     """The factorizations of an analysis that are held, good as long as K stays the same.
 
     K depends on the material of every present group, and on the structures. One is held, not one
@@ -289,139 +300,83 @@ class LastFactor:
         self._entries = entries
         self._held: list[tuple[object, Factor, SymbolicFactorization, int]] = []
 
-    def find(self, state: ConstructionState) -> Factor | None:
-        """The factorization of K at a state, if it is one that is held and still there."""
-        what = _what_stands(state)
-        for ground, factor, _, _ in self._held:
-            if ground == what and factor.valid:
-                return factor
-        return None
-
-    def make_room(self, entries: int) -> None:
-        """Forget what must go before a factorization of so many entries is made, oldest first."""
-        while self._held and sum(held[3] for held in self._held) + entries > self._entries:
-            del self._held[0]
-
     def forget(self) -> None:
         """Forget all."""
         self._held.clear()
 
-    def uses(self, symbolic: SymbolicFactorization) -> bool:
-        """Whether a factor that is held would be lost by another factorization by the same."""
-        return any(held[2] is symbolic for held in self._held)
+    def find(self, state: ConstructionState) -> Factor | None:
+        """The factorization of K at a state, if it is one that is held and still valid."""
+        key = state.materials, state.structures, set(state.stressed), state.held
+        for stands, factor, _, _ in self._held:
+            if stands == key and factor.valid:
+                return factor
+        return None
 
-    def keep(
-        self, state: ConstructionState, factor: Factor, symbolic: SymbolicFactorization, size: int
-    ) -> None:
-        """Hold a factorization.
+    def factor(self, task: StageTask, systems: StageSystems) -> Factor | None:
+        """Factorization of K of a stage; None where every displacement is prescribed.
 
-        Args:
-            state: for which it was made.
-            factor: of K there.
-            symbolic: of which it is the last factor.
-            size: entries of K.
+        Raises:
+            ModelError: the stiffness is not positive definite.
         """
-        self._held.append((_what_stands(state), factor, symbolic, size))
+        system, state = task.system, task.state
+        symbolic = systems.symbolic(system)
+        if symbolic is None:
+            return None
+        held = self.find(state)
+        if held is not None:
+            return held
+        size = len(system.pattern.lower.indices)
+        while self._held and sum(one[3] for one in self._held) + size > self._entries:
+            del self._held[0]  # the oldest makes room
+        spare = 0
+        while any(one[2] is symbolic for one in self._held):  # it would overwrite that factor
+            spare += 1
+            symbolic = systems.symbolic(system, spare) or symbolic
+        try:
+            values = systems.values(system, state, task.moduli_by_material(), task.point.values)
+            factor = symbolic.factorize(values)
+        except NotPositiveDefinite as error:
+            place = systems.describe_unknown(system, error.unknown)
+            raise not_positive_definite(state.name, place) from error
+        key = state.materials, state.structures, set(state.stressed), state.held
+        self._held.append((key, factor, symbolic, size))
+        return factor
 
 
-def elastic_step(task: StageTask, systems: StageSystems, last: LastFactor) -> Floats:
-    """Bring a state to equilibrium.
+def elastic_step(
+    task: StageTask, systems: StageSystems, factors: HeldFactors, known: Floats | None = None
+) -> Floats:
+    """Bring a state to equilibrium (theory 2.1).
 
     The state comes first, since the derivatives need its strains.
 
     Args:
         task: the stage; what it carries is brought to its end.
         systems: the equations of the stages.
-        last: the last factorization of this analysis.
+        factors: those that are held.
+        known: (n_dofs, 1 + n) displacement steps, where they are known; nothing is solved then.
 
     Returns:
-        (n_dofs, 1 + n + k) displacement steps.
+        (n_dofs, 1 + n + k) displacement steps beside those that supports impose.
 
     Raises:
         ModelError: the stiffness is not positive definite.
     """
-    factor, structures = factorize(task, systems, last), systems.structures
-    impose_motion(task, systems)
-    first = _solve_columns(
-        task, systems, factor, task.carried.columns(slice(1)), task.forces[:, :1]
-    )
-    if task.motion is not None:
-        first += task.motion[:, :1]
-    if task.forces.shape[1] == 1:
-        return first
-    strain = systems.discretization.points.strain(first[:, 0])
-    if task.thermal is not None:
-        strain[:NORMAL_COMPONENTS] -= task.thermal[:, 0]
-    add_stress_from_moduli_slopes(task, strain, task.carried.stress[..., 1:])
-    members = task.carried.members[:, 1 : 1 + task.n]
-    members += task.rigidities[:, 1:] * structures.strain(first)
-    slopes = task.carried.columns(slice(1, None))
-    others = _solve_columns(task, systems, factor, slopes, task.forces[:, 1:])
-    if task.motion is not None:
-        others[:, : task.n] += task.motion[:, 1:]
-    return np.hstack([first, others])
-
-
-def follow_displacements(task: StageTask, systems: StageSystems, du: Floats) -> None:
-    """Bring what is carried to the end of a stage whose displacement steps are known.
-
-    Args:
-        task: the stage, in which temperatures and supports stay as they are.
-        systems: the equations of the stages.
-        du: (n_dofs, 1 + n) displacement steps.
-    """
-    strain, moduli = systems.discretization.points.strain(du), task.moduli_by_material()
-    if du.shape[1] > 1:
-        add_stress_from_moduli_slopes(task, strain[..., 0], task.carried.stress[..., 1:])
-    for material, points in task.system.points_of.items():
-        task.carried.stress[:, points] += moduli[material].stress(strain[:, points])
-    if systems.structures.n_rows:
-        members = systems.structures.strain(du)
-        task.carried.members[:, 1:] += task.rigidities[:, 1 : du.shape[1]] * members[:, :1]
-        task.carried.members[:] += task.rigidities[:, :1] * members
-
-
-def impose_motion(task: StageTask, systems: StageSystems) -> None:
-    """Bring what supports impose into what is carried, with its derivatives.
-
-    Those by the moduli (dE/dp) are added in `elastic_step`.
-
-    The other nodes stay where they are for now: what they are then out of balance by, the step of
-    the stage takes away.
-
-    Args:
-        task: the stage; what it carries is changed.
-        systems: the equations of the stages.
-    """
-    if task.motion is None:
-        return
-    strain, moduli = systems.discretization.points.strain(task.motion), task.moduli_by_material()
-    columns = task.motion.shape[1]
-    for material, points in task.system.points_of.items():
-        task.carried.stress[:, points, :columns] += moduli[material].stress(strain[:, points])
-    if systems.structures.n_rows:
-        more = task.rigidities[:, :1] * systems.structures.strain(task.motion)
-        task.carried.members[:, :columns] += more
-
-
-def add_stress_from_moduli_slopes(task: StageTask, strain: Floats, stress_slopes: Floats) -> None:
-    """dsigma/dp_h += dE/dp_h eps for the moduli that depend on parameters.
-
-    Args:
-        task: the stage.
-        strain: eps (s, n_points) of the step, without thermal strains.
-        stress_slopes: dsigma/dp (s, n_points, n + k), changed in place.
-    """
-    columns = {name: column for column, name in enumerate(task.point.names)}
-    for material, points in task.system.points_of.items():
-        moduli = task.ground_moduli.moduli(material, points)
-        for name, slope in moduli.slopes.items():
-            if name in columns:
-                stress_slopes[:, points, columns[name]] += slope.stress(strain[:, points])
-        for modes in moduli.modes:
-            change, phi = modes.moduli.stress(strain[:, points]), modes.modes
-            for some, place in _runs(modes.field.names, columns):
-                stress_slopes[:, points, place] += change[..., None] * phi[None, :, some]
+    points, structures, carried = systems.discretization.points, systems.structures, task.carried
+    factor = factors.factor(task, systems) if known is None else None
+    du, dofs = np.zeros_like(task.forces) if known is None else known, task.system.dofs
+    for columns in (slice(0, 1), slice(1, None))[: du.shape[1]]:
+        if columns.start:
+            task.add_slopes(systems, du[:, 0], carried.stress[..., columns])
+        if factor is not None:
+            r = task.forces[:, columns] - points.forces(
+                carried.stress[..., columns], task.system.volume
+            )
+            if structures.n_rows:
+                r -= structures.nodal_forces(carried.members[:, columns])
+            du[dofs, columns] = factor.solve(r[dofs])
+        task.add_stress(systems, du[:, columns], columns)
+    return du
 
 
 def _runs(names: Sequence[str], columns: Mapping[str, int]) -> Iterator[tuple[slice, slice]]:
@@ -441,66 +396,3 @@ def not_positive_definite(stage: str, place: str) -> ModelError:
     msg = f"at stage '{stage}' the stiffness matrix is not positive definite{place}"
     hint = "look there for elements without stiffness, or held by next to nothing"
     return ModelError(msg, hint)
-
-
-def _solve_columns(
-    task: StageTask,
-    systems: StageSystems,
-    factor: Factor | None,
-    carried: StressState,
-    forces: Floats,
-) -> Floats:
-    """Displacements (n_dofs, k) that balance forces and stress; adds the stress that they make."""
-    points, structures = systems.discretization.points, systems.structures
-    rest = forces - points.forces(carried.stress, task.system.volume)
-    if structures.n_rows:
-        rest -= structures.nodal_forces(carried.members)
-    du = np.zeros_like(rest)
-    if factor is not None:
-        dofs = task.system.dofs
-        du[dofs] = factor.solve(rest[dofs])
-    strain, moduli = points.strain(du), task.moduli_by_material()
-    for material, at in task.system.points_of.items():
-        carried.stress[:, at] += moduli[material].stress(strain[:, at])
-    if structures.n_rows:
-        carried.members[:] += task.rigidities[:, :1] * structures.strain(du)
-    return du
-
-
-def factorize(task: StageTask, systems: StageSystems, last: LastFactor) -> Factor | None:
-    """Factorization of K_j; None where every displacement is prescribed.
-
-    Args:
-        task: the stage.
-        systems: the equations of the stages.
-        last: the factorizations that are held.
-
-    Raises:
-        ModelError: the stiffness is not positive definite.
-    """
-    system, state = task.system, task.state
-    symbolic = systems.symbolic(system)
-    if symbolic is None:
-        return None
-    held = last.find(state)
-    if held is not None:
-        return held
-    size = len(system.pattern.lower.indices)
-    last.make_room(size)
-    spare = 0
-    while last.uses(symbolic):
-        spare += 1
-        symbolic = systems.symbolic(system, spare) or symbolic
-    try:
-        values = systems.values(system, state, task.moduli_by_material(), task.point.values)
-        factor = symbolic.factorize(values)
-    except NotPositiveDefinite as error:
-        place = systems.describe_unknown(system, error.unknown)
-        raise not_positive_definite(state.name, place) from error
-    last.keep(state, factor, symbolic, size)
-    return factor
-
-
-def _what_stands(state: ConstructionState) -> tuple[object, ...]:
-    """On what K depends: materials of groups, structures, those under a given force, supports."""
-    return state.materials, state.structures, set(state.stressed), state.held

@@ -1,4 +1,4 @@
-"""The nonlinear equations of one stage with yielding points, on arrays (theory 5).
+"""The nonlinear equations of one stage with yielding points, on arrays (theory 5.4).
 
 They need strain points, weights, grounds (`constitutive`) and a way to factorize; a mesh or a frame
 gives them.
@@ -17,13 +17,16 @@ from geoident.fem.patches import Patch
 from geoident.fem.solvers.direct import Factor, NotPositiveDefinite
 from geoident.fem.yielding.domain import NoReturn
 from geoident.forward.analysis.constitutive import Flow, Ground
-from geoident.model.arrays import Floats, Ints
+from geoident.model.arrays import Bools, Floats, Ints
 
-ELASTIC_PARTS = (1e-10, 1e-7, 1e-5, 1e-4, 1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3, 1.0)
-"""Parts of the elastic stiffness left in a tangent, by level."""
+ELASTIC_PARTS = (1e-10, 1e-7, 1e-3, 1.0)
+"""Parts of the elastic stiffness that are left in a tangent: the first that makes it definite."""
 
-LARGE = 10_000
-"""Unknowns from which on a factorization costs more than a few places solved by themselves."""
+_SAME_TANGENT = 1e-7
+"""Relative difference of tangents up to which the factor of one serves for the other."""
+
+_SAME_GENERAL_TANGENT = 1e-11
+"""The same without potential, where eigenvalues may be a ten thousandth of the elastic ones."""
 
 
 class Operators(Protocol):
@@ -68,28 +71,28 @@ class NoEquilibrium(ArithmeticError):
 
     Args:
         mechanism: (n_dofs,) how the ground moves, or None.
-        limit: whether it moves without end under this load: no doubt is left.
+        proven: whether it moves without end under this load: no doubt is left.
         even: the last equilibrium on the path of viscous grounds, of flow without potential;
             None where there is none.
     """
 
     def __init__(
-        self, mechanism: Floats | None, *, limit: bool = False, even: Balance | None = None
+        self, mechanism: Floats | None, *, proven: bool = False, even: Balance | None = None
     ) -> None:
         self.mechanism = mechanism
-        self.limit = limit
+        self.proven = proven
         self.even = even
         super().__init__("no equilibrium")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Trial:
     """Displacements and what they make.
 
     Args:
         du: (n_dofs,) displacement step.
         stress: (s, m) projected stress.
-        flows: of every ground, None where it does not yield.
+        flows: of every ground, None where it never yields.
         residual: (n,) r at the unknowns.
         scale: largest force at work, N.
     """
@@ -106,6 +109,39 @@ class Trial:
         worst = float(np.abs(self.residual).max(initial=0.0))
         return worst / self.scale if self.scale > 0 else worst
 
+    @property
+    def flowing(self) -> list[Flow]:
+        """What yields somewhere."""
+        return [flow for flow in self.flows if flow is not None and flow.points.size]
+
+    def yielded(self) -> Bools:
+        """(m,) strain points with a positive multiplier."""
+        result = np.zeros(self.stress.shape[1], dtype=bool)
+        for flow in self.flowing:
+            result[flow.points] = (flow.projection.multipliers > 0.0).any(axis=1)
+        return result
+
+
+@dataclass(frozen=True, eq=False)
+class Tangent:
+    """A consistent tangent K_T and its factor.
+
+    Args:
+        factor: of K_T.
+        points: (q,) strain points that yield, ascending.
+        change: (q, s, s) what they add to V E.
+        consistent: whether it is K_T itself; else a part of the elastic stiffness is left in it.
+    """
+
+    factor: Factor
+    points: Ints
+    change: Floats
+    consistent: bool
+
+    def solve(self, rest: Floats) -> Floats:
+        """K_T^-1 r (n,) of one residual."""
+        return self.factor.solve(rest[:, None])[:, 0]
+
 
 @dataclass(frozen=True)
 class Balance:
@@ -113,8 +149,7 @@ class Balance:
 
     Args:
         trial: displacements, stresses, flow.
-        factor: of the tangent before the last step, or None if none was made.
-        made_at: where it was made; None where a part of the elastic stiffness was left in it.
+        tangent: that of the last step, or None if none was made.
         converged: whether the forces are in balance.
         viscosity: part of the overstress that is kept (`viscous_path`).
         unbalanced: part of the change of load that is left, where no more could be done.
@@ -122,8 +157,7 @@ class Balance:
     """
 
     trial: Trial
-    factor: Factor | None
-    made_at: Trial | None
+    tangent: Tangent | None = None
     converged: bool = True
     viscosity: float = 0.0
     unbalanced: float = 0.0
@@ -158,11 +192,6 @@ class StageEquations:
     viscosity: float = 0.0
     patches: Patches | None = None
 
-    @property
-    def large(self) -> bool:
-        """Whether a factorization costs more than a few places, or steps, solved by themselves."""
-        return len(self.dofs) >= LARGE
-
     @cached_property
     def associated(self) -> bool:
         """Whether the flow of all materials that yield is associated."""
@@ -185,7 +214,7 @@ class StageEquations:
             du: (n_dofs,) displacement step of all else.
         """
         n = self.operators.n_points
-        parts = (ground.among(patch.points, n) for ground in self.grounds)
+        parts = (ground.restrict(patch.points, n) for ground in self.grounds)
         members: Callable[[Floats], Floats] | None = None
         if self.members is not None:
             of_all = self.members
@@ -223,23 +252,21 @@ class StageEquations:
         return max(float(np.abs(f).max(initial=0.0)) for f in (self.forces, self.before(), alone))
 
     def at(self, du: Floats) -> Trial:
-        """Stresses and residual at a displacement step (n_dofs,)."""
-        stress = self.stress.copy()
-        strain = self.operators.strain(du)
-        flows = [self._flow(ground, stress, strain) for ground in self.grounds]
+        """Stresses and residual at a displacement step (n_dofs,).
+
+        Raises:
+            NoEquilibrium: flow without potential leads nowhere.
+        """
+        stress, strain = self.stress.copy(), self.operators.strain(du)
+        try:
+            flows = [one.integrate_stress(stress, strain, self.viscosity) for one in self.grounds]
+        except NoReturn as error:
+            raise NoEquilibrium(None) from error
         internal = self.operators.forces(stress, self.volume)
         if self.members is not None:
             internal = internal + self.members(du)
         scale = max(np.abs(internal).max(initial=0.0), self._at_work)
-        rest = (self.forces - internal)[self.dofs]
-        return Trial(du, stress, tuple(flows), rest, float(scale))
-
-    def _flow(self, ground: Ground, stress: Floats, strain: Floats) -> Flow | None:
-        """How one material flows; its stress in place."""
-        try:
-            return ground.bear(stress, strain, self.viscosity)
-        except NoReturn as error:
-            raise NoEquilibrium(None) from error
+        return Trial(du, stress, tuple(flows), (self.forces - internal)[self.dofs], float(scale))
 
     def elastic_forces(self, free: Floats) -> Floats:
         """K x (n,) of displacements x (n,) of the unknowns where nothing yields, N."""
@@ -261,56 +288,69 @@ class StageEquations:
         if not self.associated:
             return trial.error
         strain = self.operators.strain(trial.du)
-        energy = -float(self.forces @ trial.du)
+        Pi = -float(self.forces @ trial.du)
         if self.members is not None:
             ends = self.members(0.0 * trial.du) + self.members(trial.du)
-            energy += 0.5 * float(ends @ trial.du)
+            Pi += 0.5 * float(ends @ trial.du)
         for ground, flow in zip(self.grounds, trial.flows, strict=True):
             points = ground.points
             stress = self.stress[:, points] + 0.5 * ground.elasticity.stress(strain[:, points])
-            energy += float(self.volume[points] @ (stress * strain[:, points]).sum(axis=0))
+            Pi += float(self.volume[points] @ (stress * strain[:, points]).sum(axis=0))
             if flow is not None:
-                energy -= float(self.volume[flow.points] @ flow.reserve)
-        return energy
+                Pi -= float(self.volume[flow.points] @ flow.projection.reserve)
+        return Pi
 
-    def factor(self, trial: Trial, *, least: int = 0) -> tuple[Factor, int]:
-        """Factor of the consistent tangent, and the level of `ELASTIC_PARTS` it needed.
+    def tangent(self, trial: Trial, *, least: float = 0.0) -> Tangent:
+        """The consistent tangent at a trial, factorized; with a part of the elastic one if need be.
 
-        Without a potential, where pivots need not be positive, level 0 leaves nothing of the
-        elastic stiffness: eigenvalues may be so small that it would be seen in derivatives.
+        Without a potential pivots need not be positive, and nothing of the elastic stiffness is
+        left at first: eigenvalues may be so small that it would be seen in derivatives.
+
+        Args:
+            trial: displacements and flow.
+            least: part of the elastic stiffness that is left at least.
+
+        Raises:
+            NotPositiveDefinite: the elastic stiffness itself is singular.
         """
-        points, change = self.changes(trial)
-        for level in range(least, len(ELASTIC_PARTS)):
-            left = ELASTIC_PARTS[level] if level or self.associated else 0.0
-            part = (1.0 - left) * change
+        points, change = self._changes(trial)
+        for part in ELASTIC_PARTS:
+            if part < least:
+                continue
+            first = part == ELASTIC_PARTS[0]
+            left = part if self.associated or not first else 0.0
             try:
-                return self.tangents(points, part, symmetric=self.associated), level
+                factor = self.tangents(points, (1.0 - left) * change, symmetric=self.associated)
             except NotPositiveDefinite:
-                if level == len(ELASTIC_PARTS) - 1 or not len(points):
+                if part == ELASTIC_PARTS[-1] or not len(points):
                     raise
+            else:
+                return Tangent(factor, points, change, consistent=first)
         raise AssertionError
 
-    def flowing(self, trial: Trial) -> list[Flow]:
-        """What yields somewhere."""
-        return [flow for flow in trial.flows if flow is not None and flow.points.size]
+    def serves(self, tangent: Tangent, trial: Trial) -> bool:
+        """Whether a tangent is that at another trial: on the same pieces of the projection."""
+        points, change = self._changes(trial)
+        if not (tangent.consistent and np.array_equal(points, tangent.points)):
+            return False
+        same = _SAME_TANGENT if self.associated else _SAME_GENERAL_TANGENT
+        most = same * np.abs(change).max(initial=0.0)
+        return bool(np.abs(change - tangent.change).max(initial=0.0) <= most)
 
-    def changes(self, trial: Trial) -> tuple[Ints, Floats]:
+    def _changes(self, trial: Trial) -> tuple[Ints, Floats]:
         """Points (q,) that yield, ascending, and (T E - E) V (q, s, s) there."""
-        points, changes = [np.empty(0, dtype=np.int64)], []
-        for flow in self.flowing(trial):
+        s = self.stress.shape[0]
+        points, changes = [np.empty(0, dtype=np.int64)], [np.empty((0, s, s))]
+        for flow in trial.flowing:
             points.append(flow.points)
-            weights = self.volume[flow.points][:, None, None]
-            changes.append(flow.softening(self.viscosity) * weights)
+            changes.append(flow.tangent_change * self.volume[flow.points][:, None, None])
         joined = np.concatenate(points)
-        if not changes:
-            s = self.stress.shape[0]
-            return joined, np.empty((0, s, s))
         order = np.argsort(joined, kind="stable")
         return joined[order], np.concatenate(changes)[order]
 
     def localising(self, trial: Trial) -> float:
         """The part of the strain points that yield at which shear may go into a band."""
-        localising = [flow.may_localise() for flow in self.flowing(trial)]
+        localising = [flow.may_localise() for flow in trial.flowing]
         return float(np.concatenate(localising).mean()) if localising else 0.0
 
     def spread(self, free: Floats) -> Floats:

@@ -75,31 +75,6 @@ def contradictions(analysis: StagedAnalysis, values: Values) -> list[Fault]:
 
 
 @dataclass(frozen=True)
-class _Growth:
-    """By how much a vertical pressure grows with depth, N/m3, and the key that says so."""
-
-    key: KeyPath
-    number: Scalar
-    sign: float
-    surface: Surface
-
-    def value(self, values: Values) -> float:
-        """N/m3, compression positive."""
-        return self.sign * self.number.value(values)
-
-
-def _growth(model: InSitu | None, dim: int) -> _Growth | None:
-    if isinstance(model, HeimStress) and model.unit_weight is not None:
-        return _Growth(("unit_weight",), model.unit_weight, 1.0, model.surface or Scalar(0.0))
-    if isinstance(model, ProfileStress):
-        vertical = model.gradient[dim - 1]
-        if vertical == Scalar(0.0):
-            return None  # the same at all depths
-        return _Growth(("gradient", "xyz"[dim - 1] * 2), vertical, -1.0, model.surface)
-    return None
-
-
-@dataclass(frozen=True)
 class _Disagreement:
     """A group whose weight is another than that of its in-situ stress; unit weights in N/m3."""
 
@@ -111,61 +86,58 @@ class _Disagreement:
     water: float | None
 
 
+def _growth(
+    model: InSitu | None, dim: int, values: Values
+) -> tuple[KeyPath, float, Surface] | None:
+    """By how much a vertical pressure grows with depth, N/m3: its key, the number, the surface."""
+    if isinstance(model, HeimStress) and model.unit_weight is not None:
+        return ("unit_weight",), model.unit_weight.value(values), model.surface or Scalar(0.0)
+    if isinstance(model, ProfileStress):
+        vertical = model.gradient[dim - 1]
+        if vertical != Scalar(0.0):  # else it is the same at all depths
+            return ("gradient", "xyz"[dim - 1] * 2), -vertical.value(values), model.surface
+    return None
+
+
 def _weight_faults(analysis: StagedAnalysis, values: Values) -> list[Fault]:
     """Unit weights of in-situ stresses that are not those of the ground."""
-    groups: dict[_Disagreement, list[str]] = {}
-    for group, disagreement in _disagreements(analysis, values):
-        groups.setdefault(disagreement, []).append(group)
-    return [
-        _weight_fault(analysis.case, disagreement, names) for disagreement, names in groups.items()
-    ]
-
-
-def _disagreements(analysis: StagedAnalysis, values: Values) -> Iterator[tuple[str, _Disagreement]]:
-    case, sequence = analysis.case, analysis.sequence
+    case, sequence, mesh = analysis.case, analysis.sequence, analysis.on_mesh.mesh
     points = analysis.systems.discretization.points
     group_of_point = sequence.group_of[points.element]
-    below_table = _below_table(analysis, values)
-    pull = None if case.gravity is None else -case.gravity[-1]
-    depths: dict[Surface, Floats] = {}
+
+    def below(surface: Surface) -> Bools:
+        """(n_points,) strain points below a level or the topography."""
+        depth = Depths(mesh, surface, points.position).at(ParameterPoint(values, ()))
+        return np.asarray(depth.value > 0.0)
+
+    wet = np.zeros(points.n_points, dtype=bool)
+    if case.water is not None:
+        wet = is_wet(case.water, group_of_point, sequence.groups) & below(case.water.table)
+    stressed: dict[Surface, Bools] = {}
+    groups: dict[_Disagreement, list[str]] = {}
     for g, material in sequence.states[0].materials.items():
         name = sequence.groups[g]
         zone = case.in_situ_of.get(name)
-        growth = _growth(zone or case.in_situ, case.analysis.dim)
+        growth = _growth(zone or case.in_situ, case.analysis.dim, values)
         if growth is None:
             continue
-        of_group = group_of_point == g
-        if growth.surface not in depths:
-            levels = Depths(analysis.on_mesh.mesh, growth.surface, points.position)
-            depths[growth.surface] = levels.at(ParameterPoint(values, ())).value
-        stressed = depths[growth.surface][of_group] > 0.0
+        key, grows, surface = growth
+        if surface not in stressed:
+            stressed[surface] = below(surface)
         density = case.materials[material].density.value(values)
+        gravity = None if case.gravity is None else -case.gravity[-1]
         prefix: KeyPath = ("in_situ",) if zone is None else ("in_situ", "groups", name)
-        grows = growth.value(values)
-        for wet in (False, True):
-            if not (stressed & (below_table[of_group] == wet)).any():
+        for under_water in (False, True):
+            if not (stressed[surface] & (group_of_point == g) & (wet == under_water)).any():
                 continue
-            water = None if case.water is None else case.water.unit_weight.value(values)
-            own = density * (pull or 0.0) - (water or 0.0 if wet else 0.0)
+            water = None
+            if under_water and case.water is not None:
+                water = case.water.unit_weight.value(values)
+            own = density * (gravity or 0.0) - (water or 0.0)
             if abs(grows - own) > UNIT_WEIGHT * max(abs(own), 1e-9 * abs(grows)):
-                path = (*prefix, *growth.key)
-                yield (
-                    name,
-                    _Disagreement(path, material, grows, density, pull, water if wet else None),
-                )
-
-
-def _below_table(analysis: StagedAnalysis, values: Values) -> Bools:
-    """(n_points,) which strain points have water in their pores at the beginning."""
-    points, sequence = analysis.systems.discretization.points, analysis.sequence
-    water = analysis.case.water
-    if water is None:
-        return np.zeros(points.n_points, dtype=bool)
-    depth = Depths(analysis.on_mesh.mesh, water.table, points.position).at(
-        ParameterPoint(values, ())
-    )
-    wet = is_wet(water, sequence.group_of[points.element], sequence.groups)
-    return np.asarray(wet & (depth.value > 0.0))
+                one = _Disagreement((*prefix, *key), material, grows, density, gravity, water)
+                groups.setdefault(one, []).append(name)
+    return [_weight_fault(case, disagreement, names) for disagreement, names in groups.items()]
 
 
 def _weight_fault(case: Case, disagreement: _Disagreement, groups: list[str]) -> Fault:

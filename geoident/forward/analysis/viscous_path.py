@@ -28,8 +28,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from geoident.fem.solvers.direct import Factor, NotPositiveDefinite
-from geoident.forward.analysis.stage_equations import Balance, NoEquilibrium, StageEquations, Trial
+from geoident.fem.solvers.direct import NotPositiveDefinite
+from geoident.forward.analysis.stage_equations import (
+    Balance,
+    NoEquilibrium,
+    StageEquations,
+    Tangent,
+    Trial,
+)
 from geoident.model.arrays import Floats
 
 BALANCED = 1e-11
@@ -78,8 +84,10 @@ class StepBudget:
 
     def take(self) -> bool:
         """Take one, if there is one."""
+        if self.left <= 0:
+            return False
         self.left -= 1
-        return self.left >= 0
+        return True
 
 
 @dataclass(frozen=True)
@@ -100,69 +108,49 @@ class PathEnd:
 def newton(
     equations: StageEquations,
     trial: Trial,
+    budget: StepBudget,
     *,
     balanced: float = BALANCED,
     most: int = _MOST_STEPS,
-    budget: StepBudget | None = None,
 ) -> Balance:
     """Newton's method under the natural monotonicity test.
 
     Args:
         equations: of the stage.
         trial: the start.
+        budget: steps that are left to the whole search, less those taken here.
         balanced: out-of-balance force that is enough.
         most: steps at most.
-        budget: steps that are left to the whole search, less those taken here; None: enough.
     """
-    end = Balance(trial, None, None, converged=False)
+    tangent: Tangent | None = None
     share = 1.0
     for _ in range(most):
-        if end.trial.error <= balanced:
-            return replace(_polished(equations, end), converged=True)
-        if budget is not None and budget.left <= 0:
-            return end
-        if budget is not None:
-            budget.take()
+        if trial.error <= balanced:
+            if tangent is not None and tangent.consistent:
+                # Eigenvalues are small: balance to 1e-11 leaves displacements a millionth off.
+                last = _moved(equations, trial, tangent.solve(trial.residual))
+                trial = last if last is not None and last.error < trial.error else trial
+            return Balance(trial, tangent)
+        if not budget.take():
+            break
         try:
-            factor, level = equations.factor(end.trial)
+            tangent = equations.tangent(trial)
         except NotPositiveDefinite:
-            return Balance(end.trial, None, None, converged=False)
-        end = Balance(end.trial, factor, end.trial if level == 0 else None, converged=False)
-        d = factor.solve(end.trial.residual[:, None])[:, 0]
-        following, share = _shorter(equations, end.trial, factor, d, min(1.0, 4.0 * share))
-        near = end.trial.error <= NO_LOWER
-        if following is None or (following.error >= end.trial.error and near):
-            return replace(end, converged=near)
-        end = replace(end, trial=following)
-    return replace(end, converged=end.trial.error <= balanced)
-
-
-def _shorter(
-    equations: StageEquations, trial: Trial, factor: Factor, d: Floats, share: float
-) -> tuple[Trial | None, float]:
-    """A step (n,) halved until the next one on the same factor is shorter, and its share."""
-    length = float(np.linalg.norm(d))
-    while share > _SHORTEST:
-        following = _moved(equations, trial, share * d)
-        if following is not None:
-            ahead = np.linalg.norm(factor.solve(following.residual[:, None]))
-            if ahead <= (1.0 - 0.25 * share) * length:
-                return following, share
-        share *= 0.5
-    return None, share
-
-
-def _polished(equations: StageEquations, end: Balance) -> Balance:
-    """After one step more on the same factor, where it lowers what is left.
-
-    Eigenvalues are small, so forces in balance to `BALANCED` leave displacements a millionth off.
-    """
-    if end.factor is None or end.made_at is None:
-        return end
-    d = end.factor.solve(end.trial.residual[:, None])[:, 0]
-    following = _moved(equations, end.trial, d)
-    better = following is not None and following.error < end.trial.error
-    return replace(end, trial=following) if following is not None and better else end
+            return Balance(trial, converged=False)
+        d = tangent.solve(trial.residual)
+        length, share, following = float(np.linalg.norm(d)), min(1.0, 4.0 * share), None
+        while share > _SHORTEST:
+            following = _moved(equations, trial, share * d)
+            if following is not None:
+                ahead = float(np.linalg.norm(tangent.solve(following.residual)))
+                if ahead <= (1.0 - 0.25 * share) * length:
+                    break
+            share, following = 0.5 * share, None
+        near = trial.error <= NO_LOWER
+        if following is None or (following.error >= trial.error and near):
+            return Balance(trial, tangent, converged=near)
+        trial = following
+    return Balance(trial, tangent, converged=trial.error <= balanced)
 
 
 def _moved(equations: StageEquations, trial: Trial, d: Floats) -> Trial | None:
@@ -173,31 +161,30 @@ def _moved(equations: StageEquations, trial: Trial, d: Floats) -> Trial | None:
         return None
 
 
-def follow_path(equations: StageEquations, budget: StepBudget | None = None) -> PathEnd | None:
+def follow_path(equations: StageEquations, budget: StepBudget) -> PathEnd | None:
     """The path from viscous ground to the ground itself, as far as it can be followed.
 
     Args:
         equations: of the stage.
-        budget: steps that are left to the whole search, less those taken here; None: enough.
+        budget: steps that are left to the whole search, less those taken here.
 
     Returns:
         Where it ends; None where not even its first point was found.
     """
     viscous = equations.viscous(_FIRST)
     start = viscous.at(0.0 * equations.forces)
-    balance = newton(viscous, start, balanced=_ON_THE_PATH, budget=budget)
-    if not balance.converged:
+    last = newton(viscous, start, budget, balanced=_ON_THE_PATH)
+    if not last.converged:
         return None
-    last = replace(balance, viscosity=_FIRST)
-    known, growing = [last], 0
+    last = before = replace(last, viscosity=_FIRST)
+    growing = 0
     while last.viscosity > 0.0:
-        following = _next(equations, known, budget)
+        following = _next(equations, before, last, budget)
         if following is None:
-            return PathEnd(last, _extrapolated(known, 0.0))
+            return PathEnd(last, _extrapolated(before, last, 0.0))
         before, last = last, following
-        known = [before, last]
         if last.viscosity > 0.0:
-            sizes = [float(np.linalg.norm(one.trial.du)) for one in known]
+            sizes = [float(np.linalg.norm(one.trial.du)) for one in (before, last)]
             ratio = before.viscosity / last.viscosity
             growing = growing + 1 if sizes[1] > sizes[0] * ratio**_RUNS_AWAY else 0
         if growing >= _OFTEN:
@@ -205,31 +192,27 @@ def follow_path(equations: StageEquations, budget: StepBudget | None = None) -> 
     return PathEnd(last, last.trial.du)
 
 
-def _extrapolated(known: list[Balance], mu: float) -> Floats:
-    """Displacements (n_dofs,) at another mu, from what is known of the last one or two."""
-    last = known[-1]
-    if len(known) == 1:
+def _extrapolated(before: Balance, last: Balance, mu: float) -> Floats:
+    """Displacements (n_dofs,) at another mu, on the line through the last two."""
+    if before is last:
         return last.trial.du
-    slope = (last.trial.du - known[0].trial.du) / (last.viscosity - known[0].viscosity)
+    slope = (last.trial.du - before.trial.du) / (last.viscosity - before.viscosity)
     return np.asarray(last.trial.du + (mu - last.viscosity) * slope)
 
 
 def _next(
-    equations: StageEquations, known: list[Balance], budget: StepBudget | None
+    equations: StageEquations, before: Balance, last: Balance, budget: StepBudget
 ) -> Balance | None:
-    """The equilibrium at a smaller mu, from what the last two say; None if not found."""
+    """The equilibrium at a smaller mu, from the last two; None if not found."""
     for power in _POWERS:
-        if budget is not None and budget.left <= 0:
-            return None
-        mu = known[-1].viscosity * _RATIO**power
+        mu = last.viscosity * _RATIO**power
         mu = mu if mu > _LAST else 0.0
         viscous = equations.viscous(mu)
         try:
-            trial = viscous.at(_extrapolated(known, mu))
+            trial = viscous.at(_extrapolated(before, last, mu))
         except NoEquilibrium:
             continue
-        balanced = _ON_THE_PATH if mu > 0.0 else BALANCED
-        balance = newton(viscous, trial, balanced=balanced, budget=budget)
+        balance = newton(viscous, trial, budget, balanced=_ON_THE_PATH if mu > 0.0 else BALANCED)
         if balance.converged:
             return replace(balance, viscosity=mu)
     return None

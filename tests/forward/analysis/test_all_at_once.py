@@ -10,9 +10,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import scipy.sparse as sp
 from support.all_at_once import assert_slopes_in_sizes, bracing, compatibility, unbounded
-from support.cases import displacement, field_on, material, model, model_with_fields, rollers
+from support.cases import displacement, field_on, material, model_with_fields
 from support.derivatives import assert_adjoint
 from support.force_gauges import gauge
 from support.meshes import box, regroup
@@ -21,10 +20,8 @@ from geoident.forward.analysis import adjoint
 from geoident.forward.analysis.analysis import RunOptions
 from geoident.forward.analysis.stage import UnitForces
 from geoident.forward.gauges.adjoints import ReadingAdjoints
-from geoident.forward.ground.elasticity import ModuliAt
 from geoident.model.actions import Pressure
 from geoident.model.case import Material, Stage, Support
-from geoident.model.dual import ParameterPoint
 from geoident.model.ground import Isotropic
 from geoident.model.in_situ import HeimStress
 from geoident.model.parameter import Scalar
@@ -285,72 +282,3 @@ def test_columns_of_unit_forces_are_what_a_push_adds(staged, derivatives):
             moved |= np.abs(added).max(initial=0.0) > 1e-3 * size > 0.0
             np.testing.assert_allclose(more[..., -2:] @ sizes, added, rtol=0.0, atol=1e-8 * size)
     assert moved
-
-
-def test_the_stiffness_of_each_state_is_that_of_its_points_and_structures(staged):
-    """Also who is there, which nodes they touch, and what is free to move."""
-    dense, systems = Dense(staged), staged.analysis.systems
-    points, structures = staged.discretization.points, systems.structures
-    point = ParameterPoint(P, ())
-    x, y = staged.mesh.points.T
-    for n, state in enumerate(staged.sequence.states):
-        system = systems[n]
-        made = {staged.sequence.groups[g]: m for g, m in state.materials.items()}
-        here = np.isin(dense.names, list(made))
-        np.testing.assert_array_equal(system.present, here)
-        np.testing.assert_array_equal(system.volume, np.where(here, dense.V, 0.0))
-        on = np.isin(staged.sequence.group_of, list(state.materials))
-        standing = np.isin(np.arange(len(x)), staged.mesh.blocks[0].nodes[on])
-        np.testing.assert_array_equal(system.touched, np.repeat(standing, 2))
-        held = np.column_stack([(x == 0) | (x == 12) & ("x1" in state.supports), y == 0])
-        free = np.flatnonzero(np.repeat(standing, 2) & ~held.ravel())
-        np.testing.assert_array_equal(np.sort(system.dofs), free)
-        for name, mine in system.points_of.items():
-            groups = [g for g, m in made.items() if m == name]
-            found = np.arange(points.n_points)[mine]
-            np.testing.assert_array_equal(found, np.flatnonzero(np.isin(dense.names, groups)))
-        E, _ = dense.elasticity(made)
-        K = np.einsum("smd,mst,tme,m->de", dense.C, E, dense.C, system.volume, optimize=True)
-        moduli = structures.moduli(state, point)[:, :1]
-        K += structures.nodal_forces(moduli * structures.strain(np.eye(len(K))))
-        K = K[np.ix_(system.dofs, system.dofs)]
-        ground = ModuliAt(staged.on_mesh, point, 4)
-        laws = {m: ground.moduli(m, mine).value for m, mine in system.points_of.items()}
-        values = systems.values(system, state, laws, P)
-        lower = system.pattern.lower
-        below = sp.csc_array((values, lower.indices, lower.indptr), shape=K.shape).toarray()
-        found = below + np.tril(below, -1).T
-        np.testing.assert_allclose(found, K, rtol=0.0, atol=1e-12 * np.abs(K).max())
-        first = system.dofs[3]
-        where = staged.mesh.points[first // 2]
-        assert systems.describe_unknown(system, 3) == f" near ({where[0]:.6g}, {where[1]:.6g}) m"
-        assert systems.describe_unknown(system, None) == ""
-
-
-def test_states_of_the_same_ground_share_what_is_prepared():
-    stages = (SETTINGS["stages"][0], Stage("rest"), Stage("rest again"),
-              Stage("bench", excavate=("bench",)))  # fmt: skip
-    systems = everything(stages=stages, channels=SETTINGS["channels"][1:3]).analysis.systems
-    assert systems[2] is systems[2]
-    lined, test, bench = systems[2], systems[3], systems[4]
-    assert lined.key == test.key != bench.key
-    assert systems.symbolic(lined) is systems.symbolic(test)
-    assert systems.symbolic(lined) is not systems.symbolic(bench)
-    assert systems.symbolic(lined, 1) is not systems.symbolic(lined)
-    assert systems.tangents(lined) is systems.tangents(test) is not systems.tangents(bench)
-
-
-def test_solvers_of_several_levels_are_told_where_unknowns_stand():
-    """Also which nodes are amid two others: on straight edges, in their middle."""
-    staged = model(box("quad8", (3, 2), size=(3.0, 5.0)), groups={"all": "rock"},
-                   materials={"rock": material("rock", 1e9, 0.2)}, supports=rollers(2))  # fmt: skip
-    systems, mesh = staged.analysis.systems, staged.mesh
-    places = systems[0].pattern.lower.places
-    np.testing.assert_array_equal(places.dofs, systems[0].dofs)
-    np.testing.assert_array_equal(places.points, mesh.points)
-    middle, one, other = mesh.points[places.edges.T]
-    np.testing.assert_allclose(middle, (one + other) / 2, atol=1e-12)
-    corners = np.unique(mesh.blocks[0].nodes[:, :4])
-    assert sorted([*places.edges[:, 0], *corners]) == list(range(mesh.n_nodes))
-    assert np.isin(places.edges[:, 1:], corners).all()
-    assert len(np.unique(np.sort(places.edges[:, 1:]), axis=0)) == len(places.edges) == 17

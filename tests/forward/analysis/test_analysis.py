@@ -294,26 +294,6 @@ def test_a_gauge_that_is_zeroed_after_the_last_stage_that_is_read_is_no_hindranc
     np.testing.assert_allclose(staged.response(pairs[:1]).readings(np.empty(0)), both[:1])
 
 
-def test_equal_patterns_are_analysed_once_and_equal_ground_is_factorized_once():
-    staged = model(
-        square(),
-        materials={"rock": ROCK},
-        groups=dict.fromkeys(("rock", *BLOCKS), "rock"),
-        supports=rollers(2),
-        in_situ=STRESS,
-        stages=(
-            Stage("a", excavate=("b4",)),
-            Stage("b"),
-            Stage("c", loads={"q": Pressure("y1", Scalar(1e5))}),
-            Stage("d", install={"b4": "rock"}),
-        ),
-    )
-    staged.survey(np.empty(0), fields=False)
-    assert staged.counts.analyses == 2
-    assert staged.counts.factorizations == 2  # a, b and c on the same ground; d
-    assert staged.counts.solves == 4
-
-
 # Condensation's run ----------------------------------------------------------------------------
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 import scipy.linalg
@@ -69,7 +67,7 @@ def pencil() -> Pencil:
 
     tangent = (residuals(trial.du, -h) - residuals(trial.du, h)) / (2.0 * h)
     rest = equations.at(0.0 * trial.du)
-    assert not equations.flowing(rest)
+    assert not rest.flowing
     elastic = (rest.residual[:, None] - residuals(rest.du, h)) / h
     values, modes = scipy.linalg.eig(tangent, elastic)
     return equations, trial, values, modes
@@ -102,56 +100,3 @@ def test_the_least_stable_mode_is_that_of_dense_eigenvalues(pencil, viscosity):
 def test_associated_flow_is_stable(monkeypatch):
     equations, trial = sheared(monkeypatch, PHI)
     assert band_at(equations, trial) is None
-
-
-class Diagonal:
-    """Unknowns that act alone: stiffness 1 where nothing yields, l + mu (1 - l) where it flows."""
-
-    def __init__(self, stiffness, viscosity=0.1, yielding=(3, 4), volume=1.0):
-        self.stiffness, self.viscosity = np.array(stiffness), viscosity
-        self.dofs = np.arange(len(stiffness))
-        self.volume = np.array([volume, 1.0, 1.0, 1.0, 1.5])
-        self.yielding, self.asked = yielding, 0
-        of_first = np.array([4.0, 1.5, 1.5, 1.5, 1.5])  # 16 and four times 2.25 when squared
-        rest = np.ones((5, len(stiffness) - 1))
-        strains = np.column_stack([of_first, rest])[None]
-        self.operators = SimpleNamespace(n_points=5, strain=lambda du: strains @ du)
-
-    def flowing(self, trial):
-        return [SimpleNamespace(points=np.arange(count)) for count in self.yielding]
-
-    def factor(self, trial):
-        self.asked += 1
-        flow = self.stiffness + self.viscosity * (1.0 - self.stiffness)
-        return SimpleNamespace(solve=lambda rhs: rhs / flow[:, None]), 0
-
-    def elastic_forces(self, x):
-        return x
-
-    def spread(self, free):
-        return free
-
-
-LOST = (-0.02, 0.3, 0.4, 0.5, 0.6, 0.8)
-
-
-def test_the_mode_that_is_lost_is_told_with_its_stiffness_and_points():
-    found = band_at(Diagonal(LOST), None)
-    np.testing.assert_allclose(found.mode, [1.0, 0.0, 0.0, 0.0, 0.0, 0.0], atol=1e-8)
-    assert found.stiffness == pytest.approx(-0.02, rel=1e-6)
-    assert found.yielding == 7
-    assert found.points == 1  # 16 of 16 + 3 x 2.25 + 3.375
-    assert band_at(Diagonal(LOST, volume=0.3), None).points == 2  # 4.8 and 3.375 of 14.925
-    assert band_at(Diagonal((0.01, *LOST[1:])), None) is None
-
-
-def test_too_few_unknowns_or_nothing_that_yields_has_no_mode(monkeypatch):
-    for given in (Diagonal(LOST[:5]), Diagonal(LOST, yielding=()), Diagonal(LOST, yielding=(0, 0))):
-        assert band_at(given, None) is None
-        assert given.asked == 0
-
-    def lost(*_, **__):
-        raise scipy.sparse.linalg.ArpackNoConvergence("lost", np.zeros(0), np.zeros((0, 0)))
-
-    monkeypatch.setattr(scipy.sparse.linalg, "eigs", lost)
-    assert band_at(Diagonal(LOST), None) is None

@@ -4,20 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from support.cases import field_on, model, model_with_fields
+from support.cases import model
 from support.meshes import box, regroup
-from support.yielding import hoek, mohr, rock
+from support.yielding import mohr, rock
 
-from geoident.fem.yielding.hoek_brown import HoekBrownLaw
-from geoident.fem.yielding.plane_laws import PolyhedralLaw, PrincipalLaw
 from geoident.forward.analysis.fields import FieldRecorder, MeshRecorder, ReactionRecorder
 from geoident.forward.analysis.stage import LastEquilibrium, StageEnd
-from geoident.forward.ground.elasticity import ModuliAt
-from geoident.forward.yielding.surfaces import YieldLaws, strength_slopes
 from geoident.model.case import Stage, Support
-from geoident.model.dual import Dual, ParameterPoint
-from geoident.model.ground import PointField
-from geoident.model.parameter import Parameter, Scalar
+from geoident.model.parameter import Scalar
 from geoident.model.structures import Bolts
 
 RNG = np.random.default_rng(21)
@@ -139,23 +133,6 @@ def test_of_a_lost_state_the_last_equilibrium_or_what_it_began_with_is_shown():
     np.testing.assert_allclose(series.last.stress[1], means(model, known.stress, 3))
 
 
-def test_states_that_build_on_a_lost_one_begin_with_what_is_shown_of_it():
-    model = staged(mohr(1e5, 0.3), stages=(Stage("a"), Stage("b", excavate=("dug",)), Stage("c")))
-    recorder, ends = FieldRecorder(model.on_mesh), [end(model, 0, yielded=[3])]
-    ends += [end(model, n, lost=True) for n in (1, 2, 3)]
-    for one in ends:
-        recorder.add(one)
-    last = recorder.series().last
-    assert last.states.tolist() == [1, 2, 3]
-    for shown in last.displacement:
-        np.testing.assert_array_equal(shown, ends[0].u[:, 0].reshape(-1, 2))
-    np.testing.assert_allclose(last.stress[2], means(model, ends[0].stress[..., 0], 3))
-    element = model.discretization.points.element[3]
-    assert last.yielded[0][element]
-    gone = element in model.mesh.groups["dug"]
-    assert last.yielded[2][element] == (not gone)
-
-
 def test_reactions_are_what_supports_exert_each_degree_of_freedom_once():
     bolts = Bolts((((1.2, 0.3), (1.8, 1.6)),), Scalar(1.0), EA=Scalar(1e8))
     stages = (
@@ -217,81 +194,3 @@ def test_yielding_is_recorded_where_something_yields():
 
 
 # --- laws of materials whose strength is a field ---
-
-
-def two_modes(x):
-    return np.column_stack([np.sin(x[:, 0]), x[:, 1] / 3])
-
-
-def varied(*surfaces, constant="cohesion", surface=0, **changes):
-    mesh = regroup(box("quad4", (3, 2), size=(3.0, 2.0)), low=lambda c: c[:, 1] < 1.0)
-    names = {"c": 2e5, "rock.m1": 0.3, "rock.m2": -0.2, "E": 1e9}
-    return model_with_fields(
-        mesh,
-        lambda on_mesh: [
-            field_on(
-                on_mesh, "rock", constant, two_modes,
-                surface=surface, names=("rock.m1", "rock.m2"), reference=1.5e5,
-                known=0.1 * np.cos(on_mesh.discretization.points.position[
-                    on_mesh.material_points("rock"), 0]),
-                pull=np.full(len(on_mesh.material_points("rock")), 0.4),
-            )
-        ],
-        parameters=tuple(Parameter(n, v, -np.inf, np.inf) for n, v in names.items()),
-        materials={"rock": rock(Scalar(1.0, "E"), 0.3, *surfaces),
-                   "base": rock(2e9, 0.2, hoek(1e7, mb=1.0, s=0.1, a=0.5), name="base")},
-        groups={"low": "base", "rock": "rock"},
-        supports=(Support("y0", (0, 1)),),
-        stages=(Stage("s"),),
-        **changes,
-    ), names  # fmt: skip
-
-
-def test_the_law_of_points_has_the_factors_of_their_strength():
-    """f = (1.5e5 / m)^0.4 exp(known + modes xi), and its slopes, at points of one's choice."""
-    model, values = varied(mohr(Scalar(1.0, "c"), 0.0))
-    point = ParameterPoint(values, tuple(values))
-    laws = YieldLaws(ModuliAt(model.on_mesh, point, 4))
-    mine = model.on_mesh.material_points("rock")
-    chosen = mine[[1, 4, 5, 9]]
-    law = laws.at("rock", chosen)
-    x = model.discretization.points.position[chosen]
-    modes = two_modes(x)
-    known = 0.1 * np.cos(x[:, 0])
-    factor = (1.5e5 / 2e5) ** 0.4 * np.exp(known + modes @ [0.3, -0.2])
-    np.testing.assert_allclose(law.strength, factor, rtol=1e-12)
-    np.testing.assert_array_equal(law.stiffness, 1.0)
-    slopes = np.zeros((4, 4))
-    slopes[:, 0] = -0.4 * factor / 2e5
-    slopes[:, 1:3] = modes * factor[:, None]
-    np.testing.assert_allclose(law.slopes, slopes, rtol=1e-12)
-    assert laws.law("rock") is law.law
-    assert isinstance(law.law, PrincipalLaw)
-    low = model.on_mesh.material_points("base")
-    assert isinstance(laws.at("base", low), HoekBrownLaw)
-    assert laws.at("base", low) is laws.law("base")
-
-
-def test_moduli_that_are_a_field_are_factors_too():
-    model, values = varied(mohr(Scalar(1.0, "c"), 0.0, planes=8), constant="E", surface=None)
-    laws = YieldLaws(ModuliAt(model.on_mesh, ParameterPoint(values, tuple(values)), 4))
-    chosen = model.on_mesh.material_points("rock")[[0, 3, 7]]
-    law = laws.at("rock", chosen)
-    np.testing.assert_array_equal(law.strength, 1.0)
-    np.testing.assert_array_equal(law.slopes, 0.0)
-    x = model.discretization.points.position[chosen]
-    modes = two_modes(x)
-    factor = (1.5e5 / 1e9) ** 0.4 * np.exp(0.1 * np.cos(x[:, 0]) + modes @ [0.3, -0.2])
-    np.testing.assert_allclose(law.stiffness / law.stiffness[0], factor / factor[0], rtol=1e-12)
-    assert isinstance(law.law, PolyhedralLaw)
-
-
-def test_slopes_of_a_field_are_by_the_mean_and_by_modes_that_are_asked_for():
-    modes = RNG.normal(size=(3, 2))
-    field = PointField("rock", "cohesion", 0, np.arange(3), np.zeros(3), modes, ("m1", "m2"),
-                       np.array([0.2, 0.0, 0.7]), 1.0)  # fmt: skip
-    mean = Dual(np.array([4.0, 8.0, 0.0, 2.0]))
-    found = strength_slopes(field, mean, ("c", "m2", "d"))
-    expected = -np.outer(field.pull, [2.0, 0.0, 0.5])
-    expected[:, 1] += modes[:, 1]
-    np.testing.assert_allclose(found, expected)

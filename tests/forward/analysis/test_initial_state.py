@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from itertools import combinations
-
 import numpy as np
 import pytest
 from support.cases import NOWHERE, material, model
 from support.meshes import box, regroup
 
 from geoident.forward.analysis.virgin import (
-    _at_corners,
-    _listed,
     contradictions,
     local_imbalance,
     overburden_notes,
@@ -89,19 +85,6 @@ def test_groups_of_one_material_are_told_together_and_listed():
     )
     assert fault.message.startswith("the in-situ stress of 'fill', 'clay' and 'rock' grows by 24 ")
     assert fault.path == "in_situ.unit_weight"
-
-
-@pytest.mark.parametrize(
-    ("names", "said"),
-    [
-        (["a"], "'a'"),
-        (["a", "b"], "'a' and 'b'"),
-        (["a", "b", "c"], "'a', 'b' and 'c'"),
-        (["a", "b", "c", "d"], "'a', 'b', 'c' and 'd'"),
-    ],
-)
-def test_names_are_listed(names, said):
-    assert _listed(names) == said
 
 
 @pytest.mark.parametrize(("growth", "faults"), [(1.019, 0), (1.021, 1), (0.981, 0), (0.979, 1)])
@@ -297,27 +280,6 @@ def test_one_percent_of_the_local_forces_may_be_out_of_balance(force, told):
         loads={"crane": PointForce((4.0, 6.0), (Scalar(0.0), Scalar(-load)))},
     )  # fmt: skip
     assert bool(contradictions(staged.analysis, {})) == told
-
-
-@pytest.mark.parametrize("kind", ["tri6", "quad8", "hex20"])
-def test_what_mid_nodes_bear_is_shared_by_the_corners_beside_them(kind):
-    """A mid-node is where the middle of two corners of an element is."""
-    dim = 3 if kind == "hex20" else 2
-    mesh = box(kind, (2, 3, 1)[:dim], size=(2.0, 6.0, 1.5)[:dim])
-    corners = {"tri6": 3, "quad8": 4, "hex20": 8}[kind]
-    forces = np.random.default_rng(3).normal(size=(mesh.n_nodes, 2))
-    expected, middles = forces.copy(), set()
-    for nodes in mesh.blocks[0].nodes:
-        for node in set(nodes[corners:]) - middles:
-            ends = next(
-                list(pair)
-                for pair in combinations(nodes[:corners], 2)
-                if np.allclose(mesh.points[list(pair)].mean(axis=0), mesh.points[node])
-            )
-            expected[ends] += 0.5 * forces[node]
-            expected[node] = 0.0
-            middles.add(node)
-    np.testing.assert_allclose(_at_corners(mesh, forces), expected, atol=1e-14)
 
 
 def halves(dim, axis, left, right, *, vertical=(-1e5, -1e5), edges=True):

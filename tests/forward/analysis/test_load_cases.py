@@ -138,14 +138,6 @@ def test_ground_that_leaves_on_one_branch_can_be_read_on_the_others():
     np.testing.assert_allclose(found["full"], alone["full"], rtol=1e-11)
 
 
-def test_a_change_of_ground_between_load_cases_costs_factorizations():
-    crack = Stage("crack", change={"dam": "rock"}, independent=True)
-    staged = dam(BUILD, CASES[0], crack, CASES[1])
-    readings(staged)
-    assert staged.counts.factorizations == 4  # rock; build and full; crack; half again
-    assert staged.counts.analyses == 2
-
-
 @pytest.mark.parametrize("zero", ["build", "full"])
 def test_derivatives_are_exact_over_a_tree(zero):
     crack = Stage("crack", change={"dam": "rock"}, base="full")

@@ -7,14 +7,12 @@ from itertools import zip_longest
 
 import numpy as np
 import pytest
-from support.cases import material, model, rollers
+from support.cases import material, model
 from support.meshes import box, regroup
 from support.yielding import Cavity, constant, mohr, parameters, rock
 
 from geoident.errors import CollapseError
 from geoident.forward.analysis.analysis import RunOptions
-from geoident.forward.analysis.plastic_step import PlasticSteps
-from geoident.forward.analysis.stage import LastEquilibrium
 from geoident.model.actions import PointForce
 from geoident.model.case import Stage, Support
 from geoident.model.dual import ParameterPoint
@@ -75,27 +73,6 @@ def test_two_runs_at_once_equal_two_one_after_the_other(name):
         )
 
 
-def test_a_run_that_another_overtakes_factorizes_anew():
-    """Two stages on the same ground share a factor, unless the other run took its place."""
-    elastic = mohr(Scalar(1e3, "c"), 0.5)
-    model = staged(elastic)
-    model = CAVITY.staged(
-        model.mesh, stages=STAGES, parameters=parameters(E=2e9, c=2.5e6),
-        materials={"rock": rock(Scalar(1.0, "E"), 0.3)},
-    )  # fmt: skip
-    first, second = (model.at(p) for p in (HERE, THERE))
-    before = model.counts.factorizations
-    list(first.states())
-    alone = model.counts.factorizations - before
-    mixed = list(zip_longest(copies(model.at(HERE)), copies(second)))
-    spent = model.counts.factorizations - before - alone
-    assert alone < len(STAGES)
-    assert 2 * alone <= spent <= 2 * len(STAGES)
-    expected = list(copies(model.at(HERE)))
-    for (found, _), wanted in zip(mixed, expected, strict=True):
-        np.testing.assert_array_equal(found[0], wanted[0])
-
-
 def test_collapses_belong_to_the_run_that_met_them():
     model = staged(mohr(Scalar(1.0, "c"), 0.0))
     weak, strong = np.array([2e9, 0.05e6]), np.array([2e9, 50e6])
@@ -132,54 +109,6 @@ def tree():
     )
 
 
-@pytest.fixture
-def losing(monkeypatch):
-    """Loses state 2 (`b`), on the way to which an equilibrium is told."""
-    told = LastEquilibrium(np.full(24, 0.5), np.ones((4, 24)), np.arange(24) == 3)
-    step = PlasticSteps.step
-
-    def lost(self, task):
-        if task.number == 2:
-            error = CollapseError("lost", "", stage="b", fraction=0.2)
-            error.reached = told
-            raise error
-        return step(self, task)
-
-    monkeypatch.setattr(PlasticSteps, "step", lost)
-    return told
-
-
-def test_states_that_build_on_a_lost_one_are_lost_and_the_others_go_on(losing):
-    found, run = {}, tree().at(np.array([1e9, 2e5]), RunOptions(partial=True))
-    for end in run.states():
-        found[end.state] = end.u.copy(), end.stress.copy(), end.yielded.copy(), end.last, end.forces
-    known = {n: bool(np.isfinite(parts[0]).all()) for n, parts in found.items()}
-    assert known == {0: True, 1: True, 2: False, 3: False, 4: True, 5: True, 6: False}
-    for n in (2, 3, 6):
-        u, stress, yielded, last, forces = found[n]
-        assert np.isnan(u).all()
-        assert np.isnan(stress).all()
-        assert not yielded.any()
-        assert forces is None
-        assert (last is not None) == (n == 2)
-    # that was found from the displacements of `a` on, without those of nodes that are new
-    np.testing.assert_allclose(found[2][3].u, found[1][0][:, 0] + losing.u)
-    assert found[2][3].stress is losing.stress
-    assert [error.stage for error in run.findings.collapses] == ["b"]
-    # `d` builds on `a`, and nothing happens in it
-    np.testing.assert_allclose(found[4][0][:, 0], found[1][0][:, 0], atol=1e-12)
-
-
-def test_a_lost_state_ends_a_run_that_is_to_be_whole(losing):
-    run = tree().at(np.array([1e9, 2e5]))
-    states = run.states()
-    assert [next(states).state for _ in range(2)] == [0, 1]
-    with pytest.raises(CollapseError):
-        next(states)
-    assert run.findings.collapses == ()
-    assert losing is not None
-
-
 @pytest.mark.parametrize(("last", "count"), [(None, 7), (0, 1), (3, 4), (6, 7)])
 def test_a_run_ends_with_the_last_state_that_is_wanted(last, count):
     ends = list(tree().at(np.array([1e9, 2e5]), RunOptions(last=last)).states())
@@ -196,34 +125,6 @@ def test_columns_are_those_of_the_parameters_that_are_asked_for():
         assert len(run.point.names) == columns - 1
         assert run.given.names == ("E", "s")
         assert run.traces == []
-
-
-def test_a_traced_run_keeps_what_adjoints_need():
-    mesh = box("quad4", (2, 2))
-    staged = model(
-        mesh, parameters=parameters(E=1e9, s=2e5),
-        materials={"rock": material("rock", Scalar(1.0, "E"), 0.3)}, groups={"all": "rock"},
-        supports=rollers(2),
-        in_situ=ConstantStress((Scalar(-1.0, "s"), Scalar(-2.0, "s"), *[Scalar(0.0)] * 4)),
-        stages=(Stage("a"), Stage("b", loads={"p": PointForce((1.0, 1.0), (Scalar(1e4, "E"),
-                                                                          Scalar(0.0)))})),
-    )  # fmt: skip
-    run = staged.at(np.array([1e9, 2e5]), RunOptions(traced=True))
-    for end in run.states():
-        assert end.u.shape[1] == 1
-    assert [trace.task.number for trace in run.traces] == [0, 1, 2]
-    assert [trace.stepped for trace in run.traces] == [False, True, True]
-    virgin, *rest = run.traces
-    np.testing.assert_allclose(virgin.in_situ[0], np.tile([0.0, -1.0], (16, 1)))
-    np.testing.assert_allclose(virgin.in_situ[1], np.tile([0.0, -2.0], (16, 1)))
-    assert all(trace.in_situ is None for trace in rest)
-    top = np.flatnonzero((mesh.points == 1.0).all(axis=1))[0]
-    assert rest[1].slopes[2 * top, 0] - rest[0].slopes[2 * top, 0] == pytest.approx(1e4)
-    assert run.factors.find(staged.sequence.states[2]) is not None
-    plain = staged.at(np.array([1e9, 2e5]))
-    list(plain.states())
-    assert plain.factors.find(staged.sequence.states[2]) is None
-    assert plain.traces == []
 
 
 # --- the virgin state ---
@@ -280,13 +181,3 @@ def test_most_of_the_virgin_ground_may_be_pulled(rock_stress, dug, groups, pulle
         in_situ_of=zones, groups=groups,
     )  # fmt: skip
     assert staged.analysis.virgin_tension({}) == pulled
-
-
-def test_half_of_the_ground_is_not_most():
-    mesh = regroup(box("quad4", (2, 2)), dug=lambda c: c[:, 0] < 0.5)
-    staged = model(
-        mesh, materials={"rock": material("rock", 1e9, 0.3)},
-        groups={"dug": "rock", "rock": "rock"}, supports=rollers(2),
-        in_situ=constant(-1e5, 0.0), in_situ_of={"dug": constant(1e5, 0.0)}, stages=(Stage("s"),),
-    )  # fmt: skip
-    assert not staged.analysis.virgin_tension({})

@@ -28,7 +28,7 @@ from support.yielding import (
 )
 
 from geoident.errors import CollapseError
-from geoident.forward.analysis import equilibrium, plastic_step
+from geoident.forward.analysis import collapse, equilibrium
 from geoident.forward.analysis.analysis import RunOptions
 from geoident.forward.model import StagedModel
 from geoident.forward.openings.closed_forms import GroundState, flow_slope
@@ -143,7 +143,7 @@ def weak_rock(psi: float, released: Sequence[float] = RELEASED) -> StagedModel:
 def test_what_is_said_of_a_band_is_true(monkeypatch):
     """A search that may not go on ends in ground that is viscous still: its band and its place."""
     monkeypatch.setattr(equilibrium, "SEARCH", 21)
-    monkeypatch.setattr(plastic_step, "_PARTS", 1)
+    monkeypatch.setattr(collapse, "_PARTS", 1)
     staged = weak_rock(0.0)
     with pytest.raises(CollapseError) as caught:
         staged.survey(NOTHING, fields=False)

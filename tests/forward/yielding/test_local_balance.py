@@ -8,7 +8,7 @@ from support.cases import displacement, model, rollers
 from support.meshes import box, regroup
 from support.yielding import constant, mohr, parameters, rock
 
-from geoident.forward.analysis import stage_equations
+from geoident.forward.analysis import equilibrium
 from geoident.model.case import Stage
 from geoident.model.parameter import Scalar
 
@@ -41,7 +41,7 @@ def heading():
 def test_places_solved_by_themselves_do_not_change_the_state(monkeypatch):
     """Large meshes solve the worst places alone first; here a small one does."""
     readings, slopes = heading().response(READ).evaluate(P)
-    monkeypatch.setattr(stage_equations, "LARGE", 0)
+    monkeypatch.setattr(equilibrium, "LARGE", 0)
     patched = heading().response(READ).evaluate(P)
     assert patched[0] == pytest.approx(readings, rel=1e-9)
     assert patched[1] == pytest.approx(slopes, rel=1e-7)

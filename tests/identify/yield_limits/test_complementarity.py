@@ -14,12 +14,9 @@ from geoident.identify.least_squares.gauss_newton import gauss_newton
 from geoident.identify.problem.methods import identify
 from geoident.identify.problem.outcome import History
 from geoident.identify.problem.problem import Discrepancy, Problem
-from geoident.identify.yield_limits.implicit import certificate_at, descend, is_better
+from geoident.identify.yield_limits.implicit import certificate_at, descend
 from geoident.identify.yield_limits.stationarity import check, open_above
 from geoident.identify.yield_limits.yield_points import (
-    headroom,
-    strengths,
-    unreached,
     yield_evaluator,
 )
 from geoident.model.methods import ComplementarityOptions, GaussNewtonOptions
@@ -280,17 +277,6 @@ def test_it_needs_yield_limits():
         identify(problem_of(elastic, [1.0]), [ComplementarityOptions()], quiet)
 
 
-def test_headroom_is_what_a_strength_can_lose():
-    bars, p = one_unreached(), np.array([1.0, 5.0])
-    _, J = bars.evaluate(p)
-    activity = bars.activity(p)
-    assert headroom(activity) == pytest.approx([0.0, 2.7])
-    assert unreached(activity, J).tolist() == [False, True]
-    assert strengths(activity, p).tolist() == [True, True]
-    lowered = p - headroom(activity)
-    assert bars.readings(lowered) == pytest.approx(bars.readings(p), abs=1e-12)
-
-
 def test_only_unreached_strengths_are_moved():
     """An evaluation must not touch what is no idle strength, whatever its sign."""
     bars = PlasticBars([Frame([1.0, 1.0], [0, None], [2.0])], 2)
@@ -346,25 +332,3 @@ def test_the_end_of_another_search_is_judged_by_the_same_rules():
     assert (exact.kind, exact.bound) == ("global", 0.0)
     off = certificate_at(problem, 1.1 * TRUTH, History("test", bars, quiet))
     assert off.kind == "not stationary"
-
-
-def test_further_descents_are_told_and_the_budget_may_end_them():
-    bars = three_strengths()
-    noise = 1e-3 * np.random.default_rng(3).standard_normal(6)
-    problem = problem_of(bars, bars.readings(TRUTH) + noise)
-    assert run(problem, restarts=1).reason.endswith("One further descent found nothing better.")
-    assert run(problem, restarts=3).reason.endswith("3 further descents found nothing better.")
-    assert "further" not in run(problem, restarts=0).reason
-
-
-def test_a_thousandth_less_is_no_better():
-    search = evaluator_of(problem_of(kinked(), [0.9, 3.05], sd=1.0))
-    one = search.evaluate(np.log([1.1]))
-    assert not is_better(one, one)
-    less = replace(
-        one, linearization=replace(one.linearization, residual=0.9996 * one.linearization.residual)
-    )
-    lower = replace(
-        one, linearization=replace(one.linearization, residual=0.9994 * one.linearization.residual)
-    )
-    assert (is_better(less, one), is_better(lower, one)) == (False, True)

@@ -55,17 +55,6 @@ def form(system):
     return form_of(system.work[:, None] * system.slack_by_lam)
 
 
-def test_a_box_is_cut_across_its_longest_edge():
-    whole = ParameterBox(np.array([0.0, 1.0]), np.array([1.0, 4.0]), 7.0, np.array([3, 5]))
-    assert whole.size == 3.0
-    assert ParameterBox(np.zeros(0), np.zeros(0), 0.0, ONE).size == 0.0
-    below, above = whole.halves()
-    assert (below.lower.tolist(), below.upper.tolist()) == ([0.0, 1.0], [1.0, 2.5])
-    assert (above.lower.tolist(), above.upper.tolist()) == ([0.0, 2.5], [1.0, 4.0])
-    assert below.bound == above.bound == 7.0
-    assert below.kept.tolist() == above.kept.tolist() == [3, 5]
-
-
 @pytest.mark.parametrize("unit", [1.0, 1e-6, 1e6])
 @pytest.mark.parametrize(
     ("lower", "upper", "bound"), [(3.4, 5.0, 4.0), (2.9, 3.0, 1.0 / 9.0), (1.0, 2.2, 4.0)]
@@ -93,17 +82,6 @@ def test_the_bound_where_a_parameter_hardens():
     assert 0.99 * phi < found.bound <= phi * (1.0 + 1e-6)
 
 
-def test_a_plane_that_is_reached_nowhere_in_a_box_is_dropped():
-    system = bar()
-    found = examined(system, form(system), box(4.01, 5.0), best=20.0)
-    assert found is not None
-    assert found.kept.size == 0
-    assert found.bound == pytest.approx(16.0, rel=1e-4)
-    reached = examined(system, form(system), box(3.99, 5.0), best=20.0)
-    assert reached is not None
-    assert reached.kept.tolist() == [0]
-
-
 @pytest.mark.parametrize("unit", [1.0, 1e-13, 1e13])
 def test_the_energy_alone_keeps_a_plane_from_its_multiplier(unit):
     """With k >= 4.5, lam W q <= 0 leaves lam = 0 only, whatever the unit of work."""
@@ -115,26 +93,6 @@ def test_the_energy_alone_keeps_a_plane_from_its_multiplier(unit):
     assert found.bound == pytest.approx(16.0, rel=1e-4)
 
 
-def test_a_box_whose_edge_touches_a_plane_has_no_energy_to_speak_of():
-    """At k = 4, W q is zero: the row of the energy is empty, and a plane may just be reached."""
-    system = bar()
-    found = examined(system, form(system), box(4.0, 5.0), best=20.0)
-    assert found is not None
-    assert found.bound == pytest.approx(16.0, rel=1e-3)
-
-
-def test_a_form_without_pairs_is_convex():
-    nothing = form_of(np.zeros((0, 0)))
-    assert nothing.convex
-    assert nothing.root.shape == nothing.carried.shape == (0, 0)
-
-
-def test_a_box_without_anything_below_the_best_is_empty():
-    system = bar()
-    assert examined(system, form(system), box(3.4, 5.0), best=3.9) is None
-    assert examined(system, form(system), box(3.4, 5.0), best=4.1) is not None
-
-
 def test_a_box_shrinks_to_where_something_better_may_be():
     """A prior of 3 +- 0.1 on k: below phi = 4 only within 0.2 of it."""
     system = bar(prior=(3.0, 0.1))
@@ -143,63 +101,6 @@ def test_a_box_shrinks_to_where_something_better_may_be():
     assert found.lower[0] == pytest.approx(2.8, abs=2e-3)
     assert found.upper[0] <= 3.2 + 2e-3
     assert found.bound >= 0.5
-
-
-def test_the_energy_counts_the_weakest_parameters_of_a_box():
-    system = replace(bar(), slack_by_p=np.array([[-1.0]]))
-    energy = EnergyInequality(system, None, np.array([1.0]), np.array([3.0]))
-    assert energy.linear == pytest.approx([2.0 * (-4.0 - 3.0)])
-    energy = EnergyInequality(bar(), None, np.array([1.0]), np.array([3.0]))
-    assert energy.linear == pytest.approx([2.0 * (-4.0 + 1.0)])
-    assert energy.root.T @ energy.root == pytest.approx(np.array([[2.4]]))
-    harder = EnergyInequality(
-        bar(products={0: np.array([[0.5]])}), None, np.array([2.0]), np.array([3.0])
-    )
-    assert harder.root.T @ harder.root == pytest.approx(np.array([[2.0 * (1.2 + 2.0 * 0.5)]]))
-
-
-def test_a_form_is_convex_and_exact_or_says_that_it_is_not():
-    A = np.array([[2.0, 1.0], [1.0, 2.0]])
-    found = form_of(A)
-    assert found.convex
-    assert found.exact.all()
-    assert found.root.T @ found.root == pytest.approx(A)
-    assert found.carried @ found.root == pytest.approx(A)
-    turned = form_of(np.array([[1.0, 0.0, 1.0], [0.0, 0.0, 0.0], [-1.0, 0.0, 0.0]]))
-    assert turned.exact.tolist() == [False, True, True]
-    assert form_of(np.diag([1.0, -2e-9])).convex is False
-    assert form_of(np.diag([1.0, -0.5e-9])).convex is True
-    only = found.only(ONE)
-    assert only.root.shape == (2, 1)
-    assert only.carried.shape == (1, 2)
-
-
-def test_nothing_follows_where_the_energy_is_not_convex():
-    system = replace(bar(), slack_by_lam=np.array([[-1.2]]))
-    energy = EnergyInequality(system, None, np.array([4.5]), np.array([5.0]))
-    assert np.isneginf(energy.lowest()).all()
-    assert energy.reachable().tolist() == [True]
-
-
-@pytest.mark.parametrize("M", [np.diag([1.0, -1.0]), np.zeros((2, 2))])
-def test_nor_where_a_part_is_not_or_where_there_is_none(M):
-    two = replace(
-        bar(), slack=np.ones(2), slack_by_p=np.zeros((2, 1)), slack_by_lam=M, work=np.ones(2)
-    )
-    energy = EnergyInequality(two, None, np.zeros(1), np.ones(1))
-    assert np.isneginf(energy.lowest()).all()
-
-
-def test_nothing_follows_for_rows_that_the_form_does_not_carry():
-    """M = diag(1, 0, 0) and a turning part that does no work: rows 1 and 3 are more than S."""
-    M = np.array([[1.0, 0.0, 1.0], [0.0, 0.0, 0.0], [-1.0, 0.0, 0.0]])
-    three = replace(
-        bar(), slack=np.ones(3), slack_by_p=np.zeros((3, 1)), slack_by_lam=M, work=np.ones(3)
-    )
-    energy = EnergyInequality(three, None, np.zeros(1), np.ones(1))
-    assert energy.convex
-    assert energy.lowest() == pytest.approx([-np.inf, 1.0, 1.0], abs=1e-8)
-    assert energy.reachable().tolist() == [True, False, False]
 
 
 def test_a_reserve_is_bounded_by_the_ball_of_its_stresses():
@@ -261,33 +162,7 @@ def test_the_shortest_vector_is_that_of_a_general_minimiser(seed):
         )
 
 
-def test_the_shortest_vector_above_bounds():
-    assert shortest(np.array([[3.0, 4.0]]), np.array([50.0])) == pytest.approx([6.0, 8.0])
-    assert shortest(np.eye(2), np.array([-1.0, -2.0])) == pytest.approx([0.0, 0.0])
-    assert shortest(np.array([[1.0], [-1.0]]), np.array([1.0, 1.0])) is None
-    assert shortest(np.eye(2), np.array([1e9, -1.0])) == pytest.approx([1e9, 0.0])
-
-
 # Branch and bound over pairs
-
-
-def test_the_best_point_of_a_box_is_found_exactly():
-    system = bar()
-    found = solve_box(system, box(1.0, 5.0), form(system), best=16.5, gap=1e-6)
-    assert found.complete
-    assert found.p == pytest.approx([2.8], abs=1e-3)
-    assert 0.0 <= found.bound <= 1e-5
-
-
-def test_complementarity_holds_in_the_best_point():
-    """Beside it, on both sides, and where nothing yields."""
-    system = bar()
-    for lower, upper, best_p, phi in ((3.4, 3.9, 3.4, 4.0), (1.0, 2.2, 2.2, 4.0)):
-        found = solve_box(system, box(lower, upper), form(system), best=17.0, gap=1e-6)
-        assert found.p == pytest.approx([best_p], abs=1e-3)
-        assert found.bound == pytest.approx(phi, rel=1e-3)
-    found = solve_box(system, box(4.1, 5.0), form(system), best=17.0, gap=1e-6)
-    assert found.bound == pytest.approx(16.0, rel=1e-4)
 
 
 @pytest.mark.parametrize(
@@ -309,12 +184,6 @@ def test_neither_slacks_nor_multipliers_are_below_zero(read, lower, upper, best_
         assert best_p is None or found.p == pytest.approx([best_p], abs=1e-3)
     relaxed = examined(system, form(system), box(lower, upper), best=17.0)
     assert relaxed.bound <= phi * (1.0 + 1e-6)
-
-
-def test_a_box_without_anything_better_is_done_with():
-    system = bar()
-    found = solve_box(system, box(3.4, 3.9), form(system), best=3.9, gap=1e-6)
-    assert (found.bound, found.p, found.complete) == (np.inf, None, True)
 
 
 def test_products_of_parameters_and_multipliers_count():

@@ -102,57 +102,6 @@ def test_at_a_kink_points_a_thousandth_away_are_compared():
     assert {entry.step for entry in history.iterations} == {1e-3}
 
 
-def test_points_beyond_a_bound_are_not_compared():
-    held = (Parameter("a", 1.0, 1.0, 2.0), Parameter("b", 1.0, -np.inf, np.inf))
-    evaluator, _, point = searched(
-        lambda p: [3.0, 0.0], parameters=held, found=activity(biactive=1)
-    )
-    checked = check(evaluator, point, exact=False, spent=never)
-    assert checked.probes == 3  # a up, b up and down; steepest descent and Newton leave the bounds
-
-
-@pytest.mark.parametrize(("fall", "lower"), [(0.9e-4, False), (1.1e-4, True)])
-def test_a_point_that_is_hardly_lower_is_none(fall, lower):
-    def residuals(p):
-        return [np.sqrt(25.0 * (1.0 - fall)) if p[1] > 1.0 else 5.0, 0.0]
-
-    evaluator, _, point = searched(residuals, found=activity(biactive=1))
-    checked = check(evaluator, point, exact=False, spent=never)
-    assert (checked.lower is not None) == lower
-    assert not lower or checked.lower.p == pytest.approx([1.0, 1.001])
-
-
-@pytest.mark.parametrize(("least", "lower"), [(0.9e-2, True), (1.1e-2, False)])
-def test_a_gain_that_nobody_notices_is_none(least, lower):
-    """A hundredth of a squared accuracy, of a discrepancy of one."""
-
-    def residuals(p):
-        return [np.sqrt(0.99) if p[1] > 1.0 else 1.0, 0.0]
-
-    evaluator, _, point = searched(residuals, found=activity(biactive=1))
-    checked = check(evaluator, point, exact=False, spent=never, least=least)
-    assert (checked.lower is not None) == lower
-
-
-def test_the_lowest_of_the_points_around_is_kept():
-    evaluator, _, point = searched(lambda p: [3.0 + p[0], 4.0 + 2.0 * p[1]])
-    checked = check(evaluator, point, exact=False, spent=never)
-    assert checked.lower.p == pytest.approx([1.0 - 1e-3, 1.0 - 1e-3], abs=1e-9)
-
-
-def test_what_is_met_exactly_needs_no_comparison():
-    evaluator, history, point = searched(lambda p: [3.0, 4.0], found=activity(biactive=1))
-    checked = check(evaluator, point, exact=True, spent=never)
-    assert (checked.gradient, checked.probes, checked.lower) == (0.0, 0, None)
-    assert history.iterations == ()
-
-
-def test_no_more_is_evaluated_than_may_be():
-    evaluator, history, point = searched(lambda p: [3.0, 4.0], found=activity(biactive=1))
-    checked = check(evaluator, point, exact=False, spent=lambda: len(history.iterations) >= 2)
-    assert checked.probes == len(history.iterations) == 2
-
-
 # The certificate
 
 
@@ -253,26 +202,6 @@ def test_the_other_parameters_follow():
     assert not open_above(evaluator, point, only, spent=lambda: True).any()
 
 
-@pytest.mark.parametrize(
-    ("known", "growth", "again"),
-    [([1.02, 9.0], 39.0, False), ([1.02, 9.0], 38.0, True),
-     ([1.2, 9.0], 39.0, True), ([1.02, 8.9], 39.0, True)],
-)  # fmt: skip
-def test_what_was_seen_near_the_upper_bound_is_not_asked_again(known, growth, again):
-    """Within 5 %, on the bound, and ten times as high as an interval's end."""
-    q = (Parameter("a", 1.0, 0.0, 9.0), Parameter("b", 1.0, 0.0, 9.0))
-
-    def residuals(p):
-        return [np.sqrt(2.0 + (growth if p[1] > 8.0 else 0.0)), 0.0]
-
-    evaluator, history, point = searched(residuals, ((0.0, 1.0), (0.0, 0.0)), parameters=q)
-    response = evaluator.discrepancy.problem.response
-    response.evaluated = lambda: [np.array([1.0, 1.0]), np.array(known)]
-    only = np.array([False, True])
-    assert not open_above(evaluator, point, only, spent=never).any()
-    assert [entry.note for entry in history.iterations] == ["from above"] * again
-
-
 # Unreached planes
 
 
@@ -293,24 +222,6 @@ def test_what_moves_planes_outwards_only_is_a_strength():
     assert strengths(activity(slopes=tiny), np.array([1.0, 4.0])).tolist() == [True, True]
     against = [[1.0, 1.0], [0.0, -0.5e-12]]
     assert strengths(activity(slopes=against), np.ones(2)).tolist() == [True, True]
-
-
-@pytest.mark.parametrize("unit", [1e-15, 1e15])
-def test_the_unit_of_a_strength_does_not_matter(unit):
-    """A derivative is small beside the others, not beside one."""
-    slopes = unit * np.array([[1.0, 2.0], [0.5, -1e-6]])
-    assert strengths(activity(slopes=slopes), np.ones(2)).tolist() == [True, False]
-    found = activity(points=(0, 0), slopes=slopes)
-    assert unreached(found, np.zeros((3, 2))).tolist() == [True, True]
-    room = headroom(found)
-    assert room == pytest.approx([0.5 / unit, 0.25 / unit])
-
-
-def test_without_planes_there_are_no_strengths():
-    none = activity(points=(), reached=(), distances=(), slopes=np.zeros((0, 2)))
-    assert strengths(none, np.ones(2)).tolist() == [False, False]
-    assert unreached(none, np.zeros((3, 2))).tolist() == [False, False]
-    assert headroom(none).tolist() == [np.inf, np.inf]
 
 
 def test_unreached_is_what_moves_only_planes_that_nothing_reaches():
