@@ -60,13 +60,13 @@ class Method:
 
     Args:
         name: as users write it.
-        room: folder of `geoident.identify` with the module of the function that runs it, which is
+        folder: of `geoident.identify` with the module of the function that runs it, which is
             imported when it runs.
         options: type of its options.
     """
 
     name: str
-    room: str
+    folder: str
     options: type[MethodOptions]
 
     def function(self, options: MethodOptions) -> Identifier:
@@ -74,11 +74,11 @@ class Method:
         word = self.name.replace("-", "_")
         if isinstance(options, ComplementarityOptions):
             word = FORMULATIONS[options.formulation]
-        module = import_module(f"geoident.identify.{self.room}.{word}")
+        module = import_module(f"geoident.identify.{self.folder}.{word}")
         return cast(Identifier, getattr(module, word))
 
 
-_ROOMS = {
+_FOLDERS = {
     "gauss-newton": "least_squares",
     "condensation": "least_squares",
     "simplex": "direct",
@@ -89,7 +89,7 @@ _ROOMS = {
 }
 
 METHODS: Mapping[str, Method] = {
-    name: Method(name, room, METHOD_OPTIONS[name]) for name, room in _ROOMS.items()
+    name: Method(name, folder, METHOD_OPTIONS[name]) for name, folder in _FOLDERS.items()
 }
 
 
