@@ -14,7 +14,7 @@ from geoident.fem.solvers.threads import one_thread
 @pytest.fixture
 def threads():
     """Numbers of threads of the libraries of linear algebra, which are allowed two."""
-    libraries = ThreadpoolController().select(user_api="blas", internal_api="openblas")
+    libraries = ThreadpoolController().select(user_api="blas")
     with libraries.limit(limits=2):
         yield lambda: {library["num_threads"] for library in libraries.info()}
 

@@ -12,7 +12,6 @@ import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import ContextDecorator
-from functools import cache
 from threading import Lock
 from typing import Any, ClassVar
 
@@ -71,7 +70,8 @@ class one_thread(ContextDecorator):  # noqa: N801  used as contextlib's own
         with cls._lock:
             cls._within += 1
             if cls._within == 1:
-                cls._limit = _linear_algebra().limit(limits=1)
+                libraries = ThreadpoolController().select(user_api="blas")
+                cls._limit = libraries.limit(limits=1)
 
     def __exit__(self, *error: object) -> None:
         cls = one_thread
@@ -79,9 +79,3 @@ class one_thread(ContextDecorator):  # noqa: N801  used as contextlib's own
             cls._within -= 1
             if not cls._within:
                 cls._limit.restore_original_limits()
-
-
-@cache
-def _linear_algebra() -> ThreadpoolController:
-    """The libraries of linear algebra of numpy and scipy, looked for once."""
-    return ThreadpoolController().select(user_api="blas")

@@ -61,7 +61,7 @@ class EdgeTractions:
         name: for a sentence.
         on_mesh: the case on its mesh.
         patch: the faces.
-        stress: prepares the stress at places on the patch.
+        stress: prepares the stress at places (n, dim) in elements (n,) on the patch.
     """
 
     def __init__(

@@ -233,7 +233,7 @@ class StageTask:
         self.add_member_forces(systems.structures, du, columns)
 
     def add_member_forces(self, structures: Structures, du: Floats, columns: slice) -> None:
-        """The same of the forces of structures alone."""
+        """The same of the forces of structures alone, from du (n_dofs, c)."""
         if structures.n_rows:
             self.carried.members[:, columns] += self.rigidities[:, :1] * structures.strain(du)
 

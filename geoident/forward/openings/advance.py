@@ -29,18 +29,15 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from geoident.errors import CollapseError, ModelError
 from geoident.forward.openings.closed_forms import NO_EQUILIBRIUM, BeyondClosedForm, Opening
+from geoident.forward.openings.mesh_reaction import MeshReaction, NoFinalMotion
 from geoident.model.actions import FaceDistance, FaceProfile, Release
 from geoident.model.dual import Dual, ParameterPoint
 from geoident.model.parameter import Scalar
-
-if TYPE_CHECKING:
-    from geoident.forward.openings.mesh_reaction import MeshReaction
 
 AT_FACE, BY_PLASTIC, BEHIND = 1.0 / 3.0, 0.15, 1.5
 """Constants of Vlachopoulos and Diederichs: s_0 = AT_FACE exp(-BY_PLASTIC R*), 3/2 behind it."""
@@ -70,19 +67,6 @@ BY_MESH = f"write 'conversion: mesh' in 'face', or {INSTEAD[len('write ') :]}"
 
 OpeningAt = Callable[[ParameterPoint], Opening]
 """The opening of radius 1 m in the ground of a case, at some parameters."""
-
-
-class NoFinalMotion(Exception):
-    """Without support the ground has no motion of which a part would be known.
-
-    Args:
-        reason: why, a clause.
-        collapse: whether it comes to no rest.
-    """
-
-    def __init__(self, reason: str, *, collapse: bool = False) -> None:
-        self.reason, self.collapse = reason, collapse
-        super().__init__(reason)
 
 
 @contextmanager

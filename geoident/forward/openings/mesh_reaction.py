@@ -34,7 +34,6 @@ from geoident.fem.solvers import Solver
 from geoident.forward.actions.release import ReleasedParts
 from geoident.forward.analysis.analysis import AnalysisRun, RunOptions, StagedAnalysis
 from geoident.forward.analysis.systems import StageSystems
-from geoident.forward.openings.advance import NoFinalMotion
 from geoident.forward.stages import CaseOnMesh, used_groups
 from geoident.model.actions import FaceDistance
 from geoident.model.arrays import Floats
@@ -49,6 +48,19 @@ _MOST_ANALYSES = 40
 
 _END = " all released"
 """Name of the last stage of the analysis; no stage can have it, with its blank."""
+
+
+class NoFinalMotion(Exception):
+    """Without support the ground has no motion of which a part would be known.
+
+    Args:
+        reason: why, a clause.
+        collapse: whether it comes to no rest.
+    """
+
+    def __init__(self, reason: str, *, collapse: bool = False) -> None:
+        self.reason, self.collapse = reason, collapse
+        super().__init__(reason)
 
 
 @dataclass(frozen=True)

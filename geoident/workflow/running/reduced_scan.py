@@ -59,7 +59,7 @@ _REDUCED = "reduced model"
 
 @dataclass
 class LedReadings(LedByReduced):
-    """A response whose readings are those of a reduced model where the discrepancy is right.
+    """A response whose readings (g,) are those of a reduced model where the discrepancy is right.
 
     Args:
         inner: the model.
