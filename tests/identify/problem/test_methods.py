@@ -45,7 +45,7 @@ def test_the_table_has_the_names_and_options_that_users_can_write():
     for name, method in METHODS.items():
         assert method.name == name
         found = method.function(method.options())
-        assert found.__module__.startswith(f"geoident.identify.{method.room}.")
+        assert found.__module__.startswith(f"geoident.identify.{method.folder}.")
 
 
 def test_a_chain_goes_on_where_the_method_before_ended(problem):

@@ -333,9 +333,10 @@ def test_later_readings_share_errors_among_themselves_where_used_ones_share_none
     found = given_used(problem, v, used, later=structure, later_jacobian=J)
     np.testing.assert_allclose(found.sd, [np.sqrt(0.04 + 0.17), np.sqrt(0.01 + 0.09)])
     np.testing.assert_allclose(found.shift, 0.0)
-    alone = ErrorStructure(sd, np.array([-1, -1]), shares[:, :0], np.zeros(0, dtype=int), ())
     both = replace(problem, shared=SHARED)
-    for each in (problem, both):
+    for each, K in ((problem, 0), (both, len(SHARED))):
+        nothing = sp.csr_array((2, K))
+        alone = ErrorStructure(sd, np.array([-1, -1]), nothing, np.full(K, -1), ())
         found = given_used(each, v, used, later=alone, later_jacobian=J)
         np.testing.assert_allclose(found.sd, sd)
         np.testing.assert_allclose(found.jacobian, J)
