@@ -174,7 +174,7 @@ def gauss_newton_descent(
     return Descent(
         evaluator,
         lambda point, radius: gauss_newton_step(box, point, radius),
-        Stopping(box, options.tolerance, gain, discrepancy.noise),
+        Stopping(box, options.tolerance, gain, discrepancy.noise_of_phi),
         options.max_iterations,
     )
 

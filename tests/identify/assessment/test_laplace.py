@@ -119,7 +119,7 @@ def test_the_covariance_of_a_minimum_is_that_of_the_readings_and_a_hundred_range
     r = np.array([0.4, -0.9])
     scaling = Scaling(parameters)
     x = scaling.to_scaled(np.array([2.5, 4.0, 5.0, 3.0]))
-    log_mass, covariance_x = laplace_mass(Linearization(r, J), x, scaling)
+    log_mass, covariance_x = laplace_mass(Linearization(r, J, r), x, scaling)
     some = [0, 1, 3]
     width = np.array([3.0 / 2.0, 10.0, np.log(8.0)])
     curvature = J[:, some].T @ J[:, some] + np.diag((100.0 * width) ** -2.0)
