@@ -70,7 +70,11 @@ class Method:
     options: type[MethodOptions]
 
     def function(self, options: MethodOptions) -> Identifier:
-        """The function that runs it with some options: (problem, options, observe) -> Outcome."""
+        """The function that runs it with some options: (problem, options, observe) -> Outcome.
+
+        Module and function are named as the method: ``gauss-newton`` is run by `gauss_newton` in
+        ``least_squares/gauss_newton.py``.
+        """
         word = self.name.replace("-", "_")
         if isinstance(options, ComplementarityOptions):
             word = FORMULATIONS[options.formulation]

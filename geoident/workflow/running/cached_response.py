@@ -395,7 +395,7 @@ class CachedResponse:
         if kind != "evaluate":
             return
         self._evaluated.append(p.copy())
-        # an answer of another fit stands for the evaluations of that, of which it was made
+        # an answer carried over from another fit names the points its surrogate was made of
         for place in arrays.get("visited", p[None]):
             if not any(np.array_equal(place, before) for before in self._visited):
                 self._visited.append(np.array(place))
