@@ -187,7 +187,7 @@ class Evaluator(Generic[IterateT]):
         response = self.discrepancy.problem.response
         if not isinstance(response, HasEvaluated):
             return
-        for p in response.evaluated():
+        for p in response.evaluated_points():
             other = self.scaling.to_scaled(p)
             if self.box.length(x, other - x) <= part:
                 yield Iterate(other, p, self.discrepancy.linearize(p))

@@ -62,7 +62,7 @@ from geoident.workflow.estimating.setup import (
     used_response,
 )
 from geoident.workflow.estimating.surface_error import is_steady, with_surface_error
-from geoident.workflow.running.cached_response import EXACT, known_nearly, substituting
+from geoident.workflow.running.cached_response import EXACT, answered_approximately, substituting
 from geoident.workflow.running.control import OUT_OF_TIME, Control
 from geoident.workflow.running.evaluation_log import Log
 from geoident.workflow.running.readings import error_structure, reading_table, used_rows
@@ -262,7 +262,9 @@ class _Search:
     def _confirmed(self, at: SearchState) -> SearchState:
         """The same, confirmed by the model itself where the surrogate has answered nearly."""
         _, problem, outcome = at
-        if outcome.status == STOPPED or not known_nearly(problem.response, outcome.values):
+        if outcome.status == STOPPED or not answered_approximately(
+            problem.response, outcome.values
+        ):
             return at
         again = self.descent(problem.begun_at(outcome.values))
         return at._replace(outcome=after(outcome, again))

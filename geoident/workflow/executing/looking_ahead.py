@@ -91,13 +91,13 @@ class ResponseBeside:
 class Keeps(Protocol):
     """A response that keeps what it was told."""
 
-    def take(self, found: Recording) -> None:
+    def merge(self, recording: Recording) -> None:
         """Keep what another process has evaluated."""
 
-    def knows(self, kind: str, p: Floats) -> bool:
+    def has_answer(self, kind: str, p: Floats) -> bool:
         """Whether the answer at p (n,) is kept, or known to be none."""
 
-    def recalled(self, kind: str, p: Floats) -> EvaluationArrays | None:
+    def logged(self, kind: str, p: Floats) -> EvaluationArrays | None:
         """The answer at p (n,) if it is kept; raises `ModelError` where there is none."""
 
 
@@ -137,7 +137,7 @@ class Prefetched:
             if not self._one_more():
                 break
             self._where.processes.check()
-        found = self._response.recalled(kind, p)
+        found = self._response.logged(kind, p)
         if found is None and self.turn in self._lost:
             message = "No process computes the model at a parameter vector: the last one {}."
             raise ModelError(message.format(self._lost[self.turn]))
@@ -169,7 +169,7 @@ class Prefetched:
         if not isinstance(look, ReadingsAt):
             return look
         response = self._response
-        new = [not (response.knows("readings", p) or response.knows("evaluate", p))
+        new = [not (response.has_answer("readings", p) or response.has_answer("evaluate", p))
                for p in look.points]  # fmt: skip
         return ReadingsAt(look.points[new]) if any(new) else None
 
@@ -182,7 +182,7 @@ class Prefetched:
         number = self._sent[answer.number]
         self._done.add(number)
         if answer.value is not None:
-            self._response.take(answer.value)
+            self._response.merge(answer.value)
         elif answer.set_aside:
             self._lost[number] = answer.losses[-1] if answer.losses else "was lost"
         return True

@@ -430,7 +430,7 @@ def last_stage(
     numbers = [setup.case.stage_names.index(stage) for stage in readings.stage]
     earlier = np.array(numbers)[readings.used] <= stages[-2] + 1
     if isinstance(response, CachedResponse):
-        known, visited = response.answer(answer), response.visited()
+        known, visited = response.exact_answer(answer), response.visited()
         carry_over(known, part, answer, earlier, stages[-2] + 2, visited)
     try:
         trial = tried(
