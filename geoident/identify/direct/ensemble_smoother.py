@@ -25,7 +25,7 @@ from iterative_ensemble_smoother import ESMDA
 from scipy.special import ndtr
 
 from geoident.errors import ModelError
-from geoident.identify.problem.ahead import asked_in_turns
+from geoident.identify.problem.ahead import prefetched_readings
 from geoident.identify.problem.outcome import History, Observer, Outcome
 from geoident.identify.problem.problem import Discrepancy, Problem
 from geoident.identify.problem.scaling import Scaling
@@ -110,7 +110,7 @@ def _white_readings(problem: Problem, scaling: Scaling, Z: Floats) -> tuple[Floa
     Y = np.zeros((len(problem.measured), Z.shape[1]))
     solved = np.zeros(Z.shape[1], dtype=np.bool_)
     points = np.array([values_at(z, scaling) for z in Z.T])
-    with asked_in_turns(problem, points) as turn:
+    with prefetched_readings(problem, points) as turn:
         for k, p in enumerate(points):
             turn(k)
             if problem.response.admissible(p) is not None:

@@ -16,7 +16,7 @@ from dataclasses import replace
 import numpy as np
 
 from geoident.errors import Fault, InputError
-from geoident.identify.problem.ahead import asked_in_turns
+from geoident.identify.problem.ahead import prefetched_readings
 from geoident.identify.problem.outcome import History, Observer, Outcome
 from geoident.identify.problem.problem import Discrepancy, Problem
 from geoident.model.arrays import Floats
@@ -52,7 +52,7 @@ def scan(problem: Problem, options: ScanOptions, observe: Observer) -> Outcome:
     points = np.repeat(problem.start[None], phi.size, axis=0)
     for column, values in zip(columns, np.meshgrid(*axes.values(), indexing="ij"), strict=True):
         points[:, column] = values.ravel()
-    with asked_in_turns(problem, points, row=phi.shape[-1]) as turn:
+    with prefetched_readings(problem, points, row=phi.shape[-1]) as turn:
         for k, (p, place) in enumerate(zip(points, np.ndindex(phi.shape), strict=True)):
             turn(k)
             phi[place] = discrepancy.objective(p)

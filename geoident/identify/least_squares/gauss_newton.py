@@ -28,7 +28,7 @@ from geoident.identify.least_squares.acceptance import (
 from geoident.identify.least_squares.descent import Descent, Evaluator, Stopping
 from geoident.identify.least_squares.several_starts import SAME, SeveralStarts
 from geoident.identify.least_squares.trust_region import TrustBox, bounded_least_squares
-from geoident.identify.problem.ahead import ProblemApart, apart
+from geoident.identify.problem.ahead import ProblemData, without_model
 from geoident.identify.problem.outcome import History, Observer, Outcome
 from geoident.identify.problem.problem import Discrepancy, Problem
 from geoident.model.arrays import Bools, Floats
@@ -83,7 +83,7 @@ def _several_starts(
     return SeveralStarts(
         gauss_newton_descent(Discrepancy(problem), options, history),
         None if options.starts == "automatic" else options.starts,
-        lambda x: StartLook(apart(problem), options, x),
+        lambda x: DescentTask(without_model(problem), options, x),
         also,
     )
 
@@ -134,7 +134,7 @@ def _led_by_parts(problem: Problem, p: Floats) -> list[Floats]:
 
 
 @dataclass(frozen=True)
-class StartLook:
+class DescentTask:
     """A descent from a further start as a part of the search (`ahead`).
 
     Args:
@@ -143,13 +143,13 @@ class StartLook:
         x: (n,) where it begins.
     """
 
-    problem: ProblemApart
+    problem: ProblemData
     options: GaussNewtonOptions
     x: Floats
 
     def __call__(self, response: Response) -> None:
         """Make it, as far as it may be of use."""
-        problem = self.problem.of(response)
+        problem = self.problem.with_model(response)
         history = History("gauss-newton", response, lambda iteration: None)
         starts = _several_starts(problem, self.options, history)
         point = starts.evaluator.start(self.x, "start")

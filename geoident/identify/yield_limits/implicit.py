@@ -36,7 +36,7 @@ from geoident.identify.least_squares.descent import Descent, Ending, Stopping
 from geoident.identify.least_squares.gauss_newton import gauss_newton_descent, gauss_newton_step
 from geoident.identify.least_squares.several_starts import halton_starts
 from geoident.identify.least_squares.trust_region import TrustBox
-from geoident.identify.problem.ahead import ProblemApart, apart, at_once, in_turns
+from geoident.identify.problem.ahead import ProblemData, at_once, prefetching, without_model
 from geoident.identify.problem.outcome import History, Observer, Outcome
 from geoident.identify.problem.problem import Discrepancy, Problem
 from geoident.identify.problem.responses import YieldSystem
@@ -170,7 +170,7 @@ def _step(box: TrustBox, point: YieldIterate, radius: float, *, rising: bool) ->
 
 
 @dataclass(frozen=True)
-class RestartLook:
+class RestartTask:
     """A restart as a part of the search (`ahead`).
 
     Args:
@@ -181,7 +181,7 @@ class RestartLook:
         number: of the restart.
     """
 
-    problem: ProblemApart
+    problem: ProblemData
     options: ComplementarityOptions
     x: Floats
     best: Iterate
@@ -189,7 +189,9 @@ class RestartLook:
 
     def __call__(self, response: Response) -> None:
         """Make it."""
-        search = ImplicitSearch(self.problem.of(response), self.options, lambda iteration: None)
+        search = ImplicitSearch(
+            self.problem.with_model(response), self.options, lambda iteration: None
+        )
         search.restart(self.x, self.best, self.number)
 
 
@@ -310,11 +312,11 @@ class ImplicitSearch:
             known = Iterate(around.x, around.p, around.linearization)
             drawn = deepcopy(restarts)
             places = [self._place(drawn, around) for _ in range(min(most, at_once(self.model)))]
-            looks = [
-                RestartLook(apart(self.problem), self.options, x, known, self._tried + k)
+            tasks = [
+                RestartTask(without_model(self.problem), self.options, x, known, self._tried + k)
                 for k, x in enumerate(places)
             ]
-            with in_turns(self.model, looks) as turn:
+            with prefetching(self.model, tasks) as turn:
                 for k in range(len(places)):
                     turn(k)
                     ending = self.restart(self._place(restarts, around), known, self._tried)

@@ -13,7 +13,7 @@ from geoident.errors import TimeIsUp
 from geoident.forward.external.table import TableModel
 from geoident.forward.model import StagedModel
 from geoident.identify.assessment.variance_components import VarianceComponents
-from geoident.identify.problem.ahead import begins_near
+from geoident.identify.problem.ahead import starts_warm
 from geoident.identify.problem.errors import ErrorStructure
 from geoident.identify.problem.methods import continued, descend, identify
 from geoident.identify.problem.outcome import LocalMinimum, Outcome
@@ -130,7 +130,7 @@ def estimated(
     search = _Search(methods, control)
     linear = all(isinstance(options, GaussNewtonOptions) for options in methods)
     tolerance = EXACT if near else CERTAIN
-    weighed = near and begins_near(problem.response)
+    weighed = near and starts_warm(problem.response)
     if weighed and no_model_error(setup.case, setup.readings, methods) is None:
         unsearched = _where_it_begins(problem)
         found = search.with_all_errors(SearchState(setup, problem, unsearched))

@@ -54,12 +54,12 @@ class Recording:
 class Beside(Protocol):
     """Processes that work on parts of a search: `running.workers.ModelWorkers`, or a toy."""
 
-    def at_once(self, looks: Sequence[SearchTask] = ()) -> int:
+    def at_once(self, tasks: Sequence[SearchTask] = ()) -> int:
         """How many work on parts of a search; 1 for this one alone."""
 
-    def look(
+    def evaluate_ahead(
         self,
-        looks: Sequence[SearchTask],
+        tasks: Sequence[SearchTask],
         pairs: Sequence[tuple[str, str]],
         times: Sequence[float | None],
     ) -> Iterator[Answered[Recording]]:
@@ -110,15 +110,15 @@ class Prefetched:
     Args:
         response: keeps what they evaluate.
         where: they work.
-        looks: the parts, in their order.
+        tasks: the parts, in their order.
 
     Attributes:
         turn: number of the part whose turn it is.
     """
 
-    def __init__(self, response: Keeps, where: ResponseBeside, looks: Sequence[SearchTask]) -> None:
+    def __init__(self, response: Keeps, where: ResponseBeside, tasks: Sequence[SearchTask]) -> None:
         self.turn = 0
-        self._response, self._where, self._looks = response, where, looks
+        self._response, self._where, self._tasks = response, where, tasks
         self._sent: list[int] = []
         self._answers: Iterator[Answered[Recording]] | None = None
         self._lost: dict[int, str] = {}
@@ -155,23 +155,23 @@ class Prefetched:
 
     def _begin(self) -> None:
         """Send the part whose turn it is, and those after it, as far as they ask what is new."""
-        looks = []
-        for number, look in enumerate(self._looks[self.turn :], start=self.turn):
-            left = self._new(look)
+        tasks = []
+        for number, task in enumerate(self._tasks[self.turn :], start=self.turn):
+            left = self._new(task)
             if left is not None:
-                looks.append(left)
+                tasks.append(left)
                 self._sent.append(number)
         where = self._where
-        self._answers = where.processes.look(looks, where.pairs, where.times)
+        self._answers = where.processes.evaluate_ahead(tasks, where.pairs, where.times)
 
-    def _new(self, look: SearchTask) -> SearchTask | None:
+    def _new(self, task: SearchTask) -> SearchTask | None:
         """What of a part is not known; None for nothing."""
-        if not isinstance(look, ReadingsAt):
-            return look
+        if not isinstance(task, ReadingsAt):
+            return task
         response = self._response
         new = [not (response.has_answer("readings", p) or response.has_answer("evaluate", p))
-               for p in look.points]  # fmt: skip
-        return ReadingsAt(look.points[new]) if any(new) else None
+               for p in task.points]  # fmt: skip
+        return ReadingsAt(task.points[new]) if any(new) else None
 
     def _one_more(self) -> bool:
         """Take the next answer; whether there was one."""

@@ -25,7 +25,7 @@ from typing import Protocol
 import numpy as np
 
 from geoident.errors import ModelError, TimeIsUp
-from geoident.identify.problem.ahead import SearchTask, Turn
+from geoident.identify.problem.ahead import BeginPart, SearchTask
 from geoident.identify.problem.responses import (
     AffineElastic,
     ComplementaritySystem,
@@ -293,17 +293,17 @@ class CachedResponse:
         return 1 if self._elsewhere is None else self._elsewhere.processes.at_once()
 
     @contextmanager
-    def turns(self, looks: Sequence[SearchTask]) -> Iterator[Turn]:
+    def prefetch(self, tasks: Sequence[SearchTask]) -> Iterator[BeginPart]:
         """Work on parts of a search meanwhile; each begins with a model that has forgotten others.
 
         Args:
-            looks: they, in their order.
+            tasks: they, in their order.
         """
         where, inner = self._elsewhere, self._inner
-        several = where is not None and len(looks) > 1 and where.processes.at_once(looks) > 1
+        several = where is not None and len(tasks) > 1 and where.processes.at_once(tasks) > 1
         # what others evaluate gives no surrogate here, which is to answer a part of what they ask
         if where is not None and several and not (self._tolerance and self._surrogate()):
-            self._prefetched = Prefetched(self, where, looks)
+            self._prefetched = Prefetched(self, where, tasks)
 
         def turn(number: int) -> None:
             inner.forget()
@@ -314,7 +314,7 @@ class CachedResponse:
             yield turn
         finally:
             ahead, self._prefetched = self._prefetched, None
-            if looks:  # what comes next has not seen the parts, wherever they were made
+            if tasks:  # what comes next has not seen the parts, wherever they were made
                 inner.forget()
             if ahead is not None:
                 ahead.end()

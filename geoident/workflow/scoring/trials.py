@@ -13,7 +13,7 @@ import numpy as np
 from geoident.errors import InputError, ModelError
 from geoident.forward.ground.field import named_parameters
 from geoident.identify.assessment.scores import Innovations, p_value, scores
-from geoident.identify.problem.ahead import begins_near
+from geoident.identify.problem.ahead import starts_warm
 from geoident.identify.problem.problem import Problem
 from geoident.identify.problem.scaling import Scaling
 from geoident.model.arrays import Bools, Floats
@@ -258,7 +258,7 @@ def hand_on(before: PartialFit, setup: Setup, last: int, log: Log) -> None:
         log: of the evaluations of that.
     """
     p, table = before.found.outcome.values, before.found.readings
-    if not begins_near(before.problem.response) or table.sensitivity is None:
+    if not starts_warm(before.problem.response) or table.sensitivity is None:
         return
     try:
         rows = up_to(setup, last).readings.used

@@ -309,11 +309,11 @@ def test_a_search_that_was_stopped_plans_no_more_starts(make_problem):
     announced = []
 
     @contextmanager
-    def turns(tasks):
+    def prefetch(tasks):
         announced.extend(tasks)
         yield lambda number: None
 
-    problem.response.at_once, problem.response.turns = 4, turns
+    problem.response.at_once, problem.response.prefetch = 4, prefetch
     _, outcome = told(problem, "start")
     assert (outcome.status, outcome.reason) == ("out-of-budget", "Enough.")
     assert announced == []
