@@ -290,7 +290,7 @@ def likelihood_at(
     """
     scaling, (lower, upper) = Scaling(problem.parameters), problem.bounds
     free = (values > lower) & (values < upper)
-    J = (jacobian * scaling.slope(values))[:, free]
+    J = (jacobian * scaling.dp_dx(values))[:, free]
     R = scaling.prior_jacobian(values)[:, free]
     rows = np.concatenate([J / problem.sd[:, None], R])
     _, S, Vt = np.linalg.svd(rows, full_matrices=False)

@@ -227,7 +227,7 @@ class _CondensedEquations:
         Solved for the change from p_j in columns scaled to the size of the parameters.
         """
         p, model, (lower, upper) = point.p, point.model, self._problem.bounds
-        size = self._scaling.slope(p)
+        size = self._scaling.dp_dx(p)
         errors = np.column_stack([model.matrix * size, model.matrix @ p - model.vector])
         if self._options.weighting == "equation":
             errors = _in_forces(model.flexibility, errors)

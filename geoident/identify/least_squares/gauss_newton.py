@@ -104,7 +104,7 @@ def _led_by_parts(problem: Problem, p: Floats) -> list[Floats]:
     """
     scaling = Discrepancy(problem).scaling
     v, dv_dp = problem.response.evaluate(p)
-    J, r = problem.whiten(dv_dp * scaling.slope(p)), problem.whiten(v - problem.measured)
+    J, r = problem.whiten(dv_dp * scaling.dp_dx(p)), problem.whiten(v - problem.measured)
     P, rho, x = scaling.prior_jacobian(p), scaling.prior_residuals(p), scaling.to_scaled(p)
     g, n = J.shape
     assert isinstance(problem.loss, StudentOptions)

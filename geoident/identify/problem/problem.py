@@ -249,7 +249,7 @@ class Discrepancy:
         """
         problem, scaling = self.problem, self.scaling
         f, slope, z = self._transformed(readings)
-        dv_dx = jacobian * scaling.slope(p)
+        dv_dx = jacobian * scaling.dp_dx(p)
         if self.latent:
             assert problem.shared is not None
             rows = _projected(problem.shared, slope / problem.sd, dv_dx)

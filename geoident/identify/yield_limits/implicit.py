@@ -284,7 +284,7 @@ class ImplicitSearch:
             else:
                 raise
             point = rescue
-        strength = strengths(point.activity, scaling.slope(point.p))
+        strength = strengths(point.activity, scaling.dp_dx(point.p))
         if start is None and strength.any():
             for x in raised(scaling, strength):
                 start = None if self.spent() else evaluator.start(x, "stronger")
@@ -303,8 +303,8 @@ class ImplicitSearch:
         """
         self._descent = self._rising
         best = self._descent.run(start, self._stuck)
-        slope = self.scaling.slope(best.point.p)
-        restarts = Restarts(strengths(best.point.activity, slope), self.options.seed)
+        dp_dx = self.scaling.dp_dx(best.point.p)
+        restarts = Restarts(strengths(best.point.activity, dp_dx), self.options.seed)
         fruitless, left = 0, self.options.restarts
         while left > 0 and not self._enough(best, fruitless):
             most = min(left, self._patience(best) - fruitless)
@@ -428,7 +428,7 @@ class ImplicitSearch:
         point, names, exact = best.point, self.model.names, best.point.phi <= self._exact
         above: list[str] = []
         if not exact:
-            reached = strengths(point.activity, self.scaling.slope(point.p)) & ~point.unreached
+            reached = strengths(point.activity, self.scaling.dp_dx(point.p)) & ~point.unreached
             flags = open_above(self.evaluator, point, reached, spent=self.spent)
             above = [names[i] for i in np.flatnonzero(flags)]
         proof = certificate(checked, self.model.activity(point.p), names, exact=exact, above=above)

@@ -340,12 +340,12 @@ def variances(trials: Sequence[PartialFit]) -> Floats:
     last = trials[-1].found.readings
     assert last.sensitivity is not None
     values = trials[-1].found.outcome.values
-    scale = Scaling(trials[-1].setup.case.parameters).slope(values)
+    scale = Scaling(trials[-1].setup.case.parameters).dp_dx(values)
     found = []
     for trial in trials:
         rows = trial.found.readings.used
         known = assess_robustly(trial.problem, values, last.computed[rows], last.sensitivity[rows])
-        ratio = known.slope / scale  # each search is scaled by where it began
+        ratio = known.dp_dx / scale  # each search is scaled by where it began
         found.append(ratio**2 * np.sum(known.determined_x**2, axis=1))
     return np.array(found)
 

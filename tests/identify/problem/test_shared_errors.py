@@ -100,7 +100,7 @@ def test_the_gradient_of_a_robust_phi_is_exact(problem, measured, loss):
     discrepancy = Discrepancy(replace(problem, measured=measured, loss=loss))
     p = np.array([1.6, 0.8])
     at = discrepancy.linearize(p)
-    gradient = 2.0 * at.jacobian.T @ at.residual / discrepancy.scaling.slope(p)
+    gradient = 2.0 * at.jacobian.T @ at.residual / discrepancy.scaling.dp_dx(p)
     for h in range(2):
         step = 1e-5 * np.eye(2)[h]
         ends = (discrepancy.objective(p + step), discrepancy.objective(p - step))
