@@ -40,9 +40,9 @@ import numpy as np
 import scipy.sparse as sp
 
 from geoident.identify.assessment.uncertainty import Assessment
-from geoident.identify.problem.errors import Covariance, SharedErrors
 from geoident.identify.problem.losses import robust_scale, weights
 from geoident.identify.problem.problem import Problem, own_residuals
+from geoident.identify.problem.shared_errors import Covariance, SharedErrors
 from geoident.model.arrays import Floats, Ints
 from geoident.model.methods import SquaredOptions
 

@@ -50,9 +50,9 @@ from geoident.identify.assessment.findings import Knowledge, describe_gaps, join
 from geoident.identify.assessment.spectrum import SingularDirections, admissible_ranges
 from geoident.identify.assessment.truncated_normal import Posterior, truncated_normal
 from geoident.identify.assessment.unknown_variances import OverAccuracies
-from geoident.identify.problem.errors import Covariance, SharedErrors
 from geoident.identify.problem.problem import Problem
 from geoident.identify.problem.scaling import Scaling
+from geoident.identify.problem.shared_errors import Covariance, SharedErrors
 from geoident.model.arrays import Bools, Floats
 from geoident.model.parameter import Parameter
 from geoident.model.results.bands import NORMAL_95

@@ -49,9 +49,9 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.linalg import solve_triangular
 
-from geoident.identify.problem.errors import ErrorStructure
 from geoident.identify.problem.problem import Problem
 from geoident.identify.problem.scaling import Scaling
+from geoident.identify.problem.shared_errors import ErrorStructure
 from geoident.model.arrays import Bools, Floats
 from geoident.model.results.bands import NORMAL_95
 

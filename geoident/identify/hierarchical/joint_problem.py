@@ -28,9 +28,9 @@ import scipy.sparse as sp
 
 from geoident.errors import ModelError
 from geoident.identify.assessment.spectrum import admissible_ranges
-from geoident.identify.problem.errors import SharedErrors
 from geoident.identify.problem.problem import Problem
 from geoident.identify.problem.scaling import Scaling
+from geoident.identify.problem.shared_errors import SharedErrors
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.parameter import Parameter
 from geoident.model.project.project import ParameterLaw

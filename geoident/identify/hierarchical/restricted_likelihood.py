@@ -29,8 +29,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from geoident.identify.hierarchical.joint_problem import JointUnknowns, SectionModels
-from geoident.identify.problem.errors import Covariance, SharedErrors
 from geoident.identify.problem.scaling import Scaling
+from geoident.identify.problem.shared_errors import Covariance, SharedErrors
 from geoident.model.arrays import Bools, Floats, Ints
 
 _RIDGE = 1e-9

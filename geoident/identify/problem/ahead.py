@@ -20,9 +20,9 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from geoident.errors import ModelError
-from geoident.identify.problem.errors import SharedErrors
 from geoident.identify.problem.problem import Problem
 from geoident.identify.problem.responses import YieldSystem
+from geoident.identify.problem.shared_errors import SharedErrors
 from geoident.model.arrays import Floats
 from geoident.model.methods import LossOptions
 from geoident.model.parameter import Parameter

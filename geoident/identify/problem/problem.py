@@ -39,16 +39,16 @@ from functools import cached_property
 import numpy as np
 
 from geoident.errors import ModelError
-from geoident.identify.problem.errors import (
+from geoident.identify.problem.losses import curvature, full_weights, transformed
+from geoident.identify.problem.responses import HasNoise
+from geoident.identify.problem.scaling import Scaling
+from geoident.identify.problem.shared_errors import (
     Columns,
     Covariance,
     SharedErrors,
     products,
     scaled_rows,
 )
-from geoident.identify.problem.losses import curvature, full_weights, transformed
-from geoident.identify.problem.responses import HasNoise
-from geoident.identify.problem.scaling import Scaling
 from geoident.model.arrays import Floats
 from geoident.model.methods import LossOptions, SquaredOptions
 from geoident.model.parameter import Parameter

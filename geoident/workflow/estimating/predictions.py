@@ -14,8 +14,8 @@ from geoident.identify.assessment.later_readings import LaterReadings, given_use
 from geoident.identify.assessment.prediction_bands import predict_band
 from geoident.identify.assessment.profile_path import Nonlinearity, PathReadings, with_profile
 from geoident.identify.assessment.uncertainty import Assessment
-from geoident.identify.problem.errors import ErrorStructure
 from geoident.identify.problem.problem import Problem
+from geoident.identify.problem.shared_errors import ErrorStructure
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case
 from geoident.model.gauges import ReadingTable

@@ -14,11 +14,11 @@ from geoident.forward.external.table import TableModel
 from geoident.forward.model import StagedModel
 from geoident.identify.assessment.variance_components import VarianceComponents
 from geoident.identify.problem.ahead import starts_warm
-from geoident.identify.problem.errors import ErrorStructure
 from geoident.identify.problem.methods import continued, descend, identify
 from geoident.identify.problem.outcome import LocalMinimum, Outcome
 from geoident.identify.problem.problem import Discrepancy, Problem
 from geoident.identify.problem.scaling import Scaling
+from geoident.identify.problem.shared_errors import ErrorStructure
 from geoident.model.arrays import Floats
 from geoident.model.case import Case
 from geoident.model.methods import (

@@ -12,8 +12,8 @@ import numpy as np
 from geoident.errors import GeoidentError, Interrupted, ModelError
 from geoident.fem.solvers.kept_solutions import KeepsSolutions
 from geoident.forward.observed import ObservedModel
-from geoident.identify.problem.errors import SharedErrors
 from geoident.identify.problem.responses import HasDifferences
+from geoident.identify.problem.shared_errors import SharedErrors
 from geoident.io.result.checkpoint import EvaluationLog
 from geoident.model.arrays import Bools, Floats
 from geoident.model.parameter import Parameter

@@ -21,8 +21,8 @@ import scipy.sparse as sp
 
 from geoident.errors import InputError
 from geoident.forward.observed import ObservedModel
-from geoident.identify.problem.errors import ErrorStructure
 from geoident.identify.problem.problem import Problem
+from geoident.identify.problem.shared_errors import ErrorStructure
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case
 from geoident.model.gauges import (

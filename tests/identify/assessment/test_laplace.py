@@ -15,10 +15,10 @@ from geoident.identify.assessment.laplace import (
     log_prior_volume,
 )
 from geoident.identify.assessment.truncated_normal import log_probability_within
-from geoident.identify.problem.errors import SharedErrors
 from geoident.identify.problem.losses import transformed
 from geoident.identify.problem.problem import Discrepancy, Linearization
 from geoident.identify.problem.scaling import Scaling
+from geoident.identify.problem.shared_errors import SharedErrors
 from geoident.model.methods import HuberOptions, SquaredOptions, StudentOptions
 from geoident.model.parameter import Parameter, Prior
 

@@ -7,8 +7,8 @@ from scipy.optimize import least_squares
 
 from geoident.errors import ModelError
 from geoident.identify.least_squares.gauss_newton import gauss_newton
-from geoident.identify.problem.errors import SharedErrors
 from geoident.identify.problem.problem import Problem
+from geoident.identify.problem.shared_errors import SharedErrors
 from geoident.model.methods import GaussNewtonOptions
 from geoident.model.parameter import Parameter, Prior
 from geoident.model.results.costs import Counts

@@ -14,8 +14,8 @@ from geoident.identify.problem.ahead import (
     prefetched_readings,
     without_model,
 )
-from geoident.identify.problem.errors import SharedErrors
 from geoident.identify.problem.problem import Problem
+from geoident.identify.problem.shared_errors import SharedErrors
 from geoident.model.methods import HuberOptions, ScanAxis, ScanOptions
 from geoident.model.parameter import Parameter
 from geoident.model.results.costs import Counts

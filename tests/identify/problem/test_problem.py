@@ -8,13 +8,13 @@ import scipy.sparse as sp
 from scipy.optimize import minimize
 
 from geoident.errors import ModelError
-from geoident.identify.problem.errors import SharedErrors
 from geoident.identify.problem.losses import transformed
 from geoident.identify.problem.problem import (
     Discrepancy,
     own_residuals,
 )
 from geoident.identify.problem.scaling import Scaling
+from geoident.identify.problem.shared_errors import SharedErrors
 from geoident.model.methods import HuberOptions, SquaredOptions, StudentOptions
 from geoident.model.parameter import Parameter, Prior
 

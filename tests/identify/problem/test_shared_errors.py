@@ -13,8 +13,8 @@ from geoident.identify.assessment.prediction_bands import predict_band
 from geoident.identify.assessment.uncertainty import assess
 from geoident.identify.direct.simplex import simplex
 from geoident.identify.least_squares.gauss_newton import gauss_newton
-from geoident.identify.problem.errors import Covariance, ErrorStructure, SharedErrors
 from geoident.identify.problem.problem import Discrepancy, own_residuals
+from geoident.identify.problem.shared_errors import Covariance, ErrorStructure, SharedErrors
 from geoident.model.methods import (
     GaussNewtonOptions,
     HuberOptions,
