@@ -231,7 +231,7 @@ def _knowledge(
         from_prior: (n,) known from the prior only.
         B: (g, n) whitened readings by z.
         P: (k, n) rows of the priors by z.
-        width: (n,) range by scaled parameters, SI.
+        width: (n,) admissible ranges, SI.
     """
     named = np.array([not q.field for q in parameters], dtype=np.bool_)
     if not named.all():

@@ -282,7 +282,7 @@ class Descent(Generic[IterateT]):
     """Goes down from a start until its stopping rules end it.
 
     Args:
-        evaluator: knows the model, and the reason to stop that an observer gave.
+        evaluator: knows the model, and the reason to stop that was given.
         propose: (point, radius) -> the best step no longer than the radius.
         stopping: when nothing is left to do.
         max_steps: at most.

@@ -29,7 +29,7 @@ from geoident.identify.least_squares.descent import Descent, Evaluator, Stopping
 from geoident.identify.least_squares.several_starts import SAME, SeveralStarts
 from geoident.identify.least_squares.trust_region import TrustBox, bounded_least_squares
 from geoident.identify.problem.ahead import ProblemData, without_model
-from geoident.identify.problem.outcome import History, Observer, Outcome
+from geoident.identify.problem.outcome import History, OnIteration, Outcome
 from geoident.identify.problem.problem import Discrepancy, Problem
 from geoident.model.arrays import Bools, Floats
 from geoident.model.methods import GaussNewtonOptions, HuberOptions, StudentOptions
@@ -46,7 +46,7 @@ from quadratic where residuals stay, gain a twentieth of the last one: each is a
 def gauss_newton(
     problem: Problem,
     options: GaussNewtonOptions,
-    observe: Observer,
+    on_iteration: OnIteration,
     *,
     method: str = "gauss-newton",
 ) -> Outcome:
@@ -58,7 +58,7 @@ def gauss_newton(
     Args:
         problem: readings, model and parameters.
         options: tolerance, steps, starts.
-        observe: is told of every trial; its reason to stop ends the search.
+        on_iteration: is called with every trial; its reason to stop ends the search.
         method: its name in the history.
 
     Returns:
@@ -67,7 +67,7 @@ def gauss_newton(
     Raises:
         ModelError: the model has no solution at the start, or at any where there are several.
     """
-    history = History(method, problem.response, observe)
+    history = History(method, problem.response, on_iteration)
     also: Sequence[Floats] = ()
     if isinstance(problem.loss, StudentOptions) and options.starts == "automatic":
         given, convex = problem.start, replace(problem, loss=HuberOptions())

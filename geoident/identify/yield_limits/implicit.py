@@ -37,7 +37,7 @@ from geoident.identify.least_squares.gauss_newton import gauss_newton_descent, g
 from geoident.identify.least_squares.several_starts import halton_starts
 from geoident.identify.least_squares.trust_region import TrustBox
 from geoident.identify.problem.ahead import ProblemData, at_once, prefetching, without_model
-from geoident.identify.problem.outcome import History, Observer, Outcome
+from geoident.identify.problem.outcome import History, OnIteration, Outcome
 from geoident.identify.problem.problem import Discrepancy, Problem
 from geoident.identify.problem.responses import YieldSystem
 from geoident.identify.yield_limits.starts import Restarts, raised, strength_scan
@@ -97,13 +97,15 @@ _AT_KINK = (
 )
 
 
-def implicit(problem: Problem, options: ComplementarityOptions, observe: Observer) -> Outcome:
+def implicit(
+    problem: Problem, options: ComplementarityOptions, on_iteration: OnIteration
+) -> Outcome:
     """Minimises the misfit over the parameters, the stages solved for every trial.
 
     Args:
         problem: readings, a `YieldSystem`, and parameters.
         options: restarts, tolerance, budget.
-        observe: is told of every trial; its reason to stop ends the search.
+        on_iteration: is called with every trial; its reason to stop ends the search.
 
     Returns:
         The best point that was evaluated, with its certificate.
@@ -111,10 +113,12 @@ def implicit(problem: Problem, options: ComplementarityOptions, observe: Observe
     Raises:
         ModelError: no start has a solution.
     """
-    return ImplicitSearch(problem, options, observe).run()
+    return ImplicitSearch(problem, options, on_iteration).run()
 
 
-def descend(problem: Problem, options: ComplementarityOptions, observe: Observer) -> Outcome:
+def descend(
+    problem: Problem, options: ComplementarityOptions, on_iteration: OnIteration
+) -> Outcome:
     """One descent from the start, and what kind of point it ends at: no scan.
 
     For a problem that differs little from one that was solved: the start is its solution. It
@@ -123,12 +127,12 @@ def descend(problem: Problem, options: ComplementarityOptions, observe: Observer
     Args:
         problem: readings, a `YieldSystem`, and parameters.
         options: tolerance, budget.
-        observe: is told of every trial; its reason to stop ends the search.
+        on_iteration: is called with every trial; its reason to stop ends the search.
 
     Raises:
         ModelError: the start has no solution.
     """
-    return ImplicitSearch(problem, options, observe).descend()
+    return ImplicitSearch(problem, options, on_iteration).descend()
 
 
 def certificate_at(problem: Problem, p: Floats, history: History) -> Certificate | None:
@@ -201,16 +205,16 @@ class ImplicitSearch:
     Args:
         problem: readings, a `YieldSystem`, and parameters.
         options: restarts, tolerance, budget.
-        observe: is told of every trial; its reason to stop ends the search.
+        on_iteration: is called with every trial; its reason to stop ends the search.
     """
 
     def __init__(
-        self, problem: Problem, options: ComplementarityOptions, observe: Observer
+        self, problem: Problem, options: ComplementarityOptions, on_iteration: OnIteration
     ) -> None:
         assert isinstance(problem.response, YieldSystem)
         self.problem, self.options, self.model = problem, options, problem.response
         discrepancy = Discrepancy(problem)
-        self.history = History("complementarity", problem.response, observe)
+        self.history = History("complementarity", problem.response, on_iteration)
         self.evaluator = yield_evaluator(discrepancy, self.history, self.model)
         self.scaling, box = self.evaluator.scaling, self.evaluator.box
         steps = GaussNewtonOptions(tolerance=options.tolerance)

@@ -167,13 +167,13 @@ class _Search:
 
     def identified(self, problem: Problem, methods: Sequence[MethodOptions]) -> Outcome:
         """Run identifiers, one after the other."""
-        outcome = identify(problem, methods, self.control.observe)
+        outcome = identify(problem, methods, self.control.on_iteration)
         self.control.stop.check()
         return outcome
 
     def descent(self, problem: Problem) -> Outcome:
         """One descent from where a problem begins, by the last method's steps."""
-        outcome = descend(problem, self.methods[-1], self.control.observe)
+        outcome = descend(problem, self.methods[-1], self.control.on_iteration)
         self.control.stop.check()
         return outcome
 

@@ -18,8 +18,8 @@ def go_on(iteration):
     return None
 
 
-def run(problem, observe=go_on, **options):
-    return gauss_newton(problem, GaussNewtonOptions(**options), observe)
+def run(problem, on_iteration=go_on, **options):
+    return gauss_newton(problem, GaussNewtonOptions(**options), on_iteration)
 
 
 def free(*start):

@@ -259,11 +259,11 @@ def told(problem, stop=None, **options):
     """What is noted of every evaluation, and the outcome."""
     notes = []
 
-    def observe(entry):
+    def on_iteration(entry):
         notes.append(entry.note)
         return "Enough." if entry.note == stop else None
 
-    return notes, gauss_newton(problem, GaussNewtonOptions(**options), observe)
+    return notes, gauss_newton(problem, GaussNewtonOptions(**options), on_iteration)
 
 
 def test_the_starts_before_the_first_that_has_a_solution_are_not_made_again(make_problem):
