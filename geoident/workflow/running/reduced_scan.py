@@ -62,7 +62,7 @@ class LedReadings(LedByReduced):
     """A response whose readings are those of a reduced model where the discrepancy is right.
 
     Args:
-        inner: the model.
+        inner: the model, with readings (g,).
         discrepancy: of the problem.
         spent: what making the reduced model has cost.
     """
