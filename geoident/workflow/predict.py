@@ -30,7 +30,7 @@ from geoident.model.results.bands import Prediction
 from geoident.model.results.result import ParameterTable, Provenance, Result
 from geoident.workflow.estimating.accuracies import Possible, with_found, with_scatter
 from geoident.workflow.estimating.diagnosis import at_used
-from geoident.workflow.estimating.estimate import later_errors, look, predicted
+from geoident.workflow.estimating.estimate import assess_fit, later_errors, predicted
 from geoident.workflow.estimating.fields import require_same_modes
 from geoident.workflow.estimating.finished import Finished, at_hand, write
 from geoident.workflow.estimating.model_error import FittedModelError
@@ -499,7 +499,7 @@ def _at_rivals(
     found = []
     for values, phi in zip(rivals.values[1:], rivals.objectives[1:], strict=True):
         there = Outcome(values, float(phi), task.fit.status, "", ())
-        found.append(predicted(setup, look(setup, problem, there, fields=False), stages))
+        found.append(predicted(setup, assess_fit(setup, problem, there, fields=False), stages))
     return found
 
 

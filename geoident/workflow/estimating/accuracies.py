@@ -123,7 +123,7 @@ def _sized(channel: Channel, factors: Mapping[str, float]) -> Channel:
     sizes = {
         part: getattr(parts, part) * factors.get(parts.component(part) or "", 1.0) for part in PARTS
     }
-    sized = replace(parts, **sizes, estimated=(), found=parts.estimated)
+    sized = replace(parts, **sizes, estimated=(), already_estimated=parts.estimated)
     return replace(channel, errors=sized, accuracy=sized.total(channel.along))
 
 

@@ -20,7 +20,7 @@ from geoident.model.parameter import Parameter
 from geoident.model.response import Response
 from geoident.model.results.costs import NO_COST, Counts
 from geoident.workflow.estimating.diagnosis import parameter_table
-from geoident.workflow.estimating.estimate import look
+from geoident.workflow.estimating.estimate import assess_fit
 from geoident.workflow.estimating.search import estimated
 from geoident.workflow.estimating.setup import Setup, problem_of, require_possible, used_response
 from geoident.workflow.executing.stop import StopRequest
@@ -313,7 +313,7 @@ class _OneSection:
         require_possible(setup.model, case, case.fit.methods)
         with log:
             state = estimated(setup, case.fit.methods, log, control)
-            found = look(*state, fields=False)
+            found = assess_fit(*state, fields=False)
         table = parameter_table(case.parameters, found.outcome.values, found.assessment)
         alone = np.array([table.values, table.lower95, table.upper95])
         alone[:, ~table.determined] = np.nan

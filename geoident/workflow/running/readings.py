@@ -324,7 +324,7 @@ class _Table:
         if channel.errors is None:
             return ""
         if self.found is not None:
-            name = dict(channel.errors.found).get(part, "")
+            name = dict(channel.errors.already_estimated).get(part, "")
             return name if name in self.found.names else ""
         name = channel.errors.component(part) or ""
         if name:

@@ -26,7 +26,7 @@ from geoident.model.results.bands import NORMAL_95, Bands, next_read
 from geoident.model.results.costs import Counts
 from geoident.model.results.result import GaugeTable
 from geoident.workflow.estimating.diagnosis import assess_robustly, opened, parameter_table
-from geoident.workflow.estimating.estimate import Estimate, look, predicted
+from geoident.workflow.estimating.estimate import Estimate, assess_fit, predicted
 from geoident.workflow.estimating.predictions import correlations
 from geoident.workflow.estimating.search import estimated
 from geoident.workflow.estimating.setup import Setup
@@ -188,7 +188,7 @@ def tried(
     part, before = up_to(setup, last), setup.model.counts
     fitted, problem, outcome = estimated(part, methods, log, control, start=start, near=near)
     end = None if until is None else until + 1
-    found = look(fitted, problem, outcome, fields=True, last=end)
+    found = assess_fit(fitted, problem, outcome, fields=True, last=end)
     levels = stress_levels(setup.model, setup.case, found.survey.fields)
     found = replace(found, survey=replace(found.survey, fields=None))  # large, and not needed on
     gauges = gauge_table(fitted.case, found.readings, found.survey.computed)
