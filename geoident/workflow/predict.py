@@ -578,7 +578,7 @@ def _with_later(
 
 def pick_assessment(assessment: Assessment, order: Ints) -> Assessment:
     """What is known of some parameters, by their numbers (k,), whatever the others are."""
-    intervals = ("sd", "lower95", "upper95", "beyond_bounds", "slope")
+    intervals = ("sd", "lower95", "upper95", "beyond_bounds", "dp_dx")
     columns = (*intervals, "at_bound", "determined", "from_prior")
     square = np.ix_(order, order)
     return replace(
