@@ -340,3 +340,14 @@ def test_later_readings_share_errors_among_themselves_where_used_ones_share_none
         found = given_used(each, v, used, later=alone, later_jacobian=J)
         np.testing.assert_allclose(found.sd, sd)
         np.testing.assert_allclose(found.jacobian, J)
+
+
+def test_without_used_readings_all_of_the_errors_of_later_ones_is_left(make_problem):
+    none = make_problem(lambda p: p[:0], parameters(), [], [])
+    sd, shares = np.array([0.2, 0.1]), sp.csr_array(np.array([[0.3, -0.4], [0.3, 0.0]]))
+    later = ErrorStructure(sd, np.full(2, -1), shares, np.full(2, -1), ())
+    J = np.ones((2, 2))
+    found = given_used(none, np.zeros(0), np.zeros((0, 2)), later=later, later_jacobian=J)
+    np.testing.assert_allclose(found.sd, np.sqrt([0.04 + 0.25, 0.01 + 0.09]))
+    np.testing.assert_allclose(found.shift, 0.0)
+    np.testing.assert_allclose(found.jacobian, J)
