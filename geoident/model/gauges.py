@@ -61,7 +61,7 @@ class ErrorParts:
             of several days, 0 where `zero` is all of its error.
         estimated: pairs of a part and the component of variance to which it belongs, for parts that
             are to be estimated: only their ratios within a component are then known before.
-        found: likewise, of parts that were estimated: their sizes are the estimates.
+        already_estimated: likewise, of parts that were estimated: their sizes are the estimates.
         mesh: of stages the name, the error there of what is computed on the mesh, SI, signed: all
             readings share one factor on it, of variance one; and by how much it is uncertain, which
             the readings of a channel share. No part of the gauge's accuracy.
@@ -78,7 +78,7 @@ class ErrorParts:
     survey: str = ""
     zero_surveyed: float = 0.0
     estimated: tuple[tuple[str, str], ...] = ()
-    found: tuple[tuple[str, str], ...] = ()
+    already_estimated: tuple[tuple[str, str], ...] = ()
     mesh: tuple[tuple[str, float, float], ...] = ()
     surface: tuple[tuple[str, tuple[float, ...]], ...] = ()
 

@@ -25,7 +25,7 @@ from geoident.workflow.estimating.diagnosis import (
     remarks,
     why_poor,
 )
-from geoident.workflow.estimating.estimate import Estimate, further, look, predicted, searched
+from geoident.workflow.estimating.estimate import Estimate, assess_fit, further, predicted, searched
 from geoident.workflow.estimating.fields import field_estimates
 from geoident.workflow.estimating.finished import Finished
 from geoident.workflow.estimating.model_error import model_error_findings, model_error_notes
@@ -78,7 +78,7 @@ def _fit(job: Job, control: Control) -> Finished:
     """The fit of one model."""
 
     def result(setup: Setup, problem: Problem, outcome: Outcome, log: Log) -> Result:
-        found = with_curvature(setup, problem, look(setup, problem, outcome, fields=True))
+        found = with_curvature(setup, problem, assess_fit(setup, problem, outcome, fields=True))
         last = _last_stage(job, setup, problem, outcome, log, control)
         written = _result(job, setup, found, last, _unit_findings(setup, found, log))
         return _with_reduced(written, setup, control) if setup.case.fit.keep_reduced else written

@@ -30,7 +30,7 @@ from geoident.model.results.bands import Prediction
 from geoident.model.results.result import ParameterTable, Provenance, Result
 from geoident.workflow.estimating.accuracies import Possible, with_found, with_scatter
 from geoident.workflow.estimating.diagnosis import at_used
-from geoident.workflow.estimating.estimate import later_errors, look, predicted
+from geoident.workflow.estimating.estimate import assess_fit, later_errors, predicted
 from geoident.workflow.estimating.fields import require_same_modes
 from geoident.workflow.estimating.finished import Finished, at_hand, write
 from geoident.workflow.estimating.model_error import FittedModelError
@@ -499,7 +499,7 @@ def _at_rivals(
     found = []
     for values, phi in zip(rivals.values[1:], rivals.objectives[1:], strict=True):
         there = Outcome(values, float(phi), task.fit.status, "", ())
-        found.append(predicted(setup, look(setup, problem, there, fields=False), stages))
+        found.append(predicted(setup, assess_fit(setup, problem, there, fields=False), stages))
     return found
 
 
@@ -578,7 +578,7 @@ def _with_later(
 
 def pick_assessment(assessment: Assessment, order: Ints) -> Assessment:
     """What is known of some parameters, by their numbers (k,), whatever the others are."""
-    intervals = ("sd", "lower95", "upper95", "beyond_bounds", "slope")
+    intervals = ("sd", "lower95", "upper95", "beyond_bounds", "dp_dx")
     columns = (*intervals, "at_bound", "determined", "from_prior")
     square = np.ix_(order, order)
     return replace(

@@ -16,10 +16,10 @@ from support.yielding import Cavity, constant, mohr, rock
 from geoident.errors import InputError
 from geoident.identify.least_squares.gauss_newton import gauss_newton
 from geoident.identify.problem import methods
-from geoident.identify.problem.errors import SharedErrors
 from geoident.identify.problem.methods import identify
 from geoident.identify.problem.outcome import History
 from geoident.identify.problem.problem import Discrepancy, Problem
+from geoident.identify.problem.shared_errors import SharedErrors
 from geoident.identify.yield_limits.full_space import full_space
 from geoident.identify.yield_limits.implicit import certificate_at, implicit
 from geoident.model.methods import (

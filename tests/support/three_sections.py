@@ -13,7 +13,7 @@ import scipy.sparse as sp
 from geoident.identify.hierarchical.joint_problem import JointUnknowns, SectionReadings
 from geoident.identify.hierarchical.restricted_likelihood import LinearSections
 from geoident.identify.hierarchical.search import HierarchicalFit
-from geoident.identify.problem.errors import SharedErrors
+from geoident.identify.problem.shared_errors import SharedErrors
 from geoident.model.parameter import Parameter, Prior
 from geoident.model.project.formulas import LawTerm
 from geoident.model.project.project import ParameterLaw, Scatter

@@ -12,7 +12,7 @@ import pytest
 from geoident.workflow.running.cached_response import (
     EXACT,
     CachedResponse,
-    known_nearly,
+    answered_approximately,
     substituting,
 )
 
@@ -73,7 +73,7 @@ def test_its_error_tells_who_answers(error, exact, answers):
         assert response.increments(P).tolist() == ([[1.0], [5.0]] if answers else [[0.0], [4.0]])
     factor = 3.0 if answers else 2.0
     assert (v[0], dv_dp[0, 0]) == (factor * P[0], factor)
-    assert known_nearly(response, P) == answers
+    assert answered_approximately(response, P) == answers
     assert inner.counts.evaluations == (1 if answers else 2)
 
 
@@ -82,6 +82,6 @@ def test_who_is_not_led_asks_the_model():
     with substituting(response):
         response.evaluate(P)
     assert response.evaluate(P)[0] == 2.0 * P
-    assert not known_nearly(response, P)
+    assert not answered_approximately(response, P)
     with substituting(response):
         assert response.evaluate(P)[0] == 2.0 * P  # the model has answered

@@ -17,8 +17,8 @@ from geoident.identify.assessment.variance_components import (
     estimate_components,
 )
 from geoident.identify.least_squares.gauss_newton import gauss_newton
-from geoident.identify.problem.errors import ErrorStructure
 from geoident.identify.problem.problem import Problem
+from geoident.identify.problem.shared_errors import ErrorStructure
 from geoident.model.gauges import Channel, ErrorParts, Reading
 from geoident.model.methods import GaussNewtonOptions
 from geoident.model.parameter import Parameter, Prior

@@ -16,7 +16,7 @@ from geoident.errors import (
     ModelError,
     TimeIsUp,
 )
-from geoident.identify.problem.ahead import BESIDE, asked_in_turns
+from geoident.identify.problem.ahead import BESIDE, prefetched_readings
 from geoident.identify.problem.problem import Problem
 from geoident.io.result.checkpoint import EvaluationLog
 from geoident.model.parameter import Parameter
@@ -112,21 +112,21 @@ class Beside:
         self.model, self.lose, self.stop_after = model, lose, stop_after
         self.sent, self.stopping = [], False
 
-    def at_once(self, looks=()):
+    def at_once(self, tasks=()):
         return 4
 
-    def look(self, looks, pairs, times):
-        self.sent.append([len(look.points) for look in looks])
-        for number in reversed(range(len(looks))):
+    def evaluate_ahead(self, tasks, pairs, times):
+        self.sent.append([len(task.points) for task in tasks])
+        for number in reversed(range(len(tasks))):
             if number in self.lose:
                 yield Answered(number, None, ("was killed",) * 3)
                 continue
             found = Recording()
             response = CachedResponse(self.model(), found, before=lambda: None)
-            looks[number](response)
+            tasks[number](response)
             found.failures = response.failures
             yield Answered(number, found)
-            if self.stop_after is not None and len(looks) - number >= self.stop_after:
+            if self.stop_after is not None and len(tasks) - number >= self.stop_after:
                 self.stopping = True
 
     def check(self):
@@ -155,7 +155,7 @@ def asked(log, beside=None, points=POINTS):
     parameters = tuple(Parameter(f"k{i}", 5.0, 0.1, 20.0, "log") for i in (1, 2, 3))
     problem = Problem(response, np.zeros(6), np.ones(6), parameters)
     found = []
-    with asked_in_turns(problem, points) as turn:
+    with prefetched_readings(problem, points) as turn:
         for k, p in enumerate(points):
             turn(k)
             try:

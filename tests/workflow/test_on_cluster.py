@@ -65,13 +65,13 @@ def asked(case, folder, *overrides, plan=plan_scan):
 
 
 @pytest.fixture
-def looked(monkeypatch):
+def sent_tasks(monkeypatch):
     """How many parts of a search were sent at a time."""
     sent = []
-    look = ModelWorkers.look
+    evaluate_ahead = ModelWorkers.evaluate_ahead
     monkeypatch.setattr(
-        ModelWorkers, "look",
-        lambda self, looks, *where: sent.append(len(looks)) or look(self, looks, *where),
+        ModelWorkers, "evaluate_ahead",
+        lambda self, tasks, *where: sent.append(len(tasks)) or evaluate_ahead(self, tasks, *where),
     )  # fmt: skip
     return sent
 
@@ -88,17 +88,17 @@ def has_the_bits_of_a_serial_run(run, case, plan, said, control):
     assert there.counts.evaluations == here.counts.evaluations
 
 
-def test_a_scan_has_the_bits_of_a_serial_run(tmp_path, cluster, looked):
+def test_a_scan_has_the_bits_of_a_serial_run(tmp_path, cluster, sent_tasks):
     said = ("fit.scan.points=3", "fit.reduced=false")
     has_the_bits_of_a_serial_run(scan, write_case(tmp_path), plan_scan, said, on(cluster))
-    assert looked == [9]
+    assert sent_tasks == [9]
 
 
-def test_starts_of_a_fit_have_the_bits_of_a_serial_run(tmp_path, somewhere, looked):
+def test_starts_of_a_fit_have_the_bits_of_a_serial_run(tmp_path, somewhere, sent_tasks):
     starts = ("fit.gauss-newton.starts=3", "fit.reduced=false", "fit.model_error=none",
               "fit.backtest=false")  # fmt: skip
     has_the_bits_of_a_serial_run(fit, write_case(tmp_path), plan_fit, starts, somewhere())
-    assert looked == [2]
+    assert sent_tasks == [2]
 
 
 def test_draws_of_a_posterior_are_those_of_a_serial_run(tmp_path, somewhere, monkeypatch):

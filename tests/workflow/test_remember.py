@@ -158,10 +158,10 @@ def test_a_wish_to_stop_is_heard_before_the_next_evaluation():
 def test_each_part_of_a_search_and_what_follows_begins_as_a_new_model_does():
     spring = Spring()
     model = remembered(Notebook(), spring)
-    with model.turns([]):
+    with model.prefetch([]):
         pass
     assert spring.asked == []
-    with model.turns([lambda response: None] * 2) as turn:
+    with model.prefetch([lambda response: None] * 2) as turn:
         for number in (0, 1):
             turn(number)
             model.readings(np.array([2.0 + number]))

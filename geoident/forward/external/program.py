@@ -174,14 +174,14 @@ class ProgramResponse(ObservedResponse[ProgramModel]):
         return self._model.runs.at_once
 
     @contextmanager
-    def turns(self, looks: Sequence[object]) -> Iterator[Callable[[int], None]]:
+    def prefetch(self, tasks: Sequence[object]) -> Iterator[Callable[[int], None]]:
         """Make the runs of parts of a search meanwhile, as many at a time as may be.
 
         Args:
-            looks: the parts that ask at points; nothing is begun for others.
+            tasks: the parts that ask at points; nothing is begun for others.
         """
         model = self._model
-        asked: list[Floats] = [getattr(look, "points", np.zeros((0, 0))) for look in looks]
+        asked: list[Floats] = [getattr(task, "points", np.zeros((0, 0))) for task in tasks]
         ends, made = np.cumsum([len(points) for points in asked]), 0
         with closing(model.ahead([p for points in asked for p in points])) as runs:
 

@@ -40,9 +40,9 @@ import numpy as np
 import scipy.sparse as sp
 
 from geoident.identify.assessment.uncertainty import Assessment
-from geoident.identify.problem.errors import Covariance, SharedErrors
 from geoident.identify.problem.losses import robust_scale, weights
 from geoident.identify.problem.problem import Problem, own_residuals
+from geoident.identify.problem.shared_errors import Covariance, SharedErrors
 from geoident.model.arrays import Floats, Ints
 from geoident.model.methods import SquaredOptions
 
@@ -107,7 +107,7 @@ def diagnose(
     sd = problem.sd / np.sqrt(w)
     none = SharedErrors(sp.csr_array((len(gap), 0)))
     covariance, C = Covariance(sd, problem.shared or none), assessment.held_covariance_x
-    pull = covariance.solve(jacobian * assessment.slope)
+    pull = covariance.solve(jacobian * assessment.dp_dx)
     force, own = covariance.solve(gap), covariance.inverse_diagonal
     left = np.maximum(own - np.einsum("gi,ij,gj->g", pull, C, pull), 0.0) / own
     # rows of a set are weighted by the covariance of its errors given all others

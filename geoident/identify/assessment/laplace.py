@@ -31,9 +31,9 @@ from scipy.special import gammaln, ndtr
 from geoident.identify.assessment.diagnostics import effective_sd
 from geoident.identify.assessment.spectrum import admissible_ranges
 from geoident.identify.assessment.truncated_normal import log_probability_within
-from geoident.identify.problem.errors import Covariance
 from geoident.identify.problem.problem import Linearization, Problem
 from geoident.identify.problem.scaling import Scaling
+from geoident.identify.problem.shared_errors import Covariance
 from geoident.model.arrays import Floats
 from geoident.model.methods import HuberOptions, LossOptions, SquaredOptions, StudentOptions
 from geoident.model.parameter import Parameter

@@ -23,8 +23,8 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
-from geoident.identify.problem.errors import Covariance, ErrorStructure, SharedErrors
 from geoident.identify.problem.problem import Problem
+from geoident.identify.problem.shared_errors import Covariance, ErrorStructure, SharedErrors
 from geoident.model.arrays import Floats
 
 

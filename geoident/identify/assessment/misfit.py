@@ -92,7 +92,7 @@ def misfit(problem: Problem, values: Floats, readings: Floats, jacobian: Floats)
     scaling = Scaling(problem.parameters)
     lower, upper = problem.bounds
     free = (values > lower) & (values < upper)
-    J = (jacobian * scaling.slope(values))[:, free]
+    J = (jacobian * scaling.dp_dx(values))[:, free]
     rows = np.concatenate([problem.whiten(J), scaling.prior_jacobian(values)[:, free]])
     gap = readings - problem.measured
     if isinstance(problem.loss, SquaredOptions):

@@ -42,7 +42,7 @@ from geoident.identify.assessment.variance_components import (
     estimate_components,
     likeliest_factors,
 )
-from geoident.identify.problem.errors import Covariance, SharedErrors
+from geoident.identify.problem.shared_errors import Covariance, SharedErrors
 from geoident.model.arrays import Floats
 
 PRIOR_SD = 0.3

@@ -46,7 +46,7 @@ def predict_band(
     Returns:
         Infinite where the reading depends mainly on what is not determined.
     """
-    rows = jacobian * assessment.slope
+    rows = jacobian * assessment.dp_dx
     deviation = None if nonlinearity is None else nonlinearity.at_draws
     summary = assessment.posterior.summary(rows, sd, deviation=deviation)
     # not determined where the part of undetermined directions is larger than all the rest

@@ -245,12 +245,12 @@ class _Profile:
     def _relaxed(self, t: float, dx: Floats, values: Floats, readings: PathReadings) -> _Point:
         """The point after one Gauss-Newton step of the others; the estimate stays where it is."""
         problem, scaling = self.problem, self.scaling
-        slope = scaling.slope(values)
+        dp_dx = scaling.dp_dx(values)
         r = np.concatenate(
             [problem.whiten(readings.used - problem.measured), scaling.prior_residuals(values)]
         )
         A = np.concatenate(
-            [problem.whiten(readings.used_jacobian * slope), scaling.prior_jacobian(values)]
+            [problem.whiten(readings.used_jacobian * dp_dx), scaling.prior_jacobian(values)]
         )
         width = admissible_ranges(scaling)
         others = np.flatnonzero((width > 0.0) & (np.arange(len(dx)) != self.i))
@@ -265,15 +265,15 @@ class _Profile:
         step = np.clip(step, self.lower - dx, self.upper - dx)
         left = r + A @ step
         phi, dx = float(left @ left), dx + step
-        computed = readings.all + readings.all_jacobian @ (slope * step)
-        linear = self.at.all + self.at.all_jacobian @ (self.assessment.slope * dx)
+        computed = readings.all + readings.all_jacobian @ (dp_dx * step)
+        linear = self.at.all + self.at.all_jacobian @ (self.assessment.dp_dx * dx)
         return _Point(t, dx, phi, log_volume - 0.5 * phi, np.nan_to_num(computed - linear))
 
     def _is_linear(self, point: _Point) -> bool:
         """Whether phi and the readings are what the linearised model has there."""
         mean = self.mean[self.i]
         growth = ((point.t - mean) ** 2 - mean**2) / self.sd**2
-        rows = np.nan_to_num(self.at.all_jacobian * self.assessment.slope)
+        rows = np.nan_to_num(self.at.all_jacobian * self.assessment.dp_dx)
         sd = np.sqrt(np.einsum("ij,jk,ik->i", rows, self.assessment.posterior.covariance, rows))
         return bool(
             abs(point.phi - self.estimate.phi - growth) < _SAME_PHI

@@ -50,9 +50,9 @@ from geoident.identify.assessment.findings import Knowledge, describe_gaps, join
 from geoident.identify.assessment.spectrum import SingularDirections, admissible_ranges
 from geoident.identify.assessment.truncated_normal import Posterior, truncated_normal
 from geoident.identify.assessment.unknown_variances import OverAccuracies
-from geoident.identify.problem.errors import Covariance, SharedErrors
 from geoident.identify.problem.problem import Problem
 from geoident.identify.problem.scaling import Scaling
+from geoident.identify.problem.shared_errors import Covariance, SharedErrors
 from geoident.model.arrays import Bools, Floats
 from geoident.model.parameter import Parameter
 from geoident.model.results.bands import NORMAL_95
@@ -84,7 +84,7 @@ class Assessment:
         singular_values: (min(g, n),) of B, the readings alone, largest first; where there are
             fields, of the parameters that the case names, with the fields free.
         findings: sentences on what is not determined and what only a prior fixes.
-        slope: (n,) dp/dx, SI.
+        dp_dx: (n,) derivatives of the parameters by the scaled ones, SI.
         posterior: of x, from the estimate, cut at the bounds.
         uncut_mean: (n,) mean of the normal that is cut, from the estimate.
         uncut_factor: (n, q) F: its covariance is F F^T.
@@ -108,7 +108,7 @@ class Assessment:
     from_prior: Bools
     singular_values: Floats
     findings: tuple[str, ...]
-    slope: Floats
+    dp_dx: Floats
     posterior: Posterior
     uncut_mean: Floats
     uncut_factor: Floats
@@ -140,12 +140,12 @@ def assess(
     if over is not None:
         wider = np.stack(over.wider(np.eye(len(values))), axis=1)
     scaling = Scaling(problem.parameters)
-    slope, width = scaling.slope(values), admissible_ranges(scaling)
-    B = problem.whiten(jacobian * slope) * width
+    dp_dx, width = scaling.dp_dx(values), admissible_ranges(scaling)
+    B = problem.whiten(jacobian * dp_dx) * width
     P = scaling.prior_jacobian(values) * width
     A, varies = np.concatenate([B, P]), width > 0.0
     below, above = values - problem.bounds[0], problem.bounds[1] - values
-    on_bound = np.minimum(np.abs(below), np.abs(above)) <= 1e-12 * slope * width  # by rounding
+    on_bound = np.minimum(np.abs(below), np.abs(above)) <= 1e-12 * dp_dx * width  # by rounding
     at_bound = ~varies | on_bound
     whole, held = SingularDirections.of(A, varies), SingularDirections.of(A, ~at_bound)
     undetermined = np.linalg.norm(whole.undetermined_columns, axis=1)
@@ -184,8 +184,8 @@ def assess(
     numbers = _numbers(scaling, values, posterior, numbered, wider)
     half = NORMAL_95 * np.linalg.norm(factor, axis=1)[:, None] * wider
     beyond = (x + mean - half[:, 0] < scaling.lower) | (x + mean + half[:, 1] > scaling.upper)
-    known = _knowledge(problem.parameters, values, at_bound, from_prior, B, P, slope * width)
-    size, square = slope * width, np.ix_(named, named)
+    known = _knowledge(problem.parameters, values, at_bound, from_prior, B, P, dp_dx * width)
+    size, square = dp_dx * width, np.ix_(named, named)
     every = whole.determined_covariance + whole.undetermined_columns @ whole.undetermined_columns.T
     gaps = describe_gaps(known, (np.outer(size, size) * every)[square])
     tied = tied_sentences(known.parameters, numbers["correlation"][square], gaps)
@@ -197,7 +197,7 @@ def assess(
         from_prior=known_enough & from_prior,
         singular_values=known.readings.S[: min(len(B), len(known.parameters))],
         findings=(*gaps, *conflicts, *tied),
-        slope=slope,
+        dp_dx=dp_dx,
         posterior=posterior,
         uncut_mean=mean,
         uncut_factor=factor,
@@ -231,7 +231,7 @@ def _knowledge(
         from_prior: (n,) known from the prior only.
         B: (g, n) whitened readings by z.
         P: (k, n) rows of the priors by z.
-        width: (n,) range by slope, SI.
+        width: (n,) admissible ranges, SI.
     """
     named = np.array([not q.field for q in parameters], dtype=np.bool_)
     if not named.all():
@@ -312,15 +312,15 @@ def _numbers(
     scaling: Scaling, values: Floats, posterior: Posterior, numbered: Bools, wider: Floats
 ) -> dict[str, Any]:
     """Deviations, intervals and covariance, SI, of the parameters (n,) that have numbers."""
-    slope = scaling.slope(values)
+    dp_dx = scaling.dp_dx(values)
     sd_x = np.where(numbered, np.sqrt(np.diag(posterior.covariance)), np.nan)
     low, high = _ends(scaling, values, posterior, wider)
     C = np.where(np.outer(numbered, numbered), posterior.covariance, np.nan)
     return {
-        "sd": slope * sd_x,
+        "sd": dp_dx * sd_x,
         "lower95": np.where(numbered, scaling.away(values, low), np.nan),
         "upper95": np.where(numbered, scaling.away(values, high), np.nan),
-        "covariance": np.outer(slope, slope) * C,
+        "covariance": np.outer(dp_dx, dp_dx) * C,
         "correlation": C / np.outer(sd_x, sd_x),
     }
 

@@ -179,7 +179,7 @@ class OverAccuracies:
             jacobian: (g, n) its derivative.
         """
         scaling = Scaling(problems[0].parameters)
-        J, gap = jacobian * scaling.slope(values), problems[0].measured - readings
+        J, gap = jacobian * scaling.dp_dx(values), problems[0].measured - readings
         P, rho = scaling.prior_jacobian(values), scaling.prior_residuals(values)
         first = np.concatenate([problems[0].whiten(J), P])
         size = np.linalg.norm(first, axis=0)

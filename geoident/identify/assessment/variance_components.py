@@ -49,9 +49,9 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.linalg import solve_triangular
 
-from geoident.identify.problem.errors import ErrorStructure
 from geoident.identify.problem.problem import Problem
 from geoident.identify.problem.scaling import Scaling
+from geoident.identify.problem.shared_errors import ErrorStructure
 from geoident.model.arrays import Bools, Floats
 from geoident.model.results.bands import NORMAL_95
 
@@ -290,7 +290,7 @@ def likelihood_at(
     """
     scaling, (lower, upper) = Scaling(problem.parameters), problem.bounds
     free = (values > lower) & (values < upper)
-    J = (jacobian * scaling.slope(values))[:, free]
+    J = (jacobian * scaling.dp_dx(values))[:, free]
     R = scaling.prior_jacobian(values)[:, free]
     rows = np.concatenate([J / problem.sd[:, None], R])
     _, S, Vt = np.linalg.svd(rows, full_matrices=False)

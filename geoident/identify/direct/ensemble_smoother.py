@@ -25,8 +25,8 @@ from iterative_ensemble_smoother import ESMDA
 from scipy.special import ndtr
 
 from geoident.errors import ModelError
-from geoident.identify.problem.ahead import asked_in_turns
-from geoident.identify.problem.outcome import History, Observer, Outcome
+from geoident.identify.problem.ahead import prefetched_readings
+from geoident.identify.problem.outcome import History, OnIteration, Outcome
 from geoident.identify.problem.problem import Discrepancy, Problem
 from geoident.identify.problem.scaling import Scaling
 from geoident.model.arrays import Bools, Floats
@@ -53,17 +53,17 @@ def values_at(z: Floats, scaling: Scaling) -> Floats:
 
 
 def ensemble_smoother(
-    problem: Problem, options: EnsembleSmootherOptions, observe: Observer
+    problem: Problem, options: EnsembleSmootherOptions, on_iteration: OnIteration
 ) -> Outcome:
     """Move an ensemble of the priors to the readings.
 
     Args:
         problem: readings, model and parameters, the squared loss.
         options: size of the ensemble, steps and seed.
-        observe: is told of every step.
+        on_iteration: is called with every step.
     """
     phi, scaling = Discrepancy(problem).objective, Scaling(problem.parameters)
-    history = History(NAME, problem.response, observe)
+    history = History(NAME, problem.response, on_iteration)
     generator = np.random.default_rng(options.seed)
     Z = generator.standard_normal((len(problem.parameters), options.ensemble))
     target = problem.whiten(problem.measured)
@@ -110,7 +110,7 @@ def _white_readings(problem: Problem, scaling: Scaling, Z: Floats) -> tuple[Floa
     Y = np.zeros((len(problem.measured), Z.shape[1]))
     solved = np.zeros(Z.shape[1], dtype=np.bool_)
     points = np.array([values_at(z, scaling) for z in Z.T])
-    with asked_in_turns(problem, points) as turn:
+    with prefetched_readings(problem, points) as turn:
         for k, p in enumerate(points):
             turn(k)
             if problem.response.admissible(p) is not None:

@@ -16,8 +16,8 @@ from dataclasses import replace
 import numpy as np
 
 from geoident.errors import Fault, InputError
-from geoident.identify.problem.ahead import asked_in_turns
-from geoident.identify.problem.outcome import History, Observer, Outcome
+from geoident.identify.problem.ahead import prefetched_readings
+from geoident.identify.problem.outcome import History, OnIteration, Outcome
 from geoident.identify.problem.problem import Discrepancy, Problem
 from geoident.model.arrays import Floats
 from geoident.model.methods import ScanAxis, ScanOptions
@@ -28,13 +28,13 @@ MOST_POINTS = 1_000_000
 """More are a typing error: they would take days, and their history all memory."""
 
 
-def scan(problem: Problem, options: ScanOptions, observe: Observer) -> Outcome:
+def scan(problem: Problem, options: ScanOptions, on_iteration: OnIteration) -> Outcome:
     """Evaluates the misfit on a grid, theory 4.5.
 
     Args:
         problem: readings, model and parameters.
         options: the axes.
-        observe: is told of every point; its reason to stop ends the scan.
+        on_iteration: is called with every point; its reason to stop ends the scan.
 
     Returns:
         The best point, and the grid: infinite where there is no solution, NaN where the scan was
@@ -48,11 +48,11 @@ def scan(problem: Problem, options: ScanOptions, observe: Observer) -> Outcome:
     columns = [names.index(name) for name in axes]
     phi = np.full([len(axis) for axis in axes.values()], np.nan)
     discrepancy = Discrepancy(problem)
-    history = History("scan", problem.response, observe)
+    history = History("scan", problem.response, on_iteration)
     points = np.repeat(problem.start[None], phi.size, axis=0)
     for column, values in zip(columns, np.meshgrid(*axes.values(), indexing="ij"), strict=True):
         points[:, column] = values.ravel()
-    with asked_in_turns(problem, points, row=phi.shape[-1]) as turn:
+    with prefetched_readings(problem, points, row=phi.shape[-1]) as turn:
         for k, (p, place) in enumerate(zip(points, np.ndindex(phi.shape), strict=True)):
             turn(k)
             phi[place] = discrepancy.objective(p)

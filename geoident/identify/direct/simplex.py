@@ -38,7 +38,7 @@ from typing import Literal
 import numpy as np
 
 from geoident.errors import ModelError
-from geoident.identify.problem.outcome import History, Observer, Outcome
+from geoident.identify.problem.outcome import History, OnIteration, Outcome
 from geoident.identify.problem.problem import Discrepancy, Problem
 from geoident.model.arrays import Floats
 from geoident.model.methods import SimplexOptions
@@ -91,13 +91,13 @@ class Minimum:
     ending: SimplexEnding
 
 
-def simplex(problem: Problem, options: SimplexOptions, observe: Observer) -> Outcome:
+def simplex(problem: Problem, options: SimplexOptions, on_iteration: OnIteration) -> Outcome:
     """Minimises the misfit phi, theory [20] and 4.3, without derivatives.
 
     Args:
         problem: readings, model and parameters.
         options: coefficients, tolerance, budget and restarts.
-        observe: is told of every iteration; its reason to stop ends the search.
+        on_iteration: is called with every iteration; its reason to stop ends the search.
 
     Returns:
         The best point that was evaluated.
@@ -106,7 +106,7 @@ def simplex(problem: Problem, options: SimplexOptions, observe: Observer) -> Out
         ModelError: the model has no solution at the start.
     """
     phi = Discrepancy(problem)
-    scaling, history = phi.scaling, History("simplex", problem.response, observe)
+    scaling, history = phi.scaling, History("simplex", problem.response, on_iteration)
     free = scaling.lower < scaling.upper
 
     def natural(y: Floats) -> Floats:

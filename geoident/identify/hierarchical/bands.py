@@ -89,7 +89,7 @@ def reading_bands(section: FurtherSection, evaluate: SectionEvaluation, sd: Floa
     values = np.tile(v0, (len(draws), 1))
     for k, (axis, size) in enumerate(zip(axes.T, sizes, strict=True)):
         # t in standard deviations along the axis, the readings there and their derivatives by t
-        knots = [(0.0, v0, J0 @ (scaling.slope(section.values) * axis * size))]
+        knots = [(0.0, v0, J0 @ (scaling.dp_dx(section.values) * axis * size))]
         for (_, end), first in zip(ends[2 * k :][:2], answers[1 + 2 * k :][:2], strict=True):
             t, answer = end, first
             for _ in range(_HALVINGS):
@@ -98,7 +98,7 @@ def reading_bands(section: FurtherSection, evaluate: SectionEvaluation, sd: Floa
                     (answer,) = evaluate([place(k, t)[1]])
             at, p = place(k, t)
             if answer is not None and abs(at) >= _NO_WAY:
-                knots.append((at, answer[0], answer[1] @ (scaling.slope(p) * axis * size)))
+                knots.append((at, answer[0], answer[1] @ (scaling.dp_dx(p) * axis * size)))
         knots.sort(key=lambda knot: knot[0])
         places, v, slopes = (np.array(column) for column in zip(*knots, strict=True))
         drawn = (draws @ axis) / size

@@ -28,9 +28,9 @@ import scipy.sparse as sp
 
 from geoident.errors import ModelError
 from geoident.identify.assessment.spectrum import admissible_ranges
-from geoident.identify.problem.errors import SharedErrors
 from geoident.identify.problem.problem import Problem
 from geoident.identify.problem.scaling import Scaling
+from geoident.identify.problem.shared_errors import SharedErrors
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.parameter import Parameter
 from geoident.model.project.project import ParameterLaw
@@ -261,7 +261,7 @@ class JointUnknowns:
             values: (N,) all unknowns, SI.
         """
         F = self.n_common
-        slope = Scaling(self.unknowns[:F]).slope(values[:F])
+        dp_dx = Scaling(self.unknowns[:F]).dp_dx(values[:F])
         deviations, rows = list[float](), list[Floats]()
         for s, section in enumerate(self.sections):
             p, _ = self.point(s, values)
@@ -269,8 +269,8 @@ class JointUnknowns:
             for i, number in self._scattered[s]:
                 row = np.zeros(len(values))
                 row[:F], row[number] = (
-                    -Phi[i] / slope,
-                    1.0 / Scaling(section.parameters).slope(p)[i],
+                    -Phi[i] / dp_dx,
+                    1.0 / Scaling(section.parameters).dp_dx(p)[i],
                 )
                 deviations.append(deviation[i])
                 rows.append(row)
@@ -291,13 +291,13 @@ class JointUnknowns:
             its law (n,).
         """
         n, F = len(p), self.n_common
-        slope = Scaling(self.unknowns[:F]).slope(values[:F])
+        dp_dx = Scaling(self.unknowns[:F]).dp_dx(values[:F])
         mu, slopes = self.at_laws(section.covariates, values)
         Phi, Z, deviation = np.zeros((n, F)), np.zeros((n, len(self.laws))), np.zeros(n)
         for i, q in enumerate(section.parameters):
             k = self.law_of(q.name)
             if k is not None:
-                Z[i, k], Phi[i] = 1.0, slopes[k] * slope / self.law_scaling.slope(mu)[k]
+                Z[i, k], Phi[i] = 1.0, slopes[k] * dp_dx / self.law_scaling.dp_dx(mu)[k]
                 if self.law_scaling.log[k]:
                     deviation[i] = np.log(p[i]) - np.log(mu[k])
                 else:

@@ -107,8 +107,8 @@ class SectionsKnowledge:
         p, _ = self._joint.point(s, self._values)
         n, means = len(p), self._sections[:, s]
         C = second_moment(self.scatter.weights, means, self._covariances[:, s])[:n, :n]
-        slope = Scaling(self._joint.sections[s].parameters).slope(p)
-        return np.asarray(C * np.outer(slope, slope))
+        dp_dx = Scaling(self._joint.sections[s].parameters).dp_dx(p)
+        return np.asarray(C * np.outer(dp_dx, dp_dx))
 
     def law(self, section: SectionReadings) -> Interval95:
         """The laws (K,) at a section, without its scatter about them."""
@@ -116,8 +116,8 @@ class SectionsKnowledge:
         scaling = Scaling([joint.templates[law.parameter] for law in joint.laws])
         mu, slopes = joint.at_laws(section.covariates, self._values)
         F = joint.n_common
-        common = Scaling(joint.unknowns[:F]).slope(self._values[:F])
-        Phi = slopes * common / scaling.slope(mu)[:, None]
+        common = Scaling(joint.unknowns[:F]).dp_dx(self._values[:F])
+        Phi = slopes * common / scaling.dp_dx(mu)[:, None]
         means = self._common @ Phi.T
         variances = np.einsum("kf,jfg,kg->jk", Phi, self._common_covariances, Phi)
         return _interval(scaling, mu, means, variances, self.scatter.weights, cut=False)
@@ -190,7 +190,7 @@ def _interval(
                 np.where(scaling.log, p * np.exp(step), p + step * scaling.reference)
                 for step in steps
             )
-    return Interval95(p, rms * scaling.slope(p), lower, upper)
+    return Interval95(p, rms * scaling.dp_dx(p), lower, upper)
 
 
 def section_misfits(fit: HierarchicalFit) -> tuple[tuple[Misfit, float], ...]:

@@ -29,8 +29,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from geoident.identify.hierarchical.joint_problem import JointUnknowns, SectionModels
-from geoident.identify.problem.errors import Covariance, SharedErrors
 from geoident.identify.problem.scaling import Scaling
+from geoident.identify.problem.shared_errors import Covariance, SharedErrors
 from geoident.model.arrays import Bools, Floats, Ints
 
 _RIDGE = 1e-9
@@ -133,7 +133,7 @@ class LinearSections:
             whiten = Covariance(section.sd, shared).whiten
             rows[s] = len(v) + len(chosen)
             A, b = np.zeros((max(rows[s], n), n)), np.zeros(max(rows[s], n))
-            A[: len(v), :m] = whiten(J * scaling.slope(p))
+            A[: len(v), :m] = whiten(J * scaling.dp_dx(p))
             A[len(v) : rows[s], :m] = scaling.prior_jacobian(p)[chosen]
             b[: len(v)] = whiten(section.measured - v)
             b[len(v) : rows[s]] = -scaling.prior_residuals(p)[chosen]

@@ -14,7 +14,7 @@ from geoident.identify.hierarchical.joint_problem import (
 )
 from geoident.identify.hierarchical.restricted_likelihood import LinearSections, most_likely
 from geoident.identify.least_squares.gauss_newton import gauss_newton_descent
-from geoident.identify.problem.outcome import History, Observer, Outcome
+from geoident.identify.problem.outcome import History, OnIteration, Outcome
 from geoident.identify.problem.problem import Discrepancy, Problem
 from geoident.model.arrays import Bools, Floats
 from geoident.model.methods import GaussNewtonOptions
@@ -76,7 +76,7 @@ def fit_sections(
     shared: Sequence[str],
     laws: Sequence[ParameterLaw],
     models: SectionModels,
-    observe: Observer,
+    on_iteration: OnIteration,
     begin: SectionsStart | None = None,
 ) -> HierarchicalFit:
     """The most likely scatter of sections about laws, and all other unknowns at it.
@@ -89,7 +89,7 @@ def fit_sections(
         shared: names of parameters with one value for all.
         laws: of others.
         models: of the sections.
-        observe: is told of every trial; its reason to stop ends the search.
+        on_iteration: is called with every trial; its reason to stop ends the search.
         begin: where to begin; None for the starts of the parameters.
 
     Raises:
@@ -112,7 +112,7 @@ def fit_sections(
     for _ in range(_ROUNDS):
         joint = JointUnknowns(sections, shared, laws, tau > 0.0)
         problem = joint.problem(models, tau).begun_at(joint.joined(common, points))
-        history = History("gauss-newton", problem.response, observe)
+        history = History("gauss-newton", problem.response, on_iteration)
         options = GaussNewtonOptions(tolerance=_FINE if last else _ROUGH)
         descent = gauss_newton_descent(Discrepancy(problem), options, history)
         first = descent.evaluator.evaluate(descent.evaluator.scaling.start)

@@ -16,19 +16,19 @@ import numpy as np
 from geoident.errors import ModelError
 from geoident.identify.least_squares.gauss_newton import gauss_newton
 from geoident.identify.problem.methods import opening_obstacle
-from geoident.identify.problem.outcome import Observer, Outcome
+from geoident.identify.problem.outcome import OnIteration, Outcome
 from geoident.identify.problem.problem import Problem
 from geoident.identify.problem.responses import HasOpening, OpeningForm
 from geoident.model.methods import ClosedFormOptions, GaussNewtonOptions
 
 
-def closed_form(problem: Problem, options: ClosedFormOptions, observe: Observer) -> Outcome:
+def closed_form(problem: Problem, options: ClosedFormOptions, on_iteration: OnIteration) -> Outcome:
     """Meets the readings by the closed form of an opening.
 
     Args:
         problem: readings, a model that may have a closed form, and parameters.
         options: the opening, starts, when to stop.
-        observe: is told of every evaluation; its reason to stop ends the search.
+        on_iteration: is called with every evaluation; its reason to stop ends the search.
 
     Returns:
         The best point that was evaluated; its discrepancy counts the readings that the closed form
@@ -43,7 +43,7 @@ def closed_form(problem: Problem, options: ClosedFormOptions, observe: Observer)
     smaller = _covered(problem, form)
     search = GaussNewtonOptions(options.tolerance, options.max_iterations, options.starts)
     try:
-        outcome = gauss_newton(smaller, search, observe, method="closed-form")
+        outcome = gauss_newton(smaller, search, on_iteration, method="closed-form")
     except ModelError as error:
         return _passed_over(problem, error.message)
     return replace(outcome, remarks=(*form.remarks(outcome.values), *_left_out(form)))

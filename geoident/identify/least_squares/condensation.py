@@ -70,7 +70,7 @@ from scipy.linalg import qr
 
 from geoident.errors import Fault, InputError, ModelError
 from geoident.identify.least_squares.trust_region import TrustBox, bounded_least_squares
-from geoident.identify.problem.outcome import History, Observer, Outcome
+from geoident.identify.problem.outcome import History, OnIteration, Outcome
 from geoident.identify.problem.problem import CHECK_UNITS, Discrepancy, Problem
 from geoident.identify.problem.responses import AffineElastic
 from geoident.model.arrays import Floats, Ints
@@ -93,13 +93,15 @@ _NO_SOLUTION = (
 )
 
 
-def condensation(problem: Problem, options: CondensationOptions, observe: Observer) -> Outcome:
+def condensation(
+    problem: Problem, options: CondensationOptions, on_iteration: OnIteration
+) -> Outcome:
     """Solves the condensed equations for the parameters, iterated, theory 4.1, [11-18].
 
     Args:
         problem: readings, parameters, and a model that is `AffineElastic`.
         options: weighting, tolerance and number of iterations.
-        observe: is told of every iteration; its reason to stop ends the iteration.
+        on_iteration: is called with every iteration; its reason to stop ends the iteration.
 
     Returns:
         The fixed point if it converged, or the iterate of lowest discrepancy.
@@ -119,7 +121,7 @@ def condensation(problem: Problem, options: CondensationOptions, observe: Observ
         raise InputError([Fault("method-not-possible", message, hint)])
     assert isinstance(problem.response, AffineElastic)  # else the method was refused
     equations = _CondensedEquations(problem, problem.response, options)
-    history = History("condensation", problem.response, observe)
+    history = History("condensation", problem.response, on_iteration)
     points: list[_CondensedIterate] = []
     changes: list[float] = []
 
@@ -227,7 +229,7 @@ class _CondensedEquations:
         Solved for the change from p_j in columns scaled to the size of the parameters.
         """
         p, model, (lower, upper) = point.p, point.model, self._problem.bounds
-        size = self._scaling.slope(p)
+        size = self._scaling.dp_dx(p)
         errors = np.column_stack([model.matrix * size, model.matrix @ p - model.vector])
         if self._options.weighting == "equation":
             errors = _in_forces(model.flexibility, errors)

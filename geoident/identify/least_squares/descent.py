@@ -60,6 +60,7 @@ _KINKED = (
     "No shorter step lowers the misfit: the computed readings have a kink here, beyond which the "
     "derivatives promise {:.1g} less at most, nothing beside the 1 of a standard deviation."
 )
+_STOPPED = "The search was stopped."
 _FLAT = "The misfit is flat here: it has no slope along any parameter that is free to move."
 _GIVEN_UP = "The descent was stopped: it did not come near the best point."
 _NOISE = (
@@ -88,17 +89,14 @@ class Ending(Generic[IterateT]):
         status: ``converged`` or ``not-converged``.
         reason: a sentence; with its remedy where it did not converge.
         abandoned: it was not worth going on.
+        stalled: no step lowered phi, although the derivatives said so.
     """
 
     point: IterateT
     status: str
     reason: str
     abandoned: bool = False
-
-    @property
-    def stalled(self) -> bool:
-        """No step lowered phi, although the derivatives said so."""
-        return self.reason == _STALLED
+    stalled: bool = False
 
 
 class Evaluator(Generic[IterateT]):
@@ -107,17 +105,17 @@ class Evaluator(Generic[IterateT]):
     Args:
         discrepancy: of the problem.
         history: is told of every point that is recorded.
-        look: what a search wants to know of a point besides its residuals.
+        extend: adds to a point what a search needs beside its residuals.
     """
 
     def __init__(
-        self, discrepancy: Discrepancy, history: History, look: Callable[[Iterate], IterateT]
+        self, discrepancy: Discrepancy, history: History, extend: Callable[[Iterate], IterateT]
     ) -> None:
         self.discrepancy = discrepancy
         self.scaling = discrepancy.scaling
         self.box = TrustBox(self.scaling)
         self.history = history
-        self._look = look
+        self._extend = extend
         self._visited: list[tuple[Floats, float, Floats]] = []  # x, phi and half its gradient
 
     def begins_uphill(self, part: float, fall: float) -> bool:
@@ -144,9 +142,9 @@ class Evaluator(Generic[IterateT]):
             ModelError: it has no solution there.
         """
         p = self.scaling.to_natural(x)
-        model = self.discrepancy.linearize(p)
-        self._visited.append((x, model.objective, model.jacobian.T @ model.residual))
-        return self._look(Iterate(x, p, model))
+        at = self.discrepancy.linearize(p)
+        self._visited.append((x, at.objective, at.jacobian.T @ at.residual))
+        return self._extend(Iterate(x, p, at))
 
     def try_point(self, x: Floats) -> IterateT | None:
         """The model at x (n,), or None where it has no solution."""
@@ -189,7 +187,7 @@ class Evaluator(Generic[IterateT]):
         response = self.discrepancy.problem.response
         if not isinstance(response, HasEvaluated):
             return
-        for p in response.evaluated():
+        for p in response.evaluated_points():
             other = self.scaling.to_scaled(p)
             if self.box.length(x, other - x) <= part:
                 yield Iterate(other, p, self.discrepancy.linearize(p))
@@ -221,13 +219,13 @@ class Stopping:
         box: measures steps.
         tolerance: relative size of a step that ends a descent.
         gain: relative gain that a step promises, likewise; None for the same.
-        noise: (g,) what is not smooth in the computed readings, in their standard deviations.
+        noise: standard deviation and mean rise of phi by noise of the computed readings (g,), SI.
     """
 
     box: TrustBox
     tolerance: float
     gain: float | None = None
-    noise: Callable[[], Floats] = lambda: np.zeros(0)
+    noise: Callable[[Floats], tuple[float, float]] = lambda readings: (0.0, 0.0)
 
     def reason(self, point: Iterate, full: Step) -> str | None:
         """Why nothing is left to do, judged by the unrestricted step that would come next."""
@@ -239,8 +237,8 @@ class Stopping:
         gain = self.tolerance if self.gain is None else self.gain
         if full.gain <= max(gain * min(point.phi, 1e4), 1e-14 * point.phi):
             return f"The next step would lower the misfit by no more than {full.gain:.1e}."
-        noise = self.noise()
-        if full.gain <= max(float(noise @ noise), min(AT_KINK, self._unseen(point))):
+        _, rise = self.noise(point.linearization.readings)
+        if full.gain <= max(rise, min(AT_KINK, self._unseen(point))):
             return _NOISE.format(full.gain)
         return None
 
@@ -256,9 +254,8 @@ class Stopping:
 
     def _unseen(self, point: Iterate) -> float:
         """Differences of phi at a point that noise of the computed readings may make."""
-        noise = self.noise()
-        size = float(np.linalg.norm(noise * point.linearization.residual[: len(noise)]))
-        return UNSEEN_SD * 2.0 * math.sqrt(2.0) * size + float(noise @ noise)
+        scatter, rise = self.noise(point.linearization.readings)
+        return UNSEEN_SD * math.sqrt(2.0) * scatter + rise
 
     def negligible(self, full: Step) -> bool:
         """The unrestricted step is so short, for so little gain, that only rounding rejects it."""
@@ -285,7 +282,7 @@ class Descent(Generic[IterateT]):
     """Goes down from a start until its stopping rules end it.
 
     Args:
-        evaluator: knows the model, and the reason to stop that an observer gave.
+        evaluator: knows the model, and the reason to stop that was given.
         propose: (point, radius) -> the best step no longer than the radius.
         stopping: when nothing is left to do.
         max_steps: at most.
@@ -322,11 +319,14 @@ class Descent(Generic[IterateT]):
     ) -> Ending[IterateT]:
         control = Acceptance(start)
         for number in range(self.max_steps):
-            ending = self._ended(control)
-            if ending is not None:
-                return ending
             point = control.point
             full = self.propose(point, np.inf)
+            ending = self._ended(control, full)
+            if ending is not None:
+                return ending
+            if control.point is not point:  # back from a detour
+                point = control.point
+                full = self.propose(point, np.inf)
             if (give_up and give_up(number, control.radius, control.best.phi)) or (
                 leave and leave(point, full)
             ):
@@ -341,12 +341,17 @@ class Descent(Generic[IterateT]):
             if note == "rejected" and self.stopping.hidden(point, full.gain):
                 return Ending(control.best, "converged", _NOISE.format(full.gain))
         exhausted = Ending(control.best, "not-converged", _EXHAUSTED.format(self.max_steps))
-        return self._ended(control) or exhausted
+        return self._ended(control, self.propose(control.point, np.inf)) or exhausted
 
-    def _ended(self, control: Acceptance[IterateT]) -> Ending[IterateT] | None:
-        """The end of a descent, or None while there is something to do."""
+    def _ended(self, control: Acceptance[IterateT], full: Step) -> Ending[IterateT] | None:
+        """The end of a descent, or None while there is something to do.
+
+        Args:
+            control: where the descent is; goes back to its best point after a vain detour.
+            full: the step that comes next, without trust region.
+        """
         best, point = control.best, control.point
-        reason = self.stopping.reason(point, self.propose(point, np.inf))
+        reason = self.stopping.reason(point, full)
         if reason and (point is best or self.stopping.hidden(best, point.phi - best.phi)):
             return Ending(point, "converged", reason)
         if reason:  # the detour led nowhere
@@ -357,7 +362,7 @@ class Descent(Generic[IterateT]):
             promised = self.propose(best, np.inf).gain
             if promised <= AT_KINK:
                 return Ending(best, "converged", _KINKED.format(promised))
-            return Ending(best, "not-converged", _STALLED)
+            return Ending(best, "not-converged", _STALLED, stalled=True)
         if self.evaluator.history.stop is not None:
-            return Ending(best, "not-converged", _STALLED)
+            return Ending(best, "not-converged", _STOPPED)
         return None

@@ -28,8 +28,8 @@ from geoident.identify.least_squares.acceptance import (
 from geoident.identify.least_squares.descent import Descent, Evaluator, Stopping
 from geoident.identify.least_squares.several_starts import SAME, SeveralStarts
 from geoident.identify.least_squares.trust_region import TrustBox, bounded_least_squares
-from geoident.identify.problem.ahead import ProblemApart, apart
-from geoident.identify.problem.outcome import History, Observer, Outcome
+from geoident.identify.problem.ahead import ProblemData, without_model
+from geoident.identify.problem.outcome import History, OnIteration, Outcome
 from geoident.identify.problem.problem import Discrepancy, Problem
 from geoident.model.arrays import Bools, Floats
 from geoident.model.methods import GaussNewtonOptions, HuberOptions, StudentOptions
@@ -46,7 +46,7 @@ from quadratic where residuals stay, gain a twentieth of the last one: each is a
 def gauss_newton(
     problem: Problem,
     options: GaussNewtonOptions,
-    observe: Observer,
+    on_iteration: OnIteration,
     *,
     method: str = "gauss-newton",
 ) -> Outcome:
@@ -58,7 +58,7 @@ def gauss_newton(
     Args:
         problem: readings, model and parameters.
         options: tolerance, steps, starts.
-        observe: is told of every trial; its reason to stop ends the search.
+        on_iteration: is called with every trial; its reason to stop ends the search.
         method: its name in the history.
 
     Returns:
@@ -67,7 +67,7 @@ def gauss_newton(
     Raises:
         ModelError: the model has no solution at the start, or at any where there are several.
     """
-    history = History(method, problem.response, observe)
+    history = History(method, problem.response, on_iteration)
     also: Sequence[Floats] = ()
     if isinstance(problem.loss, StudentOptions) and options.starts == "automatic":
         given, convex = problem.start, replace(problem, loss=HuberOptions())
@@ -83,7 +83,7 @@ def _several_starts(
     return SeveralStarts(
         gauss_newton_descent(Discrepancy(problem), options, history),
         None if options.starts == "automatic" else options.starts,
-        lambda x: StartLook(apart(problem), options, x),
+        lambda x: DescentTask(without_model(problem), options, x),
         also,
     )
 
@@ -104,7 +104,7 @@ def _led_by_parts(problem: Problem, p: Floats) -> list[Floats]:
     """
     scaling = Discrepancy(problem).scaling
     v, dv_dp = problem.response.evaluate(p)
-    J, r = problem.whiten(dv_dp * scaling.slope(p)), problem.whiten(v - problem.measured)
+    J, r = problem.whiten(dv_dp * scaling.dp_dx(p)), problem.whiten(v - problem.measured)
     P, rho, x = scaling.prior_jacobian(p), scaling.prior_residuals(p), scaling.to_scaled(p)
     g, n = J.shape
     assert isinstance(problem.loss, StudentOptions)
@@ -134,7 +134,7 @@ def _led_by_parts(problem: Problem, p: Floats) -> list[Floats]:
 
 
 @dataclass(frozen=True)
-class StartLook:
+class DescentTask:
     """A descent from a further start as a part of the search (`ahead`).
 
     Args:
@@ -143,13 +143,13 @@ class StartLook:
         x: (n,) where it begins.
     """
 
-    problem: ProblemApart
+    problem: ProblemData
     options: GaussNewtonOptions
     x: Floats
 
     def __call__(self, response: Response) -> None:
         """Make it, as far as it may be of use."""
-        problem = self.problem.of(response)
+        problem = self.problem.with_model(response)
         history = History("gauss-newton", response, lambda iteration: None)
         starts = _several_starts(problem, self.options, history)
         point = starts.evaluator.start(self.x, "start")
@@ -174,7 +174,7 @@ def gauss_newton_descent(
     return Descent(
         evaluator,
         lambda point, radius: gauss_newton_step(box, point, radius),
-        Stopping(box, options.tolerance, gain, discrepancy.noise),
+        Stopping(box, options.tolerance, gain, discrepancy.noise_of_phi),
         options.max_iterations,
     )
 

@@ -31,7 +31,7 @@ import numpy as np
 from geoident.errors import ModelError
 from geoident.identify.least_squares.acceptance import Iterate, Step
 from geoident.identify.least_squares.descent import Descent, Ending
-from geoident.identify.problem.ahead import SearchTask, in_turns
+from geoident.identify.problem.ahead import SearchTask, prefetching
 from geoident.identify.problem.outcome import LocalMinimum, Outcome
 from geoident.identify.problem.scaling import Scaling
 from geoident.model.arrays import Floats
@@ -135,7 +135,7 @@ class SeveralStarts:
     Args:
         descent: what goes down.
         starts: how many, the given one among them; None: as many as are needed.
-        look: a descent from a start (n,) as a part of the search (`ahead`).
+        task: makes a descent from a start (n,) a part of the search (`ahead`).
         also: starts (n,) of a loss that may have several minima, before all others.
     """
 
@@ -143,11 +143,11 @@ class SeveralStarts:
         self,
         descent: Descent[Iterate],
         starts: int | None,
-        look: Callable[[Floats], SearchTask],
+        task: Callable[[Floats], SearchTask],
         also: Sequence[Floats] = (),
     ) -> None:
         self.descent, self.evaluator = descent, descent.evaluator
-        self._starts, self._look, self._also = starts, look, also
+        self._starts, self._task, self._also = starts, task, also
         self._problem = self.evaluator.discrepancy.problem
         self._parameters = self._problem.parameters
         self._angles = Angles(self._parameters, self.evaluator.scaling)
@@ -168,7 +168,7 @@ class SeveralStarts:
         wanted = self._starts or (automatic if why else 1)
         given = self.evaluator.scaling.start
         places = [*self._also, *islice(self._places(given), begun - 1, wanted - 1)]
-        with in_turns(self._problem.response, [self._look(x) for x in places]) as turn:
+        with prefetching(self._problem.response, [self._task(x) for x in places]) as turn:
             for number, x in enumerate(places):
                 if self.evaluator.history.stop is not None:
                     break

@@ -118,8 +118,8 @@ class PosteriorDensity:
         """
         self.evaluations += 1
         linearization = self.discrepancy.linearize(p)
-        slope = np.where(self._log, p, self._reference) / self.discrepancy.scaling.slope(p)
-        return np.asarray((linearization.jacobian * slope)[:, self.free]), linearization.objective
+        dx_du = np.where(self._log, p, self._reference) / self.discrepancy.scaling.dp_dx(p)
+        return np.asarray((linearization.jacobian * dx_du)[:, self.free]), linearization.objective
 
     def reference(self) -> tuple[Floats, Floats]:
         """A normal density as wide as what is known before: centre and sd (m,), (m,) in u.

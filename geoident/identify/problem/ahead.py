@@ -5,9 +5,9 @@ each other. A search announces such parts in their order, and then evaluates the
 model that has several processes works on them meanwhile, and has the answers when their turn comes.
 
 Results do not depend on that. Before each part and after the last the model discards what others
-have left to begin from (`SpeculativeResponse.turns`), so that a part has the same numbers wherever
-it is computed. Which parts there are does not depend on the number of processes. A part may be
-announced in vain: the search may turn elsewhere before it comes to it.
+have left to begin from (`SpeculativeResponse.prefetch`), so that a part has the same numbers
+wherever it is computed. Which parts there are does not depend on the number of processes. A part
+may be announced in vain: the search may turn elsewhere before it comes to it.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from geoident.errors import ModelError
-from geoident.identify.problem.errors import SharedErrors
 from geoident.identify.problem.problem import Problem
 from geoident.identify.problem.responses import YieldSystem
+from geoident.identify.problem.shared_errors import SharedErrors
 from geoident.model.arrays import Floats
 from geoident.model.methods import LossOptions
 from geoident.model.parameter import Parameter
@@ -31,7 +31,7 @@ from geoident.model.response import Response
 BESIDE = 8
 """Points of one part where the ground yields, as an evaluation begins from a point near by."""
 
-Turn = Callable[[int], None]
+BeginPart = Callable[[int], None]
 """Called with the number of a part before it is evaluated; returns when it may be."""
 
 
@@ -50,11 +50,11 @@ class SpeculativeResponse(Response, Protocol):
     def at_once(self) -> int:
         """How many parts it works on at a time; 1 where it does not work ahead."""
 
-    def turns(self, looks: Sequence[SearchTask]) -> AbstractContextManager[Turn]:
+    def prefetch(self, tasks: Sequence[SearchTask]) -> AbstractContextManager[BeginPart]:
         """Work on parts of a search while it evaluates them one by one.
 
         Args:
-            looks: the parts, in their order.
+            tasks: the parts, in their order.
         """
 
 
@@ -80,7 +80,7 @@ class ReadingsAt:
 
 
 @dataclass(frozen=True)
-class ProblemApart:
+class ProblemData:
     """A problem without its model, for a process that has its own.
 
     Args:
@@ -97,30 +97,30 @@ class ProblemApart:
     loss: LossOptions
     shared: SharedErrors | None
 
-    def of(self, response: Response) -> Problem:
+    def with_model(self, response: Response) -> Problem:
         """The problem with a model."""
         return Problem(response, self.measured, self.sd, self.parameters, self.loss, self.shared)
 
 
-def apart(problem: Problem) -> ProblemApart:
+def without_model(problem: Problem) -> ProblemData:
     """The problem without its model."""
-    return ProblemApart(
+    return ProblemData(
         problem.measured, problem.sd, problem.parameters, problem.loss, problem.shared
     )
 
 
 @contextmanager
-def in_turns(response: Response, looks: Iterable[SearchTask]) -> Iterator[Turn]:
+def prefetching(response: Response, tasks: Iterable[SearchTask]) -> Iterator[BeginPart]:
     """Announces parts of a search to a model, if it works ahead.
 
     Args:
         response: the model.
-        looks: the parts, in their order.
+        tasks: the parts, in their order.
     """
     if not isinstance(response, SpeculativeResponse):
         yield lambda number: None
         return
-    with response.turns(list(looks)) as turn:
+    with response.prefetch(list(tasks)) as turn:
         yield turn
 
 
@@ -129,13 +129,13 @@ def at_once(response: Response) -> int:
     return response.at_once if isinstance(response, SpeculativeResponse) else 1
 
 
-def begins_near(response: Response) -> bool:
+def starts_warm(response: Response) -> bool:
     """Whether evaluations begin from what earlier ones have left."""
     return isinstance(response, YieldSystem) and response.yields()
 
 
 @contextmanager
-def asked_in_turns(problem: Problem, points: Floats, row: int = 0) -> Iterator[Turn]:
+def prefetched_readings(problem: Problem, points: Floats, row: int = 0) -> Iterator[BeginPart]:
     """Announces points at which readings will be computed, in their order.
 
     Args:
@@ -146,12 +146,12 @@ def asked_in_turns(problem: Problem, points: Floats, row: int = 0) -> Iterator[T
     Yields:
         A function to be called with the number of each point before it is evaluated.
     """
-    size = BESIDE if begins_near(problem.response) else 1
+    size = BESIDE if starts_warm(problem.response) else 1
     row = row or max(len(points), 1)
     first = [k for k in range(len(points)) if k % row % size == 0]
     parts = [ReadingsAt(part) for part in np.split(points, first[1:])] if len(points) else []
     numbers = {k: number for number, k in enumerate(first)}
-    with in_turns(problem.response, parts) as turn:
+    with prefetching(problem.response, parts) as turn:
 
         def begin(k: int) -> None:
             if k in numbers:

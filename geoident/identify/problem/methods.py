@@ -14,7 +14,7 @@ from importlib.util import find_spec
 from typing import cast
 
 from geoident.errors import Fault, InputError
-from geoident.identify.problem.outcome import Observer, Outcome
+from geoident.identify.problem.outcome import OnIteration, Outcome
 from geoident.identify.problem.problem import Problem
 from geoident.identify.problem.responses import (
     AffineElastic,
@@ -38,7 +38,7 @@ from geoident.model.methods import (
 from geoident.model.response import Response
 from geoident.model.results.result import STOPPED
 
-Identifier = Callable[[Problem, MethodOptions, Observer], Outcome]
+Identifier = Callable[[Problem, MethodOptions, OnIteration], Outcome]
 
 SQUARED = SquaredOptions()
 
@@ -70,7 +70,11 @@ class Method:
     options: type[MethodOptions]
 
     def function(self, options: MethodOptions) -> Identifier:
-        """The function that runs it with some options: (problem, options, observe) -> Outcome."""
+        """The function that runs it with some options: (problem, options, on_iteration) -> Outcome.
+
+        Module and function are named as the method: ``gauss-newton`` is run by `gauss_newton` in
+        ``least_squares/gauss_newton.py``.
+        """
         word = self.name.replace("-", "_")
         if isinstance(options, ComplementarityOptions):
             word = FORMULATIONS[options.formulation]
@@ -196,17 +200,19 @@ def opening_obstacle(response: Response, options: ClosedFormOptions) -> str | No
     return None
 
 
-def identify(problem: Problem, methods: Sequence[MethodOptions], observe: Observer) -> Outcome:
+def identify(
+    problem: Problem, methods: Sequence[MethodOptions], on_iteration: OnIteration
+) -> Outcome:
     """Runs a chain of methods, each from where the one before ended.
 
     Args:
         problem: readings, model and parameters with the first start.
         methods: options of the methods, in their order, at least one.
-        observe: is told of every iteration; its reason to stop ends the chain.
+        on_iteration: is called with every iteration; its reason to stop ends the chain.
 
     Returns:
         The outcome of the last method with the histories of all, and the last grid of a scan.
-        Where the observer stopped the chain, the best point so far.
+        Where `on_iteration` stopped the chain, the best point so far.
 
     Raises:
         InputError: a method of the chain needs what the model cannot offer; nothing was computed.
@@ -217,7 +223,7 @@ def identify(problem: Problem, methods: Sequence[MethodOptions], observe: Observ
         raise InputError([Fault("method-not-possible", reason) for reason in reasons])
     done: list[Outcome] = []
     for options in methods:
-        outcome = METHODS[method_name(options)].function(options)(problem, options, observe)
+        outcome = METHODS[method_name(options)].function(options)(problem, options, on_iteration)
         done.append(outcome)
         if outcome.status == STOPPED:
             break
@@ -234,7 +240,7 @@ def identify(problem: Problem, methods: Sequence[MethodOptions], observe: Observ
     )
 
 
-def descend(problem: Problem, options: MethodOptions, observe: Observer) -> Outcome:
+def descend(problem: Problem, options: MethodOptions, on_iteration: OnIteration) -> Outcome:
     """One descent from the start of a problem that differs little from one that was solved.
 
     Whatever method solved it, its solution is near: yield limits go down without scan and restarts,
@@ -243,18 +249,18 @@ def descend(problem: Problem, options: MethodOptions, observe: Observer) -> Outc
     Args:
         problem: readings, model, and parameters that start at that solution.
         options: of the method that found it.
-        observe: is told of every iteration; its reason to stop ends the descent.
+        on_iteration: is called with every iteration; its reason to stop ends the descent.
 
     Raises:
         ModelError: the model has no solution at the start.
     """
     if isinstance(options, ComplementarityOptions):
         limits = import_module("geoident.identify.yield_limits.implicit")
-        return cast(Identifier, limits.descend)(problem, options, observe)
+        return cast(Identifier, limits.descend)(problem, options, on_iteration)
     if isinstance(options, ClosedFormOptions):
-        return identify(problem, [replace(options, starts=1)], observe)
+        return identify(problem, [replace(options, starts=1)], on_iteration)
     steps = options if isinstance(options, GaussNewtonOptions) else GaussNewtonOptions()
-    return identify(problem, [replace(steps, starts=1)], observe)
+    return identify(problem, [replace(steps, starts=1)], on_iteration)
 
 
 def continued(methods: Sequence[MethodOptions]) -> tuple[MethodOptions, ...]:

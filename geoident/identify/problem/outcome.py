@@ -10,8 +10,8 @@ from geoident.model.response import Response
 from geoident.model.results.result import STOPPED, Grid, Iteration
 from geoident.model.yielding import Certificate
 
-Observer = Callable[[Iteration], str | None]
-"""Is told of every iteration; answers with a reason to stop now, or None to go on."""
+OnIteration = Callable[[Iteration], str | None]
+"""Is called with every iteration; returns a reason to stop now, or None to go on."""
 
 
 @dataclass(frozen=True)
@@ -60,17 +60,17 @@ class History:
     Args:
         method: name of the method, as users write it.
         response: the model, whose costs are noted.
-        observe: is told of every iteration.
+        on_iteration: is called with every iteration.
 
     Attributes:
-        stop: the reason that the observer gave for stopping now, or None.
+        stop: the reason to stop now that `on_iteration` gave, or None.
     """
 
-    def __init__(self, method: str, response: Response, observe: Observer) -> None:
+    def __init__(self, method: str, response: Response, on_iteration: OnIteration) -> None:
         self.stop: str | None = None
         self._method = method
         self._response = response
-        self._observe = observe
+        self._on_iteration = on_iteration
         self._iterations: list[Iteration] = []
 
     @property
@@ -91,7 +91,7 @@ class History:
         counts = self._response.counts
         entry = Iteration(self._method, number, objective, values.copy(), step, counts, note)
         self._iterations.append(entry)
-        self.stop = self._observe(entry) or self.stop
+        self.stop = self._on_iteration(entry) or self.stop
 
     def outcome(self, values: Floats, objective: float, status: str, reason: str) -> Outcome:
         """The outcome of the method, whose status and reason give way to those of a stop.

@@ -39,16 +39,16 @@ from functools import cached_property
 import numpy as np
 
 from geoident.errors import ModelError
-from geoident.identify.problem.errors import (
+from geoident.identify.problem.losses import curvature, full_weights, transformed
+from geoident.identify.problem.responses import HasNoise
+from geoident.identify.problem.scaling import Scaling
+from geoident.identify.problem.shared_errors import (
     Columns,
     Covariance,
     SharedErrors,
     products,
     scaled_rows,
 )
-from geoident.identify.problem.losses import curvature, full_weights, transformed
-from geoident.identify.problem.responses import HasNoise
-from geoident.identify.problem.scaling import Scaling
 from geoident.model.arrays import Floats
 from geoident.model.methods import LossOptions, SquaredOptions
 from geoident.model.parameter import Parameter
@@ -117,10 +117,12 @@ class Linearization:
     Args:
         residual: (g + k,) weighted residuals r, those of the priors last, dimensionless.
         jacobian: (g + k, n) dr/dx in the scaled parameters.
+        readings: (g,) v, SI.
     """
 
     residual: Floats
     jacobian: Floats
+    readings: Floats
 
     @property
     def objective(self) -> float:
@@ -143,11 +145,7 @@ class Discrepancy:
 
     def residuals(self, p: Floats, readings: Floats) -> Floats:
         """Weighted residuals r (g + k,) at p (n,), SI, where the model answers readings (g,)."""
-        if self.latent:
-            own, z = own_residuals(self.problem, readings)
-        else:
-            own, z = self.whitened_residuals(readings), np.zeros(0)
-        f, _ = transformed(self.problem.loss, own)
+        f, _, z = self._transformed(readings)
         return np.concatenate([f, z, self.scaling.prior_residuals(p)])
 
     @property
@@ -155,15 +153,44 @@ class Discrepancy:
         """Shared errors are found beside the parameters, as the loss is robust."""
         return self.problem.shared is not None and not isinstance(self.problem.loss, SquaredOptions)
 
+    def _transformed(self, readings: Floats) -> tuple[Floats, Floats, Floats]:
+        """Rows f (g,) of the readings, their slopes f' (g,), and z (K,) where it is `latent`."""
+        if self.latent:
+            own, z = own_residuals(self.problem, readings)
+        else:
+            own, z = self.whitened_residuals(readings), np.zeros(0)
+        return *transformed(self.problem.loss, own), z
+
     def whitened_residuals(self, readings: Floats) -> Floats:
         """White v - v* (g,) where the model answers readings v (g,), whatever the loss."""
         return self.problem.whiten(readings - self.problem.measured)
 
-    def noise(self) -> Floats:
-        """(g,) what is not smooth in the computed readings, in their standard deviations."""
-        if self._noisy is not None:
-            return np.asarray(self._noisy.noise / self.problem.sd)
-        return np.zeros(len(self.problem.measured))
+    def noise_of_phi(self, readings: Floats) -> tuple[float, float]:
+        """What phi owes to noise e in the computed readings, independent, of the model's size.
+
+        To second order phi(v + e) = phi + a^T e + e^T H e, with H = Sigma^-1 for the squared loss.
+        For a robust one it is that of the covariance diag(s^2/f'^2) + B B^T.
+
+        Args:
+            readings: (g,) v, SI.
+
+        Returns:
+            The standard deviation of a^T e and the mean of e^T H e.
+        """
+        problem = self.problem
+        if self._noisy is None:
+            return 0.0, 0.0
+        noise = self._noisy.noise
+        if isinstance(problem.loss, SquaredOptions) and problem.covariance is not None:
+            half_gradient = problem.covariance.solve(readings - problem.measured)
+            curvature = problem.covariance.inverse_diagonal
+        else:
+            f, slope, _ = self._transformed(readings)
+            size = slope / problem.sd
+            half_gradient, curvature = f * size, size**2
+            if problem.shared is not None:
+                curvature = Covariance(1.0 / size, problem.shared).inverse_diagonal
+        return 2.0 * float(np.linalg.norm(noise * half_gradient)), float(noise**2 @ curvature)
 
     def squares(self, p: Floats, readings: Floats) -> float:
         """Plain weighted squares with the prior's part, theory [20], whatever the loss.
@@ -220,33 +247,37 @@ class Discrepancy:
             readings: (g,) what the model answers, SI.
             jacobian: (g, n) its derivative.
         """
-        problem, dv_dx = self.problem, jacobian * self.scaling.slope(p)
+        problem, scaling = self.problem, self.scaling
+        f, slope, z = self._transformed(readings)
+        dv_dx = jacobian * scaling.dp_dx(p)
         if self.latent:
-            rows = _projected(problem, readings, dv_dx)
-        elif problem.shared is not None:
-            rows = problem.whiten(dv_dx)
+            assert problem.shared is not None
+            rows = _projected(problem.shared, slope / problem.sd, dv_dx)
         else:
-            _, slope = transformed(problem.loss, self.whitened_residuals(readings))
-            rows = dv_dx * (slope / problem.sd)[:, None]
+            rows = problem.whiten(dv_dx) * slope[:, None]
         return Linearization(
-            self.residuals(p, readings), np.concatenate([rows, self.scaling.prior_jacobian(p)])
+            np.concatenate([f, z, scaling.prior_residuals(p)]),
+            np.concatenate([rows, scaling.prior_jacobian(p)]),
+            readings,
         )
 
 
-def _projected(problem: Problem, v: Floats, dv_dx: Floats) -> Floats:
-    """Rows (g + K, n) of [f(u); z] with z following the parameters (Kaufman 1975)."""
-    assert problem.shared is not None
-    own, _ = own_residuals(problem, v)
-    _, slope = transformed(problem.loss, own)
-    size = slope / problem.sd
-    rows = np.concatenate([size[:, None] * dv_dx, np.zeros((len(problem.shared), dv_dx.shape[1]))])
-    for readings, shared, B in problem.shared.blocks:
+def _projected(shared: SharedErrors, size: Floats, dv_dx: Floats) -> Floats:
+    """Rows (g + K, n) of [f(u); z] with z following the parameters (Kaufman 1975).
+
+    Args:
+        shared: what the g readings share of their errors.
+        size: (g,) f'/s.
+        dv_dx: (g, n) derivatives of the readings.
+    """
+    rows = np.concatenate([size[:, None] * dv_dx, np.zeros((len(shared), dv_dx.shape[1]))])
+    for readings, errors, B in shared.blocks:
         C = scaled_rows(size[readings], B)
         A = products(C, np.ones(len(readings)))
         A[np.diag_indices_from(A)] += 1.0
         x = np.linalg.solve(A, C.T @ rows[readings])
         rows[readings] -= C @ x
-        rows[len(own) + shared] = x
+        rows[len(size) + errors] = x
     return rows
 
 

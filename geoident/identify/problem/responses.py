@@ -47,7 +47,7 @@ class HasIncrements(Response, Protocol):
 class HasEvaluated(Response, Protocol):
     """A model that remembers what it was asked: to ask the same again costs nothing."""
 
-    def evaluated(self) -> Sequence[Floats]:
+    def evaluated_points(self) -> Sequence[Floats]:
         """Parameter vectors (n,) that this run has evaluated with derivatives, in their order."""
 
 

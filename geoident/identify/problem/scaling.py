@@ -89,7 +89,7 @@ class Scaling:
             moved = np.where(self.log, p * np.exp(step), p + step * self.reference)
         return np.clip(moved, *self.bounds)
 
-    def slope(self, p: Floats) -> Floats:
+    def dp_dx(self, p: Floats) -> Floats:
         """dp/dx (n,), the diagonal, SI: a Jacobian in p times it is the Jacobian in x."""
         return np.where(self.log, p, self.reference)
 
@@ -103,9 +103,9 @@ class Scaling:
     def prior_jacobian(self, p: Floats) -> Floats:
         """Derivative of `prior_residuals` in x, (k, n)."""
         rows = np.zeros((len(self.priors), len(self)))
-        slope = self.slope(p)
+        dp_dx = self.dp_dx(p)
         for row, (i, prior) in zip(rows, self.priors, strict=True):
-            row[i] = prior.slope(p[i]) * slope[i]
+            row[i] = prior.slope(p[i]) * dp_dx[i]
         return rows
 
     def _scale(self, p: Floats) -> Floats:

@@ -33,7 +33,7 @@ import scipy.sparse as sp
 
 from geoident.errors import Fault, InputError
 from geoident.identify.problem.methods import formulation_obstacle
-from geoident.identify.problem.outcome import History, Observer, Outcome
+from geoident.identify.problem.outcome import History, OnIteration, Outcome
 from geoident.identify.problem.problem import Discrepancy, Problem
 from geoident.identify.problem.responses import ComplementaritySystem
 from geoident.identify.yield_limits.condensed_system import determined_unknowns, sizes_of_kinds
@@ -189,13 +189,15 @@ def _objective(
     return total
 
 
-def full_space(problem: Problem, options: ComplementarityOptions, observe: Observer) -> Outcome:
+def full_space(
+    problem: Problem, options: ComplementarityOptions, on_iteration: OnIteration
+) -> Outcome:
     """Minimises the discrepancy in the full space.
 
     Args:
         problem: readings, model and parameters.
         options: of the method; the formulation has been chosen.
-        observe: is told of every iteration; its reason to stop ends the search.
+        on_iteration: is called with every iteration; its reason to stop ends the search.
 
     Returns:
         The best parameters at which the model itself was evaluated.
@@ -209,7 +211,7 @@ def full_space(problem: Problem, options: ComplementarityOptions, observe: Obser
         raise InputError([Fault("method-not-possible", f"This is not possible here: {why}.")])
     assert isinstance(problem.response, ComplementaritySystem)
     discrepancy = Discrepancy(problem)
-    history = History("complementarity", problem.response, observe)
+    history = History("complementarity", problem.response, on_iteration)
     program = nonlinear_program(problem, problem.response.system())
     mu = np.inf
 

@@ -26,7 +26,7 @@ import numpy as np
 from geoident.errors import Fault, InputError, ModelError
 from geoident.identify.least_squares.gauss_newton import gauss_newton
 from geoident.identify.problem.methods import formulation_obstacle
-from geoident.identify.problem.outcome import History, Observer, Outcome
+from geoident.identify.problem.outcome import History, OnIteration, Outcome
 from geoident.identify.problem.problem import Problem
 from geoident.identify.problem.responses import ComplementaritySystem
 from geoident.identify.yield_limits.condensed_system import condensed, condensing_obstacle
@@ -51,13 +51,16 @@ SMALLEST = 1e-7
 """A box this small, in parts of the parameters, is not cut."""
 
 
-def global_bound(problem: Problem, options: ComplementarityOptions, observe: Observer) -> Outcome:
+def global_bound(
+    problem: Problem, options: ComplementarityOptions, on_iteration: OnIteration
+) -> Outcome:
     """Minimises the discrepancy and proves how far from the lowest it can be.
 
     Args:
         problem: readings, model and parameters with finite bounds.
         options: gap, number of boxes; the others serve the implicit method that goes first.
-        observe: is told of every box; its reason to stop ends the search with the bound so far.
+        on_iteration: is called with every box; its reason to stop ends the search with the bound
+            so far.
 
     Returns:
         The best point that the model evaluated, its certificate with bound and gap.
@@ -71,12 +74,12 @@ def global_bound(problem: Problem, options: ComplementarityOptions, observe: Obs
     assert isinstance(problem.response, ComplementaritySystem)
     equations = problem.response.system()
     _refuse(condensing_obstacle(equations) or _size_obstacle(equations))
-    best = implicit(problem, options, observe)
+    best = implicit(problem, options, on_iteration)
     if best.status == STOPPED:
         return best
     first, system = best, condensed(problem, equations)
     form = None if system.products else form_of(system.work[:, None] * system.slack_by_lam)
-    history = History("complementarity", problem.response, observe)
+    history = History("complementarity", problem.response, on_iteration)
     done, count = np.inf, 0  # lowest bound of the boxes that are done with, number of boxes
     todo = [ParameterBox(system.lower, system.upper, 0.0, np.arange(system.n_pairs))]
     while todo and history.stop is None and count < options.max_regions:

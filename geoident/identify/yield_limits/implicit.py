@@ -36,8 +36,8 @@ from geoident.identify.least_squares.descent import Descent, Ending, Stopping
 from geoident.identify.least_squares.gauss_newton import gauss_newton_descent, gauss_newton_step
 from geoident.identify.least_squares.several_starts import halton_starts
 from geoident.identify.least_squares.trust_region import TrustBox
-from geoident.identify.problem.ahead import ProblemApart, apart, at_once, in_turns
-from geoident.identify.problem.outcome import History, Observer, Outcome
+from geoident.identify.problem.ahead import ProblemData, at_once, prefetching, without_model
+from geoident.identify.problem.outcome import History, OnIteration, Outcome
 from geoident.identify.problem.problem import Discrepancy, Problem
 from geoident.identify.problem.responses import YieldSystem
 from geoident.identify.yield_limits.starts import Restarts, raised, strength_scan
@@ -97,13 +97,15 @@ _AT_KINK = (
 )
 
 
-def implicit(problem: Problem, options: ComplementarityOptions, observe: Observer) -> Outcome:
+def implicit(
+    problem: Problem, options: ComplementarityOptions, on_iteration: OnIteration
+) -> Outcome:
     """Minimises the misfit over the parameters, the stages solved for every trial.
 
     Args:
         problem: readings, a `YieldSystem`, and parameters.
         options: restarts, tolerance, budget.
-        observe: is told of every trial; its reason to stop ends the search.
+        on_iteration: is called with every trial; its reason to stop ends the search.
 
     Returns:
         The best point that was evaluated, with its certificate.
@@ -111,10 +113,12 @@ def implicit(problem: Problem, options: ComplementarityOptions, observe: Observe
     Raises:
         ModelError: no start has a solution.
     """
-    return ImplicitSearch(problem, options, observe).run()
+    return ImplicitSearch(problem, options, on_iteration).run()
 
 
-def descend(problem: Problem, options: ComplementarityOptions, observe: Observer) -> Outcome:
+def descend(
+    problem: Problem, options: ComplementarityOptions, on_iteration: OnIteration
+) -> Outcome:
     """One descent from the start, and what kind of point it ends at: no scan.
 
     For a problem that differs little from one that was solved: the start is its solution. It
@@ -123,12 +127,12 @@ def descend(problem: Problem, options: ComplementarityOptions, observe: Observer
     Args:
         problem: readings, a `YieldSystem`, and parameters.
         options: tolerance, budget.
-        observe: is told of every trial; its reason to stop ends the search.
+        on_iteration: is called with every trial; its reason to stop ends the search.
 
     Raises:
         ModelError: the start has no solution.
     """
-    return ImplicitSearch(problem, options, observe).descend()
+    return ImplicitSearch(problem, options, on_iteration).descend()
 
 
 def certificate_at(problem: Problem, p: Floats, history: History) -> Certificate | None:
@@ -170,7 +174,7 @@ def _step(box: TrustBox, point: YieldIterate, radius: float, *, rising: bool) ->
 
 
 @dataclass(frozen=True)
-class RestartLook:
+class RestartTask:
     """A restart as a part of the search (`ahead`).
 
     Args:
@@ -181,7 +185,7 @@ class RestartLook:
         number: of the restart.
     """
 
-    problem: ProblemApart
+    problem: ProblemData
     options: ComplementarityOptions
     x: Floats
     best: Iterate
@@ -189,7 +193,9 @@ class RestartLook:
 
     def __call__(self, response: Response) -> None:
         """Make it."""
-        search = ImplicitSearch(self.problem.of(response), self.options, lambda iteration: None)
+        search = ImplicitSearch(
+            self.problem.with_model(response), self.options, lambda iteration: None
+        )
         search.restart(self.x, self.best, self.number)
 
 
@@ -199,16 +205,16 @@ class ImplicitSearch:
     Args:
         problem: readings, a `YieldSystem`, and parameters.
         options: restarts, tolerance, budget.
-        observe: is told of every trial; its reason to stop ends the search.
+        on_iteration: is called with every trial; its reason to stop ends the search.
     """
 
     def __init__(
-        self, problem: Problem, options: ComplementarityOptions, observe: Observer
+        self, problem: Problem, options: ComplementarityOptions, on_iteration: OnIteration
     ) -> None:
         assert isinstance(problem.response, YieldSystem)
         self.problem, self.options, self.model = problem, options, problem.response
         discrepancy = Discrepancy(problem)
-        self.history = History("complementarity", problem.response, observe)
+        self.history = History("complementarity", problem.response, on_iteration)
         self.evaluator = yield_evaluator(discrepancy, self.history, self.model)
         self.scaling, box = self.evaluator.scaling, self.evaluator.box
         steps = GaussNewtonOptions(tolerance=options.tolerance)
@@ -282,7 +288,7 @@ class ImplicitSearch:
             else:
                 raise
             point = rescue
-        strength = strengths(point.activity, scaling.slope(point.p))
+        strength = strengths(point.activity, scaling.dp_dx(point.p))
         if start is None and strength.any():
             for x in raised(scaling, strength):
                 start = None if self.spent() else evaluator.start(x, "stronger")
@@ -301,8 +307,8 @@ class ImplicitSearch:
         """
         self._descent = self._rising
         best = self._descent.run(start, self._stuck)
-        slope = self.scaling.slope(best.point.p)
-        restarts = Restarts(strengths(best.point.activity, slope), self.options.seed)
+        dp_dx = self.scaling.dp_dx(best.point.p)
+        restarts = Restarts(strengths(best.point.activity, dp_dx), self.options.seed)
         fruitless, left = 0, self.options.restarts
         while left > 0 and not self._enough(best, fruitless):
             most = min(left, self._patience(best) - fruitless)
@@ -310,11 +316,11 @@ class ImplicitSearch:
             known = Iterate(around.x, around.p, around.linearization)
             drawn = deepcopy(restarts)
             places = [self._place(drawn, around) for _ in range(min(most, at_once(self.model)))]
-            looks = [
-                RestartLook(apart(self.problem), self.options, x, known, self._tried + k)
+            tasks = [
+                RestartTask(without_model(self.problem), self.options, x, known, self._tried + k)
                 for k, x in enumerate(places)
             ]
-            with in_turns(self.model, looks) as turn:
+            with prefetching(self.model, tasks) as turn:
                 for k in range(len(places)):
                     turn(k)
                     ending = self.restart(self._place(restarts, around), known, self._tried)
@@ -426,7 +432,7 @@ class ImplicitSearch:
         point, names, exact = best.point, self.model.names, best.point.phi <= self._exact
         above: list[str] = []
         if not exact:
-            reached = strengths(point.activity, self.scaling.slope(point.p)) & ~point.unreached
+            reached = strengths(point.activity, self.scaling.dp_dx(point.p)) & ~point.unreached
             flags = open_above(self.evaluator, point, reached, spent=self.spent)
             above = [names[i] for i in np.flatnonzero(flags)]
         proof = certificate(checked, self.model.activity(point.p), names, exact=exact, above=above)

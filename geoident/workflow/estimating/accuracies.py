@@ -19,9 +19,9 @@ from geoident.identify.assessment.variance_components import (
     estimate_components,
     likelihood_at,
 )
-from geoident.identify.problem.errors import ErrorStructure
 from geoident.identify.problem.outcome import Outcome
 from geoident.identify.problem.problem import Problem
+from geoident.identify.problem.shared_errors import ErrorStructure
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case
 from geoident.model.gauges import PARTS, Channel, ErrorParts, Reads
@@ -123,7 +123,7 @@ def _sized(channel: Channel, factors: Mapping[str, float]) -> Channel:
     sizes = {
         part: getattr(parts, part) * factors.get(parts.component(part) or "", 1.0) for part in PARTS
     }
-    sized = replace(parts, **sizes, estimated=(), found=parts.estimated)
+    sized = replace(parts, **sizes, estimated=(), already_estimated=parts.estimated)
     return replace(channel, errors=sized, accuracy=sized.total(channel.along))
 
 

@@ -103,7 +103,7 @@ class Estimate:
     evidence: Evidence | None = None
 
 
-def look(
+def assess_fit(
     setup: Setup, problem: Problem, outcome: Outcome, *, fields: bool, last: int | None = None
 ) -> Estimate:
     """One survey of the model at the end of a search says everything else.
@@ -143,7 +143,7 @@ def look(
         replace(outcome, values=p, objective=float(phi), minima=(), certificate=None)
         for p, phi in places
     ]
-    others = tuple(look(setup, problem, other, fields=False) for other in elsewhere)
+    others = tuple(assess_fit(setup, problem, other, fields=False) for other in elsewhere)
     for other in others:  # each counts the search, too
         counts = further(counts, problem.response.counts + setup.spent, other.counts)
     return replace(found, rivals=rivals, others=others, evidence=evidence, counts=counts)

@@ -40,8 +40,8 @@ def field_estimates(
     """
     if not isinstance(model, StagedModel) or not _varies(model):
         return ()
-    slope = assessment.slope
-    covariance = np.outer(slope, slope) * assessment.posterior.covariance
+    dp_dx = assessment.dp_dx
+    covariance = np.outer(dp_dx, dp_dx) * assessment.posterior.covariance
     fields = (
         _estimate(model, field, made, values, covariance)
         for field, made in zip(model.case.fields, model.on_mesh.fields, strict=True)

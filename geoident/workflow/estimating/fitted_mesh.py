@@ -254,7 +254,7 @@ def _shift(problem: Problem, values: Floats, jacobian: Floats, error: Floats) ->
     """Largest shift of a parameter by errors (g,) of readings, in its standard deviations."""
     scaling = Scaling(problem.parameters)
     rows = np.concatenate(
-        [problem.whiten(jacobian * scaling.slope(values)), scaling.prior_jacobian(values)]
+        [problem.whiten(jacobian * scaling.dp_dx(values)), scaling.prior_jacobian(values)]
     )
     right = np.zeros(len(rows))
     right[: len(error)] = problem.whiten(error)

@@ -11,7 +11,7 @@ import scipy.sparse as sp
 from geoident.errors import InputError
 from geoident.identify.assessment.findings import join
 from geoident.identify.assessment.model_error import SIZES, SizeWeights
-from geoident.identify.problem.errors import ErrorStructure
+from geoident.identify.problem.shared_errors import ErrorStructure
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case
 from geoident.model.external import ConvergenceLaw

@@ -30,10 +30,10 @@ from geoident.identify.assessment.variance_components import (
     VarianceComponents,
     likelihood_at,
 )
-from geoident.identify.problem.errors import ErrorStructure
 from geoident.identify.problem.outcome import Outcome
 from geoident.identify.problem.problem import Problem
 from geoident.identify.problem.responses import HasIncrements
+from geoident.identify.problem.shared_errors import ErrorStructure
 from geoident.model.arrays import Floats
 from geoident.model.gauges import Channel, Reads
 from geoident.model.methods import ModelErrorOptions

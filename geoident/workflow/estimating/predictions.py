@@ -14,8 +14,8 @@ from geoident.identify.assessment.later_readings import LaterReadings, given_use
 from geoident.identify.assessment.prediction_bands import predict_band
 from geoident.identify.assessment.profile_path import Nonlinearity, PathReadings, with_profile
 from geoident.identify.assessment.uncertainty import Assessment
-from geoident.identify.problem.errors import ErrorStructure
 from geoident.identify.problem.problem import Problem
+from geoident.identify.problem.shared_errors import ErrorStructure
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case
 from geoident.model.gauges import ReadingTable
@@ -107,7 +107,7 @@ def correlations(
     if known is not None and len(rows):
         rows = known.of(numbers, rows).jacobian
         left = later_covariance(*known.with_later(numbers))
-    rows = rows * assessment.slope
+    rows = rows * assessment.dp_dx
     common = rows @ assessment.posterior.covariance @ rows.T + left
     sd = np.maximum(prediction.sd[places], np.sqrt(np.diag(common)))
     found = common / np.outer(sd, sd)
@@ -177,7 +177,7 @@ class KnownErrors:
         if self.possible is None:  # gauges of another section, as accurate as they state
             later = self.of(places, sensitivity)
             each = np.broadcast_to(later.sd, (len(over.shift), len(later.sd)))
-            return over.wider(later.jacobian * assessment.slope, sd=each)
+            return over.wider(later.jacobian * assessment.dp_dx, sd=each)
         used, errors = self._structures(places)
         points = self.possible.padded(used)
         found = [
@@ -195,7 +195,7 @@ class KnownErrors:
             )
         ]
         return over.wider(
-            np.array([each.jacobian * assessment.slope for each in found]),
+            np.array([each.jacobian * assessment.dp_dx for each in found]),
             np.array([each.shift for each in found]),
             np.array([each.sd for each in found]),
         )

@@ -98,7 +98,7 @@ def weighed_minima(
     if len(points) == 1:
         return None, evidence
     odds = np.exp(log_mass - log_mass.max())
-    slopes = np.array([scaling.slope(point.p) for point in points])
+    slopes = np.array([scaling.dp_dx(point.p) for point in points])
     covariance = np.array([covariance_x for _, covariance_x in masses])
     rivals = Rivals(
         values=np.array([point.p for point in points]),

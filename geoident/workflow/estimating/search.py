@@ -13,12 +13,12 @@ from geoident.errors import TimeIsUp
 from geoident.forward.external.table import TableModel
 from geoident.forward.model import StagedModel
 from geoident.identify.assessment.variance_components import VarianceComponents
-from geoident.identify.problem.ahead import begins_near
-from geoident.identify.problem.errors import ErrorStructure
+from geoident.identify.problem.ahead import starts_warm
 from geoident.identify.problem.methods import continued, descend, identify
 from geoident.identify.problem.outcome import LocalMinimum, Outcome
 from geoident.identify.problem.problem import Discrepancy, Problem
 from geoident.identify.problem.scaling import Scaling
+from geoident.identify.problem.shared_errors import ErrorStructure
 from geoident.model.arrays import Floats
 from geoident.model.case import Case
 from geoident.model.methods import (
@@ -62,7 +62,7 @@ from geoident.workflow.estimating.setup import (
     used_response,
 )
 from geoident.workflow.estimating.surface_error import is_steady, with_surface_error
-from geoident.workflow.running.cached_response import EXACT, known_nearly, substituting
+from geoident.workflow.running.cached_response import EXACT, answered_approximately, substituting
 from geoident.workflow.running.control import OUT_OF_TIME, Control
 from geoident.workflow.running.evaluation_log import Log
 from geoident.workflow.running.readings import error_structure, reading_table, used_rows
@@ -130,7 +130,7 @@ def estimated(
     search = _Search(methods, control)
     linear = all(isinstance(options, GaussNewtonOptions) for options in methods)
     tolerance = EXACT if near else CERTAIN
-    weighed = near and begins_near(problem.response)
+    weighed = near and starts_warm(problem.response)
     if weighed and no_model_error(setup.case, setup.readings, methods) is None:
         unsearched = _where_it_begins(problem)
         found = search.with_all_errors(SearchState(setup, problem, unsearched))
@@ -167,13 +167,13 @@ class _Search:
 
     def identified(self, problem: Problem, methods: Sequence[MethodOptions]) -> Outcome:
         """Run identifiers, one after the other."""
-        outcome = identify(problem, methods, self.control.observe)
+        outcome = identify(problem, methods, self.control.on_iteration)
         self.control.stop.check()
         return outcome
 
     def descent(self, problem: Problem) -> Outcome:
         """One descent from where a problem begins, by the last method's steps."""
-        outcome = descend(problem, self.methods[-1], self.control.observe)
+        outcome = descend(problem, self.methods[-1], self.control.on_iteration)
         self.control.stop.check()
         return outcome
 
@@ -262,7 +262,9 @@ class _Search:
     def _confirmed(self, at: SearchState) -> SearchState:
         """The same, confirmed by the model itself where the surrogate has answered nearly."""
         _, problem, outcome = at
-        if outcome.status == STOPPED or not known_nearly(problem.response, outcome.values):
+        if outcome.status == STOPPED or not answered_approximately(
+            problem.response, outcome.values
+        ):
             return at
         again = self.descent(problem.begun_at(outcome.values))
         return at._replace(outcome=after(outcome, again))

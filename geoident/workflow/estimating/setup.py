@@ -181,15 +181,14 @@ def problem_of(setup: Setup, log: Log, control: Control) -> Problem:
             control.stop.check()
 
     setup.model.on_state = on_state
-    staged = used_response(setup)
-    # the closed form costs nothing: there is nothing to remember
-    response: Response = staged
-    if isinstance(staged, ReducibleResponse):
+    response = used_response(setup)
+    # only staged models are logged here: programs log their own runs, the rest is cheap
+    if isinstance(response, ReducibleResponse):
         if case.fit.reduced:
-            staged.record()
+            response.record()
         pairs, times = _asked(setup)
         where = None if setup.workers is None else ResponseBeside(setup.workers, pairs, times)
-        response = CachedResponse(staged, log, before=control.stop.check, elsewhere=where)
+        response = CachedResponse(response, log, before=control.stop.check, elsewhere=where)
     return problem_of_readings(case, setup.readings, response)
 
 

@@ -54,12 +54,12 @@ class Recording:
 class Beside(Protocol):
     """Processes that work on parts of a search: `running.workers.ModelWorkers`, or a toy."""
 
-    def at_once(self, looks: Sequence[SearchTask] = ()) -> int:
+    def at_once(self, tasks: Sequence[SearchTask] = ()) -> int:
         """How many work on parts of a search; 1 for this one alone."""
 
-    def look(
+    def evaluate_ahead(
         self,
-        looks: Sequence[SearchTask],
+        tasks: Sequence[SearchTask],
         pairs: Sequence[tuple[str, str]],
         times: Sequence[float | None],
     ) -> Iterator[Answered[Recording]]:
@@ -91,13 +91,13 @@ class ResponseBeside:
 class Keeps(Protocol):
     """A response that keeps what it was told."""
 
-    def take(self, found: Recording) -> None:
+    def merge(self, recording: Recording) -> None:
         """Keep what another process has evaluated."""
 
-    def knows(self, kind: str, p: Floats) -> bool:
+    def has_answer(self, kind: str, p: Floats) -> bool:
         """Whether the answer at p (n,) is kept, or known to be none."""
 
-    def recalled(self, kind: str, p: Floats) -> EvaluationArrays | None:
+    def logged(self, kind: str, p: Floats) -> EvaluationArrays | None:
         """The answer at p (n,) if it is kept; raises `ModelError` where there is none."""
 
 
@@ -110,15 +110,15 @@ class Prefetched:
     Args:
         response: keeps what they evaluate.
         where: they work.
-        looks: the parts, in their order.
+        tasks: the parts, in their order.
 
     Attributes:
         turn: number of the part whose turn it is.
     """
 
-    def __init__(self, response: Keeps, where: ResponseBeside, looks: Sequence[SearchTask]) -> None:
+    def __init__(self, response: Keeps, where: ResponseBeside, tasks: Sequence[SearchTask]) -> None:
         self.turn = 0
-        self._response, self._where, self._looks = response, where, looks
+        self._response, self._where, self._tasks = response, where, tasks
         self._sent: list[int] = []
         self._answers: Iterator[Answered[Recording]] | None = None
         self._lost: dict[int, str] = {}
@@ -137,7 +137,7 @@ class Prefetched:
             if not self._one_more():
                 break
             self._where.processes.check()
-        found = self._response.recalled(kind, p)
+        found = self._response.logged(kind, p)
         if found is None and self.turn in self._lost:
             message = "No process computes the model at a parameter vector: the last one {}."
             raise ModelError(message.format(self._lost[self.turn]))
@@ -155,23 +155,23 @@ class Prefetched:
 
     def _begin(self) -> None:
         """Send the part whose turn it is, and those after it, as far as they ask what is new."""
-        looks = []
-        for number, look in enumerate(self._looks[self.turn :], start=self.turn):
-            left = self._new(look)
+        tasks = []
+        for number, task in enumerate(self._tasks[self.turn :], start=self.turn):
+            left = self._new(task)
             if left is not None:
-                looks.append(left)
+                tasks.append(left)
                 self._sent.append(number)
         where = self._where
-        self._answers = where.processes.look(looks, where.pairs, where.times)
+        self._answers = where.processes.evaluate_ahead(tasks, where.pairs, where.times)
 
-    def _new(self, look: SearchTask) -> SearchTask | None:
+    def _new(self, task: SearchTask) -> SearchTask | None:
         """What of a part is not known; None for nothing."""
-        if not isinstance(look, ReadingsAt):
-            return look
+        if not isinstance(task, ReadingsAt):
+            return task
         response = self._response
-        new = [not (response.knows("readings", p) or response.knows("evaluate", p))
-               for p in look.points]  # fmt: skip
-        return ReadingsAt(look.points[new]) if any(new) else None
+        new = [not (response.has_answer("readings", p) or response.has_answer("evaluate", p))
+               for p in task.points]  # fmt: skip
+        return ReadingsAt(task.points[new]) if any(new) else None
 
     def _one_more(self) -> bool:
         """Take the next answer; whether there was one."""
@@ -182,7 +182,7 @@ class Prefetched:
         number = self._sent[answer.number]
         self._done.add(number)
         if answer.value is not None:
-            self._response.take(answer.value)
+            self._response.merge(answer.value)
         elif answer.set_aside:
             self._lost[number] = answer.losses[-1] if answer.losses else "was lost"
         return True

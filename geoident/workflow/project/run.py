@@ -189,7 +189,7 @@ class _Fits:
         models = ChosenSections(self._models, numbers)
         begin = begin or SectionsStart(points=self._own_points(numbers))
         fit = fit_sections(
-            chosen, project.shared, project.laws, models, self._control.observe, begin=begin
+            chosen, project.shared, project.laws, models, self._control.on_iteration, begin=begin
         )
         return Fitted(fit, tuple(numbers), self._readings, self._prepared)
 

@@ -12,15 +12,15 @@ import numpy as np
 from geoident.errors import GeoidentError, Interrupted, ModelError
 from geoident.fem.solvers.kept_solutions import KeepsSolutions
 from geoident.forward.observed import ObservedModel
-from geoident.identify.problem.errors import SharedErrors
 from geoident.identify.problem.responses import HasDifferences
+from geoident.identify.problem.shared_errors import SharedErrors
 from geoident.io.result.checkpoint import EvaluationLog
 from geoident.model.arrays import Bools, Floats
 from geoident.model.parameter import Parameter
 from geoident.model.response import Response
 from geoident.model.results.costs import NO_COST, Counts
 from geoident.workflow.estimating.diagnosis import parameter_table
-from geoident.workflow.estimating.estimate import look
+from geoident.workflow.estimating.estimate import assess_fit
 from geoident.workflow.estimating.search import estimated
 from geoident.workflow.estimating.setup import Setup, problem_of, require_possible, used_response
 from geoident.workflow.executing.stop import StopRequest
@@ -313,7 +313,7 @@ class _OneSection:
         require_possible(setup.model, case, case.fit.methods)
         with log:
             state = estimated(setup, case.fit.methods, log, control)
-            found = look(*state, fields=False)
+            found = assess_fit(*state, fields=False)
         table = parameter_table(case.parameters, found.outcome.values, found.assessment)
         alone = np.array([table.values, table.lower95, table.upper95])
         alone[:, ~table.determined] = np.nan

@@ -24,7 +24,7 @@ from geoident.errors import ModelError
 from geoident.fem.solvers.threads import one_thread
 from geoident.forward.observed import ObservedModel
 from geoident.identify.posterior.draws import Stopped
-from geoident.identify.problem.ahead import BESIDE, ReadingsAt, begins_near, in_turns
+from geoident.identify.problem.ahead import BESIDE, ReadingsAt, prefetching, starts_warm
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case
 from geoident.model.gauges import ReadingTable
@@ -82,7 +82,7 @@ class Asked:
     @property
     def beside(self) -> int:
         """How many points that follow each other are one part."""
-        return BESIDE if begins_near(self.everything) else 1
+        return BESIDE if starts_warm(self.everything) else 1
 
     def answers(self, part: Floats) -> Iterator[Answer]:
         """What the model says at p (k, n), SI, whatever it was asked before."""
@@ -208,7 +208,7 @@ def here(asked: Asked) -> Compute:
 
     def compute(points: Floats) -> Iterator[Answer]:
         parts = _parts(points, asked.beside)
-        with in_turns(asked.everything, [ReadingsAt(part) for part in parts]) as turn:
+        with prefetching(asked.everything, [ReadingsAt(part) for part in parts]) as turn:
             for number, part in enumerate(parts):
                 turn(number)  # runs of a model elsewhere are made several at a time
                 yield from asked.answers(part)

@@ -25,7 +25,7 @@ from typing import Protocol
 import numpy as np
 
 from geoident.errors import ModelError, TimeIsUp
-from geoident.identify.problem.ahead import SearchTask, Turn
+from geoident.identify.problem.ahead import BeginPart, SearchTask
 from geoident.identify.problem.responses import (
     AffineElastic,
     ComplementaritySystem,
@@ -53,9 +53,9 @@ from geoident.workflow.executing.looking_ahead import (
 )
 from geoident.workflow.running.evaluation_log import (
     Log,
-    activity_of,
-    arrays_of,
-    of_activity,
+    activity_arrays,
+    activity_from_arrays,
+    evaluation_arrays,
 )
 
 EXACT = 1e-6
@@ -97,15 +97,15 @@ class CachedResponse:
     ) -> None:
         self.failures: list[tuple[str, Floats, ModelError]] = []
         self._inner, self._log, self._before, self._elsewhere = inner, log, before, elsewhere
-        self._ahead: Prefetched | None = None
-        self._no_solution: dict[tuple[str, bytes], ModelError] = {}  # told by other processes
+        self._prefetched: Prefetched | None = None
+        self._no_solution: dict[tuple[str, bytes], ModelError] = {}  # found by other processes
         self._spent = self._begun = inner.counts
         self._asked: set[tuple[str, bytes]] = set()
         self._evaluated: list[Floats] = []
         self._visited: list[Floats] = []
         self._metric = ""  # of the first condensation
         self._tolerance = 0.0
-        self._nearly: set[bytes] = set()  # where the surrogate has answered, but is not `CERTAIN`
+        self._approximate: set[bytes] = set()  # where the surrogate answered, not `CERTAIN`
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -127,12 +127,12 @@ class CachedResponse:
 
     def readings(self, p: Floats) -> Floats:
         """v(p), (g,)."""
-        return np.array(self._values(p)["v"])
+        return np.array(self._plain_evaluation(p)["v"])
 
     def evaluate(self, p: Floats) -> tuple[Floats, Floats]:
         """v(p), (g,), and its Jacobian, (g, n)."""
-        known = self._substitute(p) or self._known(
-            "evaluate", p, lambda: arrays_of(self._inner.evaluation(p))
+        known = self._substitute(p) or self._logged_or_computed(
+            "evaluate", p, lambda: evaluation_arrays(self._inner.evaluation(p))
         )
         return np.array(known["v"]), np.array(known["dv_dp"])
 
@@ -141,18 +141,20 @@ class CachedResponse:
 
         At a p (n,) that was evaluated it costs nothing.
         """
-        known = self._substitute(p) or self._recalled("evaluate", p) or self._values(p)
+        known = self._substitute(p) or self._from_log("evaluate", p) or self._plain_evaluation(p)
         return np.array(known["increments"])
 
     def activity(self, p: Floats) -> Activity:
         """The yield planes at p (n,); at one that was evaluated it costs nothing."""
-        found = activity_of(self._recalled("evaluate", p) or self._values(p))
-        if found is None:  # another fit has told of the readings there
-            inner = self._inner
-            known = self._known("activity", p, lambda: of_activity(inner.activity(p)))
-            found = activity_of(known)
-            assert found is not None
-        return found
+        arrays = self._from_log("evaluate", p) or self._plain_evaluation(p)
+        activity = activity_from_arrays(arrays)
+        if activity is None:  # the evaluation was carried over from another fit
+            arrays = self._logged_or_computed(
+                "activity", p, lambda: activity_arrays(self._inner.activity(p))
+            )
+            activity = activity_from_arrays(arrays)
+            assert activity is not None
+        return activity
 
     def condense(self, p: Floats, measured: Floats, sd: Floats) -> Condensed:
         """Condensed equations at p for readings that are the same in the whole run.
@@ -168,11 +170,13 @@ class CachedResponse:
         metric = sha256(np.ascontiguousarray(sd).tobytes()).hexdigest()
         self._metric = self._metric or metric
         kind = "condense" if metric == self._metric else f"condense {metric[:16]}"
-        known = self._known(kind, p, lambda: dict(vars(self._inner.condense(p, measured, sd))))
+        known = self._logged_or_computed(
+            kind, p, lambda: dict(vars(self._inner.condense(p, measured, sd)))
+        )
         names = "readings", "flexibility", "matrix", "vector"
         return Condensed(*(np.array(known[name]) for name in names))
 
-    def evaluated(self) -> Sequence[Floats]:
+    def evaluated_points(self) -> Sequence[Floats]:
         """Parameter vectors (n,) that this run has evaluated with derivatives, in their order."""
         return tuple(self._evaluated)
 
@@ -220,15 +224,15 @@ class CachedResponse:
         finally:
             self._tolerance = before
 
-    def known_nearly(self, p: Floats) -> bool:
+    def answered_approximately(self, p: Floats) -> bool:
         """Whether at p (n,) the surrogate has answered with an error that is not `CERTAIN`."""
-        return p.tobytes() in self._nearly and ("evaluate", p.tobytes()) not in self._asked
+        return p.tobytes() in self._approximate and ("evaluate", p.tobytes()) not in self._asked
 
     def visited(self) -> Sequence[Floats]:
         """Parameter vectors (n,) of whose evaluations the surrogate is made, in their order."""
         return tuple(self._visited)
 
-    def answer(self, p: Floats) -> EvaluationArrays | None:
+    def exact_answer(self, p: Floats) -> EvaluationArrays | None:
         """Readings, derivatives and increments at p (n,), where they are known and `CERTAIN`."""
         known = self._log.find("evaluate", p)
         if known is not None:
@@ -237,7 +241,7 @@ class CachedResponse:
         return known if known is not None and known["error"][0] <= CERTAIN else None
 
     def _substitute(self, p: Floats) -> EvaluationArrays | None:
-        """What the surrogate says at p (n,); None where it is not asked or not close."""
+        """The surrogate's evaluation at p (n,); None where it is not asked or not close."""
         tolerance = self._tolerance
         if not tolerance or not self._visited or ("evaluate", p.tobytes()) in self._asked:
             return None
@@ -251,11 +255,11 @@ class CachedResponse:
         if not known["error"][0] <= tolerance:
             return None
         if known["error"][0] > CERTAIN:
-            self._nearly.add(p.tobytes())
+            self._approximate.add(p.tobytes())
         return known
 
     def _kind_of_surrogate(self) -> str:
-        """What its answers are called in the log: it is another one after each evaluation."""
+        """Kind of its evaluations in the log: it is another surrogate after each evaluation."""
         return f"surrogate {sha256(np.array(self._visited).tobytes()).hexdigest()[:16]}"
 
     def _ask_surrogate(self, p: Floats, tolerance: float) -> EvaluationArrays | None:
@@ -281,7 +285,7 @@ class CachedResponse:
             return None
         return inner.surrogate(self._visited)
 
-    # Parts of a search that are worked on before they are asked for
+    # Prefetching: parts of a search that other processes work on before they are asked for
 
     @property
     def at_once(self) -> int:
@@ -289,46 +293,46 @@ class CachedResponse:
         return 1 if self._elsewhere is None else self._elsewhere.processes.at_once()
 
     @contextmanager
-    def turns(self, looks: Sequence[SearchTask]) -> Iterator[Turn]:
+    def prefetch(self, tasks: Sequence[SearchTask]) -> Iterator[BeginPart]:
         """Work on parts of a search meanwhile; each begins with a model that has forgotten others.
 
         Args:
-            looks: they, in their order.
+            tasks: they, in their order.
         """
         where, inner = self._elsewhere, self._inner
-        several = where is not None and len(looks) > 1 and where.processes.at_once(looks) > 1
+        several = where is not None and len(tasks) > 1 and where.processes.at_once(tasks) > 1
         # what others evaluate gives no surrogate here, which is to answer a part of what they ask
         if where is not None and several and not (self._tolerance and self._surrogate()):
-            self._ahead = Prefetched(self, where, looks)
+            self._prefetched = Prefetched(self, where, tasks)
 
         def turn(number: int) -> None:
             inner.forget()
-            if self._ahead is not None:
-                self._ahead.turn = number
+            if self._prefetched is not None:
+                self._prefetched.turn = number
 
         try:
             yield turn
         finally:
-            ahead, self._ahead = self._ahead, None
-            if looks:  # what comes next has not seen the parts, wherever they were made
+            ahead, self._prefetched = self._prefetched, None
+            if tasks:  # what comes next has not seen the parts, wherever they were made
                 inner.forget()
             if ahead is not None:
                 ahead.end()
 
-    def take(self, found: Recording) -> None:
+    def merge(self, recording: Recording) -> None:
         """Keep what another process has evaluated."""
-        for kind, p, arrays in found.evaluations:
+        for kind, p, arrays in recording.evaluations:
             if self._log.find(kind, p) is None:
                 self._log.add(kind, p, arrays)
-        for kind, p, error in found.failures:
+        for kind, p, error in recording.failures:
             self._no_solution[kind, p.tobytes()] = error
-        self._spent = self._spent + found.spent
+        self._spent = self._spent + recording.spent
 
-    def knows(self, kind: str, p: Floats) -> bool:
+    def has_answer(self, kind: str, p: Floats) -> bool:
         """Whether the answer at p (n,) is in the log, or known to be none."""
         return (kind, p.tobytes()) in self._no_solution or self._log.find(kind, p) is not None
 
-    def recalled(self, kind: str, p: Floats) -> EvaluationArrays | None:
+    def logged(self, kind: str, p: Floats) -> EvaluationArrays | None:
         """The answer at p (n,) if it is in the log.
 
         Raises:
@@ -338,39 +342,41 @@ class CachedResponse:
         if error is not None:
             self._asked.add((kind, p.tobytes()))
             raise error
-        return self._recalled(kind, p)
+        return self._from_log(kind, p)
 
     # The log
 
-    def _values(self, p: Floats) -> EvaluationArrays:
+    def _plain_evaluation(self, p: Floats) -> EvaluationArrays:
         """An evaluation at p (n,), if need be without derivatives."""
         return (
             self._substitute(p)
-            or self._recalled("readings", p)
-            or self._recalled("evaluate", p)
+            or self._from_log("readings", p)
+            or self._from_log("evaluate", p)
             or self._compute(
-                "readings", p, lambda: arrays_of(self._inner.evaluation(p, derivatives=False))
+                "readings",
+                p,
+                lambda: evaluation_arrays(self._inner.evaluation(p, derivatives=False)),
             )
         )
 
-    def _known(
+    def _logged_or_computed(
         self, kind: str, p: Floats, work: Callable[[], EvaluationArrays]
     ) -> EvaluationArrays:
-        """What the log has, or what is computed for it."""
-        known = self._recalled(kind, p)
+        """The arrays of an evaluation, from the log or computed for it."""
+        known = self._from_log(kind, p)
         return self._compute(kind, p, work) if known is None else known
 
-    def _recalled(self, kind: str, p: Floats) -> EvaluationArrays | None:
+    def _from_log(self, kind: str, p: Floats) -> EvaluationArrays | None:
         known = self._log.find(kind, p)
         if known is not None:
-            self._note(kind, p, known)
+            self._mark_asked(kind, p, known)
         return known
 
     def _compute(
         self, kind: str, p: Floats, work: Callable[[], EvaluationArrays]
     ) -> EvaluationArrays:
         self._before()
-        if self._ahead is not None and (known := self._ahead.known(kind, p)) is not None:
+        if self._prefetched is not None and (known := self._prefetched.known(kind, p)) is not None:
             return known
         before = self._inner.counts
         try:
@@ -383,11 +389,11 @@ class CachedResponse:
         finally:
             self._spent = self._spent + (self._inner.counts - before)
         self._log.add(kind, p, arrays)
-        self._note(kind, p, arrays)
+        self._mark_asked(kind, p, arrays)
         return arrays
 
-    def _note(self, kind: str, p: Floats, arrays: EvaluationArrays) -> None:
-        """Note that this run has asked for something at p (n,), and what it was."""
+    def _mark_asked(self, kind: str, p: Floats, arrays: EvaluationArrays) -> None:
+        """Count an evaluation that this run has asked for at p (n,)."""
         key = kind, p.tobytes()
         if key in self._asked:
             return
@@ -395,7 +401,7 @@ class CachedResponse:
         if kind != "evaluate":
             return
         self._evaluated.append(p.copy())
-        # an answer of another fit stands for the evaluations of that, of which it was made
+        # an answer carried over from another fit names the points its surrogate was made of
         for place in arrays.get("visited", p[None]):
             if not any(np.array_equal(place, before) for before in self._visited):
                 self._visited.append(np.array(place))
@@ -411,6 +417,6 @@ def substituting(response: Response, tolerance: float = EXACT) -> Iterator[None]
         yield
 
 
-def known_nearly(response: Response, p: Floats) -> bool:
+def answered_approximately(response: Response, p: Floats) -> bool:
     """Whether at p (n,) a surrogate has answered with an error that is not `CERTAIN`."""
-    return isinstance(response, CachedResponse) and response.known_nearly(p)
+    return isinstance(response, CachedResponse) and response.answered_approximately(p)

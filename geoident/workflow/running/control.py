@@ -125,8 +125,8 @@ class Control:
         if self.cluster is not None and not self.cluster.used:
             self.monitor.inform(NOTHING_SENT)
 
-    def observe(self, iteration: Iteration) -> str | None:
-        """Observer of the identifiers: a reason to stop now, or None."""
+    def on_iteration(self, iteration: Iteration) -> str | None:
+        """Is called by identifiers with every iteration; returns a reason to stop now, or None."""
         self.monitor.step(iteration)
         return self.over()
 

@@ -30,18 +30,22 @@ class Log(Protocol):
         """
 
 
-def arrays_of(evaluation: Evaluation) -> EvaluationArrays:
+def evaluation_arrays(evaluation: Evaluation) -> EvaluationArrays:
     """An evaluation as arrays."""
     arrays = {"v": evaluation.readings, "increments": evaluation.increments}
     if evaluation.jacobian is not None:
         arrays["dv_dp"] = evaluation.jacobian
-    return arrays if evaluation.activity is None else {**arrays, **of_activity(evaluation.activity)}
+    return (
+        arrays
+        if evaluation.activity is None
+        else {**arrays, **activity_arrays(evaluation.activity)}
+    )
 
 
 _ACTIVITY = "activity "
 
 
-def of_activity(activity: Activity) -> EvaluationArrays:
+def activity_arrays(activity: Activity) -> EvaluationArrays:
     """The yield planes as arrays of numbers, names as code points."""
     arrays: dict[str, Floats] = {}
     for each in fields(Activity):
@@ -52,8 +56,8 @@ def of_activity(activity: Activity) -> EvaluationArrays:
     return arrays
 
 
-def activity_of(arrays: EvaluationArrays) -> Activity | None:
-    """The yield planes that `of_activity` made arrays of; None where there are none."""
+def activity_from_arrays(arrays: EvaluationArrays) -> Activity | None:
+    """The yield planes that `activity_arrays` made arrays of; None where there are none."""
     if _ACTIVITY + "points" not in arrays:
         return None
 
@@ -85,8 +89,8 @@ def carry_over(
     """Give a fit of some of the readings of another what is known of all at p, if it is.
 
     Args:
-        known: readings, derivatives and increments at p, as `CachedResponse.answer` gives them;
-            None for nothing.
+        known: readings, derivatives and increments at p, by `CachedResponse.exact_answer`; None
+            for nothing.
         other: of the fit of some.
         p: (n,) parameters, SI.
         rows: (g,) which of the readings of the first the second has too.

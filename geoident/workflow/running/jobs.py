@@ -193,7 +193,7 @@ def _as_fitted(case: Case, result: Result, source: Source) -> Case:
     for c in case.channels:
         parts = errors.get(c.name)
         if parts is not None and c.errors is not None:
-            parts = replace(parts, found=c.errors.estimated)
+            parts = replace(parts, already_estimated=c.errors.estimated)
         channels.append(replace(c, accuracy=known.get(c.name, c.accuracy), errors=parts))
     readings = readings_of(gauges.readings)
     found, sd = result.accuracies, gauges.readings.own_sd

@@ -21,8 +21,8 @@ import scipy.sparse as sp
 
 from geoident.errors import InputError
 from geoident.forward.observed import ObservedModel
-from geoident.identify.problem.errors import ErrorStructure
 from geoident.identify.problem.problem import Problem
+from geoident.identify.problem.shared_errors import ErrorStructure
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case
 from geoident.model.gauges import (
@@ -324,7 +324,7 @@ class _Table:
         if channel.errors is None:
             return ""
         if self.found is not None:
-            name = dict(channel.errors.found).get(part, "")
+            name = dict(channel.errors.already_estimated).get(part, "")
             return name if name in self.found.names else ""
         name = channel.errors.component(part) or ""
         if name:

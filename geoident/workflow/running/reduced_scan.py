@@ -22,7 +22,7 @@ from geoident.forward.reduced.kept import RestoredModel, kept_model
 from geoident.forward.reduced.response import ReducedResponse
 from geoident.forward.reducible import ReducibleResponse
 from geoident.identify.direct.scan import grid_axes
-from geoident.identify.problem.ahead import ReadingsAt, SearchTask, Turn, at_once, in_turns
+from geoident.identify.problem.ahead import BeginPart, ReadingsAt, SearchTask, at_once, prefetching
 from geoident.identify.problem.problem import Discrepancy, Problem
 from geoident.model.arrays import Floats
 from geoident.model.methods import ScanOptions
@@ -62,7 +62,7 @@ class LedReadings(LedByReduced):
     """A response whose readings (g,) are those of a reduced model where the discrepancy is right.
 
     Args:
-        inner: the model.
+        inner: the model, with readings (g,).
         discrepancy: of the problem.
         spent: what making the reduced model has cost.
     """
@@ -111,15 +111,15 @@ class LedReadings(LedByReduced):
         return at_once(self.inner)
 
     @contextmanager
-    def turns(self, looks: Sequence[SearchTask]) -> Iterator[Turn]:
+    def prefetch(self, tasks: Sequence[SearchTask]) -> Iterator[BeginPart]:
         """Have the model work on what the reduced one does not answer.
 
         Args:
-            looks: parts of a search, in their order.
+            tasks: parts of a search, in their order.
         """
-        left = looks if at_once(self.inner) == 1 else [self._for_the_model(look) for look in looks]
-        numbers = {n: k for k, n in enumerate(n for n, look in enumerate(left) if look is not None)}
-        with in_turns(self.inner, [look for look in left if look is not None]) as turn:
+        left = tasks if at_once(self.inner) == 1 else [self._for_the_model(task) for task in tasks]
+        numbers = {n: k for k, n in enumerate(n for n, task in enumerate(left) if task is not None)}
+        with prefetching(self.inner, [task for task in left if task is not None]) as turn:
 
             def begin(number: int) -> None:
                 if number in numbers:
@@ -127,11 +127,11 @@ class LedReadings(LedByReduced):
 
             yield begin
 
-    def _for_the_model(self, look: SearchTask) -> SearchTask | None:
+    def _for_the_model(self, task: SearchTask) -> SearchTask | None:
         """What of a part the reduced model does not answer; None for nothing."""
-        if not isinstance(look, ReadingsAt):
-            return look
-        points = [p for p in look.points if self.admissible(p) is None]
+        if not isinstance(task, ReadingsAt):
+            return task
+        points = [p for p in task.points if self.admissible(p) is None]
         points = [p for p in points if self._by_reduced(p) is None]
         return ReadingsAt(np.array(points)) if points else None
 

@@ -99,28 +99,28 @@ class SearchPartTask:
     """A part of a search for another process.
 
     Args:
-        look: the part.
+        search: the part.
         pairs: channel and stage of the readings of the response.
         times: when each was read.
         seconds: for which it may take, or None.
     """
 
-    look: SearchTask
+    search: SearchTask
     pairs: tuple[tuple[str, str], ...]
     times: tuple[float | None, ...]
     seconds: float | None
 
 
-def look_on(parts: ModelParts) -> Callable[[SearchPartTask], Recording]:
-    """In a process of its own: the model, and what looks with it.
+def task_runner(parts: ModelParts) -> Callable[[SearchPartTask], Recording]:
+    """In a process of its own: the model, and what evaluates parts of a search with it.
 
     Args:
         parts: of the model.
     """
-    return partial(_looked, parts.build())
+    return partial(_evaluated, parts.build())
 
 
-def _looked(model: ObservedModel, task: SearchPartTask) -> Recording:
+def _evaluated(model: ObservedModel, task: SearchPartTask) -> Recording:
     control, found = Control(stop=STOP, max_time=task.seconds), Recording()
 
     def before() -> None:
@@ -134,7 +134,7 @@ def _looked(model: ObservedModel, task: SearchPartTask) -> Recording:
     cached, begun = CachedResponse(response, found, before=before), response.counts
     response.forget()
     with one_thread(), suppress(Interrupted, ModelError):  # what was found until then is of use
-        task.look(cached)
+        task.search(cached)
     found.failures, found.spent = list(cached.failures), response.counts - begun
     return found
 
@@ -171,17 +171,17 @@ class ModelWorkers:
         if processes is not None:
             processes.__exit__(kind, error, trace)
 
-    def at_once(self, looks: Sequence[SearchTask] = ()) -> int:
+    def at_once(self, tasks: Sequence[SearchTask] = ()) -> int:
         """How many processes work on parts of a search; 1 for this one alone.
 
         Args:
-            looks: the parts; none for as many as there may be.
+            tasks: the parts; none for as many as there may be.
         """
         if self._control.cluster is not None:  # begun with the first parts, not by this question
             return max(_AT_LEAST, 0 if self._remote is None else self._remote.workers)
         if self._jobs is not None:
             return self._jobs
-        if looks and sum(map(_evaluations, looks)) * self._each[0] < WORTH:
+        if tasks and sum(map(_evaluations, tasks)) * self._each[0] < WORTH:
             return 1
         return max(1, min(usable_cores(), self._each[1]))
 
@@ -193,41 +193,41 @@ class ModelWorkers:
         cost = estimate_cost(self._model, solver=self._parts.solver, rough=True)
         return cost.seconds, _fitting(cost)
 
-    def look(
+    def evaluate_ahead(
         self,
-        looks: Sequence[SearchTask],
+        tasks: Sequence[SearchTask],
         pairs: Sequence[tuple[str, str]],
         times: Sequence[float | None],
     ) -> Iterator[Answered[Recording]]:
         """What parts of a search have evaluated, as it comes, in any order.
 
         Args:
-            looks: the parts, of which the first begin first.
+            tasks: the parts, of which the first begin first.
             pairs: channel and stage of the readings of the response.
             times: when each was read.
         """
         control = self._control
-        tasks = (
-            SearchPartTask(look, tuple(pairs), tuple(times), control.remaining()) for look in looks
+        sent = (
+            SearchPartTask(task, tuple(pairs), tuple(times), control.remaining()) for task in tasks
         )
-        processes = self._ready(looks)
+        processes = self._ready(tasks)
         with control.stop.heard_by(processes.ask_to_stop):
-            yield from processes.run(tasks)
+            yield from processes.run(sent)
 
-    def _ready(self, looks: Sequence[SearchTask]) -> BegunExecutor[SearchPartTask, Recording]:
+    def _ready(self, tasks: Sequence[SearchTask]) -> BegunExecutor[SearchPartTask, Recording]:
         """The processes that are there, or are begun for some parts."""
         cluster = self._control.cluster
         if cluster is not None:
             return self._there(cluster)
         if self._processes is None:
-            jobs = self.at_once(looks)
-            self._processes = LocalProcesses(jobs, partial(look_on, self._parts)).__enter__()
+            jobs = self.at_once(tasks)
+            self._processes = LocalProcesses(jobs, partial(task_runner, self._parts)).__enter__()
         return self._processes
 
     def _there(self, cluster: Workplace) -> RemoteExecutor[SearchPartTask, Recording]:
         """Those of a cluster."""
         if self._remote is None:
-            self._remote = cluster.begin(partial(look_on, self._parts)).__enter__()
+            self._remote = cluster.begin(partial(task_runner, self._parts)).__enter__()
             self._processes = self._remote
         return self._remote
 
@@ -278,8 +278,8 @@ def _fitting(cost: CostEstimate) -> int:
     return int(_MEMORY * _memory() / cost.memory)
 
 
-def _evaluations(look: SearchTask) -> int:
-    return len(look.points) if isinstance(look, ReadingsAt) else _DESCENT
+def _evaluations(task: SearchTask) -> int:
+    return len(task.points) if isinstance(task, ReadingsAt) else _DESCENT
 
 
 def _memory() -> float:

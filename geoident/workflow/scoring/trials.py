@@ -13,7 +13,7 @@ import numpy as np
 from geoident.errors import InputError, ModelError
 from geoident.forward.ground.field import named_parameters
 from geoident.identify.assessment.scores import Innovations, p_value, scores
-from geoident.identify.problem.ahead import begins_near
+from geoident.identify.problem.ahead import starts_warm
 from geoident.identify.problem.problem import Problem
 from geoident.identify.problem.scaling import Scaling
 from geoident.model.arrays import Bools, Floats
@@ -26,7 +26,7 @@ from geoident.model.results.bands import NORMAL_95, Bands, next_read
 from geoident.model.results.costs import Counts
 from geoident.model.results.result import GaugeTable
 from geoident.workflow.estimating.diagnosis import assess_robustly, opened, parameter_table
-from geoident.workflow.estimating.estimate import Estimate, look, predicted
+from geoident.workflow.estimating.estimate import Estimate, assess_fit, predicted
 from geoident.workflow.estimating.predictions import correlations
 from geoident.workflow.estimating.search import estimated
 from geoident.workflow.estimating.setup import Setup
@@ -188,7 +188,7 @@ def tried(
     part, before = up_to(setup, last), setup.model.counts
     fitted, problem, outcome = estimated(part, methods, log, control, start=start, near=near)
     end = None if until is None else until + 1
-    found = look(fitted, problem, outcome, fields=True, last=end)
+    found = assess_fit(fitted, problem, outcome, fields=True, last=end)
     levels = stress_levels(setup.model, setup.case, found.survey.fields)
     found = replace(found, survey=replace(found.survey, fields=None))  # large, and not needed on
     gauges = gauge_table(fitted.case, found.readings, found.survey.computed)
@@ -258,7 +258,7 @@ def hand_on(before: PartialFit, setup: Setup, last: int, log: Log) -> None:
         log: of the evaluations of that.
     """
     p, table = before.found.outcome.values, before.found.readings
-    if not begins_near(before.problem.response) or table.sensitivity is None:
+    if not starts_warm(before.problem.response) or table.sensitivity is None:
         return
     try:
         rows = up_to(setup, last).readings.used
@@ -340,12 +340,12 @@ def variances(trials: Sequence[PartialFit]) -> Floats:
     last = trials[-1].found.readings
     assert last.sensitivity is not None
     values = trials[-1].found.outcome.values
-    scale = Scaling(trials[-1].setup.case.parameters).slope(values)
+    scale = Scaling(trials[-1].setup.case.parameters).dp_dx(values)
     found = []
     for trial in trials:
         rows = trial.found.readings.used
         known = assess_robustly(trial.problem, values, last.computed[rows], last.sensitivity[rows])
-        ratio = known.slope / scale  # each search is scaled by where it began
+        ratio = known.dp_dx / scale  # each search is scaled by where it began
         found.append(ratio**2 * np.sum(known.determined_x**2, axis=1))
     return np.array(found)
 
@@ -430,7 +430,7 @@ def last_stage(
     numbers = [setup.case.stage_names.index(stage) for stage in readings.stage]
     earlier = np.array(numbers)[readings.used] <= stages[-2] + 1
     if isinstance(response, CachedResponse):
-        known, visited = response.answer(answer), response.visited()
+        known, visited = response.exact_answer(answer), response.visited()
         carry_over(known, part, answer, earlier, stages[-2] + 2, visited)
     try:
         trial = tried(

@@ -19,9 +19,9 @@ from geoident.identify.assessment.uncertainty import (
     assess,
     with_posterior,
 )
-from geoident.identify.problem.errors import ErrorStructure, SharedErrors
 from geoident.identify.problem.losses import weights
 from geoident.identify.problem.problem import Problem, own_residuals
+from geoident.identify.problem.shared_errors import ErrorStructure, SharedErrors
 from geoident.model.methods import HuberOptions, SquaredOptions, StudentOptions
 from geoident.model.parameter import Parameter, Prior
 

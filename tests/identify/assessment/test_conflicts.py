@@ -46,7 +46,7 @@ def problem_of(measured, priors):
 def conflicts(problem):
     scaling, p = estimated(problem)
     rows = scaling.prior_jacobian(p)
-    whole = np.vstack([A * scaling.slope(p) / SD, rows])
+    whole = np.vstack([A * scaling.dp_dx(p) / SD, rows])
     covariance = np.linalg.inv(whole.T @ whole)
     named = np.ones(2, dtype=bool)
     x, residuals = scaling.to_scaled(p), scaling.prior_residuals(p)

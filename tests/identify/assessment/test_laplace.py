@@ -15,10 +15,10 @@ from geoident.identify.assessment.laplace import (
     log_prior_volume,
 )
 from geoident.identify.assessment.truncated_normal import log_probability_within
-from geoident.identify.problem.errors import SharedErrors
 from geoident.identify.problem.losses import transformed
 from geoident.identify.problem.problem import Discrepancy, Linearization
 from geoident.identify.problem.scaling import Scaling
+from geoident.identify.problem.shared_errors import SharedErrors
 from geoident.model.methods import HuberOptions, SquaredOptions, StudentOptions
 from geoident.model.parameter import Parameter, Prior
 
@@ -119,7 +119,7 @@ def test_the_covariance_of_a_minimum_is_that_of_the_readings_and_a_hundred_range
     r = np.array([0.4, -0.9])
     scaling = Scaling(parameters)
     x = scaling.to_scaled(np.array([2.5, 4.0, 5.0, 3.0]))
-    log_mass, covariance_x = laplace_mass(Linearization(r, J), x, scaling)
+    log_mass, covariance_x = laplace_mass(Linearization(r, J, r), x, scaling)
     some = [0, 1, 3]
     width = np.array([3.0 / 2.0, 10.0, np.log(8.0)])
     curvature = J[:, some].T @ J[:, some] + np.diag((100.0 * width) ** -2.0)

@@ -12,8 +12,8 @@ from scipy.stats import chi2
 
 from geoident.identify.assessment.misfit import misfit
 from geoident.identify.least_squares.gauss_newton import gauss_newton
-from geoident.identify.problem.errors import SharedErrors
 from geoident.identify.problem.problem import Problem
+from geoident.identify.problem.shared_errors import SharedErrors
 from geoident.model.methods import (
     GaussNewtonOptions,
     HuberOptions,

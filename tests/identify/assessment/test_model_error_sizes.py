@@ -16,7 +16,7 @@ from geoident.identify.assessment.variance_components import (
     LikelihoodTerms,
     RestrictedLikelihood,
 )
-from geoident.identify.problem.errors import ErrorStructure
+from geoident.identify.problem.shared_errors import ErrorStructure
 
 G, CHANNELS = 24, 8
 CHANNEL = np.arange(G) % CHANNELS

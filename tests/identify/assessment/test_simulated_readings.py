@@ -6,8 +6,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from geoident.identify.assessment.later_readings import given_used, simulated_readings
-from geoident.identify.problem.errors import ErrorStructure, SharedErrors
 from geoident.identify.problem.problem import Problem
+from geoident.identify.problem.shared_errors import ErrorStructure, SharedErrors
 from geoident.model.parameter import Parameter
 from geoident.model.results.costs import Counts
 

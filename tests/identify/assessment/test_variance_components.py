@@ -10,7 +10,7 @@ from geoident.identify.assessment.variance_components import (
     estimate_components,
     likelihood_at,
 )
-from geoident.identify.problem.errors import ErrorStructure
+from geoident.identify.problem.shared_errors import ErrorStructure
 from geoident.model.parameter import Parameter
 
 A, N = 8, 5

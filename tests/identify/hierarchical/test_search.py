@@ -24,8 +24,8 @@ def site():
     return Site()
 
 
-def searched(site, observe=quiet, laws=ESTIMATED, **more):
-    return fit_sections(site.sections, ("K0",), laws, site.models, observe, **more)
+def searched(site, on_iteration=quiet, laws=ESTIMATED, **more):
+    return fit_sections(site.sections, ("K0",), laws, site.models, on_iteration, **more)
 
 
 def test_a_settled_search_ends_at_the_minimum_at_the_most_likely_scatter(site):

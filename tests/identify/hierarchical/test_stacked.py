@@ -11,7 +11,7 @@ from support.sections import K0, E, Formulas, modulus_law, quiet, section
 from geoident.errors import ModelError
 from geoident.identify.hierarchical.knowledge import SectionsKnowledge
 from geoident.identify.hierarchical.search import fit_sections
-from geoident.identify.problem.errors import SharedErrors
+from geoident.identify.problem.shared_errors import SharedErrors
 from geoident.model.parameter import Parameter, Prior
 
 GSI = (25.0, 40.0, 55.0, 60.0)

@@ -8,10 +8,10 @@ import scipy.sparse as sp
 
 from geoident.identify.least_squares.closed_form import closed_form
 from geoident.identify.least_squares.gauss_newton import gauss_newton
-from geoident.identify.problem.errors import SharedErrors
 from geoident.identify.problem.methods import identify
 from geoident.identify.problem.problem import Problem
 from geoident.identify.problem.responses import HasOpening
+from geoident.identify.problem.shared_errors import SharedErrors
 from geoident.model.methods import ClosedFormOptions, GaussNewtonOptions
 from geoident.model.parameter import Parameter
 from geoident.model.results.costs import Counts

@@ -15,9 +15,9 @@ from geoident.identify.least_squares.condensation import (
     independent_readings,
 )
 from geoident.identify.least_squares.gauss_newton import gauss_newton
-from geoident.identify.problem.errors import SharedErrors
 from geoident.identify.problem.outcome import Outcome
 from geoident.identify.problem.problem import Problem
+from geoident.identify.problem.shared_errors import SharedErrors
 from geoident.model.arrays import Floats
 from geoident.model.methods import CondensationOptions, GaussNewtonOptions
 from geoident.model.parameter import Parameter, Prior

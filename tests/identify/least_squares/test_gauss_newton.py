@@ -1,10 +1,14 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
+import scipy.sparse as sp
 from scipy.optimize import least_squares
 
 from geoident.errors import ModelError
 from geoident.identify.least_squares.gauss_newton import gauss_newton
 from geoident.identify.problem.problem import Problem
+from geoident.identify.problem.shared_errors import SharedErrors
 from geoident.model.methods import GaussNewtonOptions
 from geoident.model.parameter import Parameter, Prior
 from geoident.model.results.costs import Counts
@@ -14,8 +18,8 @@ def go_on(iteration):
     return None
 
 
-def run(problem, observe=go_on, **options):
-    return gauss_newton(problem, GaussNewtonOptions(**options), observe)
+def run(problem, on_iteration=go_on, **options):
+    return gauss_newton(problem, GaussNewtonOptions(**options), on_iteration)
 
 
 def free(*start):
@@ -313,3 +317,15 @@ def test_a_descent_ends_in_the_noise_of_the_computed_readings():
     assert outcome.status == "converged"
     assert "no more than what is noise of the computed readings" in outcome.reason
     assert outcome.values == pytest.approx([2.0], abs=0.1)
+
+
+def test_noise_counts_the_same_whether_errors_are_own_or_shared():
+    """Errors of 1 that each reading has by itself, or all but 0.01 of them as shared ones."""
+    unknown = (Parameter("x", 1.0, -9.0, 9.0),)
+    own = Problem(Noisy(), np.linspace(0.0, 2.0, 40), np.full(40, 1.0), unknown)
+    columns = sp.csr_array(np.sqrt(1.0 - 0.01**2) * np.eye(40))
+    shared = replace(own, sd=np.full(40, 0.01), shared=SharedErrors(columns))
+    one, other = (run(problem, starts=1) for problem in (own, shared))
+    np.testing.assert_allclose(other.values, one.values, rtol=1e-9)
+    assert len(other.iterations) == len(one.iterations)
+    assert other.reason == one.reason

@@ -1,5 +1,6 @@
 """Several descents: when they begin, where, and which minima are one."""
 
+from contextlib import contextmanager
 from types import SimpleNamespace
 
 import numpy as np
@@ -258,11 +259,11 @@ def told(problem, stop=None, **options):
     """What is noted of every evaluation, and the outcome."""
     notes = []
 
-    def observe(entry):
+    def on_iteration(entry):
         notes.append(entry.note)
         return "Enough." if entry.note == stop else None
 
-    return notes, gauss_newton(problem, GaussNewtonOptions(**options), observe)
+    return notes, gauss_newton(problem, GaussNewtonOptions(**options), on_iteration)
 
 
 def test_the_starts_before_the_first_that_has_a_solution_are_not_made_again(make_problem):
@@ -302,6 +303,22 @@ def test_an_observer_stops_before_the_next_start(make_problem):
     assert (outcome.status, outcome.reason) == ("out-of-budget", "Enough.")
 
 
+def test_a_search_that_was_stopped_plans_no_more_starts(make_problem):
+    """A search that ended at a kink would."""
+    problem = make_problem(lambda p: p, [E], [5.0], 0.01)
+    announced = []
+
+    @contextmanager
+    def prefetch(tasks):
+        announced.extend(tasks)
+        yield lambda number: None
+
+    problem.response.at_once, problem.response.prefetch = 4, prefetch
+    _, outcome = told(problem, "start")
+    assert (outcome.status, outcome.reason) == ("out-of-budget", "Enough.")
+    assert announced == []
+
+
 def test_what_makes_a_search_begin_elsewhere_is_named(make_problem):
     """Only the angles vary then."""
     other = Parameter("strike", 1.0, 0.0, 6.2, period=2.0 * np.pi)
@@ -325,7 +342,8 @@ def test_what_makes_a_search_begin_elsewhere_is_named(make_problem):
 
 def minimum(phi, x, J):
     J = np.array(J, dtype=float)
-    return Iterate(np.array(x), np.array(x), Linearization(np.array([np.sqrt(phi), 0.0]), J))
+    r = np.array([np.sqrt(phi), 0.0])
+    return Iterate(np.array(x), np.array(x), Linearization(r, J, r))
 
 
 NO_ANGLES = SimpleNamespace(differences=lambda x, y: [y - x])

@@ -11,11 +11,11 @@ from geoident.errors import ModelError
 from geoident.identify.direct.scan import scan
 from geoident.identify.problem.ahead import (
     ReadingsAt,
-    apart,
-    asked_in_turns,
+    prefetched_readings,
+    without_model,
 )
-from geoident.identify.problem.errors import SharedErrors
 from geoident.identify.problem.problem import Problem
+from geoident.identify.problem.shared_errors import SharedErrors
 from geoident.model.methods import HuberOptions, ScanAxis, ScanOptions
 from geoident.model.parameter import Parameter
 from geoident.model.results.costs import Counts
@@ -52,11 +52,11 @@ class Ahead(Plain):
 
     def __init__(self):
         super().__init__()
-        self.looks, self.turned, self.open = [], [], False
+        self.tasks, self.turned, self.open = [], [], False
 
     @contextmanager
-    def turns(self, looks):
-        self.looks, self.open = looks, True
+    def prefetch(self, tasks):
+        self.tasks, self.open = tasks, True
         yield self.turned.append
         self.open = False
 
@@ -86,7 +86,7 @@ def test_a_problem_apart_from_its_model_is_the_same_with_another():
     shared = SharedErrors(sp.csr_array(np.array([[1.0], [2.0]])))
     whole = problem(Plain(), loss=HuberOptions(2.0), shared=shared)
     other = Plain()
-    found = apart(whole).of(other)
+    found = without_model(whole).with_model(other)
     assert found.response is other
     assert replace(found, response=whole.response) == whole
 
@@ -94,13 +94,13 @@ def test_a_problem_apart_from_its_model_is_the_same_with_another():
 def told(response, count, row=0):
     """Parts, as first and number of points, and at which points a turn was taken."""
     points = np.arange(2.0 * count).reshape(count, 2)
-    with asked_in_turns(problem(response), points, *([row] if row else [])) as turn:
+    with prefetched_readings(problem(response), points, *([row] if row else [])) as turn:
         at = []
         for k in range(count):
             before = len(response.turned)
             turn(k)
             at += [(k, number) for number in response.turned[before:]]
-    parts = [(int(part.points[0, 0]) // 2, len(part.points)) for part in response.looks]
+    parts = [(int(part.points[0, 0]) // 2, len(part.points)) for part in response.tasks]
     return parts, at
 
 
@@ -122,6 +122,6 @@ def test_the_rows_of_a_scan_lie_along_its_last_axis():
     response = Yielding()
     axes = {"b": ScanAxis(1.0, 4.0, 3), "a": ScanAxis(0.0, 3.0, 10)}
     scan(problem(response), ScanOptions(axes), lambda entry: None)
-    assert [len(part.points) for part in response.looks] == [8, 2] * 3
+    assert [len(part.points) for part in response.tasks] == [8, 2] * 3
     assert response.turned == [0, 1, 2, 3, 4, 5]
-    assert response.looks[2].points[:2] == pytest.approx(np.array([[0.0, 2.5], [1.0 / 3.0, 2.5]]))
+    assert response.tasks[2].points[:2] == pytest.approx(np.array([[0.0, 2.5], [1.0 / 3.0, 2.5]]))

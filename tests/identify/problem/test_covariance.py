@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from geoident.identify.problem.errors import (
+from geoident.identify.problem.shared_errors import (
     Covariance,
     ErrorStructure,
     SharedErrors,

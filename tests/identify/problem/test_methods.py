@@ -45,7 +45,7 @@ def test_the_table_has_the_names_and_options_that_users_can_write():
     for name, method in METHODS.items():
         assert method.name == name
         found = method.function(method.options())
-        assert found.__module__.startswith(f"geoident.identify.{method.room}.")
+        assert found.__module__.startswith(f"geoident.identify.{method.folder}.")
 
 
 def test_a_chain_goes_on_where_the_method_before_ended(problem):
@@ -189,10 +189,10 @@ def test_a_refusal_names_what_is_possible_instead(problem):
 
 
 def test_a_stopped_chain_gives_the_best_point_so_far(problem):
-    def observe(iteration):
+    def on_iteration(iteration):
         return "Time is up." if iteration.method == "gauss-newton" else None
 
-    outcome = identify(problem, (ScanOptions(points=9), GaussNewtonOptions()), observe)
+    outcome = identify(problem, (ScanOptions(points=9), GaussNewtonOptions()), on_iteration)
     assert (outcome.status, outcome.reason) == ("out-of-budget", "Time is up.")
     assert outcome.objective == min(it.objective for it in outcome.iterations)
 
@@ -200,11 +200,11 @@ def test_a_stopped_chain_gives_the_best_point_so_far(problem):
 def test_a_chain_that_is_stopped_begins_no_further_method(problem):
     told = []
 
-    def observe(iteration):
+    def on_iteration(iteration):
         told.append(iteration.method)
         return "Time is up." if len(told) >= 3 else None
 
-    outcome = identify(problem, (ScanOptions(points=9), GaussNewtonOptions()), observe)
+    outcome = identify(problem, (ScanOptions(points=9), GaussNewtonOptions()), on_iteration)
     assert told == ["scan"] * 3
     assert (outcome.status, len(outcome.iterations)) == ("out-of-budget", 3)
 

@@ -8,13 +8,13 @@ import scipy.sparse as sp
 from scipy.optimize import minimize
 
 from geoident.errors import ModelError
-from geoident.identify.problem.errors import SharedErrors
 from geoident.identify.problem.losses import transformed
 from geoident.identify.problem.problem import (
     Discrepancy,
     own_residuals,
 )
 from geoident.identify.problem.scaling import Scaling
+from geoident.identify.problem.shared_errors import SharedErrors
 from geoident.model.methods import HuberOptions, SquaredOptions, StudentOptions
 from geoident.model.parameter import Parameter, Prior
 
@@ -137,10 +137,23 @@ def test_numbers_that_overflow_are_no_solution(make_problem):
     assert Discrepancy(none).objective(np.ones(1)) == np.inf
 
 
-def test_noise_is_in_standard_deviations(problem):
-    assert Discrepancy(problem).noise().tolist() == [0.0] * 4
-    problem.response.noise = np.array([0.1, 0.2, 0.0, 0.5])
-    np.testing.assert_allclose(Discrepancy(problem).noise(), problem.response.noise / SD)
+@pytest.mark.parametrize("loss", [SquaredOptions(), *LOSSES])
+@pytest.mark.parametrize("common", [False, True])
+def test_noise_of_readings_scatters_phi_by_its_slope_along_them(problem, loss, common):
+    """Slope and curvature of phi along each reading from differences."""
+    discrepancy = Discrepancy(replace(shared(problem) if common else problem, loss=loss))
+    p = np.array([1.5, 0.8])
+    v, h = function(p), 1e-4
+    assert discrepancy.noise_of_phi(v) == (0.0, 0.0)
+    problem.response.noise = noise = np.array([0.1, 0.2, 0.0, 0.5])
+    discrepancy = Discrepancy(discrepancy.problem)
+    steps = h * np.eye(4)
+    up, down = (np.array([discrepancy.objective_of(p, v + s * e) for e in steps]) for s in (1, -1))
+    scatter, rise = discrepancy.noise_of_phi(v)
+    assert scatter == pytest.approx(np.linalg.norm(noise * (up - down) / (2.0 * h)), rel=1e-4)
+    if isinstance(loss, SquaredOptions):  # of robust losses Gauss-Newton's part of the curvature
+        bend = (up - 2.0 * discrepancy.objective_of(p, v) + down) / h**2
+        assert rise == pytest.approx(0.5 * noise**2 @ bend, rel=1e-4)
 
 
 # Scaling

@@ -35,7 +35,7 @@ def test_slope_and_prior_jacobian_are_derivatives():
     p = scaling.to_natural(x)
     for i, e in enumerate(np.eye(3) * h):
         up, down = scaling.to_natural(x + e), scaling.to_natural(x - e)
-        np.testing.assert_allclose((up - down)[i] / (2 * h), scaling.slope(p)[i], rtol=1e-8)
+        np.testing.assert_allclose((up - down)[i] / (2 * h), scaling.dp_dx(p)[i], rtol=1e-8)
         difference = (scaling.prior_residuals(up) - scaling.prior_residuals(down)) / (2 * h)
         np.testing.assert_allclose(scaling.prior_jacobian(p)[:, i], difference, atol=1e-7)
 

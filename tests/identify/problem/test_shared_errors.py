@@ -13,8 +13,8 @@ from geoident.identify.assessment.prediction_bands import predict_band
 from geoident.identify.assessment.uncertainty import assess
 from geoident.identify.direct.simplex import simplex
 from geoident.identify.least_squares.gauss_newton import gauss_newton
-from geoident.identify.problem.errors import Covariance, ErrorStructure, SharedErrors
 from geoident.identify.problem.problem import Discrepancy, own_residuals
+from geoident.identify.problem.shared_errors import Covariance, ErrorStructure, SharedErrors
 from geoident.model.methods import (
     GaussNewtonOptions,
     HuberOptions,
@@ -100,7 +100,7 @@ def test_the_gradient_of_a_robust_phi_is_exact(problem, measured, loss):
     discrepancy = Discrepancy(replace(problem, measured=measured, loss=loss))
     p = np.array([1.6, 0.8])
     at = discrepancy.linearize(p)
-    gradient = 2.0 * at.jacobian.T @ at.residual / discrepancy.scaling.slope(p)
+    gradient = 2.0 * at.jacobian.T @ at.residual / discrepancy.scaling.dp_dx(p)
     for h in range(2):
         step = 1e-5 * np.eye(2)[h]
         ends = (discrepancy.objective(p + step), discrepancy.objective(p - step))
@@ -333,9 +333,21 @@ def test_later_readings_share_errors_among_themselves_where_used_ones_share_none
     found = given_used(problem, v, used, later=structure, later_jacobian=J)
     np.testing.assert_allclose(found.sd, [np.sqrt(0.04 + 0.17), np.sqrt(0.01 + 0.09)])
     np.testing.assert_allclose(found.shift, 0.0)
-    alone = ErrorStructure(sd, np.array([-1, -1]), shares[:, :0], np.zeros(0, dtype=int), ())
     both = replace(problem, shared=SHARED)
-    for each in (problem, both):
+    for each, K in ((problem, 0), (both, len(SHARED))):
+        nothing = sp.csr_array((2, K))
+        alone = ErrorStructure(sd, np.array([-1, -1]), nothing, np.full(K, -1), ())
         found = given_used(each, v, used, later=alone, later_jacobian=J)
         np.testing.assert_allclose(found.sd, sd)
         np.testing.assert_allclose(found.jacobian, J)
+
+
+def test_without_used_readings_all_of_the_errors_of_later_ones_is_left(make_problem):
+    none = make_problem(lambda p: p[:0], parameters(), [], [])
+    sd, shares = np.array([0.2, 0.1]), sp.csr_array(np.array([[0.3, -0.4], [0.3, 0.0]]))
+    later = ErrorStructure(sd, np.full(2, -1), shares, np.full(2, -1), ())
+    J = np.ones((2, 2))
+    found = given_used(none, np.zeros(0), np.zeros((0, 2)), later=later, later_jacobian=J)
+    np.testing.assert_allclose(found.sd, np.sqrt([0.04 + 0.25, 0.01 + 0.09]))
+    np.testing.assert_allclose(found.shift, 0.0)
+    np.testing.assert_allclose(found.jacobian, J)

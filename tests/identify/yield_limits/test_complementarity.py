@@ -248,10 +248,10 @@ def test_the_observer_ends_the_search():
     bars = three_strengths()
     problem = problem_of(bars, bars.readings(TRUTH) * 1.05)
 
-    def observe(iteration):
+    def on_iteration(iteration):
         return "enough" if iteration.number == 7 else None
 
-    found = identify(problem, [ComplementarityOptions()], observe)
+    found = identify(problem, [ComplementarityOptions()], on_iteration)
     assert (found.status, found.reason) == ("out-of-budget", "enough")
     assert len(found.iterations) == 8
 

@@ -15,10 +15,10 @@ import scipy.sparse as sp
 from support.one_bar import bar_system, bilinear
 
 from geoident.errors import InputError
-from geoident.identify.problem.errors import SharedErrors
 from geoident.identify.problem.losses import transformed
 from geoident.identify.problem.outcome import Outcome
 from geoident.identify.problem.problem import Discrepancy, Problem
+from geoident.identify.problem.shared_errors import SharedErrors
 from geoident.identify.yield_limits import full_space as module
 from geoident.identify.yield_limits.condensed_system import condensed
 from geoident.identify.yield_limits.full_space import (

@@ -113,7 +113,7 @@ def checked_point(*, probes=0, lower=None, jacobian=((1.0, 0.0), (0.0, 1.0))):
     point = YieldIterate(
         np.ones(2),
         np.array([3.0, 4.0]),
-        Linearization(np.ones(2), np.array(jacobian, dtype=float)),
+        Linearization(np.ones(2), np.array(jacobian, dtype=float), np.ones(2)),
         np.zeros(2, dtype=bool),
         activity(),
     )

@@ -12,7 +12,7 @@ from geoident.cli.app import geoident
 from geoident.errors import InputError, UsageError
 from geoident.forward.external.surfaces.surface import calibration
 from geoident.io.result.file import read_result
-from geoident.workflow.estimating.estimate import look
+from geoident.workflow.estimating.estimate import assess_fit
 from geoident.workflow.estimating.finished import evaluation_log
 from geoident.workflow.estimating.search import estimated
 from geoident.workflow.estimating.setup import prepare
@@ -281,7 +281,7 @@ def searched(case, *overrides):
     setup = prepare(job)
     with evaluation_log(job, control, setup.model) as log:
         found = estimated(setup, job.methods, log, control)
-    return found, look(*found, fields=False).assessment
+    return found, assess_fit(*found, fields=False).assessment
 
 
 def covered(folder, surface, runs, accuracy, seed):

@@ -375,7 +375,7 @@ def error_parts(given: AnyAccuracy, kind: str, survey: str) -> ErrorParts | None
         survey=survey,
         zero_surveyed=surveyed,
         estimated=tuple(estimated.items()),
-        found=(),
+        already_estimated=(),
         mesh=(),
         surface=(),
     )

@@ -291,6 +291,11 @@ def _factor(rows: Ints, shared: Ints, errors: SharedErrors, sd: Floats) -> _Fact
     return _FewReadings(rows, shared, stacked / sd[rows][:, :, None])
 
 
+def _columns(values: Floats) -> Floats:
+    """Values (g,) or (g, k) as columns, also of no readings."""
+    return values[:, None] if values.ndim == 1 else values
+
+
 class Covariance:
     """Sigma = diag(s^2) + B B^T and its factor.
 
@@ -329,13 +334,13 @@ class Covariance:
 
     def whiten(self, values: Floats) -> Floats:
         """L^-1 of values (g,) or (g, k)."""
-        own = values.reshape(len(self.sd), -1) / self.sd[:, None]
+        own = _columns(values) / self.sd[:, None]
         white = self._top.white(self._whitened_in_blocks(own)[None])
         return np.asarray(white).reshape(values.shape)
 
     def solve(self, values: Floats) -> Floats:
         """Sigma^-1 of values (g,) or (g, k)."""
-        white = self.whiten(values).reshape(len(self.sd), -1)
+        white = _columns(self.whiten(values))
         solution = self._back_in_blocks(self._top.back(white[None])[0])
         return np.asarray(solution / self.sd[:, None]).reshape(values.shape)
 
