@@ -270,9 +270,11 @@ class StagedKernel(ObservedModel):
             ModelError: the stiffness of a stage is not positive definite.
             ValueError: ``adjoints`` where ground yields, or a reading is not linear in the state.
         """
-        # evaluations are those of the model itself; what is looked at beside them may follow
-        beside = query.survey or query.partial
-        known = self.reduction.displacements(p) if self.reduction and beside and not tell else None
+        # Only surveys and partial runs may take displacements from the reduced model; evaluations
+        # for a fit never do.
+        may_use_reduced = (query.survey or query.partial) and tell is None
+        reduction = self.reduction if may_use_reduced else None
+        known = reduction.displacements(p) if reduction is not None else None
         back = self._way_chosen(p, query, adjoints) if query.derivatives and not known else None
         run, states = self._analysed(p, query, back, tell, known)
         values = self.values(p)
@@ -332,10 +334,11 @@ class StagedKernel(ObservedModel):
         """An analysis at p (n,) and its states: of the one that is kept, or one by one."""
         kept = self._kept if tell is None else None
         here = kept is not None and np.array_equal(kept.p, p)
-        if back is None and self.keeps_analysis and (query.derivatives or here):
+        # A run with displacements of the reduced model is not kept: evaluations would take it.
+        keep = here or (query.derivatives and known is None)
+        if back is None and self.keeps_analysis and keep:
             self._kept = None  # its memory is free for the next
-            options = replace(_WHOLE, displacements=known)
-            analysis = kept if here and kept is not None else ResumableRun(self, p, options)
+            analysis = kept if here and kept is not None else ResumableRun(self, p, _WHOLE)
             analysis.to(query.last, tell)
             self._kept = analysis
             return analysis.run, analysis.states[: query.last + 1]
