@@ -63,7 +63,7 @@ def with_fields(on_mesh: CaseOnMesh) -> CaseOnMesh:
 
 
 class StagedModel(StagedKernel):
-    """The staged forward model of a case (theory 1 and 2); it checks nothing (see `checks`).
+    """`StagedKernel` plus notes and the reduced model; `staged_model` gives one that is checked.
 
     Args:
         on_mesh: the case and the mesh that it fits.

@@ -141,7 +141,7 @@ class StagedResponse(ObservedResponse[StagedKernel]):
 
         Args:
             p: (n,) parameters.
-            measured: (g,) readings, m.
+            measured: (g,) readings, SI.
             sd: (g,) their standard deviations, SI; where readings share errors, the matrix (g, g)
                 that makes their errors independent and of size one.
         """

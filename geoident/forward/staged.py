@@ -1,4 +1,4 @@
-"""The kernel of a case on a mesh: one analysis through the stages at a parameter vector (theory 2).
+"""The model of a case on a mesh: one analysis through the stages at a parameter vector (theory 2).
 
 An analysis gives what the gauges see of every state. Its derivatives travel with it (tangents, one
 column a parameter), or are taken back from the readings afterwards (adjoints, one column a
@@ -79,7 +79,7 @@ class ResumableRun:
     stresses, and what the gauges see of it.
 
     Args:
-        kernel: of the case.
+        model: of the case.
         p: (n,) parameters, SI.
         options: how the run is made.
         keeps_ends: whether the values of the states are kept.
@@ -92,13 +92,13 @@ class ResumableRun:
     """
 
     def __init__(
-        self, kernel: StagedKernel, p: Floats, options: RunOptions, *, keeps_ends: bool = True
+        self, model: StagedKernel, p: Floats, options: RunOptions, *, keeps_ends: bool = True
     ) -> None:
-        kernel.evaluations += 1
-        self.p, self.run = p.copy(), kernel.at(p, options)
+        model.evaluations += 1
+        self.p, self.run = p.copy(), model.at(p, options)
         self.observed: list[Floats] = []
         self.states: list[Seen] = []
-        self._kernel, self._keeps_ends = kernel, keeps_ends
+        self._model, self._keeps_ends = model, keeps_ends
         self._ends = self.run.states()
 
     def to(self, last: int, tell: Tell | None = None) -> None:
@@ -112,12 +112,12 @@ class ResumableRun:
             ModelError: the model has no solution. It cannot go on then.
         """
         for end in islice(self._ends, max(last + 1 - len(self.observed), 0)):
-            seen = self._kernel.see(end, self.run)
+            seen = self._model.see(end, self.run)
             if tell is not None:
                 tell(end, self.run)
             self.observed.append(seen)
             if self._keeps_ends:
-                equal = self._kernel.coinciding(end, self.run)
+                equal = self._model.coinciding(end, self.run)
                 self.states.append((_values(end), seen, equal))
         self.run.factors.forget()
 
@@ -128,13 +128,15 @@ class ResumableRun:
             ModelError: the model has no solution.
         """
         self.to(last)
-        kernel, observed = self._kernel, Observed(np.stack(self.observed)[..., :1])
-        places = kernel.readable_until(len(self.observed) - 1)
-        return kernel.table(self.p, observed, places, derivatives=False)[..., 0]
+        model, observed = self._model, Observed(np.stack(self.observed)[..., :1])
+        places = model.readable_until(len(self.observed) - 1)
+        return model.table(self.p, observed, places, derivatives=False)[..., 0]
 
 
 class StagedKernel(ObservedModel):
-    """The kernel of a case on its mesh; it checks nothing (see `checks`).
+    """The staged forward model of a case (theory 1 and 2), without what `StagedModel` adds.
+
+    It checks nothing (see `checks`).
 
     Args:
         on_mesh: the case and the mesh that it fits.
@@ -291,9 +293,8 @@ class StagedKernel(ObservedModel):
                 members.add(end.state, end.members)
             if each is not None:
                 each(end)
-        seen_at, jacobian = np.stack(observed), None
-        if back is not None:
-            jacobian = back.table(run, end, seen_at)[:, 1:]
+        seen_at = np.stack(observed)
+        jacobian = None if back is None else back.jacobian(run, end, seen_at)
         findings = run.findings
         plastic = findings.plastic
         details = Details(activity=None if plastic is None else plastic.planes.activity())

@@ -104,7 +104,7 @@ class ReadingAdjoints:
         structures = self._analysis.systems.structures
         if self._observation.displacements_only:
             return self._observation.values(AnalysisState(end, run.point, structures))
-        point = self._analysis.without_modes(run.given)
+        point = self._analysis.without_modes(run.full_point)
         more = point.n_columns - 1
 
         def fixed(values: Floats) -> Floats:
@@ -113,8 +113,8 @@ class ReadingAdjoints:
         still = replace(end, u=fixed(end.u), stress=fixed(end.stress), members=fixed(end.members))
         return self._observation.values(AnalysisState(still, point, structures))
 
-    def table(self, run: AnalysisRun, end: StageEnd, observed: Floats) -> Floats:
-        """The readings and their derivatives by all n parameters, (g, 1 + n).
+    def jacobian(self, run: AnalysisRun, end: StageEnd, observed: Floats) -> Floats:
+        """Derivatives (g, n) of the readings by all n parameters.
 
         Without what gauges add by themselves. The run forgets its factors.
 
@@ -134,11 +134,11 @@ class ReadingAdjoints:
         seeds = self._seeds(rows)
         if self._plan is None:
             self._plan = AdjointPlan(analysis, seeds, self.last)
-        back = AdjointAnalysis(analysis, self._plan, run.traces, run.factors, run.given, seeds)
+        back = AdjointAnalysis(analysis, self._plan, run.traces, run.factors, run.full_point, seeds)
         jacobian = back.jacobian()[self._of]
         run.factors.forget()
-        direct = self._observation.readings(observed, self.rows, self.states)
-        names = analysis.without_modes(run.given).names
-        if direct.shape[1] > 1:
-            jacobian[:, [run.given.names.index(name) for name in names]] += direct[:, 1:]
-        return np.hstack([direct[:, :1], jacobian])
+        if observed.shape[2] > 1:  # a reading depends on parameters at a state that stays
+            direct = self._observation.readings(observed[..., 1:], self.rows, self.states)
+            names = analysis.without_modes(run.full_point).names
+            jacobian[:, [run.full_point.names.index(name) for name in names]] += direct
+        return np.asarray(jacobian)

@@ -79,7 +79,7 @@ class Observation(ReadingRule):
 
     Args:
         parts: what is read, and by which of the channels, (g,) indices.
-        reasons: why each channel cannot be read where it is zeroed and cannot, a clause.
+        reasons: of each channel, why it cannot be read at some stages after its zero, a clause.
         snapped: names of channels with a point just outside the mesh.
         as_built: names of channels whose readings count from the placing of their ground on.
     """
