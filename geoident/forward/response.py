@@ -14,13 +14,13 @@ import numpy as np
 from geoident.forward.affine import condensation_obstacle
 from geoident.forward.analysis.analysis import RunOptions
 from geoident.forward.analysis.stage import UnitForces
+from geoident.forward.equation_arrays import EquationArrays, bilinear
 from geoident.forward.equations import ReadingRows, export, export_obstacle
 from geoident.forward.gauges.adjoints import ReadingAdjoints
 from geoident.forward.gauges.instrument_errors import ReadingPlaces
 from geoident.forward.observed import ObservedResponse, Query
 from geoident.forward.openings.model import OpeningResponse, opening_in_mesh
 from geoident.forward.staged import StagedKernel
-from geoident.forward.staged_system import StagedSystem, bilinear
 from geoident.model.arrays import Floats
 from geoident.model.dual import ParameterPoint
 from geoident.model.response import BilinearSystem, Condensed
@@ -99,9 +99,9 @@ class StagedResponse(ObservedResponse[StagedKernel]):
 
     def system(self) -> BilinearSystem:
         """The equations of all stages as one system of vectors."""
-        return bilinear(self.staged_system(), self._start)
+        return bilinear(self.equation_arrays(), self._start)
 
-    def staged_system(self) -> StagedSystem:
+    def equation_arrays(self) -> EquationArrays:
         """The equations stage by stage, as arrays."""
         model, start = self._model, self._start_point
         added = model.instrument_errors.added(start.values, self.names, self._places)
