@@ -94,7 +94,7 @@ class StagedResponse(ObservedResponse[StagedKernel]):
     def system_obstacle(self) -> str | None:
         """Why the equations are no `BilinearSystem`, a clause, or None if they are one."""
         model = self._model
-        not_linear = model.observation.not_linear(self._places.rows)
+        not_linear = model.gauges.not_linear(self._places.rows)
         return not_linear or export_obstacle(model.analysis, self._start_point)
 
     def system(self) -> BilinearSystem:
@@ -105,7 +105,7 @@ class StagedResponse(ObservedResponse[StagedKernel]):
         """The equations stage by stage, as arrays."""
         model, start = self._model, self._start_point
         added = model.instrument_errors.added(start.values, self.names, self._places)
-        operator = model.observation.operator(self._places.rows)
+        operator = model.gauges.operator(self._places.rows)
         rows = ReadingRows(operator, self._active(), added)
         return export(model.analysis, start, rows, self._last)
 
@@ -124,9 +124,7 @@ class StagedResponse(ObservedResponse[StagedKernel]):
     def obstacle(self) -> str | None:
         """Why the equations are not affine in the parameters, or None if they are."""
         model = self._model
-        return model.observation.not_linear(self._places.rows) or condensation_obstacle(
-            model.analysis
-        )
+        return model.gauges.not_linear(self._places.rows) or condensation_obstacle(model.analysis)
 
     def condense(self, p: Floats, measured: Floats, sd: Floats) -> Condensed:
         """The condensed equations at p (theory 4.1), for the whole sequence of stages at once.
@@ -182,10 +180,10 @@ class StagedResponse(ObservedResponse[StagedKernel]):
         its zero. Where its stage builds on its zero, its unit force is a dead load that acts from
         the stage after the zero on.
         """
-        rows = self._model.observation.operator(self._places.rows)
+        rows = self._model.gauges.operator(self._places.rows)
         return UnitForces(rows.toarray().T, self._active())
 
     def _active(self) -> Floats:
         """(n_states, g) weight of the step of a state in a reading: 1, 0 or -1."""
         built_on = self._model.sequence.built_on
-        return self._model.observation.steps(built_on, self._places.rows, self._places.states)
+        return self._model.gauges.steps(built_on, self._places.rows, self._places.states)

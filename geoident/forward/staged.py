@@ -33,7 +33,7 @@ from geoident.forward.analysis.virgin import contradictions
 from geoident.forward.checks import imbalance_notes, inadmissible_numbers
 from geoident.forward.gauges.adjoints import ReadingAdjoints
 from geoident.forward.gauges.instrument_errors import ReadingPlaces
-from geoident.forward.gauges.observation import AnalysisState, Observation
+from geoident.forward.gauges.observation import AnalysisState, PlacedGauges
 from geoident.forward.ground.elasticity import inadmissible_moduli
 from geoident.forward.observed import Details, Observed, ObservedModel, Query
 from geoident.forward.openings.face import advance_of, advancing_face, face_note
@@ -140,7 +140,7 @@ class StagedKernel(ObservedModel):
 
     Args:
         on_mesh: the case and the mesh that it fits.
-        observation: its gauges there.
+        gauges: those of the case, on its mesh.
         solver: factorizes the stiffness matrices.
 
     Attributes:
@@ -148,10 +148,10 @@ class StagedKernel(ObservedModel):
         reduction: the analyses that were recorded last for a reduced model; None where none were.
     """
 
-    def __init__(self, on_mesh: CaseOnMesh, observation: Observation, *, solver: Solver) -> None:
+    def __init__(self, on_mesh: CaseOnMesh, gauges: PlacedGauges, *, solver: Solver) -> None:
         sequence = self.sequence = on_mesh.sequence
-        super().__init__(on_mesh.case, observation, sequence.built_on, sequence.bases)
-        self.on_mesh, self.observation, self.mesh = on_mesh, observation, on_mesh.mesh
+        super().__init__(on_mesh.case, gauges, sequence.built_on, sequence.bases)
+        self.on_mesh, self.gauges, self.mesh = on_mesh, gauges, on_mesh.mesh
         self.discretization = on_mesh.discretization
         self._solver = solver
         self.systems = StageSystems(on_mesh, solver)
@@ -198,7 +198,7 @@ class StagedKernel(ObservedModel):
 
     def why_unseen(self, state: int, row: int) -> str:
         """Why a channel cannot be read at a state at which it can't, a clause."""
-        return self.observation.reasons[row]
+        return self.gauges.reasons[row]
 
     def domain_fault(self, p: Floats) -> str | None:
         """Why finite p (n,) is outside the domain, or None."""
@@ -232,11 +232,11 @@ class StagedKernel(ObservedModel):
 
     def see(self, end: StageEnd, run: AnalysisRun) -> Floats:
         """What all channels see of a state, (n_channels, k)."""
-        return self.observation.values(AnalysisState(end, run.point, self.structures))
+        return self.gauges.values(AnalysisState(end, run.point, self.structures))
 
     def coinciding(self, end: StageEnd, run: AnalysisRun) -> tuple[str, ...]:
         """Channels that read one of several equal principal stresses at a state."""
-        return self.observation.coinciding(AnalysisState(end, run.point, self.structures))
+        return self.gauges.coinciding(AnalysisState(end, run.point, self.structures))
 
     def way_back(self, places: ReadingPlaces, last: int) -> ReadingAdjoints:
         """The way back from some readings through the stages up to a state."""
@@ -245,7 +245,7 @@ class StagedKernel(ObservedModel):
             if len(self._ways) >= _MOST_WAYS:
                 self._ways.clear()
             self._ways[key] = ReadingAdjoints(
-                self.analysis, self.observation, places.rows, places.states, last
+                self.analysis, self.gauges, places.rows, places.states, last
             )
         return self._ways[key]
 

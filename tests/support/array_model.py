@@ -1,4 +1,4 @@
-"""A model whose equations are a `EquationArrays`: frames, plates, anything without meshes and cases.
+"""A model whose equations are `EquationArrays`: frames, plates, anything without meshes and cases.
 
 It solves its stages with the program's own core (`forward.equilibrium`, `PolyhedralLaw`) and offers
 what the complementarity methods need of a model.

@@ -74,7 +74,7 @@ class Observable(ABC):
 
 
 @dataclass(frozen=True)
-class Observation(ReadingRule):
+class PlacedGauges(ReadingRule):
     """The gauges of a case on its mesh.
 
     Args:
