@@ -42,7 +42,7 @@ class ReadingRows:
 
 
 def export_obstacle(analysis: StagedAnalysis, point: ParameterPoint) -> str | None:
-    """Why the equations of a model are not `EquationArrays`, a clause, or None if they are one.
+    """Why the equations of a model cannot be `EquationArrays`, a clause; None if they can.
 
     Args:
         analysis: the staged model.

@@ -286,11 +286,11 @@ class StagedKernel(ObservedModel):
         observed, equal = [], dict[str, int]()
         for end, seen, names in states:
             observed.append(seen)
-            equal |= dict.fromkeys(names, end.state)
+            equal |= dict.fromkeys(names, end.number)
             if recorder is not None:
                 recorder.add(end)
             if members is not None and self.structures.parts:
-                members.add(end.state, end.members)
+                members.add(end.number, end.members)
             if each is not None:
                 each(end)
         seen_at = np.stack(observed)

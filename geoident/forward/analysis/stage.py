@@ -72,7 +72,7 @@ class StageEnd:
     """The state of equilibrium at the end of a stage. Arrays are the analysis's own: copy to keep.
 
     Args:
-        state: index of the state.
+        number: of the state.
         u: (n_dofs, 1 + n + k) displacements since placing, m, and their derivatives.
         stress: (n_strain, n_points, 1 + n + k), Pa.
         members: (n_rows, 1 + n + k) forces in linings and bolts (`structures`).
@@ -83,7 +83,7 @@ class StageEnd:
             was.
     """
 
-    state: int
+    number: int
     u: Floats
     stress: Floats
     members: Floats

@@ -98,7 +98,7 @@ class PlacedGauges(ReadingRule):
 
     def coinciding(self, state: AnalysisState) -> tuple[str, ...]:
         """Channels that read, at a state, one of several equal principal stresses."""
-        number, (at_stage, at_zero) = state.end.state, self.weights
+        number, (at_stage, at_zero) = state.end.number, self.weights
         counts = self.readable[number] & (at_stage != 0) | (self.zero == number) & (at_zero != 0)
         read = {name for name, counted in zip(self.channels, counts, strict=True) if counted}
         named = (name for _, part in self.parts for name in part.coinciding(state))

@@ -121,7 +121,7 @@ class Recorder:
             run: the analysis, at this state.
         """
         kept = self.snapshot
-        if end.state == 0:
+        if end.number == 0:
             if self._loads.settles:
                 kept.settled = self._settled(self._points.joined(end.stress, end.members))
             kept.motion.append(np.zeros((0, kept.columns)))
@@ -129,7 +129,7 @@ class Recorder:
             return
         u = end.u * self._scale
         if self._further:
-            u = self._with_further(end.state, u, run)
+            u = self._with_further(end.number, u, run)
         seen = np.full((len(self._gauges.channels), u.shape[1]), np.nan)
         for rows, observable in self._gauges.parts:
             if observable.rows is not None:

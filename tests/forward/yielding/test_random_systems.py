@@ -207,7 +207,7 @@ def test_stages_are_those_of_a_quadratic_program(name, seed, hardening):
         task = problem(staged, new.state, old.stress[..., 0], hardened)
         expected = by_quadratic_program(task)
         assert expected is not None
-        dofs = staged.systems[new.state].pattern.dofs
+        dofs = staged.systems[new.number].pattern.dofs
         du = (new.u - old.u)[:, 0]
         stress = new.stress[..., 0]
         scale = np.abs(stress).max()
