@@ -123,7 +123,7 @@ def test_columns_are_those_of_the_parameters_that_are_asked_for():
             assert end.u.shape[1] == end.stress.shape[2] == end.members.shape[1] == columns
             assert end.forces.shape[1] == columns
         assert len(run.point.names) == columns - 1
-        assert run.given.names == ("E", "s")
+        assert run.full_point.names == ("E", "s")
         assert run.traces == []
 
 
