@@ -141,7 +141,7 @@ def _covered(
         )
         weights.append((stress, members))
         for number in range(len(analysis.sequence.states)):
-            still = replace(state, end=replace(nothing, state=number))
+            still = replace(state, end=replace(nothing, number=number))
             if np.any(observable.values(still)[wanted]):  # something beside the stress
                 return None
     (stress, members), other = weights
