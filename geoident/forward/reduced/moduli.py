@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from geoident.fem.elasticity import isotropic
+from geoident.fem.elasticity import lame_constants
 from geoident.forward.ground.elasticity import elastic_matrix
 from geoident.forward.structures.members import rigidities
 from geoident.model.arrays import Floats
@@ -145,10 +145,14 @@ def _isotropic(elastic: Isotropic, names: Sequence[str], values: Floats, s: int)
             columns[:, 0], columns[:, 1 + k] = scalar.factor * values[:, k], scalar.factor
         else:
             columns[:, 0] = scalar.factor
-        return Dual(columns[:, None, None])  # (b, 1, 1): broadcast against matrices
+        return Dual(columns)
 
-    numbers = {name: number(scalar) for name, scalar in constants(elastic).items()}
-    return isotropic(numbers).columns[:, :s, :s]
+    lame, mu = lame_constants({n: number(scalar) for n, scalar in constants(elastic).items()})
+    volumetric, shear = np.zeros((s, s)), np.diag([2.0] * 3 + [1.0] * (s - 3))
+    volumetric[:3, :3] = 1.0
+    return np.asarray(
+        np.multiply.outer(volumetric, lame.columns) + np.multiply.outer(shear, mu.columns)
+    ).transpose(2, 0, 1, 3)
 
 
 def relative_eigenvalues(matrices: Floats, reference: Floats) -> Floats:
