@@ -29,8 +29,8 @@ from geoident.forward.actions.supports import (
     support_faults,
 )
 from geoident.forward.axisymmetric_checks import revolution_faults
-from geoident.forward.gauges.kinds import gauges_outside, observe, reading_faults
-from geoident.forward.gauges.observation import Observation
+from geoident.forward.gauges.kinds import gauges_outside, place_gauges, reading_faults
+from geoident.forward.gauges.observation import PlacedGauges
 from geoident.forward.gauges.placement import zeroed_too_early
 from geoident.forward.ground.checks import section_faults
 from geoident.forward.ground.elasticity import inadmissible
@@ -62,7 +62,7 @@ from geoident.model.mesh import Mesh
 from geoident.model.parameter import Scalar, Values
 
 
-def check_on_mesh(case: Case, mesh: Mesh) -> tuple[CaseOnMesh, Observation]:
+def check_on_mesh(case: Case, mesh: Mesh) -> tuple[CaseOnMesh, PlacedGauges]:
     """Make sure that a case fits its mesh; nothing is assembled or solved.
 
     Returns:
@@ -76,11 +76,11 @@ def check_on_mesh(case: Case, mesh: Mesh) -> tuple[CaseOnMesh, Observation]:
     faults = _group_faults(on_mesh)
     if faults:
         raise InputError([*faults, *_points_outside(on_mesh)])
-    observation, faults = _all_faults(on_mesh)
-    if faults or observation is None:
+    gauges, faults = _all_faults(on_mesh)
+    if faults or gauges is None:
         raise InputError(faults)
     _refuse_mechanisms(on_mesh)
-    return on_mesh, observation
+    return on_mesh, gauges
 
 
 def faults_on_mesh(case: Case, mesh: Mesh, *, complete: bool) -> list[Fault]:
@@ -108,7 +108,7 @@ def _on(mesh: Mesh, case: Case) -> CaseOnMesh:
     return CaseOnMesh(case, upright, turned=turned_elements(mesh, upright))
 
 
-def _all_faults(on_mesh: CaseOnMesh) -> tuple[Observation | None, list[Fault]]:
+def _all_faults(on_mesh: CaseOnMesh) -> tuple[PlacedGauges | None, list[Fault]]:
     """The gauges on a mesh that has all groups, and all that is wrong.
 
     Gauges on structures that lack ground cannot be judged; there are no gauges then.
@@ -121,11 +121,11 @@ def _all_faults(on_mesh: CaseOnMesh) -> tuple[Observation | None, list[Fault]]:
     faults = [*(fault for faults_of in places for fault in faults_of(on_mesh)), *structures]
     if structures:
         return None, [*faults, *_points_outside(on_mesh)]
-    observation, gauge_faults = observe(on_mesh)
-    return observation, [
+    gauges, gauge_faults = place_gauges(on_mesh)
+    return gauges, [
         *faults,
         *gauge_faults,
-        *reading_faults(on_mesh.case, observation, gauge_faults),
+        *reading_faults(on_mesh.case, gauges, gauge_faults),
     ]
 
 
@@ -136,7 +136,7 @@ def _points_outside(on_mesh: CaseOnMesh) -> list[Fault]:
 
 def notes_on_mesh(
     on_mesh: CaseOnMesh,
-    observation: Observation,
+    gauges: PlacedGauges,
     *,
     edges_held: bool,
     n_outside: int,
@@ -146,7 +146,7 @@ def notes_on_mesh(
 
     Args:
         on_mesh: the case on its mesh.
-        observation: its gauges there.
+        gauges: those of the case, on its mesh.
         edges_held: whether tractions on edges hold the in-situ stress where no support does.
         n_outside: strain points beside the faces that give a level of the ground or of the water.
         in_tension: whether most of the virgin ground is in tension at the start values.
@@ -161,15 +161,15 @@ def notes_on_mesh(
             "the in-situ stress is held at the edges of the model by tractions "
             "(in_situ: held: true)"
         )
-    if observation.snapped:
+    if gauges.snapped:
         notes.append(
             "points just outside the mesh, taken by the nearest element: "
-            + named_channels(observation.snapped)
+            + named_channels(gauges.snapped)
         )
-    if observation.as_built:
+    if gauges.as_built:
         notes.append(
             "readings that count from the placing of their ground on, what its own placing does "
-            f"included: {named_channels(observation.as_built)}"
+            f"included: {named_channels(gauges.as_built)}"
         )
     notes += zeroed_too_early(on_mesh)
     if n_outside:

@@ -15,9 +15,9 @@ import scipy.sparse as sp
 
 from geoident.forward.affine import affine_obstacle, affine_yield_obstacle
 from geoident.forward.analysis.analysis import StagedAnalysis
+from geoident.forward.equation_arrays import Affine, EquationArrays, LoadStage, PointLaw, PointSet
 from geoident.forward.ground.elasticity import ModuliAt
 from geoident.forward.in_situ.stress import NEGLIGIBLE_IMBALANCE
-from geoident.forward.staged_system import Affine, LoadStage, PointLaw, PointSet, StagedSystem
 from geoident.forward.stages import numbers
 from geoident.forward.structures.members import StructureMembers, rigidities
 from geoident.forward.yielding.surfaces import curved_surface, is_smooth, yield_planes
@@ -42,7 +42,7 @@ class ReadingRows:
 
 
 def export_obstacle(analysis: StagedAnalysis, point: ParameterPoint) -> str | None:
-    """Why the equations of a model are no `StagedSystem`, a clause, or None if they are one.
+    """Why the equations of a model cannot be `EquationArrays`, a clause; None if they can.
 
     Args:
         analysis: the staged model.
@@ -86,7 +86,7 @@ def _yield_obstacles(
 
 def export(
     analysis: StagedAnalysis, point: ParameterPoint, readings: ReadingRows, last: int
-) -> StagedSystem:
+) -> EquationArrays:
     """The equations of a model up to a state.
 
     Args:
@@ -112,14 +112,14 @@ class _Exporter:
         self.law_of: dict[str, int] = {}
         self.members: list[tuple[StructureMembers, int, int]] = []
 
-    def system(self, readings: ReadingRows, last: int) -> StagedSystem:
+    def system(self, readings: ReadingRows, last: int) -> EquationArrays:
         """All states; the virgin one only where its stress must be balanced first."""
         virgin, imbalance = self.analysis.virgin(self.point)
         self._add_sets(virgin)
         self._add_members()
         first = 1 if imbalance.max() <= NEGLIGIBLE_IMBALANCE else 0
         stages = [self._stage(n, first) for n in range(first, last + 1)]
-        return StagedSystem(
+        return EquationArrays(
             self.point.names,
             tuple(self.sets),
             tuple(self.laws),

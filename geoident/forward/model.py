@@ -37,8 +37,8 @@ def staged_model(mesh: Mesh, case: Case, *, solver: Solver) -> StagedModel:
         InputError: everything in the case that does not fit the mesh, at once.
         ModelError: a piece of the ground that no support holds.
     """
-    on_mesh, observation = check_on_mesh(case, mesh)
-    return StagedModel(with_fields(on_mesh), observation, solver=solver)
+    on_mesh, gauges = check_on_mesh(case, mesh)
+    return StagedModel(with_fields(on_mesh), gauges, solver=solver)
 
 
 def with_fields(on_mesh: CaseOnMesh) -> CaseOnMesh:
@@ -63,11 +63,11 @@ def with_fields(on_mesh: CaseOnMesh) -> CaseOnMesh:
 
 
 class StagedModel(StagedKernel):
-    """The staged forward model of a case (theory 1 and 2); it checks nothing (see `checks`).
+    """`StagedKernel` plus notes and the reduced model; `staged_model` gives one that is checked.
 
     Args:
         on_mesh: the case and the mesh that it fits.
-        observation: its gauges there.
+        gauges: those of the case, on its mesh.
         solver: factorizes the stiffness matrices.
     """
 
@@ -78,7 +78,7 @@ class StagedModel(StagedKernel):
         unknowns = self.systems[0].dofs
         noted = notes_on_mesh(
             self.on_mesh,
-            self.observation,
+            self.gauges,
             edges_held=self.actions.hold_edges(ParameterPoint(start, ()), unknowns),
             n_outside=max(
                 self.analysis.n_outside,

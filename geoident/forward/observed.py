@@ -1,8 +1,8 @@
-"""Every model of a case: a kernel that computes, and what its gauges read of that, written once.
+"""Every model of a case: what all of them share is written once, in `ObservedModel`.
 
-A kernel is a subclass of `ObservedModel`. It gives `observe`: what all channels see at all states
+A model is a subclass of `ObservedModel`. It gives `observe`: what all channels see at all states
 of construction at one parameter vector, with derivatives, and what only it knows (fields, reaction,
-yielding). Around it stand here, for all kernels alike:
+yielding); and `why_unseen`: why a channel cannot be read at a stage. Shared by all models are:
 
     zeros               a reading is what is seen, mostly less what was seen at the zero (`zeros`)
     instrument errors   offsets and drifts are added, with their derivatives (`instrument_errors`)
@@ -11,7 +11,7 @@ yielding). Around it stand here, for all kernels alike:
     `response`          chosen readings as a function of the parameters, for identifiers
     `survey`            all that the model says at one parameter vector, for results
 
-What a kernel observes depends on p alone. It may begin its iterations where earlier ones have ended
+What a model observes depends on p alone. It may begin its iterations where earlier ones have ended
 (which changes last digits only) and keep what is dear to compute again.
 """
 
@@ -39,16 +39,16 @@ from geoident.model.yielding import Activity
 
 @dataclass(frozen=True)
 class Query:
-    """What a kernel is asked at one parameter vector.
+    """What a model is asked at one parameter vector.
 
     Args:
-        places: the readings that are wanted; a kernel may leave out what they do not need.
+        places: the readings that are wanted; a model may leave out what they do not need.
         last: number of the last state that is wanted.
         derivatives: whether derivatives by all parameters are.
         partial: what a stage without equilibrium leaves unknown is NaN, instead of an error.
         survey: with notes and forces in structures: all that a result says beside readings.
-        fields: with displacements and stresses, or what stands for them, and derivatives as good as
-            they can be.
+        fields: with displacements and stresses; a model of an opening in closed form gives its
+            ground reaction instead, a program its most exact differences.
     """
 
     places: ReadingPlaces
@@ -61,7 +61,7 @@ class Query:
 
 @dataclass(frozen=True, kw_only=True)
 class Details:
-    """What only a kernel knows.
+    """What only some models know.
 
     Args:
         fields: displacements and stresses of all states, or None.
@@ -88,7 +88,7 @@ class Details:
 
 @dataclass(frozen=True)
 class Observed:
-    """What a kernel observed at one parameter vector.
+    """What a model observed at one parameter vector.
 
     Args:
         seen: (m, n_channels, 1 + n) what channels see of the first m states, SI, with derivatives;
@@ -124,7 +124,7 @@ class Survey(Details):
 
 
 class ObservedModel(ABC):
-    """A case that is ready to answer.
+    """A model of a case: computes what its gauges read.
 
     Args:
         case: the case; the coefficients of modes of its fields are the last of its parameters.
@@ -137,7 +137,7 @@ class ObservedModel(ABC):
         names: of the n parameters.
         instrument_errors: what the gauges add by themselves.
         on_state: is told of every state computed.
-        evaluations: how often the kernel was asked.
+        evaluations: how often the model was evaluated.
     """
 
     def __init__(self, case: Case, rule: ReadingRule, built_on: Bools, bases: Ints) -> None:
@@ -147,11 +147,11 @@ class ObservedModel(ABC):
         self.on_state: Callable[[int], None] | None = None
         self.evaluations = 0
 
-    # The kernel
+    # What each model gives
 
     @abstractmethod
     def observe(self, p: Floats, query: Query) -> Observed:
-        """What all channels see at p (n,), and what else the kernel knows there.
+        """What all channels see at p (n,), and what else the model knows there.
 
         Raises:
             ModelError: there is no solution; with ``query.partial``, only if nothing is left.
@@ -180,7 +180,7 @@ class ObservedModel(ABC):
         """What the user should know of how the case was understood."""
         return ()
 
-    def forget(self) -> None:  # noqa: B027 - most kernels have nothing to forget
+    def forget(self) -> None:  # noqa: B027 - most models have nothing to forget
         """Begin the next evaluation as a new model does."""
 
     # What is the same for all

@@ -52,7 +52,7 @@ class ReducibleResponse(StagedResponse):
             self.reduction = known  # that of another response goes as far
             return
         self.reduction = model.reduction = Reduction(
-            model.analysis, model.observation, self._last, most=most, economical=economical
+            model.analysis, model.gauges, self._last, most=most, economical=economical
         )
 
     def surrogate_obstacle(self) -> str | None:
@@ -64,7 +64,7 @@ class ReducibleResponse(StagedResponse):
     @cached_property
     def _beyond(self) -> str | None:
         """Why its readings have no reduced model, a clause, or None if they have."""
-        return beyond_reduction(self._model.analysis, self._model.observation, self._places.rows)
+        return beyond_reduction(self._model.analysis, self._model.gauges, self._places.rows)
 
     def evaluation(self, p: Floats, *, derivatives: bool = True) -> Evaluation:
         """All that is known of the readings at p (n,).

@@ -14,13 +14,13 @@ import numpy as np
 from geoident.forward.affine import condensation_obstacle
 from geoident.forward.analysis.analysis import RunOptions
 from geoident.forward.analysis.stage import UnitForces
+from geoident.forward.equation_arrays import EquationArrays, bilinear
 from geoident.forward.equations import ReadingRows, export, export_obstacle
 from geoident.forward.gauges.adjoints import ReadingAdjoints
 from geoident.forward.gauges.instrument_errors import ReadingPlaces
 from geoident.forward.observed import ObservedResponse, Query
 from geoident.forward.openings.model import OpeningResponse, opening_in_mesh
 from geoident.forward.staged import StagedKernel
-from geoident.forward.staged_system import StagedSystem, bilinear
 from geoident.model.arrays import Floats
 from geoident.model.dual import ParameterPoint
 from geoident.model.response import BilinearSystem, Condensed
@@ -94,18 +94,18 @@ class StagedResponse(ObservedResponse[StagedKernel]):
     def system_obstacle(self) -> str | None:
         """Why the equations are no `BilinearSystem`, a clause, or None if they are one."""
         model = self._model
-        not_linear = model.observation.not_linear(self._places.rows)
+        not_linear = model.gauges.not_linear(self._places.rows)
         return not_linear or export_obstacle(model.analysis, self._start_point)
 
     def system(self) -> BilinearSystem:
         """The equations of all stages as one system of vectors."""
-        return bilinear(self.staged_system(), self._start)
+        return bilinear(self.equation_arrays(), self._start)
 
-    def staged_system(self) -> StagedSystem:
+    def equation_arrays(self) -> EquationArrays:
         """The equations stage by stage, as arrays."""
         model, start = self._model, self._start_point
         added = model.instrument_errors.added(start.values, self.names, self._places)
-        operator = model.observation.operator(self._places.rows)
+        operator = model.gauges.operator(self._places.rows)
         rows = ReadingRows(operator, self._active(), added)
         return export(model.analysis, start, rows, self._last)
 
@@ -124,9 +124,7 @@ class StagedResponse(ObservedResponse[StagedKernel]):
     def obstacle(self) -> str | None:
         """Why the equations are not affine in the parameters, or None if they are."""
         model = self._model
-        return model.observation.not_linear(self._places.rows) or condensation_obstacle(
-            model.analysis
-        )
+        return model.gauges.not_linear(self._places.rows) or condensation_obstacle(model.analysis)
 
     def condense(self, p: Floats, measured: Floats, sd: Floats) -> Condensed:
         """The condensed equations at p (theory 4.1), for the whole sequence of stages at once.
@@ -141,7 +139,7 @@ class StagedResponse(ObservedResponse[StagedKernel]):
 
         Args:
             p: (n,) parameters.
-            measured: (g,) readings, m.
+            measured: (g,) readings, SI.
             sd: (g,) their standard deviations, SI; where readings share errors, the matrix (g, g)
                 that makes their errors independent and of size one.
         """
@@ -182,10 +180,10 @@ class StagedResponse(ObservedResponse[StagedKernel]):
         its zero. Where its stage builds on its zero, its unit force is a dead load that acts from
         the stage after the zero on.
         """
-        rows = self._model.observation.operator(self._places.rows)
+        rows = self._model.gauges.operator(self._places.rows)
         return UnitForces(rows.toarray().T, self._active())
 
     def _active(self) -> Floats:
         """(n_states, g) weight of the step of a state in a reading: 1, 0 or -1."""
         built_on = self._model.sequence.built_on
-        return self._model.observation.steps(built_on, self._places.rows, self._places.states)
+        return self._model.gauges.steps(built_on, self._places.rows, self._places.states)

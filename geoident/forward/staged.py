@@ -1,4 +1,4 @@
-"""The kernel of a case on a mesh: one analysis through the stages at a parameter vector (theory 2).
+"""The model of a case on a mesh: one analysis through the stages at a parameter vector (theory 2).
 
 An analysis gives what the gauges see of every state. Its derivatives travel with it (tangents, one
 column a parameter), or are taken back from the readings afterwards (adjoints, one column a
@@ -33,7 +33,7 @@ from geoident.forward.analysis.virgin import contradictions
 from geoident.forward.checks import imbalance_notes, inadmissible_numbers
 from geoident.forward.gauges.adjoints import ReadingAdjoints
 from geoident.forward.gauges.instrument_errors import ReadingPlaces
-from geoident.forward.gauges.observation import AnalysisState, Observation
+from geoident.forward.gauges.observation import AnalysisState, PlacedGauges
 from geoident.forward.ground.elasticity import inadmissible_moduli
 from geoident.forward.observed import Details, Observed, ObservedModel, Query
 from geoident.forward.openings.face import advance_of, advancing_face, face_note
@@ -79,7 +79,7 @@ class ResumableRun:
     stresses, and what the gauges see of it.
 
     Args:
-        kernel: of the case.
+        model: of the case.
         p: (n,) parameters, SI.
         options: how the run is made.
         keeps_ends: whether the values of the states are kept.
@@ -92,13 +92,13 @@ class ResumableRun:
     """
 
     def __init__(
-        self, kernel: StagedKernel, p: Floats, options: RunOptions, *, keeps_ends: bool = True
+        self, model: StagedKernel, p: Floats, options: RunOptions, *, keeps_ends: bool = True
     ) -> None:
-        kernel.evaluations += 1
-        self.p, self.run = p.copy(), kernel.at(p, options)
+        model.evaluations += 1
+        self.p, self.run = p.copy(), model.at(p, options)
         self.observed: list[Floats] = []
         self.states: list[Seen] = []
-        self._kernel, self._keeps_ends = kernel, keeps_ends
+        self._model, self._keeps_ends = model, keeps_ends
         self._ends = self.run.states()
 
     def to(self, last: int, tell: Tell | None = None) -> None:
@@ -112,12 +112,12 @@ class ResumableRun:
             ModelError: the model has no solution. It cannot go on then.
         """
         for end in islice(self._ends, max(last + 1 - len(self.observed), 0)):
-            seen = self._kernel.see(end, self.run)
+            seen = self._model.see(end, self.run)
             if tell is not None:
                 tell(end, self.run)
             self.observed.append(seen)
             if self._keeps_ends:
-                equal = self._kernel.coinciding(end, self.run)
+                equal = self._model.coinciding(end, self.run)
                 self.states.append((_values(end), seen, equal))
         self.run.factors.forget()
 
@@ -128,17 +128,19 @@ class ResumableRun:
             ModelError: the model has no solution.
         """
         self.to(last)
-        kernel, observed = self._kernel, Observed(np.stack(self.observed)[..., :1])
-        places = kernel.readable_until(len(self.observed) - 1)
-        return kernel.table(self.p, observed, places, derivatives=False)[..., 0]
+        model, observed = self._model, Observed(np.stack(self.observed)[..., :1])
+        places = model.readable_until(len(self.observed) - 1)
+        return model.table(self.p, observed, places, derivatives=False)[..., 0]
 
 
 class StagedKernel(ObservedModel):
-    """The kernel of a case on its mesh; it checks nothing (see `checks`).
+    """The staged forward model of a case (theory 1 and 2), without what `StagedModel` adds.
+
+    It checks nothing (see `checks`).
 
     Args:
         on_mesh: the case and the mesh that it fits.
-        observation: its gauges there.
+        gauges: those of the case, on its mesh.
         solver: factorizes the stiffness matrices.
 
     Attributes:
@@ -146,10 +148,10 @@ class StagedKernel(ObservedModel):
         reduction: the analyses that were recorded last for a reduced model; None where none were.
     """
 
-    def __init__(self, on_mesh: CaseOnMesh, observation: Observation, *, solver: Solver) -> None:
+    def __init__(self, on_mesh: CaseOnMesh, gauges: PlacedGauges, *, solver: Solver) -> None:
         sequence = self.sequence = on_mesh.sequence
-        super().__init__(on_mesh.case, observation, sequence.built_on, sequence.bases)
-        self.on_mesh, self.observation, self.mesh = on_mesh, observation, on_mesh.mesh
+        super().__init__(on_mesh.case, gauges, sequence.built_on, sequence.bases)
+        self.on_mesh, self.gauges, self.mesh = on_mesh, gauges, on_mesh.mesh
         self.discretization = on_mesh.discretization
         self._solver = solver
         self.systems = StageSystems(on_mesh, solver)
@@ -196,7 +198,7 @@ class StagedKernel(ObservedModel):
 
     def why_unseen(self, state: int, row: int) -> str:
         """Why a channel cannot be read at a state at which it can't, a clause."""
-        return self.observation.reasons[row]
+        return self.gauges.reasons[row]
 
     def domain_fault(self, p: Floats) -> str | None:
         """Why finite p (n,) is outside the domain, or None."""
@@ -230,11 +232,11 @@ class StagedKernel(ObservedModel):
 
     def see(self, end: StageEnd, run: AnalysisRun) -> Floats:
         """What all channels see of a state, (n_channels, k)."""
-        return self.observation.values(AnalysisState(end, run.point, self.structures))
+        return self.gauges.values(AnalysisState(end, run.point, self.structures))
 
     def coinciding(self, end: StageEnd, run: AnalysisRun) -> tuple[str, ...]:
         """Channels that read one of several equal principal stresses at a state."""
-        return self.observation.coinciding(AnalysisState(end, run.point, self.structures))
+        return self.gauges.coinciding(AnalysisState(end, run.point, self.structures))
 
     def way_back(self, places: ReadingPlaces, last: int) -> ReadingAdjoints:
         """The way back from some readings through the stages up to a state."""
@@ -243,7 +245,7 @@ class StagedKernel(ObservedModel):
             if len(self._ways) >= _MOST_WAYS:
                 self._ways.clear()
             self._ways[key] = ReadingAdjoints(
-                self.analysis, self.observation, places.rows, places.states, last
+                self.analysis, self.gauges, places.rows, places.states, last
             )
         return self._ways[key]
 
@@ -270,9 +272,11 @@ class StagedKernel(ObservedModel):
             ModelError: the stiffness of a stage is not positive definite.
             ValueError: ``adjoints`` where ground yields, or a reading is not linear in the state.
         """
-        # evaluations are those of the model itself; what is looked at beside them may follow
-        beside = query.survey or query.partial
-        known = self.reduction.displacements(p) if self.reduction and beside and not tell else None
+        # Only surveys and partial runs may take displacements from the reduced model; evaluations
+        # for a fit never do.
+        may_use_reduced = (query.survey or query.partial) and tell is None
+        reduction = self.reduction if may_use_reduced else None
+        known = reduction.displacements(p) if reduction is not None else None
         back = self._way_chosen(p, query, adjoints) if query.derivatives and not known else None
         run, states = self._analysed(p, query, back, tell, known)
         values = self.values(p)
@@ -282,16 +286,15 @@ class StagedKernel(ObservedModel):
         observed, equal = [], dict[str, int]()
         for end, seen, names in states:
             observed.append(seen)
-            equal |= dict.fromkeys(names, end.state)
+            equal |= dict.fromkeys(names, end.number)
             if recorder is not None:
                 recorder.add(end)
             if members is not None and self.structures.parts:
-                members.add(end.state, end.members)
+                members.add(end.number, end.members)
             if each is not None:
                 each(end)
-        seen_at, jacobian = np.stack(observed), None
-        if back is not None:
-            jacobian = back.table(run, end, seen_at)[:, 1:]
+        seen_at = np.stack(observed)
+        jacobian = None if back is None else back.jacobian(run, end, seen_at)
         findings = run.findings
         plastic = findings.plastic
         details = Details(activity=None if plastic is None else plastic.planes.activity())
@@ -332,10 +335,11 @@ class StagedKernel(ObservedModel):
         """An analysis at p (n,) and its states: of the one that is kept, or one by one."""
         kept = self._kept if tell is None else None
         here = kept is not None and np.array_equal(kept.p, p)
-        if back is None and self.keeps_analysis and (query.derivatives or here):
+        # A run with displacements of the reduced model is not kept: evaluations would take it.
+        keep = here or (query.derivatives and known is None)
+        if back is None and self.keeps_analysis and keep:
             self._kept = None  # its memory is free for the next
-            options = replace(_WHOLE, displacements=known)
-            analysis = kept if here and kept is not None else ResumableRun(self, p, options)
+            analysis = kept if here and kept is not None else ResumableRun(self, p, _WHOLE)
             analysis.to(query.last, tell)
             self._kept = analysis
             return analysis.run, analysis.states[: query.last + 1]

@@ -198,11 +198,11 @@ def _keeping_notes(model: StagedModel | None) -> tuple[str, ...]:
     why = response.surrogate_obstacle()
     if why is not None:
         return (f"no reduced model will be kept: {why}",)
-    observation = model.observation
+    gauges = model.gauges
     others = [
         name
-        for row, name in enumerate(observation.channels)
-        if beyond_reduction(model.analysis, observation, np.array([row])) is not None
+        for row, name in enumerate(gauges.channels)
+        if beyond_reduction(model.analysis, gauges, np.array([row])) is not None
     ]
     if not others:
         return ()

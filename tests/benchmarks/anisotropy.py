@@ -62,12 +62,12 @@ def measure(cells: int, elastic: Isotropic | Anisotropic, starts: dict[str, floa
         return elastic_matrix(rock, ParameterPoint(starts, tuple(starts)), section=False)
 
     def assemble() -> None:
-        case.systems.values(system, state, {"rock": moduli().value.copy()}, starts)
+        case.systems.stiffness_values(system, state, {"rock": moduli().value.copy()}, starts)
 
     def components() -> None:
         for slope in map(moduli().slope, range(len(starts))):
             if slope is not None:
-                case.systems.values(system, state, {"rock": slope}, starts)
+                case.systems.stiffness_values(system, state, {"rock": slope}, starts)
 
     def first() -> None:
         staged(cells, elastic, starts).systems[1]

@@ -31,7 +31,7 @@ def test_no_reading_of_a_case_is_further_off_than_estimated(name, around, count,
     all_places = [
         (row, stage)
         for row, stage in readable(staged, case)
-        if beyond_reduction(staged.analysis, staged.observation, np.array([row])) is None
+        if beyond_reduction(staged.analysis, staged.gauges, np.array([row])) is None
     ]
     places = all_places[::every]
     pairs = [(case.channels[row].name, case.stages[stage].name) for row, stage in places]

@@ -36,8 +36,8 @@ def notes(mesh=None, *, said=QUIET, **changes):
         "groups": {"all": "rock"},
         "supports": rollers(mesh.dim),
     }
-    on_mesh, observation = check_on_mesh(make_case(mesh, **{**settings, **changes}), mesh)
-    return notes_on_mesh(on_mesh, observation, **said)
+    on_mesh, gauges = check_on_mesh(make_case(mesh, **{**settings, **changes}), mesh)
+    return notes_on_mesh(on_mesh, gauges, **said)
 
 
 def test_a_plain_case_has_no_notes():

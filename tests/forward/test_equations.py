@@ -87,7 +87,7 @@ def test_equations_of_ground_far_from_yielding_answer_as_the_march(gravity, scal
     staged = braced(gravity=gravity)
     response, p = staged.response(PAIRS), HERE * scale
     assert response.system_obstacle() is None
-    arrays = response.staged_system()
+    arrays = response.equation_arrays()
     names = [stage.name for stage in arrays.stages]
     assert names == [*(["virgin"] if gravity else []), "open", "brace", "aside", "fill", "end"]
     values = response.readings(p)
@@ -114,7 +114,7 @@ def test_stress_that_is_not_there_at_first_is_none():
     staged = braced(groups={"dug": None, "soil": "soil", "rock": "rock"},
                     stages=(Stage("fill", install={"dug": "fill"}),), structures={},
                     channels=FAR)  # fmt: skip
-    arrays = staged.response([("b", "fill")]).staged_system()
+    arrays = staged.response([("b", "fill")]).equation_arrays()
     initial = {one.name: one.initial.at(HERE) for one in arrays.sets}
     assert not initial["dug"].any()
     expected = np.array([-0.7, -1.0, -0.7, 0.0]) * P["sv"]

@@ -1,4 +1,4 @@
-"""What stands around every kernel, by a kernel of three states and two channels that is a formula.
+"""What all models share, by a model of three states and two channels that is a formula.
 
 What channels see is x_jc = (j + 1)(c + 1) a^2, so that all can be said by hand: 'roof' reads the
 change since 'first', with an offset b and a drift of b a day; 'cell' reads a value.

@@ -80,7 +80,7 @@ def test_the_exported_arrays_answer_as_the_march(responses) -> None:
     for response, p in responses:
         assert response.system_obstacle() is None
         v, jacobian = response.evaluate(p)
-        arrays = ArrayModel(response.staged_system())
+        arrays = ArrayModel(response.equation_arrays())
         found, slopes = arrays.evaluate(p)
         assert found == pytest.approx(v, rel=1e-9, abs=1e-12)
         assert slopes == pytest.approx(jacobian, rel=1e-7, abs=1e-7 * np.abs(jacobian).max())
@@ -90,7 +90,7 @@ def test_the_exported_arrays_answer_as_the_march(responses) -> None:
 def test_the_bilinear_system_holds_at_what_the_march_finds(responses) -> None:
     """Equations, complementary slacks and readings, at other parameters than it was made at."""
     for response, p in responses:
-        staged, system = response.staged_system(), response.system()
+        staged, system = response.equation_arrays(), response.system()
         kinds = system.kind_of_unknown
         np.testing.assert_array_equal(np.flatnonzero(kinds < 0), np.sort(system.multipliers))
         arrays = ArrayModel(staged)

@@ -1,4 +1,4 @@
-"""A model whose equations are a `StagedSystem`: frames, plates, anything without meshes and cases.
+"""A model whose equations are `EquationArrays`: frames, plates, anything without meshes and cases.
 
 It solves its stages with the program's own core (`forward.equilibrium`, `PolyhedralLaw`) and offers
 what the complementarity methods need of a model.
@@ -20,7 +20,7 @@ from geoident.fem.yielding.planes import YieldPlanes
 from geoident.forward.analysis.constitutive import Ground
 from geoident.forward.analysis.equilibrium import Balance, solve
 from geoident.forward.analysis.stage_equations import NoEquilibrium, StageEquations
-from geoident.forward.staged_system import Affine, LoadStage, PointLaw, StagedSystem, bilinear
+from geoident.forward.equation_arrays import Affine, EquationArrays, LoadStage, PointLaw, bilinear
 from geoident.model.arrays import Floats, Ints
 from geoident.model.dual import Dual
 from geoident.model.response import BilinearSystem
@@ -66,7 +66,7 @@ class _Borne:
 class ArrayModel:
     """Response, YieldSystem and ComplementaritySystem of a system of arrays."""
 
-    staged: StagedSystem
+    staged: EquationArrays
     ratio: float = 0.0
     counts: Counts = field(default_factory=Counts)
 

@@ -129,10 +129,10 @@ FieldsOf = Callable[[CaseOnMesh], Sequence[PointField]]
 
 def model_with_fields(mesh: Mesh, fields_of: FieldsOf, **changes: Any) -> StagedModel:
     """A staged model of a case made by `make_case`, with constants that are fields."""
-    on_mesh, observation = check_on_mesh(make_case(mesh, **changes), mesh)
+    on_mesh, gauges = check_on_mesh(make_case(mesh, **changes), mesh)
     fields = tuple(fields_of(on_mesh))
     on_mesh = on_mesh.with_fields(on_mesh.case, fields)
-    return StagedModel(on_mesh, observation, solver=pick_solver("auto"))
+    return StagedModel(on_mesh, gauges, solver=pick_solver("auto"))
 
 
 def field_on(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from geoident.forward.staged_system import Affine, PointLaw
+from geoident.forward.equation_arrays import Affine, PointLaw
 from geoident.identify.problem.problem import Problem
 from geoident.model.parameter import Parameter
 

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from geoident.forward.staged_system import (
+from geoident.forward.equation_arrays import (
     Affine,
+    EquationArrays,
     LoadStage,
     PointLaw,
     PointSet,
-    StagedSystem,
     fixed,
 )
 from geoident.model.arrays import Floats
@@ -27,7 +27,7 @@ def load(name: str) -> dict[str, Any]:
     return dict(json.loads((DATA / f"{name}.json").read_text(encoding="utf-8")))
 
 
-def foundation(model: str) -> tuple[StagedSystem, Floats, tuple[Parameter, ...]]:
+def foundation(model: str) -> tuple[EquationArrays, Floats, tuple[Parameter, ...]]:
     """A beam on springs, ``a10t`` for finda10t; its readings and parameters."""
     data = load("foundation")
     gauges, level, bounds = data["gauges"][model[0]], model[1:3], data["bounds"][model[3]]
@@ -53,7 +53,7 @@ def foundation(model: str) -> tuple[StagedSystem, Floats, tuple[Parameter, ...]]
     return system, measured, parameters
 
 
-def truss(case: str) -> tuple[StagedSystem, Floats, tuple[Parameter, ...]]:
+def truss(case: str) -> tuple[EquationArrays, Floats, tuple[Parameter, ...]]:
     """Eleven bars, ``a`` for nappi_a; yield limits and hardening of chords and diagonals."""
     data = load("truss")
     names = ("k_chord", "k_diagonal", "H_chord", "H_diagonal")
@@ -99,12 +99,12 @@ def _one_stage(
     laws: tuple[PointLaw, ...],
     forces: Floats,
     rows: Any,
-) -> StagedSystem:
+) -> EquationArrays:
     d, n = len(forces), len(names)
     every = {s: s for s in range(len(sets))}
     stage = LoadStage("load", -1, every, frozenset(), np.arange(d), fixed(forces, n))
     g = rows.shape[0]
     active = np.ones((1, g))
-    return StagedSystem(
+    return EquationArrays(
         names, sets, laws, (stage,), sp.csr_array(rows), active, fixed(np.zeros(g), n)
     )

@@ -9,12 +9,12 @@ import numpy as np
 import scipy.sparse as sp
 
 from geoident.fem.kinematics import block_geometry, kinematics_of, strain_points
-from geoident.forward.staged_system import (
+from geoident.forward.equation_arrays import (
     Affine,
+    EquationArrays,
     LoadStage,
     PointLaw,
     PointSet,
-    StagedSystem,
     fixed,
 )
 from geoident.model.arrays import Floats
@@ -54,7 +54,7 @@ def footing(
     pressures: tuple[float, ...],
     *,
     kind: str = "tri3",
-) -> StagedSystem:
+) -> EquationArrays:
     """A block loaded on the left third of its top, pressure by pressure; laws layer by layer.
 
     The readings are settlements along the top and side movements of the right edge, of every
@@ -90,7 +90,9 @@ def footing(
     )
     rows = sp.csr_array(sp.vstack([one] * len(pressures)))
     active = np.kron(np.eye(len(pressures)), np.ones((1, len(dofs))))
-    return StagedSystem(names, sets, laws, stages, rows, active, fixed(np.zeros(len(active.T)), n))
+    return EquationArrays(
+        names, sets, laws, stages, rows, active, fixed(np.zeros(len(active.T)), n)
+    )
 
 
 def _some(points: Any, which: Any, n: int, name: str) -> PointSet:

@@ -114,7 +114,7 @@ def analysed(
     """Copies of all states, with derivatives."""
     analysis = staged.at(p, RunOptions(explain=explain)).states()
     return [
-        StageEnd(s.state, s.u.copy(), s.stress.copy(), s.members.copy(), s.yielded.copy())
+        StageEnd(s.number, s.u.copy(), s.stress.copy(), s.members.copy(), s.yielded.copy())
         for s in analysis
     ]
 

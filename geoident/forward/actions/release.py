@@ -26,7 +26,7 @@ from geoident.model.actions import Release
 from geoident.model.arrays import Floats
 from geoident.model.dual import Dual, ParameterPoint
 
-Held = Mapping[int, Floats]
+UnreleasedForces = Mapping[int, Floats]
 """Group that left with part of its stress held to the nodal forces H_g, (n_dofs, 1 + n + k)."""
 
 
@@ -77,7 +77,9 @@ class PartialRelease:
         at = self._sequence.states[state]
         return self._parts.part(at.release[group], point, at.name)
 
-    def held(self, state: int, before: Held, stress: Floats, point: ParameterPoint) -> Held:
+    def unreleased(
+        self, state: int, before: UnreleasedForces, stress: Floats, point: ParameterPoint
+    ) -> UnreleasedForces:
         """The forces H_g that count at a state.
 
         Args:
@@ -87,7 +89,7 @@ class PartialRelease:
             point: the parameters.
         """
         current = self._sequence.states[state]
-        held = {g: h for g, h in before.items() if g in current.release}
+        unreleased = {g: h for g, h in before.items() if g in current.release}
         points = self._discretization.points
         for group in current.release.keys() & current.leaving:
             volume, own = np.zeros(points.n_points), self._discretization.points_of[group]
@@ -95,22 +97,24 @@ class PartialRelease:
             support = -points.forces(stress, volume)
             carried = self._actions.carried(current.base, {group}, point)
             support[:, : carried.shape[1]] += carried
-            held[group] = support
-        return held
+            unreleased[group] = support
+        return unreleased
 
-    def forces(self, state: int, held: Held, point: ParameterPoint) -> Floats | float:
+    def forces(
+        self, state: int, unreleased: UnreleasedForces, point: ParameterPoint
+    ) -> Floats | float:
         """What is still held at a state, (n_dofs, 1 + n + k); 0 if there is nothing.
 
         Args:
             state: number of the state.
-            held: the forces H_g of the groups that left.
+            unreleased: the forces H_g of the groups that left.
             point: the parameters.
 
         Raises:
             ModelError: see `part`.
         """
         total: Floats | float = 0.0
-        for group, support in held.items():
+        for group, support in unreleased.items():
             fraction = self.part(state, group, point).columns
             part = (1.0 - fraction[0]) * support
             part[:, 1 : point.n_columns] -= support[:, :1] * fraction[1:]

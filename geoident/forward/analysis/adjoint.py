@@ -40,7 +40,7 @@ import scipy.sparse as sp
 
 from geoident.forward.actions.thermal import NORMAL_COMPONENTS
 from geoident.forward.analysis.analysis import StagedAnalysis
-from geoident.forward.analysis.stage import ElasticTrace, HeldFactors, LinearRows, StageTask
+from geoident.forward.analysis.stage import ElasticTrace, FactorCache, LinearRows, StageTask
 from geoident.forward.ground.elasticity import ModeSlopes
 from geoident.forward.stages import Index, numbers
 from geoident.model.arrays import Bools, Floats, Ints
@@ -101,25 +101,25 @@ class _Adjoint:
         u: (n_read, k) adjoint of the displacements that are read.
         d: (n_strain, n_special, k) adjoint strain beside that of M.
         members: (n_rows, k) the same of structures.
-        held: group to Hbar (n_dofs, k).
+        unreleased: group to Hbar (n_dofs, k).
     """
 
     M: Floats
     u: Floats
     d: Floats
     members: Floats
-    held: dict[int, Floats] = field(default_factory=dict)
+    unreleased: dict[int, Floats] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
 class _Work:
-    """The work of V dsigma/dp of a stage at kept displacements, on displacements and strains.
+    """What dsigma/dp of a stage, with du held fixed, adds to derivatives of readings by parameters.
 
     Args:
         by_field: modes, V D eps (n_strain, q) at all points of their field, and its work on
             displacements (q, n_dofs).
-        forces: (n_dofs, n) the same on displacements by the ordinary parameters.
-        direct: (n_strain, n_special, n) on strains at the special points.
+        forces: (n_dofs, n) the nodal forces C^T V dsigma/dp by the parameters that are no modes.
+        direct: (n_strain, n_special, n) V dsigma/dp at the special points.
     """
 
     by_field: list[tuple[ModeSlopes, Floats, sp.csr_array]]
@@ -193,20 +193,20 @@ class AdjointAnalysis:
         analysis: StagedAnalysis,
         plan: AdjointPlan,
         traces: Sequence[ElasticTrace],
-        factors: HeldFactors,
+        factors: FactorCache,
         point: ParameterPoint,
         seeds: ReadingSeeds,
     ) -> None:
         self._analysis, self._plan = analysis, plan
         self._traces, self._factors = traces, factors
         self._point, self._seeds = point, seeds
-        self._ordinary = analysis.without_modes(point)
+        self._point_without_modes = analysis.without_modes(point)
         self._systems = analysis.systems
         self._points = analysis.systems.discretization.points
         self._structures = analysis.systems.structures
         self._fields = {id(one): number for number, one in enumerate(analysis.on_mesh.fields)}
         self._first = 0  # of the readings that are looked at
-        self._by_ordinary = np.zeros((seeds.count, len(self._ordinary.names)))
+        self._by_ordinary = np.zeros((seeds.count, len(self._point_without_modes.names)))
         self._by_field: dict[int, Floats] = {}  # (q, count) by field
         self._prepared: dict[int, _Work] = {}
         self._left: dict[int, list[tuple[Ints, _Adjoint]]] = {}
@@ -221,7 +221,7 @@ class AdjointAnalysis:
         for first in range(0, self._seeds.count, _AT_ONCE):
             part = result[first : first + _AT_ONCE]
             self._first = first
-            self._by_ordinary = np.zeros((len(part), len(self._ordinary.names)))
+            self._by_ordinary = np.zeros((len(part), len(self._point_without_modes.names)))
             self._by_field = {
                 n: np.zeros((len(field.points), len(part)))
                 for n, field in enumerate(self._analysis.on_mesh.fields)
@@ -231,7 +231,7 @@ class AdjointAnalysis:
                 ends = np.searchsorted(reached, (first, first + len(part)))
                 if ends[0] < ends[1]:
                     self._stage(state, reached[ends[0] : ends[1]] - first)
-            part[:, [places[name] for name in self._ordinary.names]] = self._by_ordinary
+            part[:, [places[name] for name in self._point_without_modes.names]] = self._by_ordinary
             for n, products in self._by_field.items():
                 field = self._analysis.on_mesh.fields[n]
                 known = [k for k, name in enumerate(field.names) if name in places]
@@ -242,19 +242,19 @@ class AdjointAnalysis:
     def _stage(self, number: int, columns: Ints) -> None:
         """One stage backwards, for some readings (k) of this part."""
         trace = self._traces[number]
-        carried = self._arrive(number, columns)
+        adjoint = self._collect_from_later(number, columns)
         if number == 0:
-            carried.u[:] = 0.0  # the motion to balance is forgotten
-        w = carried.M
+            adjoint.u[:] = 0.0  # the motion to balance is forgotten
+        w = adjoint.M
         if trace.stepped:
-            w = self._solved(trace.task, carried)
-            self._forces(trace, w, carried, columns)
-        self._strains(trace, w, carried.d, columns)
-        member = self._members(trace, w, carried, columns)
+            w = self._solved(trace.task, adjoint)
+            self._forces(trace, w, adjoint, columns)
+        self._strains(trace, w, adjoint.d, columns)
+        member = self._members(trace, w, adjoint, columns)
         if number:
-            self._leave(trace, w, carried, member, columns)
+            self._pass_to_base(trace, w, adjoint, member, columns)
 
-    def _arrive(self, number: int, columns: Ints) -> _Adjoint:
+    def _collect_from_later(self, number: int, columns: Ints) -> _Adjoint:
         """What a state is left by those that build on it, and by its own readings."""
         k, s, n_dofs = len(columns), self._points.n_strain, self._systems.discretization.n_dofs
         parts = self._left.pop(number, [])
@@ -273,8 +273,8 @@ class AdjointAnalysis:
                 adjoint.u[:, at] += part.u
                 adjoint.d[..., at] += part.d
                 adjoint.members[:, at] += part.members
-                for group, held in part.held.items():
-                    adjoint.held.setdefault(group, np.zeros((n_dofs, k)))[:, at] += held
+                for group, unreleased in part.unreleased.items():
+                    adjoint.unreleased.setdefault(group, np.zeros((n_dofs, k)))[:, at] += unreleased
 
         weights = self._plan.weights[number, self._first + columns]
         here = np.flatnonzero(weights)
@@ -295,17 +295,17 @@ class AdjointAnalysis:
             adjoint.members[:, here] -= forces / self._structures.weight[:, None]
         return adjoint
 
-    def _solved(self, task: StageTask, carried: _Adjoint) -> Floats:
+    def _solved(self, task: StageTask, adjoint: _Adjoint) -> Floats:
         """The adjoint displacements w (n_dofs, k)."""
         structures, dofs = self._structures, task.system.dofs
-        rest = -(self._plan.forces @ self._special_stress(task, carried.d))
-        rest[self._plan.read] += carried.u
+        rest = -(self._plan.forces @ self._special_stress(task, adjoint.d))
+        rest[self._plan.read] += adjoint.u
         if structures.n_rows:
-            rest -= structures.nodal_forces(task.rigidities[:, :1] * carried.members)
+            rest -= structures.nodal_forces(task.rigidities[:, :1] * adjoint.members)
         # at supports that hold now and not later w = M, since lambda is zero
-        held = task.system.touched.copy()
-        held[dofs] = False
-        let_go = np.where(held[:, None], carried.M, 0.0) if np.any(carried.M[held]) else None
+        fixed = task.system.touched.copy()
+        fixed[dofs] = False
+        let_go = np.where(fixed[:, None], adjoint.M, 0.0) if np.any(adjoint.M[fixed]) else None
         if let_go is not None:
             stress, moduli = self._points.strain(let_go), task.moduli_by_material()
             for material, points in task.system.points_of.items():
@@ -331,35 +331,35 @@ class AdjointAnalysis:
         stress *= task.system.volume[self._plan.special][None, :, None]
         return stress.reshape(d.shape[0] * d.shape[1], d.shape[2])
 
-    def _forces(self, trace: ElasticTrace, w: Floats, carried: _Adjoint, columns: Ints) -> None:
-        """Take lambda = w - M to the parameters of forces, of given motions and of what is held."""
-        task, dofs, ordinary = trace.task, trace.task.system.dofs, self._ordinary
+    def _forces(self, trace: ElasticTrace, w: Floats, adjoint: _Adjoint, columns: Ints) -> None:
+        """Take lambda = w - M to the parameters of forces, given motions and release."""
+        task, dofs, ordinary = trace.task, trace.task.system.dofs, self._point_without_modes
         release = self._analysis.release
         slopes = np.zeros_like(trace.slopes)
         slopes[dofs] = trace.slopes[dofs]
-        released = {group: release.part(task.number, group, ordinary) for group in trace.held}
-        for group, support in trace.held.items():
+        released = {group: release.part(task.number, group, ordinary) for group in trace.unreleased}
+        for group, support in trace.unreleased.items():
             slopes[dofs] -= np.outer(support[dofs], released[group].columns[1:])
-        self._by_ordinary[columns] += w.T @ slopes - carried.M.T @ slopes
+        self._by_ordinary[columns] += w.T @ slopes - adjoint.M.T @ slopes
         motion = self._imposed(task.number)
         if motion is not None:
-            self._by_ordinary[columns] += carried.u.T @ motion[self._plan.read]
-        for group in trace.held:
-            held = carried.held.setdefault(group, np.zeros_like(carried.M))
-            held[dofs] += (1.0 - float(released[group].value)) * (w[dofs] - carried.M[dofs])
+            self._by_ordinary[columns] += adjoint.u.T @ motion[self._plan.read]
+        for group in trace.unreleased:
+            unreleased = adjoint.unreleased.setdefault(group, np.zeros_like(adjoint.M))
+            unreleased[dofs] += (1.0 - float(released[group].value)) * (w[dofs] - adjoint.M[dofs])
             if group in task.state.leaving:
                 own = self._analysis.actions.carried(task.state.base, {group}, ordinary)[:, 1:]
-                self._by_ordinary[columns] += held.T @ own
+                self._by_ordinary[columns] += unreleased.T @ own
 
     def _imposed(self, number: int) -> Floats | None:
         """Derivatives (n_dofs, n) of the displacement step that supports impose; None for none."""
-        motion = self._analysis.motions.change(number, self._ordinary)
+        motion = self._analysis.motions.change(number, self._point_without_modes)
         return None if motion is None else motion[:, 1:]
 
     def _strains(self, trace: ElasticTrace, w: Floats, d: Floats, columns: Ints) -> None:
         """Take b = C w + d of a stage to the parameters of its moduli and strains.
 
-        b itself is not made: V b^T D eps is the work of the stress V D eps at w and d.
+        The product V b^T D eps is computed without forming b.
         """
         number, place = trace.task.number, self._plan.place
         if number not in self._prepared:
@@ -375,8 +375,11 @@ class AdjointAnalysis:
         self._by_ordinary[columns] -= w.T @ work.forces + direct
 
     def _work_of(self, trace: ElasticTrace) -> _Work:
-        """The work of V dsigma/dp at kept displacements."""
-        points, task, ordinary = self._points, trace.task, self._ordinary
+        """For each parameter, the nodal forces C^T V dsigma/dp with du held fixed.
+
+        And the same stress at the special points.
+        """
+        points, task, ordinary = self._points, trace.task, self._point_without_modes
         volume = task.system.volume
         by_ordinary = np.zeros((points.n_strain, points.n_points, len(ordinary.names)))
         by_field = []
@@ -412,47 +415,47 @@ class AdjointAnalysis:
         direct = volume[special, None] * by_ordinary[:, special]
         return _Work(by_field, points.forces(by_ordinary, volume), direct)
 
-    def _members(self, trace: ElasticTrace, w: Floats, carried: _Adjoint, columns: Ints) -> Floats:
+    def _members(self, trace: ElasticTrace, w: Floats, adjoint: _Adjoint, columns: Ints) -> Floats:
         """The same of structures, for rigidities and given forces; returns B w (n_rows, k)."""
         structures, task = self._structures, trace.task
         if not structures.n_rows:
             return np.zeros((0, w.shape[1]))
         seen = structures.strain(w)
-        weighted = structures.weight[:, None] * (seen + carried.members)
-        slopes = np.zeros((structures.n_rows, len(self._ordinary.names)))
+        weighted = structures.weight[:, None] * (seen + adjoint.members)
+        slopes = np.zeros((structures.n_rows, len(self._point_without_modes.names)))
         if trace.stepped:
-            moduli = structures.moduli(task.state, self._ordinary)[:, 1:]
+            moduli = structures.moduli(task.state, self._point_without_modes)[:, 1:]
             slopes += moduli * structures.strain(trace.du)[:, None]
         motion = self._imposed(task.number)
         if motion is not None:
             slopes += task.rigidities[:, :1] * structures.strain(motion)
         if task.state.stressed:
-            begun = np.zeros((structures.n_rows, self._ordinary.n_columns))
-            structures.begin(task.state, begun, self._ordinary)
+            begun = np.zeros((structures.n_rows, self._point_without_modes.n_columns))
+            structures.begin(task.state, begun, self._point_without_modes)
             slopes += begun[:, 1:]
         self._by_ordinary[columns] -= weighted.T @ slopes
         return seen
 
-    def _leave(
-        self, trace: ElasticTrace, w: Floats, carried: _Adjoint, member: Floats, columns: Ints
+    def _pass_to_base(
+        self, trace: ElasticTrace, w: Floats, adjoint: _Adjoint, member: Floats, columns: Ints
     ) -> None:
         """What a stage leaves the state on which it builds."""
         state, special = trace.task.state, self._plan.special
         cleared = self._plan.cleared(trace.task.number)[special]
-        d = carried.d
+        d = adjoint.d
         if cleared.any():
             rows = np.concatenate([cleared] * len(d))
             seen = self._plan.strain[np.flatnonzero(rows)] @ w
             d[:, cleared] = -seen.reshape(len(d), -1, w.shape[1])
         gone = self._structures.begins_anew(state)[:, None]
-        members = np.where(gone, -member, carried.members)
-        u = carried.u
+        members = np.where(gone, -member, adjoint.members)
+        u = adjoint.u
         u[~trace.task.system.touched[self._plan.read]] = 0.0
-        held = {g: h for g, h in carried.held.items() if g not in state.leaving}
-        for group, support in carried.held.items():
+        unreleased = {g: h for g, h in adjoint.unreleased.items() if g not in state.leaving}
+        for group, support in adjoint.unreleased.items():
             if group in state.leaving:
                 index = self._systems.discretization.points_of[group]
                 at = self._plan.place[numbers(index, self._points.n_points)]
                 d[:, at] += self._points.strain(support)[:, index]
-        left = _Adjoint(w, u, d, members, held)
+        left = _Adjoint(w, u, d, members, unreleased)
         self._left.setdefault(state.base, []).append((columns, left))

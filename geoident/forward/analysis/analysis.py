@@ -22,8 +22,9 @@ Stages form a tree: u and sigma "of the stage before" are those of the stage on 
 builds. Load cases that do not build on each other branch off the same one. Stages in a row on the
 same ground of the same materials (load cases, mostly) share one factorization.
 
-A *push* adds forces: to the state (condensation's corrected displacements), or as further columns
-that carry the response to unit forces (its flexibility). It costs no further factorization.
+`UnitForces` add forces: to the state (condensation's corrected displacements), or as further
+columns that carry the response to unit forces (its flexibility). They cost no further
+factorization.
 
 A *run* is one analysis at one parameter vector: it owns all that it computes and returns what it
 found, so any number of runs of one model may be under way.
@@ -43,12 +44,12 @@ import numpy as np
 from geoident.errors import CollapseError
 from geoident.forward.actions.forces import Actions
 from geoident.forward.actions.motions import GivenMotions
-from geoident.forward.actions.release import Held, PartialRelease, ReleasedParts
+from geoident.forward.actions.release import PartialRelease, ReleasedParts, UnreleasedForces
 from geoident.forward.actions.thermal import NORMAL_COMPONENTS, ThermalStrains
 from geoident.forward.analysis.plastic_step import PlasticFindings, PlasticSteps, WarmStart
 from geoident.forward.analysis.stage import (
     ElasticTrace,
-    HeldFactors,
+    FactorCache,
     LastEquilibrium,
     StageEnd,
     StageTask,
@@ -64,8 +65,8 @@ from geoident.model.arrays import Bools, Floats
 from geoident.model.dual import ParameterPoint
 from geoident.model.parameter import Values
 
-HELD_ENTRIES = 8_000_000
-"""Entries of the stiffness matrices whose factors are held at once for adjoints.
+KEPT_ENTRIES = 8_000_000
+"""Entries of the stiffness matrices whose factors are kept at once for adjoints.
 
 Their factors have ten (in the plane) to fifty times as many: 1 to 3 GB.
 """
@@ -190,6 +191,12 @@ class AnalysisRun:
         point: the parameters, all of the case.
         options: how the run is made.
         tell: is told the index of every state that was computed.
+
+    Attributes:
+        full_point: the parameters, with derivatives by all of them.
+        point: the same, with derivatives by those that travel with the run: all or none.
+        traces: what adjoints need of the states so far.
+        factors: factorizations that are kept.
     """
 
     def __init__(
@@ -202,11 +209,11 @@ class AnalysisRun:
         systems, derivatives = analysis.systems, options.derivatives and not options.traced
         self._analysis, self._systems, self._options = analysis, systems, options
         self._structures, self._tell = systems.structures, tell
-        self.given = point
+        self.full_point = point
         self.point = point if derivatives else ParameterPoint(point.values, ())
-        self._ordinary = analysis.without_modes(point) if options.traced else self.point
+        self._point_without_modes = analysis.without_modes(point) if options.traced else self.point
         self.traces: list[ElasticTrace] = []
-        self.factors = HeldFactors(HELD_ENTRIES if options.traced else 0)
+        self.factors = FactorCache(KEPT_ENTRIES if options.traced else 0)
         n_strain = systems.discretization.points.n_strain
         self._ground = ModuliAt(analysis.on_mesh, point, n_strain)
         self._plastic: PlasticSteps | None = None
@@ -215,7 +222,7 @@ class AnalysisRun:
                 analysis.case, systems, analysis.warm, self._ground,
                 explain=options.explain, even_only=options.even_only,
             )  # fmt: skip
-        self._held: dict[int, Held] = {0: {}}
+        self._unreleased: dict[int, UnreleasedForces] = {0: {}}
         self._imbalance = 0.0
         self._collapses: list[CollapseError] = []
 
@@ -249,7 +256,8 @@ class AnalysisRun:
                 forces = np.zeros_like(u)
                 try:
                     if n == 0:
-                        yielded = self._begin(carried, forces)
+                        self._begin(carried, forces)
+                        yielded = np.zeros(carried.stress.shape[1], dtype=bool)
                     else:
                         yielded = self._advance(n, u, carried, forces)
                 except CollapseError as error:
@@ -280,28 +288,28 @@ class AnalysisRun:
         stress = np.zeros((points.n_strain, points.n_points, columns))
         return u, StressState(stress, np.zeros((self._structures.n_rows, columns)))
 
-    def _act(self, number: int, forces: Floats) -> Floats:
+    def _add_actions(self, number: int, forces: Floats) -> Floats:
         """Add what acts in a state to forces (n_dofs, 1 + n + k).
 
         Returns:
             (n_dofs, n) its derivatives by the parameters that are no modes, for adjoints.
         """
         unit = self._options.unit_forces
-        acting = self._analysis.actions.forces(number, self._ordinary)
+        acting = self._analysis.actions.forces(number, self._point_without_modes)
         forces[:, : self.point.n_columns] += acting[:, : self.point.n_columns]
         if unit is not None:
             unit.add_to(forces, number)
         return acting[:, 1:]
 
-    def _begin(self, carried: StressState, forces: Floats) -> Bools:
+    def _begin(self, carried: StressState, forces: Floats) -> None:
         """Set the in-situ stress; bring it to equilibrium if it is not, and forget the motion.
 
         What is out of balance is small; it is taken as elastic. Where the stress then is must be
-        inside the yield surfaces. Returns that no strain point (n_points,) yields.
+        inside the yield surfaces.
         """
         system, stress, n = self._systems[0], carried.stress, self.point.n_columns
-        slopes = self._act(0, forces)
-        given = self._analysis.in_situ.columns(self._ordinary)
+        slopes = self._add_actions(0, forces)
+        given = self._analysis.in_situ.columns(self._point_without_modes)
         given[:, ~system.present] = 0.0
         stress[..., :n] = given[..., :n]
         imbalance = self._analysis.imbalance(stress, forces)
@@ -317,7 +325,6 @@ class AnalysisRun:
             self.traces.append(ElasticTrace(task, du, slopes, {}, given[..., 1:], stepped))
         if self._plastic is not None:
             self._plastic.refuse_virgin(task)
-        return np.zeros(stress.shape[1], dtype=bool)
 
     def _advance(self, number: int, u: Floats, carried: StressState, forces: Floats) -> Bools:
         """Bring a state to equilibrium; updates u (n_dofs, 1 + n + k), what is carried, and forces.
@@ -327,10 +334,11 @@ class AnalysisRun:
         """
         analysis, systems, point = self._analysis, self._systems, self.point
         system, state = systems[number], analysis.sequence.states[number]
-        slopes = self._act(number, forces)
-        held = analysis.release.held(number, self._held[state.base], carried.stress, point)
-        self._held[number] = held
-        forces += analysis.release.forces(number, held, point)
+        slopes = self._add_actions(number, forces)
+        before = self._unreleased[state.base]
+        unreleased = analysis.release.unreleased(number, before, carried.stress, point)
+        self._unreleased[number] = unreleased
+        forces += analysis.release.forces(number, unreleased, point)
         # what is gone or placed anew carries nothing; nodes that are gone forget their motion
         carried.clear(~system.present)
         for group in state.placed:
@@ -350,7 +358,7 @@ class AnalysisRun:
         if task.motion is not None:
             du[:, : point.n_columns] += task.motion
         if self._options.traced:
-            values = {group: support[:, 0].copy() for group, support in held.items()}
+            values = {group: support[:, 0].copy() for group, support in unreleased.items()}
             self.traces.append(ElasticTrace(task, du[:, 0], slopes, values))
         u += du
         return yielded

@@ -40,7 +40,7 @@ class MeshRecorder:
         self.reactions.add(end)
         if self._yielded is not None:
             known = bool(np.isfinite(end.u[:, 0]).all())
-            self._yielded.add(end.state, end.yielded, known=known)
+            self._yielded.add(end.number, end.yielded, known=known)
 
     def yielded_ground(self) -> YieldedGround | None:
         """How far ground yields; None where nothing can."""
@@ -73,12 +73,12 @@ class FieldRecorder:
 
     def add(self, end: StageEnd) -> None:
         """Record a state (column 0 of its arrays)."""
-        shown = self._shown(end.state, end.u[:, 0], end.stress[..., 0], end.yielded)
+        shown = self._shown(end.number, end.u[:, 0], end.stress[..., 0], end.yielded)
         self._displacement.append(shown.displacement)
         self._stress.append(shown.stress)
         self._yielded.append(shown.yielded)
         if not np.isfinite(shown.displacement).all():
-            self._last[end.state] = self._last_found(end)
+            self._last[end.number] = self._last_found(end)
             shown.yielded[:] = False
 
     def series(self) -> FieldSeries:
@@ -100,12 +100,12 @@ class FieldRecorder:
     def _last_found(self, end: StageEnd) -> _Shown:
         """What was found on the way to a state without equilibrium; else where it began."""
         if end.last is not None:
-            return self._shown(end.state, end.last.u, end.last.stress, end.last.yielded)
-        base = self._at(self._sequence.states[end.state].base)
-        present = self._sequence.present(end.state)
+            return self._shown(end.number, end.last.u, end.last.stress, end.last.yielded)
+        base = self._at(self._sequence.states[end.number].base)
+        present = self._sequence.present(end.number)
         stress = np.where(np.isnan(base.stress), 0.0, base.stress)  # what is placed bears nothing
         stress[~present] = np.nan
-        placed = np.isin(self._sequence.group_of, list(self._sequence.states[end.state].placed))
+        placed = np.isin(self._sequence.group_of, list(self._sequence.states[end.number].placed))
         return _Shown(base.displacement, stress, base.yielded & present & ~placed)
 
     def _at(self, state: int) -> _Shown:
@@ -171,10 +171,10 @@ class ReactionRecorder:
         mesh, discretization = self._on_mesh.mesh, self._on_mesh.discretization
         forces = np.full((len(self._names), mesh.dim), np.nan)
         self._forces.append(forces)
-        supports = self._states[end.state].supports
+        supports = self._states[end.number].supports
         if end.forces is None or not supports:
             return
-        present = self._on_mesh.sequence.present(end.state)
+        present = self._on_mesh.sequence.present(end.number)
         stress, members = end.stress[..., 0], end.members[:, :1]
         rest = discretization.points.forces(stress, discretization.volume(present))
         if self._structures.n_rows:

@@ -39,7 +39,8 @@ def plastic_derivatives(
     """
     trial, structures, points = balance.trial, systems.structures, systems.discretization.points
     g = np.ascontiguousarray(task.carried.stress[..., _DERIVATIVES])
-    task.add_slopes(systems, trial.du, g)
+    members = task.carried.members[:, _DERIVATIVES]
+    task.add_stiffness_derivatives(systems, trial.du, g, members)
     for flow in trial.flowing:
         before = None
         if flow.ground.hardens:
@@ -49,7 +50,7 @@ def plastic_derivatives(
 
     rest = task.forces[:, _DERIVATIVES] - points.forces(g, task.system.volume)
     if structures.n_rows:
-        rest -= structures.nodal_forces(task.carried.members[:, _DERIVATIVES])
+        rest -= structures.nodal_forces(members)
     ddu, dofs = np.zeros_like(rest), equations.dofs
     if len(dofs):
         tangent = balance.tangent

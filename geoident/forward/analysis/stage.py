@@ -72,7 +72,7 @@ class StageEnd:
     """The state of equilibrium at the end of a stage. Arrays are the analysis's own: copy to keep.
 
     Args:
-        state: index of the state.
+        number: of the state.
         u: (n_dofs, 1 + n + k) displacements since placing, m, and their derivatives.
         stress: (n_strain, n_points, 1 + n + k), Pa.
         members: (n_rows, 1 + n + k) forces in linings and bolts (`structures`).
@@ -83,7 +83,7 @@ class StageEnd:
             was.
     """
 
-    state: int
+    number: int
     u: Floats
     stress: Floats
     members: Floats
@@ -170,8 +170,8 @@ class StageTask:
         number: of the state.
         system: its equations.
         state: what is there.
-        point: the parameters, and those to differentiate by.
-        ground_moduli: of all materials.
+        point: the parameters, and those to differentiate by in this run.
+        ground_moduli: of all materials; it knows their derivatives by all parameters of the case.
         carried: before the stage, without what left; see `impose`. Changed in place.
         forces: (n_dofs, 1 + n + k).
         rigidities: (n_rows, 1 + n) of structures.
@@ -206,7 +206,8 @@ class StageTask:
     def impose(self, systems: StageSystems) -> None:
         """Bring what temperatures and supports impose into what is carried, E (C w - eps_0).
 
-        With the derivatives of w and eps_0; those of E are added with the step (`add_slopes`).
+        With the derivatives of w and eps_0; those of E are added with the step
+        (`add_stiffness_derivatives`).
         The other nodes stay where they are for now: what they are then out of balance by, the
         step of the stage takes away.
         """
@@ -237,13 +238,16 @@ class StageTask:
         if structures.n_rows:
             self.carried.members[:, columns] += self.rigidities[:, :1] * structures.strain(du)
 
-    def add_slopes(self, systems: StageSystems, du: Floats, slopes: Floats) -> None:
+    def add_stiffness_derivatives(
+        self, systems: StageSystems, du: Floats, stress: Floats, members: Floats
+    ) -> None:
         """Add dE/dp_h eps for the moduli that depend on parameters; structures likewise.
 
         Args:
             systems: the equations of the stages.
             du: (n_dofs,) displacement step, without what supports impose.
-            slopes: dsigma/dp (s, n_points, n + k), changed in place.
+            stress: dsigma/dp (s, n_points, n + k), changed in place.
+            members: derivatives (n_rows, n + k) of the forces of structures, changed in place.
         """
         du = du if self.motion is None else du + self.motion[:, 0]
         strain = systems.discretization.points.strain(du)
@@ -254,14 +258,14 @@ class StageTask:
             moduli = self.ground_moduli.moduli(material, points)
             for name, slope in moduli.slopes.items():
                 if name in columns:
-                    slopes[:, points, columns[name]] += slope.stress(strain[:, points])
+                    stress[:, points, columns[name]] += slope.stress(strain[:, points])
             for modes in moduli.modes:
                 change, phi = modes.moduli.stress(strain[:, points]), modes.modes
                 for some, place in _runs(modes.field.names, columns):
-                    slopes[:, points, place] += change[..., None] * phi[None, :, some]
+                    stress[:, points, place] += change[..., None] * phi[None, :, some]
         if systems.structures.n_rows:
-            members = systems.structures.strain(du)[:, None]
-            self.carried.members[:, 1 : 1 + self.n] += self.rigidities[:, 1:] * members
+            member_strain = systems.structures.strain(du)[:, None]
+            members[:, : self.n] += self.rigidities[:, 1:] * member_strain
 
 
 @dataclass(frozen=True, eq=False)
@@ -272,7 +276,7 @@ class ElasticTrace:
         task: the stage, without derivatives.
         du: (n_dofs,) its displacement step, what supports impose included.
         slopes: (n_dofs, n) df/dp by the parameters that are no modes, of what acts in it.
-        held: group to H (n_dofs,) of what is partly released in it.
+        unreleased: group to H (n_dofs,) of what is partly released in it.
         in_situ: (n_strain, n_points, n) derivatives of the virgin stress; None in later states.
         stepped: whether an equilibrium was sought; in the virgin state only if it was out of it.
     """
@@ -280,36 +284,58 @@ class ElasticTrace:
     task: StageTask
     du: Floats
     slopes: Floats
-    held: Mapping[int, Floats]
+    unreleased: Mapping[int, Floats]
     in_situ: Floats | None = None
     stepped: bool = True
 
 
-class HeldFactors:
-    """The factorizations of an analysis that are held, good as long as K stays the same.
-
-    K depends on the material of every present group, and on the structures. One is held, not one
-    for every stage: in three dimensions a factor is the largest thing in memory. Only for adjoints,
-    which need the stages backwards, all are held up to a limit.
+@dataclass(frozen=True, eq=False)
+class _KeptFactor:
+    """A factorization of K.
 
     Args:
-        entries: of matrices whose factors may be held at once; 0: the last one only.
+        key: what K depends on, see `_stiffness_key`.
+        factor: the factorization.
+        symbolic: what it was made with; a further one made with it overwrites it.
+        entries: of K.
+    """
+
+    key: object
+    factor: Factor
+    symbolic: SymbolicFactorization
+    entries: int
+
+
+def _stiffness_key(state: ConstructionState) -> object:
+    """What K of a state depends on, at given parameters."""
+    return state.materials, state.structures, set(state.stressed), state.held
+
+
+class FactorCache:
+    """The factorizations of an analysis that are kept, good as long as K stays the same.
+
+    K depends on the material of every present group, and on the structures. One is kept, not one
+    for every stage: in three dimensions a factor is the largest thing in memory. Only for adjoints,
+    which need the stages backwards, all are kept up to a limit.
+
+    Args:
+        entries: of matrices whose factors may be kept at once; 0: the last one only.
     """
 
     def __init__(self, entries: int = 0) -> None:
         self._entries = entries
-        self._held: list[tuple[object, Factor, SymbolicFactorization, int]] = []
+        self._kept: list[_KeptFactor] = []
 
     def forget(self) -> None:
         """Forget all."""
-        self._held.clear()
+        self._kept.clear()
 
     def find(self, state: ConstructionState) -> Factor | None:
-        """The factorization of K at a state, if it is one that is held and still valid."""
-        key = state.materials, state.structures, set(state.stressed), state.held
-        for stands, factor, _, _ in self._held:
-            if stands == key and factor.valid:
-                return factor
+        """The factorization of K at a state, if it is one that is kept and still valid."""
+        key = _stiffness_key(state)
+        for kept in self._kept:
+            if kept.key == key and kept.factor.valid:
+                return kept.factor
         return None
 
     def factor(self, task: StageTask, systems: StageSystems) -> Factor | None:
@@ -322,29 +348,31 @@ class HeldFactors:
         symbolic = systems.symbolic(system)
         if symbolic is None:
             return None
-        held = self.find(state)
-        if held is not None:
-            return held
-        size = len(system.pattern.lower.indices)
-        while self._held and sum(one[3] for one in self._held) + size > self._entries:
-            del self._held[0]  # the oldest makes room
+        factor = self.find(state)
+        if factor is not None:
+            return factor
+        entries = len(system.pattern.lower.indices)
+        while self._kept and sum(kept.entries for kept in self._kept) + entries > self._entries:
+            del self._kept[0]  # the oldest makes room
         spare = 0
-        while any(one[2] is symbolic for one in self._held):  # it would overwrite that factor
+        while any(kept.symbolic is symbolic for kept in self._kept):  # it would be overwritten
             spare += 1
-            symbolic = systems.symbolic(system, spare) or symbolic
+            symbolic = systems.symbolic(system, spare)
+            assert symbolic is not None  # of the same pattern, in which something is free to move
         try:
-            values = systems.values(system, state, task.moduli_by_material(), task.point.values)
+            values = systems.stiffness_values(
+                system, state, task.moduli_by_material(), task.point.values
+            )
             factor = symbolic.factorize(values)
         except NotPositiveDefinite as error:
             place = systems.describe_unknown(system, error.unknown)
             raise not_positive_definite(state.name, place) from error
-        key = state.materials, state.structures, set(state.stressed), state.held
-        self._held.append((key, factor, symbolic, size))
+        self._kept.append(_KeptFactor(_stiffness_key(state), factor, symbolic, entries))
         return factor
 
 
 def elastic_step(
-    task: StageTask, systems: StageSystems, factors: HeldFactors, known: Floats | None = None
+    task: StageTask, systems: StageSystems, factors: FactorCache, known: Floats | None = None
 ) -> Floats:
     """Bring a state to equilibrium (theory 2.1).
 
@@ -353,7 +381,7 @@ def elastic_step(
     Args:
         task: the stage; what it carries is brought to its end.
         systems: the equations of the stages.
-        factors: those that are held.
+        factors: those that are kept.
         known: (n_dofs, 1 + n) displacement steps, where they are known; nothing is solved then.
 
     Returns:
@@ -365,9 +393,8 @@ def elastic_step(
     points, structures, carried = systems.discretization.points, systems.structures, task.carried
     factor = factors.factor(task, systems) if known is None else None
     du, dofs = np.zeros_like(task.forces) if known is None else known, task.system.dofs
-    for columns in (slice(0, 1), slice(1, None))[: du.shape[1]]:
-        if columns.start:
-            task.add_slopes(systems, du[:, 0], carried.stress[..., columns])
+
+    def solve(columns: slice) -> None:
         if factor is not None:
             r = task.forces[:, columns] - points.forces(
                 carried.stress[..., columns], task.system.volume
@@ -376,6 +403,14 @@ def elastic_step(
                 r -= structures.nodal_forces(carried.members[:, columns])
             du[dofs, columns] = factor.solve(r[dofs])
         task.add_stress(systems, du[:, columns], columns)
+
+    solve(slice(0, 1))
+    if du.shape[1] > 1:
+        derivatives = slice(1, None)
+        task.add_stiffness_derivatives(
+            systems, du[:, 0], carried.stress[..., derivatives], carried.members[:, derivatives]
+        )
+        solve(derivatives)
     return du
 
 

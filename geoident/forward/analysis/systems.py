@@ -40,7 +40,7 @@ from geoident.model.mesh import Mesh, nodes_in
 from geoident.model.parameter import Values
 
 SystemKey = tuple[frozenset[int], int]
-"""Groups and structures that are there, and a number of what is held."""
+"""Groups and structures that are there, and a number of the degrees of freedom that are fixed."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class StageSystem:
         volume: (n_points,) V, zero where absent.
         points_of: material name to its strain points.
         groups: indices of the present groups and keys of the structures that stand.
-        key: they, and the number of what is held: states of one key have one pattern.
+        key: they, and the number of what is fixed: states of one key have one pattern.
         dofs: (n,) degree of freedom of each unknown, in elimination order.
         make_pattern: makes the pattern, which is large and which not every command needs.
     """
@@ -97,7 +97,7 @@ class StageSystems:
         self.on_mesh, self._mesh, self._sequence = on_mesh, mesh, sequence
         self._solver = solver
         self._fixed: list[Bools] = []
-        self._numbers_of_held: dict[bytes, int] = {}
+        self._numbers_of_fixed: dict[bytes, int] = {}
         order = _order_of(mesh, (), lambda: nested_dissection(mesh.points, *node_graph(mesh)))
         self._node_of_rank = _moved_to_end(order, structures.late_nodes())
         rank = np.empty_like(self._node_of_rank)
@@ -143,12 +143,12 @@ class StageSystems:
         """What the solver has done so far."""
         return self._solver.counts
 
-    def values(
+    def stiffness_values(
         self,
         system: StageSystem,
         state: ConstructionState,
         moduli: Mapping[str, Moduli],
-        values: Values,
+        parameters: Values,
     ) -> Floats:
         """Values (nnz,) of K at a state.
 
@@ -159,7 +159,7 @@ class StageSystems:
             system: the equations of the state.
             state: what is there.
             moduli: material to its moduli at its points, Pa.
-            values: parameters by name, SI.
+            parameters: their values by name, SI.
         """
         map_of = self.discretization.kinematics.stiffness_map
         maps = {
@@ -169,7 +169,7 @@ class StageSystems:
             g: maps[material] for g, material in state.materials.items() if material in maps
         }
         total = system.pattern.values(
-            self._blocks, ground_maps | self.structures.maps(state, values)
+            self._blocks, ground_maps | self.structures.maps(state, parameters)
         )
         for name in moduli.keys() - maps.keys():
             points = numbers(system.points_of[name], len(system.volume))
@@ -197,10 +197,10 @@ class StageSystems:
         """(k, 3) nodes on edges, each with its two ends."""
         return nodes_on_edges(self._mesh)
 
-    def _held(self, state: int) -> int:
-        """The number of what is held in a state, among all that is held in any."""
+    def _number_of_fixed(self, state: int) -> int:
+        """The number of the degrees of freedom that are fixed in a state, among all such sets."""
         fixed = fixed_dofs(self.on_mesh, state)
-        number = self._numbers_of_held.setdefault(fixed.tobytes(), len(self._fixed))
+        number = self._numbers_of_fixed.setdefault(fixed.tobytes(), len(self._fixed))
         if number == len(self._fixed):
             self._fixed.append(fixed)
         return number
@@ -216,7 +216,7 @@ class StageSystems:
         for material in set(state.materials.values()):
             points_of[material] = as_index(name_of_point == material)
         groups = frozenset(state.materials) | self.structures.keys(state)
-        key = groups, self._held(number)
+        key = groups, self._number_of_fixed(number)
         if key not in self._dofs:
             self._dofs[key] = free_dofs(
                 [self._blocks[g] for g in groups],
@@ -230,7 +230,7 @@ class StageSystems:
         return StageSystem(present, touched, volume, points_of, groups, key, dofs, pattern)
 
     def _pattern(self, key: SystemKey) -> StiffnessPattern:
-        """The pattern of some groups and structures, with what is held."""
+        """The pattern of some groups and structures, with what is fixed."""
         if key not in self._patterns:
             self._patterns[key] = stiffness_pattern(
                 {g: self._blocks[g] for g in key[0]},

@@ -28,7 +28,7 @@ class StageTangents:
         self, systems: StageSystems, task: StageTask, moduli: Mapping[str, Moduli]
     ) -> None:
         self._systems, self._system = systems, task.system
-        self._elastic = systems.values(task.system, task.state, moduli, task.point.values)
+        self._elastic = systems.stiffness_values(task.system, task.state, moduli, task.point.values)
 
     def __call__(self, points: Ints, change: Floats, *, symmetric: bool) -> Factor:
         """Factor of K plus changes (q, s, s) of V E at some points (q,)."""

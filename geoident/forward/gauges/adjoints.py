@@ -10,7 +10,7 @@ import numpy as np
 from geoident.forward.analysis.adjoint import AdjointAnalysis, AdjointPlan, ReadingSeeds, reach
 from geoident.forward.analysis.analysis import AnalysisRun, StagedAnalysis
 from geoident.forward.analysis.stage import LinearRows, StageEnd
-from geoident.forward.gauges.observation import AnalysisState, Observation
+from geoident.forward.gauges.observation import AnalysisState, PlacedGauges
 from geoident.model.arrays import Floats, Ints
 from geoident.model.dual import ParameterPoint
 
@@ -23,7 +23,7 @@ class ReadingAdjoints:
 
     Args:
         analysis: of the model.
-        observation: its channels.
+        gauges: those of the case, on its mesh.
         rows: (g,) channels.
         states: (g,) states.
         last: number of the last state of the runs.
@@ -32,12 +32,12 @@ class ReadingAdjoints:
     def __init__(
         self,
         analysis: StagedAnalysis,
-        observation: Observation,
+        gauges: PlacedGauges,
         rows: Ints,
         states: Ints,
         last: int,
     ) -> None:
-        self._analysis, self._observation = analysis, observation
+        self._analysis, self._gauges = analysis, gauges
         self.rows, self.states = rows, states
         self.last = last
         self._plan: AdjointPlan | None = None
@@ -46,8 +46,8 @@ class ReadingAdjoints:
         self._of = of.ravel()
         self._channels, self._channel = np.unique(row, return_inverse=True)
         self._stage = -minus
-        self._zero = np.minimum(observation.zero[row], self.last)
-        self._weights = observation.weights[:, row]
+        self._zero = np.minimum(gauges.zero[row], self.last)
+        self._weights = gauges.weights[:, row]
 
     def _seeds(self, rows: LinearRows) -> ReadingSeeds:
         """Each pair of channel and state once."""
@@ -71,7 +71,7 @@ class ReadingAdjoints:
             np.zeros(points.n_points, dtype=bool),
         )
         state = AnalysisState(nothing, ParameterPoint(analysis.case.start, ()), structures)
-        if self._observation.linear(state, self._channels) is None:
+        if self._gauges.linear(state, self._channels) is None:
             return "a channel reads a principal stress"
         return None
 
@@ -102,19 +102,19 @@ class ReadingAdjoints:
         modes: of water in the pores, of the rigidity that makes strains of forces.
         """
         structures = self._analysis.systems.structures
-        if self._observation.displacements_only:
-            return self._observation.values(AnalysisState(end, run.point, structures))
-        point = self._analysis.without_modes(run.given)
+        if self._gauges.displacements_only:
+            return self._gauges.values(AnalysisState(end, run.point, structures))
+        point = self._analysis.without_modes(run.full_point)
         more = point.n_columns - 1
 
         def fixed(values: Floats) -> Floats:
             return np.pad(values, [(0, 0)] * (values.ndim - 1) + [(0, more)])
 
         still = replace(end, u=fixed(end.u), stress=fixed(end.stress), members=fixed(end.members))
-        return self._observation.values(AnalysisState(still, point, structures))
+        return self._gauges.values(AnalysisState(still, point, structures))
 
-    def table(self, run: AnalysisRun, end: StageEnd, observed: Floats) -> Floats:
-        """The readings and their derivatives by all n parameters, (g, 1 + n).
+    def jacobian(self, run: AnalysisRun, end: StageEnd, observed: Floats) -> Floats:
+        """Derivatives (g, n) of the readings by all n parameters.
 
         Without what gauges add by themselves. The run forgets its factors.
 
@@ -128,17 +128,17 @@ class ReadingAdjoints:
         """
         analysis = self._analysis
         state = AnalysisState(end, run.point, analysis.systems.structures)
-        rows = self._observation.linear(state, self._channels)
+        rows = self._gauges.linear(state, self._channels)
         if rows is None:
             raise ValueError("a reading is not linear in the state")
         seeds = self._seeds(rows)
         if self._plan is None:
             self._plan = AdjointPlan(analysis, seeds, self.last)
-        back = AdjointAnalysis(analysis, self._plan, run.traces, run.factors, run.given, seeds)
+        back = AdjointAnalysis(analysis, self._plan, run.traces, run.factors, run.full_point, seeds)
         jacobian = back.jacobian()[self._of]
         run.factors.forget()
-        direct = self._observation.readings(observed, self.rows, self.states)
-        names = analysis.without_modes(run.given).names
-        if direct.shape[1] > 1:
-            jacobian[:, [run.given.names.index(name) for name in names]] += direct[:, 1:]
-        return np.hstack([direct[:, :1], jacobian])
+        if observed.shape[2] > 1:  # a reading depends on parameters at a state that stays
+            direct = self._gauges.readings(observed[..., 1:], self.rows, self.states)
+            names = analysis.without_modes(run.full_point).names
+            jacobian[:, [run.full_point.names.index(name) for name in names]] += direct
+        return np.asarray(jacobian)

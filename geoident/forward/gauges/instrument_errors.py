@@ -96,7 +96,7 @@ class InstrumentErrors:
         return not any(c.offset or c.drift or c.drift_per_stage for c in self._channels)
 
     def added(self, values: Values, names: Sequence[str], read: ReadingPlaces) -> Floats:
-        """What is added to some readings (g), m, and its derivatives, (g, 1 + n).
+        """What is added to some readings (g), SI, and its derivatives, (g, 1 + n).
 
         Args:
             values: parameters by name, SI.

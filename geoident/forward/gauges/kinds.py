@@ -12,7 +12,7 @@ from geoident.forward.gauges.beyond_mesh import beside_fault
 from geoident.forward.gauges.lining_pressure import pressures_on_beams
 from geoident.forward.gauges.member_forces import member_readings
 from geoident.forward.gauges.motion import relative_displacements
-from geoident.forward.gauges.observation import Observation
+from geoident.forward.gauges.observation import PlacedGauges
 from geoident.forward.gauges.placement import Placed, point_fault
 from geoident.forward.gauges.pore_pressure import pore_pressures
 from geoident.forward.gauges.strain import strains
@@ -62,7 +62,7 @@ def reads_displacements(channel: Channel) -> bool:
     return placing_of(channel) is relative_displacements and not channel.turns
 
 
-def observe(on_mesh: CaseOnMesh) -> tuple[Observation, list[Fault]]:
+def place_gauges(on_mesh: CaseOnMesh) -> tuple[PlacedGauges, list[Fault]]:
     """The gauges of a case on its mesh, and what is wrong with them."""
     channels = on_mesh.case.channels
     readable = np.zeros((len(channels), len(on_mesh.sequence.states)), dtype=bool)
@@ -80,7 +80,7 @@ def observe(on_mesh: CaseOnMesh) -> tuple[Observation, list[Fault]]:
         snapped |= set(placed.snapped)
         as_built |= set(placed.as_built)
     names = tuple(channel.name for channel in channels)
-    observation = Observation(
+    gauges = PlacedGauges(
         channels=names,
         zero=np.array([on_mesh.case.zero_of(channel) for channel in channels], np.int64),
         weights=np.array([WEIGHTS[channel.reads] for channel in channels]).reshape(-1, 2).T,
@@ -90,7 +90,7 @@ def observe(on_mesh: CaseOnMesh) -> tuple[Observation, list[Fault]]:
         snapped=tuple(name for name in names if name in snapped),
         as_built=tuple(name for name in names if name in as_built),
     )
-    return observation, faults
+    return gauges, faults
 
 
 def gauges_outside(on_mesh: CaseOnMesh) -> list[Fault]:
@@ -114,13 +114,13 @@ def gauges_outside(on_mesh: CaseOnMesh) -> list[Fault]:
 
 
 def reading_faults(
-    case: Case, observation: Observation, of_gauges: Sequence[Fault] = ()
+    case: Case, gauges: PlacedGauges, of_gauges: Sequence[Fault] = ()
 ) -> list[Fault]:
     """Readings that were taken when the gauge could not be read.
 
     Args:
         case: the case.
-        observation: its gauges on the mesh.
+        gauges: those of the case, on its mesh.
         of_gauges: what is wrong with these; readings of faulty ones are not judged.
     """
     sound = {}
@@ -134,7 +134,7 @@ def reading_faults(
         if reading.channel not in sound:  # that of a faulty gauge, or of one that is left out
             continue
         state = case.stage_names.index(reading.stage)
-        reason = observation.unreadable(sound[reading.channel], state)
+        reason = gauges.unreadable(sound[reading.channel], state)
         if reading.value is not None and reason and not reading.bad:
             faults.append(
                 Fault(

@@ -74,12 +74,12 @@ class Observable(ABC):
 
 
 @dataclass(frozen=True)
-class Observation(ReadingRule):
+class PlacedGauges(ReadingRule):
     """The gauges of a case on its mesh.
 
     Args:
         parts: what is read, and by which of the channels, (g,) indices.
-        reasons: why each channel cannot be read where it is zeroed and cannot, a clause.
+        reasons: of each channel, why it cannot be read at some stages after its zero, a clause.
         snapped: names of channels with a point just outside the mesh.
         as_built: names of channels whose readings count from the placing of their ground on.
     """
@@ -98,7 +98,7 @@ class Observation(ReadingRule):
 
     def coinciding(self, state: AnalysisState) -> tuple[str, ...]:
         """Channels that read, at a state, one of several equal principal stresses."""
-        number, (at_stage, at_zero) = state.end.state, self.weights
+        number, (at_stage, at_zero) = state.end.number, self.weights
         counts = self.readable[number] & (at_stage != 0) | (self.zero == number) & (at_zero != 0)
         read = {name for name, counted in zip(self.channels, counts, strict=True) if counted}
         named = (name for _, part in self.parts for name in part.coinciding(state))

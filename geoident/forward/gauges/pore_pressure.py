@@ -68,7 +68,7 @@ class PorePressures(Observable):
 
     def values(self, state: AnalysisState) -> Floats:
         """Values (g, 1 + n + k) at a state, Pa."""
-        pressure = self._water.at(state.end.state, state.point)
+        pressure = self._water.at(state.end.number, state.point)
         return np.pad(pressure, ((0, 0), (0, state.end.u.shape[1] - pressure.shape[1])))
 
 

@@ -53,21 +53,9 @@ class ReadingRule:
         at_stage, at_zero = self.weights[:, rows, None]
         # A NaN of a state that does not count must not spread.
         here = np.where(at_stage == 0, 0.0, at_stage * observed[states, rows])
+        # Zeros after the last state: such readings are masked by `readable`.
         zero = np.minimum(self.zero[rows], len(observed) - 1)
         return here + np.where(at_zero == 0, 0.0, at_zero * observed[zero, rows])
-
-    def table(self, observed: Floats) -> Floats:
-        """Readings of all channels at the first m states, (m, n_channels, k).
-
-        NaN where a channel can't be read.
-
-        Args:
-            observed: (m, n_channels, k) what they see.
-        """
-        states, rows = np.arange(len(observed))[:, None], np.arange(observed.shape[1])[None]
-        result = self.readings(observed, rows, states)
-        result[~self.readable[: len(observed)]] = np.nan
-        return result
 
     def steps(self, built_on: Bools, rows: Ints, states: Ints) -> Floats:
         """How often the step of each state counts in some readings, (n_states, g).
@@ -79,18 +67,6 @@ class ReadingRule:
         """
         at_stage, at_zero = self.weights[:, rows]
         return np.asarray(built_on[:, states] * at_stage + built_on[:, self.zero[rows]] * at_zero)
-
-    def weights_of_states(self, rows: Ints, states: Ints, last: int) -> Floats:
-        """How often some readings count what is seen of each state, (last + 1, g).
-
-        Args:
-            rows: (g,) channels.
-            states: (g,) states of their readings.
-            last: the last state.
-        """
-        at_stage, at_zero = self.weights[:, rows]
-        state = np.arange(last + 1)[:, None]
-        return np.asarray(at_stage * (state == states) + at_zero * (state == self.zero[rows]))
 
     def increments(self, observed: Floats, base: Ints) -> Floats:
         """What the step of each state changes in what channels see, (n_states, n_channels), SI.

@@ -350,7 +350,7 @@ class ModuliAt:
 
 
 def inadmissible(material: Material, values: Values) -> str | None:
-    """Why moduli or strengths are none, a sentence, or None if they are."""
+    """Why the moduli or strengths are not admissible, as a sentence; None if they are."""
     breaches = (surface.breach(values) for surface in material.yields)
     elastic = bounded(material.elastic, material.growths)
     reason = breach(elastic, values) or next(filter(None, breaches), None)
@@ -366,7 +366,7 @@ def inadmissible_moduli(
     n_strain: int,
     growths: Sequence[PointGrowth] = (),
 ) -> str | None:
-    """Why moduli that vary from point to point are none somewhere, or None if they are.
+    """Why moduli that vary from point to point are not admissible; None if they are.
 
     Args:
         material: the material; of constants that grow it has the typical numbers.
@@ -384,7 +384,10 @@ def inadmissible_moduli(
         with np.errstate(over="ignore"):
             factor = field.factor(values, given[field.constant].value(values))
         if not (np.isfinite(factor).all() and factor.min() > 0.0):
-            return f"{field.constant} of {material.name} is beyond all measure at a strain point"
+            return (
+                f"{field.constant} of {material.name} is zero or too large to compute with at a "
+                "strain point"
+            )
     if vary_whole(elastic, fields, growths):
         return None
     moduli = field_moduli(elastic, fields, ParameterPoint(values, ()), n_strain, growths).value

@@ -14,7 +14,7 @@ import numpy as np
 from geoident.forward.affine import trial_points
 from geoident.forward.analysis.analysis import StagedAnalysis
 from geoident.forward.checks import inadmissible_numbers
-from geoident.forward.gauges.observation import Observation
+from geoident.forward.gauges.observation import PlacedGauges
 from geoident.forward.reduced.loads import LoadForm, load_form
 from geoident.forward.reduced.moduli import Span, material_moduli, rigidity_moduli, span_of
 from geoident.forward.reduced.points import AnalysisPoints
@@ -101,7 +101,7 @@ class AffineAnalysis:
 
 
 def affine_analysis(
-    analysis: StagedAnalysis, ground: Sequence[Sequence[Zone]], last: int, observation: Observation
+    analysis: StagedAnalysis, ground: Sequence[Sequence[Zone]], last: int, gauges: PlacedGauges
 ) -> AffineAnalysis | None:
     """The analysis of a case to its last state wanted; None where its loads have no form.
 
@@ -109,7 +109,7 @@ def affine_analysis(
         analysis: of the case.
         ground: zones of the ground in every state (`zones_of`).
         last: the last state wanted.
-        observation: its gauges.
+        gauges: those of the case, on its mesh.
     """
     names = tuple(q.name for q in analysis.case.parameters)
     samples = _samples(analysis, names)
@@ -129,7 +129,7 @@ def affine_analysis(
     points = AnalysisPoints(analysis.systems)
     every = zip(ground, member_zones(analysis, points), strict=True)
     zones = tuple((*own, *members) for own, members in every)
-    form, rows = AffineForm(names, spans, loads), stress_rows(analysis, observation)
+    form, rows = AffineForm(names, spans, loads), stress_rows(analysis, gauges)
     return AffineAnalysis(analysis, form, zones[: last + 1], points, rows)
 
 

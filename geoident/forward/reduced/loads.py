@@ -20,7 +20,7 @@ from itertools import combinations
 
 import numpy as np
 
-from geoident.forward.actions.release import Held
+from geoident.forward.actions.release import UnreleasedForces
 from geoident.forward.analysis.analysis import StagedAnalysis
 from geoident.forward.in_situ.stress import NEGLIGIBLE_IMBALANCE
 from geoident.forward.reduced.points import AnalysisPoints
@@ -149,13 +149,15 @@ def _given(
     point = ParameterPoint(values, tuple(names))
     stress = analysis.in_situ.columns(point)
     stress[:, ~analysis.systems[0].present] = 0.0
-    structures, held = analysis.systems.structures, dict[int, Held]()
+    structures, unreleased = analysis.systems.structures, dict[int, UnreleasedForces]()
     jacked, forces = np.zeros((structures.n_rows, point.n_columns)), []
     for n, state in enumerate(analysis.sequence.states[: last + 1]):
         jacked += structures.given(state, point)
-        held[n] = analysis.release.held(n, held[state.base], stress, point) if n else {}
+        unreleased[n] = (
+            analysis.release.unreleased(n, unreleased[state.base], stress, point) if n else {}
+        )
         forces.append(
-            analysis.actions.forces(n, point) + analysis.release.forces(n, held[n], point)
+            analysis.actions.forces(n, point) + analysis.release.forces(n, unreleased[n], point)
         )
     return [stress.reshape(-1, point.n_columns), jacked, *forces]
 

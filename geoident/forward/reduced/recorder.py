@@ -31,7 +31,7 @@ import numpy as np
 
 from geoident.forward.analysis.analysis import AnalysisRun
 from geoident.forward.analysis.stage import StageEnd
-from geoident.forward.gauges.observation import Observation
+from geoident.forward.gauges.observation import PlacedGauges
 from geoident.forward.reduced.affine_analysis import AffineAnalysis
 from geoident.model.arrays import Floats
 
@@ -94,15 +94,15 @@ class Recorder:
 
     Args:
         affine: the analysis with the form of its moduli and loads.
-        observation: the gauges.
+        gauges: those of the case, on its mesh.
         p: (n,) parameters of the analysis.
         further: how many columns are added at most.
     """
 
     def __init__(
-        self, affine: AffineAnalysis, observation: Observation, p: Floats, *, further: int
+        self, affine: AffineAnalysis, gauges: PlacedGauges, p: Floats, *, further: int
     ) -> None:
-        self._affine, self._observation = affine, observation
+        self._affine, self._gauges = affine, gauges
         self._spans, self._loads, self._points = affine.form.spans, affine.form.loads, affine.points
         self._scale = np.concatenate([[1.0], self._loads.scale])
         at = affine.form.at(p[None])
@@ -121,17 +121,17 @@ class Recorder:
             run: the analysis, at this state.
         """
         kept = self.snapshot
-        if end.state == 0:
+        if end.number == 0:
             if self._loads.settles:
                 kept.settled = self._settled(self._points.joined(end.stress, end.members))
             kept.motion.append(np.zeros((0, kept.columns)))
-            kept.observed.append(np.zeros((len(self._observation.channels), kept.columns)))
+            kept.observed.append(np.zeros((len(self._gauges.channels), kept.columns)))
             return
         u = end.u * self._scale
         if self._further:
-            u = self._with_further(end.state, u, run)
-        seen = np.full((len(self._observation.channels), u.shape[1]), np.nan)
-        for rows, observable in self._observation.parts:
+            u = self._with_further(end.number, u, run)
+        seen = np.full((len(self._gauges.channels), u.shape[1]), np.nan)
+        for rows, observable in self._gauges.parts:
             if observable.rows is not None:
                 seen[rows] = observable.rows @ u
         kept.motion.append(u)

@@ -15,7 +15,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from geoident.forward.analysis.analysis import KnownDisplacements, StagedAnalysis
-from geoident.forward.gauges.observation import Observation
+from geoident.forward.gauges.observation import PlacedGauges
 from geoident.forward.reduced.affine_analysis import AffineAnalysis, affine_analysis
 from geoident.forward.reduced.model import ReducedModel
 from geoident.forward.reduced.projection import GalerkinProjection
@@ -41,7 +41,7 @@ class Reduction:
 
     Args:
         analysis: of the case.
-        observation: its gauges.
+        gauges: those of the case, on its mesh.
         last: the last state wanted.
         most: how many analyses are kept at most, the newest.
         economical: have none where it costs more than the analyses that a search saves.
@@ -54,13 +54,13 @@ class Reduction:
     def __init__(
         self,
         analysis: StagedAnalysis,
-        observation: Observation,
+        gauges: PlacedGauges,
         last: int,
         *,
         most: int = 4,
         economical: bool = True,
     ) -> None:
-        self._analysis, self._observation = analysis, observation
+        self._analysis, self._gauges = analysis, gauges
         self.last, self.most, self.economical = last, most, economical
         self.snapshots: dict[bytes, Snapshot] = {}
         self._affine: AffineAnalysis | None = None  # found when the first run is to be recorded
@@ -73,7 +73,7 @@ class Reduction:
         analysis, points = self._analysis, self._analysis.systems.discretization.points
         if self.economical and points.n_strain < 6:
             return DEAR  # factorizations in the plane are cheap
-        affine = affine_analysis(analysis, zones_of(analysis.on_mesh), self.last, self._observation)
+        affine = affine_analysis(analysis, zones_of(analysis.on_mesh), self.last, self._gauges)
         if affine is None:
             return "its loads are no polynomials of low degree in the parameters"
         settles = affine.form.loads.settles
@@ -83,7 +83,7 @@ class Reduction:
             return DEAR
         # numbers that an analysis leaves by each column: motions, what is seen, how ground settled
         own = points.n_strain * points.n_points if settles else 0
-        n_dofs, seen = analysis.systems.discretization.n_dofs, len(self._observation.channels)
+        n_dofs, seen = analysis.systems.discretization.n_dofs, len(self._gauges.channels)
         each = self.last * n_dofs + (self.last + 1) * seen + own
         columns = 1 + len(affine.form.names)
         if each * columns > MOST_ENTRIES:
@@ -141,7 +141,7 @@ class Reduction:
             return None
         # of a search the first analysis is to reach as far as its end
         further = 0 if self.economical and self.snapshots else self._further
-        return Recorder(self._affine, self._observation, p, further=further)
+        return Recorder(self._affine, self._gauges, p, further=further)
 
     def model(
         self, visited: Sequence[Floats], reference: Floats | None = None

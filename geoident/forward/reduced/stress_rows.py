@@ -15,7 +15,7 @@ import numpy as np
 
 from geoident.forward.analysis.analysis import StagedAnalysis
 from geoident.forward.analysis.stage import StageEnd
-from geoident.forward.gauges.observation import AnalysisState, Observable, Observation
+from geoident.forward.gauges.observation import AnalysisState, Observable, PlacedGauges
 from geoident.forward.reduced.points import AnalysisPoints
 from geoident.forward.reduced.zones import StressTerm
 from geoident.model.arrays import Bools, Floats, Ints
@@ -60,12 +60,12 @@ class StageForces:
     terms: Mapping[StressTerm, Floats]
 
 
-def stress_rows(analysis: StagedAnalysis, observation: Observation) -> StressRows:
+def stress_rows(analysis: StagedAnalysis, gauges: PlacedGauges) -> StressRows:
     """The channels of a case that read stresses or forces in a way that is covered."""
     points = AnalysisPoints(analysis.systems)
     s = points.n_strain
     channels, own = [], list[tuple[Ints, Floats]]()
-    for row, observable, wanted in _others(observation):
+    for row, observable, wanted in _others(gauges):
         covered = _covered(analysis, observable, wanted)
         if covered is None:
             continue
@@ -83,27 +83,27 @@ def stress_rows(analysis: StagedAnalysis, observation: Observation) -> StressRow
     return StressRows(np.array(channels, dtype=np.int64), every, weights)
 
 
-def beyond_reduction(analysis: StagedAnalysis, observation: Observation, rows: Ints) -> str | None:
+def beyond_reduction(analysis: StagedAnalysis, gauges: PlacedGauges, rows: Ints) -> str | None:
     """Why some channels have no reduced model, a clause, or None if they have.
 
     Args:
         analysis: of the case.
-        observation: its gauges.
+        gauges: those of the case, on its mesh.
         rows: (g,) the channels.
     """
-    if observation.not_linear(rows) is None:
+    if gauges.not_linear(rows) is None:
         return None
-    for row, observable, wanted in _others(observation):
+    for row, observable, wanted in _others(gauges):
         if row in rows and _covered(analysis, observable, wanted) is None:
-            name = observation.channels[row]
+            name = gauges.channels[row]
             return f"gauge '{name}' reads more than displacements, normal stresses and forces"
     return None
 
 
-def _others(observation: Observation) -> list[tuple[int, Observable, Bools]]:
+def _others(gauges: PlacedGauges) -> list[tuple[int, Observable, Bools]]:
     """Channels that read more than displacements: row, what reads it, which of its rows."""
     others = []
-    for channels, observable in observation.parts:
+    for channels, observable in gauges.parts:
         if observable.rows is None:
             for place, row in enumerate(channels):
                 others.append((int(row), observable, np.arange(len(channels)) == place))
@@ -141,7 +141,7 @@ def _covered(
         )
         weights.append((stress, members))
         for number in range(len(analysis.sequence.states)):
-            still = replace(state, end=replace(nothing, state=number))
+            still = replace(state, end=replace(nothing, number=number))
             if np.any(observable.values(still)[wanted]):  # something beside the stress
                 return None
     (stress, members), other = weights

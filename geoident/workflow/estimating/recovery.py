@@ -50,11 +50,11 @@ class EnergyError:
         model = self._model
         points = model.discretization.points
         stress = end.stress[..., 0].copy()
-        state = model.sequence.states[end.state]
-        self._stress[end.state] = stress
-        if not end.state or state.base not in self._stress:
+        state = model.sequence.states[end.number]
+        self._stress[end.number] = stress
+        if not end.number or state.base not in self._stress:
             return
-        present = model.sequence.present(end.state)[points.element]
+        present = model.sequence.present(end.number)[points.element]
         change = np.where(present, stress - self._stress[state.base], 0.0)
         for material in sorted(set(state.materials.values())):
             groups = [g for g, name in state.materials.items() if name == material]

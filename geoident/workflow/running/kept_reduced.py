@@ -91,7 +91,7 @@ def made_to_keep(
         return NONE.format("the case is a closed form and needs none")
     places = readable(model, case)
     linear = [
-        beyond_reduction(model.analysis, model.observation, places[k : k + 1, 0]) is None
+        beyond_reduction(model.analysis, model.gauges, places[k : k + 1, 0]) is None
         for k in range(len(places))
     ]
     pairs = [(case.channels[i].name, case.stages[j].name) for i, j in places[linear].tolist()]

@@ -112,7 +112,7 @@ def tree():
 @pytest.mark.parametrize(("last", "count"), [(None, 7), (0, 1), (3, 4), (6, 7)])
 def test_a_run_ends_with_the_last_state_that_is_wanted(last, count):
     ends = list(tree().at(np.array([1e9, 2e5]), RunOptions(last=last)).states())
-    assert [end.state for end in ends] == list(range(count))
+    assert [end.number for end in ends] == list(range(count))
 
 
 def test_columns_are_those_of_the_parameters_that_are_asked_for():
@@ -123,7 +123,7 @@ def test_columns_are_those_of_the_parameters_that_are_asked_for():
             assert end.u.shape[1] == end.stress.shape[2] == end.members.shape[1] == columns
             assert end.forces.shape[1] == columns
         assert len(run.point.names) == columns - 1
-        assert run.given.names == ("E", "s")
+        assert run.full_point.names == ("E", "s")
         assert run.traces == []
 
 

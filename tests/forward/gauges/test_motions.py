@@ -37,7 +37,7 @@ def readings(mesh, field, *channels, **changes):
         **changes,
     )
     u = np.array([field(x) for x in mesh.points]).ravel()
-    return staged.observation.operator(np.arange(len(channels))) @ u
+    return staged.gauges.operator(np.arange(len(channels))) @ u
 
 
 @pytest.mark.parametrize("kind", ["tri3", "quad4", "tri6", "quad8"])

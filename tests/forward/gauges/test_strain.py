@@ -137,4 +137,4 @@ def test_strains_are_exact_in_their_derivatives_and_serve_condensation(dim):
     assert_exact(response, p, names)
     assert "something else" not in (response.obstacle() or "")
     rows = np.arange(len(channels))
-    assert staged.observation.operator(rows).shape == (5, mesh.points.size)
+    assert staged.gauges.operator(rows).shape == (5, mesh.points.size)

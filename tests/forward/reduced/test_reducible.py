@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from support.reduced import PAIRS_PLANE, plane, spread
 
+from geoident.model.response import CERTAIN
+
 
 def recording(**options):
     staged = plane(n=4)
@@ -38,3 +40,16 @@ def test_only_the_last_ones_count():
     whole, last = response.surrogate(visited), response.surrogate(visited[1:])
     np.testing.assert_array_equal(whole.readings(asked), last.readings(asked))
     assert staged.counts.evaluations == 2
+
+
+def test_an_evaluation_does_not_depend_on_the_surveys_before_it():
+    """A survey may take displacements from the reduced model; an evaluation never does."""
+    staged, response = recording()
+    p = spread(staged, 1, seed=3)[0]
+    response.surrogate([p])
+    q = p * (1.0 + 1e-5)
+    assert response.surrogate([p]).error(q) <= CERTAIN
+    staged.survey(q, fields=True)
+    expected = plane(n=4).response(PAIRS_PLANE).evaluate(q)
+    for value, fresh in zip(staged.response(PAIRS_PLANE).evaluate(q), expected, strict=True):
+        np.testing.assert_array_equal(value, fresh)

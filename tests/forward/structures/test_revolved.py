@@ -166,7 +166,7 @@ def _reactions(staged):
     for end in staged.at(NOTHING).states():
         held = points.forces(end.stress[..., 0], points.volume)
         held += staged.structures.nodal_forces(end.members[:, :1])[:, 0]
-        held -= staged.actions.forces(end.state, NOWHERE)[:, 0]
+        held -= staged.actions.forces(end.number, NOWHERE)[:, 0]
         yield held.reshape(-1, 2)[fixed_dofs(staged.on_mesh).reshape(-1, 2)[:, 1], 1].sum()
 
 

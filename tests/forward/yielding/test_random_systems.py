@@ -204,10 +204,10 @@ def test_stages_are_those_of_a_quadratic_program(name, seed, hardening):
     hardened = np.zeros((len(law.planes), points.n_points))
     yielded = 0
     for old, new in pairwise(states):
-        task = problem(staged, new.state, old.stress[..., 0], hardened)
+        task = problem(staged, new.number, old.stress[..., 0], hardened)
         expected = by_quadratic_program(task)
         assert expected is not None
-        dofs = staged.systems[new.state].pattern.dofs
+        dofs = staged.systems[new.number].pattern.dofs
         du = (new.u - old.u)[:, 0]
         stress = new.stress[..., 0]
         scale = np.abs(stress).max()

@@ -138,7 +138,7 @@ class LoadStage:
 
 
 @dataclass(frozen=True)
-class StagedSystem:
+class EquationArrays:
     """All stages of one identification problem.
 
     Args:
@@ -165,7 +165,7 @@ class StagedSystem:
         return int(self.rows.shape[1])
 
 
-def bilinear(staged: StagedSystem, p: Floats) -> BilinearSystem:
+def bilinear(staged: EquationArrays, p: Floats) -> BilinearSystem:
     """Stages, point sets and laws as one system of vectors.
 
     Unknowns are, stage by stage, du of the free degrees of freedom and, of one present point set
@@ -239,7 +239,7 @@ def _matrix(blocks: list[tuple[Ints, Ints, Floats]], shape: tuple[int, int]) -> 
 class _Assembly:
     """The numbers of all unknowns, equations and pairs, and the blocks between them."""
 
-    def __init__(self, staged: StagedSystem) -> None:
+    def __init__(self, staged: EquationArrays) -> None:
         self.staged = staged
         self.places: dict[tuple[int, int], _Place] = {}
         self.first: list[tuple[int, int]] = []

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from geoident.forward.staged_system import (
+from geoident.forward.equation_arrays import (
     Affine,
+    EquationArrays,
     LoadStage,
     PointLaw,
     PointSet,
-    StagedSystem,
     bilinear,
 )
 
@@ -40,7 +40,7 @@ def point_law(rng, planes, strain, *, moves=(0, 1, 2), hardens=(1,)):
     )
 
 
-def staged_system():
+def equation_arrays():
     """Two sets; laws that change, with as many planes or more; a set that is absent for a time."""
     rng = np.random.default_rng(2)
     sets = (point_set(rng, "wide", 2, 3), point_set(rng, "thin", 3, 1))
@@ -67,7 +67,7 @@ def staged_system():
     rows = sp.csr_array(rng.normal(size=(4, N_DOFS)))
     active = rng.normal(size=(len(stages), 4))
     names = ("a", "b", "c")
-    return StagedSystem(names, sets, laws, stages, rows, active, affine(rng, 4))
+    return EquationArrays(names, sets, laws, stages, rows, active, affine(rng, 4))
 
 
 def unknowns(staged, x):
@@ -135,7 +135,7 @@ def values(staged, x, p):
 
 
 def test_it_has_the_equations_the_slacks_and_the_readings_of_the_stages():
-    staged, rng = staged_system(), np.random.default_rng(5)
+    staged, rng = equation_arrays(), np.random.default_rng(5)
     system = bilinear(staged, np.array([0.4, -0.3, 0.7]))
     n = system.equations.by_x.shape[1]
     for _ in range(3):
