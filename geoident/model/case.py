@@ -1,4 +1,4 @@
-"""One project: what `case.yaml`, read and resolved, says. All numbers in SI units."""
+"""One case: what `case.yaml`, read and resolved, says. All numbers in SI units."""
 
 from __future__ import annotations
 
@@ -235,7 +235,7 @@ class FitSettings:
 
 @dataclass(frozen=True)
 class Case:
-    """One project.
+    """One case.
 
     Args:
         title: free text.
@@ -250,7 +250,7 @@ class Case:
         gravity: (dim,) acceleration vector in m/s2, or None for none.
         loads: loads that act from the beginning, by name.
         stages: construction in its order.
-        channels: one for every relative displacement that the gauges measure.
+        channels: one for every quantity that the gauges read.
         readings: what was read, in the order of the file.
         fit: how to identify.
         source: where the keys are written in the file.

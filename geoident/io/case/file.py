@@ -9,7 +9,6 @@ without the faulty entries goes with them (`FaultyCase`), so that it can be held
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -30,6 +29,7 @@ from geoident.io.case.external.surroundings import ModelContext
 from geoident.io.case.external.table import within_runs
 from geoident.io.case.face import with_zero_stages
 from geoident.io.case.gauges.channel_errors import described_channels
+from geoident.io.case.ladder import names_in_text
 from geoident.io.case.readings_by_stage import read_all
 from geoident.io.case.references import check_references
 from geoident.io.case.site_files.measured_values import with_measured
@@ -37,7 +37,7 @@ from geoident.io.case.site_files.point_tables import with_tables
 from geoident.io.loaded import LoadedCase
 from geoident.io.schema.faults import add_schema_faults, likely_tags, node_at, paths_of
 from geoident.io.schema.partial import ValidPart
-from geoident.io.schema.values import kind_of
+from geoident.io.schema.values import kind_of, tied_parameter
 from geoident.io.text.faults import Faults, Places
 from geoident.io.text.head import refuse_no_case
 from geoident.io.text.kinds import refuse_other_kind
@@ -55,8 +55,6 @@ STDIN_NAME = "<stdin>"
 
 BLANK = "FILL_IN"
 """Stands in a skeleton for a value that its user is to give: a fault until it is replaced."""
-
-_TIE = re.compile(r"\$\{?([A-Za-z_]\w*)")
 
 _HINTS = {
     "E": "Young's modulus with its unit, such as 15 GPa, or $NAME of a parameter.",
@@ -139,17 +137,19 @@ def _left_idle(written: object, changed: object) -> list[str]:
     had, has = written.get("parameters"), changed.get("parameters")
     if not (isinstance(had, Mapping) and isinstance(has, Mapping)):
         return []
-    lost = _ties(written) - _ties(changed)
+    lost = _tied(written) - _tied(changed)
     return [name for name in has if name in lost and name in had]
 
 
-def _ties(node: object) -> set[str]:
-    """Names that the texts of a document refer to by ``$NAME``."""
+def _tied(node: object) -> set[str]:
+    """Parameters to which numbers of a document are tied, or the changes of its ladder tie them."""
     if isinstance(node, Mapping):
-        return set().union(*map(_ties, node.values()))
+        ladder = names_in_text(str(node.get("ladder", "")))
+        return ladder.union(*map(_tied, node.values()))
     if isinstance(node, list):
-        return set().union(*map(_ties, node))
-    return set(_TIE.findall(node)) if isinstance(node, str) else set()
+        return set().union(*map(_tied, node))
+    name = tied_parameter(node) if isinstance(node, str) else None
+    return set() if name is None else {name}
 
 
 def _idle_notes(names: Sequence[str]) -> tuple[str, ...]:

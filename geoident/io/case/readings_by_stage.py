@@ -323,7 +323,7 @@ def _stage_of(reading: Reading, calendar: Calendar) -> str:
     """
     found = calendar.stage_at(reading.time) if reading.time is not None else reading.stage
     gauge = calendar.channels.get(reading.channel)
-    of_virgin = gauge is not None and gauge.made_of is Reads.VIRGIN
+    of_virgin = gauge is not None and gauge.reads is Reads.VIRGIN
     first = calendar.stages[1] if len(calendar.stages) > 1 else found
     return first if found == VIRGIN and of_virgin else found
 
@@ -345,9 +345,9 @@ def _reduced(group: list[Reading], repeated: str, calendar: Calendar) -> list[Re
     if repeated == "first":
         good = [min(good, key=lambda reading: reading.time or 0.0)]
     elif repeated == "last":
-        good = [max(good, key=lambda reading: (reading.time is not None, reading.time or 0.0))]
-        if good[0].time is None:
-            good = [[r for r in group if not r.bad and r.value is not None][-1]]
+        # of equal dates, and where none is known, the last in the file
+        latest = max(reversed(good), key=lambda r: (r.time is not None, r.time or 0.0))
+        good = [latest]
     elif repeated == "mean":
         good = [_mean(good, calendar)]
     return [*good, *bad]

@@ -157,6 +157,12 @@ class CaseNumber:
         return [self]
 
 
+def tied_parameter(text: str) -> str | None:
+    """The parameter to which a text such as ``0.6 $E_rock`` ties a number; None for another."""
+    tie = _TIE.fullmatch(text.strip()) if len(text) <= _LONGEST else None
+    return None if tie is None else tie[3]
+
+
 def scalar_of(given: CaseNumber | None) -> Scalar | None:
     """The number for the model; None where nothing is given."""
     return None if given is None else given.scalar
@@ -229,18 +235,19 @@ class QuantityType:
         if self.tied and self.above == 0.0 and 0.0 < given.factor < 1.0 / LARGEST:
             message = f"'{given.text}' is too small to be computed with"
             raise Refusal("out-of-range", message, "Check its exponent.")
-        if self.above is not None and not given.factor > self.above:
-            if self.below is None:
-                limit = (
-                    "it must be positive" if self.above == 0 else f"it must exceed {self.above:g}"
-                )
-                message = f"'{given.text}': {limit}"
-                hint = f"Write {self.words()}, such as {self._example()}."
-                raise Refusal("out-of-range", message, hint)
-        elif self.below is None or given.factor < self.below:
+        too_small = self.above is not None and not given.factor > self.above
+        too_large = self.below is not None and not given.factor < self.below
+        if not (too_small or too_large):
             return given
-        message = f"'{given.text}': it must be between {self.above:g} and {self.below:g}"
-        raise Refusal("out-of-range", message, "Correct the number or its unit.")
+        hint = "Correct the number or its unit."
+        if self.below is None:
+            limit = "be positive" if self.above == 0 else f"exceed {self.above:g}"
+            hint = f"Write {self.words()}, such as {self._example()}."
+        elif self.above is None:
+            limit = f"be less than {self.below:g}"
+        else:
+            limit = f"be between {self.above:g} and {self.below:g}"
+        raise Refusal("out-of-range", f"'{given.text}': it must {limit}", hint)
 
     def __get_pydantic_core_schema__(
         self, source: object, handler: GetCoreSchemaHandler

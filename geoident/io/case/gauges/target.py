@@ -10,6 +10,7 @@ from pydantic import Field, model_validator
 
 from geoident.io.case.gauges.gauge import (
     GaugeBase,
+    Motion,
     Reference,
     axis_vector,
     cross_product,
@@ -150,7 +151,7 @@ class TargetSection(GaugeBase):
             refuse_one_point(context.at("relative_to"))
             return []
         return [
-            self.reads(f"{name}.{component}", name, (self.kind, first, point, vector), place.path)
+            self.make_channel(f"{name}.{component}", name, Motion(first, point, vector), place.path)
             for component, vector in directions.items()
         ]
 
