@@ -21,7 +21,7 @@ from geoident.model.actions import (
 from geoident.model.arrays import Floats
 from geoident.model.external import ExternalSource
 from geoident.model.gauges import Channel, Reading, StageReadings, taken_together
-from geoident.model.ground import Elastic, Field, Growth
+from geoident.model.ground import Elastic, Growth, RandomField
 from geoident.model.in_situ import InSitu
 from geoident.model.methods import (
     ClosedFormOptions,
@@ -105,7 +105,7 @@ class Material:
     density: Scalar = Scalar(0.0)
     expansion: Scalar = Scalar(0.0)
     yields: tuple[YieldSurface, ...] = ()
-    fields: tuple[Field, ...] = ()
+    fields: tuple[RandomField, ...] = ()
     growths: tuple[Growth, ...] = ()
 
 
@@ -325,7 +325,7 @@ class Case:
         return {parameter.name: parameter.start for parameter in self.parameters}
 
     @property
-    def fields(self) -> tuple[Field, ...]:
+    def fields(self) -> tuple[RandomField, ...]:
         """The constants of all materials that vary from place to place."""
         return tuple(each for material in self.materials.values() for each in material.fields)
 

@@ -135,8 +135,8 @@ class CaseNumber:
         parameter: the parameter that it is tied to, or None.
         dimension: key of `geoident.units.DIMENSIONS`.
         unit: as normalised by `geoident.units`, empty for a tie.
-        field: the section of the field of which the number is the mean, or from which it follows;
-            None for one number everywhere.
+        varied_by: the section of the field of which the number is the mean, of the growth that
+            begins from it, or of the rock mass from which it follows; None for one number.
     """
 
     text: str
@@ -144,7 +144,7 @@ class CaseNumber:
     parameter: str | None
     dimension: str
     unit: str = ""
-    field: Any = None
+    varied_by: Any = None
 
     @property
     def scalar(self) -> Scalar:
@@ -517,17 +517,16 @@ def shape_of(value: object) -> str:
     return "list" if isinstance(value, list | tuple) else "text"
 
 
-Length = Annotated[CaseNumber, QuantityType("length")]
+# A number that may be tied to a parameter has a plain name; of one that may not it is `Fixed...`.
 Stress = Annotated[CaseNumber, QuantityType("pressure", tied=True)]
 Modulus = Annotated[CaseNumber, QuantityType("pressure", tied=True, above=0.0)]
 Ratio = Annotated[CaseNumber, QuantityType(DIMENSIONLESS, tied=True, above=-1.0, below=0.5)]
 Density = Annotated[CaseNumber, QuantityType("density", tied=True)]
 Angle = Annotated[CaseNumber, QuantityType("angle", tied=True)]
 UnitWeight = Annotated[CaseNumber, QuantityType("unit weight", tied=True)]
-Offset = Annotated[CaseNumber, QuantityType("length", tied=True)]
+Length = Annotated[CaseNumber, QuantityType("length", tied=True)]
 Drift = Annotated[CaseNumber, QuantityType("velocity", tied=True)]
 Coefficient = Annotated[CaseNumber, QuantityType(DIMENSIONLESS, tied=True)]
-Level = Annotated[CaseNumber, QuantityType("length", tied=True)]
 Force = Annotated[CaseNumber, QuantityType("force", tied=True)]
 LineForce = Annotated[CaseNumber, QuantityType("line load", tied=True)]
 TemperatureChange = Annotated[CaseNumber, QuantityType("temperature", tied=True)]
@@ -538,13 +537,13 @@ Multiple = Annotated[CaseNumber, QuantityType(DIMENSIONLESS, tied=True, above=0.
 AxialStiffness = Annotated[CaseNumber, QuantityType("force", tied=True, above=0.0)]
 WallStiffness = Annotated[CaseNumber, QuantityType("line load", tied=True, above=0.0)]
 BendingStiffness = Annotated[CaseNumber, QuantityType("bending stiffness", tied=True, above=0.0)]
-Positive = Annotated[CaseNumber, QuantityType(DIMENSIONLESS, above=0.0)]
-TiedLength = Annotated[CaseNumber, QuantityType("length", tied=True, above=0.0)]
-TiedTime = Annotated[CaseNumber, QuantityType("time", tied=True, above=0.0)]
-Dimensionless = Annotated[CaseNumber, QuantityType(DIMENSIONLESS)]
-GivenAngle = Annotated[CaseNumber, QuantityType("angle")]
-GivenSize = Annotated[CaseNumber, QuantityType("length", above=0.0)]
-Acceleration = Annotated[CaseNumber, QuantityType("acceleration")]
+Time = Annotated[CaseNumber, QuantityType("time", tied=True, above=0.0)]
+FixedLength = Annotated[CaseNumber, QuantityType("length")]
+FixedMultiple = Annotated[CaseNumber, QuantityType(DIMENSIONLESS, above=0.0)]
+FixedCoefficient = Annotated[CaseNumber, QuantityType(DIMENSIONLESS)]
+FixedAngle = Annotated[CaseNumber, QuantityType("angle")]
+FixedSize = Annotated[CaseNumber, QuantityType("length", above=0.0)]
+FixedAcceleration = Annotated[CaseNumber, QuantityType("acceleration")]
 AnyQuantity = Annotated[CaseNumber, QuantityType(None)]
 
 
@@ -564,7 +563,7 @@ def _in_order(bounds: list[CaseNumber]) -> list[CaseNumber]:
 
 _SHARED = "; bare numbers take the unit of the last entry, as in [12.5, 3 m]"
 Coordinates = Annotated[
-    list[Length],
+    list[FixedLength],
     SharesUnit(),
     Field(description=f"Coordinates, 2 in plane strain and 3 in a solid{_SHARED}."),
 ]
@@ -576,7 +575,7 @@ Bounds = Annotated[
     Exactly(2),
     Field(description=f"Lower and upper bound{_SHARED}."),
 ]
-Accelerations = Annotated[list[Acceleration], SharesUnit()]
+Accelerations = Annotated[list[FixedAcceleration], SharesUnit()]
 Stresses = Annotated[list[Stress], SharesUnit()]
 Forces = Annotated[list[Force], SharesUnit()]
 LineForces = Annotated[list[LineForce], SharesUnit()]
@@ -587,6 +586,6 @@ Coefficients = list[Coefficient]
 DirectionVector = list[Annotated[CaseNumber, QuantityType(DIMENSIONLESS)]]
 _GROUP = {"type": "string", "pattern": "^[^-+.$0-9]", "description": "name of a group of faces"}
 LevelOrGroup = Annotated[
-    Annotated[Level, Tag("level")] | Annotated[Name, WithJsonSchema(_GROUP), Tag("group")],
+    Annotated[Length, Tag("level")] | Annotated[Name, WithJsonSchema(_GROUP), Tag("group")],
     Discriminator(level_or_group),
 ]

@@ -33,17 +33,14 @@ from geoident.io.schema.values import (
     CaseNumber,
     Coordinates,
     Drift,
+    Length,
     Name,
-    Offset,
-    QuantityType,
     scalar_of,
     shape_of,
 )
 from geoident.model.arrays import Vector
 from geoident.model.case import VIRGIN, KeyPath
 from geoident.model.gauges import Channel, ErrorParts, MovingPoint, Reads
-
-GivenLength = Annotated[CaseNumber, QuantityType("length", above=0.0)]
 
 
 class Motion(NamedTuple):
@@ -83,7 +80,7 @@ class GaugeBase(Section):
         "the face that a stage has: `{distance: 2.5 m}`. In ground that is placed at the very next "
         "stage readings count from its placing on.",
     )
-    offset: Offset | None = Field(
+    offset: Length | None = Field(
         None,
         description="Added to all readings after the zero: a misread zero, a head that slipped.",
         examples=["$off1"],
@@ -93,7 +90,7 @@ class GaugeBase(Section):
         description="Drift of the gauge with time since its zero; needs dates.",
         examples=["$drift1"],
     )
-    drift_per_stage: Offset | None = Field(
+    drift_per_stage: Length | None = Field(
         None, description="Drift of the gauge per stage since its zero."
     )
 

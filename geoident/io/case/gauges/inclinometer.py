@@ -13,7 +13,6 @@ from pydantic import Field, model_validator
 from geoident.io.case.gauges.accuracy import LengthAccuracy, check_parts
 from geoident.io.case.gauges.gauge import (
     GaugeBase,
-    GivenLength,
     Motion,
     axis_vector,
     cross_product,
@@ -24,13 +23,14 @@ from geoident.io.schema.section import Alternatives, Context, SectionFaults
 from geoident.io.schema.values import (
     Coordinates,
     DirectionVector,
-    Length,
+    FixedLength,
+    FixedSize,
     SharesUnit,
 )
 from geoident.model.arrays import Vector
 from geoident.model.gauges import Channel, MovingPoint
 
-DepthList = Annotated[list[Length], SharesUnit()]
+DepthList = Annotated[list[FixedLength], SharesUnit()]
 
 _ON_LINE = 1e-9
 """Lengths below this part of a casing count as zero."""
@@ -60,7 +60,7 @@ class InclinometerSection(GaugeBase):
     depths: DepthList | None = Field(
         None, description="Where it is read, measured along the casing from its top."
     )
-    interval: GivenLength | None = Field(
+    interval: FixedSize | None = Field(
         None, description="In place of depths: read every so far.", examples=["0.5 m"]
     )
     axes: list[Literal["A", "B"]] = Field(

@@ -27,7 +27,7 @@ from geoident.io.schema.values import (
     CaseNumber,
     Coordinates,
     DirectionVector,
-    GivenAngle,
+    FixedAngle,
     Line,
     Name,
     QuantityType,
@@ -284,10 +284,10 @@ class LineOfSightSection(GaugeBase):
     sensor: Coordinates | None = Field(
         None, description="In place of a direction: where the instrument stands."
     )
-    incidence: GivenAngle | None = Field(
+    incidence: FixedAngle | None = Field(
         None, description="In place of a direction: angle between it and the vertical."
     )
-    azimuth: GivenAngle | None = Field(
+    azimuth: FixedAngle | None = Field(
         None,
         description="With incidence, in a solid: towards the sensor, clockwise from y; in a plane "
         "model the line leans towards x, or against it where incidence is negative.",
