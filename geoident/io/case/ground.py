@@ -254,7 +254,7 @@ class AnisotropicSection(_MaterialBase):
 def elastic(value: object) -> str:
     """Discriminator of the union: the value of the key `elastic`, `isotropic` if missing.
 
-    Messages of pydantic show its name, which is why it is called as the key.
+    Messages name this function, so it is called as the key.
     """
     found = value.get("elastic") if isinstance(value, dict) else getattr(value, "elastic", None)
     return found if isinstance(found, str) else "isotropic"

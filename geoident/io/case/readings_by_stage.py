@@ -98,7 +98,7 @@ def read_all(section: CaseSection, find: Find, faults: Faults) -> ReadReadings:
         if isinstance(entry, ReadingSection):
             batch, alone = _inline(entry, path, calendar, faults), True
         else:
-            batch, alone = _of_file(entry, path, (find, calendar, checks), found)
+            batch, alone = _of_file(entry, path, find, checks, found)
         checks.all(batch, alone=alone)
         found.readings += batch
     checks.bad()
@@ -159,12 +159,12 @@ def _inline(
 def _of_file(
     entry: str | ReadingsFileSection,
     path: KeyPath,
-    tools: tuple[Find, Calendar, ReadingChecks],
+    find: Find,
+    checks: ReadingChecks,
     found: _Found,
 ) -> tuple[list[Reading], bool]:
     """The readings of a file, each with its stage, and whether one a stage is expected."""
-    find, calendar, checks = tools
-    faults = checks.faults
+    calendar, faults = checks.calendar, checks.faults
     # what a file must declare by its format is asked for where it is read
     described = ReadingsFileSection.model_construct(file=entry) if isinstance(entry, str) else entry
     before = len(faults.found)
@@ -355,6 +355,9 @@ def _reduced(group: list[Reading], repeated: str, calendar: Calendar) -> list[Re
 
 def _mean(good: list[Reading], calendar: Calendar) -> Reading:
     """One reading for several, of which some may have accuracies of their own.
+
+    `mean` in a case is the plain mean, which people can check on the sheet. Readings that all count
+    are weighted by their accuracies where one number is shown for them (`taken_together`).
 
     What readings of a day share, such as a set-up, is averaged over the days only.
     """

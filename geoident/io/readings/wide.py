@@ -107,21 +107,23 @@ class WideReader:
         unit = origin.unit or unit or declared
         scale = None
         if unit or not self.units_follow:
-            scale = self._scale(line, cell, (channel or name, name), (unit, origin))
+            scale = self._scale(line, cell, channel or name, unit, origin, name=name)
         self.columns.append(_Column(n, channel or name, cell, origin, scale))
 
     def _scale(
-        self, line: int, cell: Cell, names: tuple[str, str], given: tuple[str, Origin]
+        self, line: int, cell: Cell, channel: str, unit: str, origin: Origin, *, name: str = ""
     ) -> UnitScale | None:
         """How the numbers of a column become readings.
 
         Args:
             line: of the unit.
             cell: at which a fault is noted.
-            names: of its channel and its own.
-            given: its unit, and what is declared of the channel.
+            channel: which it holds.
+            unit: of its numbers; empty where none is given.
+            origin: what is declared of the channel.
+            name: of the column, where it is not that of the channel.
         """
-        (channel, name), (unit, origin) = names, given
+        name = name or channel
         if unit or origin.calibration:
             dimension = self.table.layout.dimension(channel)
             return self.table.scale(line, Cell(unit, cell.column), dimension, origin)
@@ -194,6 +196,6 @@ class WideReader:
         for n, column in enumerate(self.columns):
             if column.scale is None:
                 cell = cells[column.at] if column.at < len(cells) else Cell("", 1)
-                names, unit = (column.channel, column.channel), cell.text.strip("()[] ")
-                scale = self._scale(line, cell, names, (unit, column.origin))
+                unit = cell.text.strip("()[] ")
+                scale = self._scale(line, cell, column.channel, unit, column.origin)
                 self.columns[n] = replace(column, scale=scale)
