@@ -1,4 +1,4 @@
-"""One project: what `case.yaml`, read and resolved, says. All numbers in SI units."""
+"""One case: what `case.yaml`, read and resolved, says. All numbers in SI units."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from geoident.model.actions import (
 from geoident.model.arrays import Floats
 from geoident.model.external import ExternalSource
 from geoident.model.gauges import Channel, Reading, StageReadings, taken_together
-from geoident.model.ground import Elastic, Field, Growth
+from geoident.model.ground import Elastic, Growth, RandomField
 from geoident.model.in_situ import InSitu
 from geoident.model.methods import (
     ClosedFormOptions,
@@ -105,7 +105,7 @@ class Material:
     density: Scalar = Scalar(0.0)
     expansion: Scalar = Scalar(0.0)
     yields: tuple[YieldSurface, ...] = ()
-    fields: tuple[Field, ...] = ()
+    fields: tuple[RandomField, ...] = ()
     growths: tuple[Growth, ...] = ()
 
 
@@ -235,7 +235,7 @@ class FitSettings:
 
 @dataclass(frozen=True)
 class Case:
-    """One project.
+    """One case.
 
     Args:
         title: free text.
@@ -250,7 +250,7 @@ class Case:
         gravity: (dim,) acceleration vector in m/s2, or None for none.
         loads: loads that act from the beginning, by name.
         stages: construction in its order.
-        channels: one for every relative displacement that the gauges measure.
+        channels: one for every quantity that the gauges read.
         readings: what was read, in the order of the file.
         fit: how to identify.
         source: where the keys are written in the file.
@@ -325,7 +325,7 @@ class Case:
         return {parameter.name: parameter.start for parameter in self.parameters}
 
     @property
-    def fields(self) -> tuple[Field, ...]:
+    def fields(self) -> tuple[RandomField, ...]:
         """The constants of all materials that vary from place to place."""
         return tuple(each for material in self.materials.values() for each in material.fields)
 

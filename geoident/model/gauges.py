@@ -195,9 +195,14 @@ class Channel:
         return self.reads is Reads.CHANGE
 
     @property
+    def error_parts(self) -> ErrorParts:
+        """What the errors of its readings are made of; of independent ones that of each alone."""
+        return self.errors or ErrorParts(self.accuracy)
+
+    @property
     def own_accuracy(self) -> float:
         """Standard deviation of what one reading has by itself, SI, as the gauge states it."""
-        return self.accuracy if self.errors is None else self.errors.reading
+        return self.error_parts.reading
 
     def own_sd(self, reading: Reading) -> float:
         """Standard deviation of what a reading has by itself, SI.

@@ -1,6 +1,6 @@
 """Elasticity as a case states it: symmetry, constants, and how the symmetry lies in the ground.
 
-Which elastic constants give a positive definite matrix, and which bound those break that do not.
+Also: which constants give a positive definite matrix, and which bound is broken if not.
 
 Strain energy must be positive for every strain. For engineering constants that means, besides
 positive moduli, bounds on Poisson's ratios: with nu_ij <= sqrt(E_i / E_j) in size the two-by-two
@@ -165,7 +165,7 @@ class PointValue:
 
 
 @dataclass(frozen=True)
-class Field:
+class RandomField:
     """A positive constant that varies from place to place as a lognormal random field (theory 10).
 
     Its logarithm has the mean log(mean), the standard deviation ``sd`` and a Matern correlation
@@ -206,7 +206,8 @@ class Field:
     def name(self) -> str:
         """By which people and files know it.
 
-        >>> Field("rock", "E", Scalar(1.0), 0.3, (20.0,), Attitude(Scalar(0.0), Scalar(0.0))).name
+        >>> flat = Attitude(Scalar(0.0), Scalar(0.0))
+        >>> RandomField("rock", "E", Scalar(1.0), 0.3, (20.0,), flat).name
         'rock.E'
         """
         surface = f".yield-{self.surface + 1}" if self.surface else ""
@@ -360,10 +361,10 @@ def with_constants(elastic: Elastic, given: Mapping[str, Scalar]) -> Elastic:
 
 
 def bounded(elastic: Elastic, growths: Sequence[Growth]) -> Elastic:
-    """The elasticity whose constants bounds are asked of.
+    """The elasticity to check against bounds.
 
-    A modulus of isotropic ground may begin to grow from zero, and its bounds do not depend on
-    others; whether it is positive is asked at the points of the ground.
+    A modulus of isotropic ground that grows may start from zero, and the bounds of others do not
+    depend on it, so it is replaced by 1 here and checked at the points of the ground.
     """
     if not isinstance(elastic, Isotropic):
         return elastic

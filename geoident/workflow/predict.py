@@ -25,7 +25,7 @@ from geoident.io.text.yaml_reader import parse_yaml
 from geoident.model.arrays import Bools, Ints
 from geoident.model.case import Case
 from geoident.model.gauges import Channel, Reading, ReadingTable
-from geoident.model.ground import Field
+from geoident.model.ground import RandomField
 from geoident.model.results.bands import Prediction
 from geoident.model.results.result import ParameterTable, Provenance, Result
 from geoident.workflow.estimating.accuracies import Possible, with_found, with_scatter
@@ -407,7 +407,7 @@ def _with_gauges_of_fit(inputs: Inputs, origin: Inputs, fit: Result) -> Inputs:
     return replace(inputs, loaded=replace(inputs.loaded, case=case))
 
 
-def _unplaced(field: Field) -> Field:
+def _unplaced(field: RandomField) -> RandomField:
     """A field without where it is written."""
     measured = tuple(replace(test, path=(), origin="") for test in field.measured)
     return replace(field, path=(), measured=measured)

@@ -26,7 +26,7 @@ from geoident.fem.solvers import pick_solver
 from geoident.forward.model import staged_model
 from geoident.identify.least_squares.gauss_newton import gauss_newton
 from geoident.identify.problem.problem import Problem
-from geoident.model.ground import Attitude, Field
+from geoident.model.ground import Attitude, RandomField
 from geoident.model.methods import GaussNewtonOptions
 from geoident.model.parameter import Scalar
 from geoident.workflow.running.jobs import load_inputs, load_mesh
@@ -61,7 +61,7 @@ def of_two_parameters(case):
 def with_field(case, modes):
     rock = case.materials["rock"]
     flat = Attitude(Scalar(0.0), Scalar(np.pi / 2))
-    field = Field("rock", "E", rock.elastic.E, 0.3, (20.0,), flat, modes=modes)
+    field = RandomField("rock", "E", rock.elastic.E, 0.3, (20.0,), flat, modes=modes)
     return replace(case, materials={**case.materials, "rock": replace(rock, fields=(field,))})
 
 

@@ -106,18 +106,3 @@ def test_estimated_parts_are_components_of_their_kind():
     sd, shared = structure.at(np.log([4.0]))
     np.testing.assert_allclose(sd, [2e-4, 2e-4, 1e-4])
     np.testing.assert_allclose(shared.columns.toarray(), 1e-4 * np.diag([2.0, 2.0, 1.0]))
-
-
-@pytest.mark.parametrize("order", [(0, 1, 2), (2, 1, 0), (1, 0, 2)])
-def test_the_set_up_of_gauges_that_say_different_things_of_it_is_estimated_in_any_order(order):
-    estimated = (("epoch", "levelling: epoch"),)
-    given = channel("a", epoch=4e-4, survey="monday")
-    rows = [
-        (given, Reading("a", "s", 0.0)),
-        (channel("b", epoch=3e-4, survey="monday", estimated=estimated), Reading("b", "s", 0.0)),
-        (channel("c", epoch=2e-4), Reading("c", "s", 0.0)),
-    ]
-    structure = error_structure([rows[k] for k in order])
-    assert structure.names == ("levelling: epoch",)
-    shared = np.count_nonzero(structure.columns.toarray(), axis=0) == 2
-    np.testing.assert_array_equal(structure.column_component, np.where(shared, 0, -1))

@@ -23,7 +23,7 @@ from geoident.forward.ground.elasticity import material_axes
 from geoident.model.arrays import Floats, Ints
 from geoident.model.case import Case
 from geoident.model.dual import ParameterPoint
-from geoident.model.ground import Field, PointField
+from geoident.model.ground import PointField, RandomField
 from geoident.model.parameter import Parameter, Prior, Values
 
 EXPLAINED = 0.99
@@ -42,7 +42,7 @@ FARTHEST = 10.0
 """Bounds of the coefficient of a mode, in standard deviations of its prior."""
 
 
-def covariance_of(field: Field, dim: int) -> Matern:
+def covariance_of(field: RandomField, dim: int) -> Matern:
     """The covariance of the logarithm of a field in a model of 2 or 3 dimensions."""
     axes = material_axes(field.frame, ParameterPoint({}, ()), section=dim == 2).value
     first, last = field.lengths[0], field.lengths[-1]
@@ -51,7 +51,7 @@ def covariance_of(field: Field, dim: int) -> Matern:
     return Matern(field.sd, scaling_of(axes[:dim], lengths), field.smoothness)
 
 
-def point_field(field: Field, points: Ints, positions: Floats, start: Values) -> PointField:
+def point_field(field: RandomField, points: Ints, positions: Floats, start: Values) -> PointField:
     """A field at the strain points of its material.
 
     Args:

@@ -13,7 +13,7 @@ from geoident.forward.ground.elasticity import material_axes
 from geoident.forward.yielding.surfaces import is_smooth, yield_limits, yield_planes
 from geoident.model.case import Analysis, Case, KeyPath, Material
 from geoident.model.dual import ParameterPoint
-from geoident.model.ground import Field, Growth, constants
+from geoident.model.ground import Growth, RandomField, constants
 from geoident.model.parameter import Parameter, Values
 from geoident.model.yielding import GivenPlanes, WeakPlane, YieldSurface
 
@@ -65,7 +65,7 @@ def _field_faults(case: Case, material: Material) -> Iterator[Fault]:
 
     The law of a point is that of the means with one factor on all strengths, and one on the moduli.
     """
-    entries: tuple[Field | Growth, ...] = (*material.fields, *material.growths)
+    entries: tuple[RandomField | Growth, ...] = (*material.fields, *material.growths)
     for field in entries:
         if isinstance(field, Growth) or field.surface is None:
             moduli = [name for name in constants(material.elastic) if not name.startswith("nu")]
@@ -94,7 +94,7 @@ def _field_faults(case: Case, material: Material) -> Iterator[Fault]:
         yield case.source.fault(path, code="field", message=message, hint=hint)
 
 
-def _other_strengths(case: Case, material: Material, field: Field) -> Iterator[Fault]:
+def _other_strengths(case: Case, material: Material, field: RandomField) -> Iterator[Fault]:
     """Strengths that do not vary with the one that does."""
     for number, surface in enumerate(material.yields):
         if isinstance(surface, GivenPlanes):

@@ -15,7 +15,7 @@ from geoident.io.schema.values import (
     Coefficients,
     Coordinates,
     Forces,
-    Level,
+    Length,
     LevelOrGroup,
     LineForces,
     Name,
@@ -55,7 +55,7 @@ class FallSection(Section):
         alias="from", description="Where the level is still that of the load."
     )
     end: Coordinates = Field(alias="to", description="Where it has fallen to `level`.")
-    level: Level = Field(description="Level of the water there.")
+    level: Length = Field(description="Level of the water there.")
 
     @model_validator(mode="after")
     def _some_length(self) -> FallSection:
@@ -72,7 +72,7 @@ class FallSection(Section):
 class WaterLoadSection(Section):
     """Pressure of water on a face, growing with depth below a level; above it the face is dry."""
 
-    level: Level = Field(description="Level of the water.", examples=["120 m", "$level"])
+    level: Length = Field(description="Level of the water.", examples=["120 m", "$level"])
     unit_weight: UnitWeight | None = Field(None, description=_WATER_WEIGHT)
     falls: FallSection | None = Field(
         None, description="Uplift: how the level falls along the face."

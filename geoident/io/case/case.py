@@ -45,9 +45,9 @@ from geoident.io.case.varied.growth import GrowthBase
 from geoident.io.case.varied.rock_mass import RockMassModulusSection
 from geoident.io.schema.section import Context, Section, SectionFaults
 from geoident.io.schema.values import (
-    Acceleration,
     Accelerations,
     CaseNumber,
+    FixedAcceleration,
     Name,
     ParameterName,
     Text,
@@ -68,7 +68,7 @@ class MeshSection(Section):
 
 
 Gravity = Annotated[
-    Annotated[Acceleration, Tag("text")] | Annotated[Accelerations, Tag("list")],
+    Annotated[FixedAcceleration, Tag("text")] | Annotated[Accelerations, Tag("list")],
     Discriminator(shape_of),
 ]
 
@@ -358,10 +358,12 @@ _PLAIN = frozenset([type(None), str, float, int, bool])
 def _add_numbers(node: object, path: KeyPath, found: list[tuple[KeyPath, CaseNumber]]) -> None:
     if type(node) in _PLAIN:
         return
-    if isinstance(node, CaseNumber) and isinstance(node.field, GrowthBase | RockMassModulusSection):
-        _add_numbers(node.field, path, found)
+    if isinstance(node, CaseNumber) and isinstance(
+        node.varied_by, GrowthBase | RockMassModulusSection
+    ):
+        _add_numbers(node.varied_by, path, found)
     elif isinstance(node, CaseNumber):
-        found.append((path if node.field is None else (*path, "field", "mean"), node))
+        found.append((path if node.varied_by is None else (*path, "field", "mean"), node))
     elif isinstance(node, BaseModel):
         for name, key in _keys_of(type(node)):
             _add_numbers(getattr(node, name), (*path, key), found)

@@ -14,7 +14,7 @@ from geoident.io.schema.values import (
     CaseNumber,
     Coefficient,
     Coordinates,
-    Level,
+    Length,
     Multiple,
     Name,
     Size,
@@ -130,7 +130,7 @@ FaceSection = Annotated[
 class FirstReadingSection(Section):
     """The stage at which the face was so far away."""
 
-    distance: Level = Field(
+    distance: Length = Field(
         description="`distance` of a stage, at whose end the gauge reads zero.", examples=["2.5 m"]
     )
 

@@ -9,7 +9,6 @@ without the faulty entries goes with them (`FaultyCase`), so that it can be held
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -30,6 +29,7 @@ from geoident.io.case.external.surroundings import ModelContext
 from geoident.io.case.external.table import within_runs
 from geoident.io.case.face import with_zero_stages
 from geoident.io.case.gauges.channel_errors import described_channels
+from geoident.io.case.ladder import names_in_text
 from geoident.io.case.readings_by_stage import read_all
 from geoident.io.case.references import check_references
 from geoident.io.case.site_files.measured_values import with_measured
@@ -37,7 +37,7 @@ from geoident.io.case.site_files.point_tables import with_tables
 from geoident.io.loaded import LoadedCase
 from geoident.io.schema.faults import add_schema_faults, likely_tags, node_at, paths_of
 from geoident.io.schema.partial import ValidPart
-from geoident.io.schema.values import kind_of
+from geoident.io.schema.values import kind_of, tied_parameter
 from geoident.io.text.faults import Faults, Places
 from geoident.io.text.head import refuse_no_case
 from geoident.io.text.kinds import refuse_other_kind
@@ -55,8 +55,6 @@ STDIN_NAME = "<stdin>"
 
 BLANK = "FILL_IN"
 """Stands in a skeleton for a value that its user is to give: a fault until it is replaced."""
-
-_TIE = re.compile(r"\$\{?([A-Za-z_]\w*)")
 
 _HINTS = {
     "E": "Young's modulus with its unit, such as 15 GPa, or $NAME of a parameter.",
@@ -114,17 +112,16 @@ def parse_case(
     files = named_files([document.data, places.data], folder)
     section, places = _validate(places, folder)
     faults = Faults(places)
-    built = _build(section, folder, faults, with_mesh=with_mesh)
+    case, paths = _build(section, folder, faults, with_mesh=with_mesh)
     if faults.found:
-        left = _left(ValidPart.all_of(places), faults, built, folder)
+        left = _left(ValidPart.all_of(places), faults, case, folder)
         raise FaultyCase(faults, left)
-    case = replace(built.case, notes=(*built.case.notes, *_idle_notes(idle)))
+    case = replace(case, notes=(*case.notes, *_idle_notes(idle)))
     chain = [method_name(options) for options in case.fit.methods]
     resolved = computed = _resolved_text(section, chain) if with_texts else ""
     if with_texts and section.report is not None:
         computed = _resolved_text(section.model_copy(update={"report": None}), chain)
-    paths = built.readings_paths
-    return LoadedCase(case, text, resolved, built.mesh_path, paths, files, computed)
+    return LoadedCase(case, text, resolved, case.mesh_file, paths, files, computed)
 
 
 def _left_idle(written: object, changed: object) -> list[str]:
@@ -139,17 +136,19 @@ def _left_idle(written: object, changed: object) -> list[str]:
     had, has = written.get("parameters"), changed.get("parameters")
     if not (isinstance(had, Mapping) and isinstance(has, Mapping)):
         return []
-    lost = _ties(written) - _ties(changed)
+    lost = _tied(written) - _tied(changed)
     return [name for name in has if name in lost and name in had]
 
 
-def _ties(node: object) -> set[str]:
-    """Names that the texts of a document refer to by ``$NAME``."""
+def _tied(node: object) -> set[str]:
+    """Parameters to which numbers of a document are tied, or the changes of its ladder tie them."""
     if isinstance(node, Mapping):
-        return set().union(*map(_ties, node.values()))
+        ladder = names_in_text(str(node.get("ladder", "")))
+        return ladder.union(*map(_tied, node.values()))
     if isinstance(node, list):
-        return set().union(*map(_ties, node))
-    return set(_TIE.findall(node)) if isinstance(node, str) else set()
+        return set().union(*map(_tied, node))
+    name = tied_parameter(node) if isinstance(node, str) else None
+    return set() if name is None else {name}
 
 
 def _idle_notes(names: Sequence[str]) -> tuple[str, ...]:
@@ -161,23 +160,13 @@ def _idle_notes(names: Sequence[str]) -> tuple[str, ...]:
     return (f"{', '.join(names)} {word}: overrides took away what depended on {them}",)
 
 
-@dataclass(frozen=True)
-class _Built:
-    """What the sections of a case and its readings are built into.
+def _build(
+    section: CaseSection, folder: Path, faults: Faults, *, with_mesh: bool = True
+) -> tuple[Case, tuple[str, ...]]:
+    """The case of sections that are right by themselves, and the paths of its readings.
 
-    Args:
-        case: the case.
-        mesh_path: path of its mesh, relative paths against the folder of the case; None for none.
-        readings_paths: paths of the files of readings, in their order.
+    What is wrong beyond the sections is noted.
     """
-
-    case: Case
-    mesh_path: str | None
-    readings_paths: tuple[str, ...]
-
-
-def _build(section: CaseSection, folder: Path, faults: Faults, *, with_mesh: bool = True) -> _Built:
-    """The case of sections that are right by themselves; what is wrong beyond that is noted."""
     gauges = with_zero_stages(section.gauges, section.stages, faults)
     section = section.model_copy(update={"gauges": gauges})
     mesh_path = None
@@ -197,7 +186,7 @@ def _build(section: CaseSection, folder: Path, faults: Faults, *, with_mesh: boo
         mesh_file=mesh_path,
         elsewhere=elsewhere,
     )
-    return _Built(case, mesh_path, read.paths)
+    return case, read.paths
 
 
 def _elsewhere(
@@ -273,13 +262,13 @@ _ROUNDS = 5
 """Times that what is left of a case may show further faults when these are left out as well."""
 
 
-def _left(rest: ValidPart, faults: Faults, built: _Built, folder: Path) -> PartOfCase | None:
+def _left(rest: ValidPart, faults: Faults, case: Case, folder: Path) -> PartOfCase | None:
     """What is left of a case without all that is wrong in it; None where that is no case.
 
     Args:
         rest: the case without entries that are wrong by themselves.
         faults: what else was found in it.
-        built: of the same.
+        case: what was built of it.
         folder: of the case.
     """
     left = rest
@@ -287,9 +276,9 @@ def _left(rest: ValidPart, faults: Faults, built: _Built, folder: Path) -> PartO
         paths = faults.of_keys()
         if not paths or not left.sequence_is_known:  # then nothing asks for what they name
             wrong = {fault.location for fault in faults.found}
-            sound = tuple(r for r in built.case.readings if not {r.location, r.when} & wrong)
-            case = replace(built.case, readings=sound)
-            mesh = built.mesh_path
+            sound = tuple(r for r in case.readings if not {r.location, r.when} & wrong)
+            case = replace(case, readings=sound)
+            mesh = case.mesh_file
             return None if mesh is None else PartOfCase(case, mesh, left)
         fewer = left.without(paths)
         if fewer is None:
@@ -299,7 +288,7 @@ def _left(rest: ValidPart, faults: Faults, built: _Built, folder: Path) -> PartO
             section = CaseSection.model_validate(left.places.data, context={})
         except ValidationError:
             return None
-        built = _build(section, folder, faults)
+        case, _ = _build(section, folder, faults)
     return None
 
 
@@ -391,9 +380,9 @@ def _further(rest: ValidPart | None, faults: Faults, folder: Path) -> PartOfCase
     except ValidationError:
         return None  # what is left is no case
     found = Faults(rest.places)
-    built = _build(section, folder, found)
+    case, _ = _build(section, folder, found)
     faults.extend(rest.independent(found.found))
-    return _left(rest, found, built, folder)
+    return _left(rest, found, case, folder)
 
 
 def _find(folder: Path, name: str, key: KeyPath, *, faults: Faults) -> str:

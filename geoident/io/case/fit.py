@@ -22,10 +22,10 @@ from geoident.io.schema.values import (
     Count,
     CountOr,
     Exactly,
-    Length,
+    FixedLength,
+    FixedMultiple,
     Name,
     ParameterName,
-    Positive,
     QuantityType,
     SharesUnit,
     require_text,
@@ -54,13 +54,13 @@ _RANGES: Mapping[str, Any] = {
     "gamma": Annotated[CaseNumber, QuantityType(DIMENSIONLESS, above=1.0)],
 }
 PlanePoint = Annotated[
-    list[Length],
+    list[FixedLength],
     SharesUnit(),
     Exactly(2),
     Field(description="Coordinates x and y.", examples=[["0 m", "3 m"]]),
 ]
 Radius = Annotated[CaseNumber, QuantityType("length", above=0.0)]
-_KINDS: Mapping[Any, Any] = {float: Positive, int: Annotated[int, Count(least=1)]}
+_KINDS: Mapping[Any, Any] = {float: FixedMultiple, int: Annotated[int, Count(least=1)]}
 
 
 def _known_method(value: object) -> str:

@@ -10,7 +10,7 @@ from pydantic import Discriminator, Field, Tag, model_validator
 
 from geoident.io.case.frames import ATTITUDE_OR_AXES, attitude, axes_along, strata
 from geoident.io.case.parameters import ParameterSection, numbers_at_start
-from geoident.io.case.varied.number import FieldModulus, YoungModulus, fields_in, growths_in
+from geoident.io.case.varied.number import ModulusOrVaried, YoungModulus, fields_in, growths_in
 from geoident.io.case.varied.rock_mass import KEY, DerivedModulus
 from geoident.io.case.yielding.sections import YieldSections, build_yields, fields_of_yields
 from geoident.io.schema.section import Alternatives, Context, Section, refuse
@@ -86,8 +86,8 @@ class IsotropicSection(_MaterialBase):
         examples=["15 GPa", "$E_rock"],
     )
     nu: Ratio | None = Field(None, description="Poisson's ratio, between -1 and 0.5.")
-    K: FieldModulus | None = Field(None, description="Bulk modulus.")
-    G: FieldModulus | None = Field(None, description="Shear modulus.")
+    K: ModulusOrVaried | None = Field(None, description="Bulk modulus.")
+    G: ModulusOrVaried | None = Field(None, description="Shear modulus.")
 
     def build_elastic(self, context: Context) -> Isotropic:
         """By the pair that is given."""
@@ -131,24 +131,28 @@ class TransverselyIsotropicSection(_InclinedBase):
     normal: DirectionVector | None = Field(
         None, description=f"Normal of the strata in place of dip and dip_direction, {_VECTOR}"
     )
-    E_p: FieldModulus | None = Field(
+    E_p: ModulusOrVaried | None = Field(
         None, description="Young's modulus in the plane of the strata."
     )
     nu_p: Coefficient | None = Field(None, description="Poisson's ratio in the plane.")
-    E_n: FieldModulus | None = Field(None, description="Young's modulus along the normal.")
+    E_n: ModulusOrVaried | None = Field(None, description="Young's modulus along the normal.")
     nu_np: Coefficient | None = Field(
         None,
         description="Poisson's ratio for a stress along the normal: -strain in the plane / strain "
         "along the normal; so nu_pn = nu_np E_p / E_n.",
     )
-    G_np: FieldModulus | None = Field(None, description="Shear modulus between normal and plane.")
-    A: FieldModulus | None = Field(
+    G_np: ModulusOrVaried | None = Field(
+        None, description="Shear modulus between normal and plane."
+    )
+    A: ModulusOrVaried | None = Field(
         None, description="Love's A = c11 = c22, axis 3 being the normal."
     )
-    C: FieldModulus | None = Field(None, description="Love's C = c33.")
+    C: ModulusOrVaried | None = Field(None, description="Love's C = c33.")
     F: Stress | None = Field(None, description="Love's F = c13 = c23.")
-    L: FieldModulus | None = Field(None, description="Love's L, shear modulus of normal and plane.")
-    N: FieldModulus | None = Field(None, description="Love's N, shear modulus in the plane.")
+    L: ModulusOrVaried | None = Field(
+        None, description="Love's L, shear modulus of normal and plane."
+    )
+    N: ModulusOrVaried | None = Field(None, description="Love's N, shear modulus in the plane.")
 
     def build_elastic(self, context: Context) -> TransverselyIsotropic | LoveModuli:
         """By engineering constants or Love's moduli."""
@@ -169,15 +173,15 @@ class OrthotropicSection(_InclinedBase):
     one_of = (Alternatives(*ATTITUDE_OR_AXES, hint="Axes along the model's: 'dip: 0 deg'."),)
 
     elastic: Literal["orthotropic"] = Field(description="Symmetry of the elasticity.")
-    E_1: FieldModulus = Field(description="Young's modulus along axis 1.")
-    E_2: FieldModulus = Field(description="Young's modulus along axis 2.")
-    E_3: FieldModulus = Field(description="Young's modulus along axis 3.")
+    E_1: ModulusOrVaried = Field(description="Young's modulus along axis 1.")
+    E_2: ModulusOrVaried = Field(description="Young's modulus along axis 2.")
+    E_3: ModulusOrVaried = Field(description="Young's modulus along axis 3.")
     nu_12: Coefficient = Field(description="Poisson's ratio: contraction along 2, stress along 1.")
     nu_13: Coefficient = Field(description="Poisson's ratio: contraction along 3, stress along 1.")
     nu_23: Coefficient = Field(description="Poisson's ratio: contraction along 3, stress along 2.")
-    G_12: FieldModulus = Field(description="Shear modulus between axes 1 and 2.")
-    G_13: FieldModulus = Field(description="Shear modulus between axes 1 and 3.")
-    G_23: FieldModulus = Field(description="Shear modulus between axes 2 and 3.")
+    G_12: ModulusOrVaried = Field(description="Shear modulus between axes 1 and 2.")
+    G_13: ModulusOrVaried = Field(description="Shear modulus between axes 1 and 3.")
+    G_23: ModulusOrVaried = Field(description="Shear modulus between axes 2 and 3.")
     rotation: Angle | None = Field(
         None, description="Turns axes 1 and 2 about the normal, right-handed; 0 if missing."
     )
@@ -215,27 +219,27 @@ class AnisotropicSection(_MaterialBase):
     """
 
     elastic: Literal["anisotropic"] = Field(description="Symmetry of the elasticity.")
-    c11: FieldModulus = _entry("xx", "xx")
+    c11: ModulusOrVaried = _entry("xx", "xx")
     c12: Stress | None = _entry("xx", "yy", "0 if missing")
     c13: Stress | None = _entry("xx", "zz", "0 if missing")
     c14: Stress | None = _entry("xx", "xy", "0 if missing")
     c15: Stress | None = _entry("xx", "yz", "0 if missing")
     c16: Stress | None = _entry("xx", "xz", "0 if missing")
-    c22: FieldModulus = _entry("yy", "yy")
+    c22: ModulusOrVaried = _entry("yy", "yy")
     c23: Stress | None = _entry("yy", "zz", "0 if missing")
     c24: Stress | None = _entry("yy", "xy", "0 if missing")
     c25: Stress | None = _entry("yy", "yz", "0 if missing")
     c26: Stress | None = _entry("yy", "xz", "0 if missing")
-    c33: FieldModulus = _entry("zz", "zz")
+    c33: ModulusOrVaried = _entry("zz", "zz")
     c34: Stress | None = _entry("zz", "xy", "0 if missing")
     c35: Stress | None = _entry("zz", "yz", "0 if missing")
     c36: Stress | None = _entry("zz", "xz", "0 if missing")
-    c44: FieldModulus = _entry("xy", "xy")
+    c44: ModulusOrVaried = _entry("xy", "xy")
     c45: Stress | None = _entry("xy", "yz", "0 if missing")
     c46: Stress | None = _entry("xy", "xz", "0 if missing")
-    c55: FieldModulus | None = _entry("yz", "yz", "needed in a solid")
+    c55: ModulusOrVaried | None = _entry("yz", "yz", "needed in a solid")
     c56: Stress | None = _entry("yz", "xz", "0 if missing")
-    c66: FieldModulus | None = _entry("xz", "xz", "needed in a solid")
+    c66: ModulusOrVaried | None = _entry("xz", "xz", "needed in a solid")
 
     def build_elastic(self, context: Context) -> Anisotropic:
         """By the entries that are given; a solid needs two more."""
@@ -248,7 +252,10 @@ class AnisotropicSection(_MaterialBase):
 
 
 def elastic(value: object) -> str:
-    """The symmetry that a section says; its name is the key that messages name."""
+    """Discriminator of the union: the value of the key `elastic`, `isotropic` if missing.
+
+    Messages name this function, so it is called as the key.
+    """
     found = value.get("elastic") if isinstance(value, dict) else getattr(value, "elastic", None)
     return found if isinstance(found, str) else "isotropic"
 

@@ -18,7 +18,7 @@ from pydantic import BaseModel, Discriminator, Field, Tag
 from geoident.io.case.ground import MaterialSection
 from geoident.io.case.parameters import ParameterSection
 from geoident.io.schema.section import Context, Section
-from geoident.io.schema.values import Angle, CaseNumber, Name, Text
+from geoident.io.schema.values import NAME_PATTERN, Angle, CaseNumber, Name, Text
 from geoident.io.text.wording import listing
 from geoident.model.case import Analysis, KeyPath, Rung, format_path
 
@@ -97,7 +97,7 @@ def build_ladder(
 def names_of_sets(entries: Sequence[Symmetry | RungSection]) -> set[str]:
     """Parameters that the changes of a ladder name."""
     sets = [entry.set for entry in entries if isinstance(entry, RungSection)]
-    return {tie.removeprefix("$") for given in sets for tie in _names(json.dumps(given))}
+    return {name for given in sets for name in names_in_text(json.dumps(given))}
 
 
 Origins = Mapping[str, tuple[tuple[str, float], ...]]
@@ -226,17 +226,17 @@ class _Ladder:
         """
         gone = [path for path in (replaced, "fit.ladder", *given) if path]
         still = {
-            f"${tie.parameter}"
+            tie.parameter
             for path, tie in self.ties
             if not any(_below(format_path(path), other) for other in gone)
         }
         for override in overrides:
-            still |= _names(override)
+            still |= names_in_text(override)
         named = {path.removeprefix("parameters.") for path in given}
         return [
             f"parameters.{name}=null"
             for name in self.parameters
-            if f"${name}" not in still and name not in named
+            if name not in still and name not in named
         ]
 
 
@@ -245,9 +245,9 @@ def _below(path: str, other: str) -> bool:
     return path == other or path.startswith((f"{other}.", f"{other}["))
 
 
-def _names(text: str) -> set[str]:
-    """The ties of a text, each with its dollar."""
-    return {f"${name}" for name in re.findall(r"\$([A-Za-z_][A-Za-z0-9_]*)", text)}
+def names_in_text(text: str) -> set[str]:
+    """Parameters that a text refers to by ``$NAME``."""
+    return set(re.findall(rf"\$({NAME_PATTERN})", text))
 
 
 class _New:

@@ -11,7 +11,7 @@ from pydantic import Discriminator, Field, Tag
 
 from geoident.io.schema.estimated import ESTIMATE, NONE, SizeOrWord
 from geoident.io.schema.section import Section
-from geoident.io.schema.values import CaseNumber, GivenSize
+from geoident.io.schema.values import CaseNumber, FixedSize
 from geoident.io.text.wording import Refusal, did_you_mean, shorten
 from geoident.model.methods import ModelErrorOptions
 from geoident.units import DIMENSIONLESS
@@ -60,7 +60,7 @@ class ModelErrorSection(Section):
         description="Part of the computed motion by which the model is wrong; `estimate` from what "
         "is left of the readings, or `none`.",
     )
-    length: GivenSize | None = Field(
+    length: FixedSize | None = Field(
         None,
         description="Distance over which it is correlated; without it, how far the gauges are "
         "spread. The results hardly depend on it.",

@@ -98,7 +98,7 @@ def read_all(section: CaseSection, find: Find, faults: Faults) -> ReadReadings:
         if isinstance(entry, ReadingSection):
             batch, alone = _inline(entry, path, calendar, faults), True
         else:
-            batch, alone = _of_file(entry, path, (find, calendar, checks), found)
+            batch, alone = _of_file(entry, path, find, checks, found)
         checks.all(batch, alone=alone)
         found.readings += batch
     checks.bad()
@@ -159,12 +159,12 @@ def _inline(
 def _of_file(
     entry: str | ReadingsFileSection,
     path: KeyPath,
-    tools: tuple[Find, Calendar, ReadingChecks],
+    find: Find,
+    checks: ReadingChecks,
     found: _Found,
 ) -> tuple[list[Reading], bool]:
     """The readings of a file, each with its stage, and whether one a stage is expected."""
-    find, calendar, checks = tools
-    faults = checks.faults
+    calendar, faults = checks.calendar, checks.faults
     # what a file must declare by its format is asked for where it is read
     described = ReadingsFileSection.model_construct(file=entry) if isinstance(entry, str) else entry
     before = len(faults.found)
@@ -323,7 +323,7 @@ def _stage_of(reading: Reading, calendar: Calendar) -> str:
     """
     found = calendar.stage_at(reading.time) if reading.time is not None else reading.stage
     gauge = calendar.channels.get(reading.channel)
-    of_virgin = gauge is not None and gauge.made_of is Reads.VIRGIN
+    of_virgin = gauge is not None and gauge.reads is Reads.VIRGIN
     first = calendar.stages[1] if len(calendar.stages) > 1 else found
     return first if found == VIRGIN and of_virgin else found
 
@@ -345,9 +345,9 @@ def _reduced(group: list[Reading], repeated: str, calendar: Calendar) -> list[Re
     if repeated == "first":
         good = [min(good, key=lambda reading: reading.time or 0.0)]
     elif repeated == "last":
-        good = [max(good, key=lambda reading: (reading.time is not None, reading.time or 0.0))]
-        if good[0].time is None:
-            good = [[r for r in group if not r.bad and r.value is not None][-1]]
+        # of equal dates, and where none is known, the last in the file
+        latest = max(reversed(good), key=lambda r: (r.time is not None, r.time or 0.0))
+        good = [latest]
     elif repeated == "mean":
         good = [_mean(good, calendar)]
     return [*good, *bad]
@@ -355,6 +355,9 @@ def _reduced(group: list[Reading], repeated: str, calendar: Calendar) -> list[Re
 
 def _mean(good: list[Reading], calendar: Calendar) -> Reading:
     """One reading for several, of which some may have accuracies of their own.
+
+    `mean` in a case is the plain mean, which people can check on the sheet. Readings that all count
+    are weighted by their accuracies where one number is shown for them (`taken_together`).
 
     What readings of a day share, such as a set-up, is averaged over the days only.
     """

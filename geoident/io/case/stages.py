@@ -28,7 +28,7 @@ from geoident.io.schema.values import (
     Coefficient,
     Flag,
     Force,
-    Level,
+    Length,
     Name,
     scalar_of,
 )
@@ -69,7 +69,7 @@ class StageSection(Section):
         "(convergence-confinement).",
         examples=[{"heading": 0.4}],
     )
-    distance: Level | None = Field(
+    distance: Length | None = Field(
         None,
         description="How far the section is behind the tunnel face at the end of the stage "
         "(negative: ahead of it), which releases the stress of the tunnel as `face` says.",

@@ -191,7 +191,7 @@ class _Reader:
             hint = f"The UNIT row of the group declares '{self.date_format}'."
             self.table.refuse((line, 1), "bad-date", f"MOND_DTIM: {error}", hint)
             return None
-        value = self.table.number(line, cell)
+        value = self.table.read_number(line, cell)
         dimension = self.table.layout.dimension(channel)
         scale = self._scale(n, line, origin, dimension) if value is not None else UnitScale()
         if (value is None and cell.text) or scale is None:

@@ -95,12 +95,12 @@ def parse_readings(content: bytes, file: str, layout: Layout | None = None) -> t
         raise InputError(table.faults)
     text = decode(content, file, encoding=table.layout.encoding, hint=ENCODING_HINT)
     found = lines(text, table.layout.delimiter)
-    given = (line for line in found if line[0] >= table.layout.header_row)
+    given = (row for row in found if row[0] >= table.layout.header_row)
     first = next(given, None)
     if first is not None and _separated_otherwise(table, *first):
         raise InputError(table.faults)
     rest = () if first is None else chain((first,), given)
-    return read_rows(table, ((number, table.split(number, line)) for number, line in rest))
+    return read_rows(table, ((line, table.split(line, text)) for line, text in rest))
 
 
 def read_workbook(path: str, layout: Layout) -> tuple[Reading, ...]:
@@ -147,11 +147,11 @@ def read_rows(table: Table, rows: Iterable[Row]) -> tuple[Reading, ...]:
     if not table.faults:
         reader.header(*header)
     readings: list[Reading] = []
-    for number, cells in rest if not table.faults else ():
-        if number < layout.data_row and not reader.units_follow:
+    for line, cells in rest if not table.faults else ():
+        if line < layout.data_row and not reader.units_follow:
             continue
         blank = layout.blank and any(cell.text in layout.blank for cell in cells)
-        readings += reader.row(number, _without(cells, layout.blank) if blank else cells)
+        readings += reader.row(line, _without(cells, layout.blank) if blank else cells)
         if len(table.faults) > _MOST_FAULTS:
             break
     if table.faults:
@@ -164,9 +164,9 @@ class _Rows(Protocol):
 
     units_follow: bool
 
-    def header(self, number: int, cells: list[Cell]) -> None: ...
+    def header(self, line: int, cells: list[Cell]) -> None: ...
 
-    def row(self, number: int, cells: list[Cell]) -> list[Reading]: ...
+    def row(self, line: int, cells: list[Cell]) -> list[Reading]: ...
 
 
 def _reader(table: Table) -> _Rows:
@@ -185,11 +185,11 @@ def _without(cells: list[Cell], blank: tuple[str, ...]) -> list[Cell]:
     return [Cell("", cell.column) if cell.text in blank else cell for cell in cells]
 
 
-def _separated_otherwise(table: Table, number: int, line: str) -> bool:
+def _separated_otherwise(table: Table, line: int, text: str) -> bool:
     """Note a header that is separated by something else than declared."""
     wanted = table.layout.delimiter
-    others = [d for d in _DELIMITERS if d != wanted and d in line]
-    if wanted in line or not others:
+    others = [d for d in _DELIMITERS if d != wanted and d in text]
+    if wanted in text or not others:
         return False
     if wanted == ",":
         message = "the columns are separated by semicolons or tabs; commas are expected"
@@ -198,7 +198,7 @@ def _separated_otherwise(table: Table, number: int, line: str) -> bool:
     else:
         message = f"there are no {_DELIMITERS[wanted]} in the header; they are declared"
         hint = f"It has {listing(_DELIMITERS[d] for d in others)}: correct 'delimiter' in the case."
-    table.refuse((number, 1), "bad-header", message, hint)
+    table.refuse((line, 1), "bad-header", message, hint)
     return True
 
 
@@ -224,7 +224,7 @@ class _LongReader:
         self.table = table
         layout = table.layout
         self.names = {layout.header(key): key for key in COLUMNS}
-        self.channels = {
+        self.by_name_in_file = {
             origin.name or channel: (channel, origin) for channel, origin in layout.channels.items()
         }
         self.required: tuple[str, ...] = REQUIRED
@@ -233,27 +233,27 @@ class _LongReader:
         self.temperatures: dict[str, int] = {}
         self.nameless: dict[int, bool] = {}
 
-    def header(self, number: int, cells: list[Cell]) -> None:
+    def header(self, line: int, cells: list[Cell]) -> None:
         """Note the columns, and what is wrong with them."""
         expected = ",".join(self.table.layout.header(key) for key in REQUIRED)
-        if self.table.refuse_missing(number, cells, self.names, expected):
+        if self.table.refuse_missing(line, cells, self.names, expected):
             return
         found = tuple(cell.text.lower() for cell in cells)
         if not self._leaves_aside(""):
             self.nameless = {n: False for n, name in enumerate(found) if not name}
-        self.table.require_ignored(number, cells)
-        self.temperatures = self.table.temperature_columns(number, cells)
+        self.table.require_ignored(line, cells)
+        self.temperatures = self.table.temperature_columns(line, cells)
         for n, cell in enumerate(cells):
-            self._check_column(number, cell, found[:n])
+            self._check_column(line, cell, found[:n])
         self.keys = tuple(self.names.get(name, "") for name in found)
         dated = "date" in self.keys and "stage" not in self.keys
         self.required = tuple("date" if dated and k == "stage" else k for k in REQUIRED)
-        calibrated = [origin.calibration for _, origin in self.channels.values()]
+        calibrated = [origin.calibration for _, origin in self.by_name_in_file.values()]
         if self.table.layout.unit or (calibrated and None not in calibrated):
             self.required = tuple(key for key in self.required if key != "unit")
-        self._require_columns(number)
+        self._require_columns(line)
 
-    def _check_column(self, number: int, cell: Cell, before: tuple[str, ...]) -> None:
+    def _check_column(self, line: int, cell: Cell, before: tuple[str, ...]) -> None:
         name = cell.text.lower()
         if not name or name in self.table.layout.ignore or name in self.temperatures:
             return
@@ -264,100 +264,102 @@ class _LongReader:
             if not hint.startswith("Did"):
                 hint += f" If it is not to be read, declare it: ignore: [{shorten(cell.text)}]."
             message = f"there is no column '{shorten(cell.text)}'"
-            self.table.refuse((number, cell.column), "bad-header", message, hint)
+            self.table.refuse((line, cell.column), "bad-header", message, hint)
         elif name in before:
             message = f"the column '{name}' is there twice"
-            self.table.refuse((number, cell.column), "bad-header", message)
+            self.table.refuse((line, cell.column), "bad-header", message)
 
     def _leaves_aside(self, name: str) -> bool:
         """Whether a column of another name is left aside, as whoever names the columns may."""
         return bool(self.table.layout.columns) or (bool(self.table.sheet) and not name)
 
-    def _require_columns(self, number: int) -> None:
+    def _require_columns(self, line: int) -> None:
         missing = [self.table.layout.header(k) for k in self.required if k not in self.keys]
         if missing:
             hint = f"The first line names the columns: {','.join(REQUIRED)}[,accuracy]."
             if missing == [self.table.layout.header("unit")]:
                 hint += " One unit for all may stand in the case: readings: {file: ..., unit: mm}."
             message = f"columns missing in the header: {listing(missing)}"
-            self.table.refuse((number, 1), "bad-header", message, hint)
+            self.table.refuse((line, 1), "bad-header", message, hint)
 
-    def row(self, number: int, cells: list[Cell]) -> list[Reading]:
+    def row(self, line: int, cells: list[Cell]) -> list[Reading]:
         """The reading of a row, if it is right."""
         table = self.table
-        if not cells or table.refuse_nameless(number, cells, self.nameless):
+        if not cells or table.refuse_nameless(line, cells, self.nameless):
             return []
-        if not self._has_width(number, cells):
+        if not self._has_width(line, cells):
             return []
         end = cells[-1].column + len(cells[-1].text)
         cells = [*cells, *[Cell("", end)] * (len(self.keys) - len(cells))]
         row = {key: cell for key, cell in zip(self.keys, cells, strict=False) if key}
         before = len(table.faults)
-        self._check_names(number, row)
+        self._check_names(line, row)
         channel, origin = self._channel(row["gauge"].text)
         if not channel and row["gauge"].text:
             return []  # of an instrument that is not asked for
-        time = table.date(number, row["date"]) if "date" in self.required else None
-        scale = self._scale(number, row, origin, table.layout.dimension(channel))
-        value = table.measured(number, row["value"])
-        accuracy = table.accuracy(number, row.get("accuracy"))
+        time = table.date(line, row["date"]) if "date" in self.required else None
+        scale = self._scale(line, row, origin, table.layout.dimension(channel))
+        value = table.measured(line, row["value"])
+        accuracy = table.accuracy(line, row.get("accuracy"))
         calibration = origin.calibration
-        warmth = None
+        temperature = None
         if calibration is not None and value is not None:
-            warmth = table.temperature(number, cells, self.temperatures, calibration)
-        faulty = len(table.faults) > before or scale is None
-        if not channel or (faulty and time is None and not row.get("stage", _BLANK).text):
+            temperature = table.temperature(line, cells, self.temperatures, calibration)
+        if not channel:
             return []
-        if faulty or scale is None:
+        if len(table.faults) > before or scale is None:
+            if time is None and not row.get("stage", _BLANK).text:
+                return []
+            # A faulty row is kept without its value, so that its names are still checked.
             scale, value, accuracy = UnitScale(), None, None
         when = row["date" if "date" in self.required else "stage"]
         return [
             Reading(
                 channel=channel,
                 stage="" if "date" in self.required else row["stage"].text,
-                value=None if value is None else scale.reading(value, warmth),
+                value=None if value is None else scale.reading(value, temperature),
                 accuracy=None if accuracy is None else scale.accuracy(accuracy, value),
                 bad=flag(row["bad"].text) if "bad" in row else "",
-                location=table.place(number, row["gauge"]),
+                location=table.place(line, row["gauge"]),
                 time=time,
                 zone=utc_offset(when.text) if time is not None else None,
-                when=table.place(number, when),
+                when=table.place(line, when),
                 note=row["remarks"].text if "remarks" in row else "",
             )
         ]
 
     def _channel(self, name: str) -> tuple[str, Origin]:
         """Channel of a name in the file, and its origin; no channel where none is asked for."""
-        if not self.channels:
+        if not self.by_name_in_file:
             return name, Origin()
-        return self.channels.get(name, ("", Origin()))
+        return self.by_name_in_file.get(name, ("", Origin()))
 
-    def _check_names(self, number: int, row: Mapping[str, Cell]) -> None:
+    def _check_names(self, line: int, row: Mapping[str, Cell]) -> None:
         for name in ("gauge", *(key for key in ("stage", "date") if key in self.required)):
             if not row[name].text:
                 message = f"the name of the {name} is missing"
                 message = "the date is missing" if name == "date" else message
-                self.table.refuse((number, row[name].column), "missing-name", message)
+                self.table.refuse((line, row[name].column), "missing-name", message)
 
-    def _has_width(self, number: int, cells: list[Cell]) -> bool:
+    def _has_width(self, line: int, cells: list[Cell]) -> bool:
         table, width = self.table, len(self.keys)
         needed = max(n for n, name in enumerate(self.keys) if name in self.required) + 1
         if len(cells) > width and any(cell.text for cell in cells[width:]):
             message = f"the row has {len(cells)} columns, the header {width}"
             hint = "If a number has a decimal comma, write a point; quote texts that hold commas."
-            table.refuse((number, cells[width].column), "too-many-columns", message, hint)
+            table.refuse((line, cells[width].column), "too-many-columns", message, hint)
             return False
         if len(cells) < needed:
             expected = ",".join(self.keys)
             message = f"the row has {len(cells)} columns; {expected} expected"
             end = cells[-1].column + len(cells[-1].text)
             hint = "Leave a missing value blank: ,,"
-            table.refuse((number, end), "too-few-columns", message, hint)
+            table.refuse((line, end), "too-few-columns", message, hint)
             return False
         return True
 
     def _scale(
-        self, number: int, row: Mapping[str, Cell], origin: Origin, dimension: str
+        self, line: int, row: Mapping[str, Cell], origin: Origin, dimension: str
     ) -> UnitScale | None:
         """How values become SI; as they are where there is no unit and none is needed."""
         cell = row.get("unit", Cell("", 1))
@@ -368,4 +370,4 @@ class _LongReader:
         blank = not row["value"].text and (accuracy is None or not accuracy.text)
         if not cell.text and blank:
             return UnitScale()
-        return self.table.scale(number, cell, dimension, origin)
+        return self.table.scale(line, cell, dimension, origin)

@@ -229,9 +229,9 @@ class Table:
         location = Location(self.file, *place, self.sheet)
         self.faults.append(Fault(code, message, hint, location))
 
-    def place(self, number: int, cell: Cell) -> Location:
+    def place(self, line: int, cell: Cell) -> Location:
         """Where a cell is."""
-        return Location(self.file, number, cell.column, self.sheet)
+        return Location(self.file, line, cell.column, self.sheet)
 
     @cached_property
     def _cell(self) -> re.Pattern[str]:
@@ -239,38 +239,38 @@ class Table:
         blank = rf"[^\S{d}]*+"
         return re.compile(rf'{blank}(?:"((?:[^"]|"")*+)"{blank}|([^"{d}]*+))({d}|$)')
 
-    def split(self, number: int, line: str) -> list[Cell]:
+    def split(self, line: int, text: str) -> list[Cell]:
         """The cells of a line, with quotes removed; none, with a fault, if they cannot be told."""
         cells: list[Cell] = []
         at = 0
         while True:
-            match = self._cell.match(line, at)
+            match = self._cell.match(text, at)
             if match is None:
                 message = "a quote is not closed on its line, or stands inside a text"
                 hint = 'Double quotes enclose a whole cell; inside one write "" for ".'
-                self.refuse((number, at + 1), "bad-quote", message, hint)
+                self.refuse((line, at + 1), "bad-quote", message, hint)
                 return []
             quoted = match[1] is not None
-            text = match[1].replace('""', '"') if quoted else match[2].strip()
-            cells.append(Cell(text, match.start(1 if quoted else 2) + 1))
+            inside = match[1].replace('""', '"') if quoted else match[2].strip()
+            cells.append(Cell(inside, match.start(1 if quoted else 2) + 1))
             at = match.end()
             if match[3] == "":
                 return cells
 
-    def measured(self, number: int, cell: Cell) -> float | None:
-        """What was read once, so in a cell of its own; else as `number`."""
+    def measured(self, line: int, cell: Cell) -> float | None:
+        """What was read once, so in a cell of its own; else as `read_number`."""
         if cell.joined and cell.text:
             message = f"the reading '{shorten(cell.text)}' stands in a cell that joins several"
             hint = "Unmerge them, and leave it where it was read."
-            self.refuse((number, cell.column), "joined-cell", message, hint)
+            self.refuse((line, cell.column), "joined-cell", message, hint)
             return None
-        return self.number(number, cell)
+        return self.read_number(line, cell)
 
-    def number(self, number: int, cell: Cell) -> float | None:
+    def read_number(self, line: int, cell: Cell) -> float | None:
         """The number in a cell, None where it is blank or, with a fault, none."""
         if isinstance(cell.value, float) and math.isfinite(cell.value):
             return cell.value
-        if not cell.text or self._refused_of_a_sheet(number, cell):
+        if not cell.text or self._refused_of_a_sheet(line, cell):
             return None
         text = cell.text
         if self.layout.decimal == ",":
@@ -278,12 +278,12 @@ class Table:
                 message = f"'{shorten(text)}' is not a number with a decimal comma"
                 hint = "The file is declared with 'decimal: \",\"'; a point has no place in it."
                 hint = self._if_blank(text) or hint
-                self.refuse((number, cell.column), "bad-number", message, hint)
+                self.refuse((line, cell.column), "bad-number", message, hint)
                 return None
             text = text.replace(",", ".")
-        return self._plain_number(number, cell, text)
+        return self._plain_number(line, cell, text)
 
-    def _plain_number(self, number: int, cell: Cell, text: str) -> float | None:
+    def _plain_number(self, line: int, cell: Cell, text: str) -> float | None:
         """The number that a text says with a decimal point; None, with a fault, if it is none."""
         try:
             quantity = read_quantity(text)
@@ -292,12 +292,12 @@ class Table:
             hint = (self._if_blank(text) if finite else "") or error.hint
             if "," in text and self.layout.delimiter != ",":
                 hint += ' Or declare it: readings: {file: ..., decimal: ","}.'
-            self.refuse((number, cell.column), "bad-number", error.message, hint)
+            self.refuse((line, cell.column), "bad-number", error.message, hint)
             return None
         if quantity.unit:
             message = f"'{shorten(cell.text)}' has a unit; a number is expected"
             hint = "Units stand in the column 'unit'."
-            self.refuse((number, cell.column), "bad-number", message, hint)
+            self.refuse((line, cell.column), "bad-number", message, hint)
             return None
         return quantity.value
 
@@ -308,9 +308,9 @@ class Table:
             return ""
         return f"If it stands for a missing reading, declare it: blank: ['{shorten(text)}']."
 
-    def _refused_of_a_sheet(self, number: int, cell: Cell) -> bool:
+    def _refused_of_a_sheet(self, line: int, cell: Cell) -> bool:
         """Note a cell of a sheet that holds no number, but a date, an error or a formula."""
-        text, place = cell.text, (number, cell.column)
+        text, place = cell.text, (line, cell.column)
         if isinstance(cell.value, datetime):
             message = f"the cell holds the date {text}; a number is expected"
             hint = "If Excel made a date of a number, type it again in a cell formatted as number."
@@ -327,36 +327,36 @@ class Table:
             return False
         return True
 
-    def accuracy(self, number: int, cell: Cell | None) -> float | None:
+    def accuracy(self, line: int, cell: Cell | None) -> float | None:
         """A positive number, None where there is none."""
         if cell is None:
             return None
-        accuracy = self.number(number, cell)
+        accuracy = self.read_number(line, cell)
         if accuracy is not None and accuracy <= 0:
             message = f"the accuracy '{cell.text}' is not positive"
-            self.refuse((number, cell.column), "out-of-range", message)
+            self.refuse((line, cell.column), "out-of-range", message)
         elif accuracy is not None and not LEAST_SD <= accuracy <= MOST_SD:
             message = f"the accuracy '{cell.text}' is implausible for a gauge"
             hint = f"From {LEAST_SD:g} to {MOST_SD:g} is expected."
-            self.refuse((number, cell.column), "out-of-range", message, hint)
+            self.refuse((line, cell.column), "out-of-range", message, hint)
         return accuracy
 
-    def require_ignored(self, number: int, cells: Sequence[Cell]) -> None:
+    def require_ignored(self, line: int, cells: Sequence[Cell]) -> None:
         """Note names of columns to be ignored that the header does not have."""
         names = [cell.text for cell in cells if cell.text]
         for name in self.layout.ignore:
             if name not in {text.lower() for text in names}:
                 hint = did_you_mean(name, names, what="Columns")
                 message = f"there is no column '{name}' to be ignored"
-                self.refuse((number, 1), "bad-header", message, hint)
+                self.refuse((line, 1), "bad-header", message, hint)
 
     def refuse_missing(
-        self, number: int, cells: Sequence[Cell], known: Iterable[str], header: str
+        self, line: int, cells: Sequence[Cell], known: Iterable[str], header: str
     ) -> bool:
         """Note that a row of numbers stands in place of the header; whether it is so.
 
         Args:
-            number: of the row.
+            line: its number.
             cells: of the row.
             known: names in small letters of which a header has one.
             header: that could stand above it.
@@ -370,16 +370,14 @@ class Table:
         message = f"this {row} is no header: it has numbers, and none of the names of columns"
         hint = f"If it is a reading already, put a header above it: {header}. If the header is "
         hint += "further down, declare its row: readings: {file: ..., header_row: ...}."
-        self.refuse((number, 1), "bad-header", message, hint)
+        self.refuse((line, 1), "bad-header", message, hint)
         return True
 
-    def refuse_nameless(
-        self, number: int, cells: Sequence[Cell], nameless: dict[int, bool]
-    ) -> bool:
+    def refuse_nameless(self, line: int, cells: Sequence[Cell], nameless: dict[int, bool]) -> bool:
         """Note cells of a row in columns that have no name in the header; whether there are any.
 
         Args:
-            number: of the row.
+            line: its number.
             cells: of the row.
             nameless: index of such a column to whether a cell in it is noted; once is enough.
         """
@@ -391,10 +389,10 @@ class Table:
             text = shorten(cells[n].text)
             message = f"column {n + 1} has no name in the header, and here is '{text}' in it"
             hint = "Name the column, or empty it; if a number has a decimal comma, write a point."
-            self.refuse((number, cells[n].column), "bad-header", message, hint)
+            self.refuse((line, cells[n].column), "bad-header", message, hint)
         return bool(found)
 
-    def temperature_columns(self, number: int, cells: Sequence[Cell]) -> dict[str, int]:
+    def temperature_columns(self, line: int, cells: Sequence[Cell]) -> dict[str, int]:
         """Name, in small letters, to index of the columns in which calibrations find temperatures.
 
         A name that the header does not have is noted.
@@ -410,12 +408,12 @@ class Table:
             else:
                 hint = did_you_mean(wanted, [c.text for c in cells if c.text], what="Columns")
                 message = f"there is no column '{wanted}', the temperature of '{channel}'"
-                self.refuse((number, 1), "bad-header", message, hint)
+                self.refuse((line, 1), "bad-header", message, hint)
         return found
 
     def temperature(
         self,
-        number: int,
+        line: int,
         cells: Sequence[Cell],
         columns: Mapping[str, int],
         calibration: Calibration,
@@ -423,7 +421,7 @@ class Table:
         """Temperature of a sensor in a row, degrees Celsius; None where none is needed.
 
         Args:
-            number: of the row.
+            line: its number.
             cells: of the row.
             columns: as `temperature_columns` found them.
             calibration: of the sensor; a missing temperature that it needs is noted.
@@ -432,39 +430,39 @@ class Table:
             return None
         at = columns[calibration.temperature.lower()]
         cell = cells[at] if at < len(cells) else Cell("", 1)
-        found = self.number(number, cell)
+        found = self.read_number(line, cell)
         if found is None and not cell.text:
             message = f"the temperature of the sensor is missing ('{calibration.temperature}')"
             hint = "Its calibration needs it; leave the reading blank, or 'thermal' out."
-            self.refuse((number, cell.column), "missing-temperature", message, hint)
+            self.refuse((line, cell.column), "missing-temperature", message, hint)
         return found
 
-    def scale(self, number: int, cell: Cell, dimension: str, origin: Origin) -> UnitScale | None:
+    def scale(self, line: int, cell: Cell, dimension: str, origin: Origin) -> UnitScale | None:
         """How the numbers of a channel become readings; None, with a fault, if they cannot.
 
         Args:
-            number: of the line of the unit.
+            line: of the unit.
             cell: the unit as written.
             dimension: of what is read.
             origin: what is declared of the channel.
         """
         known = origin.calibration
         if known is None:
-            factor = self.unit(number, cell, dimension)
+            factor = self.unit(line, cell, dimension)
             return None if factor is None else UnitScale(origin.sign * factor)
         found = raw_unit(cell.text)
         if cell.text and found != known.reads:
             message = f"'{cell.text}' is not what the calibration is for, '{known.reads}'"
             hint = "Correct 'reads' of the calibration, or leave it out where readings are given."
-            self.refuse((number, cell.column), "unit", message, hint)
+            self.refuse((line, cell.column), "unit", message, hint)
             return None
         return UnitScale(1.0, known, origin.sign)
 
-    def unit(self, number: int, cell: Cell, dimension: str) -> float | None:
+    def unit(self, line: int, cell: Cell, dimension: str) -> float | None:
         """Size of a unit in the SI unit of a dimension; None, with a fault, if it is none of it.
 
         Args:
-            number: of the line.
+            line: its number.
             cell: the unit as written.
             dimension: of what is read, a key of `geoident.units.DIMENSIONS`.
         """
@@ -473,14 +471,14 @@ class Table:
             message = (
                 f"'{cell.text}' is what the sensor gives; {with_article(dimension)} is expected"
             )
-            self.refuse((number, cell.column), "unit", message, _CALIBRATE % raw)
+            self.refuse((line, cell.column), "unit", message, _CALIBRATE % raw)
             return None
         try:
             unit = normal_unit(cell.text, dimension)
         except UnitError as error:
             comma = cell.text.replace(".", "").isdigit()
             hint = "If the value has a decimal comma, write a point." if comma else error.hint
-            self.refuse((number, cell.column), "unit", error.message, hint)
+            self.refuse((line, cell.column), "unit", error.message, hint)
             return None
         factor = size_in(unit, dimension) if unit or dimension == DIMENSIONLESS else None
         if factor is not None:
@@ -488,25 +486,25 @@ class Table:
         text, found, wanted = cell.text, UNITS[unit][0], with_article(dimension)
         message = f"'{text}' is the unit of {with_article(found)}" if text else "no unit"
         hint = f"Units of {dimension}: {unit_list(dimension)}."
-        self.refuse((number, cell.column), "unit", f"{message}; {wanted} is expected", hint)
+        self.refuse((line, cell.column), "unit", f"{message}; {wanted} is expected", hint)
         return None
 
-    def date(self, number: int, cell: Cell) -> float | None:
+    def date(self, line: int, cell: Cell) -> float | None:
         """Seconds since 1970; None, with a fault, if it is no date of the declared format."""
         if isinstance(cell.value, datetime):
             return cell.value.replace(tzinfo=UTC).timestamp()
         if isinstance(cell.value, float):
             message = f"the cell holds the number {cell.text}, not a date"
             hint = "Format the column in Excel as a date (not as number or text), and save it."
-            self.refuse((number, cell.column), "bad-date", message, hint)
+            self.refuse((line, cell.column), "bad-date", message, hint)
             return None
-        if self._refused_of_a_sheet(number, cell):
+        if self._refused_of_a_sheet(line, cell):
             return None
         try:
             return read_date(cell.text, self.layout.date_format)
         except DateError as error:
             hint = date_hint(cell.text, self.layout.date_format)
-            self.refuse((number, cell.column), "bad-date", str(error), hint)
+            self.refuse((line, cell.column), "bad-date", str(error), hint)
             return None
 
 
@@ -526,9 +524,9 @@ def flag(text: str) -> str:
 
 def lines(text: str, delimiter: str) -> Iterator[tuple[int, str]]:
     """Number and text of the lines that hold something."""
-    for number, line in enumerate(text.replace("\r\n", "\n").replace("\r", "\n").split("\n"), 1):
-        if line.strip(f" \t{delimiter}") and not line.lstrip().startswith("#"):
-            yield number, line
+    for line, found in enumerate(text.replace("\r\n", "\n").replace("\r", "\n").split("\n"), 1):
+        if found.strip(f" \t{delimiter}") and not found.lstrip().startswith("#"):
+            yield line, found
 
 
 def joined_header(rows: Sequence[Row]) -> Row | None:
@@ -543,7 +541,7 @@ def joined_header(rows: Sequence[Row]) -> Row | None:
     """
     if not rows:
         return None
-    number, last = rows[-1]
+    line, last = rows[-1]
     width = max(len(cells) for _, cells in rows)
     names: list[list[str]] = [[] for _ in range(width)]
     for n, (_, cells) in enumerate(rows):
@@ -555,6 +553,6 @@ def joined_header(rows: Sequence[Row]) -> Row | None:
             text = above if lower and not own else own
             names[column] += [text] if text else []
     places = [*last, *(Cell("", 0) for _ in range(width - len(last)))]
-    return number, [
+    return line, [
         Cell(" ".join(parts), cell.column) for parts, cell in zip(names, places, strict=True)
     ]

@@ -135,8 +135,8 @@ class CaseNumber:
         parameter: the parameter that it is tied to, or None.
         dimension: key of `geoident.units.DIMENSIONS`.
         unit: as normalised by `geoident.units`, empty for a tie.
-        field: the section of the field of which the number is the mean, or from which it follows;
-            None for one number everywhere.
+        varied_by: the section of the field of which the number is the mean, of the growth that
+            begins from it, or of the rock mass from which it follows; None for one number.
     """
 
     text: str
@@ -144,7 +144,7 @@ class CaseNumber:
     parameter: str | None
     dimension: str
     unit: str = ""
-    field: Any = None
+    varied_by: Any = None
 
     @property
     def scalar(self) -> Scalar:
@@ -155,6 +155,12 @@ class CaseNumber:
     def parts(self) -> list[CaseNumber]:
         """The numbers that are given: itself, or those from which it follows."""
         return [self]
+
+
+def tied_parameter(text: str) -> str | None:
+    """The parameter to which a text such as ``0.6 $E_rock`` ties a number; None for another."""
+    tie = _TIE.fullmatch(text.strip()) if len(text) <= _LONGEST else None
+    return None if tie is None else tie[3]
 
 
 def scalar_of(given: CaseNumber | None) -> Scalar | None:
@@ -229,18 +235,19 @@ class QuantityType:
         if self.tied and self.above == 0.0 and 0.0 < given.factor < 1.0 / LARGEST:
             message = f"'{given.text}' is too small to be computed with"
             raise Refusal("out-of-range", message, "Check its exponent.")
-        if self.above is not None and not given.factor > self.above:
-            if self.below is None:
-                limit = (
-                    "it must be positive" if self.above == 0 else f"it must exceed {self.above:g}"
-                )
-                message = f"'{given.text}': {limit}"
-                hint = f"Write {self.words()}, such as {self._example()}."
-                raise Refusal("out-of-range", message, hint)
-        elif self.below is None or given.factor < self.below:
+        too_small = self.above is not None and not given.factor > self.above
+        too_large = self.below is not None and not given.factor < self.below
+        if not (too_small or too_large):
             return given
-        message = f"'{given.text}': it must be between {self.above:g} and {self.below:g}"
-        raise Refusal("out-of-range", message, "Correct the number or its unit.")
+        hint = "Correct the number or its unit."
+        if self.below is None:
+            limit = "be positive" if self.above == 0 else f"exceed {self.above:g}"
+            hint = f"Write {self.words()}, such as {self._example()}."
+        elif self.above is None:
+            limit = f"be less than {self.below:g}"
+        else:
+            limit = f"be between {self.above:g} and {self.below:g}"
+        raise Refusal("out-of-range", f"'{given.text}': it must {limit}", hint)
 
     def __get_pydantic_core_schema__(
         self, source: object, handler: GetCoreSchemaHandler
@@ -510,17 +517,16 @@ def shape_of(value: object) -> str:
     return "list" if isinstance(value, list | tuple) else "text"
 
 
-Length = Annotated[CaseNumber, QuantityType("length")]
+# A number that may be tied to a parameter has a plain name; of one that may not it is `Fixed...`.
 Stress = Annotated[CaseNumber, QuantityType("pressure", tied=True)]
 Modulus = Annotated[CaseNumber, QuantityType("pressure", tied=True, above=0.0)]
 Ratio = Annotated[CaseNumber, QuantityType(DIMENSIONLESS, tied=True, above=-1.0, below=0.5)]
 Density = Annotated[CaseNumber, QuantityType("density", tied=True)]
 Angle = Annotated[CaseNumber, QuantityType("angle", tied=True)]
 UnitWeight = Annotated[CaseNumber, QuantityType("unit weight", tied=True)]
-Offset = Annotated[CaseNumber, QuantityType("length", tied=True)]
+Length = Annotated[CaseNumber, QuantityType("length", tied=True)]
 Drift = Annotated[CaseNumber, QuantityType("velocity", tied=True)]
 Coefficient = Annotated[CaseNumber, QuantityType(DIMENSIONLESS, tied=True)]
-Level = Annotated[CaseNumber, QuantityType("length", tied=True)]
 Force = Annotated[CaseNumber, QuantityType("force", tied=True)]
 LineForce = Annotated[CaseNumber, QuantityType("line load", tied=True)]
 TemperatureChange = Annotated[CaseNumber, QuantityType("temperature", tied=True)]
@@ -531,13 +537,13 @@ Multiple = Annotated[CaseNumber, QuantityType(DIMENSIONLESS, tied=True, above=0.
 AxialStiffness = Annotated[CaseNumber, QuantityType("force", tied=True, above=0.0)]
 WallStiffness = Annotated[CaseNumber, QuantityType("line load", tied=True, above=0.0)]
 BendingStiffness = Annotated[CaseNumber, QuantityType("bending stiffness", tied=True, above=0.0)]
-Positive = Annotated[CaseNumber, QuantityType(DIMENSIONLESS, above=0.0)]
-TiedLength = Annotated[CaseNumber, QuantityType("length", tied=True, above=0.0)]
-TiedTime = Annotated[CaseNumber, QuantityType("time", tied=True, above=0.0)]
-Dimensionless = Annotated[CaseNumber, QuantityType(DIMENSIONLESS)]
-GivenAngle = Annotated[CaseNumber, QuantityType("angle")]
-GivenSize = Annotated[CaseNumber, QuantityType("length", above=0.0)]
-Acceleration = Annotated[CaseNumber, QuantityType("acceleration")]
+Time = Annotated[CaseNumber, QuantityType("time", tied=True, above=0.0)]
+FixedLength = Annotated[CaseNumber, QuantityType("length")]
+FixedMultiple = Annotated[CaseNumber, QuantityType(DIMENSIONLESS, above=0.0)]
+FixedCoefficient = Annotated[CaseNumber, QuantityType(DIMENSIONLESS)]
+FixedAngle = Annotated[CaseNumber, QuantityType("angle")]
+FixedSize = Annotated[CaseNumber, QuantityType("length", above=0.0)]
+FixedAcceleration = Annotated[CaseNumber, QuantityType("acceleration")]
 AnyQuantity = Annotated[CaseNumber, QuantityType(None)]
 
 
@@ -557,7 +563,7 @@ def _in_order(bounds: list[CaseNumber]) -> list[CaseNumber]:
 
 _SHARED = "; bare numbers take the unit of the last entry, as in [12.5, 3 m]"
 Coordinates = Annotated[
-    list[Length],
+    list[FixedLength],
     SharesUnit(),
     Field(description=f"Coordinates, 2 in plane strain and 3 in a solid{_SHARED}."),
 ]
@@ -569,7 +575,7 @@ Bounds = Annotated[
     Exactly(2),
     Field(description=f"Lower and upper bound{_SHARED}."),
 ]
-Accelerations = Annotated[list[Acceleration], SharesUnit()]
+Accelerations = Annotated[list[FixedAcceleration], SharesUnit()]
 Stresses = Annotated[list[Stress], SharesUnit()]
 Forces = Annotated[list[Force], SharesUnit()]
 LineForces = Annotated[list[LineForce], SharesUnit()]
@@ -580,6 +586,6 @@ Coefficients = list[Coefficient]
 DirectionVector = list[Annotated[CaseNumber, QuantityType(DIMENSIONLESS)]]
 _GROUP = {"type": "string", "pattern": "^[^-+.$0-9]", "description": "name of a group of faces"}
 LevelOrGroup = Annotated[
-    Annotated[Level, Tag("level")] | Annotated[Name, WithJsonSchema(_GROUP), Tag("group")],
+    Annotated[Length, Tag("level")] | Annotated[Name, WithJsonSchema(_GROUP), Tag("group")],
     Discriminator(level_or_group),
 ]

@@ -17,7 +17,7 @@ _MOST = 100
 
 @dataclass(frozen=True)
 class Places:
-    """Where the keys of a case are written: in its file, or in an override.
+    """The data of a case, and where its keys are written: in its file, or in an override.
 
     Args:
         document: the file.
@@ -64,7 +64,7 @@ class Faults:
     """The faults found so far.
 
     Args:
-        places: where the keys are written.
+        places: the data, and where the keys are written.
         found: the faults.
     """
 

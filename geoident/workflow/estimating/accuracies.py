@@ -24,7 +24,7 @@ from geoident.identify.problem.problem import Problem
 from geoident.identify.problem.shared_errors import ErrorStructure
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case
-from geoident.model.gauges import PARTS, Channel, ErrorParts, Reads
+from geoident.model.gauges import PARTS, Channel, Reads
 from geoident.model.results.result import STOPPED, AccuracyTable
 from geoident.units import DIMENSIONLESS
 from geoident.workflow.running.readings import ChannelReading, error_structure
@@ -159,7 +159,7 @@ def with_scatter(case: Case, factor: float, zero: float) -> Case:
     def scattering(channel: Channel) -> Channel:
         if channel.errors is None and (zero == 0.0 or channel.reads is not Reads.CHANGE):
             return replace(channel, accuracy=factor * channel.accuracy)
-        parts = channel.errors or ErrorParts(channel.accuracy)
+        parts = channel.error_parts
         sizes = {part: factor * getattr(parts, part) for part in PARTS}
         if zero > 0.0 and channel.reads is Reads.CHANGE:
             sizes["zero"] = zero * sizes["reading"]

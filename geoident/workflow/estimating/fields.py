@@ -14,7 +14,7 @@ from geoident.identify.assessment.uncertainty import Assessment
 from geoident.model.arrays import Floats, Ints
 from geoident.model.case import Case
 from geoident.model.dual import ParameterPoint
-from geoident.model.ground import Field, PointField, PointGrowth
+from geoident.model.ground import PointField, PointGrowth, RandomField
 from geoident.model.results.result import Result
 from geoident.model.results.varied import FieldEstimate
 
@@ -109,7 +109,7 @@ def _drawn_growth(model: StagedModel, made: PointGrowth, draws: Floats) -> Field
 
 
 def _estimate(
-    model: StagedModel, field: Field, made: PointField, values: Floats, covariance: Floats
+    model: StagedModel, field: RandomField, made: PointField, values: Floats, covariance: Floats
 ) -> FieldEstimate:
     elements, mean_of = _averages(model, made.points)
     modes, pull = np.asarray(mean_of @ made.modes), np.asarray(mean_of @ made.pull)
@@ -143,7 +143,9 @@ class _Known:
     variance: Floats
 
 
-def _described(model: StagedModel, field: Field, made: PointField, known: _Known) -> FieldEstimate:
+def _described(
+    model: StagedModel, field: RandomField, made: PointField, known: _Known
+) -> FieldEstimate:
     prior, variance = np.einsum("qi,qi->q", known.modes, known.modes), known.variance
     left = np.divide(variance, prior, out=np.ones_like(prior), where=prior > _NOTHING * field.sd**2)
     position = model.discretization.points.position[made.points]
@@ -165,7 +167,7 @@ def _described(model: StagedModel, field: Field, made: PointField, known: _Known
     )
 
 
-def _logarithm(model: StagedModel, field: Field, made: PointField, values: Floats) -> Floats:
+def _logarithm(model: StagedModel, field: RandomField, made: PointField, values: Floats) -> Floats:
     """Logarithm of a field at its elements, the mean of that at their strain points."""
     known = model.values(values)
     mean = field.mean.value(known)
@@ -237,7 +239,9 @@ def drawn_fields(model: ObservedModel, draws: Floats) -> tuple[FieldEstimate, ..
     return (*fields, *(_drawn_growth(model, made, draws) for made in model.on_mesh.growths))
 
 
-def _drawn(model: StagedModel, field: Field, made: PointField, draws: Floats) -> FieldEstimate:
+def _drawn(
+    model: StagedModel, field: RandomField, made: PointField, draws: Floats
+) -> FieldEstimate:
     """Logarithms are averaged over the strain points of an element, then over the draws."""
     elements, mean_of = _averages(model, made.points)
     modes, pull = np.asarray(mean_of @ made.modes), np.asarray(mean_of @ made.pull)

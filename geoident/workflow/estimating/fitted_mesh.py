@@ -282,6 +282,6 @@ def with_mesh_error(case: Case, found: MeshError) -> Case:
 
 
 def _with_mesh(channel: Channel, stages: Sequence[str], error: Floats, doubt: Floats) -> ErrorParts:
-    parts = channel.errors or ErrorParts(channel.accuracy)
+    parts = channel.error_parts
     each = zip(stages, error.tolist(), doubt.tolist(), strict=True)
     return replace(parts, mesh=tuple((s, e, d) for s, e, d in each if d != 0.0))

@@ -33,7 +33,7 @@ from geoident.workflow.estimating.model_error_covariance import (
     shared_columns,
 )
 from geoident.workflow.running.cost import free_memory
-from geoident.workflow.running.readings import ChannelReading, error_structure, used_rows
+from geoident.workflow.running.readings import ChannelReading, errors_of_used
 
 ENOUGH = 5
 """Readings more than parameters that can tell how large the model error is."""
@@ -91,7 +91,7 @@ def require_room(case: Case, readings: ReadingTable, methods: Sequence[MethodOpt
         return
     asked = no_model_error(case, readings, methods) is None
     modes = most_modes(count) if asked else 0
-    structure = error_structure(used_rows(case, readings.used))
+    structure = errors_of_used(case, readings.used)
     robust = not isinstance(case.fit.loss, SquaredOptions)
     together = structure.columns.shape[1] + modes if robust or structure.names else 0
     memory = 16.0 * 8.0 * count * modes + 6.0 * 8.0 * together**2 + _BESIDE * count

@@ -65,7 +65,7 @@ from geoident.workflow.estimating.surface_error import is_steady, with_surface_e
 from geoident.workflow.running.cached_response import EXACT, answered_approximately, substituting
 from geoident.workflow.running.control import OUT_OF_TIME, Control
 from geoident.workflow.running.evaluation_log import Log
-from geoident.workflow.running.readings import error_structure, reading_table, used_rows
+from geoident.workflow.running.readings import used_rows
 from geoident.workflow.running.reduced_scan import with_reduced_readings
 
 _SURFACES = 4
@@ -225,14 +225,14 @@ class _Search:
     def _weighed(self, at: SearchState, case: Case) -> SearchState:
         """The same with the errors of another version of the case, from where it has come."""
         setup, problem, outcome = at
-        sd, shared = error_structure(used_rows(case, setup.readings.used)).stated
+        setup = setup.with_case(case)
+        sd, shared = setup.errors.stated
         problem = replace(problem, sd=sd, shared=shared).begun_at(outcome.values)
         if isinstance(self.methods[-1], ScanOptions):
             again = self.identified(problem, self.methods)
         else:
             again = after(outcome, self.descent(problem))
-        table = reading_table(case, setup.readings.reason)
-        return SearchState(replace(setup, case=case, readings=table), problem, again)
+        return SearchState(setup, problem, again)
 
     def _with_mesh(self, at: SearchState) -> SearchState:
         """The same with the error of the mesh among those of the readings, where it matters."""
@@ -279,7 +279,7 @@ class _Search:
         length = correlation_length(case, case.fit.model_error)
         rows = used_rows(case, readings.used)
         pairs = readings.used_pairs
-        structure = error_structure(rows)
+        structure = setup.errors
         search = ModelErrorSearch(
             case.fit.model_error,
             length,
@@ -303,7 +303,7 @@ class _Search:
 
     def _with_accuracies(self, at: SearchState) -> SearchState:
         """The same with the accuracies that the case wants estimated, if it wants any."""
-        structure = error_structure(used_rows(at.setup.case, at.setup.readings.used))
+        structure = at.setup.errors
         if not structure.names:
             return at
         onwards = continued(self.methods)
@@ -327,7 +327,7 @@ def _mesh_beside_accuracies(found: Setup, problem: Problem, outcome: Outcome) ->
     mesh, case = found.mesh, found.case
     if mesh is None or mesh.counts or found.accuracies is None or outcome.status == STOPPED:
         return None
-    sd, shared = error_structure(used_rows(case, found.readings.used)).stated
+    sd, shared = found.errors.stated
     accuracy = case.accuracies
     estimated = replace(mesh.found, accuracy=accuracy)
     again = replace(problem, sd=sd, shared=shared)
@@ -350,8 +350,7 @@ def _proves(options: MethodOptions) -> bool:
 def _scattering(setup: Setup, found: FittedModelError) -> Setup:
     """The setup with the errors of gauges that were found with the model error."""
     case = with_scatter(setup.case, found.factor, found.zero)
-    table = reading_table(case, setup.readings.reason)
-    return replace(setup, case=case, readings=table, stated=setup.case)
+    return replace(setup.with_case(case), stated=setup.case)
 
 
 def _sized(setup: Setup, structure: ErrorStructure, found: VarianceComponents) -> Setup:
@@ -359,9 +358,5 @@ def _sized(setup: Setup, structure: ErrorStructure, found: VarianceComponents) -
     root = np.exp(0.5 * found.log_factor)
     factors = dict(zip(structure.names, map(float, root), strict=True))
     sized = with_accuracies(setup.case, factors)
-    return replace(
-        setup,
-        case=sized,
-        readings=reading_table(sized, setup.readings.reason),
-        accuracies=accuracy_table(setup.case, structure.names, found),
-    )
+    table = accuracy_table(setup.case, structure.names, found)
+    return replace(setup.with_case(sized), accuracies=table)

@@ -12,6 +12,7 @@ from geoident.forward.observed import ObservedModel
 from geoident.forward.reduced.kept import RestoredModel
 from geoident.forward.reduced.response import ReducedResponse
 from geoident.forward.reducible import ReducibleResponse
+from geoident.identify.problem.errors import ErrorStructure
 from geoident.identify.problem.methods import refusals
 from geoident.identify.problem.problem import Problem
 from geoident.model.case import Case
@@ -37,7 +38,7 @@ from geoident.workflow.running.evaluation_log import Log
 from geoident.workflow.running.jobs import Job, build_model
 from geoident.workflow.running.kept_reduced import restored_for
 from geoident.workflow.running.readings import (
-    error_structure,
+    errors_of_used,
     problem_of_readings,
     reading_table,
     require_enough,
@@ -83,8 +84,16 @@ class Setup:
         """Without model error, with the errors of gauges as they were before it was found."""
         if self.stated is None:
             return replace(self, model_error=None)
-        table = reading_table(self.stated, self.readings.reason)
-        return replace(self, case=self.stated, readings=table, model_error=None, stated=None)
+        return replace(self.with_case(self.stated), model_error=None, stated=None)
+
+    def with_case(self, case: Case) -> Setup:
+        """With another version of the case, of the same readings with other errors."""
+        return replace(self, case=case, readings=reading_table(case, self.readings.reason))
+
+    @property
+    def errors(self) -> ErrorStructure:
+        """The errors of the readings that are used."""
+        return errors_of_used(self.case, self.readings.used)
 
     def not_asked_of_the_mesh(self) -> Setup:
         """The same where this fit has not asked the mesh: what that has cost was another's."""
@@ -231,7 +240,7 @@ def problem_of_result(fit: Result, case: Case, response: Response) -> Problem:
     """
     readings = fit.gauges.readings
     used = readings.used
-    structure = error_structure(used_rows(case, used))
+    structure = errors_of_used(case, used)
     found = model_error_of_result(fit, case)
     if found is not None:
         structure = found.with_later(structure)

@@ -52,7 +52,7 @@ def with_surface_error(case: Case, model: ObservedModel, p: Floats, *, after: in
 
 
 def _with_surface(channel: Channel, stages: Sequence[str], root: Floats, after: int) -> ErrorParts:
-    parts = channel.errors or ErrorParts(channel.accuracy)
+    parts = channel.error_parts
     before = (0.0,) * after
     each = zip(stages, root.tolist(), strict=True)
     return replace(parts, surface=tuple((s, (*before, *row)) for s, row in each if any(row)))

@@ -1,7 +1,8 @@
 """Readings as a long table: which take part and why not, and what their errors share (theory 7).
 
-From the case to the weighted residual a reading is a row of one `ReadingTable`: the `Problem` has
-the values and errors of the rows that are used, the result holds the whole table.
+A reading of the case is a row of the `ReadingTable` of its result. A `Problem` takes the values of
+the rows that are used from the table, and their errors, row by row, from the channels of the case
+(`errors_of_used`): whoever changes these makes a new table (`Setup.with_case`).
 
 Shared errors are named by what shares them: the zero of a channel; the head of a gauge, the set-up
 of a survey or a step along a casing at an epoch. An epoch is a day of a stage, or the stage
@@ -59,17 +60,22 @@ def select_readings(case: Case, model: ObservedModel) -> ReadingTable:
         case: with its readings.
         model: tells what can be read.
     """
-    return reading_table(case, [_why_unused(case, reading, model) for reading in case.readings])
+    channels = {channel.name: channel for channel in case.channels}
 
+    def why_unused(reading: Reading) -> str:
+        """Why a reading takes no part; empty if it does."""
+        if useless := why_useless(reading):
+            return useless
+        if case.fit.stages is not None and reading.stage not in case.fit.stages:
+            return "the stage is not in fit.stages"
+        channel = channels[reading.channel]
+        # Another number at that stage is a second reading, which has errors.
+        at_zero = channel.is_zeroed and channel.zero == reading.stage
+        if at_zero and reading.value == 0.0 and channel.drift is None:
+            return "it is zeroed at this stage"
+        return model.unreadable(reading.channel, reading.stage) or ""
 
-def _why_unused(case: Case, reading: Reading, model: ObservedModel) -> str:
-    """Why a reading takes no part; empty if it does."""
-    useless = why_useless(reading)
-    if useless:
-        return useless
-    if case.fit.stages is not None and reading.stage not in case.fit.stages:
-        return "the stage is not in fit.stages"
-    return model.unreadable(reading.channel, reading.stage) or ""
+    return reading_table(case, [why_unused(reading) for reading in case.readings])
 
 
 def why_useless(reading: Reading) -> str:
@@ -101,7 +107,7 @@ def reading_table(case: Case, reasons: Sequence[str]) -> ReadingTable:
         reason=tuple(reasons),
         computed=np.full(len(readings), np.nan),
         note=tuple(r.note for r in readings) if any(r.note for r in readings) else (),
-        **(_shares(owners, readings) if any(c.errors for c in owners) else {}),
+        **(_error_columns(owners, readings) if any(c.errors for c in owners) else {}),
     )
 
 
@@ -116,8 +122,8 @@ def as_stated(case: Case, readings: ReadingTable) -> ReadingTable:
     return replace(readings, sd=stated.sd, own_sd=stated.own_sd)
 
 
-def _shares(owners: Sequence[Channel], readings: Sequence[Reading]) -> dict[str, Any]:
-    """What a table says beside, where readings share errors."""
+def _error_columns(owners: Sequence[Channel], readings: Sequence[Reading]) -> dict[str, Any]:
+    """The columns ``own_sd`` and ``epochs`` of a table, where readings share errors."""
     own = [c.own_sd(r) for c, r in zip(owners, readings, strict=True)]
     epochs = np.array([reading.epochs for reading in readings], dtype=np.int64)
     return {"own_sd": _numbers(own), "epochs": epochs}
@@ -235,7 +241,7 @@ def problem_of_readings(case: Case, readings: ReadingTable, response: Response) 
         response: the model in those that are used.
     """
     used = readings.used
-    sd, shared = error_structure(used_rows(case, used)).stated
+    sd, shared = errors_of_used(case, used).stated
     return Problem(response, readings.value[used], sd, case.parameters, case.fit.loss, shared)
 
 
@@ -246,8 +252,15 @@ def used_rows(case: Case, used: Bools) -> tuple[ChannelReading, ...]:
     return tuple((channels[reading.channel], reading) for reading in taken)
 
 
+def errors_of_used(case: Case, used: Bools) -> ErrorStructure:
+    """The errors of the used readings (k,) of a case."""
+    return error_structure(used_rows(case, used))
+
+
 def error_structure(
-    rows: Sequence[ChannelReading], found: AccuracyTable | None = None, own: Ints | None = None
+    rows: Sequence[ChannelReading],
+    found: AccuracyTable | None = None,
+    own_components: Ints | None = None,
 ) -> ErrorStructure:
     """The errors of readings, whether they share any or not.
 
@@ -255,67 +268,64 @@ def error_structure(
         rows: readings with their channels.
         found: accuracies that were estimated, whose components are wanted; None for the components
             that the case wants estimated.
-        own: (m,) numbers of these components to which the own errors of the first m readings
-            belong, -1 for none; None where the channels say it.
+        own_components: (m,) numbers of these components to which the own errors of the first m
+            readings belong, -1 for none; None where the channels say it.
     """
-    table = _Table(steps=_steps(rows), found=found)
+    collector = _ErrorCollector(steps=_steps(rows), found=found)
     if found is not None:
-        table.components.update(dict.fromkeys(found.names))
+        collector.component_names.update(dict.fromkeys(found.names))
     for number, row in enumerate(rows):
-        table.add(number, row)
-    structure = table.structure()
-    if own is not None:
-        structure.component[: len(own)] = own
-    return structure
+        collector.add(number, row)
+    structure = collector.structure()
+    if own_components is None:
+        return structure
+    rest = structure.component[len(own_components) :]
+    return replace(structure, component=np.concatenate([own_components, rest]))
 
 
 @dataclass
-class _Table:
-    """Collects the entries of B."""
+class _ErrorCollector:
+    """Collects the entries of B, reading by reading, and the components of variance."""
 
     steps: Mapping[str, tuple[float, ...]]
     found: AccuracyTable | None = None
     sources: dict[ErrorSource, int] = field(default_factory=dict)
-    components: dict[str, None] = field(default_factory=dict)
-    of_source: list[str] = field(default_factory=list)
+    component_names: dict[str, None] = field(default_factory=dict)
+    component_of_source: list[str] = field(default_factory=list)
     entries: list[tuple[int, int, float]] = field(default_factory=list)
     sd: list[float] = field(default_factory=list)
-    component: list[str] = field(default_factory=list)
+    component_of_reading: list[str] = field(default_factory=list)
 
     def add(self, number: int, row: ChannelReading) -> None:
         """Takes a reading."""
         channel, reading = row
         self.sd.append(channel.own_sd(reading))
         estimated = channel.errors is not None and reading.accuracy is None
-        self.component.append(self._component(channel, "reading") if estimated else "")
+        self.component_of_reading.append(self._component(channel, "reading") if estimated else "")
         if channel.errors is None:
             return
-        for part, source, size in _shared(channel, reading, self.steps):
+        for part, source, size in _shared_terms(channel, channel.errors, reading, self.steps):
             if size == 0.0:
                 continue
-            place = self.sources.setdefault(source, len(self.sources))
-            name = self._component(channel, part)
-            if place == len(self.of_source):
-                self.of_source.append(name)
-            # Kinds of gauges that share a set-up need not say the same of its error: that it is
-            # estimated counts, whichever row of a file comes first.
-            known = (self.of_source[place], name)
-            self.of_source[place] = min(filter(None, known), default="")
-            self.entries.append((number, place, size))
+            column = self.sources.setdefault(source, len(self.sources))
+            if column == len(self.component_of_source):
+                self.component_of_source.append(self._component(channel, part))
+            self.entries.append((number, column, size))
 
     def structure(self) -> ErrorStructure:
         """All of it."""
         at = np.array([(i, k) for i, k, _ in self.entries], dtype=np.int64).reshape(-1, 2)
         size = np.array([size for _, _, size in self.entries], dtype=np.float64)
         shape = (len(self.sd), len(self.sources))
-        taken = {*self.component, *self.of_source}
-        names = tuple(name for name in self.components if self.found or name in taken)
+        of_readings, of_sources = self.component_of_reading, self.component_of_source
+        taken = {*of_readings, *of_sources}
+        names = tuple(name for name in self.component_names if self.found or name in taken)
         numbers = {"": -1} | {name: number for number, name in enumerate(names)}
         return ErrorStructure(
             sd=np.array(self.sd, dtype=np.float64),
-            component=np.array([numbers[name] for name in self.component], dtype=np.int64),
+            component=np.array([numbers[name] for name in of_readings], dtype=np.int64),
             columns=sp.csr_array((size, (at[:, 0], at[:, 1])), shape=shape),
-            column_component=np.array([numbers[name] for name in self.of_source], dtype=np.int64),
+            column_component=np.array([numbers[name] for name in of_sources], dtype=np.int64),
             names=names,
         )
 
@@ -328,17 +338,18 @@ class _Table:
             return name if name in self.found.names else ""
         name = channel.errors.component(part) or ""
         if name:
-            self.components.setdefault(name)
+            self.component_names.setdefault(name)
         return name
 
 
-def _shared(
-    channel: Channel, reading: Reading, steps: Mapping[str, tuple[float, ...]]
+def _shared_terms(
+    channel: Channel, parts: ErrorParts, reading: Reading, steps: Mapping[str, tuple[float, ...]]
 ) -> Iterator[tuple[str, ErrorSource, float]]:
-    """The shared errors of a reading: part, what it is that of, and standard deviation."""
-    parts = channel.errors
-    assert parts is not None
-    few = 1.0 / math.sqrt(reading.epochs)
+    """The shared errors of a reading: part, what it is that of, and standard deviation.
+
+    The set-up at a zero is taken as independent of that of readings on the same day.
+    """
+    averaging = 1.0 / math.sqrt(reading.epochs)
     day = -1.0 if reading.time is None else reading.time // DAY
     yield "zero", ("zero", channel.name), parts.zero
     for stage, error, doubt in parts.mesh:
@@ -349,7 +360,7 @@ def _shared(
         if stage == reading.stage:
             for number, size in enumerate(sizes):
                 yield SURFACE, (SURFACE, number), size
-    yield from _of_epoch(channel, parts, (reading.stage, day), few, steps)
+    yield from _of_epoch(channel, parts, (reading.stage, day), averaging, steps)
     yield from _of_epoch(channel, parts, ("zero at", channel.zero), parts.zero_surveyed, steps)
 
 
@@ -357,7 +368,7 @@ def _of_epoch(
     channel: Channel,
     parts: ErrorParts,
     epoch: ErrorSource,
-    few: float,
+    averaging: float,
     steps: Mapping[str, tuple[float, ...]],
 ) -> Iterator[tuple[str, ErrorSource, float]]:
     """What a survey shares: of an epoch of readings, or of that of the zero.
@@ -366,20 +377,20 @@ def _of_epoch(
         channel: the channel.
         parts: what its errors are made of.
         epoch: of the survey.
-        few: part of the errors that is left of a mean of several days.
+        averaging: factor on the errors of a mean over several days.
         steps: run to the places of its channels, m.
     """
-    yield "head", ("head", channel.gauge, channel.probe, *epoch), parts.head * few
+    yield "head", ("head", channel.gauge, channel.probe, *epoch), parts.head * averaging
     yield (
         "epoch",
         ("epoch", parts.survey or channel.gauge, channel.probe, *epoch),
-        parts.epoch * few,
+        parts.epoch * averaging,
     )
     before = 0.0
     for place in steps.get(channel.run, (channel.along,)):
         if place > channel.along:
             break
-        size = parts.along * math.sqrt(place - before) * few
+        size = parts.along * math.sqrt(place - before) * averaging
         yield "along", ("along", channel.run or channel.name, *epoch, place), size
         before = place
 

@@ -36,10 +36,9 @@ from geoident.workflow.running.computed import gauge_table
 from geoident.workflow.running.control import Control
 from geoident.workflow.running.evaluation_log import Log, carry_over
 from geoident.workflow.running.readings import (
-    error_structure,
+    errors_of_used,
     reading_table,
     require_enough,
-    used_rows,
 )
 from geoident.workflow.scoring.extrapolation import (
     StressLevels,
@@ -146,7 +145,7 @@ def _require_known_accuracies(case: Case, readings: ReadingTable) -> None:
     Raises:
         InputError: they are; a fit can be made, but its bands would be those of an accident.
     """
-    sizes = len(error_structure(used_rows(case, readings.used)).names)
+    sizes = len(errors_of_used(case, readings.used).names)
     used, n = int(np.count_nonzero(readings.used)), len(named_parameters(case))
     if not sizes or used - n >= SPARE * sizes:
         return

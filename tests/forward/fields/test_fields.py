@@ -14,7 +14,13 @@ from support.meshes import box, regroup
 from geoident.forward.ground.field import field_notes
 from geoident.model.actions import Traction
 from geoident.model.case import Analysis, Material, Stage
-from geoident.model.ground import Attitude, Field, Isotropic, Orthotropic, TransverselyIsotropic
+from geoident.model.ground import (
+    Attitude,
+    Isotropic,
+    Orthotropic,
+    RandomField,
+    TransverselyIsotropic,
+)
 from geoident.model.in_situ import ConstantStress
 from geoident.model.parameter import Parameter, Scalar
 
@@ -282,7 +288,7 @@ def test_what_modes_leave_out_is_said_below_nine_tenths(part, modes, measured, a
 def test_a_field_of_a_case_stands_at_the_points_of_its_material():
     """In the middle of its lengths, with its modes as parameters behind those of the case."""
     flat = Attitude(Scalar(0.0), Scalar(np.pi / 2))
-    field = Field("rock", "E", Scalar(1.0, "E"), 0.4, (3.0,), flat, modes=3)
+    field = RandomField("rock", "E", Scalar(1.0, "E"), 0.4, (3.0,), flat, modes=3)
     varies = Material("rock", Isotropic(E=Scalar(1.0, "E"), nu=Scalar(0.2)), fields=(field,))
     mesh = regroup(box("quad4", (4, 4), size=(4.0, 4.0)), even=lambda c: c[:, 1] > 2.0)
     staged = model(

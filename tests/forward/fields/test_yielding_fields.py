@@ -13,7 +13,7 @@ from support.meshes import box, regroup
 from geoident.errors import InputError
 from geoident.model.actions import Pressure
 from geoident.model.case import Material, Stage, Support
-from geoident.model.ground import Attitude, Field, Isotropic
+from geoident.model.ground import Attitude, Isotropic, RandomField
 from geoident.model.in_situ import ConstantStress
 from geoident.model.parameter import Parameter, Scalar
 from geoident.model.yielding import HoekBrown, MohrCoulomb
@@ -140,7 +140,7 @@ REFUSED = {
 def test_fields_that_change_the_shape_of_a_surface_are_refused(what):
     constant, more, said = REFUSED[what]
     flat = Attitude(Scalar(0.0), Scalar(np.pi / 2))
-    field = Field("rock", constant, Scalar(1.0), 0.3, (2.0,), flat, surface=0)
+    field = RandomField("rock", constant, Scalar(1.0), 0.3, (2.0,), flat, surface=0)
     rock = Material(
         "rock",
         Isotropic(E=Scalar(YOUNG), nu=Scalar(0.3)),

@@ -16,7 +16,7 @@ from geoident.forward.openings.model import OpeningModel, opening_in_mesh
 from geoident.forward.stages import CaseOnMesh
 from geoident.model.actions import Pressure, Traction, Water
 from geoident.model.case import Analysis, Stage, Support
-from geoident.model.ground import Attitude, Field, Growth, WithDepth
+from geoident.model.ground import Attitude, Growth, RandomField, WithDepth
 from geoident.model.in_situ import GeostaticStress, HeimStress
 from geoident.model.parameter import Scalar
 
@@ -132,7 +132,7 @@ def test_a_point_nearer_than_its_tolerance_is_in_the_opening_and_others_on_the_w
 
 
 GROWTH = Growth("rock", "E", Scalar(5e9), WithDepth(Scalar(1e7), Scalar(0.0)))
-FIELD = Field(
+FIELD = RandomField(
     "rock", "E", Scalar(5e9), 0.3, (4.0,), Attitude(Scalar(0.0), Scalar(np.pi / 2)), modes=2
 )
 LIMITS = "'rock' has other yield limits than one of Mohr-Coulomb or Hoek-Brown"

@@ -14,7 +14,7 @@ from support.yielding import hoek, mohr
 from geoident.forward.ground.elasticity import inadmissible
 from geoident.forward.yielding.checks import no_stress_left, yield_faults, yield_notes
 from geoident.model.case import Analysis, Material, Stage
-from geoident.model.ground import Attitude, Field, Growth, TransverselyIsotropic, WithDepth
+from geoident.model.ground import Attitude, Growth, RandomField, TransverselyIsotropic, WithDepth
 from geoident.model.in_situ import ConstantStress
 from geoident.model.parameter import Parameter, Scalar
 from geoident.model.yielding import (
@@ -118,7 +118,9 @@ def test_condensation_is_told_that_the_ground_yields():
 
 
 def field(constant, surface=None, *, path="here"):
-    return Field("rock", constant, Scalar(1e6), 0.3, (5.0,), FLAT, surface=surface, path=(path,))
+    return RandomField(
+        "rock", constant, Scalar(1e6), 0.3, (5.0,), FLAT, surface=surface, path=(path,)
+    )
 
 
 def varied(*surfaces, fields=(), growths=(), elastic=None):

@@ -68,8 +68,11 @@ def test_a_faulty_override_is_located_at_the_flag(override, path, words, project
         assert fault.path.startswith(path) or path.startswith(fault.path)
 
 
-def test_parameters_that_an_override_leaves_idle_are_not_sought_and_that_is_noted(project):
-    text = project.read().text
+@pytest.mark.parametrize("title", ["Cavern", "K0 is sought ($K0)"])
+def test_parameters_that_an_override_leaves_idle_are_not_sought_and_that_is_noted(
+    title, project, changed
+):
+    text = changed("title: Cavern", f"title: {title}")
     case = project.read(text, "in_situ.K0=1.2").case
     assert [parameter.name for parameter in case.parameters] == ["E_rock"]
     assert case.notes == ("K0 is not sought: overrides took away what depended on it",)

@@ -5,6 +5,8 @@ import re
 
 import pytest
 
+from geoident.io.schema.values import QuantityType
+from geoident.io.text.wording import Refusal
 from geoident.units import (
     DIMENSIONS,
     UNITS,
@@ -188,3 +190,9 @@ def test_what_other_units_are_not(text, dimension, message, hint):
         require_dimension(read_quantity(text), dimension, text)
     assert message in caught.value.message
     assert hint in caught.value.hint
+
+
+def test_a_number_beyond_an_upper_limit_alone_is_refused():
+    with pytest.raises(Refusal) as caught:
+        QuantityType("length", below=2.0).parse("3 m")
+    assert caught.value.message == "'3 m': it must be less than 2"

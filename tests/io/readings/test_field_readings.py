@@ -192,6 +192,14 @@ def test_a_reading_belongs_to_the_last_stage_complete_at_its_date(read):
     }
 
 
+def test_of_readings_of_one_date_the_last_in_the_file_counts(read):
+    text = "gauge,date,value,unit\n" + "".join(
+        f"EX1.a5,{date},{value},mm\n"
+        for date, value in (("2024-03-09", 1), ("2024-03-09", 2), ("2024-03-05", 3))
+    )
+    assert values(read(DATES + "r.csv", files={"r.csv": text})) == [("EX1.a5", "heading", 2.0)]
+
+
 def test_readings_before_the_zero_are_counted_not_dropped_in_silence(read):
     case = read(DATES + "{file: r.csv}", files={"r.csv": DATED})
     assert case.notes[:2] == (

@@ -15,13 +15,13 @@ from geoident.io.schema.values import (
     CaseNumber,
     Coefficient,
     Count,
-    Length,
+    FixedLength,
     Multiple,
     Name,
     QuantityType,
+    Size,
     Text,
-    TiedLength,
-    TiedTime,
+    Time,
     require_text,
 )
 from geoident.io.text.wording import Refusal, shorten
@@ -306,7 +306,7 @@ class TableModelSection(Section):
 class TunnelSectionSection(Section):
     """A section of the tunnel whose convergence is measured."""
 
-    chainage: Length = Field(description="Where it is along the tunnel.", examples=["1250 m"])
+    chainage: FixedLength = Field(description="Where it is along the tunnel.", examples=["1250 m"])
     excavated: Date | None = Field(
         None,
         description="When the face passed it; if missing, between two stages by `face` and "
@@ -330,11 +330,11 @@ LimitConstant = Annotated[
     _BY_GAUGE,
 ]
 LengthConstant = Annotated[
-    Annotated[TiedLength, Tag("text")] | Annotated[dict[Name, TiedLength], Tag("<by gauge>")],
+    Annotated[Size, Tag("text")] | Annotated[dict[Name, Size], Tag("<by gauge>")],
     _BY_GAUGE,
 ]
 TimeConstant = Annotated[
-    Annotated[TiedTime, Tag("text")] | Annotated[dict[Name, TiedTime], Tag("<by gauge>")],
+    Annotated[Time, Tag("text")] | Annotated[dict[Name, Time], Tag("<by gauge>")],
     _BY_GAUGE,
 ]
 PartConstant = Annotated[
@@ -362,7 +362,7 @@ class ConvergenceLawSection(Section):
     )
 
     kind: Literal["convergence-law"]
-    face: dict[Name, Length] = Field(
+    face: dict[Name, FixedLength] = Field(
         min_length=1,
         description="Stage to the chainage of the face at its end; `stages` may be left out then.",
         examples=[{"day 1": "1252 m", "day 2": "1255.5 m"}],

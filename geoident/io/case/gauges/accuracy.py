@@ -340,18 +340,16 @@ errors of rounding that such readings would be fitted to.
 """
 
 
-def error_parts(given: AnyAccuracy, kind: str, survey: str) -> ErrorParts | None:
-    """What the errors of a gauge are made of; None where its readings are independent.
+def error_parts(given: AnyAccuracy, kind: str, survey: str) -> ErrorParts:
+    """What the errors of a gauge are made of.
 
     Args:
-        given: as the case says.
+        given: the parts as the case says, or `estimate`.
         kind: of the gauge.
         survey: to which the gauge belongs.
     """
     usual = TYPICAL.get(kind, UsualErrors(1.0))
     if isinstance(given, CaseNumber):
-        if given.text != ESTIMATE:
-            return None
         known = (("reading", _component(kind, "reading")),)
         return ErrorParts(usual.reading, survey=survey, estimated=known)
     sizes: dict[str, float] = {}

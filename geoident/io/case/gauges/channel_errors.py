@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from geoident.io.case.case import CaseSection
+from geoident.io.case.gauges.kinds import sections_of_channels
 from geoident.io.text.faults import Faults
 from geoident.model.case import Case
 from geoident.model.gauges import PARTS, Channel, ErrorParts, Reading
@@ -28,13 +29,9 @@ def described_channels(
         faults: is told what cannot be estimated.
     """
     kinds = section.fit.accuracies
-    said = {
-        channel: own
-        for name, gauge in section.gauges.items()
-        for channel, own in gauge.sections(name).items()
-    }
+    sections = sections_of_channels(section.gauges)
     channels = tuple(
-        _with_zero(c, zeros[c.name], stated=said[c.name].states_zero) if c.name in zeros else c
+        _with_zero(c, zeros[c.name], stated=sections[c.name].states_zero) if c.name in zeros else c
         for c in case.channels
     )
     if isinstance(kinds, dict):
@@ -53,7 +50,7 @@ def described_channels(
         faults.add(("fit", "loss"), "contradiction", message, hint)
     return _one_set_up(
         tuple(
-            c if c.errors is None else _complete(c, c.errors, stated=said[c.name].states_zero)
+            c if c.errors is None else _complete(c, c.errors, stated=sections[c.name].states_zero)
             for c in found
         )
     )
@@ -65,25 +62,19 @@ def _one_set_up(channels: tuple[Channel, ...]) -> tuple[Channel, ...]:
     If one of them has it estimated, it is; of several components that are stated, the first by name
     is taken.
     """
+    with_set_up = [c for c in channels if c.errors is not None and c.errors.epoch > 0.0]
     names: dict[str, str] = {}
-    for channel in channels:
-        parts = channel.errors
-        name = parts.component("epoch") if parts is not None else None
-        if parts is not None and name is not None and parts.epoch > 0.0:
-            survey = parts.survey or channel.gauge
+    for channel in with_set_up:
+        if name := channel.error_parts.component("epoch"):
+            survey = channel.error_parts.survey or channel.gauge
             names[survey] = min(name, names.get(survey, name))
-    return tuple(
-        c
-        if c.errors is None or c.errors.epoch == 0.0 or (c.errors.survey or c.gauge) not in names
-        else replace(c, errors=_with_epoch(c.errors, names[c.errors.survey or c.gauge]))
-        for c in channels
-    )
-
-
-def _with_epoch(parts: ErrorParts, name: str) -> ErrorParts:
-    """The same with this component for the set-up."""
-    estimated = {**dict(parts.estimated), "epoch": name}
-    return replace(parts, estimated=tuple(estimated.items()))
+    shared: dict[str, Channel] = {}
+    for channel in with_set_up:
+        parts = channel.error_parts
+        if name := names.get(parts.survey or channel.gauge):
+            estimated = tuple({**dict(parts.estimated), "epoch": name}.items())
+            shared[channel.name] = replace(channel, errors=replace(parts, estimated=estimated))
+    return tuple(shared.get(channel.name, channel) for channel in channels)
 
 
 def _complete(channel: Channel, parts: ErrorParts, *, stated: bool) -> Channel:
@@ -104,7 +95,7 @@ def _with_zero(channel: Channel, zero: Reading, *, stated: bool) -> Channel:
     """
     if stated:
         return channel
-    parts = channel.errors or ErrorParts(channel.accuracy)
+    parts = channel.error_parts
     own, size = zero.accuracy, channel.own_sd(zero)
     kept = tuple(pair for pair in parts.estimated if pair[0] != "zero")
     component = parts.component("reading")
@@ -116,7 +107,7 @@ def _with_zero(channel: Channel, zero: Reading, *, stated: bool) -> Channel:
 
 
 def _estimated(channel: Channel) -> Channel:
-    parts = channel.errors or ErrorParts(channel.accuracy)
+    parts = channel.error_parts
     known = dict(parts.estimated)
     more = {
         name: channel.kind for name in PARTS if getattr(parts, name) > 0.0 and name not in known

@@ -104,9 +104,9 @@ class StressGaugeSection(ValueGauge):
         return self
 
     @property
-    def made_of(self) -> Reads:
+    def reads(self) -> Reads:
         """A value, a change, or the value of the virgin state."""
-        return Reads.VIRGIN if self.state == "virgin" else super().made_of
+        return Reads.VIRGIN if self.state == "virgin" else super().reads
 
     @property
     def parts(self) -> Sequence[str]:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from pydantic import (
@@ -33,9 +33,8 @@ from geoident.io.schema.values import (
     CaseNumber,
     Coordinates,
     Drift,
+    Length,
     Name,
-    Offset,
-    QuantityType,
     scalar_of,
     shape_of,
 )
@@ -43,9 +42,19 @@ from geoident.model.arrays import Vector
 from geoident.model.case import VIRGIN, KeyPath
 from geoident.model.gauges import Channel, ErrorParts, MovingPoint, Reads
 
-GivenLength = Annotated[CaseNumber, QuantityType("length", above=0.0)]
-Motion = tuple[str, Vector | None, Vector, Vector]
-"""Kind of gauge, reference point (None: fixed ground), point, unit vector along which it moves."""
+
+class Motion(NamedTuple):
+    """What a channel reads: the motion of a point against another one along a direction.
+
+    Args:
+        first: (dim,) the reference point, m; None: fixed ground.
+        second: (dim,) the point, m.
+        direction: (dim,) unit vector.
+    """
+
+    first: Vector | None
+    second: Vector
+    direction: Vector
 
 
 class GaugeBase(Section):
@@ -71,7 +80,7 @@ class GaugeBase(Section):
         "the face that a stage has: `{distance: 2.5 m}`. In ground that is placed at the very next "
         "stage readings count from its placing on.",
     )
-    offset: Offset | None = Field(
+    offset: Length | None = Field(
         None,
         description="Added to all readings after the zero: a misread zero, a head that slipped.",
         examples=["$off1"],
@@ -81,7 +90,7 @@ class GaugeBase(Section):
         description="Drift of the gauge with time since its zero; needs dates.",
         examples=["$drift1"],
     )
-    drift_per_stage: Offset | None = Field(
+    drift_per_stage: Length | None = Field(
         None, description="Drift of the gauge per stage since its zero."
     )
 
@@ -109,14 +118,20 @@ class GaugeBase(Section):
         return str(getattr(self, "kind", ""))
 
     @property
+    def plain_accuracy(self) -> CaseNumber | None:
+        """The accuracy of readings whose errors are independent; None where it has parts."""
+        given = self.accuracy
+        return given if isinstance(given, CaseNumber) and given.text != ESTIMATE else None
+
+    @property
     def dimension(self) -> str:
         """Dimension of what the gauge reads."""
-        if isinstance(self.accuracy, CaseNumber) and self.accuracy.text != ESTIMATE:
-            return self.accuracy.dimension
+        if self.plain_accuracy is not None:
+            return self.plain_accuracy.dimension
         return dimension_read(type(self)) or "length"
 
     @property
-    def made_of(self) -> Reads:
+    def reads(self) -> Reads:
         """Which states a reading is made of."""
         return Reads.CHANGE
 
@@ -128,11 +143,9 @@ class GaugeBase(Section):
     @property
     def stated_errors(self) -> ErrorParts:
         """What the errors of its readings are made of, as the gauge states them."""
-        parts = error_parts(self.accuracy, self.kind_name, self.survey or "")
-        if parts is not None:
-            return parts
-        assert isinstance(self.accuracy, CaseNumber)
-        return ErrorParts(self.accuracy.factor)
+        if self.plain_accuracy is not None:
+            return ErrorParts(self.plain_accuracy.factor)
+        return error_parts(self.accuracy, self.kind_name, self.survey or "")
 
     def channel_names(self, name: str) -> list[str]:
         """Names of the channels of a gauge of this name."""
@@ -146,7 +159,7 @@ class GaugeBase(Section):
     def channels(self, name: str, context: Context) -> list[Channel]:
         """The channels of a gauge of this name; none, with a fault, where they cannot be."""
 
-    def reads(
+    def make_channel(
         self,
         channel: str,
         gauge: str,
@@ -164,16 +177,15 @@ class GaugeBase(Section):
             terms: points and vectors whose motions add up to the reading, where it is not the
                 motion of one point against another along one direction.
         """
-        kind, first, second, direction = motion
-        parts = error_parts(self.accuracy, self.kind_name, self.survey or "")
+        parts = self.stated_errors
         return Channel(
             name=channel,
             gauge=gauge,
-            kind=kind,
-            first=first,
-            second=second,
-            direction=direction,
-            accuracy=self.stated_errors.total(),
+            kind=self.kind_name,
+            first=motion.first,
+            second=motion.second,
+            direction=motion.direction,
+            accuracy=parts.total(),
             zero=self.zero_stage,
             key=key,
             offset=scalar_of(self.offset),
@@ -181,7 +193,7 @@ class GaugeBase(Section):
             drift_per_stage=scalar_of(self.drift_per_stage),
             dimension=self.dimension,
             unit=unit_shown(self.accuracy, self.kind_name, self.dimension),
-            errors=parts,
+            errors=parts if self.plain_accuracy is None else None,
             terms=terms,
         )
 
@@ -203,13 +215,10 @@ def point_of(given: list[CaseNumber], place: Context) -> Vector | None:
     return place.vector(given, "the point")
 
 
-def distance(
-    kind: str, first: Vector | None, second: Vector | None, place: Context
-) -> Motion | None:
+def distance(first: Vector | None, second: Vector | None, place: Context) -> Motion | None:
     """Change of distance between two points (dim,), m; None, with a fault, where they are one.
 
     Args:
-        kind: of the gauge.
         first: the reference point.
         second: the other one.
         place: where they stand.
@@ -220,7 +229,7 @@ def distance(
     if direction is None:
         refuse_one_point(place)
         return None
-    return kind, first, second, direction
+    return Motion(first, second, direction)
 
 
 def refuse_one_point(place: Context) -> None:

@@ -13,7 +13,6 @@ from pydantic import Field, model_validator
 from geoident.io.case.gauges.accuracy import LengthAccuracy, check_parts
 from geoident.io.case.gauges.gauge import (
     GaugeBase,
-    GivenLength,
     Motion,
     axis_vector,
     cross_product,
@@ -24,13 +23,14 @@ from geoident.io.schema.section import Alternatives, Context, SectionFaults
 from geoident.io.schema.values import (
     Coordinates,
     DirectionVector,
-    Length,
+    FixedLength,
+    FixedSize,
     SharesUnit,
 )
 from geoident.model.arrays import Vector
 from geoident.model.gauges import Channel, MovingPoint
 
-DepthList = Annotated[list[Length], SharesUnit()]
+DepthList = Annotated[list[FixedLength], SharesUnit()]
 
 _ON_LINE = 1e-9
 """Lengths below this part of a casing count as zero."""
@@ -60,7 +60,7 @@ class InclinometerSection(GaugeBase):
     depths: DepthList | None = Field(
         None, description="Where it is read, measured along the casing from its top."
     )
-    interval: GivenLength | None = Field(
+    interval: FixedSize | None = Field(
         None, description="In place of depths: read every so far.", examples=["0.5 m"]
     )
     axes: list[Literal["A", "B"]] = Field(
@@ -168,9 +168,9 @@ class InclinometerSection(GaugeBase):
             if not self._within(depth, end, casing, place):
                 continue
             reference = end if axis == "S" else self._reference(depth, depths, end)
-            motion, terms = casing.motion(self.kind, reference, depth, vectors)
+            motion, terms = casing.motion(reference, depth, vectors)
             channel_name = f"{name}.{axis}{_metres(depth)}"
-            channel = read_by.reads(channel_name, name, motion, place.path, terms)
+            channel = read_by.make_channel(channel_name, name, motion, place.path, terms)
             # cumulated readings share what adds up from the end on; an increment has its own length
             # only, and rings are read one by one
             cumulated = self.reads_as == "cumulated" and axis != "S"
@@ -308,7 +308,7 @@ class _Casing:
         raise AssertionError
 
     def motion(
-        self, kind: str, reference: float, depth: float, vectors: Sequence[Vector]
+        self, reference: float, depth: float, vectors: Sequence[Vector]
     ) -> tuple[Motion, tuple[MovingPoint, ...]]:
         """Motion at a depth against that at another, added up piece by piece.
 
@@ -316,7 +316,6 @@ class _Casing:
         each piece in its own direction.
 
         Args:
-            kind: of the gauge.
             reference: depth that counts as fixed, m.
             depth: the depth, m.
             vectors: what is read in each piece, unit vectors.
@@ -334,7 +333,7 @@ class _Casing:
             near, far = (start, end) if up else (end, start)
             terms += [(self.at(far), tuple(-x for x in vector)), (self.at(near), vector)]
         nearest = pieces[0] if up else pieces[-1]
-        motion = (kind, self.at(reference), self.at(depth), nearest[2])
+        motion = Motion(self.at(reference), self.at(depth), nearest[2])
         return motion, tuple(terms) if len(pieces) > 1 else ()
 
 

@@ -57,9 +57,9 @@ class ExtensometerSection(GaugeBase):
         found = []
         for anchor, given in self.anchors.items():
             place = context.at("anchors", anchor)
-            motion = distance(self.kind, head, point_of(given, place), place)
+            motion = distance(head, point_of(given, place), place)
             if motion is not None:
-                found.append(self.reads(f"{name}.{anchor}", name, motion, place.path))
+                found.append(self.make_channel(f"{name}.{anchor}", name, motion, place.path))
         return found
 
 
@@ -73,8 +73,8 @@ class ConvergenceSection(GaugeBase):
         """The one channel."""
         place = context.at("between")
         first, second = (point_of(point, place.at(n)) for n, point in enumerate(self.between))
-        motion = distance(self.kind, first, second, place)
-        return [] if motion is None else [self.reads(name, name, motion, context.path)]
+        motion = distance(first, second, place)
+        return [] if motion is None else [self.make_channel(name, name, motion, context.path)]
 
 
 class DisplacementSection(GaugeBase):
@@ -104,7 +104,7 @@ class DisplacementSection(GaugeBase):
     def channels(self, name: str, context: Context) -> list[Channel]:
         """The one channel."""
         motion = _displacement(self, self._unit(context), context)
-        return [] if motion is None else [self.reads(name, name, motion, context.path)]
+        return [] if motion is None else [self.make_channel(name, name, motion, context.path)]
 
     def _unit(self, context: Context) -> Vector | None:
         if self.direction is not None:
@@ -129,7 +129,7 @@ class SettlementSection(GaugeBase):
         """The one channel."""
         down = axis_vector(context.dim - 1, context.dim, -1.0)
         motion = _displacement(self, down, context)
-        return [] if motion is None else [self.reads(name, name, motion, context.path)]
+        return [] if motion is None else [self.make_channel(name, name, motion, context.path)]
 
 
 GaugeSection = Annotated[
@@ -191,4 +191,4 @@ def _displacement(
     if first == point:
         refuse_one_point(context.at("relative_to"))
         return None
-    return section.kind, first, point, direction
+    return Motion(first, point, direction)

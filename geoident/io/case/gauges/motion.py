@@ -15,6 +15,7 @@ from pydantic import Field, model_validator
 from geoident.io.case.gauges.accuracy import AngleAccuracy
 from geoident.io.case.gauges.gauge import (
     GaugeBase,
+    Motion,
     Reference,
     axis_vector,
     point_of,
@@ -26,7 +27,7 @@ from geoident.io.schema.values import (
     CaseNumber,
     Coordinates,
     DirectionVector,
-    GivenAngle,
+    FixedAngle,
     Line,
     Name,
     QuantityType,
@@ -94,10 +95,16 @@ class TiltSection(_AngleGauge):
             point = point_of(self.point, context.at("point"))
             if point is None:
                 return []
-            motion = (self.kind, None, point, towards)
+            motion = Motion(None, point, towards)
             if self.on is not None:
-                return [replace(self.reads(name, name, motion, context.path), structure=self.on)]
-            return [replace(self.reads(name, name, motion, context.path), turns=_leaning(towards))]
+                return [
+                    replace(self.make_channel(name, name, motion, context.path), structure=self.on)
+                ]
+            return [
+                replace(
+                    self.make_channel(name, name, motion, context.path), turns=_leaning(towards)
+                )
+            ]
         return self._pair(name, towards, context)
 
     def _pair(self, name: str, towards: Vector, context: Context) -> list[Channel]:
@@ -123,8 +130,8 @@ class TiltSection(_AngleGauge):
             return []
         vector = tuple(float(x) for x in sweep / size)
         terms = ((first, tuple(-x for x in vector)), (second, vector))
-        motion = (self.kind, first, second, unit_vector(vector) or vector)
-        return [self.reads(name, name, motion, context.path, terms)]
+        motion = Motion(first, second, unit_vector(vector) or vector)
+        return [self.make_channel(name, name, motion, context.path, terms)]
 
     def _towards(self, context: Context) -> Vector | None:
         """Horizontal unit vector (dim,); None, with a fault, where there is none."""
@@ -226,8 +233,8 @@ class LevellingSection(GaugeBase):
             if point == base:
                 refuse_one_point(places[key])
                 continue
-            motion = (self.kind, base, point, down)
-            found.append(self.reads(f"{name}.{key}", name, motion, places[key].path))
+            motion = Motion(base, point, down)
+            found.append(self.make_channel(f"{name}.{key}", name, motion, places[key].path))
         return found + self._distorted(name, points, down, context)
 
     def _distorted(
@@ -246,11 +253,11 @@ class LevellingSection(GaugeBase):
                 continue
             vector = tuple(x / length for x in down)
             terms = ((points[a], tuple(-x for x in vector)), (points[b], vector))
-            motion = (self.kind, points[a], points[b], down)
-            channel = section.reads(f"{name}.{a}-{b}", name, motion, place.path, terms)
+            motion = Motion(points[a], points[b], down)
+            channel = section.make_channel(f"{name}.{a}-{b}", name, motion, place.path, terms)
             own_zero = "zero" in section.model_fields_set
             zero = channel.zero if own_zero else self.zero_stage
-            found.append(replace(channel, zero=zero, probe="distortions"))
+            found.append(replace(channel, kind=self.kind, zero=zero, probe="distortions"))
         return found
 
 
@@ -277,10 +284,10 @@ class LineOfSightSection(GaugeBase):
     sensor: Coordinates | None = Field(
         None, description="In place of a direction: where the instrument stands."
     )
-    incidence: GivenAngle | None = Field(
+    incidence: FixedAngle | None = Field(
         None, description="In place of a direction: angle between it and the vertical."
     )
-    azimuth: GivenAngle | None = Field(
+    azimuth: FixedAngle | None = Field(
         None,
         description="With incidence, in a solid: towards the sensor, clockwise from y; in a plane "
         "model the line leans towards x, or against it where incidence is negative.",
@@ -316,7 +323,7 @@ class LineOfSightSection(GaugeBase):
             if point == base:
                 refuse_one_point(place)
                 continue
-            found.append(self.reads(channel, name, (self.kind, base, point, vector), place.path))
+            found.append(self.make_channel(channel, name, Motion(base, point, vector), place.path))
         return found
 
     def _sight(self, point: Vector, context: Context) -> Vector | None:

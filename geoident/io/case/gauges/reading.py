@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 from pydantic import Field, Tag, model_validator
 
 from geoident.io.case.gauges.accuracy import ACCURACY, AS_PARTS, UNKNOWN_SIZE, StandardDeviationOf
+from geoident.io.case.gauges.gauge import Motion
 from geoident.io.case.gauges.value import DRIFT, ValueGauge
 from geoident.io.schema.estimated import ESTIMATE
 from geoident.io.schema.section import Context, SectionFaults
@@ -62,5 +63,5 @@ class PlainReadingSection(ValueGauge):
 
     def channels(self, name: str, context: Context) -> list[Channel]:
         """The one channel, which is nowhere."""
-        found = self.reads(name, name, (self.kind, None, (), ()), context.path)
-        return [replace(found, reads=self.made_of)]
+        found = self.make_channel(name, name, Motion(None, (), ()), context.path)
+        return [replace(found, reads=self.reads)]

@@ -12,7 +12,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from geoident.io.case.gauges.accuracy import StrainAccuracy
-from geoident.io.case.gauges.gauge import GivenLength, distance, point_of, unit_vector
+from geoident.io.case.gauges.gauge import Motion, distance, point_of, unit_vector
 from geoident.io.case.gauges.on_structure import TOWARDS, on_structure
 from geoident.io.case.gauges.value import (
     DRIFT,
@@ -28,7 +28,8 @@ from geoident.io.schema.values import (
     Coordinates,
     Count,
     DirectionVector,
-    Length,
+    FixedLength,
+    FixedSize,
     Line,
     Name,
     QuantityType,
@@ -39,7 +40,7 @@ from geoident.model.gauges import Channel, MovingPoint, Reads
 
 StrainOffset = Annotated[CaseNumber, QuantityType("strain", tied=True)]
 StrainRate = Annotated[CaseNumber, QuantityType("strain rate", tied=True)]
-Stations = Annotated[list[Length], SharesUnit()]
+Stations = Annotated[list[FixedLength], SharesUnit()]
 
 _MOST_STATIONS = 10_000
 
@@ -86,13 +87,13 @@ class StrainSection(ValueGauge):
     along: list[Coordinates] | None = Field(
         None, min_length=2, description="Points of the cable, straight between them."
     )
-    every: GivenLength | None = Field(
+    every: FixedSize | None = Field(
         None, description="Distance of the stations along the cable.", examples=["0.25 m"]
     )
     at: Stations | None = Field(
         None, min_length=1, description="Stations along the cable, in place of `every`."
     )
-    base: GivenLength | None = Field(
+    base: FixedSize | None = Field(
         None, description="Length over which each station is a mean; `every` if missing."
     )
     structure: Name | None = Field(None, description="The structure whose strain is read.")
@@ -102,7 +103,7 @@ class StrainSection(ValueGauge):
     fibre: Literal["inside", "outside", "axis"] | None = Field(
         None, description="Which fibre of a beam."
     )
-    depth: GivenLength | None = Field(
+    depth: FixedSize | None = Field(
         None,
         description="Distance of the fibre from the axis of the beam; half of its thickness if "
         "missing.",
@@ -117,9 +118,9 @@ class StrainSection(ValueGauge):
         return self
 
     @property
-    def made_of(self) -> Reads:
+    def reads(self) -> Reads:
         """A change of the ground since the zero; of a structure its value, if no zero is given."""
-        return Reads.CHANGE if self.structure is None else super().made_of
+        return Reads.CHANGE if self.structure is None else super().reads
 
     def channel_names(self, name: str) -> list[str]:
         """One name; along a line one for every station."""
@@ -150,10 +151,10 @@ class StrainSection(ValueGauge):
     ) -> list[Channel]:
         place = context.at("between")
         first, second = (point_of(point, place.at(n)) for n, point in enumerate(between))
-        motion = distance(self.kind, first, second, place)
+        motion = distance(first, second, place)
         if motion is None or first is None or second is None:
             return []
-        return [self.reads(name, name, motion, context.path, _mean_strain([first, second]))]
+        return [self.make_channel(name, name, motion, context.path, _mean_strain([first, second]))]
 
     def _along(self, name: str, context: Context) -> list[Channel]:
         place = context.at("along")
@@ -175,8 +176,8 @@ class StrainSection(ValueGauge):
             part = _part_of(line, station - half, station + half)
             terms = _mean_strain(part)
             direction = unit_vector(tuple(b - a for a, b in zip(part[0], part[-1], strict=True)))
-            motion = (self.kind, part[0], part[-1], direction or (0.0,) * context.dim)
-            channel = self.reads(f"{name}.{station:.6g}", name, motion, context.path, terms)
+            motion = Motion(part[0], part[-1], direction or (0.0,) * context.dim)
+            channel = self.make_channel(f"{name}.{station:.6g}", name, motion, context.path, terms)
             found.append(channel)
         return found
 

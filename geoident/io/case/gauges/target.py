@@ -10,6 +10,7 @@ from pydantic import Field, model_validator
 
 from geoident.io.case.gauges.gauge import (
     GaugeBase,
+    Motion,
     Reference,
     axis_vector,
     cross_product,
@@ -23,7 +24,7 @@ from geoident.io.schema.values import (
     Coordinates,
     DirectionVector,
     Exactly,
-    Length,
+    FixedLength,
     SharesUnit,
 )
 from geoident.model.arrays import Vector
@@ -54,17 +55,17 @@ class TargetSection(GaugeBase):
 
     kind: Literal["target"]
     point: Coordinates | None = Field(None, description="Coordinates of the target.")
-    chainage: Length | None = Field(
+    chainage: FixedLength | None = Field(
         None, description="In place of the point: chainage on the alignment (solid)."
     )
     alignment: list[Coordinates] | None = Field(
         None, min_length=2, description="Points of the axis from its beginning on."
     )
-    start_chainage: Length = Field(
+    start_chainage: FixedLength = Field(
         CaseNumber("0 m", 0.0, None, "length", "m"),
         description="Chainage where the alignment begins.",
     )
-    beside: Annotated[list[Length], SharesUnit(), Exactly(2)] | None = Field(
+    beside: Annotated[list[FixedLength], SharesUnit(), Exactly(2)] | None = Field(
         None,
         description="How far to the right of the alignment the target is, and how far above it.",
     )
@@ -150,7 +151,7 @@ class TargetSection(GaugeBase):
             refuse_one_point(context.at("relative_to"))
             return []
         return [
-            self.reads(f"{name}.{component}", name, (self.kind, first, point, vector), place.path)
+            self.make_channel(f"{name}.{component}", name, Motion(first, point, vector), place.path)
             for component, vector in directions.items()
         ]
 

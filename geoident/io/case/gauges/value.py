@@ -11,7 +11,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from geoident.io.case.gauges.gauge import GaugeBase, point_of, unit_vector
+from geoident.io.case.gauges.gauge import GaugeBase, Motion, point_of, unit_vector
 from geoident.io.schema.section import Context, SectionFaults
 from geoident.io.schema.values import CaseNumber, Name
 from geoident.model.arrays import Vector
@@ -54,7 +54,7 @@ class ValueGauge(GaugeBase):
             faults.add((key,), "unit", message, hint)
 
     @property
-    def made_of(self) -> Reads:
+    def reads(self) -> Reads:
         """Whether a value is read, or a change since a zero that the case gives."""
         return Reads.CHANGE if "zero" in self.model_fields_set else Reads.VALUE
 
@@ -70,9 +70,9 @@ class ValueGauge(GaugeBase):
             direction: of what is read.
             key: where the gauge is written.
         """
-        motion = (str(getattr(self, "kind", "")), None, point, direction)
-        found = self.reads(f"{name}.{part}" if part else name, name, motion, key.path)
-        return replace(found, reads=self.made_of, quantity=part)
+        motion = Motion(None, point, direction)
+        found = self.make_channel(f"{name}.{part}" if part else name, name, motion, key.path)
+        return replace(found, reads=self.reads, quantity=part)
 
 
 def optional_point(given: list[CaseNumber] | None, place: Context) -> Vector | None:

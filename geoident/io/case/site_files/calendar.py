@@ -37,7 +37,7 @@ class Calendar:
     @cached_property
     def zeroed(self) -> dict[str, str]:
         """The same without channels that read a value: these have no zero."""
-        changes = (name for name, g in self.channels.items() if g.made_of is Reads.CHANGE)
+        changes = (name for name, g in self.channels.items() if g.reads is Reads.CHANGE)
         return {name: self.zeros[name] for name in changes}
 
     @cached_property

@@ -19,14 +19,19 @@ from geoident.units import with_article
 class ReadingChecks:
     """Holds readings against their case; what is wrong with them is noted.
 
-    ``zeros`` maps channels to the stage where they are zero, ``order`` stages to their order,
-    ``owners`` channels to their gauges; ``hints`` what to write in place of a name that refers to
-    nothing.
-
     Args:
         section: the case.
         calendar: its stages and dates.
         faults: is told what is wrong.
+
+    Attributes:
+        zeros: channel to the stage at whose end it is zero.
+        dimensions: channel to the dimension of its readings.
+        dates: stage to the date of its end, seconds since 1970.
+        order: stage to its number, 0 for the virgin state.
+        owners: channel to the name of its gauge.
+        seen: channel and stage to the first reading of them.
+        hints: kind (gauge or stage) and unknown name to what to write in its place.
     """
 
     def __init__(self, section: CaseSection, calendar: Calendar, faults: Faults) -> None:

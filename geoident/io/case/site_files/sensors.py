@@ -12,13 +12,13 @@ from geoident.io.schema.section import Section, SectionFaults
 from geoident.io.schema.values import (
     AnyQuantity,
     CaseNumber,
-    Dimensionless,
     DirectionVector,
     Exactly,
-    GivenAngle,
-    Length,
+    FixedAngle,
+    FixedCoefficient,
+    FixedLength,
+    FixedMultiple,
     Name,
-    Positive,
     QuantityType,
     SharesUnit,
 )
@@ -50,7 +50,7 @@ class CalibrationSection(Section):
         description="In place of a factor: the constant, and what stands with R, R^2, ...",
         examples=[["812.3 kPa", "-0.0912 kPa", "-1.1e-7 kPa"]],
     )
-    zero: Dimensionless | None = Field(
+    zero: FixedCoefficient | None = Field(
         None, description="What it gave at its zero; of a polynomial, only if it counts from there."
     )
     thermal: AnyQuantity | None = Field(
@@ -131,7 +131,7 @@ class TransformationSection(Section):
     In a plane model x is horizontal and y points up; in a solid z points up.
     """
 
-    azimuth: GivenAngle | None = Field(
+    azimuth: FixedAngle | None = Field(
         None, description="Of the model's x axis, clockwise from north.", examples=["37.5 deg"]
     )
     axes: dict[Literal["x", "y", "z"], DirectionVector] | None = Field(
@@ -139,11 +139,11 @@ class TransformationSection(Section):
         description="In place of an azimuth: two or three axes of the model as vectors of easting, "
         "northing and height; their lengths do not matter.",
     )
-    scale: Positive = Field(
+    scale: FixedMultiple = Field(
         CaseNumber("1", 1.0, None, DIMENSIONLESS),
         description="Of the survey's projection: its lengths by true ones, such as 0.9996.",
     )
-    origin: Annotated[list[Length], SharesUnit(), Exactly(3)] | None = Field(
+    origin: Annotated[list[FixedLength], SharesUnit(), Exactly(3)] | None = Field(
         None,
         description="Easting, northing and height of the model's origin: it checks where targets "
         "stand.",

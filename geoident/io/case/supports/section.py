@@ -12,8 +12,8 @@ from geoident.io.schema.values import (
     CaseNumber,
     Coefficient,
     Coordinates,
+    FixedLength,
     Length,
-    Level,
     SharesUnit,
     Text,
     scalar_of,
@@ -32,10 +32,10 @@ def _word(value: object) -> str:
 
 Component = Literal["x", "y", "z"]
 GivenMotion = Annotated[
-    Annotated[Literal["fixed"], Tag("word")] | Annotated[Level, Tag("length")],
+    Annotated[Literal["fixed"], Tag("word")] | Annotated[Length, Tag("length")],
     Discriminator(_word),
 ]
-MotionLengths = Annotated[list[Length], SharesUnit()]
+MotionLengths = Annotated[list[FixedLength], SharesUnit()]
 
 
 class MeasuredMotionSection(Section):

@@ -24,16 +24,15 @@ from geoident.io.schema.values import (
     Coordinates,
     Count,
     DirectionVector,
-    GivenAngle,
-    GivenSize,
+    FixedAngle,
+    FixedMultiple,
+    FixedSize,
     Modulus,
-    Positive,
     SharesUnit,
     Text,
     shape_of,
 )
-from geoident.model.ground import Attitude, Axes, PointValue
-from geoident.model.ground import Field as RandomField
+from geoident.model.ground import Attitude, Axes, PointValue, RandomField
 from geoident.units import (
     DIMENSIONLESS,
     with_article,
@@ -52,13 +51,13 @@ class AlongSection(Section):
 
     one_of = (Alternatives(*ATTITUDE_OR_AXES, hint="Along the model's axes: leave out 'along'."),)
 
-    dip: GivenAngle | None = Field(
+    dip: FixedAngle | None = Field(
         None, description="Inclination of axis 1; in 2-D it falls towards +x.", examples=["30 deg"]
     )
-    dip_direction: GivenAngle | None = Field(
+    dip_direction: FixedAngle | None = Field(
         None, description="Azimuth of the line of dip, clockwise from north (y) in a solid."
     )
-    rotation: GivenAngle | None = Field(
+    rotation: FixedAngle | None = Field(
         None, description="Turns axes 1 and 2 about the normal, right-handed; 0 if missing."
     )
     axis_1: DirectionVector | None = Field(
@@ -123,9 +122,9 @@ Measured = Annotated[
     Discriminator(_entry),
 ]
 Lengths = Annotated[
-    Annotated[GivenSize, Tag("text")]
+    Annotated[FixedSize, Tag("text")]
     | Annotated[
-        list[GivenSize],
+        list[FixedSize],
         SharesUnit(),
         Field(json_schema_extra={"minItems": 1, "maxItems": 3}),
         Tag("list"),
@@ -152,7 +151,7 @@ class FieldBase(Section):
     along: AlongSection | None = Field(
         None, description="How the axes of the lengths lie; along the model's axes if missing."
     )
-    smoothness: Positive = Field(
+    smoothness: FixedMultiple = Field(
         CaseNumber("1.5", 1.5, None, DIMENSIONLESS),
         description="Smoothness nu of the Matern correlation: 0.5 is exponential (rough), 1.5 once "
         "differentiable, 2.5 twice.",

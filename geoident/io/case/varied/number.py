@@ -25,13 +25,12 @@ from geoident.io.schema.values import (
     Modulus,
     Stress,
 )
-from geoident.model.ground import Field as RandomField
-from geoident.model.ground import Growth
+from geoident.model.ground import Growth, RandomField
 
 
 @dataclass(frozen=True)
 class _InPlaceOfNumber(ABC):
-    """Annotation of a `CaseNumber`: it is written as a section, which becomes its `field`."""
+    """Annotation of a `CaseNumber`: it is written as a section, which becomes its `varied_by`."""
 
     section: type[Section]
 
@@ -41,7 +40,7 @@ class _InPlaceOfNumber(ABC):
 
     def _written(self, given: CaseNumber) -> Any:
         """How the section is written."""
-        return given.field.model_dump(by_alias=True, exclude_none=True)
+        return given.varied_by.model_dump(by_alias=True, exclude_none=True)
 
     def __get_pydantic_core_schema__(
         self, source: object, handler: GetCoreSchemaHandler
@@ -63,7 +62,7 @@ class FieldOf(_InPlaceOfNumber):
 
     def _given(self, section: Any) -> CaseNumber:
         mean: CaseNumber = section.field.mean
-        return replace(mean, field=section.field)
+        return replace(mean, varied_by=section.field)
 
     def _written(self, given: CaseNumber) -> Any:
         return {"field": super()._written(given)}
@@ -73,7 +72,7 @@ class GrowthOf(_InPlaceOfNumber):
     """It is written as growth, and the number is what it grows from."""
 
     def _given(self, section: GrowthBase) -> CaseNumber:
-        return replace(section.base, field=section)
+        return replace(section.base, varied_by=section)
 
 
 class FormulaOf(_InPlaceOfNumber):
@@ -88,8 +87,8 @@ _BY_DEPTH, _BY_STRESS = DepthGrowthSection.model_fields, StressGrowthSection.mod
 
 def _number_or_varied(value: object) -> str:
     """Which form a modulus has, by the keys that only one form has."""
-    if isinstance(value, CaseNumber) and isinstance(value.field, GrowthBase):
-        return "<depth>" if isinstance(value.field, DepthGrowthSection) else "<stress>"
+    if isinstance(value, CaseNumber) and isinstance(value.varied_by, GrowthBase):
+        return "<depth>" if isinstance(value.varied_by, DepthGrowthSection) else "<stress>"
     if isinstance(value, dict) and "field" not in value:
         if not value.keys().isdisjoint(_BY_DEPTH):
             return "<depth>"
@@ -106,23 +105,21 @@ def _number_varied_or_derived(value: object) -> str:
 
 
 def _number_or_field(value: object) -> str:
-    varied = value.field is not None if isinstance(value, CaseNumber) else isinstance(value, dict)
+    varied = (
+        value.varied_by is not None if isinstance(value, CaseNumber) else isinstance(value, dict)
+    )
     return "<field>" if varied else "<number>"
 
 
-FieldModulus = Annotated[
-    Annotated[Modulus, Tag("<number>")]
-    | Annotated[CaseNumber, FieldOf(VariedModulusSection), Tag("<field>")]
-    | Annotated[CaseNumber, GrowthOf(DepthGrowthSection), Tag("<depth>")]
-    | Annotated[CaseNumber, GrowthOf(StressGrowthSection), Tag("<stress>")],
-    Discriminator(_number_or_varied),
-]
-YoungModulus = Annotated[
+_ModulusForms = (
     Annotated[Modulus, Tag("<number>")]
     | Annotated[CaseNumber, FieldOf(VariedModulusSection), Tag("<field>")]
     | Annotated[CaseNumber, GrowthOf(DepthGrowthSection), Tag("<depth>")]
     | Annotated[CaseNumber, GrowthOf(StressGrowthSection), Tag("<stress>")]
-    | Annotated[CaseNumber, FormulaOf(RockMassModulusSection), Tag("<rock mass>")],
+)
+ModulusOrVaried = Annotated[_ModulusForms, Discriminator(_number_or_varied)]
+YoungModulus = Annotated[
+    _ModulusForms | Annotated[CaseNumber, FormulaOf(RockMassModulusSection), Tag("<rock mass>")],
     Discriminator(_number_varied_or_derived),
 ]
 FieldStrength = Annotated[
@@ -157,10 +154,10 @@ def fields_in(
     found = []
     for name in type(section).model_fields:
         given = getattr(section, name)
-        if isinstance(given, CaseNumber) and isinstance(given.field, FieldBase):
+        if isinstance(given, CaseNumber) and isinstance(given.varied_by, FieldBase):
             place, constant = context.at(name, "field"), (names or {}).get(name, name)
             found.append(
-                given.field.built(place, material=material, constant=constant, surface=surface)
+                given.varied_by.built(place, material=material, constant=constant, surface=surface)
             )
     return tuple(found)
 
@@ -175,7 +172,7 @@ def growths_in(section: Section, context: Context, *, material: str) -> tuple[Gr
     """
     given = ((name, getattr(section, name)) for name in type(section).model_fields)
     return tuple(
-        value.field.built(context.at(name), material=material, constant=name)
+        value.varied_by.built(context.at(name), material=material, constant=name)
         for name, value in given
-        if isinstance(value, CaseNumber) and isinstance(value.field, GrowthBase)
+        if isinstance(value, CaseNumber) and isinstance(value.varied_by, GrowthBase)
     )

@@ -76,12 +76,12 @@ class DerivedModulus(CaseNumber):
     @classmethod
     def of(cls, section: RockMassModulusSection) -> DerivedModulus:
         """The number that stands for a section."""
-        return cls(KEY, nan, None, "pressure", field=section)
+        return cls(KEY, nan, None, "pressure", varied_by=section)
 
     @property
     def inner(self) -> HoekDiederichsSection:
         """What it follows from."""
-        section: RockMassModulusSection = self.field
+        section: RockMassModulusSection = self.varied_by
         return section.hoek_diederichs
 
     @property

@@ -27,8 +27,7 @@ from geoident.io.schema.values import (
     Stress,
     scalar_of,
 )
-from geoident.model.ground import Elastic, Isotropic
-from geoident.model.ground import Field as RandomField
+from geoident.model.ground import Elastic, Isotropic, RandomField
 from geoident.model.parameter import Scalar
 from geoident.model.yielding import (
     DruckerPrager,
