@@ -289,7 +289,8 @@ class CombinationSearch:
             coupling = system.coupling[some[:, :, None], some[:, None, :]]
             regular = np.linalg.svd(coupling, compute_uv=False)[:, -1] > _SINGULAR
             self._candidates += [self.sets.number(planes) for planes in some[regular].tolist()]
-        # the apex: where the hydrostatic axis first leaves the surface
+        # The apex, where the hydrostatic axis first leaves the cones. A cut-off of tension in front
+        # of it is associated: its own sets bring every tension back, none is left for the apex.
         upright = np.flatnonzero(system.upright)
         pressure = system.distances[upright] / system.normals[upright].sum(axis=1)
         owner = system.owner[upright]

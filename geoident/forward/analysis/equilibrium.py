@@ -24,8 +24,8 @@ A load beyond collapse has no minimum: Pi falls without end along a mechanism d.
 by the slope of Pi far out along the steps (the kinematic theorem of limit analysis): if it is
 still falling there, d dissipates less than the loads give, and no equilibrium exists.
 
-Flow that is not associated has no potential; its steps are judged by the next ones, and where
-they are lost a path of viscous grounds leads to the solution (`viscous_path`).
+Non-associated flow has no potential; its steps are judged by the next ones, and where they are
+lost a path of viscous grounds leads to the solution (`viscous_path`).
 
 Cost: one factorization for every step, one for the derivatives if the last was made elsewhere.
 """
@@ -37,6 +37,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from geoident.fem.yielding.domain import EmptyDomain, NoProjection
 from geoident.forward.analysis.stage_equations import (
     Balance,
     NoEquilibrium,
@@ -61,13 +62,13 @@ MOST_STEPS = 60
 """Newton steps at most; a stage rarely takes more than fifteen."""
 
 PATIENCE = 10
-"""Newton steps after which flow without potential takes the path of viscous grounds.
+"""Newton steps after which non-associated flow takes the path of viscous grounds.
 
-Steps that wander longer may end in bands of shear where there is an even flow.
+Newton's method that wanders longer may end in bands of shear although there is a diffuse flow.
 """
 
 LARGE_STRAIN = 1.0
-"""Strain of yielding points beyond which small strains describe nothing.
+"""Strain of yielding points in one stage beyond which small strains describe nothing.
 
 Meshes that lock under flow without change of volume let pressures grow without end: where all else
 flows, Newton's method finds equilibria kilometres away (Nagtegaal, Parks, Rice 1974).
@@ -77,17 +78,17 @@ _SUSPICIOUS = 4
 """Steps after which a mechanism is looked for; fewer end most stages."""
 
 SEARCH = 240
-"""Newton steps that a search without potential may take: the hardest that leads to an end takes a
-fifth of them."""
+"""Newton steps that a search with non-associated flow may take: the hardest known that ends well
+takes a fifth of them."""
 
 _UNBALANCED = 0.01
 """Part of the change of load that may stay unbalanced where flow is not associated."""
 
 _HARDLY_VISCOUS = 3e-4
-"""Part of the overstress that may stay where only even flow is looked for."""
+"""Part of the overstress that may stay where only diffuse flow counts (`strict`)."""
 
 _LITTLE_VISCOUS = 3e-3
-"""The same otherwise: all else shears in bands. By how much displacements are short is said."""
+"""The same otherwise. The user reads by how much displacements are short (`Balance.short`)."""
 
 FAR_OUT = 1e6
 """Where along a step its mechanism alone decides, in steps."""
@@ -121,7 +122,7 @@ def solve(
     equations: StageEquations,
     guesses: Iterable[Floats],
     *,
-    even_only: bool = False,
+    strict: bool = False,
     budget: StepBudget | None = None,
     most_strain: float = np.inf,
 ) -> Balance:
@@ -130,24 +131,43 @@ def solve(
     Args:
         equations: of the stage.
         guesses: (n_dofs,) displacement steps; the nearest one is the start (`distance`).
-        even_only: without potential, no flow in bands of shear is looked for.
+        strict: of non-associated flow only the diffuse one (not localised in bands) counts.
         budget: steps that are left where there is no potential; None for a search of its own.
-        most_strain: of yielding points; an equilibrium beyond it counts as none.
+        most_strain: of yielding points in this stage; an equilibrium beyond it counts as none.
 
     Raises:
         NoEquilibrium: see there.
         NotPositiveDefinite: the elastic stiffness itself is singular.
     """
-    start = min((equations.at(guess) for guess in guesses), key=equations.distance)
+    start = _nearest(equations, guesses)
     if equations.associated:
         balance = _minimise(equations, start)
     else:
         budget = budget or StepBudget(SEARCH)
-        balance = _without_potential(equations, start, budget, even_only=even_only)
+        balance = _non_associated(equations, start, budget, strict=strict)
     strain = np.abs(equations.operators.strain(balance.trial.du))
     if any(strain[:, flow.points].max() > most_strain for flow in balance.trial.flowing):
         raise NoEquilibrium(balance.trial.du)
     return balance
+
+
+def _nearest(equations: StageEquations, guesses: Iterable[Floats]) -> Trial:
+    """The guess nearest to equilibrium, of those whose stresses can be returned.
+
+    An extrapolated guess may be far outside the yield surface where another one serves.
+
+    Raises:
+        NoEquilibrium, NoProjection, EmptyDomain: of the last guess, where none can be.
+    """
+    trials, failure = [], None
+    for guess in guesses:
+        try:
+            trials.append(equations.at(guess))
+        except (NoEquilibrium, NoProjection, EmptyDomain) as error:
+            failure = error
+    if not trials and failure is not None:
+        raise failure
+    return min(trials, key=equations.distance)
 
 
 def _minimise(equations: StageEquations, trial: Trial) -> Balance:
@@ -168,6 +188,8 @@ def _minimise(equations: StageEquations, trial: Trial) -> Balance:
         if whole and step >= _SUSPICIOUS:
             _refuse_mechanism(equations, following, d)
         trial = following
+    if trial.error <= BALANCED:
+        return Balance(trial, tangent)
     raise NoEquilibrium(trial.du)
 
 
@@ -262,12 +284,12 @@ def _refuse_mechanism(equations: StageEquations, trial: Trial, d: Floats) -> Non
         raise NoEquilibrium(d, proven=True)
 
 
-def _without_potential(
-    equations: StageEquations, start: Trial, budget: StepBudget, *, even_only: bool
+def _non_associated(
+    equations: StageEquations, start: Trial, budget: StepBudget, *, strict: bool
 ) -> Balance:
     """Newton's method, and where its steps are lost, the path of viscous grounds.
 
-    Where the even flow folds back at little viscosity, its last point is the answer: beyond the
+    Where the diffuse flow folds back at little viscosity, its last point is the answer: beyond the
     fold there are only bands of shear, whose place is that of the elements. Where it folds back
     earlier, the load may still be in balance but for a little.
 
@@ -285,19 +307,20 @@ def _without_potential(
     end = path.balance
     if end.viscosity == 0.0:
         return end
-    if end.viscosity <= (_HARDLY_VISCOUS if even_only else _LITTLE_VISCOUS):
+    if end.viscosity <= (_HARDLY_VISCOUS if strict else _LITTLE_VISCOUS):
         missing = np.abs(path.promised - end.trial.du).max()
         short = float(missing / (np.abs(path.promised).max() or 1.0))
         return replace(end, tangent=None, short=short)
-    refused = NoEquilibrium(end.trial.du, even=end)
-    if even_only:
+    refused = NoEquilibrium(end.trial.du, diffuse=end)
+    if strict:
         raise refused
-    at_rest = equations.at(np.zeros_like(equations.forces)).error
+    change = np.abs(equations.at(np.zeros_like(equations.forces)).residual).max()
     try:
         trials = [equations.at(du) for du in (end.trial.du, path.promised)]
     except NoEquilibrium:
         raise refused from None
-    trial = min(trials, key=lambda one: one.error)
-    if trial.error > _UNBALANCED * at_rest:
+    left = [float(np.abs(trial.residual).max() / change) for trial in trials]
+    best = int(np.argmin(left))
+    if left[best] > _UNBALANCED:
         raise refused
-    return Balance(trial, unbalanced=trial.error / at_rest)
+    return Balance(trials[best], unbalanced=left[best])

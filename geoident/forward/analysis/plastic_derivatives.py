@@ -16,9 +16,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from geoident.errors import ModelError
 from geoident.forward.analysis.constitutive import Flow
 from geoident.forward.analysis.stage import StageTask
-from geoident.forward.analysis.stage_equations import Balance, StageEquations
+from geoident.forward.analysis.stage_equations import Balance, SingularTangent, StageEquations
 from geoident.forward.analysis.systems import StageSystems
 from geoident.model.arrays import Floats
 
@@ -36,6 +37,9 @@ def plastic_derivatives(
         systems: the equations of the stages.
         equations: those of this stage.
         balance: their solution.
+
+    Raises:
+        ModelError: the consistent tangent is singular, so there are no derivatives.
     """
     trial, structures, points = balance.trial, systems.structures, systems.discretization.points
     g = np.ascontiguousarray(task.carried.stress[..., _DERIVATIVES])
@@ -55,7 +59,13 @@ def plastic_derivatives(
         tangent = balance.tangent
         if tangent is None or not equations.serves(tangent, trial):
             tangent = equations.tangent(trial)
-        ddu[dofs] = tangent.factor.solve(rest[dofs])
+        try:
+            ddu[dofs] = equations.solve_consistently(tangent, rest[dofs])
+        except SingularTangent as error:
+            msg = f"at stage '{task.state.name}' the displacements have no derivatives by the "
+            msg += "parameters: the ground is at its limit load"
+            hint = "Raise the strengths a little, or see whether the stage lacks support."
+            raise ModelError(msg, hint) from error
 
     stress = points.strain(ddu)  # becomes T E C ddu
     for ground in equations.grounds:

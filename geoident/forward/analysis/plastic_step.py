@@ -21,11 +21,12 @@ from geoident.fem.location import format_point
 from geoident.fem.solvers.direct import NotPositiveDefinite
 from geoident.fem.yielding.domain import EmptyDomain, NoProjection
 from geoident.forward.analysis.bands import band_at
-from geoident.forward.analysis.collapse import carried_part, collapse_error, describe_mechanism
+from geoident.forward.analysis.collapse import carried_part
+from geoident.forward.analysis.collapse_message import collapse_error, describe_mechanism
 from geoident.forward.analysis.constitutive import Ground, ReachedPlanes
 from geoident.forward.analysis.equilibrium import LARGE_STRAIN, solve
 from geoident.forward.analysis.plastic_derivatives import plastic_derivatives
-from geoident.forward.analysis.stage import LastEquilibrium, StageTask, not_positive_definite
+from geoident.forward.analysis.stage import StageTask, not_positive_definite
 from geoident.forward.analysis.stage_equations import Balance, NoEquilibrium, StageEquations
 from geoident.forward.analysis.systems import StageSystems
 from geoident.forward.analysis.tangents import StageTangents
@@ -95,11 +96,11 @@ class WarmStart:
 
 @dataclass(frozen=True)
 class Localisation:
-    """Where shear goes into bands at a stage whose even flow ends short.
+    """Where shear goes into bands at a stage whose diffuse flow ends short.
 
     Args:
         part: of the points that yield: that at which the acoustic tensor allows a band.
-        short: part by which displacements are short of those that the even flow promises.
+        short: part by which displacements are short of those to which the diffuse flow leads.
         band: words for the mode that has lost its stability and for its place; empty where none
             has, or nobody asked.
     """
@@ -136,7 +137,7 @@ class PlasticSteps:
         warm: where Newton's method may start.
         ground: the moduli at the parameters of the analysis; yield laws are made with them.
         explain: find the part of the load that can be carried, where there is a collapse.
-        even_only: without potential, no flow in bands of shear is looked for.
+        strict: of non-associated flow only the diffuse one (not localised in bands) counts.
 
     Attributes:
         findings: of the analysis.
@@ -147,7 +148,7 @@ class PlasticSteps:
     warm: WarmStart
     ground: ModuliAt
     explain: bool
-    even_only: bool = False
+    strict: bool = False
 
     def __post_init__(self) -> None:
         self._laws = YieldLaws(self.ground)
@@ -172,9 +173,7 @@ class PlasticSteps:
             equations = self._equations(task)
             try:
                 starts = [np.zeros_like(equations.forces), *self.warm.guesses(task)]
-                balance = solve(
-                    equations, starts, even_only=self.even_only, most_strain=LARGE_STRAIN
-                )
+                balance = solve(equations, starts, strict=self.strict, most_strain=LARGE_STRAIN)
             except NoEquilibrium as error:
                 balance = self._after_failure(task, equations, error)
             trial = balance.trial
@@ -252,41 +251,37 @@ class PlasticSteps:
         )
 
     def _after_failure(
-        self, task: StageTask, equations: StageEquations, error: NoEquilibrium
+        self, task: StageTask, equations: StageEquations, failure: NoEquilibrium
     ) -> Balance:
-        """The equilibrium that was missed at first, if a growing load leads to it.
+        """The equilibrium that Newton's method missed, if the arc of growing loads leads to it.
+
+        Whether there is one is asked in the same way for every p; `explain` adds to the message.
 
         Raises:
-            CollapseError: there is none, with the part of the load that is carried if asked for.
-            ModelError: there is none, where only even flow is looked for.
+            CollapseError: there is none, with the part of the load that is carried where known.
+            ModelError: there is none, where only diffuse flow is looked for.
         """
-        on_mesh, proven = self.systems.on_mesh, equations.associated or error.proven
-        if self.even_only and not proven:
+        associated, diffuse = equations.associated, failure.diffuse
+        if self.strict and not (associated or failure.proven):
             msg = f"at stage '{task.state.name}' the ground shears in bands, with a dilation "
-            raise ModelError(msg + "far below the friction") from error
-        if not self.explain:  # a search needs only to know that there is none
-            raise collapse_error(
-                on_mesh, task, np.nan, error.mechanism, proven=proven, ended=error.even
-            ) from error
-        even, band, fraction, reached = error.even, None, np.nan, None
-        if even is not None:
-            band = band_at(equations.viscous(even.viscosity), even.trial)
-        if equations.associated or task.motion is None:
-            carried = carried_part(equations, error)
-            trial, error = carried.trial, carried.error
-            if carried.fraction >= 1.0 and trial is not None:
+            raise ModelError(msg + "far below the friction") from failure
+        carried, confirm = None, associated and not failure.proven
+        if confirm or (self.explain and task.motion is None):
+            carried = carried_part(equations, failure)
+            failure = carried.failure
+            if confirm and carried.fraction >= 1.0 and carried.trial is not None:
                 try:
-                    return solve(equations, [trial.du])
+                    return solve(equations, [carried.trial.du])
                 except NoEquilibrium as again:
-                    error = again
-            elif task.motion is None:  # what is carried of a given motion is not known
-                fraction = carried.fraction
-                if trial is not None:
-                    reached = LastEquilibrium(trial.du, trial.stress, trial.yielded())
+                    failure = again
+            if carried.fraction >= 1.0 or task.motion is not None:
+                carried = None  # what is carried of a given motion is not known
+        band = None
+        if self.explain and diffuse is not None:
+            band = band_at(equations.viscous(diffuse.viscosity), diffuse.trial)
         raise collapse_error(
-            on_mesh, task, fraction, error.mechanism,
-            proven=equations.associated or error.proven, ended=even, band=band, reached=reached,
-        ) from error  # fmt: skip
+            self.systems.on_mesh, task, failure, associated=associated, carried=carried, band=band
+        ) from failure
 
     def _note_what_is_left(
         self, task: StageTask, equations: StageEquations, balance: Balance

@@ -12,6 +12,7 @@ from functools import cached_property
 from typing import Protocol
 
 import numpy as np
+import scipy.sparse.linalg as spla
 
 from geoident.fem.patches import Patch
 from geoident.fem.solvers.direct import Factor, NotPositiveDefinite
@@ -23,10 +24,16 @@ ELASTIC_PARTS = (1e-10, 1e-7, 1e-3, 1.0)
 """Parts of the elastic stiffness that are left in a tangent: the first that makes it definite."""
 
 _SAME_TANGENT = 1e-7
-"""Relative difference of tangents up to which the factor of one serves for the other."""
+"""Relative difference of two tangents that give derivatives alike to seven digits."""
 
 _SAME_GENERAL_TANGENT = 1e-11
-"""The same without potential, where eigenvalues may be a ten thousandth of the elastic ones."""
+"""The same of non-associated flow: eigenvalues may be a ten thousandth of the elastic ones."""
+
+_SOLVED = 1e-9
+"""Relative residual at which a solution by the consistent tangent is exact enough."""
+
+_MOST_ITERATIONS = 200
+"""Of GMRES, where some of the elastic stiffness is left in the factor; a handful are usual."""
 
 
 class Operators(Protocol):
@@ -66,22 +73,26 @@ class Patches(Protocol):
         """What makes factors of the stiffness of a patch."""
 
 
+class SingularTangent(ArithmeticError):
+    """The consistent tangent is singular: the displacements have no derivatives."""
+
+
 class NoEquilibrium(ArithmeticError):
     """The loads of a stage cannot be carried, or no equilibrium was found.
 
     Args:
         mechanism: (n_dofs,) how the ground moves, or None.
         proven: whether it moves without end under this load: no doubt is left.
-        even: the last equilibrium on the path of viscous grounds, of flow without potential;
+        diffuse: with non-associated flow the last equilibrium on the path of viscous grounds;
             None where there is none.
     """
 
     def __init__(
-        self, mechanism: Floats | None, *, proven: bool = False, even: Balance | None = None
+        self, mechanism: Floats | None, *, proven: bool = False, diffuse: Balance | None = None
     ) -> None:
         self.mechanism = mechanism
         self.proven = proven
-        self.even = even
+        self.diffuse = diffuse
         super().__init__("no equilibrium")
 
 
@@ -130,7 +141,7 @@ class Tangent:
         factor: of K_T.
         points: (q,) strain points that yield, ascending.
         change: (q, s, s) what they add to V E.
-        consistent: whether it is K_T itself; else a part of the elastic stiffness is left in it.
+        consistent: whether it is all but 1e-10 of K_T; else more of the elastic stiffness is left.
     """
 
     factor: Factor
@@ -235,7 +246,7 @@ class StageEquations:
             members=members,
         )
 
-    def before(self) -> Floats:
+    def carried_forces(self) -> Floats:
         """(n_dofs,) forces that hold what is carried into the stage."""
         internal = self.operators.forces(self.stress, self.volume)
         return internal if self.members is None else internal + self.members(0.0 * internal)
@@ -249,7 +260,9 @@ class StageEquations:
         """
         signs = np.random.default_rng(0).choice([-1.0, 1.0], self.stress.shape)
         alone = self.operators.forces(self.stress * signs, self.volume)
-        return max(float(np.abs(f).max(initial=0.0)) for f in (self.forces, self.before(), alone))
+        return max(
+            float(np.abs(f).max(initial=0.0)) for f in (self.forces, self.carried_forces(), alone)
+        )
 
     def at(self, du: Floats) -> Trial:
         """Stresses and residual at a displacement step (n_dofs,).
@@ -314,19 +327,50 @@ class StageEquations:
             NotPositiveDefinite: the elastic stiffness itself is singular.
         """
         points, change = self._changes(trial)
-        for part in ELASTIC_PARTS:
-            if part < least:
-                continue
-            first = part == ELASTIC_PARTS[0]
-            left = part if self.associated or not first else 0.0
+        parts = ELASTIC_PARTS if self.associated else (0.0, *ELASTIC_PARTS[1:])
+        for part in (part for part in parts if part >= least):
             try:
-                factor = self.tangents(points, (1.0 - left) * change, symmetric=self.associated)
+                factor = self.tangents(points, (1.0 - part) * change, symmetric=self.associated)
             except NotPositiveDefinite:
-                if part == ELASTIC_PARTS[-1] or not len(points):
+                if part == parts[-1] or not len(points):
                     raise
             else:
-                return Tangent(factor, points, change, consistent=first)
+                return Tangent(factor, points, change, consistent=part == parts[0])
         raise AssertionError
+
+    def solve_consistently(self, tangent: Tangent, rest: Floats) -> Floats:
+        """K_T^-1 r (n, k) of residuals (n, k), also where elastic stiffness is left in the factor.
+
+        Then the factor is only the preconditioner of GMRES.
+
+        Raises:
+            SingularTangent: K_T is singular, and r is not in its range.
+        """
+        solution = tangent.factor.solve(rest)
+        if tangent.consistent:
+            return solution
+        n = len(self.dofs)
+        stiffness = spla.LinearOperator((n, n), lambda x: self._tangent_forces(tangent, x.ravel()))
+        inverse = spla.LinearOperator((n, n), lambda r: tangent.solve(r.ravel()))
+        for k, r in enumerate(rest.T):
+            if not r.any():
+                continue
+            solution[:, k], left = spla.gmres(
+                stiffness, r, solution[:, k], M=inverse, rtol=0.1 * _SOLVED,
+                restart=_MOST_ITERATIONS, maxiter=1,
+            )  # fmt: skip
+            error = np.linalg.norm(r - stiffness.matvec(solution[:, k]))
+            if left and error > _SOLVED * np.linalg.norm(r):
+                raise SingularTangent
+        return solution
+
+    def _tangent_forces(self, tangent: Tangent, free: Floats) -> Floats:
+        """K_T x (n,) of displacements x (n,) of the unknowns, N."""
+        strain = self.operators.strain(self.spread(free))[:, tangent.points]
+        stress = np.zeros_like(self.stress)
+        stress[:, tangent.points] = np.einsum("qst,tq->sq", tangent.change, strain)
+        change = self.operators.forces(stress, np.ones_like(self.volume))[self.dofs]
+        return np.asarray(self.elastic_forces(free) + change)
 
     def serves(self, tangent: Tangent, trial: Trial) -> bool:
         """Whether a tangent is that at another trial: on the same pieces of the projection."""

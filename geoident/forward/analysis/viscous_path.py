@@ -172,7 +172,10 @@ def follow_path(equations: StageEquations, budget: StepBudget) -> PathEnd | None
         Where it ends; None where not even its first point was found.
     """
     viscous = equations.viscous(_FIRST)
-    start = viscous.at(0.0 * equations.forces)
+    try:
+        start = viscous.at(0.0 * equations.forces)
+    except NoEquilibrium:
+        return None
     last = newton(viscous, start, budget, balanced=_ON_THE_PATH)
     if not last.converged:
         return None
