@@ -75,7 +75,7 @@ flows, Newton's method finds equilibria kilometres away (Nagtegaal, Parks, Rice 
 """
 
 _SUSPICIOUS = 4
-"""Steps after which a mechanism is looked for; fewer end most stages."""
+"""Steps after which a mechanism is looked for; most stages have converged by then."""
 
 SEARCH = 240
 """Newton steps that a search with non-associated flow may take: the hardest known that ends well
@@ -91,13 +91,16 @@ _LITTLE_VISCOUS = 3e-3
 """The same otherwise. The user reads by how much displacements are short (`Balance.short`)."""
 
 FAR_OUT = 1e6
-"""Where along a step its mechanism alone decides, in steps."""
+"""Steps along a mechanism after which only its dissipation counts, no more the elastic strains."""
 
 _NO_POWER = 1e-6
 """Part of the power of the loads on a mechanism that the slope of Pi far out must exceed."""
 
 _HARDLY_RISEN = 0.3
 """Slope of Pi at the end of a step, as part of that at its beginning, that is nearly none."""
+
+_OFF_THE_ENDS = 0.02
+"""Part of its bracket by which a share stays off its ends, so that the bracket always shrinks."""
 
 _MOST_CUTS = 40
 """Shares of a step that are tried to find the zero of the slope of Pi; three are usual."""
@@ -226,28 +229,30 @@ def follow_slope(
     """
     if _hardly_risen(equations, trial, end):
         return end, True
+    # Illinois variant of regula falsi for the zero of r^T d, the descent of Pi along the step
     free = d[equations.dofs]
-    first = float(trial.residual @ free)
-    low, slope_low, high, slope_high = 0.0, first, 1.0, float(end.residual @ free)
+    whole = float(trial.residual @ free)
+    low, descent_low, high, descent_high = 0.0, whole, 1.0, float(end.residual @ free)
     for _ in range(_MOST_CUTS):
-        share = (low * slope_high - high * slope_low) / (slope_high - slope_low)
-        share = float(np.clip(share, low + 0.02 * (high - low), high - 0.02 * (high - low)))
+        share = (low * descent_high - high * descent_low) / (descent_high - descent_low)
+        margin = _OFF_THE_ENDS * (high - low)
+        share = float(np.clip(share, low + margin, high - margin))
         end = equations.at(trial.du + share * d)
-        slope = float(end.residual @ free)
-        if abs(slope) <= _HARDLY_RISEN * first:
+        descent = float(end.residual @ free)
+        if abs(descent) <= _HARDLY_RISEN * whole:
             break
-        if slope > 0.0:
-            low, slope_low, slope_high = share, slope, 0.5 * slope_high
+        if descent > 0.0:
+            low, descent_low, descent_high = share, descent, 0.5 * descent_high
         else:
-            high, slope_high, slope_low = share, slope, 0.5 * slope_low
+            high, descent_high, descent_low = share, descent, 0.5 * descent_low
     return end, False
 
 
 def _hardly_risen(equations: StageEquations, trial: Trial, end: Trial) -> bool:
     """Whether Pi falls from a trial to another, and has not turned to rise much at its end."""
     way = (end.du - trial.du)[equations.dofs]
-    slope = float(trial.residual @ way)
-    return slope > 0.0 and float(end.residual @ way) >= -_HARDLY_RISEN * slope
+    descent = float(trial.residual @ way)
+    return descent > 0.0 and float(end.residual @ way) >= -_HARDLY_RISEN * descent
 
 
 def _settled(equations: StageEquations, patches: Patches, trial: Trial) -> Trial | None:

@@ -1,7 +1,7 @@
-"""Equilibrium of flow without potential: along a path of viscous grounds (theory 5.4).
+"""Equilibrium with non-associated flow: along a path of viscous grounds (theory 5.4).
 
 With a dilation below the friction, perfectly plastic ground is not elliptic any more: tangents at
-the even flow have eigenvalues around zero, the more of them the finer the mesh, and Newton's steps
+the diffuse flow have eigenvalues around zero, the more of them the finer the mesh, and Newton's steps
 are lost among bands of shear. A ground that keeps a part mu of its overstress,
 
     sigma = P(s*) + mu (s* - P(s*))
@@ -13,7 +13,7 @@ mu = 0. Where a step in mu is not found, others are tried: a shorter one short o
 path, a longer one beyond it. Newton's steps are held by the natural monotonicity test (Deuflhard
 2004, Newton Methods for Nonlinear Problems, 3.3): the next step, made with the same factor, must be
 shorter. Unlike the residual, that does not mind how badly the tangent is conditioned; it does not
-ask for positive eigenvalues either, so the even flow is found also where it is not stable.
+ask for positive eigenvalues either, so diffuse flow is found also where it is not stable.
 
 A load beyond the limit shows in the displacements: they grow like 1 / mu.
 
@@ -24,7 +24,7 @@ at the same place on every machine.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -51,7 +51,7 @@ _FIRST = 0.1
 """mu at which the path begins: well inside of where the equations are elliptic."""
 
 _RATIO = 0.15
-"""Of the next mu to the last: larger ones make more points than each saves steps."""
+"""Of the next mu to the last: a larger ratio costs more points than it saves Newton steps at each."""
 
 _LAST = 1e-7
 """mu below which the next one is zero."""
@@ -60,7 +60,7 @@ _POWERS = (1.0, 0.5, 2.0, 0.25, 4.0)
 """Powers of the ratio that are tried in turn."""
 
 _MOST_STEPS = 30
-"""Newton steps at one mu; where it is found, ten are usual."""
+"""Newton steps at one mu; ten are usual where there is an equilibrium."""
 
 _SHORTEST = 0.02
 """Share of a step below which Newton's method is given up."""
@@ -69,7 +69,13 @@ _RUNS_AWAY = 0.7
 """Power of 1 / mu with which displacements of a collapse grow at least."""
 
 _OFTEN = 2
-"""Times in a row that they must, to count as one."""
+"""Points of the path in a row at which displacements must grow so fast to count as a collapse."""
+
+_FASTER = 4.0
+"""Times the last share of a step that the next one may be."""
+
+_SHORTENED = 0.25
+"""Part of its share by which a step must shorten the next one (natural monotonicity test)."""
 
 
 @dataclass
@@ -130,27 +136,27 @@ def newton(
                 # Eigenvalues are small: balance to 1e-11 leaves displacements a millionth off.
                 last = _moved(equations, trial, tangent.solve(trial.residual))
                 trial = last if last is not None and last.error < trial.error else trial
-            return Balance(trial, tangent)
+            return Balance(trial, tangent, viscosity=equations.viscosity)
         if not budget.take():
             break
         try:
             tangent = equations.tangent(trial)
         except NotPositiveDefinite:
-            return Balance(trial, converged=False)
+            return Balance(trial, converged=False, viscosity=equations.viscosity)
         d = tangent.solve(trial.residual)
-        length, share, following = float(np.linalg.norm(d)), min(1.0, 4.0 * share), None
+        length, share, following = float(np.linalg.norm(d)), min(1.0, _FASTER * share), None
         while share > _SHORTEST:
             following = _moved(equations, trial, share * d)
             if following is not None:
                 ahead = float(np.linalg.norm(tangent.solve(following.residual)))
-                if ahead <= (1.0 - 0.25 * share) * length:
+                if ahead <= (1.0 - _SHORTENED * share) * length:
                     break
             share, following = 0.5 * share, None
         near = trial.error <= NO_LOWER
         if following is None or (following.error >= trial.error and near):
-            return Balance(trial, tangent, converged=near)
+            return Balance(trial, tangent, converged=near, viscosity=equations.viscosity)
         trial = following
-    return Balance(trial, tangent, converged=trial.error <= balanced)
+    return Balance(trial, tangent, trial.error <= balanced, equations.viscosity)
 
 
 def _moved(equations: StageEquations, trial: Trial, d: Floats) -> Trial | None:
@@ -179,32 +185,32 @@ def follow_path(equations: StageEquations, budget: StepBudget) -> PathEnd | None
     last = newton(viscous, start, budget, balanced=_ON_THE_PATH)
     if not last.converged:
         return None
-    last = before = replace(last, viscosity=_FIRST)
+    previous = last
     growing = 0
     while last.viscosity > 0.0:
-        following = _next(equations, before, last, budget)
+        following = _next(equations, previous, last, budget)
         if following is None:
-            return PathEnd(last, _extrapolated(before, last, 0.0))
-        before, last = last, following
+            return PathEnd(last, _extrapolated(previous, last, 0.0))
+        previous, last = last, following
         if last.viscosity > 0.0:
-            sizes = [float(np.linalg.norm(one.trial.du)) for one in (before, last)]
-            ratio = before.viscosity / last.viscosity
+            sizes = [float(np.linalg.norm(one.trial.du)) for one in (previous, last)]
+            ratio = previous.viscosity / last.viscosity
             growing = growing + 1 if sizes[1] > sizes[0] * ratio**_RUNS_AWAY else 0
         if growing >= _OFTEN:
-            return PathEnd(last, last.trial.du, last.trial.du - before.trial.du)
+            return PathEnd(last, last.trial.du, last.trial.du - previous.trial.du)
     return PathEnd(last, last.trial.du)
 
 
-def _extrapolated(before: Balance, last: Balance, mu: float) -> Floats:
+def _extrapolated(previous: Balance, last: Balance, mu: float) -> Floats:
     """Displacements (n_dofs,) at another mu, on the line through the last two."""
-    if before is last:
+    if previous is last:
         return last.trial.du
-    slope = (last.trial.du - before.trial.du) / (last.viscosity - before.viscosity)
+    slope = (last.trial.du - previous.trial.du) / (last.viscosity - previous.viscosity)
     return np.asarray(last.trial.du + (mu - last.viscosity) * slope)
 
 
 def _next(
-    equations: StageEquations, before: Balance, last: Balance, budget: StepBudget
+    equations: StageEquations, previous: Balance, last: Balance, budget: StepBudget
 ) -> Balance | None:
     """The equilibrium at a smaller mu, from the last two; None if not found."""
     for power in _POWERS:
@@ -212,10 +218,10 @@ def _next(
         mu = mu if mu > _LAST else 0.0
         viscous = equations.viscous(mu)
         try:
-            trial = viscous.at(_extrapolated(before, last, mu))
+            trial = viscous.at(_extrapolated(previous, last, mu))
         except NoEquilibrium:
             continue
         balance = newton(viscous, trial, budget, balanced=_ON_THE_PATH if mu > 0.0 else BALANCED)
         if balance.converged:
-            return replace(balance, viscosity=mu)
+            return balance
     return None
