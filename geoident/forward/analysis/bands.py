@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse.linalg as spla
 
-from geoident.forward.analysis.stage_equations import StageEquations, Trial
+from geoident.forward.analysis.stage_equations import Iterate, StageEquations
 from geoident.model.arrays import Floats
 
 _MODES = 4
@@ -50,17 +50,17 @@ class ShearBand:
     viscosity: float
 
 
-def band_at(equations: StageEquations, trial: Trial) -> ShearBand | None:
-    """The least stable mode at a state of flow; None where all are stable without viscosity.
+def band_at(equations: StageEquations, iterate: Iterate) -> ShearBand | None:
+    """The least stable mode of flowing ground; None where all are stable without viscosity.
 
     Args:
         equations: of the stage, with the viscosity at which the state is in equilibrium.
-        trial: the state.
+        iterate: the state.
     """
-    n, yielding = len(equations.dofs), sum(flow.points.size for flow in trial.flowing)
+    n, yielding = len(equations.dofs), sum(response.points.size for response in iterate.flowing)
     if n <= _MODES + 1 or not yielding:
         return None
-    tangent = equations.tangent(trial)
+    tangent = equations.tangent(iterate)
     inverse = spla.LinearOperator(
         (n, n),
         matvec=lambda x: tangent.solve(equations.elastic_forces(x.ravel())),

@@ -26,9 +26,9 @@ import numpy as np
 from geoident.forward.analysis.equilibrium import LARGE_STRAIN, follow_slope, solve
 from geoident.forward.analysis.stage_equations import (
     ELASTIC_PARTS,
+    Iterate,
     NoEquilibrium,
     StageEquations,
-    Trial,
 )
 from geoident.forward.analysis.viscous_path import StepBudget
 from geoident.model.arrays import Floats
@@ -70,12 +70,12 @@ class CarriedPart:
 
     Args:
         fraction: t, at most 1.
-        trial: equilibrium under it; None where only t = 0 was brought to equilibrium.
+        end: equilibrium under it; None where only t = 0 was brought to equilibrium.
         failure: how more of it fails; proven where the arc reached a limit load.
     """
 
     fraction: float
-    trial: Trial | None
+    end: Iterate | None
     failure: NoEquilibrium
 
 
@@ -141,20 +141,20 @@ def _controlled(
         t: load factor of the last equilibrium.
         du: (n_dofs,) its displacements.
     """
-    dofs, trial = unloaded.dofs, unloaded.at(du)
+    dofs, iterate = unloaded.dofs, unloaded.at(du)
     for _ in range(_MOST_STEPS):
-        unbalanced = trial.residual + t * load
-        short = alpha - float(load @ trial.du[dofs])
+        unbalanced = iterate.residual + t * load
+        short = alpha - float(load @ iterate.du[dofs])
         on_surface = abs(short) <= _ON_SURFACE * alpha
-        scale = max(trial.scale, abs(t) * float(np.abs(load).max()))
+        scale = max(iterate.scale, abs(t) * float(np.abs(load).max()))
         if on_surface and np.abs(unbalanced).max() <= _BALANCED * scale:
-            return t, trial.du
-        tangent = unloaded.tangent(trial, least=ELASTIC_PARTS[1])  # flowing ground is singular
+            return t, iterate.du
+        tangent = unloaded.tangent(iterate, least=ELASTIC_PARTS[1])  # flowing ground is singular
         free, ahead = tangent.factor.solve(np.column_stack([unbalanced, load])).T
         step = unloaded.spread(free + (short - load @ free) / (load @ ahead) * ahead)
-        end = unloaded.at(trial.du + step)
-        trial = follow_slope(unloaded, trial, step, end)[0] if on_surface else end
-        t = -float(trial.residual @ load) / float(load @ load)
+        end = unloaded.at(iterate.du + step)
+        iterate = follow_slope(unloaded, iterate, step, end)[0] if on_surface else end
+        t = -float(iterate.residual @ load) / float(load @ load)
     return None
 
 
@@ -166,18 +166,18 @@ def _halved(equations: StageEquations, failure: NoEquilibrium) -> CarriedPart:
     """
     strict = not failure.proven
     budget = StepBudget(_PARTS) if strict else None
-    f_0, trial = equations.carried_forces(), None
+    f_0, iterate = equations.carried_forces(), None
     at_rest = np.zeros_like(f_0)
     least, most = 0.0, 1.0
     while most - least > _RESOLUTION and (budget is None or budget.left > 0):
         part = 0.5 * (least + most)
         under = equations.under(f_0 + part * (equations.forces - f_0))
-        starts = [at_rest, at_rest if trial is None else trial.du]
+        starts = [at_rest, at_rest if iterate is None else iterate.du]
         try:
             balance = solve(under, starts, strict=strict, budget=budget, most_strain=LARGE_STRAIN)
-            least, trial = part, balance.trial
+            least, iterate = part, balance.end
         except NoEquilibrium as error:
             most = part
             if error.mechanism is not None and (error.proven or not failure.proven):
                 failure = error
-    return CarriedPart(least, trial, failure)
+    return CarriedPart(least, iterate, failure)

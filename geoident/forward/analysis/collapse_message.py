@@ -68,8 +68,8 @@ def collapse_error(
         fraction = carried.fraction
         verb = "is carried" if failure.proven else "was brought to equilibrium"
         msg += f"; {100 * fraction:.3g} % of the change of load of this stage {verb}"
-        if (trial := carried.trial) is not None:
-            reached = LastEquilibrium(trial.du, trial.stress, trial.yielded())
+        if (end := carried.end) is not None:
+            reached = LastEquilibrium(end.du, end.stress, end.yielded())
     motion = None
     if mechanism is not None:
         msg += describe_mechanism(on_mesh, task.system, mechanism)

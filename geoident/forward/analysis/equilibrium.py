@@ -40,11 +40,11 @@ import numpy as np
 from geoident.fem.yielding.domain import EmptyDomain, NoProjection
 from geoident.forward.analysis.stage_equations import (
     Balance,
+    Iterate,
     NoEquilibrium,
     Patches,
     StageEquations,
     Tangent,
-    Trial,
 )
 from geoident.forward.analysis.viscous_path import (
     BALANCED,
@@ -148,13 +148,13 @@ def solve(
     else:
         budget = budget or StepBudget(SEARCH)
         balance = _non_associated(equations, start, budget, strict=strict)
-    strain = np.abs(equations.operators.strain(balance.trial.du))
-    if any(strain[:, flow.points].max() > most_strain for flow in balance.trial.flowing):
-        raise NoEquilibrium(balance.trial.du)
+    strain = np.abs(equations.operators.strain(balance.end.du))
+    if any(strain[:, response.points].max() > most_strain for response in balance.end.flowing):
+        raise NoEquilibrium(balance.end.du)
     return balance
 
 
-def _nearest(equations: StageEquations, guesses: Iterable[Floats]) -> Trial:
+def _nearest(equations: StageEquations, guesses: Iterable[Floats]) -> Iterate:
     """The guess nearest to equilibrium, of those whose stresses can be returned.
 
     An extrapolated guess may be far outside the yield surface where another one serves.
@@ -162,18 +162,18 @@ def _nearest(equations: StageEquations, guesses: Iterable[Floats]) -> Trial:
     Raises:
         NoEquilibrium, NoProjection, EmptyDomain: of the last guess, where none can be.
     """
-    trials, failure = [], None
+    iterates, failure = [], None
     for guess in guesses:
         try:
-            trials.append(equations.at(guess))
+            iterates.append(equations.at(guess))
         except (NoEquilibrium, NoProjection, EmptyDomain) as error:
             failure = error
-    if not trials and failure is not None:
+    if not iterates and failure is not None:
         raise failure
-    return min(trials, key=equations.distance)
+    return min(iterates, key=equations.distance)
 
 
-def _minimise(equations: StageEquations, trial: Trial) -> Balance:
+def _minimise(equations: StageEquations, iterate: Iterate) -> Balance:
     """Newton's method for the minimum of Pi.
 
     Raises:
@@ -181,63 +181,63 @@ def _minimise(equations: StageEquations, trial: Trial) -> Balance:
     """
     tangent: Tangent | None = None
     for step in range(MOST_STEPS):
-        if trial.error <= BALANCED:
-            return Balance(trial, tangent)
-        tangent = equations.tangent(trial)
-        d = equations.spread(tangent.solve(trial.residual))
-        following, whole = _step(equations, trial, d)
-        if following.error >= trial.error and trial.error <= NO_LOWER:
-            return Balance(trial, tangent)
+        if iterate.imbalance <= BALANCED:
+            return Balance(iterate, tangent)
+        tangent = equations.tangent(iterate)
+        d = equations.spread(tangent.solve(iterate.residual))
+        following, whole = _step(equations, iterate, d)
+        if following.imbalance >= iterate.imbalance and iterate.imbalance <= NO_LOWER:
+            return Balance(iterate, tangent)
         if whole and step >= _SUSPICIOUS:
             _refuse_mechanism(equations, following, d)
-        trial = following
-    if trial.error <= BALANCED:
-        return Balance(trial, tangent)
-    raise NoEquilibrium(trial.du)
+        iterate = following
+    if iterate.imbalance <= BALANCED:
+        return Balance(iterate, tangent)
+    raise NoEquilibrium(iterate.du)
 
 
-def _step(equations: StageEquations, trial: Trial, d: Floats) -> tuple[Trial, bool]:
+def _step(equations: StageEquations, iterate: Iterate, d: Floats) -> tuple[Iterate, bool]:
     """Follow a step d (n_dofs,), in a large model with its worst places settled by themselves.
 
     Returns:
         Where it ended, and whether the whole step was taken.
     """
-    end = equations.at(trial.du + d)
-    quick = end.error <= _QUICK * trial.error
+    end = equations.at(iterate.du + d)
+    quick = end.imbalance <= _QUICK * iterate.imbalance
     if equations.patches is not None and len(equations.dofs) >= LARGE and not quick:
         settled = _settled(equations, equations.patches, end)
-        if settled is not None and _hardly_risen(equations, trial, settled):
+        if settled is not None and _hardly_risen(equations, iterate, settled):
             return settled, True
-    return follow_slope(equations, trial, d, end)
+    return follow_slope(equations, iterate, d, end)
 
 
 def follow_slope(
-    equations: StageEquations, trial: Trial, d: Floats, end: Trial
-) -> tuple[Trial, bool]:
+    equations: StageEquations, iterate: Iterate, d: Floats, end: Iterate
+) -> tuple[Iterate, bool]:
     """Follow a step to near the zero of the slope of Pi, which is monotone.
 
     A whole step at whose end Pi still falls, or has hardly risen, is taken as it is.
 
     Args:
         equations: of the stage.
-        trial: where the step begins.
+        iterate: where the step begins.
         d: (n_dofs,) the step.
         end: where the whole step ends.
 
     Returns:
         Where it ended, and whether the whole step was taken.
     """
-    if _hardly_risen(equations, trial, end):
+    if _hardly_risen(equations, iterate, end):
         return end, True
     # Illinois variant of regula falsi for the zero of r^T d, the descent of Pi along the step
     free = d[equations.dofs]
-    whole = float(trial.residual @ free)
+    whole = float(iterate.residual @ free)
     low, descent_low, high, descent_high = 0.0, whole, 1.0, float(end.residual @ free)
     for _ in range(_MOST_CUTS):
         share = (low * descent_high - high * descent_low) / (descent_high - descent_low)
         margin = _OFF_THE_ENDS * (high - low)
         share = float(np.clip(share, low + margin, high - margin))
-        end = equations.at(trial.du + share * d)
+        end = equations.at(iterate.du + share * d)
         descent = float(end.residual @ free)
         if abs(descent) <= _HARDLY_RISEN * whole:
             break
@@ -248,49 +248,49 @@ def follow_slope(
     return end, False
 
 
-def _hardly_risen(equations: StageEquations, trial: Trial, end: Trial) -> bool:
-    """Whether Pi falls from a trial to another, and has not turned to rise much at its end."""
-    way = (end.du - trial.du)[equations.dofs]
-    descent = float(trial.residual @ way)
+def _hardly_risen(equations: StageEquations, iterate: Iterate, end: Iterate) -> bool:
+    """Whether Pi falls on the way to another iterate, and has hardly turned to rise at its end."""
+    way = (end.du - iterate.du)[equations.dofs]
+    descent = float(iterate.residual @ way)
     return descent > 0.0 and float(end.residual @ way) >= -_HARDLY_RISEN * descent
 
 
-def _settled(equations: StageEquations, patches: Patches, trial: Trial) -> Trial | None:
+def _settled(equations: StageEquations, patches: Patches, iterate: Iterate) -> Iterate | None:
     """The same with the places that are farthest from equilibrium brought there, all else kept.
 
     None where they are too many.
     """
-    rest = np.abs(trial.residual)
+    rest = np.abs(iterate.residual)
     worst, most = float(rest.max(initial=0.0)), int(_PATCH * rest.size)
     around = (patches.around(np.flatnonzero(rest > part * worst), most) for part in _WORST)
     patch = next((one for one in around if one is not None), None)
     if patch is None:
         return None
-    own = equations.within(patch, patches.within(patch), trial.du)
-    here = own.at(trial.du[patch.dofs])
+    own = equations.on_patch(patch, patches.solver(patch), iterate.du)
+    here = own.at(iterate.du[patch.dofs])
     for _ in range(_PATCH_STEPS):
         if np.abs(here.residual).max() <= _SETTLED * worst:
             break
         here, _ = _step(own, here, own.spread(own.tangent(here).solve(here.residual)))
-    du = trial.du.copy()
+    du = iterate.du.copy()
     du[patch.dofs] = here.du
     return equations.at(du)
 
 
-def _refuse_mechanism(equations: StageEquations, trial: Trial, d: Floats) -> None:
-    """Raise where Pi falls without end along a step d (n_dofs,) from a trial.
+def _refuse_mechanism(equations: StageEquations, iterate: Iterate, d: Floats) -> None:
+    """Raise where Pi falls without end along a step d (n_dofs,).
 
     Raises:
         NoEquilibrium: it does.
     """
-    far, free = equations.at(trial.du + FAR_OUT * d), d[equations.dofs]
+    far, free = equations.at(iterate.du + FAR_OUT * d), d[equations.dofs]
     power = float(np.abs(equations.forces[equations.dofs] * free).sum())
     if float(far.residual @ free) > _NO_POWER * power:
         raise NoEquilibrium(d, proven=True)
 
 
 def _non_associated(
-    equations: StageEquations, start: Trial, budget: StepBudget, *, strict: bool
+    equations: StageEquations, start: Iterate, budget: StepBudget, *, strict: bool
 ) -> Balance:
     """Newton's method, and where its steps are lost, the path of viscous grounds.
 
@@ -306,26 +306,26 @@ def _non_associated(
         return direct
     path = follow_path(equations, budget)
     if path is None:
-        raise NoEquilibrium(direct.trial.du)
+        raise NoEquilibrium(direct.end.du)
     if path.runs_away is not None:
         raise NoEquilibrium(path.runs_away, proven=True)
-    end = path.balance
-    if end.viscosity == 0.0:
-        return end
-    if end.viscosity <= (_HARDLY_VISCOUS if strict else _LITTLE_VISCOUS):
-        missing = np.abs(path.promised - end.trial.du).max()
+    last = path.balance
+    if last.viscosity == 0.0:
+        return last
+    if last.viscosity <= (_HARDLY_VISCOUS if strict else _LITTLE_VISCOUS):
+        missing = np.abs(path.promised - last.end.du).max()
         short = float(missing / (np.abs(path.promised).max() or 1.0))
-        return replace(end, tangent=None, short=short)
-    refused = NoEquilibrium(end.trial.du, diffuse=end)
+        return replace(last, tangent=None, short=short)
+    refused = NoEquilibrium(last.end.du, diffuse=last)
     if strict:
         raise refused
     change = np.abs(equations.at(np.zeros_like(equations.forces)).residual).max()
     try:
-        trials = [equations.at(du) for du in (end.trial.du, path.promised)]
+        iterates = [equations.at(du) for du in (last.end.du, path.promised)]
     except NoEquilibrium:
         raise refused from None
-    left = [float(np.abs(trial.residual).max() / change) for trial in trials]
+    left = [float(np.abs(iterate.residual).max() / change) for iterate in iterates]
     best = int(np.argmin(left))
     if left[best] > _UNBALANCED:
         raise refused
-    return Balance(trials[best], unbalanced=left[best])
+    return Balance(iterates[best], unbalanced=left[best])

@@ -17,7 +17,7 @@ from __future__ import annotations
 import numpy as np
 
 from geoident.errors import ModelError
-from geoident.forward.analysis.constitutive import Flow
+from geoident.forward.analysis.constitutive import PlasticResponse
 from geoident.forward.analysis.stage import StageTask
 from geoident.forward.analysis.stage_equations import Balance, SingularTangent, StageEquations
 from geoident.forward.analysis.systems import StageSystems
@@ -41,15 +41,17 @@ def plastic_derivatives(
     Raises:
         ModelError: the consistent tangent is singular, so there are no derivatives.
     """
-    trial, structures, points = balance.trial, systems.structures, systems.discretization.points
+    iterate, structures, points = balance.end, systems.structures, systems.discretization.points
     g = np.ascontiguousarray(task.carried.stress[..., _DERIVATIVES])
-    task.add_slopes(systems, trial.du, g)
-    for flow in trial.flowing:
+    task.add_slopes(systems, iterate.du, g)
+    for response in iterate.flowing:
         before = None
-        if flow.ground.hardens:
-            before = task.carried.multipliers(flow.ground.name, flow.points, _DERIVATIVES)
-        g[:, flow.points], dlam = flow.derivatives(g[:, flow.points], before, of_law=True)
-        _add_multipliers(task, flow, dlam)
+        if response.ground.hardens:
+            before = task.carried.multipliers(response.ground.name, response.points, _DERIVATIVES)
+        g[:, response.points], dlam = response.derivatives(
+            g[:, response.points], before, of_law=True
+        )
+        _add_multipliers(task, response, dlam)
 
     rest = task.forces[:, _DERIVATIVES] - points.forces(g, task.system.volume)
     if structures.n_rows:
@@ -57,8 +59,8 @@ def plastic_derivatives(
     ddu, dofs = np.zeros_like(rest), equations.dofs
     if len(dofs):
         tangent = balance.tangent
-        if tangent is None or not equations.serves(tangent, trial):
-            tangent = equations.tangent(trial)
+        if tangent is None or not equations.serves(tangent, iterate):
+            tangent = equations.tangent(iterate)
         try:
             ddu[dofs] = equations.solve_consistently(tangent, rest[dofs])
         except SingularTangent as error:
@@ -70,15 +72,17 @@ def plastic_derivatives(
     stress = points.strain(ddu)  # becomes T E C ddu
     for ground in equations.grounds:
         stress[:, ground.points] = ground.elasticity.stress(stress[:, ground.points])
-    for flow in trial.flowing:
-        stress[:, flow.points], dlam = flow.derivatives(stress[:, flow.points], of_law=False)
-        _add_multipliers(task, flow, dlam)
+    for response in iterate.flowing:
+        stress[:, response.points], dlam = response.derivatives(
+            stress[:, response.points], of_law=False
+        )
+        _add_multipliers(task, response, dlam)
     task.carried.stress[..., _DERIVATIVES] = g + stress
     task.add_member_forces(structures, ddu, _DERIVATIVES)
     return ddu
 
 
-def _add_multipliers(task: StageTask, flow: Flow, dlam: Floats | None) -> None:
-    """Count further derivatives (y, q, n + k) of the multipliers of a flow."""
-    if dlam is not None and flow.ground.hardens:
-        task.carried.add_multipliers(flow.ground.name, flow.points, _DERIVATIVES, dlam)
+def _add_multipliers(task: StageTask, response: PlasticResponse, dlam: Floats | None) -> None:
+    """Count further derivatives (y, q, n + k) of the multipliers of a material."""
+    if dlam is not None and response.ground.hardens:
+        task.carried.add_multipliers(response.ground.name, response.points, _DERIVATIVES, dlam)

@@ -23,7 +23,7 @@ from geoident.fem.yielding.domain import EmptyDomain, NoProjection
 from geoident.forward.analysis.bands import band_at
 from geoident.forward.analysis.collapse import carried_part
 from geoident.forward.analysis.collapse_message import collapse_error, describe_mechanism
-from geoident.forward.analysis.constitutive import Ground, ReachedPlanes
+from geoident.forward.analysis.constitutive import MaterialPoints, ReachedPlanes
 from geoident.forward.analysis.equilibrium import LARGE_STRAIN, solve
 from geoident.forward.analysis.plastic_derivatives import plastic_derivatives
 from geoident.forward.analysis.stage import StageTask, not_positive_definite
@@ -135,7 +135,7 @@ class PlasticSteps:
         case: the case.
         systems: the equations of the stages.
         warm: where Newton's method may start.
-        ground: the moduli at the parameters of the analysis; yield laws are made with them.
+        moduli: at the parameters of the analysis; yield laws are made with them.
         explain: find the part of the load that can be carried, where there is a collapse.
         strict: of non-associated flow only the diffuse one (not localised in bands) counts.
 
@@ -146,12 +146,12 @@ class PlasticSteps:
     case: Case
     systems: StageSystems
     warm: WarmStart
-    ground: ModuliAt
+    moduli: ModuliAt
     explain: bool
     strict: bool = False
 
     def __post_init__(self) -> None:
-        self._laws = YieldLaws(self.ground)
+        self._laws = YieldLaws(self.moduli)
         self.findings = PlasticFindings(ReachedPlanes(self._laws, self.case.stage_names[1:]))
 
     def yields(self, state: ConstructionState) -> bool:
@@ -176,25 +176,28 @@ class PlasticSteps:
                 balance = solve(equations, starts, strict=self.strict, most_strain=LARGE_STRAIN)
             except NoEquilibrium as error:
                 balance = self._after_failure(task, equations, error)
-            trial = balance.trial
+            end = balance.end
             equations = equations.viscous(balance.viscosity)
             du = np.zeros_like(task.forces)
-            du[:, 0] = trial.du
+            du[:, 0] = end.du
             if du.shape[1] > 1:
                 du[:, 1:] = plastic_derivatives(task, self.systems, equations, balance)
-            task.carried.stress[..., 0] = trial.stress
+            task.carried.stress[..., 0] = end.stress
             task.add_member_forces(self.systems.structures, du[:, :1], slice(0, 1))
-            for flow in trial.flowing:
-                if flow.ground.hardens:
-                    more = flow.projection.multipliers.T[..., None]
-                    task.carried.add_multipliers(flow.ground.name, flow.points, slice(0, 1), more)
-                self.findings.planes.flow(task.number, flow)
+            for response in end.flowing:
+                if response.ground.hardens:
+                    more = response.projection.multipliers.T[..., None]
+                    task.carried.add_multipliers(
+                        response.ground.name, response.points, slice(0, 1), more
+                    )
+                self.findings.planes.count(task.number, response)
             for ground in equations.grounds:
                 if ground.law is not None:
-                    self.findings.planes.reach(ground, trial.stress[:, ground.points])
+                    excess = ground.excess(end.stress[:, ground.points])
+                    self.findings.planes.note_excess(ground.name, excess)
             self._note_what_is_left(task, equations, balance)
             self.warm.keep(task, du)
-            return du, trial.yielded()
+            return du, end.yielded()
 
     @contextmanager
     def _faults_named(self, task: StageTask) -> Iterator[None]:
@@ -216,14 +219,14 @@ class PlasticSteps:
             hint = "Leave out planes that are the same but for little, or move them apart."
             raise ModelError(msg, hint) from error
 
-    def _grounds(self, task: StageTask) -> list[Ground]:
+    def _grounds(self, task: StageTask) -> list[MaterialPoints]:
         """The materials that are there in a stage."""
         moduli, grounds = task.moduli_by_material(), []
         for name, points in task.system.points_of.items():
             law, hardened = self._laws.at(name, points), None
             if law is not None and law.hardens:
                 hardened = task.carried.multipliers(name, points, 0)
-            grounds.append(Ground(name, points, moduli[name], law, hardened))
+            grounds.append(MaterialPoints(name, points, moduli[name], law, hardened))
         return grounds
 
     def _equations(self, task: StageTask) -> StageEquations:
@@ -245,7 +248,7 @@ class PlasticSteps:
             grounds=grounds,
             stress=np.ascontiguousarray(task.carried.stress[..., 0]),
             forces=task.forces[:, 0],
-            tangents=tangents,
+            solver=tangents,
             members=members,
             patches=tangents,
         )
@@ -269,16 +272,16 @@ class PlasticSteps:
         if confirm or (self.explain and task.motion is None):
             carried = carried_part(equations, failure)
             failure = carried.failure
-            if confirm and carried.fraction >= 1.0 and carried.trial is not None:
+            if confirm and carried.fraction >= 1.0 and carried.end is not None:
                 try:
-                    return solve(equations, [carried.trial.du])
+                    return solve(equations, [carried.end.du])
                 except NoEquilibrium as again:
                     failure = again
             if carried.fraction >= 1.0 or task.motion is not None:
                 carried = None  # what is carried of a given motion is not known
         band = None
         if self.explain and diffuse is not None:
-            band = band_at(equations.viscous(diffuse.viscosity), diffuse.trial)
+            band = band_at(equations.viscous(diffuse.viscosity), diffuse.end)
         raise collapse_error(
             self.systems.on_mesh, task, failure, associated=associated, carried=carried, band=band
         ) from failure
@@ -294,12 +297,12 @@ class PlasticSteps:
             findings.overstressed[name] = balance.viscosity
         if not (balance.unbalanced > 0.0 or balance.viscosity > 0.0):
             return
-        text, band = "", band_at(equations, balance.trial) if self.explain else None
+        text, band = "", band_at(equations, balance.end) if self.explain else None
         if band is not None:
             text = f"a band has lost its stability, with half of its strain in {band.points} of "
             text += f"the {band.yielding} strain points that yield"
             text += describe_mechanism(self.systems.on_mesh, task.system, band.mode)
-        part = equations.localising(balance.trial)
+        part = equations.localising(balance.end)
         findings.localising[name] = Localisation(part, balance.short, text)
 
     def refuse_virgin(self, task: StageTask) -> None:
@@ -314,7 +317,8 @@ class PlasticSteps:
             if ground.law is None:
                 continue
             stress = np.ascontiguousarray(task.carried.stress[:, ground.points, 0])
-            excess = self.findings.planes.reach(ground, stress)
+            excess = ground.excess(stress)
+            self.findings.planes.note_excess(ground.name, excess)
             plane, point = map(int, np.unravel_index(np.argmax(excess), excess.shape))
             beyond = float(excess[plane, point])
             if beyond <= _OUTSIDE * np.abs(stress).max():

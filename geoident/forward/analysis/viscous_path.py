@@ -1,8 +1,8 @@
 """Equilibrium with non-associated flow: along a path of viscous grounds (theory 5.4).
 
 With a dilation below the friction, perfectly plastic ground is not elliptic any more: tangents at
-the diffuse flow have eigenvalues around zero, the more of them the finer the mesh, and Newton's steps
-are lost among bands of shear. A ground that keeps a part mu of its overstress,
+the diffuse flow have eigenvalues around zero, the more of them the finer the mesh, and Newton's
+steps are lost among bands of shear. A ground that keeps a part mu of its overstress,
 
     sigma = P(s*) + mu (s* - P(s*))
 
@@ -31,10 +31,9 @@ import numpy as np
 from geoident.fem.solvers.direct import NotPositiveDefinite
 from geoident.forward.analysis.stage_equations import (
     Balance,
+    Iterate,
     NoEquilibrium,
     StageEquations,
-    Tangent,
-    Trial,
 )
 from geoident.model.arrays import Floats
 
@@ -51,7 +50,7 @@ _FIRST = 0.1
 """mu at which the path begins: well inside of where the equations are elliptic."""
 
 _RATIO = 0.15
-"""Of the next mu to the last: a larger ratio costs more points than it saves Newton steps at each."""
+"""Of the next mu to the last: a larger ratio needs more points and saves few steps at each."""
 
 _LAST = 1e-7
 """mu below which the next one is zero."""
@@ -113,7 +112,7 @@ class PathEnd:
 
 def newton(
     equations: StageEquations,
-    trial: Trial,
+    start: Iterate,
     budget: StepBudget,
     *,
     balanced: float = BALANCED,
@@ -123,46 +122,48 @@ def newton(
 
     Args:
         equations: of the stage.
-        trial: the start.
+        start: first displacements.
         budget: steps that are left to the whole search, less those taken here.
         balanced: out-of-balance force that is enough.
         most: steps at most.
     """
-    tangent: Tangent | None = None
+    iterate, tangent = start, None
     share = 1.0
     for _ in range(most):
-        if trial.error <= balanced:
+        if iterate.imbalance <= balanced:
             if tangent is not None and tangent.consistent:
                 # Eigenvalues are small: balance to 1e-11 leaves displacements a millionth off.
-                last = _moved(equations, trial, tangent.solve(trial.residual))
-                trial = last if last is not None and last.error < trial.error else trial
-            return Balance(trial, tangent, viscosity=equations.viscosity)
+                last = _moved(equations, iterate, tangent.solve(iterate.residual))
+                iterate = (
+                    last if last is not None and last.imbalance < iterate.imbalance else iterate
+                )
+            return Balance(iterate, tangent, viscosity=equations.viscosity)
         if not budget.take():
             break
         try:
-            tangent = equations.tangent(trial)
+            tangent = equations.tangent(iterate)
         except NotPositiveDefinite:
-            return Balance(trial, converged=False, viscosity=equations.viscosity)
-        d = tangent.solve(trial.residual)
+            return Balance(iterate, converged=False, viscosity=equations.viscosity)
+        d = tangent.solve(iterate.residual)
         length, share, following = float(np.linalg.norm(d)), min(1.0, _FASTER * share), None
         while share > _SHORTEST:
-            following = _moved(equations, trial, share * d)
+            following = _moved(equations, iterate, share * d)
             if following is not None:
                 ahead = float(np.linalg.norm(tangent.solve(following.residual)))
                 if ahead <= (1.0 - _SHORTENED * share) * length:
                     break
             share, following = 0.5 * share, None
-        near = trial.error <= NO_LOWER
-        if following is None or (following.error >= trial.error and near):
-            return Balance(trial, tangent, converged=near, viscosity=equations.viscosity)
-        trial = following
-    return Balance(trial, tangent, trial.error <= balanced, equations.viscosity)
+        near = iterate.imbalance <= NO_LOWER
+        if following is None or (following.imbalance >= iterate.imbalance and near):
+            return Balance(iterate, tangent, converged=near, viscosity=equations.viscosity)
+        iterate = following
+    return Balance(iterate, tangent, iterate.imbalance <= balanced, equations.viscosity)
 
 
-def _moved(equations: StageEquations, trial: Trial, d: Floats) -> Trial | None:
-    """Where a step (n,) leads; None beyond where flow leads back to a stress."""
+def _moved(equations: StageEquations, iterate: Iterate, d: Floats) -> Iterate | None:
+    """Where a step (n,) leads; None where its stress cannot be returned."""
     try:
-        return equations.at(trial.du + equations.spread(d))
+        return equations.at(iterate.du + equations.spread(d))
     except NoEquilibrium:
         return None
 
@@ -193,20 +194,20 @@ def follow_path(equations: StageEquations, budget: StepBudget) -> PathEnd | None
             return PathEnd(last, _extrapolated(previous, last, 0.0))
         previous, last = last, following
         if last.viscosity > 0.0:
-            sizes = [float(np.linalg.norm(one.trial.du)) for one in (previous, last)]
+            sizes = [float(np.linalg.norm(one.end.du)) for one in (previous, last)]
             ratio = previous.viscosity / last.viscosity
             growing = growing + 1 if sizes[1] > sizes[0] * ratio**_RUNS_AWAY else 0
         if growing >= _OFTEN:
-            return PathEnd(last, last.trial.du, last.trial.du - previous.trial.du)
-    return PathEnd(last, last.trial.du)
+            return PathEnd(last, last.end.du, last.end.du - previous.end.du)
+    return PathEnd(last, last.end.du)
 
 
 def _extrapolated(previous: Balance, last: Balance, mu: float) -> Floats:
     """Displacements (n_dofs,) at another mu, on the line through the last two."""
     if previous is last:
-        return last.trial.du
-    slope = (last.trial.du - previous.trial.du) / (last.viscosity - previous.viscosity)
-    return np.asarray(last.trial.du + (mu - last.viscosity) * slope)
+        return last.end.du
+    slope = (last.end.du - previous.end.du) / (last.viscosity - previous.viscosity)
+    return np.asarray(last.end.du + (mu - last.viscosity) * slope)
 
 
 def _next(
@@ -218,10 +219,10 @@ def _next(
         mu = mu if mu > _LAST else 0.0
         viscous = equations.viscous(mu)
         try:
-            trial = viscous.at(_extrapolated(previous, last, mu))
+            iterate = viscous.at(_extrapolated(previous, last, mu))
         except NoEquilibrium:
             continue
-        balance = newton(viscous, trial, budget, balanced=_ON_THE_PATH if mu > 0.0 else BALANCED)
+        balance = newton(viscous, iterate, budget, balanced=_ON_THE_PATH if mu > 0.0 else BALANCED)
         if balance.converged:
             return balance
     return None

@@ -14,7 +14,7 @@ from geoident.errors import CollapseError
 from geoident.forward.analysis.bands import ShearBand
 from geoident.forward.analysis.collapse import CarriedPart
 from geoident.forward.analysis.collapse_message import collapse_error, describe_mechanism
-from geoident.forward.analysis.stage_equations import NoEquilibrium, Trial
+from geoident.forward.analysis.stage_equations import Iterate, NoEquilibrium
 from geoident.model.case import Stage
 
 
@@ -76,7 +76,7 @@ def test_a_band_is_the_mechanism_that_is_told_where_nothing_is_proven(proven):
     mesh = staged.mesh
     sheared = np.column_stack([-4.0 * mesh.points[:, 1] ** 2, np.zeros(mesh.n_nodes)]).ravel()
     other = np.column_stack([np.zeros(mesh.n_nodes), 2.0 * mesh.points[:, 0]]).ravel()
-    reached = Trial(np.zeros(2), np.zeros((4, 1)), (), np.zeros(0), 1.0)
+    reached = Iterate(np.zeros(2), np.zeros((4, 1)), (), np.zeros(0), 1.0)
     failure = NoEquilibrium(other, proven=proven)
     told = collapse_error(
         staged.on_mesh, task, failure, associated=False,

@@ -7,6 +7,7 @@ k + h (u - k / E).
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -21,7 +22,7 @@ from geoident.fem.solvers.direct import NotPositiveDefinite
 from geoident.fem.yielding.domain import EmptyDomain, NoProjection
 from geoident.forward.analysis import collapse, equilibrium
 from geoident.forward.analysis.collapse import carried_part
-from geoident.forward.analysis.constitutive import Ground
+from geoident.forward.analysis.constitutive import MaterialPoints
 from geoident.forward.analysis.equilibrium import solve
 from geoident.forward.analysis.stage_equations import (
     NoEquilibrium,
@@ -44,10 +45,10 @@ def bar(load: float, k: float, h: float) -> StageEquations:
         Operators(sp.csr_array([[1.0]]), 1),
         volume=np.ones(1),
         dofs=np.array([0]),
-        grounds=[Ground("bar", slice(0, 1), UniformModuli(np.eye(1)), law)],
+        grounds=[MaterialPoints("bar", slice(0, 1), UniformModuli(np.eye(1)), law)],
         stress=np.zeros((1, 1)),
         forces=np.array([load]),
-        tangents=tangents,
+        solver=SimpleNamespace(factorize=tangents),
     )
 
 
@@ -74,7 +75,7 @@ def test_soft_ground_is_given_up_where_its_strains_are_large():
     """Strains of 0.225, 0.45, 0.9 and 1.8, and 1e5 times softer: the last one is out of bounds."""
     k = h = 1e-5
     carried = carried_part(bar(0.9, k, h), NoEquilibrium(None))
-    assert carried.trial.du == pytest.approx([0.9], rel=1e-6)
+    assert carried.end.du == pytest.approx([0.9], rel=1e-6)
     assert carried.fraction == pytest.approx((k + h * (0.9 - k)) / 0.9, rel=1e-5)
 
 
@@ -83,7 +84,7 @@ def test_ground_hardens_where_its_law_does():
     ground = bar(1.0, 0.1, 0.5).grounds[0]
     assert ground.hardens is True
     assert bar(1.0, 0.1, 0.0).grounds[0].hardens is False
-    assert Ground("elastic", slice(0, 1), UniformModuli(np.eye(1))).hardens is False
+    assert MaterialPoints("elastic", slice(0, 1), UniformModuli(np.eye(1))).hardens is False
 
 
 def test_a_limit_load_is_proven_and_a_lost_arc_is_not(monkeypatch):
@@ -95,7 +96,7 @@ def test_a_limit_load_is_proven_and_a_lost_arc_is_not(monkeypatch):
 def test_an_equilibrium_at_the_last_newton_step_counts(monkeypatch):
     """One step is enough where nothing yields."""
     monkeypatch.setattr(equilibrium, "MOST_STEPS", 1)
-    assert solve(bar(0.2, 0.3, 0.0), [np.zeros(1)]).trial.du == pytest.approx([0.2])
+    assert solve(bar(0.2, 0.3, 0.0), [np.zeros(1)]).end.du == pytest.approx([0.2])
 
 
 @pytest.mark.parametrize("error", [NoEquilibrium(None), NoProjection(1), EmptyDomain((0, 1))])
@@ -110,7 +111,7 @@ def test_a_guess_whose_stress_cannot_be_returned_is_passed_over(error):
 
     equations = Bounded(**vars(bar(0.2, 0.3, 0.0)))
     balance = solve(equations, [np.array([9.0]), np.zeros(1)])
-    assert balance.trial.du == pytest.approx([0.2])
+    assert balance.end.du == pytest.approx([0.2])
     with pytest.raises(type(error)):
         solve(equations, [np.array([9.0])])
 
@@ -129,7 +130,7 @@ def truss(seed: int, *, soft: float = 1.0):
     before = C.T @ (volume * stress)
     change = rng.normal(size=5)
     grounds = [
-        Ground(
+        MaterialPoints(
             f"bar {k}", slice(k, k + 1), UniformModuli(np.array([[E]])),
             polyhedral(np.array([[E]]), Planes(np.array([[1.0], [-1.0]]), np.full(2, limit))),
         )
@@ -147,7 +148,7 @@ def truss(seed: int, *, soft: float = 1.0):
 
     equations = StageEquations(
         Operators(sp.csr_array(C), bars), volume=volume, dofs=dofs, grounds=grounds,
-        stress=stress[None], forces=before + change, tangents=tangents,
+        stress=stress[None], forces=before + change, solver=SimpleNamespace(factorize=tangents),
     )  # fmt: skip
     pull = (C.T * volume)[dofs]
     most = linprog(
@@ -162,7 +163,7 @@ def test_derivatives_are_those_of_the_consistent_tangent(needed):
     """Also where a factorization needs some of the elastic stiffness left in the tangent."""
     equations, change, most = truss(0)
     equations = equations.under(equations.forces - change + 0.9 * most * change)
-    trial = solve(equations, [np.zeros(5)]).trial
+    trial = solve(equations, [np.zeros(5)]).end
     exact = equations.tangent(trial)
     assert len(exact.points)
 
@@ -170,9 +171,9 @@ def test_derivatives_are_those_of_the_consistent_tangent(needed):
         left = 1.0 - softening.sum() / exact.change.sum()
         if left < 0.99 * needed:
             raise NotPositiveDefinite(0)
-        return equations.tangents(points, softening, symmetric=symmetric)
+        return equations.solver.factorize(points, softening, symmetric=symmetric)
 
-    rough = replace(equations, tangents=reluctant).tangent(trial)
+    rough = replace(equations, solver=SimpleNamespace(factorize=reluctant)).tangent(trial)
     rest = np.random.default_rng(1).normal(size=(len(equations.dofs), 2))
     solution = equations.solve_consistently(rough, rest)
     np.testing.assert_allclose(solution, exact.factor.solve(rest), rtol=1e-7)
