@@ -139,7 +139,7 @@ class StagedAnalysis:
         self.warm = WarmStart()
 
     def forget(self) -> None:
-        """Forget where Newton's method may start, and the factors that it starts with."""
+        """Forget where Newton's method may start."""
         self.warm = WarmStart()
 
     @property
