@@ -131,7 +131,7 @@ def _rows(indptr: npt.NDArray[Any], indices: npt.NDArray[Any], rows: Ints) -> In
 
 
 class PatchTangents:
-    """Makes factors of the stiffness of a patch.
+    """Factorizes the stiffness of a patch.
 
     Args:
         patch: the patch.
@@ -146,7 +146,7 @@ class PatchTangents:
         self._keys = columns * pattern.n + pattern.indices
         self._analysis = SpluFactorization(pattern, SolverCounts())
 
-    def __call__(self, points: Ints, change: Floats, *, symmetric: bool) -> Factor:
+    def factorize(self, points: Ints, change: Floats, *, symmetric: bool) -> Factor:
         """Factor of K plus symmetric changes (p, s, s) of V E at some points (p,) of the patch.
 
         Raises:

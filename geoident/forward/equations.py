@@ -20,7 +20,7 @@ from geoident.forward.ground.elasticity import ModuliAt
 from geoident.forward.in_situ.stress import NEGLIGIBLE_IMBALANCE
 from geoident.forward.stages import numbers
 from geoident.forward.structures.members import StructureMembers, rigidities
-from geoident.forward.yielding.surfaces import curved_surface, is_smooth, yield_planes
+from geoident.forward.yielding.surfaces import curved_surface, in_principal_stresses, yield_planes
 from geoident.model.arrays import Floats
 from geoident.model.case import Material
 from geoident.model.dual import ParameterPoint
@@ -70,9 +70,9 @@ def _yield_obstacles(
 ) -> Iterator[str]:
     if not material.yields:
         return
-    if is_smooth(material):
+    if in_principal_stresses(material):
         remedy = "" if curved_surface(material) else " (give 'planes')"
-        yield f"{material.name} yields by a smooth surface, which has no planes{remedy}"
+        yield f"{material.name} yields by an exact surface, which has no planes{remedy}"
         return
     n_strain = analysis.systems.discretization.points.n_strain
     normals = yield_planes(material, point, n_strain).normals

@@ -452,6 +452,6 @@ def unbalanced_notes(findings: PlasticFindings) -> Iterator[str]:
         short = 100 * findings.localising[stage].short
         yield (
             f"at stage '{stage}' the ground keeps {100 * part:.1g} % of the stress beyond the "
-            f"yield surface, where the even flow ends (motions are short by {short:.1g} % of the "
-            "largest, as its path promises): " + reason(stage)
+            f"yield surface, where the diffuse flow ends (motions are short by {short:.1g} % of "
+            "the largest, as its path promises): " + reason(stage)
         )

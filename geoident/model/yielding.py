@@ -19,7 +19,7 @@ from geoident.model.ground import Frame, angles_of
 from geoident.model.parameter import Scalar, Values, scalars_of
 
 Fit = Literal["inscribed", "circumscribed", "best"]
-"""How a polyhedron lies to the smooth surface: inside, around, or of the same size on average."""
+"""How a polyhedron lies to the exact surface: inside, around, or of the same size on average."""
 
 
 @dataclass(frozen=True)
@@ -61,8 +61,11 @@ class _Surface(ABC):
         return tuple(self.strengths.values())
 
     @property
-    def is_smooth(self) -> bool:
-        """Whether it is a law of principal stresses, not planes."""
+    def in_principal_stresses(self) -> bool:
+        """Whether its law is one of principal stresses, with exact edges and apex.
+
+        Else planes in all components of the stress take its place.
+        """
         return False
 
     @property
@@ -77,7 +80,7 @@ class _Surface(ABC):
     def apex(self, values: Values) -> float | None:
         """The largest tension that the other strengths leave (`tip`), Pa.
 
-        None without friction, or where no such strength is a number of the surface.
+        None where the surface has no friction.
         """
         numbers = self._values(values)
         phi = numbers.get("friction", 0.0)
@@ -132,14 +135,14 @@ class _Coulomb(_Surface):
 
 @dataclass(frozen=True)
 class MohrCoulomb(_Coulomb):
-    """Mohr-Coulomb; Tresca where friction is zero. Planes: None for the smooth surface.
+    """Mohr-Coulomb; Tresca where friction is zero. Planes: None for the exact surface.
 
     Args:
         cohesion: c.
         friction: phi, rad.
-        dilation: psi, rad; None: phi, associated. Only on the smooth surface.
+        dilation: psi, rad; None: phi, associated. Only on the exact surface.
         tension: cut-off of the largest principal stress; None for none but the apex.
-        planes: number of planes of the polyhedron in place of the smooth surface, or None.
+        planes: number of planes of the polyhedron in place of the exact surface, or None.
         fit: how the polyhedron lies.
     """
 
@@ -153,7 +156,7 @@ class MohrCoulomb(_Coulomb):
     fit: Fit = "best"
 
     @property
-    def is_smooth(self) -> bool:
+    def in_principal_stresses(self) -> bool:
         """Whether it is not replaced by planes."""
         return self.planes is None
 
@@ -162,10 +165,10 @@ class MohrCoulomb(_Coulomb):
         """Its name, whether tension is cut off, and how its planes lie or how it flows."""
         name = "Tresca" if self.friction.factor == 0.0 else "Mohr-Coulomb"
         name = _with_tension(name, self.tension)
-        if not self.is_smooth:
+        if not self.in_principal_stresses:
             return f"{name} ({self.fit} fit)"
         flow = "with associated flow" if self.dilation is None else "with its own dilation"
-        return f"{name}, smooth, {flow}"
+        return f"{name}, exact, {flow}"
 
 
 @dataclass(frozen=True)
@@ -260,7 +263,7 @@ class HoekBrown(_Surface):
     tension: Scalar | None = None
 
     @property
-    def is_smooth(self) -> bool:
+    def in_principal_stresses(self) -> bool:
         """Always."""
         return True
 
@@ -268,7 +271,7 @@ class HoekBrown(_Surface):
     def description(self) -> str:
         """Its name, whether tension is cut off, and how it flows."""
         flow = "with associated flow" if self.dilation is None else "with its own dilation"
-        return f"{_with_tension('generalised Hoek-Brown', self.tension)}, smooth, {flow}"
+        return f"{_with_tension('generalised Hoek-Brown', self.tension)}, exact, {flow}"
 
     def rock_mass(self, number: Callable[[Scalar], Dual]) -> tuple[Dual, Dual, Dual]:
         """mb, s and a.

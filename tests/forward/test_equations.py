@@ -154,7 +154,7 @@ def grounds(*surfaces, **more):
 def test_what_the_planes_of_a_law_may_not_do_is_named():
     free = {"parameters": (Parameter("E", 8e9, 1e9, 1e10), Parameter("f", 0.5, 0.1, 0.7),
                            Parameter("sv", 5e6, 1e6, 9e6))}  # fmt: skip
-    smooth = "rock yields by a smooth surface, which has no planes (give 'planes')"
+    smooth = "rock yields by an exact surface, which has no planes (give 'planes')"
     assert obstacle(**grounds(mohr(1e9, 0.5), **free)) == smooth
     turned = mohr(1e9, Scalar(1.0, "f"), planes=8)
     assert obstacle(**grounds(turned, **free)) == "f turns the yield planes of rock"

@@ -208,7 +208,7 @@ def test_what_a_march_leaves_is_told_in_per_cent():
     assert one.endswith(f"at 25 % of the strain points that yield. {tail}")
     assert two.startswith(
         "at stage 's2' the ground keeps 0.5 % of the stress beyond the yield surface, where the "
-        "even flow ends (motions are short by 1 % of the largest, as its path promises): with a"
+        "diffuse flow ends (motions are short by 1 % of the largest, as its path promises): with a"
     )
     assert two.endswith(
         f"at 6 % of the strain points that yield, and the band lies at 30 deg. {tail}"

@@ -432,7 +432,7 @@ LAYERED = (
                 "materials": rock("E: $E, nu: 0.2", COULOMB.replace("1 MPa", "9 MPa")),
                 "fit": "{method: complementarity, complementarity: {formulation: full-space}}",
             },
-            "for the formulation full-space, rock yields by a smooth surface, which has no planes "
+            "for the formulation full-space, rock yields by an exact surface, which has no planes "
             "(give 'planes'). Possible are gauss-newton, simplex, scan, ensemble-smoother, "
             "complementarity in its default formulation.",
         ),

@@ -140,7 +140,7 @@ def test_a_smooth_surface_is_refused() -> None:
         channels=(displacement("wall", (1.0, 0.0), (1.0, 0.0)),),
     )
     why = response.response([("wall", "open")]).system_obstacle()
-    assert "smooth surface" in (why or "")
+    assert "exact surface" in (why or "")
 
 
 def test_a_missing_package_is_refused_before_computing(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -16,8 +16,8 @@ DIPPING = WeakPlane(Attitude(Scalar(1.0, "dip"), Scalar(0.0)), C, PHI)
     [
         (PLANES, "given planes"),
         (DIPPING, "a weak plane"),
-        (MohrCoulomb(C, PHI), "Mohr-Coulomb, smooth, with associated flow"),
-        (MohrCoulomb(C, PHI, Scalar(0.1)), "Mohr-Coulomb, smooth, with its own dilation"),
+        (MohrCoulomb(C, PHI), "Mohr-Coulomb, exact, with associated flow"),
+        (MohrCoulomb(C, PHI, Scalar(0.1)), "Mohr-Coulomb, exact, with its own dilation"),
         (MohrCoulomb(C, Scalar(0.0), planes=16), "Tresca (best fit)"),
         (
             MohrCoulomb(C, PHI, None, CUT, 16, "inscribed"),

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
 import scipy.sparse as sp
@@ -17,7 +18,7 @@ from geoident.errors import CollapseError
 from geoident.fem.elasticity import UniformModuli
 from geoident.fem.yielding.plane_laws import PolyhedralLaw
 from geoident.fem.yielding.planes import YieldPlanes
-from geoident.forward.analysis.constitutive import Ground
+from geoident.forward.analysis.constitutive import MaterialPoints
 from geoident.forward.analysis.equilibrium import Balance, solve
 from geoident.forward.analysis.stage_equations import NoEquilibrium, StageEquations
 from geoident.forward.equation_arrays import Affine, EquationArrays, LoadStage, PointLaw, bilinear
@@ -186,7 +187,9 @@ class ArrayModel:
                 moduli = _dual(given.elasticity, p)
                 yielding = PolyhedralLaw(moduli, self._planes(given, moduli, p))
             hardened = borne.lam[s][..., 0]
-            grounds.append(Ground(str(s), self.places[s], UniformModuli(E), yielding, hardened))
+            grounds.append(
+                MaterialPoints(str(s), self.places[s], UniformModuli(E), yielding, hardened)
+            )
         stiffness = self._stiffness(grounds, volume)[stage.dofs][:, stage.dofs]
 
         def tangents(points: Ints, change: Floats, *, symmetric: bool) -> DenseFactor:
@@ -205,7 +208,7 @@ class ArrayModel:
             grounds=grounds,
             stress=np.ascontiguousarray(borne.stress[..., 0]),
             forces=stage.forces.at(p),
-            tangents=tangents,
+            solver=SimpleNamespace(factorize=tangents),
         )
 
     def _planes(self, law: PointLaw, E: Dual, p: Floats) -> YieldPlanes:
@@ -218,7 +221,7 @@ class ArrayModel:
             normals, _dual(law.distances, p), hardening=H if H.columns.any() else None
         )
 
-    def _stiffness(self, grounds: list[Ground], volume: Floats) -> Floats:
+    def _stiffness(self, grounds: list[MaterialPoints], volume: Floats) -> Floats:
         E = np.zeros((self.s, self.s, self.operators.n_points))
         for ground in grounds:
             first = np.zeros(1, dtype=np.int64)
@@ -232,13 +235,13 @@ class ArrayModel:
     def _differentiated(
         self, stage: LoadStage, p: Floats, borne: _Borne, equations: StageEquations, found: Balance
     ) -> tuple[Floats, _Borne, dict[int, Floats]]:
-        trial, n = found.trial, len(self.names)
+        trial, n = found.end, len(self.names)
         strain = self.operators.strain(trial.du)
         slopes = borne.stress[..., 1:].copy()
         dlam = {s: np.zeros_like(borne.lam[s]) for s in stage.laws}
         flowing = []
         for (s, law), ground, flow in zip(
-            stage.laws.items(), equations.grounds, trial.flows, strict=True
+            stage.laws.items(), equations.grounds, trial.responses, strict=True
         ):
             given, mine = self.staged.laws[law], np.arange(self.operators.n_points)[ground.points]
             slopes[:, mine] += np.einsum("abh,bm->amh", given.elasticity.slopes, strain[:, mine])

@@ -76,7 +76,7 @@ def random_planes(rng, count, size, *, hardening=0.0):
 
 
 def coulomb(friction, cohesion, *, tension=None, dilation=None):
-    """Smooth Mohr-Coulomb in sorted principal stresses."""
+    """Exact Mohr-Coulomb in sorted principal stresses."""
 
     def along(angle):
         return [1.0 + np.sin(angle), 0.0, np.sin(angle) - 1.0]

@@ -282,18 +282,19 @@ class CombinationSearch:
 
     def __init__(self, system: ScaledPlanes) -> None:
         self.system, self.sets = system, ActiveSets(system.coupling)
-        self._plain = np.flatnonzero(~system.upright)
+        self._plain = np.flatnonzero(~system.for_apex)
         self._candidates: list[int] = []
         for size in (1, 2, 3):
             some = np.array(list(combinations(self._plain, size)), dtype=np.int64).reshape(-1, size)
             coupling = system.coupling[some[:, :, None], some[:, None, :]]
             regular = np.linalg.svd(coupling, compute_uv=False)[:, -1] > _SINGULAR
             self._candidates += [self.sets.number(planes) for planes in some[regular].tolist()]
-        # the apex: where the hydrostatic axis first leaves the surface
-        upright = np.flatnonzero(system.upright)
-        pressure = system.distances[upright] / system.normals[upright].sum(axis=1)
-        owner = system.owner[upright]
-        self._apex = upright[owner == owner[pressure.argmin()]] if upright.size else upright
+        # The apex, where the hydrostatic axis first leaves the cones. A cut-off of tension in front
+        # of it is associated: its own sets bring every tension back, none is left for the apex.
+        for_apex = np.flatnonzero(system.for_apex)
+        pressure = system.distances[for_apex] / system.normals[for_apex].sum(axis=1)
+        owner = system.owner[for_apex]
+        self._apex = for_apex[owner == owner[pressure.argmin()]] if for_apex.size else for_apex
 
     def find(self, excess: Floats, tolerance: Floats) -> Ints:
         """Faces (q,) of points with the scaled yield functions (q, i) of their trial stress.

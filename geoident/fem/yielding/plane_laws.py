@@ -1,7 +1,7 @@
 """Laws of yield planes: polyhedra in the space of stresses, isotropic ones in principal stresses.
 
 Both return a trial stress by the planes that are active where it ends, which `active_sets` finds.
-The second is for smooth surfaces such as Mohr-Coulomb's, with its edges and its apex: in principal
+The second is for exact surfaces such as Mohr-Coulomb's, with its edges and its apex: in principal
 stresses they are planes.
 """
 

@@ -117,8 +117,8 @@ class ScaledPlanes:
         elasticity: E (s, s), Pa, symmetric, positive definite.
         planes: normals (i, s), those of images included.
         owner: (i,) the stated plane of which each is an image; None where each stands for itself.
-        upright: (i,) whether an image flows along its normal whatever the flow of its plane is:
-            three of these make the apex.
+        for_apex: (i,) planes used only for the return to the apex, where flow may have any
+            direction; they get associated flow, so that three of them are independent.
 
     Attributes:
         scale: (i,) what normals and distances were divided by, and multipliers multiplied with.
@@ -139,11 +139,11 @@ class ScaledPlanes:
         elasticity: Dual,
         planes: YieldPlanes,
         owner: Ints | None = None,
-        upright: Bools | None = None,
+        for_apex: Bools | None = None,
     ) -> None:
         count, n = len(planes), planes.distances.n
         self.owner = np.arange(count) if owner is None else owner
-        self.upright = np.zeros(count, dtype=np.bool_) if upright is None else upright
+        self.for_apex = np.zeros(count, dtype=np.bool_) if for_apex is None else for_apex
         self._total: Floats | None = None
         if owner is not None:
             self._total = (owner == np.arange(owner.max() + 1)[:, None]).astype(np.float64)
@@ -193,17 +193,17 @@ class ScaledPlanes:
             is_cone = np.ptp(normals[p]) > 0.0 and normals[p].sum() > 0.0
             if is_cone and np.any(flow[p] != normals[p]):
                 rows += [(p, order, True) for order in _CYCLES]
-        owner, orders, upright = (np.array(column) for column in zip(*rows, strict=True))
+        owner, orders, for_apex = (np.array(column) for column in zip(*rows, strict=True))
 
         def turned(directions: Dual) -> Dual:
             return Dual(np.take_along_axis(directions.columns[owner], orders[..., None], axis=1))
 
         image_normals, image_flow = turned(planes.normals), turned(given_flow)
         image_flow = Dual(
-            np.where(upright[:, None, None], image_normals.columns, image_flow.columns)
+            np.where(for_apex[:, None, None], image_normals.columns, image_flow.columns)
         )
         images = YieldPlanes(image_normals, planes.distances[owner], image_flow)
-        return cls(elasticity, images, owner, upright)
+        return cls(elasticity, images, owner, for_apex)
 
     def summed(self, values: Floats) -> Floats:
         """Sums (y, ...) over the images of each stated plane of values (i, ...)."""

@@ -86,7 +86,7 @@ class RunOptions:
         unit_forces: forces beside those of the case.
         explain: find the part of the load that can be carried, where there is a collapse.
         partial: go on after a collapse with the states that do not build on it.
-        even_only: no flow in bands of shear is looked for (`PlasticSteps`).
+        strict: only diffuse flow, not localised in bands of shear, counts (`PlasticSteps`).
         traced: keep what adjoints need of every stage; without derivatives, and only where nothing
             yields.
         displacements: of elastic states, where they are known; these are not solved for.
@@ -98,7 +98,7 @@ class RunOptions:
     explain: bool = True
     partial: bool = False
     traced: bool = False
-    even_only: bool = False
+    strict: bool = False
     displacements: KnownDisplacements | None = None
 
 
@@ -140,7 +140,7 @@ class StagedAnalysis:
         self.warm = WarmStart()
 
     def forget(self) -> None:
-        """Forget where Newton's method may start, and the factors that it starts with."""
+        """Forget where Newton's method may start."""
         self.warm = WarmStart()
 
     @property
@@ -220,7 +220,7 @@ class AnalysisRun:
         if any(material.yields for material in analysis.case.materials.values()):
             self._plastic = PlasticSteps(
                 analysis.case, systems, analysis.warm, self._ground,
-                explain=options.explain, even_only=options.even_only,
+                explain=options.explain, strict=options.strict,
             )  # fmt: skip
         self._unreleased: dict[int, UnreleasedForces] = {0: {}}
         self._imbalance = 0.0

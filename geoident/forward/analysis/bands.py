@@ -1,4 +1,4 @@
-"""Where the even flow of ground without potential ends: bands of shear (theory 5.4).
+"""Where the diffuse flow of non-associated ground ends: bands of shear (theory 5.4).
 
 The path of viscous grounds (`viscous_path`) leads to the ground itself where it can be followed.
 Where it ends before, a mode x of the ground's own tangent has lost its stability there,
@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse.linalg as spla
 
-from geoident.forward.analysis.stage_equations import StageEquations, Trial
+from geoident.forward.analysis.stage_equations import Iterate, StageEquations
 from geoident.model.arrays import Floats
 
 _MODES = 4
@@ -40,25 +40,27 @@ class ShearBand:
         points: number of the strain points that have half of its squared strain.
         yielding: number of the points that yield.
         stiffness: l, as part of the elastic stiffness.
+        viscosity: part of the overstress that the ground keeps where the flow lost its stability.
     """
 
     mode: Floats
     points: int
     yielding: int
     stiffness: float
+    viscosity: float
 
 
-def band_at(equations: StageEquations, trial: Trial) -> ShearBand | None:
-    """The least stable mode at a state of flow; None where all are stable without viscosity.
+def band_at(equations: StageEquations, iterate: Iterate) -> ShearBand | None:
+    """The least stable mode of flowing ground; None where all are stable without viscosity.
 
     Args:
         equations: of the stage, with the viscosity at which the state is in equilibrium.
-        trial: the state.
+        iterate: the state.
     """
-    n, yielding = len(equations.dofs), sum(flow.points.size for flow in trial.flowing)
+    n, yielding = len(equations.dofs), sum(response.points.size for response in iterate.flowing)
     if n <= _MODES + 1 or not yielding:
         return None
-    tangent = equations.tangent(trial)
+    tangent = equations.tangent(iterate)
     inverse = spla.LinearOperator(
         (n, n),
         matvec=lambda x: tangent.solve(equations.elastic_forces(x.ravel())),
@@ -81,4 +83,5 @@ def band_at(equations: StageEquations, trial: Trial) -> ShearBand | None:
         held += (strain**2).sum(axis=0) * equations.volume
     held = np.sort(held)[::-1].cumsum()
     points = int(np.searchsorted(held, _HALF * held[-1])) + 1
-    return ShearBand(equations.spread(mode.real), points, yielding, float(own[least].real))
+    stiffness = float(own[least].real)
+    return ShearBand(equations.spread(mode.real), points, yielding, stiffness, equations.viscosity)

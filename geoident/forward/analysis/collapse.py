@@ -1,4 +1,4 @@
-"""Collapse: how much of a stage's change of load is carried, how the ground moves, what is said.
+"""Collapse: how much of a stage's change of load is carried (`collapse_message` says it).
 
 The arc of equilibria is followed under displacement control: the forces f_0 + t (f - f_0), with f_0
 those of the stage before, act, and the load factor t follows from a prescribed work-like measure
@@ -14,7 +14,7 @@ without change of volume have no limit load (Nagtegaal, Parks, Rice 1974, Comput
 Mech. Eng. 4): there the arc ends where the ground has become ten thousand times softer and its
 strains large.
 
-Flow without potential has no such arc: there t is found by halving.
+Non-associated flow has no such arc: there t is found by halving.
 """
 
 from __future__ import annotations
@@ -23,23 +23,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from geoident.errors import CollapseError
-from geoident.fem.location import format_point
-from geoident.forward.analysis.bands import ShearBand
 from geoident.forward.analysis.equilibrium import LARGE_STRAIN, follow_slope, solve
-from geoident.forward.analysis.stage import LastEquilibrium, StageTask
 from geoident.forward.analysis.stage_equations import (
     ELASTIC_PARTS,
-    Balance,
+    Iterate,
     NoEquilibrium,
     StageEquations,
-    Trial,
 )
-from geoident.forward.analysis.systems import StageSystem
 from geoident.forward.analysis.viscous_path import StepBudget
-from geoident.forward.stages import CaseOnMesh
 from geoident.model.arrays import Floats
-from geoident.model.results.yielded import Mechanism
 
 _BALANCED = 1e-7
 """Unbalanced force, of the largest, at which a prescribed displacement is in equilibrium."""
@@ -59,14 +51,20 @@ _LEAST_GROWTH = 1.05
 _MOST_STEPS = 40
 """Of Newton at one displacement; where it converges, it takes 5 to 15."""
 
+_MOST_ON_ARC = 2000
+"""Newton steps of an arc that explains a collapse: a bound only, which no arc of the tests nears."""
+
+_ON_SURFACE = 1e-9
+"""Relative error of the prescribed measure alpha of the displacements that is rounding."""
+
+_FIRST_MEASURE = 0.25
+"""alpha at which the arc begins, as part of that of the elastic answer to the whole load."""
+
 _RESOLUTION = 1 / 512
-"""To which the part of a load that is carried is known where there is no potential."""
+"""To which the part of a load that is carried is known with non-associated flow."""
 
 _PARTS = 80
 """Newton steps for the part that could be balanced, where collapse is not proven."""
-
-_HALF = 0.5
-"""Part of the largest rate of shear from which on a mechanism shears strongly."""
 
 
 @dataclass(frozen=True)
@@ -75,50 +73,56 @@ class CarriedPart:
 
     Args:
         fraction: t, at most 1.
-        trial: equilibrium under it; None where only t = 0 was brought to equilibrium.
-        error: how more of it fails.
+        end: equilibrium under it; None where only t = 0 was brought to equilibrium.
+        failure: how more of it fails; proven where the arc reached a limit load.
     """
 
     fraction: float
-    trial: Trial | None
-    error: NoEquilibrium
+    end: Iterate | None
+    failure: NoEquilibrium
 
 
-def carried_part(equations: StageEquations, error: NoEquilibrium) -> CarriedPart:
+def carried_part(
+    equations: StageEquations, failure: NoEquilibrium, most_steps: int = _MOST_ON_ARC
+) -> CarriedPart:
     """The largest part of the change of load of a stage that can be carried.
 
     Args:
         equations: of the stage.
-        error: how the whole load fails.
+        failure: how the whole load fails.
+        most_steps: Newton steps after which an arc counts as lost.
     """
     if equations.associated:
-        fraction, du = _end_of_arc(equations)
-        return CarriedPart(fraction, equations.at(du), error)
-    return _halved(equations, error)
+        return _end_of_arc(equations, failure, StepBudget(most_steps))
+    return _halved(equations, failure)
 
 
-def _end_of_arc(equations: StageEquations) -> tuple[float, Floats]:
-    """Load factor t, at most 1, and displacement step (n_dofs,) where the arc ends."""
-    before = equations.under(equations.before())
-    load = (equations.forces - before.forces)[equations.dofs]
-    rest = before.at(np.zeros_like(equations.forces))
-    compliance = float(load @ before.tangent(rest).solve(load))
-    alpha, growth, reached = 0.25 * compliance, 2.0, 0.0
-    t, du = 0.0, rest.du
+def _end_of_arc(
+    equations: StageEquations, failure: NoEquilibrium, budget: StepBudget
+) -> CarriedPart:
+    """Where the arc ends: at the whole load, at a limit load, or where it is lost."""
+    unloaded = equations.under(equations.carried_forces())
+    load = (equations.forces - unloaded.forces)[equations.dofs]
+    start = unloaded.at(np.zeros_like(equations.forces))
+    compliance = float(load @ unloaded.tangent(start).solve(load))
+    alpha, growth, reached = _FIRST_MEASURE * compliance, 2.0, 0.0
+    t, du, is_limit = 0.0, start.du, True
     while alpha <= 2.0**_MOST_DOUBLINGS * compliance:
-        following = _controlled(before, load, alpha, t, du)
+        following = _controlled(unloaded, load, alpha, t, du, budget)
         if following is None:
             if growth < _LEAST_GROWTH or not reached:
+                is_limit = False
                 break
             growth = float(np.sqrt(growth))
             alpha = growth * reached
             continue
         t_next, du_next = following
         softer = alpha > _SOFTER * compliance * t_next
-        if softer and np.abs(before.operators.strain(du_next)).max() > LARGE_STRAIN:
+        if softer and np.abs(unloaded.operators.strain(du_next)).max() > LARGE_STRAIN:
             break
         if t_next >= 1.0:
-            return 1.0, du_next
+            t, du, is_limit = 1.0, du_next, False
+            break
         grown = t_next - t
         if grown > 0.0:
             t, du = following
@@ -126,11 +130,17 @@ def _end_of_arc(equations: StageEquations) -> tuple[float, Floats]:
             break
         reached, growth = alpha, min(growth**2, 2.0)
         alpha *= growth
-    return t, du
+    proven = failure.proven or is_limit
+    return CarriedPart(t, equations.at(du), NoEquilibrium(failure.mechanism, proven=proven))
 
 
 def _controlled(
-    before: StageEquations, load: Floats, alpha: float, t: float, du: Floats
+    unloaded: StageEquations,
+    load: Floats,
+    alpha: float,
+    t: float,
+    du: Floats,
+    budget: StepBudget,
 ) -> tuple[float, Floats] | None:
     """Load factor t and displacements (n_dofs,) at a measure alpha of these; None if not found.
 
@@ -138,165 +148,52 @@ def _controlled(
     them.
 
     Args:
-        before: the equations under f_0.
+        unloaded: the equations under f_0.
         load: f - f_0 (n,) at the unknowns.
         alpha: the measure.
         t: load factor of the last equilibrium.
         du: (n_dofs,) its displacements.
+        budget: steps that are left to the whole arc.
     """
-    dofs, trial = before.dofs, before.at(du)
+    dofs, iterate = unloaded.dofs, unloaded.at(du)
     for _ in range(_MOST_STEPS):
-        rest = trial.residual + t * load
-        short = alpha - float(load @ trial.du[dofs])
-        on_surface = abs(short) <= 1e-9 * alpha
-        scale = max(trial.scale, abs(t) * float(np.abs(load).max()))
-        if on_surface and np.abs(rest).max() <= _BALANCED * scale:
-            return t, trial.du
-        tangent = before.tangent(trial, least=ELASTIC_PARTS[1])  # flowing ground is singular
-        free, ahead = tangent.factor.solve(np.column_stack([rest, load])).T
-        step = before.spread(free + (short - load @ free) / (load @ ahead) * ahead)
-        end = before.at(trial.du + step)
-        trial = follow_slope(before, trial, step, end)[0] if on_surface else end
-        t = -float(trial.residual @ load) / float(load @ load)
+        unbalanced = iterate.residual + t * load
+        short = alpha - float(load @ iterate.du[dofs])
+        on_surface = abs(short) <= _ON_SURFACE * alpha
+        scale = max(iterate.scale, abs(t) * float(np.abs(load).max()))
+        if on_surface and np.abs(unbalanced).max() <= _BALANCED * scale:
+            return t, iterate.du
+        if not budget.take():
+            return None
+        tangent = unloaded.tangent(iterate, least=ELASTIC_PARTS[1])  # flowing ground is singular
+        free, ahead = tangent.factor.solve(np.column_stack([unbalanced, load])).T
+        step = unloaded.spread(free + (short - load @ free) / (load @ ahead) * ahead)
+        end = unloaded.at(iterate.du + step)
+        iterate = follow_slope(unloaded, iterate, step, end)[0] if on_surface else end
+        t = -float(iterate.residual @ load) / float(load @ load)
     return None
 
 
-def _halved(equations: StageEquations, error: NoEquilibrium) -> CarriedPart:
-    """The part that is carried by flow without potential.
+def _halved(equations: StageEquations, failure: NoEquilibrium) -> CarriedPart:
+    """The part that is carried by non-associated flow.
 
-    Where no collapse is proven only even flow is looked for, with few steps: each part beyond the
-    last would be lost where the whole is.
+    Where no collapse is proven only diffuse flow is looked for, with few steps: each part beyond
+    the last would be lost where the whole is.
     """
-    even_only = not error.proven
-    budget = StepBudget(_PARTS) if even_only else None
-    before, trial = equations.before(), None
-    rest = np.zeros_like(before)
+    strict = not failure.proven
+    budget = StepBudget(_PARTS) if strict else None
+    f_0, iterate = equations.carried_forces(), None
+    at_rest = np.zeros_like(f_0)
     least, most = 0.0, 1.0
     while most - least > _RESOLUTION and (budget is None or budget.left > 0):
         part = 0.5 * (least + most)
-        under = equations.under(before + part * (equations.forces - before))
-        starts = [rest, rest if trial is None else trial.du]
+        under = equations.under(f_0 + part * (equations.forces - f_0))
+        starts = [at_rest, at_rest if iterate is None else iterate.du]
         try:
-            balance = solve(
-                under, starts, even_only=even_only, budget=budget, most_strain=LARGE_STRAIN
-            )
-            least, trial = part, balance.trial
-        except NoEquilibrium as failed:
+            balance = solve(under, starts, strict=strict, budget=budget, most_strain=LARGE_STRAIN)
+            least, iterate = part, balance.end
+        except NoEquilibrium as error:
             most = part
-            if failed.mechanism is not None and (failed.proven or not error.proven):
-                error = failed
-    return CarriedPart(least, trial, error)
-
-
-def collapse_error(
-    on_mesh: CaseOnMesh,
-    task: StageTask,
-    fraction: float,
-    mechanism: Floats | None,
-    *,
-    proven: bool = True,
-    ended: Balance | None = None,
-    band: ShearBand | None = None,
-    reached: LastEquilibrium | None = None,
-) -> CollapseError:
-    """What is said of a stage without equilibrium.
-
-    Args:
-        on_mesh: the case on its mesh.
-        task: the stage.
-        fraction: part of the change of load that is carried, or NaN.
-        mechanism: (n_dofs,) how the ground moves, or None.
-        proven: whether the load is beyond what can be carried; else none was found.
-        ended: where the even flow ended, or None.
-        band: the mode that has lost its stability there, or None.
-        reached: equilibrium under the part that is carried, or None.
-    """
-    msg = f"at stage '{task.state.name}' the ground cannot carry the loads: plastic collapse"
-    hint = "Raise the strengths (their start values or bounds), or see whether the stage "
-    hint += "lacks support or loads more than is meant."
-    if not proven:
-        msg = f"at stage '{task.state.name}' no equilibrium was found: flow with a dilation so "
-        msg += "far below the friction shears in bands on this mesh, or the ground collapses"
-        hint = "See whether a larger dilation, or associated flow, or larger elements "
-        hint += "where it shears carry the stage: then the ground does not lack strength."
-    if band is not None and ended is not None and not proven:
-        mechanism = band.mode
-        msg = f"at stage '{task.state.name}' no equilibrium was found: even flow ends where the "
-        msg += f"ground still keeps {100 * ended.viscosity:.2g} % of its overstress, and a band "
-        msg += f"has lost its stability, with half of its strain in {band.points} of the "
-        msg += f"{band.yielding} strain points that yield"
-        hint = "With a dilation so far below the friction, shear goes into bands as wide as the "
-        hint += "elements. See whether support that acts in this stage, a larger dilation, or "
-        hint += "larger elements where it shears carry it: then it does not lack strength."
-    if np.isfinite(fraction):
-        carried = "is carried" if proven else "was brought to equilibrium"
-        msg += f"; {100 * fraction:.3g} % of the change of load of this stage {carried}"
-    motion = None
-    if mechanism is not None:
-        msg += describe_mechanism(on_mesh, task.system, mechanism)
-        mechanism = mechanism / (np.abs(mechanism).max() or 1.0)
-        motion = mechanism_on_mesh(on_mesh, task, mechanism, fraction)
-    return CollapseError(
-        msg,
-        hint,
-        stage=task.state.name,
-        fraction=fraction,
-        mechanism=mechanism,
-        motion=motion,
-        reached=reached,
-    )
-
-
-def describe_mechanism(on_mesh: CaseOnMesh, system: StageSystem, u: Floats) -> str:
-    """Where a mechanism shears most, and how far it reaches, for a message.
-
-    Args:
-        on_mesh: the case on its mesh.
-        system: the equations of the stage.
-        u: (n_dofs,) velocities.
-    """
-    points, mesh, sequence = on_mesh.discretization.points, on_mesh.mesh, on_mesh.sequence
-    rate = np.where(system.volume > 0.0, _shear(points.strain(u)), 0.0)
-    most = int(np.argmax(rate))
-    if not rate[most] > 0.0:
-        node = int(np.argmax(np.linalg.norm(u.reshape(-1, mesh.dim), axis=1)))
-        return f" near {format_point(mesh.points[node])}"
-    group = sequence.groups[sequence.group_of[points.element[most]]]
-    position = points.position.round(3)
-    where = position[rate > _HALF * rate[most]]
-    text = f"; it shears most in group '{group}' near {format_point(position[most])}"
-    ends = (format_point(where.min(axis=0)), format_point(where.max(axis=0)))
-    return f"{text}, and strongly between {ends[0]} and {ends[1]}"
-
-
-def mechanism_on_mesh(
-    on_mesh: CaseOnMesh, task: StageTask, u: Floats, fraction: float
-) -> Mechanism:
-    """A mechanism as it is drawn.
-
-    Args:
-        on_mesh: the case on its mesh.
-        task: the stage.
-        u: (n_dofs,) velocities.
-        fraction: part of the change of load that is carried.
-    """
-    points, mesh = on_mesh.discretization.points, on_mesh.mesh
-    rate = np.where(task.system.volume > 0.0, _shear(points.strain(u)), 0.0)
-    shear = np.zeros(mesh.n_elements)
-    np.maximum.at(shear, points.element, rate)
-    return Mechanism(
-        task.state.name,
-        task.number,
-        fraction,
-        mesh,
-        on_mesh.sequence.present(task.number),
-        u.reshape(mesh.n_nodes, mesh.dim).copy(),
-        shear / (shear.max(initial=0.0) or 1.0),
-    )
-
-
-def _shear(strain: Floats) -> Floats:
-    """(m,) size of the part of strains (s, m) that changes shapes; shears are counted double."""
-    normal, shear = strain[:3], strain[3:]
-    apart = normal - normal.mean(axis=0)
-    return np.asarray(np.sqrt((apart**2).sum(axis=0) + 0.5 * (shear**2).sum(axis=0)))
+            if error.mechanism is not None and (error.proven or not failure.proven):
+                failure = error
+    return CarriedPart(least, iterate, failure)

@@ -22,8 +22,8 @@ from geoident.model.yielding import Activity
 
 
 @dataclass(frozen=True)
-class Ground:
-    """The strain points of one material.
+class MaterialPoints:
+    """The strain points of one material, with its moduli and its yield law there.
 
     Args:
         name: of the material.
@@ -41,7 +41,7 @@ class Ground:
 
     @property
     def associated(self) -> bool:
-        """Whether its flow, if it yields, has a potential."""
+        """Whether its plastic strains, if it yields, follow the normals, so that Pi exists."""
         return self.law is None or self.law.associated
 
     @property
@@ -49,7 +49,12 @@ class Ground:
         """Whether multipliers of earlier stages count."""
         return self.law is not None and self.law.hardens
 
-    def restrict(self, points: Ints, n_points: int) -> Ground | None:
+    def excess(self, stress: Floats) -> Floats:
+        """The yield functions (y, m) of its law at stresses (s, m), Pa."""
+        assert self.law is not None
+        return self.law.excess(stress, self.hardened)
+
+    def restrict(self, points: Ints, n_points: int) -> MaterialPoints | None:
         """Its part among some points (q,), ascending, numbered by them; None where there is none.
 
         Args:
@@ -62,10 +67,12 @@ class Ground:
             return None
         law = None if self.law is None else self.law.at(rows)
         hardened = None if self.hardened is None else self.hardened[:, rows]
-        return Ground(self.name, here, self.elasticity.at(rows), law, hardened)
+        return MaterialPoints(self.name, here, self.elasticity.at(rows), law, hardened)
 
-    def integrate_stress(self, stress: Floats, strain: Floats, viscosity: float) -> Flow | None:
-        """Bring stresses to the end of a step; how the ground flows, None if it never yields.
+    def integrate_stress(
+        self, stress: Floats, strain: Floats, viscosity: float
+    ) -> PlasticResponse | None:
+        """Bring stresses to the end of a step; the plastic response, None if it never yields.
 
         Args:
             stress: (s, m) of all points before the step; its own are overwritten.
@@ -73,7 +80,7 @@ class Ground:
             viscosity: part mu of the overstress s* - P(s*) that is kept (`viscous_path`).
 
         Raises:
-            NoReturn: flow that is not associated leads nowhere.
+            NoReturn: non-associated flow leads back to no stress.
             NoProjection: a projection does not end.
         """
         points = self.points
@@ -86,11 +93,11 @@ class Ground:
         if viscosity > 0.0:
             stress[:, points] += viscosity * (trial - projection.stress)
         flowing = numbers(points, stress.shape[1])[projection.yielded]
-        return Flow(self, projection, flowing, viscosity)
+        return PlasticResponse(self, projection, flowing, viscosity)
 
 
 @dataclass(frozen=True, eq=False)
-class Flow:
+class PlasticResponse:
     """What a material that yields does at the strains of a step.
 
     Args:
@@ -100,7 +107,7 @@ class Flow:
         viscosity: part mu of the overstress that is kept.
     """
 
-    ground: Ground
+    ground: MaterialPoints
     projection: ReturnStep
     points: Ints
     viscosity: float = 0.0
@@ -112,7 +119,7 @@ class Flow:
         return np.asarray((1.0 - self.viscosity) * (T - np.eye(T.shape[1])) @ self._moduli)
 
     def may_localise(self) -> Bools:
-        """(q,) points at which shear may go into a band."""
+        """(q,) points at which shear of the ground without its viscosity may go into a band."""
         return may_localise(self.projection.reduction @ self._moduli)
 
     @property
@@ -120,16 +127,16 @@ class Flow:
         return self.ground.elasticity.matrices(self.projection.yielded)
 
     def derivatives(
-        self, trial: Floats, before: Floats | None = None, *, of_law: bool
+        self, trial: Floats, earlier: Floats | None = None, *, of_law: bool
     ) -> tuple[Floats, Floats | None]:
         """Derivatives of stress (s, q, n) and multipliers (y, q, n), as in `ReturnStep`.
 
         Args:
             trial: (s, q, n) of the trial stress.
-            before: (y, q, n) of the multipliers of earlier stages; None for zero.
+            earlier: (y, q, n) of the multipliers of earlier stages; None for zero.
             of_law: the first columns are by the parameters of the law.
         """
-        stress, multipliers = self.projection.derivatives(trial, before, of_law=of_law)
+        stress, multipliers = self.projection.derivatives(trial, earlier, of_law=of_law)
         if self.viscosity > 0.0:
             stress = stress + self.viscosity * (trial - stress)
         return stress, multipliers
@@ -155,25 +162,16 @@ class ReachedPlanes:
         self._biactive = np.zeros(shape, dtype=np.int64)
         self._margin = np.full(shape[0], -np.inf)
 
-    def flow(self, state: int, flow: Flow) -> None:
-        """What flows at the end of a state.
+    def count(self, state: int, response: PlasticResponse) -> None:
+        """Count the points of one material that are on its planes at the end of a state."""
+        place = self._rows[response.ground.name], state - 1
+        self._points[place] = (response.projection.multipliers > 0.0).sum(axis=0)
+        self._biactive[place] = response.projection.biactive.sum(axis=0)
 
-        Args:
-            state: index of the state.
-            flow: of one material.
-        """
-        place = self._rows[flow.ground.name], state - 1
-        flowing = (flow.projection.multipliers > 0.0).sum(axis=0)
-        self._points[place] = np.maximum(self._points[place], flowing)
-        self._biactive[place] = flow.projection.biactive.sum(axis=0)
-
-    def reach(self, ground: Ground, stress: Floats) -> Floats:
-        """Note and return the yield functions psi (y, m) at stresses (s, m) of a ground, Pa."""
-        assert ground.law is not None
-        excess = ground.law.excess(stress, ground.hardened)
-        rows = self._rows[ground.name]
+    def note_excess(self, material: str, excess: Floats) -> None:
+        """Note the yield functions (y, m) of a material at the end of a state, Pa."""
+        rows = self._rows[material]
         self._margin[rows] = np.maximum(self._margin[rows], excess.max(axis=1, initial=-np.inf))
-        return excess
 
     def activity(self) -> Activity:
         """Which planes were reached, with slopes by all parameters."""

@@ -24,8 +24,8 @@ A load beyond collapse has no minimum: Pi falls without end along a mechanism d.
 by the slope of Pi far out along the steps (the kinematic theorem of limit analysis): if it is
 still falling there, d dissipates less than the loads give, and no equilibrium exists.
 
-Flow that is not associated has no potential; its steps are judged by the next ones, and where
-they are lost a path of viscous grounds leads to the solution (`viscous_path`).
+Non-associated flow has no potential; its steps are judged by the next ones, and where they are
+lost a path of viscous grounds leads to the solution (`viscous_path`).
 
 Cost: one factorization for every step, one for the derivatives if the last was made elsewhere.
 """
@@ -37,13 +37,14 @@ from dataclasses import replace
 
 import numpy as np
 
+from geoident.fem.yielding.domain import EmptyDomain, NoProjection
 from geoident.forward.analysis.stage_equations import (
     Balance,
+    Iterate,
     NoEquilibrium,
     Patches,
     StageEquations,
     Tangent,
-    Trial,
 )
 from geoident.forward.analysis.viscous_path import (
     BALANCED,
@@ -61,42 +62,45 @@ MOST_STEPS = 60
 """Newton steps at most; a stage rarely takes more than fifteen."""
 
 PATIENCE = 10
-"""Newton steps after which flow without potential takes the path of viscous grounds.
+"""Newton steps after which non-associated flow takes the path of viscous grounds.
 
-Steps that wander longer may end in bands of shear where there is an even flow.
+Newton's method that wanders longer may end in bands of shear although there is a diffuse flow.
 """
 
 LARGE_STRAIN = 1.0
-"""Strain of yielding points beyond which small strains describe nothing.
+"""Strain of yielding points in one stage beyond which small strains describe nothing.
 
 Meshes that lock under flow without change of volume let pressures grow without end: where all else
 flows, Newton's method finds equilibria kilometres away (Nagtegaal, Parks, Rice 1974).
 """
 
 _SUSPICIOUS = 4
-"""Steps after which a mechanism is looked for; fewer end most stages."""
+"""Steps after which a mechanism is looked for; most stages have converged by then."""
 
 SEARCH = 240
-"""Newton steps that a search without potential may take: the hardest that leads to an end takes a
-fifth of them."""
+"""Newton steps that a search with non-associated flow may take: the hardest known that ends well
+takes a fifth of them."""
 
 _UNBALANCED = 0.01
 """Part of the change of load that may stay unbalanced where flow is not associated."""
 
 _HARDLY_VISCOUS = 3e-4
-"""Part of the overstress that may stay where only even flow is looked for."""
+"""Part of the overstress that may stay where only diffuse flow counts (`strict`)."""
 
 _LITTLE_VISCOUS = 3e-3
-"""The same otherwise: all else shears in bands. By how much displacements are short is said."""
+"""The same otherwise. The user reads by how much displacements are short (`Balance.short`)."""
 
 FAR_OUT = 1e6
-"""Where along a step its mechanism alone decides, in steps."""
+"""Steps along a mechanism after which only its dissipation counts, no more the elastic strains."""
 
 _NO_POWER = 1e-6
 """Part of the power of the loads on a mechanism that the slope of Pi far out must exceed."""
 
 _HARDLY_RISEN = 0.3
 """Slope of Pi at the end of a step, as part of that at its beginning, that is nearly none."""
+
+_OFF_THE_ENDS = 0.02
+"""Part of its bracket by which a share stays off its ends, so that the bracket always shrinks."""
 
 _MOST_CUTS = 40
 """Shares of a step that are tried to find the zero of the slope of Pi; three are usual."""
@@ -121,7 +125,7 @@ def solve(
     equations: StageEquations,
     guesses: Iterable[Floats],
     *,
-    even_only: bool = False,
+    strict: bool = False,
     budget: StepBudget | None = None,
     most_strain: float = np.inf,
 ) -> Balance:
@@ -130,27 +134,46 @@ def solve(
     Args:
         equations: of the stage.
         guesses: (n_dofs,) displacement steps; the nearest one is the start (`distance`).
-        even_only: without potential, no flow in bands of shear is looked for.
+        strict: of non-associated flow only the diffuse one (not localised in bands) counts.
         budget: steps that are left where there is no potential; None for a search of its own.
-        most_strain: of yielding points; an equilibrium beyond it counts as none.
+        most_strain: of yielding points in this stage; an equilibrium beyond it counts as none.
 
     Raises:
         NoEquilibrium: see there.
         NotPositiveDefinite: the elastic stiffness itself is singular.
     """
-    start = min((equations.at(guess) for guess in guesses), key=equations.distance)
+    start = _nearest(equations, guesses)
     if equations.associated:
         balance = _minimise(equations, start)
     else:
         budget = budget or StepBudget(SEARCH)
-        balance = _without_potential(equations, start, budget, even_only=even_only)
-    strain = np.abs(equations.operators.strain(balance.trial.du))
-    if any(strain[:, flow.points].max() > most_strain for flow in balance.trial.flowing):
-        raise NoEquilibrium(balance.trial.du)
+        balance = _non_associated(equations, start, budget, strict=strict)
+    strain = np.abs(equations.operators.strain(balance.end.du))
+    if any(strain[:, response.points].max() > most_strain for response in balance.end.flowing):
+        raise NoEquilibrium(balance.end.du)
     return balance
 
 
-def _minimise(equations: StageEquations, trial: Trial) -> Balance:
+def _nearest(equations: StageEquations, guesses: Iterable[Floats]) -> Iterate:
+    """The guess nearest to equilibrium, of those whose stresses can be returned.
+
+    An extrapolated guess may be far outside the yield surface where another one serves.
+
+    Raises:
+        NoEquilibrium, NoProjection, EmptyDomain: of the last guess, where none can be.
+    """
+    iterates, failure = [], None
+    for guess in guesses:
+        try:
+            iterates.append(equations.at(guess))
+        except (NoEquilibrium, NoProjection, EmptyDomain) as error:
+            failure = error
+    if not iterates and failure is not None:
+        raise failure
+    return min(iterates, key=equations.distance)
+
+
+def _minimise(equations: StageEquations, iterate: Iterate) -> Balance:
     """Newton's method for the minimum of Pi.
 
     Raises:
@@ -158,116 +181,120 @@ def _minimise(equations: StageEquations, trial: Trial) -> Balance:
     """
     tangent: Tangent | None = None
     for step in range(MOST_STEPS):
-        if trial.error <= BALANCED:
-            return Balance(trial, tangent)
-        tangent = equations.tangent(trial)
-        d = equations.spread(tangent.solve(trial.residual))
-        following, whole = _step(equations, trial, d)
-        if following.error >= trial.error and trial.error <= NO_LOWER:
-            return Balance(trial, tangent)
+        if iterate.imbalance <= BALANCED:
+            return Balance(iterate, tangent)
+        tangent = equations.tangent(iterate)
+        d = equations.spread(tangent.solve(iterate.residual))
+        following, whole = _step(equations, iterate, d)
+        if following.imbalance >= iterate.imbalance and iterate.imbalance <= NO_LOWER:
+            return Balance(iterate, tangent)
         if whole and step >= _SUSPICIOUS:
             _refuse_mechanism(equations, following, d)
-        trial = following
-    raise NoEquilibrium(trial.du)
+        iterate = following
+    if iterate.imbalance <= BALANCED:
+        return Balance(iterate, tangent)
+    raise NoEquilibrium(iterate.du)
 
 
-def _step(equations: StageEquations, trial: Trial, d: Floats) -> tuple[Trial, bool]:
+def _step(equations: StageEquations, iterate: Iterate, d: Floats) -> tuple[Iterate, bool]:
     """Follow a step d (n_dofs,), in a large model with its worst places settled by themselves.
 
     Returns:
         Where it ended, and whether the whole step was taken.
     """
-    end = equations.at(trial.du + d)
-    quick = end.error <= _QUICK * trial.error
+    end = equations.at(iterate.du + d)
+    quick = end.imbalance <= _QUICK * iterate.imbalance
     if equations.patches is not None and len(equations.dofs) >= LARGE and not quick:
         settled = _settled(equations, equations.patches, end)
-        if settled is not None and _hardly_risen(equations, trial, settled):
+        if settled is not None and _hardly_risen(equations, iterate, settled):
             return settled, True
-    return follow_slope(equations, trial, d, end)
+    return follow_slope(equations, iterate, d, end)
 
 
 def follow_slope(
-    equations: StageEquations, trial: Trial, d: Floats, end: Trial
-) -> tuple[Trial, bool]:
+    equations: StageEquations, iterate: Iterate, d: Floats, end: Iterate
+) -> tuple[Iterate, bool]:
     """Follow a step to near the zero of the slope of Pi, which is monotone.
 
     A whole step at whose end Pi still falls, or has hardly risen, is taken as it is.
 
     Args:
         equations: of the stage.
-        trial: where the step begins.
+        iterate: where the step begins.
         d: (n_dofs,) the step.
         end: where the whole step ends.
 
     Returns:
         Where it ended, and whether the whole step was taken.
     """
-    if _hardly_risen(equations, trial, end):
+    if _hardly_risen(equations, iterate, end):
         return end, True
+    # Illinois variant of regula falsi for the zero of r^T d, the descent of Pi along the step
     free = d[equations.dofs]
-    first = float(trial.residual @ free)
-    low, slope_low, high, slope_high = 0.0, first, 1.0, float(end.residual @ free)
+    whole = float(iterate.residual @ free)
+    low, descent_low, high, descent_high = 0.0, whole, 1.0, float(end.residual @ free)
     for _ in range(_MOST_CUTS):
-        share = (low * slope_high - high * slope_low) / (slope_high - slope_low)
-        share = float(np.clip(share, low + 0.02 * (high - low), high - 0.02 * (high - low)))
-        end = equations.at(trial.du + share * d)
-        slope = float(end.residual @ free)
-        if abs(slope) <= _HARDLY_RISEN * first:
+        share = (low * descent_high - high * descent_low) / (descent_high - descent_low)
+        margin = _OFF_THE_ENDS * (high - low)
+        share = float(np.clip(share, low + margin, high - margin))
+        end = equations.at(iterate.du + share * d)
+        descent = float(end.residual @ free)
+        if abs(descent) <= _HARDLY_RISEN * whole:
             break
-        if slope > 0.0:
-            low, slope_low, slope_high = share, slope, 0.5 * slope_high
+        if descent > 0.0:
+            low, descent_low, descent_high = share, descent, 0.5 * descent_high
         else:
-            high, slope_high, slope_low = share, slope, 0.5 * slope_low
+            high, descent_high, descent_low = share, descent, 0.5 * descent_low
     return end, False
 
 
-def _hardly_risen(equations: StageEquations, trial: Trial, end: Trial) -> bool:
-    """Whether Pi falls from a trial to another, and has not turned to rise much at its end."""
-    way = (end.du - trial.du)[equations.dofs]
-    slope = float(trial.residual @ way)
-    return slope > 0.0 and float(end.residual @ way) >= -_HARDLY_RISEN * slope
+def _hardly_risen(equations: StageEquations, iterate: Iterate, end: Iterate) -> bool:
+    """Whether Pi falls on the way to another iterate, and has hardly turned to rise at its end."""
+    way = (end.du - iterate.du)[equations.dofs]
+    descent = float(iterate.residual @ way)
+    return descent > 0.0 and float(end.residual @ way) >= -_HARDLY_RISEN * descent
 
 
-def _settled(equations: StageEquations, patches: Patches, trial: Trial) -> Trial | None:
+def _settled(equations: StageEquations, patches: Patches, iterate: Iterate) -> Iterate | None:
     """The same with the places that are farthest from equilibrium brought there, all else kept.
 
     None where they are too many.
     """
-    rest = np.abs(trial.residual)
+    rest = np.abs(iterate.residual)
     worst, most = float(rest.max(initial=0.0)), int(_PATCH * rest.size)
     around = (patches.around(np.flatnonzero(rest > part * worst), most) for part in _WORST)
     patch = next((one for one in around if one is not None), None)
     if patch is None:
         return None
-    own = equations.within(patch, patches.within(patch), trial.du)
-    here = own.at(trial.du[patch.dofs])
+    own = equations.on_patch(patch, patches.solver(patch), iterate.du)
+    here = own.at(iterate.du[patch.dofs])
     for _ in range(_PATCH_STEPS):
         if np.abs(here.residual).max() <= _SETTLED * worst:
             break
         here, _ = _step(own, here, own.spread(own.tangent(here).solve(here.residual)))
-    du = trial.du.copy()
+    du = iterate.du.copy()
     du[patch.dofs] = here.du
     return equations.at(du)
 
 
-def _refuse_mechanism(equations: StageEquations, trial: Trial, d: Floats) -> None:
-    """Raise where Pi falls without end along a step d (n_dofs,) from a trial.
+def _refuse_mechanism(equations: StageEquations, iterate: Iterate, d: Floats) -> None:
+    """Raise where Pi falls without end along a step d (n_dofs,).
 
     Raises:
         NoEquilibrium: it does.
     """
-    far, free = equations.at(trial.du + FAR_OUT * d), d[equations.dofs]
+    far, free = equations.at(iterate.du + FAR_OUT * d), d[equations.dofs]
     power = float(np.abs(equations.forces[equations.dofs] * free).sum())
     if float(far.residual @ free) > _NO_POWER * power:
         raise NoEquilibrium(d, proven=True)
 
 
-def _without_potential(
-    equations: StageEquations, start: Trial, budget: StepBudget, *, even_only: bool
+def _non_associated(
+    equations: StageEquations, start: Iterate, budget: StepBudget, *, strict: bool
 ) -> Balance:
     """Newton's method, and where its steps are lost, the path of viscous grounds.
 
-    Where the even flow folds back at little viscosity, its last point is the answer: beyond the
+    Where the diffuse flow folds back at little viscosity, its last point is the answer: beyond the
     fold there are only bands of shear, whose place is that of the elements. Where it folds back
     earlier, the load may still be in balance but for a little.
 
@@ -279,25 +306,26 @@ def _without_potential(
         return direct
     path = follow_path(equations, budget)
     if path is None:
-        raise NoEquilibrium(direct.trial.du)
+        raise NoEquilibrium(direct.end.du)
     if path.runs_away is not None:
         raise NoEquilibrium(path.runs_away, proven=True)
-    end = path.balance
-    if end.viscosity == 0.0:
-        return end
-    if end.viscosity <= (_HARDLY_VISCOUS if even_only else _LITTLE_VISCOUS):
-        missing = np.abs(path.promised - end.trial.du).max()
+    last = path.balance
+    if last.viscosity == 0.0:
+        return last
+    if last.viscosity <= (_HARDLY_VISCOUS if strict else _LITTLE_VISCOUS):
+        missing = np.abs(path.promised - last.end.du).max()
         short = float(missing / (np.abs(path.promised).max() or 1.0))
-        return replace(end, tangent=None, short=short)
-    refused = NoEquilibrium(end.trial.du, even=end)
-    if even_only:
+        return replace(last, tangent=None, short=short)
+    refused = NoEquilibrium(last.end.du, diffuse=last)
+    if strict:
         raise refused
-    at_rest = equations.at(np.zeros_like(equations.forces)).error
+    change = np.abs(equations.at(np.zeros_like(equations.forces)).residual).max()
     try:
-        trials = [equations.at(du) for du in (end.trial.du, path.promised)]
+        iterates = [equations.at(du) for du in (last.end.du, path.promised)]
     except NoEquilibrium:
         raise refused from None
-    trial = min(trials, key=lambda one: one.error)
-    if trial.error > _UNBALANCED * at_rest:
+    left = [float(np.abs(iterate.residual).max() / change) for iterate in iterates]
+    best = int(np.argmin(left))
+    if left[best] > _UNBALANCED:
         raise refused
-    return Balance(trial, unbalanced=trial.error / at_rest)
+    return Balance(iterates[best], unbalanced=left[best])

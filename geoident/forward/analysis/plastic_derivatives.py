@@ -16,9 +16,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from geoident.forward.analysis.constitutive import Flow
+from geoident.errors import ModelError
+from geoident.forward.analysis.constitutive import PlasticResponse
 from geoident.forward.analysis.stage import StageTask
-from geoident.forward.analysis.stage_equations import Balance, StageEquations
+from geoident.forward.analysis.stage_equations import Balance, SingularTangent, StageEquations
 from geoident.forward.analysis.systems import StageSystems
 from geoident.model.arrays import Floats
 
@@ -36,17 +37,22 @@ def plastic_derivatives(
         systems: the equations of the stages.
         equations: those of this stage.
         balance: their solution.
+
+    Raises:
+        ModelError: the consistent tangent is singular, so there are no derivatives.
     """
-    trial, structures, points = balance.trial, systems.structures, systems.discretization.points
+    iterate, structures, points = balance.end, systems.structures, systems.discretization.points
     g = np.ascontiguousarray(task.carried.stress[..., _DERIVATIVES])
     members = task.carried.members[:, _DERIVATIVES]
-    task.add_stiffness_derivatives(systems, trial.du, g, members)
-    for flow in trial.flowing:
+    task.add_stiffness_derivatives(systems, iterate.du, g, members)
+    for response in iterate.flowing:
         before = None
-        if flow.ground.hardens:
-            before = task.carried.multipliers(flow.ground.name, flow.points, _DERIVATIVES)
-        g[:, flow.points], dlam = flow.derivatives(g[:, flow.points], before, of_law=True)
-        _add_multipliers(task, flow, dlam)
+        if response.ground.hardens:
+            before = task.carried.multipliers(response.ground.name, response.points, _DERIVATIVES)
+        g[:, response.points], dlam = response.derivatives(
+            g[:, response.points], before, of_law=True
+        )
+        _add_multipliers(task, response, dlam)
 
     rest = task.forces[:, _DERIVATIVES] - points.forces(g, task.system.volume)
     if structures.n_rows:
@@ -54,22 +60,30 @@ def plastic_derivatives(
     ddu, dofs = np.zeros_like(rest), equations.dofs
     if len(dofs):
         tangent = balance.tangent
-        if tangent is None or not equations.serves(tangent, trial):
-            tangent = equations.tangent(trial)
-        ddu[dofs] = tangent.factor.solve(rest[dofs])
+        if tangent is None or not equations.serves(tangent, iterate):
+            tangent = equations.tangent(iterate)
+        try:
+            ddu[dofs] = equations.solve_consistently(tangent, rest[dofs])
+        except SingularTangent as error:
+            msg = f"at stage '{task.state.name}' the displacements have no derivatives by the "
+            msg += "parameters: the ground is at its limit load"
+            hint = "Raise the strengths a little, or see whether the stage lacks support."
+            raise ModelError(msg, hint) from error
 
     stress = points.strain(ddu)  # becomes T E C ddu
     for ground in equations.grounds:
         stress[:, ground.points] = ground.elasticity.stress(stress[:, ground.points])
-    for flow in trial.flowing:
-        stress[:, flow.points], dlam = flow.derivatives(stress[:, flow.points], of_law=False)
-        _add_multipliers(task, flow, dlam)
+    for response in iterate.flowing:
+        stress[:, response.points], dlam = response.derivatives(
+            stress[:, response.points], of_law=False
+        )
+        _add_multipliers(task, response, dlam)
     task.carried.stress[..., _DERIVATIVES] = g + stress
     task.add_member_forces(structures, ddu, _DERIVATIVES)
     return ddu
 
 
-def _add_multipliers(task: StageTask, flow: Flow, dlam: Floats | None) -> None:
-    """Count further derivatives (y, q, n + k) of the multipliers of a flow."""
-    if dlam is not None and flow.ground.hardens:
-        task.carried.add_multipliers(flow.ground.name, flow.points, _DERIVATIVES, dlam)
+def _add_multipliers(task: StageTask, response: PlasticResponse, dlam: Floats | None) -> None:
+    """Count further derivatives (y, q, n + k) of the multipliers of a material."""
+    if dlam is not None and response.ground.hardens:
+        task.carried.add_multipliers(response.ground.name, response.points, _DERIVATIVES, dlam)

@@ -21,11 +21,12 @@ from geoident.fem.location import format_point
 from geoident.fem.solvers.direct import NotPositiveDefinite
 from geoident.fem.yielding.domain import EmptyDomain, NoProjection
 from geoident.forward.analysis.bands import band_at
-from geoident.forward.analysis.collapse import carried_part, collapse_error, describe_mechanism
-from geoident.forward.analysis.constitutive import Ground, ReachedPlanes
+from geoident.forward.analysis.collapse import carried_part
+from geoident.forward.analysis.collapse_message import collapse_error, describe_mechanism
+from geoident.forward.analysis.constitutive import MaterialPoints, ReachedPlanes
 from geoident.forward.analysis.equilibrium import LARGE_STRAIN, solve
 from geoident.forward.analysis.plastic_derivatives import plastic_derivatives
-from geoident.forward.analysis.stage import LastEquilibrium, StageTask, not_positive_definite
+from geoident.forward.analysis.stage import StageTask, not_positive_definite
 from geoident.forward.analysis.stage_equations import Balance, NoEquilibrium, StageEquations
 from geoident.forward.analysis.systems import StageSystems
 from geoident.forward.analysis.tangents import StageTangents
@@ -35,6 +36,12 @@ from geoident.forward.yielding.surfaces import YieldLaws
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case, format_path
 from geoident.model.parameter import Values
+
+_CONFIRMING_STEPS = 100
+"""Newton steps to confirm that associated flow has no equilibrium.
+
+In the tests arcs that lead to the whole load take up to 31, arcs to a limit load up to 47.
+"""
 
 _OUTSIDE = 1e-6
 """Excess over the yield surface, relative to the largest stress, that is not rounding."""
@@ -95,11 +102,11 @@ class WarmStart:
 
 @dataclass(frozen=True)
 class Localisation:
-    """Where shear goes into bands at a stage whose even flow ends short.
+    """Where shear goes into bands at a stage whose diffuse flow ends short.
 
     Args:
         part: of the points that yield: that at which the acoustic tensor allows a band.
-        short: part by which displacements are short of those that the even flow promises.
+        short: part by which displacements are short of those to which the diffuse flow leads.
         band: words for the mode that has lost its stability and for its place; empty where none
             has, or nobody asked.
     """
@@ -134,9 +141,9 @@ class PlasticSteps:
         case: the case.
         systems: the equations of the stages.
         warm: where Newton's method may start.
-        ground: the moduli at the parameters of the analysis; yield laws are made with them.
+        moduli: at the parameters of the analysis; yield laws are made with them.
         explain: find the part of the load that can be carried, where there is a collapse.
-        even_only: without potential, no flow in bands of shear is looked for.
+        strict: of non-associated flow only the diffuse one (not localised in bands) counts.
 
     Attributes:
         findings: of the analysis.
@@ -145,12 +152,12 @@ class PlasticSteps:
     case: Case
     systems: StageSystems
     warm: WarmStart
-    ground: ModuliAt
+    moduli: ModuliAt
     explain: bool
-    even_only: bool = False
+    strict: bool = False
 
     def __post_init__(self) -> None:
-        self._laws = YieldLaws(self.ground)
+        self._laws = YieldLaws(self.moduli)
         self.findings = PlasticFindings(ReachedPlanes(self._laws, self.case.stage_names[1:]))
 
     def yields(self, state: ConstructionState) -> bool:
@@ -172,30 +179,31 @@ class PlasticSteps:
             equations = self._equations(task)
             try:
                 starts = [np.zeros_like(equations.forces), *self.warm.guesses(task)]
-                balance = solve(
-                    equations, starts, even_only=self.even_only, most_strain=LARGE_STRAIN
-                )
+                balance = solve(equations, starts, strict=self.strict, most_strain=LARGE_STRAIN)
             except NoEquilibrium as error:
                 balance = self._after_failure(task, equations, error)
-            trial = balance.trial
+            end = balance.end
             equations = equations.viscous(balance.viscosity)
             du = np.zeros_like(task.forces)
-            du[:, 0] = trial.du
+            du[:, 0] = end.du
             if du.shape[1] > 1:
                 du[:, 1:] = plastic_derivatives(task, self.systems, equations, balance)
-            task.carried.stress[..., 0] = trial.stress
+            task.carried.stress[..., 0] = end.stress
             task.add_member_forces(self.systems.structures, du[:, :1], slice(0, 1))
-            for flow in trial.flowing:
-                if flow.ground.hardens:
-                    more = flow.projection.multipliers.T[..., None]
-                    task.carried.add_multipliers(flow.ground.name, flow.points, slice(0, 1), more)
-                self.findings.planes.flow(task.number, flow)
+            for response in end.flowing:
+                if response.ground.hardens:
+                    more = response.projection.multipliers.T[..., None]
+                    task.carried.add_multipliers(
+                        response.ground.name, response.points, slice(0, 1), more
+                    )
+                self.findings.planes.count(task.number, response)
             for ground in equations.grounds:
                 if ground.law is not None:
-                    self.findings.planes.reach(ground, trial.stress[:, ground.points])
+                    excess = ground.excess(end.stress[:, ground.points])
+                    self.findings.planes.note_excess(ground.name, excess)
             self._note_what_is_left(task, equations, balance)
             self.warm.keep(task, du)
-            return du, trial.yielded()
+            return du, end.yielded()
 
     @contextmanager
     def _faults_named(self, task: StageTask) -> Iterator[None]:
@@ -217,14 +225,14 @@ class PlasticSteps:
             hint = "Leave out planes that are the same but for little, or move them apart."
             raise ModelError(msg, hint) from error
 
-    def _grounds(self, task: StageTask) -> list[Ground]:
+    def _grounds(self, task: StageTask) -> list[MaterialPoints]:
         """The materials that are there in a stage."""
         moduli, grounds = task.moduli_by_material(), []
         for name, points in task.system.points_of.items():
             law, hardened = self._laws.at(name, points), None
             if law is not None and law.hardens:
                 hardened = task.carried.multipliers(name, points, 0)
-            grounds.append(Ground(name, points, moduli[name], law, hardened))
+            grounds.append(MaterialPoints(name, points, moduli[name], law, hardened))
         return grounds
 
     def _equations(self, task: StageTask) -> StageEquations:
@@ -246,47 +254,46 @@ class PlasticSteps:
             grounds=grounds,
             stress=np.ascontiguousarray(task.carried.stress[..., 0]),
             forces=task.forces[:, 0],
-            tangents=tangents,
+            solver=tangents,
             members=members,
             patches=tangents,
         )
 
     def _after_failure(
-        self, task: StageTask, equations: StageEquations, error: NoEquilibrium
+        self, task: StageTask, equations: StageEquations, failure: NoEquilibrium
     ) -> Balance:
-        """The equilibrium that was missed at first, if a growing load leads to it.
+        """The equilibrium that Newton's method missed, if the arc of growing loads leads to it.
+
+        Whether there is one is asked in the same way for every p, with few steps since searches
+        ask it often; `explain` only adds to the message.
 
         Raises:
-            CollapseError: there is none, with the part of the load that is carried if asked for.
-            ModelError: there is none, where only even flow is looked for.
+            CollapseError: there is none, with the part of the load that is carried where known.
+            ModelError: there is none, where only diffuse flow is looked for.
         """
-        on_mesh, proven = self.systems.on_mesh, equations.associated or error.proven
-        if self.even_only and not proven:
+        associated, diffuse = equations.associated, failure.diffuse
+        if self.strict and not (associated or failure.proven):
             msg = f"at stage '{task.state.name}' the ground shears in bands, with a dilation "
-            raise ModelError(msg + "far below the friction") from error
-        if not self.explain:  # a search needs only to know that there is none
-            raise collapse_error(
-                on_mesh, task, np.nan, error.mechanism, proven=proven, ended=error.even
-            ) from error
-        even, band, fraction, reached = error.even, None, np.nan, None
-        if even is not None:
-            band = band_at(equations.viscous(even.viscosity), even.trial)
-        if equations.associated or task.motion is None:
-            carried = carried_part(equations, error)
-            trial, error = carried.trial, carried.error
-            if carried.fraction >= 1.0 and trial is not None:
+            raise ModelError(msg + "far below the friction") from failure
+        if associated and not failure.proven:
+            confirmed = carried_part(equations, failure, _CONFIRMING_STEPS)
+            failure = confirmed.failure
+            if confirmed.fraction >= 1.0 and confirmed.end is not None:
                 try:
-                    return solve(equations, [trial.du])
+                    return solve(equations, [confirmed.end.du])
                 except NoEquilibrium as again:
-                    error = again
-            elif task.motion is None:  # what is carried of a given motion is not known
-                fraction = carried.fraction
-                if trial is not None:
-                    reached = LastEquilibrium(trial.du, trial.stress, trial.yielded())
+                    failure = again
+        carried = None
+        if self.explain and task.motion is None:  # what is carried of a given motion is not known
+            carried = carried_part(equations, failure)
+            failure = carried.failure
+            carried = carried if carried.fraction < 1.0 else None
+        band = None
+        if self.explain and diffuse is not None:
+            band = band_at(equations.viscous(diffuse.viscosity), diffuse.end)
         raise collapse_error(
-            on_mesh, task, fraction, error.mechanism,
-            proven=equations.associated or error.proven, ended=even, band=band, reached=reached,
-        ) from error  # fmt: skip
+            self.systems.on_mesh, task, failure, associated=associated, carried=carried, band=band
+        ) from failure
 
     def _note_what_is_left(
         self, task: StageTask, equations: StageEquations, balance: Balance
@@ -299,12 +306,12 @@ class PlasticSteps:
             findings.overstressed[name] = balance.viscosity
         if not (balance.unbalanced > 0.0 or balance.viscosity > 0.0):
             return
-        text, band = "", band_at(equations, balance.trial) if self.explain else None
+        text, band = "", band_at(equations, balance.end) if self.explain else None
         if band is not None:
             text = f"a band has lost its stability, with half of its strain in {band.points} of "
             text += f"the {band.yielding} strain points that yield"
             text += describe_mechanism(self.systems.on_mesh, task.system, band.mode)
-        part = equations.localising(balance.trial)
+        part = equations.localising(balance.end)
         findings.localising[name] = Localisation(part, balance.short, text)
 
     def refuse_virgin(self, task: StageTask) -> None:
@@ -319,7 +326,8 @@ class PlasticSteps:
             if ground.law is None:
                 continue
             stress = np.ascontiguousarray(task.carried.stress[:, ground.points, 0])
-            excess = self.findings.planes.reach(ground, stress)
+            excess = ground.excess(stress)
+            self.findings.planes.note_excess(ground.name, excess)
             plane, point = map(int, np.unravel_index(np.argmax(excess), excess.shape))
             beyond = float(excess[plane, point])
             if beyond <= _OUTSIDE * np.abs(stress).max():

@@ -12,21 +12,28 @@ from functools import cached_property
 from typing import Protocol
 
 import numpy as np
+import scipy.sparse.linalg as spla
 
 from geoident.fem.patches import Patch
 from geoident.fem.solvers.direct import Factor, NotPositiveDefinite
 from geoident.fem.yielding.domain import NoReturn
-from geoident.forward.analysis.constitutive import Flow, Ground
+from geoident.forward.analysis.constitutive import MaterialPoints, PlasticResponse
 from geoident.model.arrays import Bools, Floats, Ints
 
 ELASTIC_PARTS = (1e-10, 1e-7, 1e-3, 1.0)
 """Parts of the elastic stiffness that are left in a tangent: the first that makes it definite."""
 
 _SAME_TANGENT = 1e-7
-"""Relative difference of tangents up to which the factor of one serves for the other."""
+"""Relative difference of two tangents that give derivatives alike to seven digits."""
 
 _SAME_GENERAL_TANGENT = 1e-11
-"""The same without potential, where eigenvalues may be a ten thousandth of the elastic ones."""
+"""The same of non-associated flow: eigenvalues may be a ten thousandth of the elastic ones."""
+
+_SOLVED = 1e-9
+"""Relative residual at which a solution by the consistent tangent is exact enough."""
+
+_MOST_ITERATIONS = 200
+"""Of GMRES, where some of the elastic stiffness is left in the factor; a handful are usual."""
 
 
 class Operators(Protocol):
@@ -43,10 +50,10 @@ class Operators(Protocol):
         """Nodal forces (n_dofs, ...) of stresses (s, m, ...) with weights (m,)."""
 
 
-class Tangents(Protocol):
-    """Makes factors of stiffness matrices."""
+class TangentSolver(Protocol):
+    """Factorizes stiffness matrices."""
 
-    def __call__(self, points: Ints, change: Floats, *, symmetric: bool) -> Factor:
+    def factorize(self, points: Ints, change: Floats, *, symmetric: bool) -> Factor:
         """Factor of the elastic K plus changes at some points.
 
         Args:
@@ -62,8 +69,12 @@ class Patches(Protocol):
     def around(self, unknowns: Ints, most: int) -> Patch | None:
         """The patch around unknowns (w,); None where more than a number of them would move."""
 
-    def within(self, patch: Patch) -> Tangents:
-        """What makes factors of the stiffness of a patch."""
+    def solver(self, patch: Patch) -> TangentSolver:
+        """What factorizes the stiffness of a patch."""
+
+
+class SingularTangent(ArithmeticError):
+    """The consistent tangent is singular: the displacements have no derivatives."""
 
 
 class NoEquilibrium(ArithmeticError):
@@ -72,53 +83,55 @@ class NoEquilibrium(ArithmeticError):
     Args:
         mechanism: (n_dofs,) how the ground moves, or None.
         proven: whether it moves without end under this load: no doubt is left.
-        even: the last equilibrium on the path of viscous grounds, of flow without potential;
+        diffuse: with non-associated flow the last equilibrium on the path of viscous grounds;
             None where there is none.
     """
 
     def __init__(
-        self, mechanism: Floats | None, *, proven: bool = False, even: Balance | None = None
+        self, mechanism: Floats | None, *, proven: bool = False, diffuse: Balance | None = None
     ) -> None:
         self.mechanism = mechanism
         self.proven = proven
-        self.even = even
+        self.diffuse = diffuse
         super().__init__("no equilibrium")
 
 
 @dataclass(frozen=True, eq=False)
-class Trial:
-    """Displacements and what they make.
+class Iterate:
+    """Displacements of a Newton step, with the returned stress and the residual that they leave.
 
     Args:
         du: (n_dofs,) displacement step.
         stress: (s, m) projected stress.
-        flows: of every ground, None where it never yields.
+        responses: of every material, None where it never yields.
         residual: (n,) r at the unknowns.
         scale: largest force at work, N.
     """
 
     du: Floats
     stress: Floats
-    flows: tuple[Flow | None, ...]
+    responses: tuple[PlasticResponse | None, ...]
     residual: Floats
     scale: float
 
     @cached_property
-    def error(self) -> float:
+    def imbalance(self) -> float:
         """Largest out-of-balance force relative to the forces at work."""
         worst = float(np.abs(self.residual).max(initial=0.0))
         return worst / self.scale if self.scale > 0 else worst
 
     @property
-    def flowing(self) -> list[Flow]:
+    def flowing(self) -> list[PlasticResponse]:
         """What yields somewhere."""
-        return [flow for flow in self.flows if flow is not None and flow.points.size]
+        return [
+            response for response in self.responses if response is not None and response.points.size
+        ]
 
     def yielded(self) -> Bools:
         """(m,) strain points with a positive multiplier."""
         result = np.zeros(self.stress.shape[1], dtype=bool)
-        for flow in self.flowing:
-            result[flow.points] = (flow.projection.multipliers > 0.0).any(axis=1)
+        for response in self.flowing:
+            result[response.points] = (response.projection.multipliers > 0.0).any(axis=1)
         return result
 
 
@@ -130,7 +143,7 @@ class Tangent:
         factor: of K_T.
         points: (q,) strain points that yield, ascending.
         change: (q, s, s) what they add to V E.
-        consistent: whether it is K_T itself; else a part of the elastic stiffness is left in it.
+        consistent: whether it is all but 1e-10 of K_T; else more of the elastic stiffness is left.
     """
 
     factor: Factor
@@ -148,7 +161,7 @@ class Balance:
     """Where Newton's method ended: equilibrium at the end of a stage, if it converged.
 
     Args:
-        trial: displacements, stresses, flow.
+        end: the last iterate.
         tangent: that of the last step, or None if none was made.
         converged: whether the forces are in balance.
         viscosity: part of the overstress that is kept (`viscous_path`).
@@ -156,7 +169,7 @@ class Balance:
         short: part by which displacements are short of those without viscosity.
     """
 
-    trial: Trial
+    end: Iterate
     tangent: Tangent | None = None
     converged: bool = True
     viscosity: float = 0.0
@@ -175,7 +188,7 @@ class StageEquations:
         grounds: materials with their points.
         stress: (s, m) stress before, of all points.
         forces: (n_dofs,) f.
-        tangents: makes factors.
+        solver: factorizes tangents.
         members: nodal forces (n_dofs,) of linings and bolts at a displacement step, or None.
         viscosity: part of the overstress s* - P(s*) that is kept (`viscous_path`).
         patches: parts that can be solved by themselves; None for none.
@@ -184,17 +197,17 @@ class StageEquations:
     operators: Operators
     volume: Floats
     dofs: Ints
-    grounds: Sequence[Ground]
+    grounds: Sequence[MaterialPoints]
     stress: Floats
     forces: Floats
-    tangents: Tangents
+    solver: TangentSolver
     members: Callable[[Floats], Floats] | None = None
     viscosity: float = 0.0
     patches: Patches | None = None
 
     @cached_property
     def associated(self) -> bool:
-        """Whether the flow of all materials that yield is associated."""
+        """Whether the plastic strains of all materials follow the normals, so that Pi exists."""
         return all(ground.associated for ground in self.grounds)
 
     def under(self, forces: Floats) -> StageEquations:
@@ -205,12 +218,12 @@ class StageEquations:
         """The same of a ground that keeps a part of its overstress."""
         return replace(self, viscosity=part) if part != self.viscosity else self
 
-    def within(self, patch: Patch, tangents: Tangents, du: Floats) -> StageEquations:
+    def on_patch(self, patch: Patch, solver: TangentSolver, du: Floats) -> StageEquations:
         """Those of a patch, where all else stays; its displacements are those of its own.
 
         Args:
             patch: which unknowns move.
-            tangents: makes factors of their stiffness.
+            solver: factorizes their tangents.
             du: (n_dofs,) displacement step of all else.
         """
         n = self.operators.n_points
@@ -231,11 +244,11 @@ class StageEquations:
             grounds=[part for part in parts if part is not None],
             stress=np.ascontiguousarray(self.stress[:, patch.points]),
             forces=self.forces[patch.dofs],
-            tangents=tangents,
+            solver=solver,
             members=members,
         )
 
-    def before(self) -> Floats:
+    def carried_forces(self) -> Floats:
         """(n_dofs,) forces that hold what is carried into the stage."""
         internal = self.operators.forces(self.stress, self.volume)
         return internal if self.members is None else internal + self.members(0.0 * internal)
@@ -249,24 +262,30 @@ class StageEquations:
         """
         signs = np.random.default_rng(0).choice([-1.0, 1.0], self.stress.shape)
         alone = self.operators.forces(self.stress * signs, self.volume)
-        return max(float(np.abs(f).max(initial=0.0)) for f in (self.forces, self.before(), alone))
+        return max(
+            float(np.abs(f).max(initial=0.0)) for f in (self.forces, self.carried_forces(), alone)
+        )
 
-    def at(self, du: Floats) -> Trial:
+    def at(self, du: Floats) -> Iterate:
         """Stresses and residual at a displacement step (n_dofs,).
 
         Raises:
-            NoEquilibrium: flow without potential leads nowhere.
+            NoEquilibrium: non-associated flow leads back to no stress.
         """
         stress, strain = self.stress.copy(), self.operators.strain(du)
         try:
-            flows = [one.integrate_stress(stress, strain, self.viscosity) for one in self.grounds]
+            responses = [
+                one.integrate_stress(stress, strain, self.viscosity) for one in self.grounds
+            ]
         except NoReturn as error:
             raise NoEquilibrium(None) from error
         internal = self.operators.forces(stress, self.volume)
         if self.members is not None:
             internal = internal + self.members(du)
         scale = max(np.abs(internal).max(initial=0.0), self._at_work)
-        return Trial(du, stress, tuple(flows), (self.forces - internal)[self.dofs], float(scale))
+        return Iterate(
+            du, stress, tuple(responses), (self.forces - internal)[self.dofs], float(scale)
+        )
 
     def elastic_forces(self, free: Floats) -> Floats:
         """K x (n,) of displacements x (n,) of the unknowns where nothing yields, N."""
@@ -279,78 +298,111 @@ class StageEquations:
             forces = forces + self.members(du) - self.members(0.0 * du)
         return np.asarray(forces[self.dofs])
 
-    def distance(self, trial: Trial) -> float:
+    def distance(self, iterate: Iterate) -> float:
         """How far displacements are from equilibrium, to compare them: Pi, or else the residual.
 
         Pi counts all stresses, the residual the worst node: of two guesses the one of lower Pi
         takes fewer steps, by a third near the solution.
         """
         if not self.associated:
-            return trial.error
-        strain = self.operators.strain(trial.du)
-        Pi = -float(self.forces @ trial.du)
+            return iterate.imbalance
+        strain = self.operators.strain(iterate.du)
+        Pi = -float(self.forces @ iterate.du)
         if self.members is not None:
-            ends = self.members(0.0 * trial.du) + self.members(trial.du)
-            Pi += 0.5 * float(ends @ trial.du)
-        for ground, flow in zip(self.grounds, trial.flows, strict=True):
+            ends = self.members(0.0 * iterate.du) + self.members(iterate.du)
+            Pi += 0.5 * float(ends @ iterate.du)
+        for ground, response in zip(self.grounds, iterate.responses, strict=True):
             points = ground.points
             stress = self.stress[:, points] + 0.5 * ground.elasticity.stress(strain[:, points])
             Pi += float(self.volume[points] @ (stress * strain[:, points]).sum(axis=0))
-            if flow is not None:
-                Pi -= float(self.volume[flow.points] @ flow.projection.reserve)
+            if response is not None:
+                Pi -= float(self.volume[response.points] @ response.projection.reserve)
         return Pi
 
-    def tangent(self, trial: Trial, *, least: float = 0.0) -> Tangent:
-        """The consistent tangent at a trial, factorized; with a part of the elastic one if need be.
+    def tangent(self, iterate: Iterate, *, least: float = 0.0) -> Tangent:
+        """The consistent tangent, factorized; with a part of the elastic one if need be.
 
-        Without a potential pivots need not be positive, and nothing of the elastic stiffness is
-        left at first: eigenvalues may be so small that it would be seen in derivatives.
+        With non-associated flow pivots need not be positive, and nothing of the elastic stiffness
+        is left at first: eigenvalues may be so small that it would be seen in derivatives.
 
         Args:
-            trial: displacements and flow.
+            iterate: displacements and plastic response.
             least: part of the elastic stiffness that is left at least.
 
         Raises:
             NotPositiveDefinite: the elastic stiffness itself is singular.
         """
-        points, change = self._changes(trial)
-        for part in ELASTIC_PARTS:
-            if part < least:
-                continue
-            first = part == ELASTIC_PARTS[0]
-            left = part if self.associated or not first else 0.0
+        points, change = self._changes(iterate)
+        parts = ELASTIC_PARTS if self.associated else (0.0, *ELASTIC_PARTS[1:])
+        for part in (part for part in parts if part >= least):
             try:
-                factor = self.tangents(points, (1.0 - left) * change, symmetric=self.associated)
+                factor = self.solver.factorize(
+                    points, (1.0 - part) * change, symmetric=self.associated
+                )
             except NotPositiveDefinite:
-                if part == ELASTIC_PARTS[-1] or not len(points):
+                if part == parts[-1] or not len(points):
                     raise
             else:
-                return Tangent(factor, points, change, consistent=first)
+                return Tangent(factor, points, change, consistent=part == parts[0])
         raise AssertionError
 
-    def serves(self, tangent: Tangent, trial: Trial) -> bool:
-        """Whether a tangent is that at another trial: on the same pieces of the projection."""
-        points, change = self._changes(trial)
+    def solve_consistently(self, tangent: Tangent, rest: Floats) -> Floats:
+        """K_T^-1 r (n, k) of residuals (n, k), also where elastic stiffness is left in the factor.
+
+        Then the factor is only the preconditioner of GMRES.
+
+        Raises:
+            SingularTangent: K_T is singular, and r is not in its range.
+        """
+        solution = tangent.factor.solve(rest)
+        if tangent.consistent:
+            return solution
+        n = len(self.dofs)
+        stiffness = spla.LinearOperator((n, n), lambda x: self._tangent_forces(tangent, x.ravel()))
+        inverse = spla.LinearOperator((n, n), lambda r: tangent.solve(r.ravel()))
+        for k, r in enumerate(rest.T):
+            if not r.any():
+                continue
+            solution[:, k], left = spla.gmres(
+                stiffness, r, solution[:, k], M=inverse, rtol=0.1 * _SOLVED,
+                restart=_MOST_ITERATIONS, maxiter=1,
+            )  # fmt: skip
+            error = np.linalg.norm(r - stiffness.matvec(solution[:, k]))
+            if left and error > _SOLVED * np.linalg.norm(r):
+                raise SingularTangent
+        return solution
+
+    def _tangent_forces(self, tangent: Tangent, free: Floats) -> Floats:
+        """K_T x (n,) of displacements x (n,) of the unknowns, N."""
+        strain = self.operators.strain(self.spread(free))[:, tangent.points]
+        stress = np.zeros_like(self.stress)
+        stress[:, tangent.points] = np.einsum("qst,tq->sq", tangent.change, strain)
+        change = self.operators.forces(stress, np.ones_like(self.volume))[self.dofs]
+        return np.asarray(self.elastic_forces(free) + change)
+
+    def serves(self, tangent: Tangent, iterate: Iterate) -> bool:
+        """Whether a tangent is that at another iterate: on the same pieces of the projection."""
+        points, change = self._changes(iterate)
         if not (tangent.consistent and np.array_equal(points, tangent.points)):
             return False
         same = _SAME_TANGENT if self.associated else _SAME_GENERAL_TANGENT
         most = same * np.abs(change).max(initial=0.0)
         return bool(np.abs(change - tangent.change).max(initial=0.0) <= most)
 
-    def _changes(self, trial: Trial) -> tuple[Ints, Floats]:
+    def _changes(self, iterate: Iterate) -> tuple[Ints, Floats]:
         """Points (q,) that yield, ascending, and (T E - E) V (q, s, s) there."""
         s = self.stress.shape[0]
         points, changes = [np.empty(0, dtype=np.int64)], [np.empty((0, s, s))]
-        for flow in trial.flowing:
-            points.append(flow.points)
-            changes.append(flow.tangent_change * self.volume[flow.points][:, None, None])
+        for response in iterate.flowing:
+            points.append(response.points)
+            changes.append(response.tangent_change * self.volume[response.points][:, None, None])
         joined = np.concatenate(points)
         order = np.argsort(joined, kind="stable")
         return joined[order], np.concatenate(changes)[order]
 
-    def localising(self, trial: Trial) -> float:
+    def localising(self, iterate: Iterate) -> float:
         """The part of the strain points that yield at which shear may go into a band."""
-        localising = [flow.may_localise() for flow in trial.flowing]
+        localising = [response.may_localise() for response in iterate.flowing]
         return float(np.concatenate(localising).mean()) if localising else 0.0
 
     def spread(self, free: Floats) -> Floats:

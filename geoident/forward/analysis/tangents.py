@@ -30,7 +30,7 @@ class StageTangents:
         self._systems, self._system = systems, task.system
         self._elastic = systems.stiffness_values(task.system, task.state, moduli, task.point.values)
 
-    def __call__(self, points: Ints, change: Floats, *, symmetric: bool) -> Factor:
+    def factorize(self, points: Ints, change: Floats, *, symmetric: bool) -> Factor:
         """Factor of K plus changes (q, s, s) of V E at some points (q,)."""
         values = self._elastic
         if len(points):
@@ -50,8 +50,8 @@ class StageTangents:
         system, points = self._system, self._systems.discretization.points
         return patch_around(points, system.present, system.dofs, unknowns, most)
 
-    def within(self, patch: Patch) -> PatchTangents:
-        """What makes factors of the stiffness of a patch."""
+    def solver(self, patch: Patch) -> PatchTangents:
+        """What factorizes the stiffness of a patch."""
         lower, unknowns = self._system.pattern.lower, patch.unknowns
         whole = sp.csc_array((self._elastic, lower.indices, lower.indptr), shape=(lower.n, lower.n))
         return PatchTangents(patch, sp.csc_array(whole[:, unknowns][unknowns]))

@@ -1,8 +1,8 @@
-"""Equilibrium of flow without potential: along a path of viscous grounds (theory 5.4).
+"""Equilibrium with non-associated flow: along a path of viscous grounds (theory 5.4).
 
 With a dilation below the friction, perfectly plastic ground is not elliptic any more: tangents at
-the even flow have eigenvalues around zero, the more of them the finer the mesh, and Newton's steps
-are lost among bands of shear. A ground that keeps a part mu of its overstress,
+the diffuse flow have eigenvalues around zero, the more of them the finer the mesh, and Newton's
+steps are lost among bands of shear. A ground that keeps a part mu of its overstress,
 
     sigma = P(s*) + mu (s* - P(s*))
 
@@ -13,7 +13,7 @@ mu = 0. Where a step in mu is not found, others are tried: a shorter one short o
 path, a longer one beyond it. Newton's steps are held by the natural monotonicity test (Deuflhard
 2004, Newton Methods for Nonlinear Problems, 3.3): the next step, made with the same factor, must be
 shorter. Unlike the residual, that does not mind how badly the tangent is conditioned; it does not
-ask for positive eigenvalues either, so the even flow is found also where it is not stable.
+ask for positive eigenvalues either, so diffuse flow is found also where it is not stable.
 
 A load beyond the limit shows in the displacements: they grow like 1 / mu.
 
@@ -24,17 +24,16 @@ at the same place on every machine.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from geoident.fem.solvers.direct import NotPositiveDefinite
 from geoident.forward.analysis.stage_equations import (
     Balance,
+    Iterate,
     NoEquilibrium,
     StageEquations,
-    Tangent,
-    Trial,
 )
 from geoident.model.arrays import Floats
 
@@ -51,7 +50,7 @@ _FIRST = 0.1
 """mu at which the path begins: well inside of where the equations are elliptic."""
 
 _RATIO = 0.15
-"""Of the next mu to the last: larger ones make more points than each saves steps."""
+"""Of the next mu to the last: a larger ratio needs more points and saves few steps at each."""
 
 _LAST = 1e-7
 """mu below which the next one is zero."""
@@ -60,7 +59,7 @@ _POWERS = (1.0, 0.5, 2.0, 0.25, 4.0)
 """Powers of the ratio that are tried in turn."""
 
 _MOST_STEPS = 30
-"""Newton steps at one mu; where it is found, ten are usual."""
+"""Newton steps at one mu; ten are usual where there is an equilibrium."""
 
 _SHORTEST = 0.02
 """Share of a step below which Newton's method is given up."""
@@ -69,7 +68,13 @@ _RUNS_AWAY = 0.7
 """Power of 1 / mu with which displacements of a collapse grow at least."""
 
 _OFTEN = 2
-"""Times in a row that they must, to count as one."""
+"""Points of the path in a row at which displacements must grow so fast to count as a collapse."""
+
+_FASTER = 4.0
+"""Times the last share of a step that the next one may be."""
+
+_SHORTENED = 0.25
+"""Part of its share by which a step must shorten the next one (natural monotonicity test)."""
 
 
 @dataclass
@@ -107,7 +112,7 @@ class PathEnd:
 
 def newton(
     equations: StageEquations,
-    trial: Trial,
+    start: Iterate,
     budget: StepBudget,
     *,
     balanced: float = BALANCED,
@@ -117,46 +122,48 @@ def newton(
 
     Args:
         equations: of the stage.
-        trial: the start.
+        start: first displacements.
         budget: steps that are left to the whole search, less those taken here.
         balanced: out-of-balance force that is enough.
         most: steps at most.
     """
-    tangent: Tangent | None = None
+    iterate, tangent = start, None
     share = 1.0
     for _ in range(most):
-        if trial.error <= balanced:
+        if iterate.imbalance <= balanced:
             if tangent is not None and tangent.consistent:
                 # Eigenvalues are small: balance to 1e-11 leaves displacements a millionth off.
-                last = _moved(equations, trial, tangent.solve(trial.residual))
-                trial = last if last is not None and last.error < trial.error else trial
-            return Balance(trial, tangent)
+                last = _moved(equations, iterate, tangent.solve(iterate.residual))
+                iterate = (
+                    last if last is not None and last.imbalance < iterate.imbalance else iterate
+                )
+            return Balance(iterate, tangent, viscosity=equations.viscosity)
         if not budget.take():
             break
         try:
-            tangent = equations.tangent(trial)
+            tangent = equations.tangent(iterate)
         except NotPositiveDefinite:
-            return Balance(trial, converged=False)
-        d = tangent.solve(trial.residual)
-        length, share, following = float(np.linalg.norm(d)), min(1.0, 4.0 * share), None
+            return Balance(iterate, converged=False, viscosity=equations.viscosity)
+        d = tangent.solve(iterate.residual)
+        length, share, following = float(np.linalg.norm(d)), min(1.0, _FASTER * share), None
         while share > _SHORTEST:
-            following = _moved(equations, trial, share * d)
+            following = _moved(equations, iterate, share * d)
             if following is not None:
                 ahead = float(np.linalg.norm(tangent.solve(following.residual)))
-                if ahead <= (1.0 - 0.25 * share) * length:
+                if ahead <= (1.0 - _SHORTENED * share) * length:
                     break
             share, following = 0.5 * share, None
-        near = trial.error <= NO_LOWER
-        if following is None or (following.error >= trial.error and near):
-            return Balance(trial, tangent, converged=near)
-        trial = following
-    return Balance(trial, tangent, converged=trial.error <= balanced)
+        near = iterate.imbalance <= NO_LOWER
+        if following is None or (following.imbalance >= iterate.imbalance and near):
+            return Balance(iterate, tangent, converged=near, viscosity=equations.viscosity)
+        iterate = following
+    return Balance(iterate, tangent, iterate.imbalance <= balanced, equations.viscosity)
 
 
-def _moved(equations: StageEquations, trial: Trial, d: Floats) -> Trial | None:
-    """Where a step (n,) leads; None beyond where flow leads back to a stress."""
+def _moved(equations: StageEquations, iterate: Iterate, d: Floats) -> Iterate | None:
+    """Where a step (n,) leads; None where its stress cannot be returned."""
     try:
-        return equations.at(trial.du + equations.spread(d))
+        return equations.at(iterate.du + equations.spread(d))
     except NoEquilibrium:
         return None
 
@@ -172,36 +179,39 @@ def follow_path(equations: StageEquations, budget: StepBudget) -> PathEnd | None
         Where it ends; None where not even its first point was found.
     """
     viscous = equations.viscous(_FIRST)
-    start = viscous.at(0.0 * equations.forces)
+    try:
+        start = viscous.at(0.0 * equations.forces)
+    except NoEquilibrium:
+        return None
     last = newton(viscous, start, budget, balanced=_ON_THE_PATH)
     if not last.converged:
         return None
-    last = before = replace(last, viscosity=_FIRST)
+    previous = last
     growing = 0
     while last.viscosity > 0.0:
-        following = _next(equations, before, last, budget)
+        following = _next(equations, previous, last, budget)
         if following is None:
-            return PathEnd(last, _extrapolated(before, last, 0.0))
-        before, last = last, following
+            return PathEnd(last, _extrapolated(previous, last, 0.0))
+        previous, last = last, following
         if last.viscosity > 0.0:
-            sizes = [float(np.linalg.norm(one.trial.du)) for one in (before, last)]
-            ratio = before.viscosity / last.viscosity
+            sizes = [float(np.linalg.norm(one.end.du)) for one in (previous, last)]
+            ratio = previous.viscosity / last.viscosity
             growing = growing + 1 if sizes[1] > sizes[0] * ratio**_RUNS_AWAY else 0
         if growing >= _OFTEN:
-            return PathEnd(last, last.trial.du, last.trial.du - before.trial.du)
-    return PathEnd(last, last.trial.du)
+            return PathEnd(last, last.end.du, last.end.du - previous.end.du)
+    return PathEnd(last, last.end.du)
 
 
-def _extrapolated(before: Balance, last: Balance, mu: float) -> Floats:
+def _extrapolated(previous: Balance, last: Balance, mu: float) -> Floats:
     """Displacements (n_dofs,) at another mu, on the line through the last two."""
-    if before is last:
-        return last.trial.du
-    slope = (last.trial.du - before.trial.du) / (last.viscosity - before.viscosity)
-    return np.asarray(last.trial.du + (mu - last.viscosity) * slope)
+    if previous is last:
+        return last.end.du
+    slope = (last.end.du - previous.end.du) / (last.viscosity - previous.viscosity)
+    return np.asarray(last.end.du + (mu - last.viscosity) * slope)
 
 
 def _next(
-    equations: StageEquations, before: Balance, last: Balance, budget: StepBudget
+    equations: StageEquations, previous: Balance, last: Balance, budget: StepBudget
 ) -> Balance | None:
     """The equilibrium at a smaller mu, from the last two; None if not found."""
     for power in _POWERS:
@@ -209,10 +219,10 @@ def _next(
         mu = mu if mu > _LAST else 0.0
         viscous = equations.viscous(mu)
         try:
-            trial = viscous.at(_extrapolated(before, last, mu))
+            iterate = viscous.at(_extrapolated(previous, last, mu))
         except NoEquilibrium:
             continue
-        balance = newton(viscous, trial, budget, balanced=_ON_THE_PATH if mu > 0.0 else BALANCED)
+        balance = newton(viscous, iterate, budget, balanced=_ON_THE_PATH if mu > 0.0 else BALANCED)
         if balance.converged:
-            return replace(balance, viscosity=mu)
+            return balance
     return None

@@ -185,7 +185,7 @@ class OpeningModel(ObservedModel):
                 text += "; the closed form takes that part as if the ground were elastic"
             sentences.append(text)
         if any(isinstance(s, MohrCoulomb) and s.planes for s in self._material.yields):
-            sentences.append("the closed form takes the smooth surface for the polyhedron")
+            sentences.append("the closed form takes the exact surface for the polyhedron")
         return (*sentences, *equivalent_notes(self._material, at.stress.value[:, :1], values))
 
     def _at(self, values: Values, names: Sequence[str]) -> OpeningAtPoint:

@@ -10,7 +10,7 @@ from geoident.errors import Fault
 from geoident.fem.yielding.domain import empty_domain
 from geoident.forward.ground.checks import trials
 from geoident.forward.ground.elasticity import material_axes
-from geoident.forward.yielding.surfaces import is_smooth, yield_limits, yield_planes
+from geoident.forward.yielding.surfaces import in_principal_stresses, yield_limits, yield_planes
 from geoident.model.case import Analysis, Case, KeyPath, Material
 from geoident.model.dual import ParameterPoint
 from geoident.model.ground import Growth, RandomField, constants
@@ -242,7 +242,7 @@ def _stressed_from_the_start(case: Case, material: Material) -> Fault | None:
 
 def _described(case: Case, material: Material) -> str:
     kinds = " and ".join(surface.description for surface in material.yields)
-    if is_smooth(material):
+    if in_principal_stresses(material):
         return kinds
     count = len(yield_planes(material, ParameterPoint(case.start, ()), n_strain_of(case)).names)
     return f"{kinds}: {count} plane{'s' * (count > 1)}, with associated flow"

@@ -26,7 +26,7 @@ J. Numer. Anal. Methods Geomech. 12 and 13: lower and upper bounds by linear pro
 In a solid the pairs are those of frames that are spread evenly over all rotations, six from each;
 kappa is found as `facets` tells. The error falls with y^(-2/3) in the number y of planes only:
 inscribed, kappa is 0.64 with 48 planes, 0.79 with 108, 0.87 with 300, 0.91 with 600. In solids the
-smooth surface is to be preferred.
+exact surface is to be preferred.
 
 A cut-off limits the largest principal stress to the tensile strength T: over all directions a,
 a^T sigma a <= T. In a section that is m + r <= T, with Mohr's circle by a polygon, and zz <= T. In
@@ -210,7 +210,7 @@ def _wedge(S: Dual) -> Dual:
     return S * np.array([[1.0, 0.0, 1.0]]) + np.array([[1.0, 0.0, -1.0]])
 
 
-def smooth_mohr_coulomb(surface: MohrCoulomb, point: ParameterPoint) -> YieldPlanes:
+def exact_mohr_coulomb(surface: MohrCoulomb, point: ParameterPoint) -> YieldPlanes:
     """Its plane for principal stresses in descending order; the others are its mirror images.
 
     The flow has the angle of dilation in place of that of friction.

@@ -1,8 +1,9 @@
 """How materials yield at given parameters: their laws, and their surfaces as yield planes.
 
-All surfaces of a material together are one polyhedron, the common inside; the smooth Mohr-Coulomb
+All surfaces of a material together are one polyhedron, the common inside; the exact Mohr-Coulomb
 surface is planes in sorted principal stresses. Planes come with their derivatives, one function a
-surface, one table: a new surface is one more function in `_PLANES`.
+surface, one table: a new surface of planes is one more function in `_PLANES`,
+one in principal stresses or curved is told apart in `yield_limits`, `yield_planes` and `law`.
 
 *Drucker-Prager's cone, and Coulomb's on the planes of strata and joints*, with facets.
 
@@ -43,7 +44,7 @@ from geoident.forward.yielding.facets import (
     spread_deviators,
 )
 from geoident.forward.yielding.hoek_brown import hoek_brown
-from geoident.forward.yielding.mohr_coulomb import cut_off, mohr_coulomb, smooth_mohr_coulomb
+from geoident.forward.yielding.mohr_coulomb import cut_off, exact_mohr_coulomb, mohr_coulomb
 from geoident.model.arrays import Floats
 from geoident.model.case import Material
 from geoident.model.dual import Dual, ParameterPoint, stacked
@@ -65,19 +66,19 @@ class YieldLaws:
     A law keeps the active sets that it meets, so one serves a whole analysis.
 
     Args:
-        ground: moduli of the materials at the parameters, with the case on its mesh.
+        moduli: of the materials at the parameters, with the case on its mesh.
     """
 
-    def __init__(self, ground: ModuliAt) -> None:
-        self._ground, self._on_mesh, self._point = ground, ground.on_mesh, ground.point
-        self._materials = ground.on_mesh.case.materials
+    def __init__(self, moduli: ModuliAt) -> None:
+        self._moduli, self._on_mesh, self._point = moduli, moduli.on_mesh, moduli.point
+        self._materials = moduli.on_mesh.case.materials
         self._laws: dict[str, YieldLaw | None] = {}
 
     @cached_property
     def limits(self) -> dict[str, YieldPlanes | HoekBrownConstants]:
         """Planes or constants of the surface of every material of the case that yields."""
         return {
-            name: yield_limits(material, self._point, self._ground.n_strain)
+            name: yield_limits(material, self._point, self._moduli.n_strain)
             for name, material in self._materials.items()
             if material.yields
         }
@@ -92,21 +93,22 @@ class YieldLaws:
             points: (q,) which of its points.
 
         Raises:
-            EmptyDomain: no stress satisfies the planes of a smooth surface.
+            EmptyDomain: no stress satisfies the planes of an exact surface.
         """
         law, fields = self.law(material), self._on_mesh.strength_fields(material)
-        moduli = self._ground.moduli(material, points).value
+        moduli = self._moduli.moduli(material, points).value
         if law is None or not (fields or isinstance(moduli, ScaledModuli)):
             return law
         wanted = numbers(points, self._on_mesh.discretization.points.n_points)
         places = np.searchsorted(self._on_mesh.material_points(material), wanted)
         strength, slopes = np.ones(len(wanted)), np.zeros((len(wanted), len(self._point.names)))
-        for one in fields:
-            assert one.surface is not None
-            surface = self._materials[material].yields[one.surface]
-            mean = self._point.number(surface.strengths[one.constant])
-            strength = one.factor(self._point.values, float(mean.value))[places]
-            slopes = strength_slopes(one, mean, self._point.names)[places] * strength[:, None]
+        if fields:  # a surface that keeps its shape has one (`checks`)
+            (field,) = fields
+            assert field.surface is not None
+            surface = self._materials[material].yields[field.surface]
+            mean = self._point.number(surface.strengths[field.constant])
+            strength = field.factor(self._point.values, float(mean.value))[places]
+            slopes = strength_slopes(field, mean, self._point.names)[places] * strength[:, None]
         stiffness = moduli.factor if isinstance(moduli, ScaledModuli) else np.ones(len(wanted))
         return ScaledLaw(law, strength, stiffness, slopes)
 
@@ -114,15 +116,15 @@ class YieldLaws:
         """The law of a material, or None if it does not yield; of the means of its fields.
 
         Raises:
-            EmptyDomain: no stress satisfies the planes of a smooth surface.
+            EmptyDomain: no stress satisfies the planes of an exact surface.
         """
         if material not in self._laws:
-            planes, elasticity = self.limits.get(material), self._ground.elastic_matrix(material)
+            planes, elasticity = self.limits.get(material), self._moduli.elastic_matrix(material)
             if planes is None:
                 self._laws[material] = None
             elif isinstance(planes, HoekBrownConstants):
                 self._laws[material] = HoekBrownLaw(elasticity, planes)
-            elif is_smooth(self._materials[material]):
+            elif in_principal_stresses(self._materials[material]):
                 self._laws[material] = PrincipalLaw(elasticity, planes)
             else:
                 self._laws[material] = PolyhedralLaw(elasticity, planes)
@@ -145,9 +147,9 @@ def strength_slopes(field: PointField, mean: Dual, names: Sequence[str]) -> Floa
     return np.asarray(slopes)
 
 
-def is_smooth(material: Material) -> bool:
-    """Whether the material yields by a smooth surface, a law of principal stresses."""
-    return any(surface.is_smooth for surface in material.yields)
+def in_principal_stresses(material: Material) -> bool:
+    """Whether the material yields by an exact surface, a law of principal stresses."""
+    return any(surface.in_principal_stresses for surface in material.yields)
 
 
 def yield_limits(
@@ -177,10 +179,10 @@ def yield_planes(material: Material, point: ParameterPoint, n_strain: int) -> Yi
         point: the parameters.
         n_strain: number s of strain components.
     """
-    if is_smooth(material):
+    if in_principal_stresses(material):
         (surface,) = material.yields
         assert isinstance(surface, MohrCoulomb)
-        return smooth_mohr_coulomb(surface, point)
+        return exact_mohr_coulomb(surface, point)
     parts = [_PLANES[type(surface)](surface, point, n_strain) for surface in material.yields]
     return parts[0] if len(parts) == 1 else common_inside(_labelled(material.yields, parts))
 

@@ -56,7 +56,7 @@ class _MaterialBase(Section):
         None,
         alias="yield",
         description="How it yields: one yield surface, or a list of surfaces that all hold; it "
-        "stays elastic if missing. Smooth surfaces need isotropic elasticity.",
+        "stays elastic if missing. Exact surfaces need isotropic elasticity.",
     )
 
     @model_validator(mode="after")

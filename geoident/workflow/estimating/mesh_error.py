@@ -104,7 +104,7 @@ def _finer(how: str, model: StagedModel, case: Case, p: Floats, *notes: str) -> 
     values = {q.name: known.get(q.name, q.start) for q in fine.case.parameters}
     at = np.array([values[name] for name in fine.names], dtype=np.float64)
     # bands of shear are as wide as elements: what they move is no error of the mesh
-    options = RunOptions(derivatives=False, partial=True, explain=False, even_only=True)
+    options = RunOptions(derivatives=False, partial=True, explain=False, strict=True)
     analysis = ResumableRun(fine, at, options, keeps_ends=False)
     return Refinement(how, model, fine, analysis, *orders(model), notes)
 

@@ -12,9 +12,9 @@ from geoident.forward.observed import ObservedModel
 from geoident.forward.reduced.kept import RestoredModel
 from geoident.forward.reduced.response import ReducedResponse
 from geoident.forward.reducible import ReducibleResponse
-from geoident.identify.problem.errors import ErrorStructure
 from geoident.identify.problem.methods import refusals
 from geoident.identify.problem.problem import Problem
+from geoident.identify.problem.shared_errors import ErrorStructure
 from geoident.model.case import Case
 from geoident.model.gauges import ReadingTable
 from geoident.model.methods import (

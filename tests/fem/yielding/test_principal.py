@@ -1,4 +1,4 @@
-"""Smooth Mohr-Coulomb: independent returns, edges, apex, tangents and derivatives."""
+"""Exact Mohr-Coulomb: independent returns, edges, apex, tangents and derivatives."""
 
 from __future__ import annotations
 

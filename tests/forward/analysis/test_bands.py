@@ -13,7 +13,7 @@ from support.yielding import NOTHING, constant, mohr, rock
 from geoident.forward.analysis import plastic_step
 from geoident.forward.analysis.analysis import RunOptions
 from geoident.forward.analysis.bands import band_at
-from geoident.forward.analysis.stage_equations import StageEquations, Trial
+from geoident.forward.analysis.stage_equations import Iterate, StageEquations
 from geoident.model.actions import Traction
 from geoident.model.case import Stage, Support
 from geoident.model.parameter import Scalar
@@ -21,7 +21,7 @@ from geoident.model.parameter import Scalar
 PRESSURE, PHI = 1e5, 0.95
 
 
-def sheared(monkeypatch, psi: float) -> tuple[StageEquations, Trial]:
+def sheared(monkeypatch, psi: float) -> tuple[StageEquations, Iterate]:
     """A box far beyond its limit, all of which flows: strained evenly in its plane.
 
     No equilibrium is needed to ask for the stability of a tangent.
@@ -51,7 +51,7 @@ def sheared(monkeypatch, psi: float) -> tuple[StageEquations, Trial]:
     return equations, equations.at(equations.spread(strained[equations.dofs]))
 
 
-Pencil = tuple[StageEquations, Trial, np.ndarray, np.ndarray]
+Pencil = tuple[StageEquations, Iterate, np.ndarray, np.ndarray]
 
 
 @pytest.fixture(scope="module")

@@ -12,13 +12,9 @@ from support.yielding import constant, rock
 
 from geoident.errors import CollapseError
 from geoident.forward.analysis.bands import ShearBand
-from geoident.forward.analysis.collapse import (
-    collapse_error,
-    describe_mechanism,
-    mechanism_on_mesh,
-)
-from geoident.forward.analysis.stage import LastEquilibrium
-from geoident.forward.analysis.stage_equations import Balance
+from geoident.forward.analysis.collapse import CarriedPart
+from geoident.forward.analysis.collapse_message import collapse_error, describe_mechanism
+from geoident.forward.analysis.stage_equations import Iterate, NoEquilibrium
 from geoident.model.case import Stage
 
 
@@ -42,9 +38,15 @@ def test_shear_of_an_element_is_the_largest_at_its_points():
     staged, task = dug()
     mesh = staged.mesh
     u = np.column_stack([mesh.points[:, 1] ** 2, np.zeros(mesh.n_nodes)])
-    found = mechanism_on_mesh(staged.on_mesh, task, u.ravel(), 0.25)
+
+    def drawn(u):
+        failure = NoEquilibrium(u.ravel(), proven=True)
+        carried = CarriedPart(0.25, None, failure)
+        return collapse_error(staged.on_mesh, task, failure, associated=True, carried=carried)
+
+    found = drawn(u).motion
     assert (found.stage, found.state, found.fraction) == ("dig", 2, 0.25)
-    np.testing.assert_array_equal(found.velocity, u)
+    np.testing.assert_array_equal(found.velocity, u / u.max())
     points = staged.discretization.points
     top = [points.position[points.element == e, 1].max() for e in range(4)]
     gone = mesh.groups["gone"][0]
@@ -52,14 +54,14 @@ def test_shear_of_an_element_is_the_largest_at_its_points():
     expected = np.where(np.arange(4) == gone, 0.0, top) / max(top)
     np.testing.assert_allclose(found.shear, expected, rtol=1e-12)
     assert expected.min() == 0.0
-    still = mechanism_on_mesh(staged.on_mesh, task, 0.0 * u.ravel(), 0.0)
+    still = drawn(0.0 * u).motion
     assert still.shear.tolist() == [0.0] * 4
 
 
 BANDS = (
-    "at stage 'dig' no equilibrium was found: even flow ends where the ground still keeps 1.2 % of "
-    "its overstress, and a band has lost its stability, with half of its strain in 17 of the 230 "
-    "strain points that yield"
+    "at stage 'dig' no equilibrium was found: diffuse flow ends where the ground still keeps 1.2 % "
+    "of its overstress, and a band has lost its stability, with half of its strain in 17 of the "
+    "230 strain points that yield"
 )
 HINT = (
     "With a dilation so far below the friction, shear goes into bands as wide as the elements. See "
@@ -74,11 +76,12 @@ def test_a_band_is_the_mechanism_that_is_told_where_nothing_is_proven(proven):
     mesh = staged.mesh
     sheared = np.column_stack([-4.0 * mesh.points[:, 1] ** 2, np.zeros(mesh.n_nodes)]).ravel()
     other = np.column_stack([np.zeros(mesh.n_nodes), 2.0 * mesh.points[:, 0]]).ravel()
-    reached = LastEquilibrium(np.zeros(2), np.zeros((4, 1)), np.zeros(1, dtype=bool))
+    reached = Iterate(np.zeros(2), np.zeros((4, 1)), (), np.zeros(0), 1.0)
+    failure = NoEquilibrium(other, proven=proven)
     told = collapse_error(
-        staged.on_mesh, task, 0.25, other, proven=proven,
-        ended=Balance(None, viscosity=0.01234),
-        band=ShearBand(sheared, 17, 230, -0.1), reached=reached,
+        staged.on_mesh, task, failure, associated=False,
+        carried=CarriedPart(0.25, reached, failure),
+        band=ShearBand(sheared, 17, 230, -0.1, viscosity=0.01234),
     )  # fmt: skip
     mode = other if proven else sheared
     where = describe_mechanism(staged.on_mesh, task.system, mode)
@@ -93,4 +96,4 @@ def test_a_band_is_the_mechanism_that_is_told_where_nothing_is_proven(proven):
     np.testing.assert_allclose(told.mechanism, mode / np.abs(mode).max(), rtol=1e-14)
     np.testing.assert_allclose(told.motion.velocity.ravel(), told.mechanism)
     assert (told.motion.fraction, told.fraction, told.stage) == (0.25, 0.25, "dig")
-    assert told.reached is reached
+    assert told.reached.stress is reached.stress

@@ -13,7 +13,7 @@ from support.plastic import Planes, definite, polyhedral, projection_by_piqp, ra
 
 from geoident.fem.elasticity import UniformModuli
 from geoident.fem.patches import Patch
-from geoident.forward.analysis.constitutive import Ground
+from geoident.forward.analysis.constitutive import MaterialPoints
 from geoident.forward.analysis.stage_equations import (
     StageEquations,
 )
@@ -50,17 +50,17 @@ def grounds(*, flow=False):
     if flow:  # said to have no potential
         soft = SimpleNamespace(associated=False, project=soft.project, hardens=False)
     return [
-        Ground("hard", np.array([1, 3, 6]), UniformModuli(E["hard"]),
+        MaterialPoints("hard", np.array([1, 3, 6]), UniformModuli(E["hard"]),
                polyhedral(E["hard"], PLANES["hard"]), HARDENED),
-        Ground("plain", np.array([0, 5]), UniformModuli(E["plain"])),
-        Ground("soft", slice(2, 5, 2), UniformModuli(E["soft"]), soft),
+        MaterialPoints("plain", np.array([0, 5]), UniformModuli(E["plain"])),
+        MaterialPoints("soft", slice(2, 5, 2), UniformModuli(E["soft"]), soft),
     ]  # fmt: skip
 
 
 def equations(**changes):
     settings = {
         "volume": VOLUME, "dofs": DOFS, "grounds": grounds(), "stress": BEFORE, "forces": FORCES,
-        "tangents": None, "members": lambda du: LOCKED + BARS @ du,
+        "solver": None, "members": lambda du: LOCKED + BARS @ du,
     }  # fmt: skip
     return StageEquations(Operators(sp.csr_array(C), M), **(settings | changes))
 
@@ -96,8 +96,8 @@ def test_a_trial_is_what_the_grounds_bear(viscosity):
     acting = internal(trial.stress) + LOCKED + BARS @ DU
     np.testing.assert_allclose(trial.residual, (FORCES - acting)[DOFS], atol=1e-12)
     assert trial.scale >= np.abs(acting).max()
-    assert trial.error == pytest.approx(np.abs(trial.residual).max() / trial.scale)
-    assert [flow is None for flow in trial.flows] == [False, True, False]
+    assert trial.imbalance == pytest.approx(np.abs(trial.residual).max() / trial.scale)
+    assert [flow is None for flow in trial.responses] == [False, True, False]
     assert len(trial.flowing) == 2
     assert stage.viscous(viscosity) is stage
     np.testing.assert_array_equal(stage.stress, BEFORE)
@@ -117,7 +117,7 @@ def test_the_residual_is_the_slope_of_the_potential():
     assert (ends[0] - ends[1]) / (2 * h) == pytest.approx(-without.at(DU).residual[2], abs=1e-5)
     loose = equations(grounds=grounds(flow=True))
     assert not loose.associated
-    assert loose.distance(loose.at(DU)) == loose.at(DU).error
+    assert loose.distance(loose.at(DU)) == loose.at(DU).imbalance
     assert equations().associated
 
 
@@ -136,8 +136,8 @@ def test_a_patch_moves_as_the_whole_with_all_else_still():
     local[np.ix_(~mine, DOFS[unknowns])] = 0.0  # and its unknowns strain no others
     stage = replace(equations(), operators=Operators(sp.csr_array(local), M))
     patch = Patch(points, dofs, unknowns, places, sp.csr_array(local[np.ix_(rows, dofs)]))
-    own = stage.within(patch, "tangents", DU)
-    assert own.tangents == "tangents"
+    own = stage.on_patch(patch, "solver", DU)
+    assert own.solver == "solver"
     assert [ground.name for ground in own.grounds] == ["hard", "plain", "soft"]
     assert [ground.points.tolist() for ground in own.grounds] == [[0], [3], [1, 2]]
     for step in (0.0, 0.3, -0.5):
@@ -146,10 +146,10 @@ def test_a_patch_moves_as_the_whole_with_all_else_still():
         whole, part = stage.at(moved), own.at(moved[dofs])
         np.testing.assert_allclose(part.residual, whole.residual[unknowns], atol=1e-12)
         np.testing.assert_allclose(part.stress, whole.stress[:, points], atol=1e-12)
-    bare = replace(stage, members=None).within(patch, "tangents", DU)
+    bare = replace(stage, members=None).on_patch(patch, "solver", DU)
     assert bare.members is None
-    none = replace(stage, grounds=stage.grounds[:1]).within(
-        replace(patch, points=np.array([0, 2, 4, 5])), "tangents", DU
+    none = replace(stage, grounds=stage.grounds[:1]).on_patch(
+        replace(patch, points=np.array([0, 2, 4, 5])), "solver", DU
     )
     assert none.grounds == []
 

@@ -109,7 +109,7 @@ def test_what_is_said_of_the_ground():
     opened = without_mesh(ground, centre=(1.25, -2.0), radius=2.5)
     first, *others = opened.notes
     assert first == "closed form of a circular opening of radius 2.5 m about (1.25, -2) m in 'rock'"
-    assert "the closed form takes the smooth surface for the polyhedron" in others
+    assert "the closed form takes the exact surface for the polyhedron" in others
     smooth = without_mesh(rock(E, NU, mohr(MPa, 0.5))).notes
     assert not any("polyhedron" in note for note in smooth)
 

@@ -111,7 +111,7 @@ def test_what_a_closed_form_takes_otherwise(tmp_path):
     # 10 and 5 MPa are 2.5 off their mean of 7.5 MPa
     off = "the in-situ stress around the opening is up to 33 % off its mean at the centre"
     limit = "type: mohr-coulomb, cohesion: 6 MPa, friction: 30 deg"
-    smooth = "the closed form takes the smooth surface for the polyhedron"
+    smooth = "the closed form takes the exact surface for the polyhedron"
     found = said(tmp_path, materials=ground(f"{limit}, planes: 16"))
     assert (
         f"{off}; the closed form takes that part as if the ground were elastic - {smooth}" in found

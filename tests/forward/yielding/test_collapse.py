@@ -16,9 +16,10 @@ from support.yielding import NOTHING, Cavity, analysed, given, mohr, parameters,
 from geoident.errors import CollapseError, ModelError
 from geoident.fem.yielding.domain import NoProjection
 from geoident.fem.yielding.plane_laws import PolyhedralLaw
-from geoident.forward.analysis import plastic_step
+from geoident.forward.analysis import collapse, equilibrium, plastic_step
 from geoident.forward.analysis.analysis import RunOptions
-from geoident.forward.analysis.collapse import collapse_error
+from geoident.forward.analysis.collapse import CarriedPart
+from geoident.forward.analysis.collapse_message import collapse_error
 from geoident.forward.analysis.stage_equations import NoEquilibrium
 from geoident.model.actions import Traction
 from geoident.model.case import Stage, Support
@@ -105,12 +106,12 @@ def test_flow_without_potential_collapses_too():
 
 
 def test_identifiers_are_told_at_the_start_values():
-    """There they hear what part is carried, always; elsewhere only that it is not all."""
+    """There they hear what part is carried, always; elsewhere where it took the arc to know."""
     _, response = parametric(mohr(Scalar(1.0, "c"), 0.0), c=0.05e6)
     for _ in range(2):
         with pytest.raises(CollapseError) as elsewhere:
             response.evaluate(np.array([2e9, 0.04e6]))
-        assert np.isnan(elsewhere.value.fraction)
+        assert not elsewhere.value.fraction >= 1.0
         with pytest.raises(CollapseError) as start:
             response.evaluate(np.array([2e9, 0.05e6]))
         assert 0.0 < start.value.fraction < 1.0
@@ -214,7 +215,9 @@ def test_planes_that_nearly_coincide_are_told_with_a_remedy(monkeypatch):
 def test_a_collapse_that_is_not_proven_has_another_remedy():
     """A mechanism and a band say more, elsewhere (`test_little_dilation`)."""
     task = SimpleNamespace(state=SimpleNamespace(name="s"))
-    error = collapse_error(SimpleNamespace(), task, 0.1234, None, proven=False)
+    failure = NoEquilibrium(None)
+    carried = CarriedPart(0.1234, None, failure)
+    error = collapse_error(SimpleNamespace(), task, failure, associated=False, carried=carried)
     message = (
         "at stage 's' no equilibrium was found: flow with a dilation so far below the friction "
         "shears in bands on this mesh, or the ground collapses; 12.3 % of the change of load "
@@ -225,8 +228,21 @@ def test_a_collapse_that_is_not_proven_has_another_remedy():
         "See whether a larger dilation, or associated flow, or larger elements where it shears "
         "carry the stage: then the ground does not lack strength."
     )
-    unknown = collapse_error(SimpleNamespace(), task, np.nan, None, proven=False)
+    unknown = collapse_error(SimpleNamespace(), task, failure, associated=False)
     assert unknown.message == message.partition("; ")[0]
+
+
+def test_newtons_method_that_does_not_end_is_no_proof_of_a_collapse(monkeypatch):
+    """Neither the whole load nor the first part of it is brought to equilibrium."""
+    monkeypatch.setattr(equilibrium, "MOST_STEPS", 1)
+    monkeypatch.setattr(collapse, "_MOST_STEPS", 0)
+    cavity = CAVITY.staged(CAVITY.mesh("quad8", n=2, layers=4, reach=5), mohr(2e6, 0.5))
+    with pytest.raises(CollapseError) as caught:
+        cavity.survey(NOTHING, fields=False)
+    message, hint = caught.value.message, caught.value.hint
+    assert message.startswith("at stage 'open' no equilibrium was found in ")
+    assert " Newton steps; 0 % of the change of load of this stage was brought to" in message
+    assert hint.startswith("Divide the change of load among several stages, or raise the strengths")
 
 
 def test_bands_that_are_not_asked_for_are_no_collapse(monkeypatch):
@@ -237,7 +253,7 @@ def test_bands_that_are_not_asked_for_are_no_collapse(monkeypatch):
 
     monkeypatch.setattr(plastic_step, "solve", nothing)
     staged = pulled(1e6, mohr(1e6, 0.4, psi=0.1))
-    options = RunOptions(derivatives=False, even_only=True)
+    options = RunOptions(derivatives=False, strict=True)
     with pytest.raises(ModelError) as caught:
         list(staged.at(NOTHING, options).states())
     assert not isinstance(caught.value, CollapseError)

@@ -6,6 +6,9 @@ k + h (u - k / E).
 
 from __future__ import annotations
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 import scipy.sparse as sp
@@ -16,10 +19,16 @@ from support.plastic import Planes, polyhedral
 
 from geoident.fem.elasticity import UniformModuli
 from geoident.fem.solvers.direct import NotPositiveDefinite
+from geoident.fem.yielding.domain import EmptyDomain, NoProjection
+from geoident.forward.analysis import collapse, equilibrium
 from geoident.forward.analysis.collapse import carried_part
-from geoident.forward.analysis.constitutive import Ground
+from geoident.forward.analysis.constitutive import MaterialPoints
 from geoident.forward.analysis.equilibrium import solve
-from geoident.forward.analysis.stage_equations import NoEquilibrium, StageEquations
+from geoident.forward.analysis.stage_equations import (
+    NoEquilibrium,
+    SingularTangent,
+    StageEquations,
+)
 
 
 def bar(load: float, k: float, h: float) -> StageEquations:
@@ -36,10 +45,10 @@ def bar(load: float, k: float, h: float) -> StageEquations:
         Operators(sp.csr_array([[1.0]]), 1),
         volume=np.ones(1),
         dofs=np.array([0]),
-        grounds=[Ground("bar", slice(0, 1), UniformModuli(np.eye(1)), law)],
+        grounds=[MaterialPoints("bar", slice(0, 1), UniformModuli(np.eye(1)), law)],
         stress=np.zeros((1, 1)),
         forces=np.array([load]),
-        tangents=tangents,
+        solver=SimpleNamespace(factorize=tangents),
     )
 
 
@@ -66,7 +75,7 @@ def test_soft_ground_is_given_up_where_its_strains_are_large():
     """Strains of 0.225, 0.45, 0.9 and 1.8, and 1e5 times softer: the last one is out of bounds."""
     k = h = 1e-5
     carried = carried_part(bar(0.9, k, h), NoEquilibrium(None))
-    assert carried.trial.du == pytest.approx([0.9], rel=1e-6)
+    assert carried.end.du == pytest.approx([0.9], rel=1e-6)
     assert carried.fraction == pytest.approx((k + h * (0.9 - k)) / 0.9, rel=1e-5)
 
 
@@ -75,7 +84,36 @@ def test_ground_hardens_where_its_law_does():
     ground = bar(1.0, 0.1, 0.5).grounds[0]
     assert ground.hardens is True
     assert bar(1.0, 0.1, 0.0).grounds[0].hardens is False
-    assert Ground("elastic", slice(0, 1), UniformModuli(np.eye(1))).hardens is False
+    assert MaterialPoints("elastic", slice(0, 1), UniformModuli(np.eye(1))).hardens is False
+
+
+def test_a_limit_load_is_proven_and_a_lost_arc_is_not(monkeypatch):
+    assert carried_part(bar(0.9, 0.3, 0.0), NoEquilibrium(None)).failure.proven
+    monkeypatch.setattr(collapse, "_MOST_STEPS", 0)
+    assert not carried_part(bar(0.9, 0.3, 0.0), NoEquilibrium(None)).failure.proven
+
+
+def test_an_equilibrium_at_the_last_newton_step_counts(monkeypatch):
+    """One step is enough where nothing yields."""
+    monkeypatch.setattr(equilibrium, "MOST_STEPS", 1)
+    assert solve(bar(0.2, 0.3, 0.0), [np.zeros(1)]).end.du == pytest.approx([0.2])
+
+
+@pytest.mark.parametrize("error", [NoEquilibrium(None), NoProjection(1), EmptyDomain((0, 1))])
+def test_a_guess_whose_stress_cannot_be_returned_is_passed_over(error):
+    """An extrapolated start may be far out; where none serves, the error of the last is raised."""
+
+    class Bounded(StageEquations):
+        def at(self, du):
+            if abs(du[0]) > 5.0:
+                raise error
+            return super().at(du)
+
+    equations = Bounded(**vars(bar(0.2, 0.3, 0.0)))
+    balance = solve(equations, [np.array([9.0]), np.zeros(1)])
+    assert balance.end.du == pytest.approx([0.2])
+    with pytest.raises(type(error)):
+        solve(equations, [np.array([9.0])])
 
 
 # --- several bars, ---
@@ -92,7 +130,7 @@ def truss(seed: int, *, soft: float = 1.0):
     before = C.T @ (volume * stress)
     change = rng.normal(size=5)
     grounds = [
-        Ground(
+        MaterialPoints(
             f"bar {k}", slice(k, k + 1), UniformModuli(np.array([[E]])),
             polyhedral(np.array([[E]]), Planes(np.array([[1.0], [-1.0]]), np.full(2, limit))),
         )
@@ -110,7 +148,7 @@ def truss(seed: int, *, soft: float = 1.0):
 
     equations = StageEquations(
         Operators(sp.csr_array(C), bars), volume=volume, dofs=dofs, grounds=grounds,
-        stress=stress[None], forces=before + change, tangents=tangents,
+        stress=stress[None], forces=before + change, solver=SimpleNamespace(factorize=tangents),
     )  # fmt: skip
     pull = (C.T * volume)[dofs]
     most = linprog(
@@ -118,6 +156,35 @@ def truss(seed: int, *, soft: float = 1.0):
         b_eq=before[dofs], bounds=[*((-k, k) for k in strength), (0.0, None)],
     )  # fmt: skip
     return equations, change, float(most.x[-1])
+
+
+@pytest.mark.parametrize("needed", [1e-7, 1e-3, 1.0])
+def test_derivatives_are_those_of_the_consistent_tangent(needed):
+    """Also where a factorization needs some of the elastic stiffness left in the tangent."""
+    equations, change, most = truss(0)
+    equations = equations.under(equations.forces - change + 0.9 * most * change)
+    trial = solve(equations, [np.zeros(5)]).end
+    exact = equations.tangent(trial)
+    assert len(exact.points)
+
+    def reluctant(points, softening, *, symmetric):
+        left = 1.0 - softening.sum() / exact.change.sum()
+        if left < 0.99 * needed:
+            raise NotPositiveDefinite(0)
+        return equations.solver.factorize(points, softening, symmetric=symmetric)
+
+    rough = replace(equations, solver=SimpleNamespace(factorize=reluctant)).tangent(trial)
+    rest = np.random.default_rng(1).normal(size=(len(equations.dofs), 2))
+    solution = equations.solve_consistently(rough, rest)
+    np.testing.assert_allclose(solution, exact.factor.solve(rest), rtol=1e-7)
+
+
+def test_displacements_at_a_limit_load_have_no_derivatives():
+    equations = bar(0.3, 0.3, 0.0)
+    trial = equations.at(np.array([0.4]))
+    tangent = equations.tangent(trial, least=1e-7)
+    with pytest.raises(SingularTangent):
+        equations.solve_consistently(tangent, np.ones((1, 1)))
 
 
 @pytest.mark.parametrize("seed", [0, 3])

@@ -63,6 +63,15 @@ def test_beyond_yield_and_back_and_beyond_on_the_other_side():
     np.testing.assert_allclose(found, np.array(path) / E + residual, atol=1e-13)
 
 
+@pytest.mark.parametrize("explain", [True, False])
+def test_large_strains_that_a_growing_load_leads_to_are_an_equilibrium(explain):
+    """Strains of 2: whether there is an equilibrium does not depend on what is to be explained."""
+    h, sigma = 1e-3 * E, 3 * K
+    top = bar(Stage("pulled", loads=pull(sigma)), hardening=h)
+    _, end = analysed(top, explain=explain)
+    assert end.u[:, 0].max() == pytest.approx(sigma / E + (sigma - K) / h, rel=1e-9)
+
+
 def test_residual_strain_of_perfect_plasticity():
     """A weak bar beside a strong one: what the weak one flowed stays when the load goes."""
     mesh = regroup(box("quad4", (2, 1), size=(2.0, 1.0)), weak=lambda c: c[:, 0] < 1)

@@ -62,7 +62,7 @@ def parameter(name, start, lower, upper):
 def test_every_material_that_yields_is_described():
     assert yield_notes(make_case(SECTION, materials={"steel": material("steel", 1e9, 0.3)})) == []
     (note,) = yield_notes(case_of(SOUND))
-    assert note == "'rock' yields by Mohr-Coulomb, smooth, with associated flow"
+    assert note == "'rock' yields by Mohr-Coulomb, exact, with associated flow"
     (note,) = yield_notes(
         case_of(
             mohr(1e6, 0.0, planes=8),

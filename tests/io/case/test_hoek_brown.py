@@ -105,7 +105,7 @@ def test_modulus_of_a_rock_mass(tmp_path, modulus, expected):
         (BY_CONSTANTS.replace("a: 0.51", "a: 1"), "yield.a: '1': it must be from 0.2 to 0.9"),
         (BY_CONSTANTS.replace("mb: 1.2", "mb: 0"), "yield.mb: '0': it must be positive"),
         (BY_CONSTANTS[:-1] + ", tension: -1 kPa}", "yield.tension: '-1 kPa': it must not be"),
-        (f"[{BY_CONSTANTS}, {BY_GSI}]", "a smooth surface cannot be combined with another one"),
+        (f"[{BY_CONSTANTS}, {BY_GSI}]", "an exact surface cannot be combined with another one"),
         (BY_CONSTANTS.replace("flow: associated", "flow: constant"), "yield.flow"),
         (BY_GSI.replace("sigci", "UCS"), "the key 'UCS' is not known here. Did you mean 'sigci'?"),
         (BY_GSI.replace("dilation", "psi"), "'psi' is not known here. Did you mean 'dilation'?"),

@@ -46,7 +46,7 @@ _ROUNDED = 2e-3  # what lengths of normals written with three digits may differ 
 _SAME = 1e-6
 
 _FIT = (
-    "How the planes lie to the smooth surface: inside it, around it, or so that they are of the "
+    "How the planes lie to the exact surface: inside it, around it, or so that they are of the "
     "same size on average (`best`, if missing)."
 )
 TENSION = (
@@ -142,7 +142,7 @@ class _CoulombBase(SurfaceBase):
     tension: FieldStrength | None = Field(None, description=TENSION)
     planes: Annotated[int, Count()] | None = Field(
         None,
-        description="Planes in place of the smooth surface: in 2-D the sides of the polygon in "
+        description="Planes in place of the exact surface: in 2-D the sides of the polygon in "
         "place of Mohr's circle (even; three planes each), in a solid the number of planes (from "
         "48 on, taken six at a time).",
         examples=["16"],
@@ -153,7 +153,7 @@ class _CoulombBase(SurfaceBase):
         if self.planes is not None:
             _check_count(self.planes, 4 if context.dim == 2 else 48, context, even=context.dim == 2)
         elif self.fit is not None:
-            message = "'fit' says how planes lie to the smooth surface; there are none"
+            message = "'fit' says how planes lie to the exact surface; there are none"
             hint = "Add 'planes: 16', or leave out 'fit'."
             context.at("fit").refuse("no-planes", message, hint)
         return self.fit or "best"
@@ -183,7 +183,7 @@ class TrescaSection(_CoulombBase):
 
 
 class MohrCoulombSection(_CoulombBase):
-    """Mohr-Coulomb: smooth (exact in principal stresses), or by `planes`."""
+    """Mohr-Coulomb: exact, in principal stresses, or by `planes`."""
 
     type: Literal["mohr-coulomb"] = Field(description="Kind of yield surface.")
     cohesion: FieldStrength = _COHESION
@@ -195,12 +195,12 @@ class MohrCoulombSection(_CoulombBase):
     )
 
     def surface(self, context: Context) -> MohrCoulomb:
-        """The surface, smooth or by planes."""
+        """The surface, exact or by planes."""
         if self.dilation is not None and self.planes is not None:
             message = (
                 "planes flow along their normals, so their dilation angle is the friction angle"
             )
-            hint = "Leave out 'dilation', or 'planes' for the smooth surface."
+            hint = "Leave out 'dilation', or 'planes' for the exact surface."
             context.at("dilation").refuse("dilation", message, hint)
         return MohrCoulomb(
             self.cohesion.scalar,
@@ -280,7 +280,7 @@ class WeakPlaneSection(SurfaceBase):
 
 
 class HoekBrownSection(SurfaceBase):
-    """The generalised criterion of Hoek and Brown (2002 edition), smooth.
+    """The generalised criterion of Hoek and Brown (2002 edition), exact.
 
     By mi, GSI and D of intact rock and rock mass, or by mb, s and a directly.
     """
@@ -387,7 +387,7 @@ def build_yields(
     for place, section in sections:
         surface = section.surface(place)
         surfaces.append(surface)
-        _check_smooth(surface, elastic, place, alone=len(sections) == 1)
+        _check_exact(surface, elastic, place, alone=len(sections) == 1)
         _check_strengths(section, surface, parameters, place)
     return tuple(surfaces)
 
@@ -442,20 +442,18 @@ def _check_strengths(
     context.at(key).refuse("out-of-range", message, hint)
 
 
-def _check_smooth(
-    surface: YieldSurface, elastic: Elastic, context: Context, *, alone: bool
-) -> None:
-    """The smooth surface is a law of principal stresses, which go with no other directions."""
-    if not surface.is_smooth:
+def _check_exact(surface: YieldSurface, elastic: Elastic, context: Context, *, alone: bool) -> None:
+    """The exact surface is a law of principal stresses, which goes with isotropic ground only."""
+    if not surface.in_principal_stresses:
         return
     hint = f"Add 'planes: {16 if context.dim == 2 else 96}' to it."
     if isinstance(surface, HoekBrown):
         hint = "Leave out the other, or describe it by planes of Mohr-Coulomb."
     if not alone:
-        message = "a smooth surface cannot be combined with another one"
+        message = "an exact surface cannot be combined with another one"
         context.refuse("smooth-surface", message, hint)
     elif not isinstance(elastic, Isotropic):
-        message = "a smooth surface needs isotropic elasticity"
+        message = "an exact surface needs isotropic elasticity"
         context.refuse("smooth-surface", message, hint)
 
 

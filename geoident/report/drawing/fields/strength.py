@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from geoident.forward.ground.elasticity import elastic_matrix
 from geoident.forward.yielding.hoek_brown import hoek_brown, hoek_brown_share
-from geoident.forward.yielding.surfaces import curved_surface, is_smooth, yield_planes
+from geoident.forward.yielding.surfaces import curved_surface, in_principal_stresses, yield_planes
 from geoident.model.arrays import Floats, Ints
 from geoident.model.case import Case, Material
 from geoident.model.dual import ParameterPoint
@@ -112,7 +112,7 @@ def _share(material: Material, point: ParameterPoint, stress: Floats, solid: boo
         return hoek_brown_share(hoek_brown(curved, point), mean, shown - mean[:, None])
     planes = yield_planes(material, point, 6 if solid else 4)
     normals, distances = planes.normals.value, planes.distances.value
-    shown = _principal(stress) if is_smooth(material) else stress[:, : normals.shape[1]]
+    shown = _principal(stress) if in_principal_stresses(material) else stress[:, : normals.shape[1]]
     isotropic = np.zeros(normals.shape[1])
     isotropic[:3] = 1.0
     deviator = shown - mean[:, None] * isotropic

@@ -1,0 +1,139 @@
+"""The error of a stage without equilibrium: how sure it is, how the ground moves, what to do."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from geoident.errors import CollapseError
+from geoident.fem.location import format_point
+from geoident.forward.analysis.bands import ShearBand
+from geoident.forward.analysis.collapse import CarriedPart
+from geoident.forward.analysis.equilibrium import MOST_STEPS
+from geoident.forward.analysis.stage import LastEquilibrium, StageTask
+from geoident.forward.analysis.stage_equations import NoEquilibrium
+from geoident.forward.analysis.systems import StageSystem
+from geoident.forward.stages import CaseOnMesh
+from geoident.model.arrays import Floats
+from geoident.model.results.yielded import Mechanism
+
+_STRONG = 0.5
+"""Part of the largest rate of shear from which on a mechanism shears strongly."""
+
+
+def collapse_error(
+    on_mesh: CaseOnMesh,
+    task: StageTask,
+    failure: NoEquilibrium,
+    *,
+    associated: bool,
+    carried: CarriedPart | None = None,
+    band: ShearBand | None = None,
+) -> CollapseError:
+    """The error of a stage without equilibrium.
+
+    Args:
+        on_mesh: the case on its mesh.
+        task: the stage.
+        failure: how it fails.
+        associated: whether all flow is associated.
+        carried: the part of the change of load that is carried, where that is known.
+        band: the mode that has lost its stability where diffuse flow ended, or None.
+    """
+    mechanism = failure.mechanism
+    if failure.proven:
+        msg = f"at stage '{task.state.name}' the ground cannot carry the loads: plastic collapse"
+        hint = "Raise the strengths (their start values or bounds), or see whether the stage "
+        hint += "lacks support or loads more than is meant."
+    elif associated:
+        msg = f"at stage '{task.state.name}' no equilibrium was found in {MOST_STEPS} Newton steps"
+        hint = "Divide the change of load among several stages, or raise the strengths: the ground "
+        hint += "is near its limit, or beyond it."
+    elif band is not None:
+        mechanism = band.mode
+        msg = f"at stage '{task.state.name}' no equilibrium was found: diffuse flow ends where the "
+        msg += f"ground still keeps {100 * band.viscosity:.2g} % of its overstress, and a band "
+        msg += f"has lost its stability, with half of its strain in {band.points} of the "
+        msg += f"{band.yielding} strain points that yield"
+        hint = "With a dilation so far below the friction, shear goes into bands as wide as the "
+        hint += "elements. See whether support that acts in this stage, a larger dilation, or "
+        hint += "larger elements where it shears carry it: then it does not lack strength."
+    else:
+        msg = f"at stage '{task.state.name}' no equilibrium was found: flow with a dilation so "
+        msg += "far below the friction shears in bands on this mesh, or the ground collapses"
+        hint = "See whether a larger dilation, or associated flow, or larger elements "
+        hint += "where it shears carry the stage: then the ground does not lack strength."
+
+    fraction, reached = np.nan, None
+    if carried is not None:
+        fraction = carried.fraction
+        verb = "is carried" if failure.proven else "was brought to equilibrium"
+        msg += f"; {100 * fraction:.3g} % of the change of load of this stage {verb}"
+        if (end := carried.end) is not None:
+            reached = LastEquilibrium(end.du, end.stress, end.yielded())
+    motion = None
+    if mechanism is not None:
+        msg += describe_mechanism(on_mesh, task.system, mechanism)
+        mechanism = mechanism / (np.abs(mechanism).max() or 1.0)
+        motion = _mechanism_on_mesh(on_mesh, task, mechanism, fraction)
+    return CollapseError(
+        msg,
+        hint,
+        stage=task.state.name,
+        fraction=fraction,
+        mechanism=mechanism,
+        motion=motion,
+        reached=reached,
+    )
+
+
+def describe_mechanism(on_mesh: CaseOnMesh, system: StageSystem, u: Floats) -> str:
+    """Where a mechanism shears most, and how far it reaches, for a message.
+
+    Args:
+        on_mesh: the case on its mesh.
+        system: the equations of the stage.
+        u: (n_dofs,) velocities.
+    """
+    points, mesh, sequence = on_mesh.discretization.points, on_mesh.mesh, on_mesh.sequence
+    rate = _shear_rate(on_mesh, system, u)
+    most = int(np.argmax(rate))
+    if not rate[most] > 0.0:
+        node = int(np.argmax(np.linalg.norm(u.reshape(-1, mesh.dim), axis=1)))
+        return f" near {format_point(mesh.points[node])}"
+    group = sequence.groups[sequence.group_of[points.element[most]]]
+    position = points.position.round(3)
+    where = position[rate > _STRONG * rate[most]]
+    text = f"; it shears most in group '{group}' near {format_point(position[most])}"
+    ends = (format_point(where.min(axis=0)), format_point(where.max(axis=0)))
+    return f"{text}, and strongly between {ends[0]} and {ends[1]}"
+
+
+def _mechanism_on_mesh(
+    on_mesh: CaseOnMesh, task: StageTask, u: Floats, fraction: float
+) -> Mechanism:
+    """A mechanism as it is drawn: velocities u (n_dofs,), and the shear rate of each element."""
+    mesh = on_mesh.mesh
+    shear = np.zeros(mesh.n_elements)
+    rate = _shear_rate(on_mesh, task.system, u)
+    np.maximum.at(shear, on_mesh.discretization.points.element, rate)
+    return Mechanism(
+        task.state.name,
+        task.number,
+        fraction,
+        mesh,
+        on_mesh.sequence.present(task.number),
+        u.reshape(mesh.n_nodes, mesh.dim).copy(),
+        shear / (shear.max(initial=0.0) or 1.0),
+    )
+
+
+def _shear_rate(on_mesh: CaseOnMesh, system: StageSystem, u: Floats) -> Floats:
+    """(m,) norm of the deviatoric strain of u (n_dofs,), where the stage has ground.
+
+    Shear components are engineering strains.
+    """
+    strain = on_mesh.discretization.points.strain(u)
+    normal, shear = strain[:3], strain[3:]
+    deviator = normal - normal.mean(axis=0)
+    norm = np.sqrt((deviator**2).sum(axis=0) + 0.5 * (shear**2).sum(axis=0))
+    return np.where(system.volume > 0.0, norm, 0.0)
