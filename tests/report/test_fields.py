@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.quiver import Quiver
+from matplotlib.text import Text
 
 from geoident.model.case import Material, Stage
 from geoident.model.ground import Isotropic
@@ -27,9 +28,6 @@ from geoident.report.drawing.raster import raster_of
 from geoident.report.drawing.scene import Scene, Window
 from geoident.report.drawing.style import drawing_style
 from geoident.report.drawing.varied import varied_figure
-from geoident.report.saving.figure_file import lay_out
-from geoident.report.saving.lean_axes import lean_axes
-from geoident.report.saving.svg_writer import SvgCanvas
 from tests.support.cases import displacement, make_case
 from tests.support.meshes import box
 from tests.support.pictures import laid_out
@@ -212,11 +210,7 @@ def test_titles_over_scales_of_colours_are_not_cut(plane, aspect):
     window = Window(low, low + (high - low) * part)
     scene.window = lambda _: window
     quantity = ColouredField("size (mm)", lambda s, state: np.full(len(s.xy), state), "Blues")
-    with drawing_style(), lean_axes():
-        figure = table_figure(scene, sheet, [quantity] * 4)
-        SvgCanvas(figure, 150)
-        figure.dpi = 72
-        lay_out(figure)
-        figure.draw_without_rendering()
-        titles = [axes._left_title.get_window_extent() for axes in figure.axes]
+    figure = laid_out(lambda: table_figure(scene, sheet, [quantity] * 4))
+    said = {axes.get_title(loc="left") for axes in figure.axes} - {""}
+    titles = [text.get_window_extent() for text in figure.findobj(Text) if text.get_text() in said]
     assert max(box.y1 for box in titles) < figure.bbox.y1 - 2.5  # the layout keeps 3 points free

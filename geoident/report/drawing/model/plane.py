@@ -7,11 +7,12 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator
 
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case
-from geoident.report.drawing.labels import HALO, place_labels
+from geoident.report.drawing.labels import place_labels
 from geoident.report.drawing.lines import add_segments
 from geoident.report.drawing.model.actions import LOAD, WATER, draw_supports, water_levels
 from geoident.report.drawing.model.construction import marked_places
@@ -217,9 +218,9 @@ def draw_gauges(axes: Any, case: Case, gauges: dict[str, list[Floats]], *, names
     kinds = {channel.gauge: channel.kind for channel in case.channels}
     for name, lines in gauges.items():
         style = _GAUGE_MARKS.get(kinds[name], _MOVES) | ({"ms": 1.2} if len(lines) > _FIBRE else {})
-        halo = HALO if names else None
+        rim = [withStroke(linewidth=2.0, foreground="white")] if names else None
         for line in lines:
-            axes.plot(*line.T, color=GAUGE, lw=1.0, zorder=6, path_effects=halo)
+            axes.plot(*line.T, color=GAUGE, lw=1.0, zorder=6, path_effects=rim)
         for line in lines:  # over the rims of all lines
             axes.plot(*line.T, color=GAUGE, ls="", zorder=6.5, **style)
     if names:
