@@ -11,7 +11,6 @@ from matplotlib.figure import Figure
 
 from geoident.report.drawing.labels import place_labels
 from geoident.report.drawing.style import Picture, image
-from geoident.report.page.printed import PrintedPlace
 from geoident.report.page.svg import figure_element, inline_svg
 
 SVG = "{http://www.w3.org/2000/svg}"
@@ -85,6 +84,5 @@ def test_two_figures_of_a_page_share_no_name_and_find_their_own(svg):
 
 
 def test_title_and_caption_of_a_figure_never_become_markup(svg):
-    place = PrintedPlace(48)
-    text = figure_element(svg, name="x", title="<b>", caption="<i> & more", place=place)
+    text = figure_element(svg, name="x", title="<b>", caption="<i> & more")
     assert "<b>&lt;b&gt;. </b>&lt;i&gt; &amp; more</figcaption>" in text

@@ -11,7 +11,6 @@ import re
 from xml.etree import ElementTree
 
 from geoident.report.page.html import Html, tag
-from geoident.report.page.printed import PrintedPlace
 
 _REFERENCE = re.compile(r"(^#|url\(#)([^)]+)")
 """In the value of an attribute, the name of another element behind its mark."""
@@ -40,14 +39,8 @@ def inline_svg(svg: bytes, *, name: str, text: str) -> Html:
             for key, value in element.attrib.items()
             if key != "id" or value in needed
         }
-    width, height = size_of_svg(svg)
-    root.attrib = {
-        "width": f"{width:.0f}",
-        "height": f"{height:.0f}",
-        "viewBox": root.attrib["viewBox"],
-        "role": "graphics-document document",
-        "aria-label": text,
-    }
+    size = {key: root.attrib[key] for key in ("width", "height", "viewBox")}
+    root.attrib = {**size, "role": "graphics-document document", "aria-label": text}
     return Html(ElementTree.tostring(root, encoding="unicode"))
 
 
@@ -61,30 +54,17 @@ def _prefixed(value: str, name: str) -> str:
     return _REFERENCE.sub(lambda found: f"{found[1]}{name}-{found[2]}", value)
 
 
-def figure_element(svg: bytes, *, name: str, title: str, caption: str, place: PrintedPlace) -> Html:
-    """A figure with its caption.
+def figure_element(svg: bytes, *, name: str, title: str, caption: str) -> Html:
+    """A figure with its caption; the style of the page sizes it by its own width.
 
     Args:
         svg: the picture.
         name: of the figure, for its id.
         title: what it shows.
         caption: what more is to be said.
-        place: on paper.
     """
     picture = inline_svg(svg, name=name, text=title)
+    width = ElementTree.fromstring(picture).attrib["width"]
     words = tag("figcaption", tag("b", f"{title}. "), caption)
     drawing = tag("div", picture, class_="drawing")
-    wide = min(max(round(size_of_svg(svg)[0] / 100), 1), 20)
-    sizes = f"w{wide} p{place.part}" + " beside" * place.beside
-    return tag("figure", drawing, words, id=f"figure-{name}", class_=sizes)
-
-
-def size_of_svg(svg: bytes) -> tuple[float, float]:
-    """Width and height of a picture, pixels.
-
-    Args:
-        svg: as matplotlib writes it.
-    """
-    root = ElementTree.fromstring(svg)
-    width, height = (float(root.attrib[side].removesuffix("pt")) for side in ("width", "height"))
-    return width * 4 / 3, height * 4 / 3
+    return tag("figure", drawing, words, id=f"figure-{name}", style=f"--width: {width}")
