@@ -8,11 +8,13 @@ from functools import cache
 import numpy as np
 import pytest
 from matplotlib import rc_context
+from matplotlib.figure import Figure
 from matplotlib.image import imread
 from matplotlib.text import Text
 
 from geoident.report.drawing.album import album, figure_files
 from geoident.report.drawing.fields.panels import bands
+from geoident.report.drawing.lines import add_segments
 from geoident.report.drawing.overview import overview_figure, overview_pictures
 from geoident.report.drawing.scene import Scene, scene_of
 from geoident.report.drawing.signs import sign_pictures
@@ -271,3 +273,21 @@ def test_the_overview_says_which_gauges_it_shows_and_is_wider_than_high(plane):
     with drawing_style():
         width, height = overview_figure(plane, scene_of(plane)).get_size_inches()
     assert height < width
+
+
+def test_lines_that_meet_are_drawn_as_one_and_are_the_same_lines():
+    rng = np.random.default_rng(3)
+    nodes = rng.integers(0, 6, size=(60, 2, 2)).astype(float)
+    ends = nodes[(nodes[:, 0] != nodes[:, 1]).any(axis=1)]
+    axes = Figure().subplots()
+    add_segments(axes, ends, (np.zeros(2), np.full(2, 6.0)))
+    (line,) = axes.lines
+    chain = line.get_xydata()
+    pairs = np.stack([chain[:-1], chain[1:]], axis=1)
+    pairs = pairs[np.isfinite(pairs).all(axis=(1, 2))]
+
+    def key(each):
+        return sorted(tuple(sorted(map(tuple, pair))) for pair in each.tolist())
+
+    assert key(pairs) == key(ends)
+    assert np.isnan(chain).any(axis=1).sum() < len(ends) / 2

@@ -42,7 +42,7 @@ _SHORT = 0.3
 _Item = TypeVar("_Item")
 Progress = Callable[[str, float], None]
 """Is told which figure is drawn, and what share of all figures, 0 to 1, is done."""
-_DPI = 150  # of what is drawn as pixels
+_DPI = 200  # of what is drawn as pixels
 _COLUMNS = 3
 _RC: Any = {
     "svg.hashsalt": "geoident",

@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patches import PathPatch
+from matplotlib.path import Path
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator
 
@@ -17,7 +19,6 @@ from geoident.report.drawing.lines import add_segments
 from geoident.report.drawing.model.actions import LOAD, WATER, draw_supports, water_levels
 from geoident.report.drawing.model.construction import marked_places
 from geoident.report.drawing.model.drawn import Box, DrawnModel
-from geoident.report.drawing.raster import raster_of, show
 from geoident.report.drawing.sheets import Sheet
 from geoident.report.drawing.structures import draw_structures
 from geoident.report.drawing.style import GAUGE, key, short
@@ -170,13 +171,15 @@ def draw_materials(axes: Axes, model: DrawnModel, sheet: Sheet, box: Box, *, wid
         box: what is shown.
         width: of the panel, inches.
     """
-    raster = raster_of(sheet.xy, sheet.triangles, *box, width=width)
     known = model.made.material[sheet.element] >= 0
-    rgb = np.round(255 * np.nan_to_num(model.element_colours)).astype(np.uint8)
-    opaque = np.full((len(rgb), 1), 255, dtype=np.uint8)
-    colours = np.hstack([rgb, opaque]).view(np.uint32)[sheet.element, 0]  # as one number
-    image = raster.flat(colours, known, empty=np.uint32(0))
-    show(axes, raster, image.view(np.uint8).reshape(*raster.shape, 4), zorder=0)
+    corners = sheet.xy[sheet.triangles[known]]
+    colours = model.element_colours[sheet.element[known]]
+    (ax, ay), (bx, by) = (corners[:, 1:] - corners[:, :1]).transpose(1, 2, 0)
+    corners = np.where((ax * by < ay * bx)[:, None, None], corners[:, ::-1], corners)
+    for colour in np.unique(colours, axis=0):  # as one area each, in which no joint shows
+        own = corners[(colours == colour).all(axis=1)]
+        area = Path.make_compound_path_from_polys(own)
+        axes.add_patch(PathPatch(area, facecolor=colour, lw=0, rasterized=True, zorder=0))
     points = model.mesh.points
     across = list(sheet.axes)
     there = model.made.material >= 0
