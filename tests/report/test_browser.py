@@ -365,7 +365,7 @@ def test_pages_of_shipped_cases_are_sound(name, tmp_path):
     geoident.fit(tmp_path / "case.yaml")
     results = read_results([str(tmp_path / "case.fit.h5")])
     text = report_page(results)
-    assert_sound(tmp_path, text, PAPER.get(name, 8))
+    assert_sound(tmp_path, text, PAPER.get(name, 12))
 
 
 @pytest.mark.slow

@@ -283,7 +283,7 @@ def shade(
         scale: of `bands`.
         xy: (n, 2) where the points are drawn, m; None for where they are.
     """
-    known = np.isfinite(value[sheet.triangles]).all(axis=1)
+    known = np.asarray(np.isfinite(value[sheet.triangles]).all(axis=1))
     ground = ground_of(scene, sheet, state, known, xy=xy)
     values, levels = np.nan_to_num(value), scale["levels"]
     if ground is not None:
