@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.collections import PathCollection
 from matplotlib.figure import Figure
-from matplotlib.patches import PathPatch
 from matplotlib.path import Path
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator
@@ -176,10 +176,12 @@ def draw_materials(axes: Axes, model: DrawnModel, sheet: Sheet, box: Box, *, wid
     colours = model.element_colours[sheet.element[known]]
     (ax, ay), (bx, by) = (corners[:, 1:] - corners[:, :1]).transpose(1, 2, 0)
     corners = np.where((ax * by < ay * bx)[:, None, None], corners[:, ::-1], corners)
-    for colour in np.unique(colours, axis=0):  # as one area each, in which no joint shows
-        own = corners[(colours == colour).all(axis=1)]
-        area = Path.make_compound_path_from_polys(own)
-        axes.add_patch(PathPatch(area, facecolor=colour, lw=0, rasterized=True, zorder=0))
+    shades, number = np.unique(colours, axis=0, return_inverse=True)
+    areas = [  # one for each colour, in which no joint shows
+        Path.make_compound_path_from_polys(corners[number.ravel() == k]) for k in range(len(shades))
+    ]
+    ground = PathCollection(areas, facecolors=shades, linewidths=0, rasterized=True, zorder=0)
+    axes.add_collection(ground, autolim=False)
     points = model.mesh.points
     across = list(sheet.axes)
     there = model.made.material >= 0
