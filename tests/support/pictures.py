@@ -50,7 +50,8 @@ def _named(draw: Callable[..., bytes], name: str, title: str, caption: str, suff
     from geoident.report.drawing.style import Picture  # noqa: PLC0415
 
     def figure() -> Figure:
-        drawn = Figure(figsize=(1.0, 1.0), layout="none")
+        drawn = Figure(figsize=(1.0, 1.0))
+        drawn.set_layout_engine("none")
         drawn.text(0.1, 0.5, name)
         return drawn
 
