@@ -1,10 +1,8 @@
-"""The processors and the memory that this process may use, and whether it may fork others."""
+"""The processors and the memory that this process may use."""
 
 from __future__ import annotations
 
 import os
-import sys
-import threading
 from contextlib import suppress
 from pathlib import Path
 
@@ -17,11 +15,6 @@ def processors() -> int:
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
-
-
-def may_fork() -> bool:
-    """Whether a forked process goes on safely: on Linux, from a program of one thread."""
-    return sys.platform == "linux" and threading.active_count() == 1
 
 
 def memory_limit() -> float:

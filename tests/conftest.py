@@ -14,8 +14,6 @@ from hypothesis import settings
 from manual.records import Recorder
 from support.pictures import draw_names_only
 
-from geoident import processors
-
 # What has passed passes again; long runs of tests/fuzz look for what is new.
 settings.register_profile("tests", derandomize=not os.environ.get("GEOIDENT_FUZZ_EXAMPLES"))
 settings.load_profile("tests")
@@ -68,14 +66,6 @@ def disk_that_is_not_waited_for() -> Generator[None]:
     """
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(os, "fsync", os.fstat)  # an error still where there is no such file
-        yield
-
-
-@pytest.fixture(scope="session", autouse=True)
-def no_forks() -> Generator[None]:
-    """Figures are drawn in the process of the tests: to fork it costs more than it saves here."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(processors, "may_fork", lambda: False)
         yield
 
 

@@ -89,15 +89,13 @@ def report(
         msg = "A report needs a result: report(result)."
         raise UsageError(msg)
     needed("matplotlib", extra="report", what="a report")
-    from geoident.report.drawing.style import images  # noqa: PLC0415
     from geoident.report.page.of_many import page_of_many  # noqa: PLC0415
     from geoident.report.page.page import report_page  # noqa: PLC0415
 
     paths = [path_of(result) for result in results]
     asked, given = None if output is None else os.fspath(output), _head(head or {})
     if kind_of_many(paths):
-        draw = partial(images, suffix="svg")
-        page = partial(page_of_many, head=given, logo=read_logo(given), draw=draw)
+        page = partial(page_of_many, head=given, logo=read_logo(given))
         return write_page_of_many(paths[0], asked, force=force, logo=given.logo, render=page)
     place = page_path(paths, output=asked)
     read = read_results(paths)

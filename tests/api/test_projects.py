@@ -1,6 +1,5 @@
 """Several sections from Python: what may run, the page, the tables."""
 
-from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -12,16 +11,7 @@ from tests.support.external import write_case as write_elsewhere
 from tests.support.projects import SECTIONS, example
 from tests.support.trench import write_case
 
-_EMPTY = b'<svg width="9pt" height="9pt" viewBox="0 0 9 9" font-family="a"></svg>'
-
 HEAD = {"title": "Ten sections", "client": "Ground AG", "revision": "b"}
-
-
-@pytest.fixture(autouse=True)
-def undrawn(monkeypatch):
-    """Pages without their figures, which other tests look at."""
-    style = import_module("geoident.report.drawing.style")
-    monkeypatch.setattr(style, "images", lambda pictures, suffix: [_EMPTY] * len(pictures))
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,7 @@ pytest.importorskip("matplotlib", reason='reports need matplotlib: pip install "
 from matplotlib.figure import Figure
 
 from geoident.report.drawing.style import image
-from geoident.report.page import page
+from geoident.report.page.page import report_page
 from tests.support.results import example_result
 
 
@@ -45,16 +45,15 @@ def drawn_page(result, *, blank=frozenset()):
     """
     kept = {}
 
-    def keep(picture, suffix):
+    def keep(picture):
         def draw():
             kept[picture.name] = picture.draw()
             return kept[picture.name]
 
-        return image(replace(picture, draw=nothing if picture.name in blank else draw), suffix)
+        return image(replace(picture, draw=nothing if picture.name in blank else draw), "svg")
 
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(page, "image", keep)
-        return page.report_page([("pit.fit", result)]), kept
+    text = report_page([("pit.fit", result)], draw=lambda pictures: [keep(p) for p in pictures])
+    return text, kept
 
 
 @pytest.fixture(scope="session")

@@ -5,8 +5,11 @@ from functools import partial
 
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.figure import Figure
 from matplotlib.quiver import Quiver
+from matplotlib.text import Text
 
 from geoident.model.case import Material, Stage
 from geoident.model.ground import Isotropic
@@ -15,7 +18,7 @@ from geoident.model.results.result import FieldSeries
 from geoident.model.results.varied import FieldEstimate
 from geoident.model.yielding import MohrCoulomb
 from geoident.report.drawing.fields.motion import vector_figure
-from geoident.report.drawing.fields.panels import ColouredField, table_figure
+from geoident.report.drawing.fields.panels import ColouredField, bands, shade, table_figure
 from geoident.report.drawing.fields.strength import (
     plastic_strain,
     utilisation,
@@ -23,13 +26,10 @@ from geoident.report.drawing.fields.strength import (
     yielded_figure,
 )
 from geoident.report.drawing.fields.stress import cross_figure, stress_pictures, stress_unit
-from geoident.report.drawing.raster import raster_of
 from geoident.report.drawing.scene import Scene, Window
+from geoident.report.drawing.sheets import element_centres
 from geoident.report.drawing.style import drawing_style
 from geoident.report.drawing.varied import varied_figure
-from geoident.report.saving.figure_file import lay_out
-from geoident.report.saving.lean_axes import lean_axes
-from geoident.report.saving.svg_writer import SvgCanvas
 from tests.support.cases import displacement, make_case
 from tests.support.meshes import box
 from tests.support.pictures import laid_out
@@ -180,18 +180,31 @@ def test_a_field_that_varies_is_drawn_in_its_unit_with_parts_in_percent():
     assert ends["variance reduction (%)"] == pytest.approx(40.0 + 20.0j)
 
 
-def test_an_image_holds_linear_fields_and_nothing_outside():
-    mesh = box("tri3", (4, 3), size=(2.0, 1.0), distortion=0.2)
-    triangles = mesh.blocks[0].nodes
-    raster = raster_of(mesh.points, triangles, np.array([-1.0, 0.0]), np.array([2.0, 1.0]), width=1)
-    image = raster.linear(mesh.points @ [3.0, 5.0], np.ones(len(triangles), dtype=bool))
-    rows, columns = raster.shape
-    x = -1.0 + 3.0 * (np.arange(columns) + 0.5) / columns
-    y = (np.arange(rows) + 0.5) / rows
-    exact = np.where(x[None] > 0, 3.0 * x[None] + 5.0 * y[:, None], np.nan)
-    np.testing.assert_allclose(image, exact)
-    half = raster.flat(np.arange(len(triangles)), np.arange(len(triangles)) < 5)
-    assert set(np.unique(half[np.isfinite(half)])) == set(range(5))
+@pytest.mark.parametrize(("low", "high"), [(0.5, 9.0), (-4.0, 5.0)])
+def test_colours_are_those_of_their_bands_and_what_is_absent_stays_white(low, high):
+    scene = scene_with([0] * 4, [0, 0, 0])
+    (sheet,) = scene.sheets
+    scene.fields.present[1] = element_centres(scene.fields.mesh)[:, 0] < 40 / 3  # two of three rows
+    value = low + (high - low) * sheet.xy[:, 1] / 20.0
+    scale = bands(np.stack([np.clip(value, low + 1.0, high - 1.0), np.ones(len(value))]), "Blues")
+    with drawing_style():
+        figure = Figure(figsize=(2, 2), layout="none")
+        axes = figure.add_axes((0, 0, 1, 1))
+        axes.set_axis_off()
+        shade(axes, scene, sheet, 1, value, scale)
+        axes.set(xlim=(0, 20), ylim=(0, 20))
+        canvas = FigureCanvasAgg(figure)
+        canvas.draw()
+        pixels = np.asarray(canvas.buffer_rgba())[::-1, :, :3] / 255
+    rows, columns = pixels.shape[:2]
+    rising = low + (high - low) * (np.arange(rows) + 0.5) / rows
+    clear = np.abs(rising[:, None] - scale["levels"]).min(axis=1) > 3 * (high - low) / rows
+    expected = scale["cmap"](scale["norm"](rising))[:, None, :3]
+    here = slice(2, int(columns * 2 / 3) - 2)
+    assert clear.mean() > 0.5
+    np.testing.assert_allclose(pixels[clear, here], np.broadcast_to(
+        expected[clear], pixels[clear, here].shape), atol=0.01)  # fmt: skip
+    assert (pixels[:, int(columns * 2 / 3) + 2 :] == 1.0).all()
 
 
 @pytest.mark.parametrize("state", [1, 3])
@@ -212,11 +225,7 @@ def test_titles_over_scales_of_colours_are_not_cut(plane, aspect):
     window = Window(low, low + (high - low) * part)
     scene.window = lambda _: window
     quantity = ColouredField("size (mm)", lambda s, state: np.full(len(s.xy), state), "Blues")
-    with drawing_style(), lean_axes():
-        figure = table_figure(scene, sheet, [quantity] * 4)
-        SvgCanvas(figure, 150)
-        figure.dpi = 72
-        lay_out(figure)
-        figure.draw_without_rendering()
-        titles = [axes._left_title.get_window_extent() for axes in figure.axes]
+    figure = laid_out(lambda: table_figure(scene, sheet, [quantity] * 4))
+    said = {axes.get_title(loc="left") for axes in figure.axes} - {""}
+    titles = [text.get_window_extent() for text in figure.findobj(Text) if text.get_text() in said]
     assert max(box.y1 for box in titles) < figure.bbox.y1 - 2.5  # the layout keeps 3 points free

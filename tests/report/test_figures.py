@@ -8,17 +8,17 @@ from functools import cache
 import numpy as np
 import pytest
 from matplotlib import rc_context
+from matplotlib.figure import Figure
 from matplotlib.image import imread
 from matplotlib.text import Text
 
-from geoident.report.drawing import album as album_module
 from geoident.report.drawing.album import album, figure_files
 from geoident.report.drawing.fields.panels import bands
+from geoident.report.drawing.lines import add_segments
 from geoident.report.drawing.overview import overview_figure, overview_pictures
 from geoident.report.drawing.scene import Scene, scene_of
 from geoident.report.drawing.signs import sign_pictures
 from geoident.report.drawing.style import drawing_style, image
-from geoident.report.page.svg import inline_svg
 from geoident.report.text.case import gauge_quantity
 from tests.support.pictures import laid_out
 from tests.support.results import STAGES, changed_gauges, example_result, small_result
@@ -213,11 +213,9 @@ def test_pictures_are_not_blank(plane):
     assert (pixels < 0.95).any(axis=2).mean() > 0.2
 
 
-def test_files_are_named_by_figure_and_result(monkeypatch):
+@pytest.mark.usefixtures("plain_pictures")
+def test_files_are_named_by_figure_and_result():
     scan = small_result()
-    monkeypatch.setattr(
-        album_module, "images", lambda pictures, suffix: [b"\x89PNG" for _ in pictures]
-    )
     one = figure_files([("a", scan)], ["png"])
     assert "scan.png" in one
     assert all(content.startswith(b"\x89PNG") for content in one.values())
@@ -248,16 +246,6 @@ def test_long_names_and_many_stages_stay_readable():
             )
 
 
-def test_inlined_figures_lose_styles_and_keep_references(plane):
-    (picture,) = [p for p in album(plane).all if p.name == "correlation"]
-    text = inline_svg(image(picture, "svg"), name="x", text="a < b")
-    assert "style=" not in text
-    assert "<style" not in text
-    assert "xmlns" not in text
-    assert 'aria-label="a &lt; b"' in text
-    assert 'fill="none"' in text or 'fill="#' in text
-
-
 def test_stages_are_those_of_the_result(plane):
     assert plane.gauges.stages == STAGES
 
@@ -285,3 +273,21 @@ def test_the_overview_says_which_gauges_it_shows_and_is_wider_than_high(plane):
     with drawing_style():
         width, height = overview_figure(plane, scene_of(plane)).get_size_inches()
     assert height < width
+
+
+def test_lines_that_meet_are_drawn_as_one_and_are_the_same_lines():
+    rng = np.random.default_rng(3)
+    nodes = rng.integers(0, 6, size=(60, 2, 2)).astype(float)
+    ends = nodes[(nodes[:, 0] != nodes[:, 1]).any(axis=1)]
+    axes = Figure().subplots()
+    add_segments(axes, ends, (np.zeros(2), np.full(2, 6.0)))
+    (line,) = axes.lines
+    chain = line.get_xydata()
+    pairs = np.stack([chain[:-1], chain[1:]], axis=1)
+    pairs = pairs[np.isfinite(pairs).all(axis=(1, 2))]
+
+    def key(each):
+        return sorted(tuple(sorted(map(tuple, pair))) for pair in each.tolist())
+
+    assert key(pairs) == key(ends)
+    assert np.isnan(chain).any(axis=1).sum() < len(ends) / 2

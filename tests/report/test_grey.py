@@ -36,8 +36,9 @@ def looks(svg):
     shapes = {e.get("id"): e[0].get("d") if len(e) else e.get("d") for e in root.iter()}
     found, line, marker = {}, None, None
     for element in root.iter():
-        if element.tag == f"{SVG}path" and element.get("stroke", "none") != "none":
-            line = element.get("stroke"), element.get("stroke-dasharray", "")
+        style = dict(part.split(": ") for part in element.get("style", "").split("; ") if part)
+        if element.tag == f"{SVG}path" and style.get("stroke", "none") != "none":
+            line = style["stroke"], style.get("stroke-dasharray", "")
             marker = None
         elif element.tag == f"{SVG}use":
             marker = shapes.get(element.get(LINK, "")[1:])
@@ -111,7 +112,7 @@ def test_what_is_negative_is_dotted_where_signs_differ(plane):
     assert grey[0] < grey.max() - LEAST  # dark on both sides: why dots are needed
     assert grey[-1] < grey.max() - LEAST
     (parts,) = [p for p in album(plane).fields if p.name == "displacement-parts"]
-    dashes = re.findall(r'stroke-dasharray="([^"]+)"', image(parts, "svg").decode())
+    dashes = re.findall(r"stroke-dasharray: ([^;\"]+)", image(parts, "svg").decode())
     longest = {max(float(x) for x in each.split(",")[::2]) for each in dashes}
     assert min(longest) < 1.0 < max(longest)  # points: dots on one side, dashes for zero
     assert "dots are on the negative side" in parts.caption

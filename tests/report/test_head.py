@@ -2,7 +2,6 @@
 
 import base64
 import io
-import os
 import re
 from dataclasses import replace
 from xml.etree import ElementTree
@@ -14,7 +13,6 @@ pytest.importorskip("matplotlib", reason='reports need matplotlib: pip install "
 from click.testing import CliRunner
 from PIL import Image
 
-from geoident import processors
 from geoident.cli.app import geoident
 from geoident.errors import InputError
 from geoident.io.case.file import parse_case
@@ -24,7 +22,6 @@ from geoident.model.results.head import ReportHead
 from geoident.report.page.html import page
 from geoident.report.page.logo import logo_element
 from geoident.report.page.page import report_page
-from geoident.report.saving.side_by_side import side_by_side
 from tests.support.results import small_result
 
 SVG = """<?xml version="1.0"?>
@@ -161,17 +158,3 @@ def test_flags_override_the_case_as_it_stands_today(tmp_path, monkeypatch):
     again = CliRunner().invoke(geoident, ["report", "pit.fit.h5", "--force"])
     assert again.exit_code == 0, again.stderr
     assert "<dd>Lower Valley</dd>" in (tmp_path / "pit.fit.html").read_text(encoding="utf-8")
-
-
-@pytest.mark.skipif(not processors.may_fork(), reason="forks on Linux only, of one thread")
-@pytest.mark.parametrize("elsewhere", [True, False])
-def test_figures_side_by_side_are_those_one_by_one(elsewhere, monkeypatch):
-    monkeypatch.setattr(processors, "processors", lambda: 3 if elsewhere else 1)
-    monkeypatch.setattr(processors, "may_fork", lambda: True)
-    drawn = side_by_side(_drawn, list(range(7)))
-    assert [int(text.split()[0]) for text in drawn] == list(range(7))
-    assert (str(os.getpid()) not in {text.split()[1].decode() for text in drawn}) == elsewhere
-
-
-def _drawn(k):
-    return f"{k} {os.getpid()}".encode()

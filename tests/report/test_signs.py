@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import get_args
 
@@ -10,8 +11,8 @@ import pytest
 
 from geoident.io.case.file import read_case
 from geoident.io.case.gauges.kinds import GaugeSection
-from geoident.report.drawing.signs import SIGNS, signs_figure
-from geoident.report.drawing.style import Picture, image
+from geoident.report.drawing.signs import SIGNS, sign_pictures, signs_figure
+from geoident.report.drawing.style import Picture, drawing_style, image
 
 DOCS = Path(__file__).resolve().parents[2] / "geoident" / "docs"
 ALL = [get_args(s.model_fields["kind"].annotation)[0] for s in get_args(get_args(GaugeSection)[0])]
@@ -72,3 +73,12 @@ def test_drawings_stay_in_their_panels(kind):
         box = text.get_window_extent()
         assert box.x0 >= frame.x0 - 1
         assert box.x1 <= frame.x1 + 1
+
+
+def test_signs_are_those_of_the_structures_that_are_measured(plane):
+    text = (DOCS.parents[1] / "cases/braced-pit/case.yaml").read_text(encoding="utf-8")
+    table = replace(plane.gauges, gauges=("LC1",) * len(plane.gauges.gauges))
+    (picture,) = sign_pictures(replace(plane, case_resolved=text, case_text=text, gauges=table))
+    with drawing_style():
+        said = {axes.get_title("left") for axes in picture.draw().axes}
+    assert said == {"strut: compression"}

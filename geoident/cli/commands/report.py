@@ -5,8 +5,9 @@
 from __future__ import annotations
 
 import shlex
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import partial
-from importlib import import_module
 from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
@@ -17,6 +18,7 @@ from geoident.errors import UsageError
 
 if TYPE_CHECKING:
     from geoident.model.results.head import ReportHead
+    from geoident.report.drawing.style import Progress
 
 EPILOG = """\b
 Examples:
@@ -126,32 +128,43 @@ def _written(
     place = "" if no_page else page_path(results, output=options.output)
     read = read_results(results)
     _require_matplotlib()
-    import_module("geoident.report.page.page")
     from geoident.report.drawing.album import figure_files
-    from geoident.report.drawing.style import images
+    from geoident.report.drawing.style import svg_files
     from geoident.report.page.page import report_page
 
     inputs, cases = files_read(results, read), cases_of(results, read)
     written: tuple[str, ...] = ()
     if place:
         said = head_of(results, read, head)
-        draw = partial(images, suffix="svg")
-        render = partial(report_page, head=said, logo=read_logo(said), draw=draw)
         inputs = (*inputs, said.logo) if said.logo else inputs
-        page = write_page(
-            read, place, cases=cases, overwrite=options.force, inputs=inputs, render=render
-        )
+        with _progress(options) as progress:
+            draw = partial(svg_files, progress=progress)
+            render = partial(report_page, head=said, logo=read_logo(said), draw=draw)
+            page = write_page(
+                read, place, cases=cases, overwrite=options.force, inputs=inputs, render=render
+            )
         written += (page,)
     if folder is not None:
-        written += write_figures(
-            read,
-            folder,
-            cases=cases,
-            overwrite=options.force,
-            inputs=inputs,
-            draw=lambda labelled: figure_files(labelled, suffixes or ("svg",)),
-        )
+        with _progress(options) as progress:
+            written += write_figures(
+                read,
+                folder,
+                cases=cases,
+                overwrite=options.force,
+                inputs=inputs,
+                draw=lambda labelled: figure_files(labelled, suffixes or ("svg",), progress),
+            )
     return written
+
+
+@contextmanager
+def _progress(options: Options) -> Iterator[Progress]:
+    """Shows on a terminal meanwhile which figure is drawn."""
+    from geoident.cli.terminal import Terminal
+
+    terminal = Terminal(options)
+    with terminal.live("drawing figures"):
+        yield terminal.part
 
 
 def _require_sense(
@@ -177,13 +190,14 @@ def _require_matplotlib() -> None:
 
 def _page_of_many(path: str, options: Options, said: ReportHead) -> str:
     """The page of a campaign or a project, beside its runs or its result."""
-    from geoident.report.drawing.style import images
+    from geoident.report.drawing.style import svg_files
     from geoident.report.page.of_many import page_of_many
     from geoident.workflow.page_of_many import write_page_of_many
     from geoident.workflow.report import read_logo
 
-    draw = partial(images, suffix="svg")
-    render = partial(page_of_many, head=said, logo=read_logo(said), draw=draw)
-    return write_page_of_many(
-        path, options.output, force=options.force, logo=said.logo, render=render
-    )
+    with _progress(options) as progress:
+        draw = partial(svg_files, progress=progress)
+        render = partial(page_of_many, head=said, logo=read_logo(said), draw=draw)
+        return write_page_of_many(
+            path, options.output, force=options.force, logo=said.logo, render=render
+        )

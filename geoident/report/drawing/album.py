@@ -27,7 +27,7 @@ from geoident.report.drawing.quality import quality_pictures
 from geoident.report.drawing.scene import scene_of
 from geoident.report.drawing.signs import sign_pictures
 from geoident.report.drawing.solid import solid_pictures
-from geoident.report.drawing.style import Picture, images
+from geoident.report.drawing.style import Picture, Progress, images
 from geoident.report.drawing.varied import varied_pictures
 
 
@@ -104,12 +104,15 @@ def comparison(results: Labelled) -> tuple[Picture, ...]:
     return (*compared_parameter_pictures(results), *compared_gauge_pictures(results))
 
 
-def figure_files(results: Labelled, suffixes: Sequence[str]) -> dict[str, bytes]:
+def figure_files(
+    results: Labelled, suffixes: Sequence[str], progress: Progress | None = None
+) -> dict[str, bytes]:
     """Every figure as a file.
 
     Args:
         results: labels and results.
         suffixes: formats, of ``svg``, ``png`` and ``pdf``.
+        progress: is told before each file.
 
     Returns:
         Name of the file, such as ``overview.svg``, to its bytes.
@@ -118,9 +121,6 @@ def figure_files(results: Labelled, suffixes: Sequence[str]) -> dict[str, bytes]
     pictures = list(comparison(results))
     for number, (_, result) in enumerate(results, start=1):
         pictures += album(result, prefix=f"{number}-" if several else "").all
-    drawn = {suffix: images(pictures, suffix) for suffix in suffixes}
-    return {
-        f"{picture.name}.{suffix}": files[k]
-        for k, picture in enumerate(pictures)
-        for suffix, files in drawn.items()
-    }
+    files = [(picture, suffix) for picture in pictures for suffix in suffixes]
+    names = [f"{picture.name}.{suffix}" for picture, suffix in files]
+    return dict(zip(names, images(files, progress), strict=True))

@@ -19,7 +19,6 @@ from typing import Any
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.lines import Line2D
-from matplotlib.patheffects import withStroke
 from matplotlib.text import Text
 from mpl_toolkits.mplot3d import proj3d
 
@@ -27,8 +26,8 @@ from geoident.fem.near import points_in_boxes
 from geoident.model.arrays import Bools, Floats
 from geoident.report.drawing.style import SMALL
 
-HALO = [withStroke(linewidth=2.0, foreground="white")]
-"""A white rim, so that letters can be read on lines and colours."""
+_GROUND = {"facecolor": "white", "alpha": 0.6, "edgecolor": "none", "pad": 0.4}
+"""Behind the letters, so that they can be read on lines and colours and stay text in an SVG."""
 
 _FIRST, _LAST = -1000.0, 8.0  # zorder: places are found before anything is drawn; letters on top
 _INCH = 72.0  # points
@@ -105,7 +104,7 @@ def place_labels(
     made = []
     for points, words in zip(anchors, texts, strict=True):
         text = Text(0, 0, words, fontsize=size, color=colour, weight=weight, zorder=_LAST,
-                    ha="center", va="center", path_effects=HALO, transform=inches)  # fmt: skip
+                    ha="center", va="center", bbox=_GROUND, transform=inches)  # fmt: skip
         leader = Line2D([], [], color=colour, lw=0.5, zorder=_LAST - 0.1, transform=inches)
         for artist in (leader, text):
             artist.set_in_layout(False)

@@ -8,12 +8,11 @@ from functools import cached_property
 
 import numpy as np
 
-from geoident.fem.location import Locator
+from geoident.fem.location import Locator, Site
 from geoident.model.arrays import Bools, Floats, Ints
 from geoident.model.case import Case
 from geoident.model.results.result import FieldSeries, GaugeTable, Result
 from geoident.report.drawing.model.case import case_of
-from geoident.report.drawing.raster import PER_INCH, Raster, raster_of
 from geoident.report.drawing.sheets import Plane, Sheet, SheetMaker, Trace, element_centres
 from geoident.report.drawing.style import short
 from geoident.report.text.case import axis_names
@@ -22,7 +21,6 @@ MOST_STAGES = 12
 """Stages that a figure shows one by one; of more, evenly spaced ones."""
 
 _MARGIN = 0.2
-_PIXELS = 350_000  # of the image of a field
 _NICE = (1.0, 2.0, 5.0, 10.0)
 
 
@@ -59,7 +57,6 @@ class Scene:
         self.only = only
         self.axis_names = axis_names(result)
         self._maker = SheetMaker(fields.mesh)
-        self._rasters: dict[Sheet, Raster] = {}
         self._areas: dict[tuple[Sheet, int], tuple[Ints, Floats]] = {}
         self._lines: dict[tuple[Sheet, int], tuple[Trace, Trace]] = {}
         self._sections: dict[Plane, Sheet] = {}
@@ -179,22 +176,24 @@ class Scene:
         """(n_nodes, dim) since another state, m; of what was placed later since then."""
         return np.asarray(self.fields.displacement[state] - self.fields.displacement[since])
 
-    def raster(self, sheet: Sheet) -> Raster:
-        """The pixels of a sheet in its window, found once."""
-        if sheet not in self._rasters:
-            window = self.window(sheet)
-            self._rasters[sheet] = raster_of(
-                sheet.xy,
-                sheet.triangles,
-                window.low,
-                window.high,
-                width=self.raster_width(window),
-            )
-        return self._rasters[sheet]
+    @cached_property
+    def _locator(self) -> Locator:
+        return Locator(self.fields.mesh)
 
-    def raster_width(self, window: Window) -> float:
-        """Width of the image of a window, inches: as fine as it can be in some number of pixels."""
-        return float(np.sqrt(_PIXELS / window.aspect)) / PER_INCH
+    def sites(self, sheet: Sheet, state: int, places: Floats) -> list[Site | None]:
+        """The present elements in which places of a sheet lie; None where there is none.
+
+        Args:
+            sheet: a plane, or a section of a solid.
+            state: number of the state.
+            places: (k, 2) on it, m.
+        """
+        points = places
+        if sheet.plane is not None:
+            points = np.insert(places, sheet.plane.axis, sheet.plane.value, axis=1)
+        each = [tuple(point) for point in points.tolist()]
+        self._locator.find(each)
+        return [self._locator.best(point, self.fields.present[state]) for point in each]
 
     def stress_at(self, sheet: Sheet, state: int, which: int) -> Floats:
         """A principal stress (n,) at the n points of a sheet, Pa; NaN where nothing is present.
@@ -276,7 +275,7 @@ class Scene:
     def gauge_motion(self) -> tuple[Floats, Floats]:
         """Gauge points (k, dim), m, and displacements (n_states, k, dim); NaN where absent."""
         points = np.unique(gauge_points(self.result.gauges).round(6), axis=0)
-        locator, fields = Locator(self.fields.mesh), self.fields
+        locator, fields = self._locator, self.fields
         places = [tuple(point) for point in points.tolist()]
         locator.find(places)
         motion = np.full((self.n_states, *points.shape), np.nan)

@@ -6,6 +6,7 @@ things, one scale that is monotonous in lightness for magnitudes.
 
 from __future__ import annotations
 
+import io
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -20,9 +21,6 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
 from geoident.model.arrays import Floats
-from geoident.report.saving.figure_file import figure_file
-from geoident.report.saving.lean_axes import lean_axes
-from geoident.report.saving.side_by_side import side_by_side
 
 COMPUTED = "#1f4e79"
 MEASURED = "#262626"
@@ -42,13 +40,19 @@ MIDDLE = 8.5
 _SHORT = 0.3
 """Of the longest side of a box: along a shorter one numbers would stand on each other."""
 _Item = TypeVar("_Item")
+Progress = Callable[[str, float], None]
+"""Is told which figure is drawn, and what share of all figures, 0 to 1, is done."""
+_DPI = 200  # of what is drawn as pixels
 _COLUMNS = 3
 _RC: Any = {
     "svg.hashsalt": "geoident",
     "svg.fonttype": "none",
     "pdf.fonttype": 42,
     "text.parse_math": False,  # a $ in a name is a $
-    "font.family": "DejaVu Sans",  # comes with matplotlib, so pages do not depend on the machine
+    # DejaVu Sans comes with matplotlib, so that layouts do not depend on the machine; a browser
+    # without it takes Verdana, whose letters are as wide
+    "font.family": "sans-serif",
+    "font.sans-serif": ["DejaVu Sans", "Verdana", "Geneva"],
     "font.size": MIDDLE,
     "axes.titlesize": MIDDLE,
     "axes.titlelocation": "left",
@@ -94,18 +98,40 @@ def drawing_style() -> Iterator[None]:
 
 def image(picture: Picture, suffix: str) -> bytes:
     """A figure as a file: ``svg``, ``png`` or ``pdf``."""
-    with drawing_style(), lean_axes():
-        return figure_file(picture.draw(), suffix, title=picture.title, description=picture.caption)
+    metadata = {
+        "svg": {"Date": None, "Title": picture.title, "Description": picture.caption},
+        "pdf": {"CreationDate": None},
+        "png": {"Creation Time": None},
+    }[suffix]
+    buffer = io.BytesIO()
+    with drawing_style():
+        picture.draw().savefig(buffer, format=suffix, dpi=_DPI, metadata=metadata)
+    return buffer.getvalue()
 
 
-def images(pictures: Sequence[Picture], suffix: str) -> list[bytes]:
-    """Figures as files, drawn side by side by all processors.
+def svg_files(pictures: Sequence[Picture], progress: Progress | None = None) -> list[bytes]:
+    """Figures as files of SVG.
 
     Args:
         pictures: in their order.
-        suffix: ``svg``, ``png`` or ``pdf``.
+        progress: is told before each figure.
     """
-    return side_by_side(partial(image, suffix=suffix), pictures)
+    return images([(picture, "svg") for picture in pictures], progress)
+
+
+def images(files: Sequence[tuple[Picture, str]], progress: Progress | None = None) -> list[bytes]:
+    """Figures as files.
+
+    Args:
+        files: picture and suffix of each.
+        progress: is told before each file.
+    """
+    drawn = []
+    for done, (picture, suffix) in enumerate(files):
+        if progress is not None:
+            progress(f"figure {done + 1} of {len(files)}", done / len(files))
+        drawn.append(image(picture, suffix))
+    return drawn
 
 
 def colour(k: int) -> str:

@@ -12,17 +12,7 @@ from dataclasses import dataclass
 
 from geoident.report.drawing.style import Picture
 from geoident.report.page.html import Html, joined, table, tag
-from geoident.report.page.printed import (
-    HEAD,
-    HEADING,
-    Drawn,
-    Item,
-    PrintedPlace,
-    printed_rows,
-    table_height,
-    text_height,
-)
-from geoident.report.page.svg import figure_element, size_of_svg
+from geoident.report.page.svg import figure_element
 from geoident.report.text.layout import TextTable
 
 Draw = Callable[[Sequence[Picture]], Sequence[bytes]]
@@ -152,7 +142,7 @@ def body(sections: Sequence[PagePart], draw: Draw) -> Html:
     """
     pictures = list(_pictures(sections))
     drawn = dict(zip((p.name for p in pictures), draw(pictures), strict=True))
-    return _Writer(drawn, sections).write(sections)
+    return _Writer(drawn).write(sections)
 
 
 def _pictures(sections: Iterable[PagePart]) -> Iterator[Picture]:
@@ -163,33 +153,15 @@ def _pictures(sections: Iterable[PagePart]) -> Iterator[Picture]:
         yield from _pictures(one.parts)
 
 
-def _in_order_of_paper(sections: Sequence[PagePart]) -> Iterator[PagePart]:
-    """Sections and their parts; last what is closed, which does not move what is printed."""
-    for one in sorted((one for one in sections if one), key=lambda one: one.closed):
-        yield one
-        yield from _in_order_of_paper(one.parts)
-
-
-def _names(block: Figures) -> tuple[str, ...]:
-    return tuple(picture.name for picture in block.pictures)
-
-
 class _Writer:
     """Writes sections, and counts figures and tables on the way.
 
     Args:
         drawn: name of a picture to its SVG.
-        sections: of the page.
     """
 
-    def __init__(self, drawn: dict[str, bytes], sections: Sequence[PagePart]) -> None:
+    def __init__(self, drawn: dict[str, bytes]) -> None:
         self._drawn = drawn
-        blocks = [block for one in _in_order_of_paper(sections) for block in one.blocks]
-        figures = [_names(block) for block in blocks if isinstance(block, Figures) and block]
-        items: list[Item] = [HEAD]
-        for one in _in_order_of_paper(sections):
-            items += [HEADING, *(self._item(block) for block in one.blocks if block)]
-        self._rows = dict(zip(figures, printed_rows(items), strict=True))
         self._figures = 0
         self._tables = 0
 
@@ -208,35 +180,17 @@ class _Writer:
 
     def _block(self, block: Block) -> Html:
         if isinstance(block, Figures):
-            left = iter(block.pictures)
-            made = [
-                [self._figure(next(left), place) for place in row]
-                for row in self._rows[_names(block)]
-            ]
-            return tag("div", *(tag("div", *row, class_="row") for row in made), class_="figures")
+            return tag("div", *map(self._figure, block.pictures), class_="figures")
         if isinstance(block, TitledTable):
             self._tables += 1
             return table(block.table, caption=f"Table {self._tables}: {block.title}")
         return block
 
-    def _item(self, block: Block) -> Item:
-        """A block by its height on paper, or its figures."""
-        if isinstance(block, Figures):
-            return [self._size(picture) for picture in block.pictures]
-        if isinstance(block, TitledTable):
-            return table_height(block.table)
-        return text_height(block)
-
-    def _size(self, picture: Picture) -> Drawn:
-        letters = len(picture.title) + len(picture.caption) + len("Figure 10: . ")
-        return Drawn(*size_of_svg(self._drawn[picture.name]), letters)
-
-    def _figure(self, picture: Picture, place: PrintedPlace) -> Html:
+    def _figure(self, picture: Picture) -> Html:
         self._figures += 1
         return figure_element(
             self._drawn[picture.name],
             name=picture.name,
             title=f"Figure {self._figures}: {picture.title}",
             caption=picture.caption,
-            place=place,
         )

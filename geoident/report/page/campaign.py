@@ -7,6 +7,7 @@ from pathlib import PurePosixPath
 from geoident.model.results.head import NO_HEAD, ReportHead
 from geoident.model.results.many.campaign import CampaignTable
 from geoident.report.drawing.campaign import campaign_pictures
+from geoident.report.drawing.style import svg_files
 from geoident.report.page.blocks import Draw, Figures, TitledTable, section
 from geoident.report.page.headed import PageHead, headed_page
 from geoident.report.page.html import tag
@@ -20,7 +21,7 @@ from geoident.report.text.layout import TextTable
 
 
 def campaign_page(
-    table: CampaignTable, head: ReportHead = NO_HEAD, *, logo: bytes = b"", draw: Draw
+    table: CampaignTable, head: ReportHead = NO_HEAD, *, logo: bytes = b"", draw: Draw = svg_files
 ) -> str:
     """The report of a campaign as one page.
 

@@ -7,13 +7,12 @@ together as HTML.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 from geoident.model.results.head import NO_HEAD, ReportHead
 from geoident.model.results.result import Labelled, Result
 from geoident.report.drawing.album import Album, album, comparison
-from geoident.report.drawing.style import Picture, image
+from geoident.report.drawing.style import Picture, svg_files
 from geoident.report.page.blocks import (
     Block,
     Draw,
@@ -65,7 +64,7 @@ _MOST_RUNS = 4
 
 
 def report_page(
-    results: Labelled, head: ReportHead = NO_HEAD, *, logo: bytes = b"", draw: Draw | None = None
+    results: Labelled, head: ReportHead = NO_HEAD, *, logo: bytes = b"", draw: Draw = svg_files
 ) -> str:
     """The report of one result, or of several with a comparison first.
 
@@ -73,7 +72,7 @@ def report_page(
         results: labels (such as file names) and results.
         head: what it says of itself.
         logo: content of the file of the logo.
-        draw: makes the figures; one after the other if missing.
+        draw: makes the figures.
     """
     if len(results) == 1:
         ((label, result),) = results
@@ -85,11 +84,7 @@ def report_page(
     origins = [result.provenance for _, result in results]
     versions = [one.versions.get("geoident", "") for one in origins]
     above = PageHead(title, [one.created for one in origins], versions, head, logo)
-    return headed_page(above, sections, draw or _one_by_one)
-
-
-def _one_by_one(pictures: Sequence[Picture]) -> list[bytes]:
-    return [image(picture, "svg") for picture in pictures]
+    return headed_page(above, sections, draw)
 
 
 def _compared(results: Labelled) -> tuple[PagePart, ...]:

@@ -6,6 +6,7 @@ from geoident.model.results.head import NO_HEAD, ReportHead
 from geoident.model.results.many.project import ProjectResult, SectionEnd
 from geoident.report.drawing.project.laws import estimate_pictures, law_pictures
 from geoident.report.drawing.project.readings import reading_pictures
+from geoident.report.drawing.style import svg_files
 from geoident.report.page.blocks import (
     Draw,
     Figures,
@@ -27,7 +28,7 @@ from geoident.report.text.project.tables import head as summary
 
 
 def project_page(
-    result: ProjectResult, head: ReportHead = NO_HEAD, *, logo: bytes = b"", draw: Draw
+    result: ProjectResult, head: ReportHead = NO_HEAD, *, logo: bytes = b"", draw: Draw = svg_files
 ) -> str:
     """The report of several sections as one page.
 

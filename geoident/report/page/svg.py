@@ -1,77 +1,70 @@
-"""Figures inside a page: SVG of matplotlib made fit for HTML.
+"""Figures inside a page: SVG of matplotlib as elements of HTML.
 
-A figure is a document of its own, with names that repeat from figure to figure; in a page equal
-names collide, so they get the figure's prefix. It has no styles, which a strict content-security
-policy would forbid (`report.saving.svg_writer`).
+A file of SVG is a document of its own, whose names repeat from figure to figure. In a page each
+name gets the figure's prefix, and what belongs to a document falls out: its declaration, metadata
+and style, which the page has for all figures.
 """
 
 from __future__ import annotations
 
 import re
-from html import escape
+from xml.etree import ElementTree
 
 from geoident.report.page.html import Html, tag
-from geoident.report.page.printed import PrintedPlace
-from geoident.report.saving.svg_writer import LINK
 
-_HEAD = re.compile(
-    r'<svg .*?width="([^"]+)pt" height="([^"]+)pt" viewBox="([^"]+)".*?family="([^"]+)"'
-)
-_SAID = re.compile(r"<(title|desc)>[^<]*</\1>")
-_NAMES = re.compile(r'((?: id="|="#|="url\(#))(r\d+)')
+_REFERENCE = re.compile(r"(^#|url\(#)([^)]+)")
+"""In the value of an attribute, the name of another element behind its mark."""
 
 
 def inline_svg(svg: bytes, *, name: str, text: str) -> Html:
-    """An SVG document as an element of HTML.
+    """A file of SVG as an element of HTML.
 
     Args:
-        svg: as `figure_file` writes it.
+        svg: as matplotlib writes it.
         name: of the figure; prefix of the names inside.
         text: what it shows, for those who cannot see it.
     """
-    document = svg.decode()
-    head, inner = _HEAD.search(document), _SAID.sub("", document, count=2)
-    width, height = (round(length) for length in size_of_svg(svg))
-    inner = inner[inner.index(">", inner.index("<svg ")) + 1 :].strip()
-    inner = _NAMES.sub(lambda found: f"{found[1]}{name}-{found[2]}", inner)
-    inner = inner.replace(f" {LINK}=", " href=")
-    box, fonts = head.groups()[2:] if head else ("", "")
-    start = (
-        f'<svg width="{width}" height="{height}" viewBox="{box}" font-family="{fonts}" '
-        f'role="graphics-document document" aria-label="{escape(text)}" stroke-linejoin="round">'
-    )
-    return Html(start + inner)
+    root = ElementTree.fromstring(svg)
+    values = [value for element in root.iter() for value in element.attrib.values()]
+    needed = {found[2] for value in values for found in _REFERENCE.finditer(value)}
+    for element in root.iter():
+        for child in list(element):
+            if _local(child.tag) in ("title", "metadata", "style"):
+                element.remove(child)
+        element.tag, element.tail = _local(element.tag), None
+        if element.tag != "text":
+            element.text = None  # blanks between elements
+        element.attrib = {
+            _local(key): f"{name}-{value}" if key == "id" else _prefixed(value, name)
+            for key, value in element.attrib.items()
+            if key != "id" or value in needed
+        }
+    size = {key: root.attrib[key] for key in ("width", "height", "viewBox")}
+    root.attrib = {**size, "role": "graphics-document document", "aria-label": text}
+    return Html(ElementTree.tostring(root, encoding="unicode"))
 
 
-def figure_element(svg: bytes, *, name: str, title: str, caption: str, place: PrintedPlace) -> Html:
-    """A figure with its caption.
+def _local(name: str) -> str:
+    """A name without its namespace, which HTML knows by itself."""
+    return name.rpartition("}")[2]
+
+
+def _prefixed(value: str, name: str) -> str:
+    """The value of an attribute with the prefix in its references."""
+    return _REFERENCE.sub(lambda found: f"{found[1]}{name}-{found[2]}", value)
+
+
+def figure_element(svg: bytes, *, name: str, title: str, caption: str) -> Html:
+    """A figure with its caption; the style of the page sizes it by its own width.
 
     Args:
         svg: the picture.
         name: of the figure, for its id.
         title: what it shows.
         caption: what more is to be said.
-        place: on paper.
     """
     picture = inline_svg(svg, name=name, text=title)
+    width = ElementTree.fromstring(picture).attrib["width"]
     words = tag("figcaption", tag("b", f"{title}. "), caption)
     drawing = tag("div", picture, class_="drawing")
-    wide = min(max(round(size_of_svg(svg)[0] / 100), 1), 20)
-    sizes = f"w{wide} p{place.part}" + " beside" * place.beside
-    return tag("figure", drawing, words, id=f"figure-{name}", class_=sizes)
-
-
-def size_of_svg(svg: bytes) -> tuple[float, float]:
-    """Width and height of a picture, pixels.
-
-    Args:
-        svg: as `figure_file` writes it.
-
-    Raises:
-        ValueError: it is another picture.
-    """
-    found = _HEAD.search(svg.decode())
-    if found is None:
-        msg = "not an SVG that figure_file wrote"
-        raise ValueError(msg)
-    return float(found[1]) * 4 / 3, float(found[2]) * 4 / 3
+    return tag("figure", drawing, words, id=f"figure-{name}", style=f"--width: {width}")

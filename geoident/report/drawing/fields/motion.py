@@ -20,12 +20,11 @@ from geoident.report.drawing.fields.panels import (
     finish,
     on_sheet,
     panel_figure,
-    shade_image,
+    shade,
     table_figure,
     weighted,
 )
 from geoident.report.drawing.labels import place_labels
-from geoident.report.drawing.raster import raster_of
 from geoident.report.drawing.scene import Scene, Window, round_down
 from geoident.report.drawing.sheets import Sheet, Trace
 from geoident.report.drawing.style import (
@@ -141,10 +140,7 @@ def deformed_figure(scene: Scene, sheet: Sheet, factor: float) -> Figure:
     for axes, state, size in zip(panels, states, sizes, strict=True):
         across = list(sheet.axes)
         moved = sheet.xy + factor * sheet.of_nodes(scene.displacement(state))[:, across]
-        raster = raster_of(moved, sheet.triangles, window.low, window.high,
-                           width=scene.raster_width(window))  # fmt: skip
-        image = raster.linear(size, scene.fields.present[state][sheet.element])
-        shading = shade_image(axes, raster, image, scale)
+        shading = shade(axes, scene, sheet, state, size, scale, xy=moved)
         borders, ground = scene.lines(sheet, state)
         add_lines(axes, scene, sheet, ground.at(scene.fields.mesh.points), color=ACCENT, lw=0.8)
         add_lines(axes, scene, sheet, _moved(scene, borders, state, factor), color="black", lw=0.4)

@@ -12,19 +12,16 @@ from functools import partial
 from typing import Any, Literal
 
 import numpy as np
-from contourpy import LineType, contour_generator
 from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
-from matplotlib.collections import PathCollection
 from matplotlib.colors import BoundaryNorm, ListedColormap, Normalize
 from matplotlib.figure import Figure
-from matplotlib.path import Path
 from matplotlib.ticker import FixedLocator, MaxNLocator
+from matplotlib.tri import Triangulation
 
 from geoident.model.arrays import Bools, Floats
 from geoident.report.drawing.lines import add_segments
-from geoident.report.drawing.raster import Raster, show
 from geoident.report.drawing.scene import Scene, Window
 from geoident.report.drawing.sheets import Sheet
 from geoident.report.drawing.style import (
@@ -45,7 +42,6 @@ TOP = (0.5, 1.0)
 _NARROW = 17  # letters over a panel, of four in a row
 _FEW = 5  # numbers along a narrow scale of colours
 _ENDS = (0.005, 0.995)
-_EVERY = 2  # pixels between those from which a line is found
 
 _FAINT_ON_WHITE: dict[str, Any] = {"color": "#b5b5b5", "lw": 0.4}
 _FAINT_ON_FIELD: dict[str, Any] = {"color": "white", "lw": 0.3, "alpha": 0.6}
@@ -267,8 +263,15 @@ def _two_sided(levels: Floats) -> bool:
 
 
 def shade(
-    axes: Axes, scene: Scene, sheet: Sheet, state: int, value: Floats, scale: dict[str, Any]
-) -> Any:
+    axes: Axes,
+    scene: Scene,
+    sheet: Sheet,
+    state: int,
+    value: Floats,
+    scale: dict[str, Any],
+    *,
+    xy: Floats | None = None,
+) -> ScalarMappable:
     """Colour the present part of a sheet by values at its points.
 
     Args:
@@ -276,80 +279,61 @@ def shade(
         scene: what is drawn.
         sheet: a section or an outside of it.
         state: number of the state.
-        value: (n,) at the points of the sheet.
+        value: (n,) at the points of the sheet; NaN stays white.
         scale: of `bands`.
+        xy: (n, 2) where the points are drawn, m; None for where they are.
     """
-    raster = scene.raster(sheet)
-    image = raster.linear(value, scene.fields.present[state][sheet.element])
-    return shade_image(axes, raster, image, scale)
+    known = np.asarray(np.isfinite(value[sheet.triangles]).all(axis=1))
+    ground = ground_of(scene, sheet, state, known, xy=xy)
+    values, levels = np.nan_to_num(value), scale["levels"]
+    if ground is not None:
+        beyond = {**scale, "extend": "both"}  # beyond its ends it has the colours of these
+        axes.tricontourf(ground, values, zorder=0, **beyond).set_rasterized(True)
+        if levels[0] < 0.0 < levels[-1]:  # two hues are one in grey
+            add_levels(axes, ground, values, [0.0], linewidths=0.6, linestyles="dashed")
+            if _two_sided(levels):
+                negative, dots = levels[levels < 0.0], [_NEGATIVE]
+                add_levels(axes, ground, values, negative, linewidths=0.5, linestyles=dots)
+    return ScalarMappable(scale["norm"], scale["cmap"])
 
 
-def shade_image(axes: Axes, raster: Raster, image: Floats, scale: dict[str, Any]) -> ScalarMappable:
-    """Colour an image (rows, columns) of values; NaN stays white.
+def ground_of(
+    scene: Scene, sheet: Sheet, state: int, known: Bools | bool = True, *, xy: Floats | None = None
+) -> Triangulation | None:
+    """The triangles of a sheet that are present in a state; None where there are none.
 
     Args:
-        axes: where to draw.
-        raster: with the place of the image.
-        image: values (rows, columns).
-        scale: of `bands`.
+        scene: what is drawn.
+        sheet: a section or an outside of it.
+        state: number of the state.
+        known: (m,) which of the m triangles may be shown.
+        xy: (n, 2) where the points are drawn, m; None for where they are.
     """
-    shading = ScalarMappable(scale["norm"], scale["cmap"])
-    show(axes, raster, _coloured(image, scale), zorder=0)
-    if scale["levels"][0] < 0.0 < scale["levels"][-1]:  # two hues are one in grey
-        add_levels(axes, raster, image, [0.0], edgecolors="black", lw=0.6, ls="dashed")
-        if _two_sided(scale["levels"]):
-            negative = scale["levels"][scale["levels"] < 0.0]
-            add_levels(axes, raster, image, negative, edgecolors="black", lw=0.5, ls=[_NEGATIVE])
-    return shading
-
-
-def _coloured(image: Floats, scale: dict[str, Any]) -> Any:
-    """Colours (rows, columns, 4), as bytes, of values by their bands; NaN is nothing.
-
-    What matplotlib's norm and map give, by one search and one look-up instead of ten passes.
-    """
-    ends = scale["levels"][1:-1]
-    if scale["extend"] in ("min", "both"):
-        ends = np.r_[scale["levels"][0], ends]
-    if scale["extend"] in ("max", "both"):
-        ends = np.r_[ends, scale["levels"][-1]]
-    colours = scale["cmap"](np.arange(len(ends) + 1), bytes=True)
-    table = np.vstack([colours, np.zeros((1, 4), np.uint8)]).view(np.uint32)[:, 0]
-    band = np.searchsorted(np.r_[ends, np.inf], image, side="right")  # NaN comes behind infinity
-    return table[band].view(np.uint8).reshape(*image.shape, 4)
+    present = scene.fields.present[state][sheet.element] & known
+    x, y = (sheet.xy if xy is None else xy).T
+    return Triangulation(x, y, sheet.triangles[present]) if present.any() else None
 
 
 def add_levels(
-    axes: Axes, raster: Raster, image: Floats, levels: Sequence[float] | Floats, **style: Any
+    axes: Axes,
+    ground: Triangulation,
+    values: Floats,
+    levels: Sequence[float] | Floats,
+    **style: Any,
 ) -> None:
-    """The lines along which an image has some values, as far as it has them.
-
-    As matplotlib's contours, without what these find out about colours and scales.
+    """The lines along which something has some values, as far as it has them.
 
     Args:
         axes: where to draw.
-        raster: with the place of the image.
-        image: (rows, columns) values; NaN for none.
-        levels: the values.
-        style: of the lines.
+        ground: triangles of n points.
+        values: (n,) at the points.
+        levels: the values of the lines.
+        style: of the lines; black if it says no colours.
     """
-    low, high = np.nanmin(image, initial=np.inf), np.nanmax(image, initial=-np.inf)
-    here = [float(level) for level in levels if low < level <= high]
-    if not here:
-        return
-    rows, columns = raster.shape
-    cell = (raster.high - raster.low) / np.array([columns, rows])
-    x, y = (
-        raster.low[k] + cell[k] * (np.arange(0, (columns, rows)[k], _EVERY) + 0.5) for k in (0, 1)
-    )
-    some = np.ma.masked_invalid(image[::_EVERY, ::_EVERY])
-    finder: Any = contour_generator(x, y, some, name="mpl2014", line_type=LineType.SeparateCode)
-    paths = [
-        Path(np.concatenate(points), np.concatenate(codes))
-        for points, codes in map(finder.lines, here)
-        if points
-    ]
-    axes.add_collection(PathCollection(paths, facecolors="none", zorder=2, **style), autolim=False)
+    known = values[ground.triangles]
+    here = [float(level) for level in levels if known.min() < level < known.max()]
+    if here:
+        axes.tricontour(ground, values, levels=here, zorder=2, **{"colors": "black", **style})
 
 
 def draw_lines(

@@ -21,6 +21,7 @@ from geoident.report.drawing.fields.panels import (
     bands,
     draw_lines,
     finish,
+    ground_of,
     panel_figure,
     shade,
     table_figure,
@@ -242,6 +243,7 @@ def _draw_zone(axes: Axes, scene: Scene, sheet: Sheet, state: int) -> None:
     """The line inside which elements have yielded."""
     present = scene.fields.present[state]
     share = sheet.corners.average(scene.fields.yielded[state].astype(float), present)
-    raster = scene.raster(sheet)
-    image = raster.linear(sheet.of_corners(share), present[sheet.element])
-    add_levels(axes, raster, np.nan_to_num(image), [0.5], edgecolors=[_ZONE], lw=1.1)
+    ground = ground_of(scene, sheet, state)
+    if ground is not None:
+        share = np.nan_to_num(sheet.of_corners(share))
+        add_levels(axes, ground, share, [0.5], colors=_ZONE, linewidths=1.1)

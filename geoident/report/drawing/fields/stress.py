@@ -129,14 +129,9 @@ def _crosses(
     scene: Scene, sheet: Sheet, state: int, places: Floats
 ) -> tuple[Floats, Floats, Floats]:
     """Places (m, 2) in the ground, principal stresses (m, 2), Pa, and directions (m, 2, 2)."""
-    raster = scene.raster(sheet)
-    present = scene.fields.present[state][sheet.element]
-    found = raster.flat(sheet.element, present)
-    cell = (raster.high - raster.low) / np.array(raster.shape[::-1])
-    column, row = ((places - raster.low) / cell).astype(int).T
-    element = found[row.clip(0, raster.shape[0] - 1), column.clip(0, raster.shape[1] - 1)]
-    here = np.isfinite(element)
-    stress = scene.fields.stress[state, element[here].astype(int)]
+    sites = scene.sites(sheet, state, places)
+    here = np.array([site is not None for site in sites])
+    stress = scene.fields.stress[state, [site.element for site in sites if site is not None]]
     across, up = sheet.axes
     shear = {(0, 1): 3, (1, 2): 4, (0, 2): 5}[across, up]
     rows = [stress[:, [across, shear]], stress[:, [shear, up]]]

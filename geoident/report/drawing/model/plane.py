@@ -6,17 +6,19 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.collections import PathCollection
 from matplotlib.figure import Figure
+from matplotlib.path import Path
+from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator
 
 from geoident.model.arrays import Bools, Floats
 from geoident.model.case import Case
-from geoident.report.drawing.labels import HALO, place_labels
+from geoident.report.drawing.labels import place_labels
 from geoident.report.drawing.lines import add_segments
 from geoident.report.drawing.model.actions import LOAD, WATER, draw_supports, water_levels
 from geoident.report.drawing.model.construction import marked_places
 from geoident.report.drawing.model.drawn import Box, DrawnModel
-from geoident.report.drawing.raster import raster_of, show
 from geoident.report.drawing.sheets import Sheet
 from geoident.report.drawing.structures import draw_structures
 from geoident.report.drawing.style import GAUGE, key, short
@@ -169,13 +171,17 @@ def draw_materials(axes: Axes, model: DrawnModel, sheet: Sheet, box: Box, *, wid
         box: what is shown.
         width: of the panel, inches.
     """
-    raster = raster_of(sheet.xy, sheet.triangles, *box, width=width)
     known = model.made.material[sheet.element] >= 0
-    rgb = np.round(255 * np.nan_to_num(model.element_colours)).astype(np.uint8)
-    opaque = np.full((len(rgb), 1), 255, dtype=np.uint8)
-    colours = np.hstack([rgb, opaque]).view(np.uint32)[sheet.element, 0]  # as one number
-    image = raster.flat(colours, known, empty=np.uint32(0))
-    show(axes, raster, image.view(np.uint8).reshape(*raster.shape, 4), zorder=0)
+    corners = sheet.xy[sheet.triangles[known]]
+    colours = model.element_colours[sheet.element[known]]
+    (ax, ay), (bx, by) = (corners[:, 1:] - corners[:, :1]).transpose(1, 2, 0)
+    corners = np.where((ax * by < ay * bx)[:, None, None], corners[:, ::-1], corners)
+    shades, number = np.unique(colours, axis=0, return_inverse=True)
+    areas = [  # one for each colour, in which no joint shows
+        Path.make_compound_path_from_polys(corners[number.ravel() == k]) for k in range(len(shades))
+    ]
+    ground = PathCollection(areas, facecolors=shades, linewidths=0, rasterized=True, zorder=0)
+    axes.add_collection(ground, autolim=False)
     points = model.mesh.points
     across = list(sheet.axes)
     there = model.made.material >= 0
@@ -217,9 +223,9 @@ def draw_gauges(axes: Any, case: Case, gauges: dict[str, list[Floats]], *, names
     kinds = {channel.gauge: channel.kind for channel in case.channels}
     for name, lines in gauges.items():
         style = _GAUGE_MARKS.get(kinds[name], _MOVES) | ({"ms": 1.2} if len(lines) > _FIBRE else {})
-        halo = HALO if names else None
+        rim = [withStroke(linewidth=2.0, foreground="white")] if names else None
         for line in lines:
-            axes.plot(*line.T, color=GAUGE, lw=1.0, zorder=6, path_effects=halo)
+            axes.plot(*line.T, color=GAUGE, lw=1.0, zorder=6, path_effects=rim)
         for line in lines:  # over the rims of all lines
             axes.plot(*line.T, color=GAUGE, ls="", zorder=6.5, **style)
     if names:

@@ -1,1 +1,0 @@
-"""Figures of matplotlib as files, with words that can be searched, copied and read aloud."""
