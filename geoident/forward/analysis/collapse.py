@@ -52,7 +52,7 @@ _MOST_STEPS = 40
 """Of Newton at one displacement; where it converges, it takes 5 to 15."""
 
 _MOST_ON_ARC = 2000
-"""Newton steps of an arc that explains a collapse: a bound only, which no arc of the tests nears."""
+"""Newton steps of an arc that explains a collapse; no arc of the tests comes near."""
 
 _ON_SURFACE = 1e-9
 """Relative error of the prescribed measure alpha of the displacements that is rounding."""
