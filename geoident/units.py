@@ -405,16 +405,13 @@ def read_duration(text: str) -> float:
     5400.0
 
     Raises:
-        UnitError: it is none, or not above zero.
+        UnitError: it is none.
     """
     hint = "Write it like 90 s, 10 min or 1h30min."
     parts = _PART_OF_DURATION.findall(text.lower())
     if not parts or _PART_OF_DURATION.sub("", text.lower()):
         raise UnitError(f"'{text}' is not a time", hint)
-    seconds = sum(float(number) * _OF_DURATION[unit] for number, unit in parts)
-    if seconds <= 0.0:
-        raise UnitError("the time must be positive", hint)
-    return seconds
+    return sum(float(number) * _OF_DURATION[unit] for number, unit in parts)
 
 
 def require_dimension(quantity: Quantity, dimension: str, text: str) -> Quantity:

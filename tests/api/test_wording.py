@@ -27,6 +27,7 @@ MADE_FOR_COMMANDS = {
     "io/docs",  # scripts of their own, and texts about commands
     "io/case/ladder.py",  # the page of keys speaks of commands
     "io/bridges/commands.py",  # command lines in files of other programs
+    "report/page",  # variables of CSS; its sentences come from elsewhere
 }
 
 

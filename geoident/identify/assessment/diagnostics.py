@@ -118,7 +118,9 @@ def diagnose(
             of_set = np.column_stack([pull[rows], force[rows]])
             moved[rows] = covariance.without_others(rows, of_set)
     influence, distance = _removed(pull, moved, sets, C)
-    e = force / own / np.sqrt(1.0 / own + problem.sd**2 - sd**2)
+    # a residual given all others scatters by its own accuracy and by what shared errors leave
+    by_shared = np.maximum(1.0 / own - sd**2, 0.0) if problem.shared is not None else 0.0
+    e = force / own / np.sqrt(problem.sd**2 + by_shared)
     spare = np.where(left > 1.0 - ALONE, left, np.nan)
     return ReadingInfluence(
         standardized=e,

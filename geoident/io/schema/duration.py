@@ -17,10 +17,12 @@ def _duration(value: object) -> float:
         return value
     text = require_text(value, "a time").strip()
     try:
-        return read_duration(text)
+        seconds = read_duration(text)
     except UnitError as error:
-        message = error.message.replace(text, shorten(text))
-        raise Refusal("bad-time", message, error.hint) from error
+        raise Refusal("bad-time", f"'{shorten(text)}' is not a time", error.hint) from error
+    if seconds <= 0.0:
+        raise Refusal("bad-time", "the time must be positive", "Remove the key.")
+    return seconds
 
 
 GivenTime = Annotated[

@@ -21,9 +21,9 @@ from geoident.model.case import Material
 from geoident.model.ground import (
     Attitude,
     Axes,
-    Field,
     Isotropic,
     PointValue,
+    RandomField,
     TransverselyIsotropic,
 )
 from geoident.model.mesh import Mesh
@@ -37,7 +37,7 @@ def said(**changes):
         "material": "rock", "constant": "E", "mean": Scalar(2.0, "m"), "sd": 0.4,
         "lengths": (3.0,), "frame": Attitude(Scalar(0.0), Scalar(0.0)),
     }  # fmt: skip
-    return Field(**{**settings, **changes})
+    return RandomField(**{**settings, **changes})
 
 
 def test_correlation_lengths_are_those_along_the_axes():
