@@ -1,7 +1,7 @@
 """c and phi from readings of ground that flows without dilation, as a user would: all defaults.
 
 Readings are those of quadrilaterals in rows, with noise; the model has unstructured triangles, on
-which the even flow is not stable. The error of the mesh is asked for, as always.
+which the diffuse flow is not stable. The error of the mesh is asked for, as always.
 """
 
 from __future__ import annotations

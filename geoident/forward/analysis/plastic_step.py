@@ -275,19 +275,21 @@ class PlasticSteps:
         if self.strict and not (associated or failure.proven):
             msg = f"at stage '{task.state.name}' the ground shears in bands, with a dilation "
             raise ModelError(msg + "far below the friction") from failure
+        carried = None
         if associated and not failure.proven:
-            confirmed = carried_part(equations, failure, _CONFIRMING_STEPS)
-            failure = confirmed.failure
-            if confirmed.fraction >= 1.0 and confirmed.end is not None:
+            carried = carried_part(equations, failure, _CONFIRMING_STEPS)
+            failure = carried.failure
+            if carried.fraction >= 1.0 and carried.end is not None:
                 try:
-                    return solve(equations, [confirmed.end.du])
+                    return solve(equations, [carried.end.du])
                 except NoEquilibrium as again:
                     failure = again
-        carried = None
-        if self.explain and task.motion is None:  # what is carried of a given motion is not known
+        explained = self.explain and task.motion is None  # of a given motion no part is known
+        if explained and (carried is None or not failure.proven):
             carried = carried_part(equations, failure)
             failure = carried.failure
-            carried = carried if carried.fraction < 1.0 else None
+        if carried is not None and not (explained and carried.fraction < 1.0):
+            carried = None
         band = None
         if self.explain and diffuse is not None:
             band = band_at(equations.viscous(diffuse.viscosity), diffuse.end)

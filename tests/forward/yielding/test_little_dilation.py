@@ -1,7 +1,8 @@
 """Flow with little or no dilation on unstructured triangles, and loads that it does not carry.
 
 The opening of `test_cavities` on meshes whose elements are 0.15 to 0.03 radii long at the wall,
-made in three stages. The even flow is not stable there: its tangents have eigenvalues around zero.
+made in three stages. The diffuse flow is not stable there: its tangents have eigenvalues around
+zero.
 """
 
 from __future__ import annotations
