@@ -20,7 +20,6 @@ from support.plastic import Planes, polyhedral
 from geoident.fem.elasticity import UniformModuli
 from geoident.fem.solvers.direct import NotPositiveDefinite
 from geoident.fem.yielding.domain import EmptyDomain, NoProjection
-from geoident.forward.analysis import collapse, equilibrium
 from geoident.forward.analysis.collapse import carried_part
 from geoident.forward.analysis.constitutive import MaterialPoints
 from geoident.forward.analysis.equilibrium import solve
@@ -79,24 +78,10 @@ def test_soft_ground_is_given_up_where_its_strains_are_large():
     assert carried.fraction == pytest.approx((k + h * (0.9 - k)) / 0.9, rel=1e-5)
 
 
-def test_ground_hardens_where_its_law_does():
-    """Only then are multipliers of earlier stages kept and counted."""
-    ground = bar(1.0, 0.1, 0.5).grounds[0]
-    assert ground.hardens is True
-    assert bar(1.0, 0.1, 0.0).grounds[0].hardens is False
-    assert MaterialPoints("elastic", slice(0, 1), UniformModuli(np.eye(1))).hardens is False
-
-
-def test_a_limit_load_is_proven_and_a_lost_arc_is_not(monkeypatch):
-    assert carried_part(bar(0.9, 0.3, 0.0), NoEquilibrium(None)).failure.proven
-    monkeypatch.setattr(collapse, "_MOST_STEPS", 0)
-    assert not carried_part(bar(0.9, 0.3, 0.0), NoEquilibrium(None)).failure.proven
-
-
-def test_an_equilibrium_at_the_last_newton_step_counts(monkeypatch):
-    """One step is enough where nothing yields."""
-    monkeypatch.setattr(equilibrium, "MOST_STEPS", 1)
-    assert solve(bar(0.2, 0.3, 0.0), [np.zeros(1)]).end.du == pytest.approx([0.2])
+def test_a_limit_load_is_proven_and_a_lost_arc_is_not():
+    equations, failure = bar(0.9, 0.3, 0.0), NoEquilibrium(None)
+    assert carried_part(equations, failure).failure.proven
+    assert not carried_part(equations, failure, most_steps=0).failure.proven
 
 
 @pytest.mark.parametrize("error", [NoEquilibrium(None), NoProjection(1), EmptyDomain((0, 1))])

@@ -7,7 +7,6 @@ zero.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
@@ -29,7 +28,6 @@ from support.yielding import (
 )
 
 from geoident.errors import CollapseError
-from geoident.forward.analysis import collapse, equilibrium
 from geoident.forward.analysis.analysis import RunOptions
 from geoident.forward.model import StagedModel
 from geoident.forward.openings.closed_forms import GroundState, flow_slope
@@ -139,33 +137,6 @@ def weak_rock(psi: float, released: Sequence[float] = RELEASED) -> StagedModel:
         for n, part in enumerate(released)
     )
     return WEAK.staged(unstructured(0.10), hoek(30e6, psi=psi, **HOEK), stages=stages)
-
-
-def test_what_is_said_of_a_band_is_true(monkeypatch):
-    """A search that may not go on ends in ground that is viscous still: its band and its place."""
-    monkeypatch.setattr(equilibrium, "SEARCH", 21)
-    monkeypatch.setattr(collapse, "_PARTS", 1)
-    staged = weak_rock(0.0)
-    with pytest.raises(CollapseError) as caught:
-        staged.survey(NOTHING, fields=False)
-    text = str(caught.value)
-    assert re.search(r"keeps [\d.]+ % of its overstress, and a band has", text)
-    assert "support that acts in this stage, a larger dilation, or larger elements" in text
-    assert "0 % of the change of load of this stage was brought" in text
-    points = staged.discretization.points
-    xx, yy, zz, xy = strain = points.strain(caught.value.mechanism)
-
-    # half of the strain of the band is in so many points
-    held = np.sort((strain**2).sum(axis=0) * points.volume)[::-1]
-    count, _ = map(int, re.findall(r"half of its strain in (\d+) of the (\d+) strain", text)[0])
-    assert held[: 3 * count].sum() > 0.5 * held.sum() > held[: count // 3].sum()
-
-    mean = (xx + yy + zz) / 3.0
-    shear = (xx - mean) ** 2 + (yy - mean) ** 2 + (zz - mean) ** 2 + 0.5 * xy**2
-    place = points.position[shear.argmax()]
-    near = re.search(r"shears most in group 'rock' near \(([-.\d]+), ([-.\d]+)\) m", text)
-    np.testing.assert_allclose([float(x) for x in near.groups()], place, atol=6e-4)
-    assert np.linalg.norm(place) < 1.5
 
 
 @pytest.mark.slow
