@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,7 +12,7 @@ from support.yielding import mohr, rock
 
 from geoident.errors import CollapseError
 from geoident.forward.analysis.analysis import RunOptions
-from geoident.forward.staged import equal_notes, unbalanced_notes
+from geoident.forward.staged import equal_notes
 from geoident.forward.stages import VIRGIN
 from geoident.model.actions import Pressure
 from geoident.model.case import Stage
@@ -188,31 +187,6 @@ def test_what_comes_before_a_collapse_has_fields():
     np.testing.assert_allclose(found.displacement, part.fields.displacement, rtol=1e-9)
     np.testing.assert_allclose(found.displacement[1], whole.fields.displacement[1], rtol=1e-9)
     assert len(list(one.at(strong, RunOptions(derivatives=False)).states())) == 3
-
-
-def findings(**changes):
-    bands = {"s1": (0.25, "", 0.0), "s2": (0.0625, "the band lies at 30 deg", 0.0123)}
-    localising = {
-        stage: SimpleNamespace(part=part, band=band, short=short)
-        for stage, (part, band, short) in bands.items()
-    }
-    empty = {"unbalanced": {}, "overstressed": {}, "localising": localising}
-    return SimpleNamespace(**{**empty, **changes})
-
-
-def test_what_a_march_leaves_is_told_in_per_cent():
-    tail = "A larger dilation (or associated flow) has an exact solution"
-    assert list(unbalanced_notes(findings())) == []
-    one, two = unbalanced_notes(findings(unbalanced={"s1": 0.0312}, overstressed={"s2": 0.0048}))
-    assert one.startswith("at stage 's1' 3.1 % of the change of load is not balanced: with a")
-    assert one.endswith(f"at 25 % of the strain points that yield. {tail}")
-    assert two.startswith(
-        "at stage 's2' the ground keeps 0.5 % of the stress beyond the yield surface, where the "
-        "diffuse flow ends (motions are short by 1 % of the largest, as its path promises): with a"
-    )
-    assert two.endswith(
-        f"at 6 % of the strain points that yield, and the band lies at 30 deg. {tail}"
-    )
 
 
 def test_channels_of_equal_principal_stresses_are_told_with_a_stage():

@@ -138,12 +138,12 @@ class RealCluster:
     def run_processes(self):
         """The processes in which tasks run: children of workers."""
         own = self.children()
-        return [pid for pid in own if _parent(pid) in own]
+        return [pid for pid in own if parent_of(pid) in own]
 
     def workers(self):
         """The processes of dask's workers."""
         own = self.children()
-        return [pid for pid in own if _parent(pid) not in own]
+        return [pid for pid in own if parent_of(pid) not in own]
 
     def kill_scheduler(self):
         self.scheduler.kill()
@@ -177,7 +177,7 @@ def _words(pid):
     return b""
 
 
-def _parent(pid):
+def parent_of(pid):
     with suppress(OSError, IndexError):
         return int(Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[1])
     return 0
@@ -187,5 +187,5 @@ def _ancestor(pid, of):
     while pid > 1:
         if pid == of:
             return True
-        pid = _parent(pid)
+        pid = parent_of(pid)
     return False

@@ -47,17 +47,6 @@ def linear_model(matrix):
     return lambda p: (matrix @ p, matrix)
 
 
-def convergences(loads):
-    """v = load K0 / E of some loads, parameters E and K0."""
-
-    def model(p):
-        E, K0 = p
-        v = loads * (0.5 + K0) / E
-        return v, np.stack([-v / E, loads / E], axis=1)
-
-    return model
-
-
 def level(scatter="estimate", size=0.0):
     """The law z = m."""
     m = Parameter("m", start=0.3, lower=-1e3, upper=1e3)

@@ -1,7 +1,6 @@
 """Fits of the first stages and their predictions: right, counted, and as long as readings allow."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,7 +11,7 @@ from geoident.forward.reducible import ReducibleResponse
 from geoident.io.result.file import read_result
 from geoident.model.methods import ComplementarityOptions, GaussNewtonOptions
 from geoident.report.text.backtest import fits_table
-from geoident.workflow.backtest import _ending, backtest
+from geoident.workflow.backtest import backtest
 from geoident.workflow.estimating import mesh_error, search
 from geoident.workflow.estimating.setup import prepare, problem_of
 from geoident.workflow.fit import fit
@@ -360,12 +359,6 @@ def test_given_accuracies_and_a_prior_make_up_for_few_readings(pit):
     assert [row[column] for row in table.rows] == ["as its prior"] * 4
 
 
-def test_a_backtest_that_is_out_of_time_says_how_many_fits_it_has():
-    found = SimpleNamespace(steps=("one", "two", "three"))
-    status, reason = _ending(None, found, None, out_of_time=True)
-    assert (status, reason) == ("out-of-budget", f"{OUT_OF_TIME} Fits that were done: 3.")
-
-
 class TestInterrupted:
     def test_out_of_time_keeps_what_was_done(self, pit, whole):
         short = run(control=Control(Silent(), max_time=0.0))
@@ -377,6 +370,20 @@ class TestInterrupted:
         assert not (pit / "case.backtest.checkpoint").exists()
         assert again.status == "done"
         assert again.counts.evaluations == whole.counts.evaluations
+
+    def test_fits_that_were_done_in_time_are_counted(self, pit):
+        class Slow(Silent):
+            steps = 0
+
+            def step(self, iteration):
+                self.steps += 1
+                if self.steps == 8:
+                    control.max_time = 0.0
+
+        control = Control(Slow())
+        short = run(control=control)
+        assert short.status == "out-of-budget"
+        assert short.reason == f"{OUT_OF_TIME} Fits that were done: {len(short.backtest.steps)}."
 
     @pytest.mark.parametrize(
         "after",

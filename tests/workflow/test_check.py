@@ -5,9 +5,6 @@ from __future__ import annotations
 import pytest
 from support.trench import write_case
 
-from geoident.fem import stiffness
-from geoident.forward.analysis import systems
-from geoident.workflow import check as module
 from geoident.workflow.check import check
 from tests.support.commands import run_command
 
@@ -39,29 +36,6 @@ def test_a_yielding_case_out_of_balance_is_said_once(case):
     strong = "materials.rock.yield={type: tresca, strength: 100 MPa}"
     (note,) = out_of_balance(case, *HEAVY, strong)
     assert "out of balance by 2.66 %" in note
-
-
-def test_nothing_is_made_for_stages_that_are_not_solved(case, monkeypatch):
-    """Products of gradients and the pattern of the virgin state are large, and not asked for.
-
-    Only a small model is solved, at the start values, for what its readings are.
-    """
-    assert check(case).summary.cost.seconds < module._SOON
-    monkeypatch.setattr(module, "_SOON", 0.0)
-    patterns = []
-
-    def pattern(*given, **more):
-        patterns.append(given)
-        return stiffness.stiffness_pattern(*given, **more)
-
-    def products(*_):
-        raise AssertionError("nothing is to be solved")
-
-    monkeypatch.setattr(stiffness, "_products", products)
-    monkeypatch.setattr(systems, "stiffness_pattern", pattern)
-    summary = check(case).summary
-    assert len(patterns) == len({tuple(stage.leaves) for stage in summary.stages})
-    assert all(stage.dofs > 0 for stage in summary.stages)
 
 
 def test_simulate_says_which_gauge_it_can_compute_nowhere(case):

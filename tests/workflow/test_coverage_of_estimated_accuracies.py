@@ -9,7 +9,6 @@ import scipy.sparse as sp
 from scipy import stats
 
 import geoident
-from geoident.identify.assessment import unknown_variances
 from geoident.identify.assessment.uncertainty import assess
 from geoident.identify.assessment.unknown_variances import with_possible
 from geoident.identify.assessment.variance_components import (
@@ -278,7 +277,7 @@ class CaseLike:
         return Reading(channel.name, stage, None)
 
 
-def test_a_lattice_stands_for_three_accuracies_as_a_grid_does(monkeypatch):
+def test_a_lattice_stands_for_three_accuracies_as_a_grid_does():
     rng, n, of = np.random.default_rng(3), 30, np.arange(30) % 3
     J = np.column_stack([np.ones(n), np.linspace(0.0, 1.0, n)])
     structure = ErrorStructure(
@@ -287,13 +286,18 @@ def test_a_lattice_stands_for_three_accuracies_as_a_grid_does(monkeypatch):
     y = J @ TRUTH + np.array([2.0, 0.5, 1.0])[of] * rng.standard_normal(n)
     likelihood = RestrictedLikelihood(structure, y, J, np.zeros(0), np.zeros((0, 2)))
     best = estimate_components(likelihood, np.zeros(3))
-    found = []
-    for most in (2, 3):
-        monkeypatch.setattr(unknown_variances, "_GRID", most)
-        possible = with_possible(likelihood, best).possible
-        mean = possible.odds @ possible.points
-        found.append([mean, np.sqrt(possible.odds @ (possible.points - mean) ** 2)])
-    np.testing.assert_allclose(found[0], found[1], atol=0.05)
+
+    def moments(points, odds):
+        mean = odds @ points
+        return [mean, np.sqrt(odds @ (points - mean) ** 2)]
+
+    possible = with_possible(likelihood, best).possible
+    sd = np.sqrt(np.diag(best.covariance))
+    along = [t + np.linspace(-4.0, 5.0, 19) * s for t, s in zip(best.log_factor, sd, strict=True)]
+    grid = np.stack(np.meshgrid(*along), axis=-1).reshape(-1, 3)
+    odds = np.exp(-0.5 * np.array([likelihood.value(t) - best.minus_two_l for t in grid]))
+    exact = moments(grid - best.log_factor, odds / odds.sum())
+    np.testing.assert_allclose(moments(possible.points, possible.odds), exact, atol=0.05)
 
 
 @pytest.mark.slow  # the textbook's interval, and the few of below

@@ -9,7 +9,7 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
-from support.real_cluster import _parent
+from support.real_cluster import parent_of
 from support.trench import write_case
 
 from geoident.cli.options import Options
@@ -114,7 +114,7 @@ def test_a_fit_of_a_mesh_goes_on_where_its_worker_was_killed(tmp_path, cluster, 
         keep(file, content, at=at)
         contents.append(place.read_bytes())
         if not killed and len(evaluations(contents[-1])) >= 2:
-            (head,) = {_parent(pid) for pid in cluster.run_processes()}
+            (head,) = {parent_of(pid) for pid in cluster.run_processes()}
             os.kill(head, signal.SIGKILL)
             killed.append(len(contents) - 1)
 

@@ -20,7 +20,11 @@ from geoident.identify.problem.problem import Discrepancy
 from geoident.model.gauges import Channel
 from geoident.workflow.estimating import model_error_covariance, model_error_search
 from geoident.workflow.estimating.model_error import FittedModelError, model_error_findings
-from geoident.workflow.estimating.model_error_covariance import ReadingSteps, shared_columns
+from geoident.workflow.estimating.model_error_covariance import (
+    ReadingSteps,
+    reading_steps,
+    shared_columns,
+)
 from geoident.workflow.estimating.setup import problem_of_result
 from geoident.workflow.running.jobs import build_model, inputs_of_result
 from geoident.workflow.simulate import simulate
@@ -185,9 +189,9 @@ def dense(found):
         tuple(channels[name] for name, u in zip(table.channel, used, strict=True) if u),
         error.states, error.steps[used], error.floors[used],
     )  # fmt: skip
-    floors = model_error_covariance._floors(case.channels, steps.T, error.length).T
-    every = tuple(channels[wide.channels[i]] for i, _ in later)
-    rest = ReadingSteps(every, error.states, steps, floors)
+    pairs = [(wide.channels[i], wide.stages[stage]) for i, stage in later]
+    model = build_model(inputs_of_result(found, "case.yaml"))
+    rest = reading_steps(case, model, steps.T, pairs, error.length)
     B = shared_columns([own, rest], error.length).toarray()
     g = int(used.sum())
     C = B @ B.T

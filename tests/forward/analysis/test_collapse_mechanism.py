@@ -44,7 +44,8 @@ def test_shear_of_an_element_is_the_largest_at_its_points():
         carried = CarriedPart(0.25, None, failure)
         return collapse_error(staged.on_mesh, task, failure, associated=True, carried=carried)
 
-    found = drawn(u).motion
+    told = drawn(u)
+    found = told.motion
     assert (found.stage, found.state, found.fraction) == ("dig", 2, 0.25)
     np.testing.assert_array_equal(found.velocity, u / u.max())
     points = staged.discretization.points
@@ -54,6 +55,8 @@ def test_shear_of_an_element_is_the_largest_at_its_points():
     expected = np.where(np.arange(4) == gone, 0.0, top) / max(top)
     np.testing.assert_allclose(found.shear, expected, rtol=1e-12)
     assert expected.min() == 0.0
+    near = float(told.message.split("' near ")[1].split(")")[0].split(", ")[1])
+    assert near == pytest.approx(max(top), abs=6e-4)
     still = drawn(0.0 * u).motion
     assert still.shear.tolist() == [0.0] * 4
 

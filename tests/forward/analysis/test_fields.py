@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from support.cases import model
 from support.meshes import box, regroup
-from support.yielding import mohr, rock
+from support.yielding import rock
 
-from geoident.forward.analysis.fields import FieldRecorder, MeshRecorder, ReactionRecorder
-from geoident.forward.analysis.stage import LastEquilibrium, StageEnd
+from geoident.forward.analysis.fields import ReactionRecorder
+from geoident.forward.analysis.stage import StageEnd
 from geoident.model.case import Stage, Support
 from geoident.model.parameter import Scalar
 from geoident.model.structures import Bolts
@@ -56,83 +56,6 @@ def end(model, state, *, lost=False, yielded=(), last=None, forces=True):
     return StageEnd(state, u, stress, members, flows, acting, last)
 
 
-def means(model, stress, state):
-    """(n_elements, 6) means of elements that are there, weighted with volume."""
-    points, present = model.discretization.points, model.sequence.present(state)
-    found = np.full((model.mesh.n_elements, 6), np.nan)
-    for e in np.flatnonzero(present):
-        mine = points.element == e
-        found[e, :4] = stress[:, mine] @ points.volume[mine] / points.volume[mine].sum()
-        found[e, 4:] = 0.0
-    return found
-
-
-def test_fields_are_copies_of_column_0_and_means_of_elements():
-    model = staged()
-    recorder, ends = FieldRecorder(model.on_mesh), [end(model, n) for n in range(4)]
-    for one in ends:
-        recorder.add(one)
-    series = recorder.series()
-    shape = (model.mesh.n_nodes, 2)
-    for n, one in enumerate(ends):
-        np.testing.assert_array_equal(series.displacement[n], one.u[:, 0].reshape(shape))
-        np.testing.assert_allclose(series.stress[n], means(model, one.stress[..., 0], n))
-        np.testing.assert_array_equal(series.present[n], model.sequence.present(n))
-    assert series.last is None
-    assert not series.yielded.any()
-    ends[1].u[:] = 7.0
-    assert not (series.displacement[1] == 7.0).any()
-
-
-def elements(model, points):
-    """The elements in which some strain points are."""
-    return set(model.discretization.points.element[list(points)].tolist())
-
-
-def test_what_has_yielded_stays_so_until_it_is_placed_anew():
-    """Points 0 and 4 of the first column, then one of the others; on two branches."""
-    model = staged(mohr(1e5, 0.3))
-    element = model.discretization.points.element
-    first = [int(np.flatnonzero(np.isin(element, model.mesh.groups["dug"]))[k]) for k in (0, 5)]
-    others = [
-        int(np.flatnonzero(np.isin(element, model.mesh.groups[g]))[1]) for g in ("rock", "rest")
-    ]
-    recorder = FieldRecorder(model.on_mesh)
-    for n, points in enumerate(([*first, others[1]], others[:1], [], others)):
-        recorder.add(end(model, n, yielded=points))
-    found = [set(np.flatnonzero(row).tolist()) for row in recorder.series().yielded]
-    assert found[0] == elements(model, [*first, others[1]])
-    assert found[1] == elements(model, others)  # what is dug is gone
-    assert found[2] == elements(model, others)  # and what is filled is new
-    assert found[3] == elements(model, others[:1])  # built on `dig`, without `rest`
-
-
-def test_of_a_lost_state_the_last_equilibrium_or_what_it_began_with_is_shown():
-    model = staged(mohr(1e5, 0.3))
-    points = model.discretization.points
-    known = LastEquilibrium(
-        RNG.normal(size=points.n_dofs), RNG.normal(size=(4, points.n_points)),
-        np.arange(points.n_points) == 9,
-    )  # fmt: skip
-    ends = [end(model, 0), end(model, 1, yielded=[9]), end(model, 2, lost=True, yielded=[0]),
-            end(model, 3, lost=True, last=known)]  # fmt: skip
-    recorder = FieldRecorder(model.on_mesh)
-    for one in ends:
-        recorder.add(one)
-    series = recorder.series()
-    assert series.last.states.tolist() == [2, 3]
-    assert np.isnan(series.displacement[2:]).all()
-    assert not series.yielded[2:].any()
-    before = ends[1].u[:, 0].reshape(-1, 2)
-    np.testing.assert_array_equal(series.last.displacement[0], before)
-    stress = means(model, ends[1].stress[..., 0], 1)
-    stress[model.mesh.groups["dug"]] = 0.0  # what is placed bears nothing
-    np.testing.assert_allclose(series.last.stress[0], stress)
-    assert set(np.flatnonzero(series.last.yielded[0])) == elements(model, [9])
-    np.testing.assert_array_equal(series.last.displacement[1], known.u.reshape(-1, 2))
-    np.testing.assert_allclose(series.last.stress[1], means(model, known.stress, 3))
-
-
 def test_reactions_are_what_supports_exert_each_degree_of_freedom_once():
     bolts = Bolts((((1.2, 0.3), (1.8, 1.6)),), Scalar(1.0), EA=Scalar(1e8))
     stages = (
@@ -174,23 +97,6 @@ def test_reactions_are_what_supports_exert_each_degree_of_freedom_once():
             assert np.isnan(found["outer"][1])
         assert np.isnan(found["x0"]).all()
     assert np.isnan(table.force[:, 3]).all()
-
-
-def test_yielding_is_recorded_where_something_yields():
-    for surfaces, yields in (((), False), ((mohr(1e5, 0.3),), True)):
-        model = staged(*surfaces)
-        recorder = MeshRecorder(model.on_mesh, model.systems.structures)
-        for n in range(2):
-            recorder.add(end(model, n, yielded=[13]))
-        recorder.add(end(model, 2, lost=True))
-        found = recorder.yielded_ground()
-        assert (found is not None) == yields
-        if yields:
-            volume = model.discretization.points.volume[13]
-            assert found.volume[1] == pytest.approx(volume)
-            assert np.isnan(found.volume[2])
-        assert len(recorder.fields.series().displacement) == 3
-        assert recorder.reactions.table().states == ("virgin", "dig", "fill")
 
 
 # --- laws of materials whose strength is a field ---

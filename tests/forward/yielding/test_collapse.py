@@ -16,7 +16,6 @@ from geoident.errors import CollapseError, ModelError
 from geoident.fem.yielding.domain import NoProjection
 from geoident.fem.yielding.plane_laws import PolyhedralLaw
 from geoident.forward.analysis.analysis import RunOptions
-from geoident.forward.analysis.bands import ShearBand
 from geoident.forward.analysis.collapse import CarriedPart
 from geoident.forward.analysis.collapse_message import collapse_error
 from geoident.forward.analysis.stage_equations import NoEquilibrium
@@ -238,34 +237,6 @@ def test_newtons_method_that_does_not_end_is_no_proof_of_a_collapse():
         "Divide the change of load among several stages, or raise the strengths: the ground is "
         "near its limit, or beyond it."
     )
-
-
-def test_a_band_is_named_with_its_place_and_what_may_carry_the_stage():
-    """One node moves: the elements around it shear. The mode itself: `analysis/test_bands.py`."""
-    staged = pulled(1e6, mohr(1e6, 0.4, psi=0.0))
-    mesh, points = staged.mesh, staged.discretization.points
-    node = int(np.argmin(np.linalg.norm(mesh.points - 0.5, axis=1)))
-    mode = np.zeros(2 * len(mesh.points))
-    mode[2 * node] = 0.5
-    band = ShearBand(mode, points=5, yielding=54, stiffness=-0.1, viscosity=0.0123)
-    task = SimpleNamespace(state=SimpleNamespace(name="first"), number=1, system=staged.systems[1])
-    failure = NoEquilibrium(None)
-    error = collapse_error(staged.on_mesh, task, failure, associated=False, band=band)
-    begin = "at stage 'first' no equilibrium was found: diffuse flow ends where the ground still "
-    begin += "keeps 1.2 % of its overstress, and a band has lost its stability, with half of its "
-    begin += "strain in 5 of the 54 strain points that yield; it shears most in group 'all' near ("
-    assert error.message.startswith(begin)
-    place = literal_eval(error.message.split("' near ")[1].split(" m, and")[0])
-    xx, yy, _, xy = points.strain(mode)
-    shear = (xx - yy) ** 2 + (xx + yy) ** 2 / 3 + xy**2  # twice the square of the deviator
-    assert place == pytest.approx(points.position[shear.argmax()], abs=6e-4)
-    assert error.hint == (
-        "With a dilation so far below the friction, shear goes into bands as wide as the elements. "
-        "See whether support that acts in this stage, a larger dilation, or larger elements where "
-        "it shears carry it: then it does not lack strength."
-    )
-    assert np.abs(error.mechanism).max() == 1.0
-    assert np.isnan(error.fraction)
 
 
 def test_bands_that_are_not_asked_for_are_no_collapse():

@@ -13,7 +13,6 @@ from geoident.errors import ModelError
 from geoident.identify.direct.simplex import (
     first_simplex,
     minimise,
-    moved,
     simplex,
 )
 from geoident.identify.problem.problem import Problem
@@ -255,41 +254,6 @@ def test_a_misfit_that_is_no_number_at_the_start_is_said() -> None:
     """The model answers; what it says only overflows, so it has no sentence of its own."""
     with pytest.raises(ModelError, match="no solution at the start of the simplex search"):
         simplex(problem(Curve(), sd=1e-200), SimplexOptions(), go_on)
-
-
-@pytest.mark.parametrize(
-    ("answers", "note", "asked"),
-    [
-        # from the centre (1.5, -1) and the worst (2, 5)
-        ([0.5, 0.4], "expanded", [[0.9, -8.2], [-0.3, -22.6]]),
-        ([0.5, 0.5], "reflected", [[0.9, -8.2], [-0.3, -22.6]]),
-        ([1.0], "reflected", [[0.9, -8.2]]),
-        ([1.9], "reflected", [[0.9, -8.2]]),
-        ([2.0, 1.9], "contracted", [[0.9, -8.2], [1.35, -2.8]]),
-        ([2.9, 2.8], "contracted", [[0.9, -8.2], [1.35, -2.8]]),
-        ([3.0, 2.9], "contracted", [[0.9, -8.2], [1.625, 0.5]]),
-        ([9.0, 2.9], "contracted", [[0.9, -8.2], [1.625, 0.5]]),
-        ([2.5, 2.5, 7.0, 8.0], "shrunk", [[0.9, -8.2], [1.35, -2.8], [1.5, -1.0], [1.5, 2.5]]),
-        ([3.5, 3.0, 7.0, 8.0], "shrunk", [[0.9, -8.2], [1.625, 0.5], [1.5, -1.0], [1.5, 2.5]]),
-    ],
-)
-def test_every_move_goes_where_its_coefficients_say(
-    answers: list[float], note: str, asked: list[list[float]]
-) -> None:
-    """Reflected by 1.2, from there three times as far, or contracted to a quarter."""
-    options = SimplexOptions(alpha=1.2, beta=0.25, gamma=3.0)
-    left, seen = iter(answers), []
-
-    def objective(x: Floats) -> float:
-        seen.append(x.tolist())
-        return next(left)
-
-    x = np.array([[1.0, 0.0], [2.0, -2.0], [2.0, 5.0]])
-    (x, values), did = moved(objective, x, np.array([1.0, 2.0, 3.0]), options)
-    assert did == note
-    np.testing.assert_allclose(seen, asked)
-    assert values[0] == min([1.0, *answers])
-    assert np.all(np.diff(values) >= 0.0)
 
 
 def test_observer_stops_the_search_with_the_best_so_far() -> None:

@@ -1,11 +1,9 @@
 """Several descents: when they begin, where, and which minima are one."""
 
-from contextlib import contextmanager
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from scipy.stats.qmc import Halton
 
 from geoident.errors import ModelError
 from geoident.identify.least_squares.acceptance import Iterate
@@ -14,7 +12,6 @@ from geoident.identify.least_squares.several_starts import (
     Angles,
     at_minimum,
     distinct_minima,
-    spread,
     start_ranges,
 )
 from geoident.identify.problem.problem import Linearization
@@ -222,36 +219,6 @@ def test_starts_range_over_the_bounds_as_far_as_priors_let_them():
     assert low == high == beyond.lower
 
 
-def test_spread_starts_are_halton_points():
-    """As scipy makes them: from the second on, in its order of bases; what does not vary stays."""
-    q = [Parameter(n, s, a, b) for n, s, a, b in
-         (("a", 1.0, -1.0, 3.0), ("b", 5.0, 2.0, 6.0), ("c", 0.1, 0.0, 0.5))]  # fmt: skip
-    scaling = Scaling(q)
-    given = np.array([0.3, 0.9, 0.2])
-    points = spread(scaling, Angles(q, scaling), given, [2, 0])
-    x = np.array([next(points) for _ in range(9)])
-    share = Halton(2, scramble=False).random(10)[1:]
-    low, width = scaling.lower, scaling.upper - scaling.lower
-    np.testing.assert_allclose(x[:, 2], low[2] + share[:, 0] * width[2])
-    np.testing.assert_allclose(x[:, 0], low[0] + share[:, 1] * width[0])
-    assert np.all(x[:, 1] == 0.9)
-
-
-@pytest.mark.parametrize("part", [0.91, 0.89, 2.0])
-def test_angles_are_spread_from_the_given_start_where_all_of_a_period_is_open(part):
-    """One period at most; shifted by where the given start lies in it."""
-    q = [Parameter("a", 1.0, -1.0, 3.0), Parameter("t", 0.5, -0.4, part * 3.0 - 0.4, period=3.0)]
-    scaling = Scaling(q)
-    given = scaling.start
-    points = spread(scaling, Angles(q, scaling), given, [0, 1])
-    x = np.array([next(points) for _ in range(8)])
-    share = Halton(2, scramble=False).random(9)[1:]
-    unit, width = scaling.reference[1], min(part, 1.0) * 3.0
-    turned = (share[:, 0] + 0.9 / width) % 1.0 if part > 0.9 else share[:, 0]
-    np.testing.assert_allclose(x[:, 1] * unit, -0.4 + turned * width)
-    np.testing.assert_allclose(x[:, 0], scaling.lower[0] + share[:, 1] * 4.0 / scaling.reference[0])
-
-
 # The order of descents
 
 
@@ -301,22 +268,6 @@ def test_an_observer_stops_before_the_next_start(make_problem):
     notes, outcome = told(problem, "start 2", starts=4)
     assert notes[-1] == "start 2"
     assert (outcome.status, outcome.reason) == ("out-of-budget", "Enough.")
-
-
-def test_a_search_that_was_stopped_plans_no_more_starts(make_problem):
-    """A search that ended at a kink would."""
-    problem = make_problem(lambda p: p, [E], [5.0], 0.01)
-    announced = []
-
-    @contextmanager
-    def prefetch(tasks):
-        announced.extend(tasks)
-        yield lambda number: None
-
-    problem.response.at_once, problem.response.prefetch = 4, prefetch
-    _, outcome = told(problem, "start")
-    assert (outcome.status, outcome.reason) == ("out-of-budget", "Enough.")
-    assert announced == []
 
 
 def test_what_makes_a_search_begin_elsewhere_is_named(make_problem):
