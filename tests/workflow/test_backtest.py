@@ -371,20 +371,6 @@ class TestInterrupted:
         assert again.status == "done"
         assert again.counts.evaluations == whole.counts.evaluations
 
-    def test_fits_that_were_done_in_time_are_counted(self, pit):
-        class Slow(Silent):
-            steps = 0
-
-            def step(self, iteration):
-                self.steps += 1
-                if self.steps == 8:
-                    control.max_time = 0.0
-
-        control = Control(Slow())
-        short = run(control=control)
-        assert short.status == "out-of-budget"
-        assert short.reason == f"{OUT_OF_TIME} Fits that were done: {len(short.backtest.steps)}."
-
     @pytest.mark.parametrize(
         "after",
         [pytest.param(1, marks=pytest.mark.slow), 8, pytest.param(12, marks=pytest.mark.slow)],

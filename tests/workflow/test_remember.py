@@ -153,16 +153,3 @@ def test_a_wish_to_stop_is_heard_before_the_next_evaluation():
     with pytest.raises(Interrupted) as caught:
         model.evaluate(p)
     assert caught.value.exit_code == ExitCode.TERMINATED
-
-
-def test_each_part_of_a_search_and_what_follows_begins_as_a_new_model_does():
-    spring = Spring()
-    model = remembered(Notebook(), spring)
-    with model.prefetch([]):
-        pass
-    assert spring.asked == []
-    with model.prefetch([lambda response: None] * 2) as turn:
-        for number in (0, 1):
-            turn(number)
-            model.readings(np.array([2.0 + number]))
-    assert spring.asked == ["forget", "readings"] * 2 + ["forget"]

@@ -104,5 +104,6 @@ def test_a_backtest_keeps_the_fits_that_were_done(pit, monkeypatch):
     found = backtest(plan_backtest(Request("case.yaml")), control).result
     assert found.status == "out-of-budget"
     assert len(found.backtest.steps) >= 1
+    assert found.reason.endswith(f" Fits that were done: {len(found.backtest.steps)}.")
     assert not found.backtest.skipped
     assert clock.now <= latest(4.0)

@@ -60,8 +60,8 @@ def test_of_a_hundred_thousand_readings_the_sums_are_enough():
     """Repeated readings with zeros that are given: they are in the mean, so n - 1 it stays."""
     g = 100_000
     y = np.random.default_rng(5).normal(3.0, 0.2, g)
-    zeros = sp.csr_array(np.full((g, 50), 0.07))
-    own, none = np.zeros(g, dtype=int), np.full(50, -1)
+    zeros = sp.csr_array(np.full((g, 5), 0.07))
+    own, none = np.zeros(g, dtype=int), np.full(5, -1)
     structure = ErrorStructure(np.full(g, 0.1), own, zeros, none, ("own",))
     likelihood = RestrictedLikelihood(structure, y, np.ones((g, 1)), np.zeros(0), np.zeros((0, 1)))
     found = estimate_components(likelihood, np.zeros(1))

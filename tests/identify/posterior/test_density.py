@@ -107,21 +107,6 @@ def test_nothing_is_asked_outside_the_bounds_and_no_solution_has_no_density(prob
     assert (density.evaluations, len(problem.response.asked)) == (3, 2)
 
 
-def test_another_way_of_asking_is_used_for_all_at_once(problem):
-    asked = []
-
-    def answering(points):
-        asked.append(points)
-        return [None, *(MATRIX @ p**1.2 for p in points[1:])]
-
-    density = PosteriorDensity(problem, answering)
-    found = density.logarithms(np.tile(coordinates(P), (3, 1)))
-    assert [len(points) for points in asked] == [3]
-    assert found[0] == -np.inf
-    assert found[1] == found[2] == PosteriorDensity(problem).logarithms(coordinates(P)[None])[0]
-    assert problem.response.asked
-
-
 def test_rows_are_derivatives_by_the_coordinates(problem):
     """Of the residuals of readings and priors, by differences."""
     density = PosteriorDensity(problem)

@@ -86,50 +86,6 @@ def test_a_proposal_outside_its_bounds_cannot_be_drawn():
     assert caught.value.hint == "Look at the fit: is it converged, and are its bounds meant?"
 
 
-def linear(rows, measured, lower, upper):
-    class Model:
-        def admissible(self, p):
-            return None
-
-        def readings(self, p):
-            return rows @ p
-
-        def evaluate(self, p):
-            return rows @ p, rows
-
-    parameters = tuple(
-        Parameter(f"p{i}", 0.0, lo, hi, "linear")
-        for i, (lo, hi) in enumerate(zip(lower, upper, strict=True))
-    )
-    return Problem(Model(), measured, np.ones(len(rows)), parameters)
-
-
-def test_laplaces_approximation_has_the_covariance_of_least_squares():
-    rows = np.array([[3.0, 1.0], [0.0, 2.0], [1.0, -4.0]])
-    problem = linear(rows, np.array([1.0, 2.0, 3.0]), [-50.0, -30.0], [50.0, 30.0])
-    density = PosteriorDensity(problem)
-    best = np.linalg.lstsq(rows, problem.measured, rcond=None)[0]
-    found = Proposal.laplace(density, [best])
-    size = density.coordinates(np.ones(2))  # u = p / r
-    np.testing.assert_allclose(found.centres[0], best * size)
-    expected = np.linalg.inv(rows.T @ rows) * np.outer(size, size)
-    np.testing.assert_allclose(found.roots[0] @ found.roots[0].T, expected, rtol=1e-9)
-
-
-@pytest.mark.parametrize(("bound", "width"), [(5.0, 10.0), (np.inf, 10.0)])
-def test_a_direction_without_readings_is_drawn_along_half_its_extent(bound, width):
-    """Only p0 - p1 is read; along (1, 1) the bounds leave their diagonal; without bounds, ten."""
-    rows = np.array([[100.0, -100.0]])
-    density = PosteriorDensity(linear(rows, np.zeros(1), [-bound] * 2, [bound] * 2))
-    found = Proposal.laplace(density, [np.zeros(2)])
-    if np.isfinite(bound):
-        width = (density.upper - density.lower)[0]
-    along = np.ones(2) / np.sqrt(2.0)
-    inner = found.roots[0] @ found.roots[0].T / width**2
-    # v = (1, 1) / sqrt 2: its admissible extent is 1 / max |v_i| = sqrt 2, half of it the sd
-    assert np.sqrt(along @ inner @ along) == pytest.approx(np.sqrt(2.0) / 2.0, rel=1e-9)
-
-
 def test_a_minimum_without_a_solution_is_left_out_and_the_fit_is_not():
     class Half:
         def admissible(self, p):

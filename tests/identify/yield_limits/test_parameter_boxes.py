@@ -10,7 +10,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.optimize import linprog, minimize
 
 from geoident.identify.yield_limits.condensed_system import CondensedSystem
 from geoident.identify.yield_limits.mixed_program import solve_box
@@ -19,7 +18,6 @@ from geoident.identify.yield_limits.parameter_boxes import (
     ParameterBox,
     examined,
     form_of,
-    shortest,
 )
 
 ONE = np.array([0])
@@ -74,14 +72,6 @@ def test_the_bound_of_a_box_beside_the_best_point(lower, upper, bound, unit):
         assert found.bound == pytest.approx(bound, rel=1e-3)
 
 
-def test_the_bound_where_a_parameter_hardens():
-    """s = k - 4 + (1.2 + 0.2 k) lam: at k = 3.4, lam is 0.6 / 1.88 and v = 2 + 0.4 lam."""
-    found = examined(bar(products={0: np.array([[0.2]])}), None, box(3.4, 3.5), best=20.0)
-    phi = (4.0 - 4.0 * 0.6 / 1.88) ** 2
-    assert found is not None
-    assert 0.99 * phi < found.bound <= phi * (1.0 + 1e-6)
-
-
 @pytest.mark.parametrize("unit", [1.0, 1e-13, 1e13])
 def test_the_energy_alone_keeps_a_plane_from_its_multiplier(unit):
     """With k >= 4.5, lam W q <= 0 leaves lam = 0 only, whatever the unit of work."""
@@ -103,30 +93,6 @@ def test_a_box_shrinks_to_where_something_better_may_be():
     assert found.bound >= 0.5
 
 
-def test_a_reserve_is_bounded_by_the_ball_of_its_stresses():
-    """Two planes that share stresses: W s = W q + T R lam in the ball of diameter y."""
-    system = CondensedSystem(
-        slack=np.array([-3.0, 2.0]),
-        slack_by_p=np.zeros((2, 1)),
-        slack_by_lam=np.array([[2.0, -1.0], [-1.0, 2.0]]),
-        misfit=np.zeros(1),
-        misfit_by_p=np.zeros((1, 1)),
-        misfit_by_lam=np.zeros((1, 2)),
-        products={},
-        lower=np.zeros(1),
-        upper=np.ones(1),
-        reference=np.ones(1),
-        work=np.ones(2),
-        multiplier_size=np.ones(2),
-    )
-    energy = EnergyInequality(system, None, np.zeros(1), np.ones(1))
-    y = shortest(energy.root.T, -energy.linear)
-    T = energy.form.carried
-    exact = energy.linear + 0.5 * (T @ y - np.linalg.norm(T, axis=1) * np.linalg.norm(y))
-    assert energy.lowest() == pytest.approx(exact, rel=1e-6)
-    assert energy.lowest()[1] <= 2.0 - 1.5  # lam is 1.5, which takes 1.5 from the second
-
-
 def test_nothing_follows_where_some_parameters_let_the_ground_collapse():
     """W q = (-2, -3) with energy in the first direction alone: no y lifts the second."""
     two = replace(
@@ -140,26 +106,6 @@ def test_nothing_follows_where_some_parameters_let_the_ground_collapse():
     assert energy.convex
     assert np.isneginf(energy.lowest()).all()
     assert energy.reachable().tolist() == [True, True]
-
-
-@pytest.mark.parametrize("seed", range(6))
-def test_the_shortest_vector_is_that_of_a_general_minimiser(seed):
-    """Three bounds in two directions, of any unit."""
-    rng = np.random.default_rng(seed)
-    G, h = rng.normal(size=(3, 2)), rng.normal(size=3) * 10.0 ** rng.integers(-3, 4)
-    found = shortest(G, h)
-    y = linprog(np.zeros(2), -G, -h, bounds=(None, None))
-    assert (found is None) == (y.status == 2)
-    if found is not None:
-        assert np.all(G @ found >= h - 1e-9 * np.abs(h).max())
-        size = np.abs(h).max()
-        best = minimize(
-            lambda y: y @ y, y.x / size, method="SLSQP", tol=1e-14,
-            constraints={"type": "ineq", "fun": lambda y: G @ y - h / size},
-        )  # fmt: skip
-        assert np.linalg.norm(found) == pytest.approx(
-            size * np.linalg.norm(best.x), rel=1e-5, abs=1e-6 * size
-        )
 
 
 # Branch and bound over pairs
