@@ -8,7 +8,7 @@ import pytest
 import scipy.sparse as sp
 
 from geoident.identify.assessment.diagnostics import diagnose, effective_sd
-from geoident.identify.assessment.later_readings import given_used, later_covariance
+from geoident.identify.assessment.later_readings import given_used
 from geoident.identify.assessment.prediction_bands import predict_band
 from geoident.identify.assessment.uncertainty import assess
 from geoident.identify.direct.simplex import simplex
@@ -198,20 +198,6 @@ def test_later_readings_know_the_error_of_the_zero(measured, make_problem):
     assert np.all(found.sd < alone)
 
 
-def test_what_used_readings_leave_of_errors_that_later_ones_share(measured, make_problem):
-    problem = replace(make_problem(line, parameters(), measured, SD), shared=SHARED)
-    sd, shares = np.array([0.2, 0.1]), np.array([[0.1, 0.0, -0.4], [0.3, 0.0, 0.2]])
-    structure = ErrorStructure(sd, np.array([-1, -1]), sp.csr_array(shares), np.full(3, -1), ())
-    whole, common = np.diag(SD**2) + (B @ B.T), shares @ B.T
-    dense = np.diag(sd**2) + shares @ shares.T - common @ np.linalg.solve(whole, common.T)
-    left = later_covariance(problem, structure)
-    np.testing.assert_allclose(left, dense, rtol=1e-10)
-    later = given_used(problem, line(np.ones(2)), np.ones((len(SD), 2)), later=structure,
-                       later_jacobian=np.ones((2, 2)))  # fmt: skip
-    np.testing.assert_allclose(np.sqrt(np.diag(left)), later.sd, rtol=1e-10)
-    assert left[0, 1] != 0.0
-
-
 def test_rows_of_a_robust_loss_leave_out_what_shared_errors_can_do(problem):
     """Where the loss is that of squares everywhere, curvature is that of whitened rows."""
     wide = Discrepancy(replace(problem, loss=HuberOptions(1e6)))
@@ -320,26 +306,6 @@ def test_many_readings_of_one_channel_count_as_their_mean(make_problem, loss):
         np.testing.assert_allclose(found.influence[[0, -2, -1]], other.influence, rtol=1e-5)
         np.testing.assert_allclose(found.distance[[0, -2, -1]], other.distance, rtol=1e-5)
     assert np.all(np.isfinite(found.standardized))
-
-
-def test_later_readings_share_errors_among_themselves_where_used_ones_share_none(make_problem):
-    """Nothing is known of these errors: all of them is left."""
-    problem = make_problem(line, parameters(), np.ones(len(SD)), SD)
-    assert problem.covariance is None
-    sd, J = np.array([0.2, 0.1]), np.ones((2, 2))
-    shares = sp.csr_array(np.array([[0.1, -0.4], [0.3, 0.0]]))
-    v, used = line(np.ones(2)), np.ones((len(SD), 2))
-    structure = ErrorStructure(sd, np.array([-1, -1]), shares, np.full(2, -1), ())
-    found = given_used(problem, v, used, later=structure, later_jacobian=J)
-    np.testing.assert_allclose(found.sd, [np.sqrt(0.04 + 0.17), np.sqrt(0.01 + 0.09)])
-    np.testing.assert_allclose(found.shift, 0.0)
-    both = replace(problem, shared=SHARED)
-    for each, K in ((problem, 0), (both, len(SHARED))):
-        nothing = sp.csr_array((2, K))
-        alone = ErrorStructure(sd, np.array([-1, -1]), nothing, np.full(K, -1), ())
-        found = given_used(each, v, used, later=alone, later_jacobian=J)
-        np.testing.assert_allclose(found.sd, sd)
-        np.testing.assert_allclose(found.jacobian, J)
 
 
 def test_without_used_readings_all_of_the_errors_of_later_ones_is_left(make_problem):
