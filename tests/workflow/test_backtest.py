@@ -1,6 +1,7 @@
 """Fits of the first stages and their predictions: right, counted, and as long as readings allow."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from geoident.forward.reducible import ReducibleResponse
 from geoident.io.result.file import read_result
 from geoident.model.methods import ComplementarityOptions, GaussNewtonOptions
 from geoident.report.text.backtest import fits_table
-from geoident.workflow.backtest import backtest
+from geoident.workflow.backtest import _ending, backtest
 from geoident.workflow.estimating import mesh_error, search
 from geoident.workflow.estimating.setup import prepare, problem_of
 from geoident.workflow.fit import fit
@@ -357,6 +358,12 @@ def test_given_accuracies_and_a_prior_make_up_for_few_readings(pit):
     table = fits_table(found)
     column = next(i for i, name in enumerate(table.header) if name.startswith("sv"))
     assert [row[column] for row in table.rows] == ["as its prior"] * 4
+
+
+def test_a_backtest_that_is_out_of_time_says_how_many_fits_it_has():
+    found = SimpleNamespace(steps=("one", "two", "three"))
+    status, reason = _ending(None, found, None, out_of_time=True)
+    assert (status, reason) == ("out-of-budget", f"{OUT_OF_TIME} Fits that were done: 3.")
 
 
 class TestInterrupted:
