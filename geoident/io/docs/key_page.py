@@ -161,8 +161,8 @@ def _value(node: Schema) -> str:
         return f"names to {_value({} if values is True else values)}"
     if "x-quantity" in node:
         return str(node["x-quantity"])
-    words = {"string": "text", "integer": "whole number", "boolean": "`true` or `false`"}
-    return words.get(str(kind), str(kind) or "anything")
+    names = {"string": "text", "integer": "whole number", "boolean": "`true` or `false`"}
+    return names.get(str(kind), str(kind) or "anything")
 
 
 def wrapped(text: str, indent: str = "") -> str:
