@@ -9,7 +9,7 @@ import click
 
 from geoident.cli.app import COMMANDS, geoident
 from geoident.errors import ExitCode
-from manual.pages import wrap
+from geoident.io.docs.key_page import wrapped
 
 HEAD = """\
 # Commands
@@ -78,7 +78,7 @@ def _part(command: click.Command, parent: click.Context) -> str:
     lines += [_paragraphs(_text(command)), ""]
     options = [p for p in command.params if isinstance(p, click.Option)]
     if options:
-        lines += [*(line for option in options for line in _option(option, context)), ""]
+        lines += [*(_option(option, context) for option in options), ""]
     lines += _epilog(command)
     return "\n".join(lines)
 
@@ -90,13 +90,13 @@ def _paragraphs(text: str) -> str:
         if paragraph.startswith("\b\n"):
             found.append(f"```text\n{paragraph[2:]}\n```")
         else:
-            found.append("\n".join(wrap(_escaped(paragraph))))
+            found.append(wrapped(_escaped(paragraph)))
     return "\n\n".join(found)
 
 
-def _option(option: click.Option, context: click.Context) -> list[str]:
+def _option(option: click.Option, context: click.Context) -> str:
     names, about = option.get_help_record(context) or ("", "")
-    return wrap(f"- `{names}`: {_escaped(about)}", "  ")
+    return wrapped(f"- `{names}`: {_escaped(about)}", "  ")
 
 
 def _escaped(text: str) -> str:
@@ -109,7 +109,7 @@ def _epilog(command: click.Command) -> list[str]:
     for part in re.split(r"\n{2,}", cleandoc(command.epilog or "")):
         title, _, body = part.removeprefix("\b\n").strip("\b\n").partition("\n")
         if not body:
-            lines += [*wrap(_escaped(title)), ""]
+            lines += [wrapped(_escaped(title)), ""]
         elif title.endswith(":"):
             lines += [title, "", "```text", cleandoc("\n" + body), "```", ""]
         else:

@@ -20,7 +20,6 @@ lines ``...``.
 from __future__ import annotations
 
 import re
-import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -124,15 +123,6 @@ class Page:
             return f"{found['notes']}```console\n{body}\n```"
 
         return _BLOCK.sub(renewed, self.text)
-
-
-def wrap(text: str, indent: str = "") -> list[str]:
-    """Text on lines of at most 100 characters; what stands between backticks is not parted."""
-    whole = re.sub(r"`[^`]*`", lambda code: code[0].replace(" ", "\0"), " ".join(text.split()))
-    lines = textwrap.wrap(
-        whole, 100, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False
-    )
-    return [line.replace("\0", " ") for line in lines]
 
 
 def read_page(path: Path) -> Page:

@@ -15,9 +15,10 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
+from geoident.io.docs.key_page import wrapped
 from manual.drawings import STYLE
 from manual.entries import CHAPTERS, ENTRIES, Entry
-from manual.pages import DOCS, wrap
+from manual.pages import DOCS
 from manual.records import RENEW, Record, records
 
 FOLDER = DOCS / "verification"
@@ -95,7 +96,12 @@ def percent(part: float) -> str:
 def _index() -> str:
     lines = [HEAD]
     for name, chapter in CHAPTERS.items():
-        lines += [f"## {chapter.title}", "", *wrap(f"{chapter.about} [The numbers]({name}.md)"), ""]
+        lines += [
+            f"## {chapter.title}",
+            "",
+            wrapped(f"{chapter.about} [The numbers]({name}.md)"),
+            "",
+        ]
         lines += ["| compared | with | largest deviation | the test allows |", "|---|---|---|---|"]
         for key, entry in chapter.entries.items():
             worst = max(record.deviation for record in records(key).values())
@@ -119,7 +125,7 @@ def _anchor(title: str) -> str:
 
 def _chapter(name: str) -> str:
     chapter = CHAPTERS[name]
-    about = "\n".join(wrap(f"{chapter.about} How to read this: [verification](index.md)."))
+    about = wrapped(f"{chapter.about} How to read this: [verification](index.md).")
     head = f"# {chapter.title}\n\n{about}\n"
     parts = [head, *(_part(key, entry, records(key)) for key, entry in chapter.entries.items())]
     return "\n".join(parts)
@@ -130,10 +136,10 @@ def _part(key: str, entry: Entry, found: dict[str, Record]) -> str:
     lines = [
         f"## {entry.title}",
         "",
-        *wrap(entry.about),
+        wrapped(entry.about),
         "",
-        *wrap(f"- Exact: {entry.source}.", "  "),
-        *wrap(f"- Compared: {entry.quantity}. The test allows {entry.allowed}.", "  "),
+        wrapped(f"- Exact: {entry.source}.", "  "),
+        wrapped(f"- Compared: {entry.quantity}. The test allows {entry.allowed}.", "  "),
         *(f"- Test: `{test}`" for test in made_by),
         "",
         f"![{entry.title}: {entry.quantity}]({key}.svg)",
