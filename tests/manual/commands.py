@@ -9,35 +9,36 @@ import click
 
 from geoident.cli.app import COMMANDS, geoident
 from geoident.errors import ExitCode
+from geoident.io.docs.key_page import wrapped
 
 HEAD = """\
 # Commands
 
-Made from the commands themselves; `geoident COMMAND --help` says the same. Each command ends with
-what comes next.
+Made from the commands; `geoident COMMAND --help` prints the same. Each command ends with suggested
+next steps.
 
-What was asked for (paths, tables, JSON) goes to the standard output; progress, remarks and errors
-go to the standard error, so a program that reads `geoident show case.fit.h5 --json` gets the JSON
-alone. Results are written whole or not at all, and no output ever replaces an input of its command,
-also through a link.
+Results (paths, tables, JSON) go to the standard output. Progress, remarks and errors go to the
+standard error, so a program that reads `geoident show case.fit.h5 --json` gets the JSON alone.
+Files are written whole or not at all. No output ever replaces an input of its command, also not
+through a link.
 
 | command | what it does |
 |---|---|"""
 
 EXIT_CODES = {
     ExitCode.DONE: "done (also: already up to date)",
-    ExitCode.BUG: "a bug: a short message and where the log is (of `diff`: the results differ; its "
-    "bugs are 70)",
+    ExitCode.BUG: "a defect of geoident: the message names the log file (for `diff`: the results "
+    "differ; a defect is 70)",
     ExitCode.USAGE: "wrong flags",
     ExitCode.INVALID_INPUT: "invalid input: case, mesh, readings",
-    ExitCode.NOT_CONVERGED: "finished, but not converged, not determined, poorly fitted or out of "
-    "budget, or (`backtest`) the bands do not hold; the result is written and says so",
-    ExitCode.NO_SOLUTION: "the model has no solution (a mechanism, singular; plastic collapse: "
-    "drawn in CASE.collapse.png)",
-    ExitCode.OUTPUT: "output: exists from other input, no permission, disk full",
+    ExitCode.NOT_CONVERGED: "the result is written, but not converged, not determined, poorly "
+    "fitted or out of budget; for `backtest`: the bands do not hold",
+    ExitCode.NO_SOLUTION: "the model has no solution: a mechanism, or plastic collapse (picture "
+    "CASE.collapse.png)",
+    ExitCode.OUTPUT: "output exists from other input, no permission, disk full",
     ExitCode.SOME_FAILED: "some of several cases, or of the runs of a campaign, failed",
     ExitCode.INTERRUPTED: "interrupted; the same command continues from the checkpoint",
-    ExitCode.TERMINATED: "ended from outside; as above",
+    ExitCode.TERMINATED: "terminated from outside; the same command continues",
 }
 
 
@@ -77,25 +78,25 @@ def _part(command: click.Command, parent: click.Context) -> str:
     lines += [_paragraphs(_text(command)), ""]
     options = [p for p in command.params if isinstance(p, click.Option)]
     if options:
-        lines += ["| option | meaning |", "|---|---|", *(_option(o, context) for o in options), ""]
+        lines += [*(_option(option, context) for option in options), ""]
     lines += _epilog(command)
     return "\n".join(lines)
 
 
 def _paragraphs(text: str) -> str:
-    """Paragraphs as help shows them: lines are joined, but not those behind a backspace."""
+    """Paragraphs as help shows them; lines behind a backspace are kept."""
     found = []
     for paragraph in re.split(r"\n{2,}", text):
         if paragraph.startswith("\b\n"):
             found.append(f"```text\n{paragraph[2:]}\n```")
         else:
-            found.append(_escaped(paragraph.replace("\n", " ")))
+            found.append(wrapped(_escaped(paragraph)))
     return "\n\n".join(found)
 
 
 def _option(option: click.Option, context: click.Context) -> str:
     names, about = option.get_help_record(context) or ("", "")
-    return f"| `{names.replace('|', chr(92) + '|')}` | {_escaped(about)} |"
+    return wrapped(f"- `{names}`: {_escaped(about)}", "  ")
 
 
 def _escaped(text: str) -> str:
@@ -108,7 +109,7 @@ def _epilog(command: click.Command) -> list[str]:
     for part in re.split(r"\n{2,}", cleandoc(command.epilog or "")):
         title, _, body = part.removeprefix("\b\n").strip("\b\n").partition("\n")
         if not body:
-            lines += [_escaped(title), ""]
+            lines += [wrapped(_escaped(title)), ""]
         elif title.endswith(":"):
             lines += [title, "", "```text", cleandoc("\n" + body), "```", ""]
         else:

@@ -35,14 +35,14 @@ HEAD = """\
 # Gallery
 
 The cases that come with geoident: those in the folder `cases` of the repository, and those that
-`geoident init` writes. All readings are made up: they were computed on a finer mesh than that of
-the case, of higher order where the case's is linear, with noise of the stated accuracy, so no case
-is fitted with the model that made its readings. Behind some of them the ground is of another kind,
-too; the text says so. The parameters behind the readings stand in `truth.yaml` of a case, and in
-the last column here.
+`geoident init` writes. All readings are synthetic. They were computed on a finer mesh than that of
+the case (of higher order where the case has linear elements), with noise of the stated accuracy. So
+no case is fitted with the model that made its readings. In some cases the ground behind the
+readings is also of another kind; the text says so. The true parameters are in `truth.yaml` of a
+case, and in the last column here.
 
-What counts as positive, axes and units: [conventions](conventions.md). What the commands do:
-[commands](commands.md). A notebook with the interface for Python is `cases/notebook.py`.
+Signs, axes and units: [conventions](conventions.md). The commands: [commands](commands.md). The
+notebook `cases/notebook.py` shows the Python interface.
 """
 
 

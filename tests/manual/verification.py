@@ -15,6 +15,7 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
+from geoident.io.docs.key_page import wrapped
 from manual.drawings import STYLE
 from manual.entries import CHAPTERS, ENTRIES, Entry
 from manual.pages import DOCS
@@ -30,16 +31,15 @@ TAKES = re.compile(r"^def (test_\w+)\(([^)]*)\)", re.MULTILINE)
 HEAD = """\
 # Verification
 
-geoident is held against closed forms, published benchmarks and other programs. The pages below have
-every such comparison that gives numbers: what is computed, what is exact and by whom, a figure, a
-table, the deviation, and the test that makes it. The numbers are those of the tests: each run of a
-test compares its numbers with these pages and fails if they differ.
+geoident is compared with closed forms, published benchmarks and other programs. The pages below
+show every comparison: the problem, the exact solution and its source, a figure, a table, the
+deviation, and the test. The numbers are those of the tests. Each run of a test compares its numbers
+with these pages and fails if they differ. This command runs the tests, slow ones included, and
+makes the pages again:
 
     sh tests/manual/renew verification
 
-runs these tests, slow ones included, and makes the pages again.
-
-*Deviation* is the largest difference in parts of the largest exact value of the table.
+*Deviation* is the largest difference, relative to the largest exact value of the table.
 """
 
 
@@ -96,16 +96,27 @@ def percent(part: float) -> str:
 def _index() -> str:
     lines = [HEAD]
     for name, chapter in CHAPTERS.items():
-        lines += [f"## {chapter.title}", "", f"{chapter.about} [The numbers]({name}.md)", ""]
+        lines += [
+            f"## {chapter.title}",
+            "",
+            wrapped(f"{chapter.about} [The numbers]({name}.md)"),
+            "",
+        ]
         lines += ["| compared | with | largest deviation | the test allows |", "|---|---|---|---|"]
         for key, entry in chapter.entries.items():
             worst = max(record.deviation for record in records(key).values())
             lines.append(
-                f"| [{entry.title}]({name}.md#{_anchor(entry.title)}) | {entry.source} "
+                f"| [{entry.title}]({name}.md#{_anchor(entry.title)}) | {_author(entry.source)} "
                 f"| {percent(worst)} | {entry.allowed} |"
             )
         lines.append("")
     return "\n".join(lines) + (Path(__file__).parent / "checked.md").read_text(encoding="utf-8")
+
+
+def _author(source: str) -> str:
+    """Author and year of a source; its chapter gives all of it."""
+    cited = re.match(r"[^()]*\(\d{4}\)", source)
+    return cited[0] if cited else source
 
 
 def _anchor(title: str) -> str:
@@ -114,7 +125,8 @@ def _anchor(title: str) -> str:
 
 def _chapter(name: str) -> str:
     chapter = CHAPTERS[name]
-    head = f"# {chapter.title}\n\n{chapter.about} How to read this: [verification](index.md).\n"
+    about = wrapped(f"{chapter.about} How to read this: [verification](index.md).")
+    head = f"# {chapter.title}\n\n{about}\n"
     parts = [head, *(_part(key, entry, records(key)) for key, entry in chapter.entries.items())]
     return "\n".join(parts)
 
@@ -124,10 +136,10 @@ def _part(key: str, entry: Entry, found: dict[str, Record]) -> str:
     lines = [
         f"## {entry.title}",
         "",
-        entry.about,
+        wrapped(entry.about),
         "",
-        f"- Exact: {entry.source}.",
-        f"- Compared: {entry.quantity}. The test allows {entry.allowed}.",
+        wrapped(f"- Exact: {entry.source}.", "  "),
+        wrapped(f"- Compared: {entry.quantity}. The test allows {entry.allowed}.", "  "),
         *(f"- Test: `{test}`" for test in made_by),
         "",
         f"![{entry.title}: {entry.quantity}]({key}.svg)",

@@ -11,13 +11,15 @@ from functools import cache
 from typing import Any
 
 from geoident.io.campaign.sections import CampaignSection
-from geoident.io.docs.case_schema import key_page, schema_of
+from geoident.io.docs.key_page import key_page
+from geoident.io.docs.schema import schema_of
 
 _HEAD = """\
 # All keys of a campaign file
 
 Made from the code that reads campaigns (`geoident schema --campaign --markdown`). Bold keys are
-required. How campaigns are used: [many runs](how-to/campaigns.md).
+required; what each may hold, and its default, stands in parentheses.
+How campaigns are used: [many runs](how-to/campaigns.md).
 """
 
 

@@ -10,14 +10,16 @@ import sys
 from functools import cache
 from typing import Any
 
-from geoident.io.docs.case_schema import key_page, schema_of
+from geoident.io.docs.key_page import key_page
+from geoident.io.docs.schema import schema_of
 from geoident.io.project.sections import ProjectFile
 
 _HEAD = """\
 # All keys of a project file
 
 Made from the code that reads projects (`geoident schema --project --markdown`). Bold keys are
-required. How projects are used: [several sections](how-to/several-sections.md).
+required; what each may hold, and its default, stands in parentheses.
+How projects are used: [several sections](how-to/several-sections.md).
 """
 
 

@@ -188,23 +188,33 @@ class Page:
     """The parts of a page of keys: their keys, kinds of values and ways."""
 
     def __init__(self, text: str) -> None:
-        self.parts = {part.partition("\n")[0]: part for part in text.split("\n## ")[1:]}
+        plain = re.sub(
+            r"(?<=\S)\n(?:  (?=\S)|(?=[^\s#-]))", " ", text
+        )  # one line an entry or paragraph
+        self.parts = {part.partition("\n")[0]: part for part in plain.split("\n## ")[1:]}
         self.words = WORDS
         self.factor = self.number = ""
 
     @cache  # noqa: B019 - a page lives as long as a test
     def keys(self, part: str) -> dict[str, tuple[bool, str]]:
         """Key to whether it is required, and what the page says is allowed."""
-        row = r"^\| (\**)`([\w-]+)`\** \| (.*?) \| [^|]*\| "
-        return {
+        row = r"^- (\**)`([\w-]+)`\** \((.*?)(?:, default `[^`]*`)?\)(?:: .*)?$"
+        own = {
             key: (bool(bold), allowed)
             for bold, key, allowed in re.findall(row, self.parts[part], re.MULTILINE)
         }
+        return {**(self.keys(base) if (base := self.base(part)) else {}), **own}
+
+    def base(self, part: str) -> str:
+        """The part that has further keys of this one, or nothing."""
+        further = re.search(r"Further keys under \[([^\]]*)\]", self.parts[part])
+        return further[1] if further else ""
 
     @cache  # noqa: B019
     def choices(self, part: str) -> list[list[tuple[list[str], list[str]]]]:
         """For each "Exactly one of": the ways, each with needed and optional keys."""
-        found = []
+        base = self.base(part)
+        found = list(self.choices(base)) if base else []
         for sentence in re.findall(r"Exactly one of: (.*?)\.(?: |\n)", self.parts[part]):
             ways = []
             for way in sentence.split(", or "):
@@ -418,7 +428,7 @@ def test_every_documented_combination_is_read(tmp_path, place, part):
             "`component`, or `direction`.",
             "`component` (with `direction`).",
         ),
-        ("loads", "Load", "| `at` | list of length or number |", "| `at` | text |"),
+        ("loads", "Load", "- `at` (list of length or number)", "- `at` (text)"),
     ],
 )
 def test_what_the_page_names_and_the_reader_refuses_is_seen(tmp_path, place, part, old, new):
