@@ -30,7 +30,7 @@ from geoident.io.external.run_checks import (
     runs_held,
     too_few,
 )
-from geoident.io.text.cells import TextCell, cells_of, delimiter_of, said_lines
+from geoident.io.text.cells import Cell, cells_of, delimiter_of, written_lines
 from geoident.io.text.text_file import decode, read_bytes
 from geoident.io.text.wording import did_you_mean, listing, shorten
 from geoident.model.gauges import Channel
@@ -62,7 +62,7 @@ _UNIT = re.compile(r"(.*?)\s*(?:\[([^\[\]]*)\]|\(([^()]*)\))?")
 class _Column:
     """A column: its cell in the header, the size of its unit in SI, and what it holds."""
 
-    cell: TextCell
+    cell: Cell
     size: float
     holds: HeldColumn
 
@@ -103,7 +103,7 @@ class _Reader:
         stages: Sequence[str],
     ) -> None:
         self.file, self.faults = path, list[Fault]()
-        self.rows = list(said_lines(text))
+        self.rows = list(written_lines(text))
         self.delimiter = delimiter_of(self.rows[0][1]) if self.rows else ","
         self.parameters, self.channels, self.stages = parameters, channels, stages
         self.name = Path(path).name
@@ -130,10 +130,10 @@ class _Reader:
         self.faults.append(Fault(code, message, hint, Location(self.file, *place)))
 
     def _columns(
-        self, number: int, cells: Sequence[TextCell], ignore: Sequence[str]
+        self, number: int, cells: Sequence[Cell], ignore: Sequence[str]
     ) -> dict[int, _Column]:
         """Positions of the columns that hold something, and what."""
-        known: dict[str, TextCell] = {}
+        known: dict[str, Cell] = {}
         found: dict[int, _Column] = {}
         for at, cell in enumerate(cells):
             match = _UNIT.fullmatch(cell.text)
@@ -162,7 +162,7 @@ class _Reader:
             self._refuse((number, 1), "unknown-column", message, hint)
         return found
 
-    def _column(self, number: int, cell: TextCell, name: str, unit: str | None) -> _Column | None:
+    def _column(self, number: int, cell: Cell, name: str, unit: str | None) -> _Column | None:
         place = (number, cell.column)
         if name in self.parameters:
             self.named.add(name)
@@ -240,7 +240,7 @@ class _Reader:
 
     def _runs(
         self, width: int, columns: Mapping[int, _Column]
-    ) -> Iterator[tuple[int, list[TextCell], list[float]]]:
+    ) -> Iterator[tuple[int, list[Cell], list[float]]]:
         """Line, cells and numbers of each run, in the order of the columns."""
         for number, line in self.rows[1:]:
             cells = cells_of(line, self.delimiter)
@@ -258,7 +258,7 @@ class _Reader:
             if len(self.faults) > _MOST_FAULTS:
                 return
 
-    def _number(self, number: int, cell: TextCell, column: _Column) -> float:
+    def _number(self, number: int, cell: Cell, column: _Column) -> float:
         """What a cell says, SI; NaN for a run that failed, and with a fault for what is none."""
         text = cell.text.strip()
         if self.delimiter != "," and text.count(",") == 1 and "." not in text:
@@ -281,7 +281,7 @@ class _Reader:
         self,
         header: int,
         columns: list[_Column],
-        runs: list[tuple[int, list[TextCell], list[float]]],
+        runs: list[tuple[int, list[Cell], list[float]]],
     ) -> ReadRuns | None:
         """The runs that are there, unless no surface could be laid through them."""
         failed = [run for run in runs if np.isnan(run[2]).any()]
@@ -308,7 +308,7 @@ class _Reader:
     def _left_out(
         self,
         columns: Sequence[_Column],
-        failed: Sequence[tuple[int, list[TextCell], list[float]]],
+        failed: Sequence[tuple[int, list[Cell], list[float]]],
         total: int,
     ) -> tuple[str, ...]:
         """Which runs have failed, in a sentence."""
