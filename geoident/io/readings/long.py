@@ -6,8 +6,6 @@ them. A blank value is a reading that was not taken: it is kept, and counted lat
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from geoident.io.readings.layout import COLUMNS, Origin
 from geoident.io.readings.table import Table, UnitScale
 from geoident.io.text.cells import Cell
@@ -55,12 +53,15 @@ class LongRows:
                 table.refuse(line, cell, "bad-header", message, hint)
         if not (layout.columns or table.sheet):
             self.nameless = {n: False for n, name in enumerate(names) if not name}
-        self.keys = [keys.get(name, "") for name in names]
-        self.when = "date" if "date" in self.keys and "stage" not in self.keys else "stage"
+        self.width, self.header = len(cells), ",".join(keys.get(name, "") for name in names)
+        self.columns = {keys[name]: n for n, name in enumerate(names) if name in keys}
+        dated = "date" in self.columns and "stage" not in self.columns
+        self.when, other = ("date", "stage") if dated else ("stage", "date")
+        self.columns.pop(other, None)
         calibrated = [origin.calibration for _, origin in self.origins.values()]
         united = bool(layout.unit or (calibrated and None not in calibrated))
         self.required = ["gauge", self.when, "value", *([] if united else ["unit"])]
-        missing = [layout.header(key) for key in self.required if key not in self.keys]
+        missing = [layout.header(key) for key in self.required if key not in self.columns]
         if missing:
             hint = f"The first line names the columns: {','.join(REQUIRED)}[,accuracy]."
             if missing == [layout.header("unit")]:
@@ -74,9 +75,7 @@ class LongRows:
         if table.nameless(line, cells, self.nameless) or not self._fits_header(line, cells):
             return []
         end = Cell("", cells[-1].column + len(cells[-1].text))
-        filled = [*cells, *[end] * (len(self.keys) - len(cells))]
-        row = {key: cell for key, cell in zip(self.keys, filled, strict=False) if key}
-        row = {k: c for k, c in row.items() if k not in ("date", "stage") or k == self.when}
+        row = {key: cells[n] if n < len(cells) else end for key, n in self.columns.items()}
         before = len(table.faults)
         for key in ("gauge", self.when):
             if not row[key].text:
@@ -93,26 +92,24 @@ class LongRows:
         scale: UnitScale | None = UnitScale()
         if unit.text or row["value"].text or accuracy.text:
             scale = table.scale(line, unit, channel, origin)
-        value = table.value(line, filled, row["value"], scale)
+        number = table.measured(line, row["value"])
+        value = table.value(line, cells, number, scale)
         sd = table.accuracy(line, accuracy)
         if not channel or (time is None and (self.when == "date" or not row["stage"].text)):
             return []
         if len(table.faults) > before:
             value, sd = None, None
-        own = None
-        if sd is not None and scale is not None:
-            own = scale.accuracy(sd, table.number(line, row["value"]))
-        reading = table.reading(line, row, channel, value, time, row["gauge"])
-        return [replace(reading, accuracy=own)]
+        own = None if sd is None or scale is None else scale.accuracy(sd, number)
+        return [table.reading(line, row, channel, value, time, row["gauge"], own)]
 
     def _fits_header(self, line: int, cells: list[Cell]) -> bool:
         """Whether a row has the columns of the header; notes it if not."""
         hint = "If a number has a decimal comma, write a point; quote texts that hold commas."
-        if self.table.too_wide(line, cells, len(self.keys), hint):
+        if self.table.too_wide(line, cells, self.width, hint):
             return False
-        if len(cells) > max(self.keys.index(key) for key in self.required):
+        if len(cells) > max(self.columns[key] for key in self.required):
             return True
-        message = f"the row has {len(cells)} columns; {','.join(self.keys)} expected"
+        message = f"the row has {len(cells)} columns; {self.header} expected"
         end = cells[-1].column + len(cells[-1].text)
         self.table.refuse(line, end, "too-few-columns", message, "Leave a missing value blank: ,,")
         return False

@@ -207,18 +207,15 @@ class Table:
         if not cell.text or self._refused_of_a_sheet(line, cell):
             return None
         text, comma = cell.text, self.layout.decimal == ","
-        missing = ""
-        if not any(letter.isdigit() for letter in text) and "," not in text:
-            missing = f"If it stands for a missing reading, declare it: blank: ['{shorten(text)}']."
         if comma and not _COMMA_NUMBER.fullmatch(text):
             message = f"'{shorten(text)}' is not a number with a decimal comma"
             hint = "The file is declared with 'decimal: \",\"'; a point has no place in it."
-            self.refuse(line, cell, "bad-number", message, missing or hint)
+            self.refuse(line, cell, "bad-number", message, _if_blank(text) or hint)
             return None
         try:
             quantity = read_quantity(text.replace(",", ".") if comma else text)
         except UnitError as error:
-            hint = (missing if "finite" not in error.message else "") or error.hint
+            hint = (_if_blank(text) if "finite" not in error.message else "") or error.hint
             if "," in text and not comma and self.layout.delimiter != ",":
                 hint += ' Or declare it: readings: {file: ..., decimal: ","}.'
             self.refuse(line, cell, "bad-number", error.message, hint)
@@ -336,28 +333,28 @@ class Table:
         return UnitScale(1.0, known, origin.sign)
 
     def value(
-        self, line: int, cells: Sequence[Cell], cell: Cell, scale: UnitScale | None
+        self, line: int, cells: Sequence[Cell], number: float | None, scale: UnitScale | None
     ) -> float | None:
-        """The reading in a cell, SI; None where it is blank or, with a fault, none.
+        """The reading, SI, of a number in a row; None without number or scale.
 
         Args:
             line: of the row.
             cells: of the row, in which the temperature of the sensor may stand.
-            cell: that has the number.
+            number: that was measured.
             scale: how it becomes a reading; None where that is not known.
         """
-        number, temperature = self.measured(line, cell), None
-        known = None if scale is None else scale.calibration
-        if number is not None and known is not None and known.temperature:
-            at = self.temperatures[known.temperature.lower()]
-            degrees = cells[at] if at < len(cells) else Cell("", 1)
-            temperature = self.number(line, degrees)
-            if temperature is None and not degrees.text:
-                message = f"the temperature of the sensor is missing ('{known.temperature}')"
-                hint = "Its calibration needs it; leave the reading blank, or 'thermal' out."
-                self.refuse(line, degrees, "missing-temperature", message, hint)
         if number is None or scale is None:
             return None
+        if scale.calibration is None or not scale.calibration.temperature:
+            return scale.reading(number)
+        name = scale.calibration.temperature
+        at = self.temperatures[name.lower()]
+        cell = cells[at] if at < len(cells) else Cell("", 1)
+        temperature = self.number(line, cell)
+        if temperature is None and not cell.text:
+            message = f"the temperature of the sensor is missing ('{name}')"
+            hint = "Its calibration needs it; leave the reading blank, or 'thermal' out."
+            self.refuse(line, cell, "missing-temperature", message, hint)
         return scale.reading(number, temperature)
 
     def reading(
@@ -368,6 +365,7 @@ class Table:
         value: float | None,
         time: float | None,
         at: Cell,
+        accuracy: float | None = None,
     ) -> Reading:
         """A reading of a row.
 
@@ -378,12 +376,14 @@ class Table:
             value: SI.
             time: of its date; None where it has a stage.
             at: where the reading is written.
+            accuracy: its own, SI; None for none.
         """
         when = row["date"] if "date" in row else row["stage"]
         return Reading(
             channel=channel,
             stage="" if "date" in row else when.text,
             value=value,
+            accuracy=accuracy,
             location=self.place(line, at),
             time=time,
             zone=utc_offset(when.text) if time is not None else None,
@@ -391,6 +391,13 @@ class Table:
             bad=flag(row["bad"].text) if "bad" in row else "",
             note=row["remarks"].text if "remarks" in row else "",
         )
+
+
+def _if_blank(text: str) -> str:
+    """The remedy where a text looks like a mark for a missing reading; empty where it does not."""
+    if any(letter.isdigit() for letter in text) or "," in text:
+        return ""
+    return f"If it stands for a missing reading, declare it: blank: ['{shorten(text)}']."
 
 
 def name_and_unit(text: str) -> tuple[str, str]:

@@ -147,7 +147,7 @@ class WideRows:
             if column.at >= len(cells):
                 continue
             cell = cells[column.at]
-            value = table.value(line, cells, cell, column.scale)
+            value = table.value(line, cells, table.measured(line, cell), column.scale)
             if column.scale is not None and (value is not None or not cell.text):
                 readings.append(table.reading(line, row, column.channel, value, time, cell))
         return readings if "stage" in row or time is not None else []
