@@ -80,9 +80,9 @@ def read_values(path: str) -> tuple[WrittenValue, ...]:
             faults.append(Fault("bad-row", message, "", Location(path, line, 1)))
             continue
         by = dict(zip(header, cells, strict=True))
-        named = [by.get(key, Cell("", 1)) for key in ("parameter", "value", "unit")]
-        places = (Location(path, line, cell.column) for cell in named)
-        values.append(WrittenValue(*(cell.text for cell in named), *places))
+        name, value, unit = (by.get(key, Cell("", 1)) for key in ("parameter", "value", "unit"))
+        places = (Location(path, line, cell.column) for cell in (name, value, unit))
+        values.append(WrittenValue(name.text, value.text, unit.text, *places))
     if faults:
         raise InputError(faults[:_MOST_FAULTS])
     return tuple(values)

@@ -96,7 +96,7 @@ class Stream:
             with np.errstate(invalid="ignore"):
                 return rows[:, 0].astype(np.int64), np.ascontiguousarray(rows[:, 1:])
         fields = np.dtype([("number", self._int), ("values", self._double, (width,))])
-        records = self._take(n, fields)
+        records = self._take(n, fields).view(fields)
         return records["number"].astype(np.int64), records["values"].astype(np.float64)
 
     def rest(self) -> int:

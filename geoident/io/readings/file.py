@@ -99,18 +99,20 @@ def _readings(table: Table, rows: Iterable[Row]) -> tuple[Reading, ...]:
     if header is None and not table.faults:
         hint = f"The first line names the columns: {','.join(kind.expected)}."
         table.refuse(0, 0, "empty", "the file is empty", hint)
-    if header is not None and not table.faults:
-        reader = kind(table, *header)
-        below = below if not table.faults else iter(())
-        below = ((line, _without(cells, layout.blank)) for line, cells in below)
-        if isinstance(reader, WideRows) and layout.unit_row:
-            for units in islice(below, 1):
-                reader.units(*units)
-        for line, cells in below:
-            if line >= layout.data_row:
-                readings += reader.readings(line, cells)
-            if len(table.faults) > _MOST_FAULTS:
-                break
+    if header is None or table.faults:
+        raise FaultyReadings(shortened(table.faults), ())
+    reader = kind(table, *header)
+    if table.faults:
+        raise FaultyReadings(shortened(table.faults), ())
+    body = ((line, _without(cells, layout.blank)) for line, cells in below)
+    if isinstance(reader, WideRows) and layout.unit_row:
+        for units in islice(body, 1):
+            reader.units(*units)
+    for line, cells in body:
+        if line >= layout.data_row:
+            readings += reader.readings(line, cells)
+        if len(table.faults) > _MOST_FAULTS:
+            break
     if table.faults:
         raise FaultyReadings(shortened(table.faults), readings)
     return tuple(readings)
