@@ -11,8 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from geoident.errors import Fault, InputError, Location
-from geoident.io.text.cells import Cell, cells_of, written_lines
-from geoident.io.text.text_file import decode, read_bytes
+from geoident.io.text.cells import Cell, read_text_table
 from geoident.io.text.wording import did_you_mean, shorten
 from geoident.model.parameter import Parameter
 from geoident.units import (
@@ -61,30 +60,25 @@ def read_values(path: str) -> tuple[WrittenValue, ...]:
     Raises:
         InputError: with all faults of the table, each with its line and column.
     """
-    text = decode(read_bytes(path, limit=_MAX_BYTES, what="table of values"), path)
-    rows = [(n, cells_of(line, ",")) for n, line in written_lines(text)]
-    if not rows:
-        hint = "Its first line is 'parameter,value,unit', and each further one a parameter."
-        raise InputError([Fault("empty", "the table is empty", hint, Location(path))])
-    line, cells = rows[0]
+    hint = "Its first line is 'parameter,value,unit', and each further one a parameter."
+    table = read_text_table(
+        path, limit=_MAX_BYTES, what="table of values", hint=hint, delimiter=","
+    )
+    line, cells = table.header
     header = [cell.text.lower() for cell in cells]
     missing = [name for name in ("parameter", "value") if name not in header]
     if missing:
         message = f"there is no column '{missing[0]}'; found {shorten(', '.join(header))}"
         hint = "Begin with parameter,value,unit."
         raise InputError([Fault("missing-column", message, hint, Location(path, line, 1))])
-    values, faults = list[WrittenValue](), list[Fault]()
-    for line, cells in rows[1:]:
-        if len(cells) != len(header):
-            message = f"found {len(cells)} cells; {len(header)} are expected, as in the header"
-            faults.append(Fault("bad-row", message, "", Location(path, line, 1)))
-            continue
+    if table.faults:
+        raise InputError(table.faults)
+    values = []
+    for line, cells in table.rows:
         by = dict(zip(header, cells, strict=True))
         name, value, unit = (by.get(key, Cell("", 1)) for key in ("parameter", "value", "unit"))
         places = (Location(path, line, cell.column) for cell in (name, value, unit))
         values.append(WrittenValue(name.text, value.text, unit.text, *places))
-    if faults:
-        raise InputError(faults[:_MOST_FAULTS])
     return tuple(values)
 
 

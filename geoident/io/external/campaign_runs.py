@@ -15,7 +15,7 @@ import h5py
 import numpy as np
 
 from geoident.errors import Fault, Location
-from geoident.io.external.runs import MOST_RUNS, FoundRuns, Run, RunColumn, runs_of
+from geoident.io.external.runs import MOST_RUNS, FoundRuns, RunColumn, RunRow, runs_of
 from geoident.io.result.campaign import FORMAT
 from geoident.io.result.hdf5 import TableReader, hdf5_input, refusal
 from geoident.io.text.campaign_folder import JOURNAL
@@ -47,7 +47,7 @@ class _Campaign:
 
     place: Location
     name: str
-    runs: tuple[Run, ...]
+    runs: tuple[RunRow, ...]
     total: int
     settings: Mapping[str, Sequence[str]]
     parameters: Mapping[str, tuple[Floats, str]]
@@ -110,7 +110,7 @@ def _campaign(file: h5py.File, path: Path) -> _Campaign:
     runs = []
     for name, state, why in zip(names, status, table.texts("reason", len(names)), strict=True):
         failure = f"{state}: {why.splitlines()[0]}" if why else state
-        runs.append(Run(name, f"the run {name}", place, "" if state == "done" else failure))
+        runs.append(RunRow(name, f"the run {name}", place, "" if state == "done" else failure))
     varied, made = TableReader(file, "settings"), TableReader(file, "parameters")
     paths, own = varied.texts("path"), made.texts("parameter")
     texts = varied.array("value", "O").reshape(len(runs), len(paths)).T.tolist()

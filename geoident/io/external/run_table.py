@@ -19,9 +19,8 @@ from pathlib import Path
 import numpy as np
 
 from geoident.errors import Fault, Location
-from geoident.io.external.runs import MOST_RUNS, FoundRuns, Run, RunColumn, runs_of
-from geoident.io.text.cells import Cell, Row, cells_of, delimiter_of, written_lines
-from geoident.io.text.text_file import decode, read_bytes
+from geoident.io.external.runs import MOST_RUNS, FoundRuns, RunColumn, RunRow, runs_of
+from geoident.io.text.cells import Cell, Row, read_text_table
 from geoident.io.text.wording import did_you_mean, listing, shorten
 from geoident.model.arrays import Floats
 from geoident.model.gauges import Channel
@@ -59,19 +58,17 @@ def read_run_table(
         ignore: names of columns that are passed over.
 
     Raises:
-        InputError: it cannot be read, or is no text.
+        InputError: it cannot be read, is no text, or is empty.
     """
-    text = decode(read_bytes(path, limit=MAX_BYTES, what="table of runs"), path)
-    lines = list(written_lines(text))
-    if not lines:
-        hint = "The first line names the columns: parameters and readings with their units."
-        fault = Fault("empty", "the table is empty", hint, Location(path))
-        return FoundRuns(None, None, (fault,))
-    delimiter = delimiter_of(lines[0][1])
-    header, *rows = [(number, cells_of(line, delimiter)) for number, line in lines]
-    reader = _TableReader(path, parameters, channels, stages, comma=delimiter != ",")
-    rows = reader.fitting(rows, len(header[1]))
-    columns = reader.columns(header, rows, ignore)
+    hint = "The first line names the columns: parameters and readings with their units."
+    table = read_text_table(path, limit=MAX_BYTES, what="table of runs", hint=hint)
+    rows, comma = table.rows, table.delimiter != ","
+    reader = _TableReader(path, parameters, channels, stages, table.faults, comma=comma)
+    if len(rows) > MOST_RUNS:
+        message = f"found {len(rows)} runs; {MOST_RUNS} at most"
+        hint = "More runs hardly help a response surface: take every second."
+        reader.refuse(rows[MOST_RUNS][0], 1, "too-large", message, hint)
+    columns = reader.columns(table.header, rows, ignore)
     runs = []
     for n, (line, cells) in enumerate(rows):
         failed = next((at for at, one in columns.items() if math.isnan(one.values[n])), None)
@@ -80,7 +77,7 @@ def read_run_table(
             text = f"'{cells[failed].text}'" if cells[failed].text else "empty"
             failure = f"{columns[failed].label} is {text}"
         place = Location(path, line, 1)
-        runs.append(Run(f"line {line}", f"the run in line {line}", place, failure))
+        runs.append(RunRow(f"line {line}", f"the run in line {line}", place, failure))
     held, shape = list(columns.values()), (len(stages), len(channels))
     found = runs_of(held, runs, parameters, shape, Path(path).name, reader.faults)
     known = not any(fault.code == "unknown-column" for fault in reader.faults)
@@ -102,6 +99,7 @@ class _TableReader:
         parameters: by name.
         channels: of the case.
         stages: names in their order.
+        faults: is told what is wrong.
         comma: numbers may have a decimal comma.
 
     Attributes:
@@ -114,10 +112,11 @@ class _TableReader:
         parameters: Mapping[str, Parameter],
         channels: Sequence[Channel],
         stages: Sequence[str],
+        faults: list[Fault],
         *,
         comma: bool,
     ) -> None:
-        self.file, self.faults, self.comma = file, list[Fault](), comma
+        self.file, self.faults, self.comma = file, faults, comma
         self.parameters, self.channels, self.stages = parameters, channels, stages
         self.numbers = {channel.name: n for n, channel in enumerate(channels)}
         self.misplaced = set[str]()
@@ -126,18 +125,6 @@ class _TableReader:
         """Note a fault in a line, at a cell or column."""
         place = Location(self.file, line, at if isinstance(at, int) else at.column)
         self.faults.append(Fault(code, message, hint, place))
-
-    def fitting(self, rows: Sequence[Row], width: int) -> list[Row]:
-        """The rows that have as many cells as the header; too many rows, and others, are noted."""
-        if len(rows) > MOST_RUNS:
-            message = f"found {len(rows)} runs; {MOST_RUNS} at most"
-            hint = "More runs hardly help a response surface: take every second."
-            self.refuse(rows[MOST_RUNS][0], 1, "too-large", message, hint)
-        hint = "" if self.comma else "A decimal comma needs ';' between columns."
-        for line, cells in [row for row in rows if len(row[1]) != width][:_MOST_FAULTS]:
-            message = f"found {len(cells)} cells; {width} are expected, as in the header"
-            self.refuse(line, 1, "bad-row", message, hint)
-        return [row for row in rows if len(row[1]) == width]
 
     def columns(
         self, header: Row, rows: Sequence[Row], ignore: Sequence[str]

@@ -76,7 +76,7 @@ class RunColumn:
 
 
 @dataclass(frozen=True)
-class Run:
+class RunRow:
     """One run of a table.
 
     Args:
@@ -99,7 +99,7 @@ def least_runs(n: int) -> int:
 
 def runs_of(
     columns: Sequence[RunColumn],
-    runs: Sequence[Run],
+    runs: Sequence[RunRow],
     parameters: Mapping[str, Parameter],
     shape: tuple[int, int],
     table: str,
@@ -171,11 +171,11 @@ def _column_faults(
 
 
 def _run_faults(
-    names: Sequence[str], values: Floats, runs: Sequence[Run], place: Location
+    names: Sequence[str], values: Floats, runs: Sequence[RunRow], place: Location
 ) -> Iterator[Fault]:
     """No run is there twice, and no parameters only change together."""
     unit = (values - values.min(axis=0)) / np.ptp(values, axis=0)
-    first_of: dict[tuple[float, ...], Run] = {}
+    first_of: dict[tuple[float, ...], RunRow] = {}
     for run, row in zip(runs, np.round(unit, 10).tolist(), strict=True):
         first = first_of.setdefault(tuple(row), run)
         if first is not run:

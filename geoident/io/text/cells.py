@@ -8,6 +8,11 @@ from dataclasses import dataclass
 from datetime import datetime
 from functools import cache
 
+from geoident.errors import Fault, InputError, Location
+from geoident.io.text.text_file import decode, read_bytes
+
+_MOST_FAULTS = 100
+
 
 @dataclass(frozen=True)
 class Cell:
@@ -28,6 +33,59 @@ class Cell:
 
 Row = tuple[int, list[Cell]]
 """Number of a line or row, from 1, and its cells."""
+
+
+@dataclass(frozen=True)
+class TextTable:
+    """A table whose first line names its columns.
+
+    Args:
+        header: its first line.
+        rows: that have as many cells as the header.
+        delimiter: between cells.
+        faults: of the other rows.
+    """
+
+    header: Row
+    rows: list[Row]
+    delimiter: str
+    faults: list[Fault]
+
+
+def read_text_table(
+    path: str, *, limit: int, what: str, hint: str, delimiter: str = ""
+) -> TextTable:
+    """Read a table; lines that hold nothing, and those that begin with ``#``, are passed over.
+
+    Args:
+        path: of the file.
+        limit: of its size, bytes.
+        what: name of the kind of file in messages.
+        hint: what its first line is, where it has none.
+        delimiter: between cells; that of its header (`delimiter_of`) if empty.
+
+    Raises:
+        InputError: it cannot be read, is no text, or is empty.
+    """
+    lines = list(written_lines(decode(read_bytes(path, limit=limit, what=what), path)))
+    if not lines:
+        raise InputError([Fault("empty", "the table is empty", hint, Location(path))])
+    delimiter = delimiter or delimiter_of(lines[0][1])
+    header, *rows = [(number, cells_of(line, delimiter)) for number, line in lines]
+    width, remedy = len(header[1]), ""
+    if delimiter == ",":
+        remedy = "A decimal comma needs ';' between columns, a text that holds commas quotes."
+    wrong = [row for row in rows if len(row[1]) != width][:_MOST_FAULTS]
+    faults = [
+        Fault(
+            "bad-row",
+            f"found {len(cells)} cells; {width} are expected, as in the header",
+            remedy,
+            Location(path, number, 1),
+        )
+        for number, cells in wrong
+    ]
+    return TextTable(header, [row for row in rows if len(row[1]) == width], delimiter, faults)
 
 
 def written_lines(text: str) -> Iterator[tuple[int, str]]:
