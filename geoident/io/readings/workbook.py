@@ -96,18 +96,9 @@ def sheet_rows(table: Table) -> Iterator[Row]:
     if match := _RANGE.fullmatch(layout.cells.strip()):
         top, left = int(match[2]), _column(match[1])
         bottom, right = min(int(match[4]), bottom), min(_column(match[3]), right)
-    # Asking for the cells of other rows than the written ones would make them.
-    written = _open(data, path, read_only=True)[sheet.title]
-    written.reset_dimensions()  # files may state them wrongly
-    values = _unbroken(written.iter_rows(top, bottom, left, right, values_only=True), path)
-    for row in [n for n, cells in enumerate(values, top) if any(c is not None for c in cells)]:
-        yield (
-            row,
-            [
-                _cell(sheet, formulas, first_of.get((row, column)), row, column)
-                for column in range(left, right + 1)
-            ],
-        )
+    for row in _written(data, path, sheet.title, (top, bottom, left, right)):
+        columns = range(left, right + 1)
+        yield row, [_cell(sheet, formulas, first_of.get((row, k)), row, k) for k in columns]
 
 
 def _open(data: bytes, path: str, *, data_only: bool = True, read_only: bool = False) -> Any:
@@ -124,16 +115,15 @@ def _open(data: bytes, path: str, *, data_only: bool = True, read_only: bool = F
         raise _no_workbook(path, error) from error
 
 
-def _unbroken(rows: Iterator[Any], path: str) -> Iterator[Any]:
-    """Rows of a sheet that is read while it is looked through.
-
-    Raises:
-        InputError: its file is damaged.
-    """
+def _written(data: bytes, path: str, name: str, box: tuple[int, int, int, int]) -> list[int]:
+    """Numbers of the rows that hold something: asking for cells of others would make these."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            yield from rows
+            sheet = _open(data, path, read_only=True)[name]
+            sheet.reset_dimensions()  # files may state them wrongly
+            rows = enumerate(sheet.iter_rows(*box, values_only=True), box[0])
+            return [row for row, cells in rows if any(cell is not None for cell in cells)]
     except _BROKEN as error:
         raise _no_workbook(path, error) from error
 
