@@ -516,6 +516,27 @@ def normal_unit(text: str, dimension: str = "") -> str:
     raise UnitError(f"there is no unit '{text}'", _unit_hint(unit, dimension))
 
 
+def unit_size(text: str, dimension: str, owner: str) -> float:
+    """Size of a unit in the SI unit of a dimension.
+
+    Args:
+        text: the unit as written.
+        dimension: that it must have.
+        owner: what has the dimension, for the message.
+
+    >>> unit_size("GPa", "pressure", "E")
+    1000000000.0
+
+    Raises:
+        UnitError: it is no unit, or one of another dimension.
+    """
+    size = size_in(normal_unit(text, dimension), dimension)
+    if size is not None:
+        return size
+    message = f"'{text}' is no unit of {with_article(dimension)}, as '{owner}' is"
+    raise UnitError(message, f"Its units: {unit_list(dimension)}.")
+
+
 def unit_list(dimension: str) -> str:
     """The units of a dimension for a message; where there are many, the more usual ones.
 

@@ -26,7 +26,8 @@ MADE_FOR_COMMANDS = {
     "errors.py",  # the terms themselves
     "io/docs",  # scripts of their own, and texts about commands
     "io/case/ladder.py",  # the page of keys speaks of commands
-    "io/bridges/commands.py",  # command lines in files of other programs
+    "io/bridges/pest.py",  # command lines in files of other programs
+    "io/bridges/dakota.py",
     "report/page",  # variables of CSS; its sentences come from elsewhere
 }
 

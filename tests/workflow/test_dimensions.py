@@ -20,7 +20,7 @@ from geoident.io.case.gauges.kinds import ConvergenceSection
 from geoident.io.case.site_files.calendar import Calendar
 from geoident.io.case.site_files.values import READ, dimensions_of, quantity_read
 from geoident.io.readings.file import parse_readings
-from geoident.io.readings.table import Layout, Origin
+from geoident.io.readings.layout import Layout, Origin
 from geoident.io.result.file import read_result, write_result
 from geoident.io.schema.section import Section
 from geoident.io.schema.values import AxialStiffness, QuantityType

@@ -7,28 +7,30 @@ parameters file data format, results file data format, failure capturing).
 
 from __future__ import annotations
 
-import math
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import islice
-
-import numpy as np
 
 from geoident.errors import Fault, InputError, Location
 from geoident.io.bridges.values import WrittenValue
 from geoident.io.text.text_file import decode, read_bytes
 from geoident.io.text.wording import shorten
 from geoident.model.arrays import Floats
+from geoident.model.parameter import Parameter
+from geoident.units import size_in
 
 _MAX_BYTES = 50_000_000
 VALUE, GRADIENT, HESSIAN = 1, 2, 4
 """What is asked for of a response, added up."""
-_APREPRO = re.compile(r"\{\s*(\S+)\s*=\s*(.*?)\s*\}\s*$")
-_STANDARD = re.compile(r"(\S+)\s+(\S+)\s*$")
+_APREPRO = re.compile(r"\s*\{\s*(?P<name>\S+)\s*=\s*(?P<number>.*?)\s*\}\s*")
+_STANDARD = re.compile(r"\s*(?P<number>\S+)\s+(?P<name>\S+)\s*")
 _COUNT = re.compile("[0-9]{1,9}")
-_COUNTS = ("DAKOTA_VARS", "DAKOTA_FNS", "DAKOTA_DER_VARS")
-_WORDS = ("variables", "functions", "derivative_variables")
+_BLOCKS = {
+    "variables": "DAKOTA_VARS",
+    "functions": "DAKOTA_FNS",
+    "derivative_variables": "DAKOTA_DER_VARS",
+}
+"""Blocks of a file of parameters, as the first line of each is called in either format."""
 
 
 @dataclass(frozen=True)
@@ -63,12 +65,12 @@ class DakotaRequest:
 
 @dataclass(frozen=True)
 class _Entry:
-    """A line of the file: a number and what it is called."""
+    """A line of the file: a number and what it is called, each with its place."""
 
     text: str
     name: str
-    number_at: Location
-    name_at: Location
+    text_place: Location
+    name_place: Location
 
 
 def read_request(path: str) -> DakotaRequest:
@@ -81,74 +83,78 @@ def read_request(path: str) -> DakotaRequest:
         InputError: the file is not one, is cut short, or asks for what geoident does not have.
     """
     text = decode(read_bytes(path, limit=_MAX_BYTES, what="file of parameters"), path)
-    entries = [
-        _entry(line, path, number)
-        for number, line in enumerate(text.splitlines(), 1)
-        if line.strip()
-    ]
-    left = iter(entries)
-    variables = _block(left, 0, path)
-    values = tuple(
-        WrittenValue(one.name, one.text.strip("\"'"), None, one.name_at, one.number_at, one.name_at)
-        for one in variables
-    )
-    asked, faults = [], list[Fault]()
-    for one in _block(left, 1, path):
-        parts = int(one.text) if _COUNT.fullmatch(one.text) else -1
-        name = one.name.partition(":")[2]
+    lines = enumerate(text.splitlines(), 1)
+    entries = [_entry(line, Location(path, n, 1)) for n, line in lines if line.strip()]
+    blocks: dict[str, list[_Entry]] = {}
+    for kind in _BLOCKS:
+        blocks[kind], entries = _block(kind, entries, path)
+    asked, faults = list[AskedResponse](), list[Fault]()
+    for one in blocks["functions"]:
+        name, parts = one.name.partition(":")[2], -1
+        if _COUNT.fullmatch(one.text):
+            parts = int(one.text)
         if not 0 <= parts <= VALUE + GRADIENT + HESSIAN:
             message = f"'{shorten(one.text)}' is no entry of the active set vector"
-            faults.append(
-                Fault("bad-request", message, "It is a sum of 1, 2 and 4.", one.number_at)
-            )
+            hint = "It is a sum of 1, 2 and 4."
+            faults.append(Fault("bad-request", message, hint, one.text_place))
         elif parts & HESSIAN:
             message = f"second derivatives (a Hessian) of '{name}' are asked for"
             hint = "geoident has values and gradients: say no_hessians, or quasi_hessians."
-            faults.append(Fault("no-hessian", message, hint, one.number_at))
-        asked.append(AskedResponse(name, max(parts, 0), one.name_at))
-    by = tuple((one.name.partition(":")[2], one.name_at) for one in _block(left, 2, path))
-    for one in left:
+            faults.append(Fault("no-hessian", message, hint, one.text_place))
+        asked.append(AskedResponse(name, parts, one.name_place))
+    for one in entries:
         if one.name.lower().removeprefix("dakota_") == "metadata" and one.text != "0":
             message = f"{one.text} values of metadata are asked for, and geoident has none"
-            faults.append(
-                Fault("no-metadata", message, "Leave out 'metadata' in responses.", one.number_at)
-            )
+            hint = "Leave out 'metadata' in responses."
+            faults.append(Fault("no-metadata", message, hint, one.text_place))
     if faults:
         raise InputError(faults)
-    return DakotaRequest(values, tuple(asked), by)
+    return DakotaRequest(
+        values=tuple(
+            WrittenValue(
+                one.name,
+                one.text.strip("\"'"),
+                None,
+                one.name_place,
+                one.text_place,
+                one.name_place,
+            )
+            for one in blocks["variables"]
+        ),
+        asked=tuple(asked),
+        by=tuple((e.name.partition(":")[2], e.name_place) for e in blocks["derivative_variables"]),
+    )
 
 
-def _entry(line: str, path: str, number: int) -> _Entry:
-    begin = len(line) - len(line.lstrip()) + 1
-    found = _APREPRO.match(line.strip())
-    if found is not None:
-        number_at = Location(path, number, begin + found.start(2))
-        return _Entry(found[2], found[1], number_at, Location(path, number, begin + found.start(1)))
-    found = _STANDARD.match(line.strip())
-    if found is None:
+def _entry(line: str, place: Location) -> _Entry:
+    match = _APREPRO.fullmatch(line) or _STANDARD.fullmatch(line)
+    if match is None:
+        begin = len(line) - len(line.lstrip()) + 1
         message = f"'{shorten(line)}' is no line of a file of parameters of Dakota"
         hint = "Each line is a number and its name, or '{ NAME = NUMBER }'."
-        raise InputError([Fault("bad-line", message, hint, Location(path, number, begin))])
-    name_at = Location(path, number, begin + found.start(2))
-    return _Entry(found[1], found[2], Location(path, number, begin), name_at)
+        raise InputError(
+            [Fault("bad-line", message, hint, Location(place.file, place.line, begin))]
+        )
+    places = (Location(place.file, place.line, match.start(k) + 1) for k in ("number", "name"))
+    return _Entry(match["number"], match["name"], *places)
 
 
-def _block(entries: Iterator[_Entry], kind: int, path: str) -> list[_Entry]:
-    """The entries of a block, whose first line is their number."""
-    head = next(entries, None)
-    expected = f"the number of {_WORDS[kind].replace('_', ' ')}"
-    if head is None:
+def _block(kind: str, entries: list[_Entry], path: str) -> tuple[list[_Entry], list[_Entry]]:
+    """The entries of a block, whose first line is their number, and those behind it."""
+    expected = f"the number of {kind.replace('_', ' ')}"
+    if not entries:
         message = f"the file ends where {expected} is expected"
         raise InputError([Fault("cut-short", message, "", Location(path))])
-    if head.name not in (_COUNTS[kind], _WORDS[kind]) or not _COUNT.fullmatch(head.text):
+    head, *rest = entries
+    if head.name not in (_BLOCKS[kind], kind) or not _COUNT.fullmatch(head.text):
         message = f"found '{shorten(head.text)} {shorten(head.name)}'; {expected} is expected"
         hint = "Is this the file of parameters that Dakota writes (standard or aprepro)?"
-        raise InputError([Fault("bad-line", message, hint, head.number_at)])
-    found = list(islice(entries, int(head.text)))
-    if len(found) < int(head.text):
-        message = f"the file ends after {len(found)} of {head.text} {_WORDS[kind]}"
+        raise InputError([Fault("bad-line", message, hint, head.text_place)])
+    n = int(head.text)
+    if len(rest) < n:
+        message = f"the file ends after {len(rest)} of {head.text} {kind}"
         raise InputError([Fault("cut-short", message, "", Location(path))])
-    return found
+    return rest[:n], rest[n:]
 
 
 def results_text(asked: Sequence[AskedResponse], values: Floats, gradients: Floats) -> str:
@@ -160,21 +166,16 @@ def results_text(asked: Sequence[AskedResponse], values: Floats, gradients: Floa
         gradients: (g, d) their derivatives by the variables that were asked for.
     """
     lines = [
-        f"{_number(value)} {one.name}"
+        f"{value:.16e} {one.name}"
         for one, value in zip(asked, values, strict=True)
         if one.parts & VALUE
     ]
     lines += [
-        f"[ {' '.join(map(_number, gradient))} ]"
-        for one, gradient in zip(asked, np.atleast_2d(gradients), strict=True)
+        f"[ {' '.join(f'{slope:.16e}' for slope in slopes)} ]"
+        for one, slopes in zip(asked, gradients, strict=True)
         if one.parts & GRADIENT
     ]
     return "\n".join(lines) + "\n"
-
-
-def _number(value: float) -> str:
-    assert math.isfinite(value)
-    return f"{value:.16e}"
 
 
 def failure_text(reason: str) -> str:
@@ -186,58 +187,28 @@ def failure_text(reason: str) -> str:
     return f"FAIL\n{' '.join(reason.split())}\n"
 
 
-@dataclass(frozen=True)
-class DakotaVariable:
-    """A variable, in the unit in which the case gives its start.
-
-    Args:
-        name: descriptor.
-        start: initial point.
-        lower: lower bound.
-        upper: upper bound.
-    """
-
-    name: str
-    start: float
-    lower: float
-    upper: float
-
-
-@dataclass(frozen=True)
-class DakotaInput:
-    """What an input file says.
-
-    Args:
-        title: remark in its first line.
-        driver: command to which Dakota adds the names of both files.
-        variables: in their order.
-        responses: descriptors, in their order.
-        data: name of the file of readings.
-    """
-
-    title: str
-    driver: str
-    variables: tuple[DakotaVariable, ...]
-    responses: tuple[str, ...]
-    data: str
-
-
-def input_text(deck: DakotaInput) -> str:
+def input_text(
+    stem: str, case: str, parameters: Sequence[Parameter], responses: Sequence[str]
+) -> str:
     """An input file of Dakota: nonlinear least squares with exact gradients.
 
     Args:
-        deck: what it says.
+        stem: its name without suffix; that of the file of readings, with suffix ``.dat``.
+        case: path of the case, seen from its folder.
+        parameters: of the case; variables are in the units of their starts.
+        responses: descriptors, in their order.
     """
-
-    def column(values: Sequence[float]) -> str:
-        return " ".join(repr(float(value)) for value in values)
-
-    names = " ".join(f"'{variable.name}'" for variable in deck.variables)
-    quoted = [f"'{name}'" for name in deck.responses]
-    rows = [" ".join(quoted[n : n + 5]) for n in range(0, len(quoted), 5)]
-    described = "\n      ".join(rows)
+    sizes = [size_in(p.unit, p.dimension) or 1.0 for p in parameters]
+    rows = [
+        [float(x) / size for x in (p.start, p.lower, p.upper)]
+        for p, size in zip(parameters, sizes, strict=True)
+    ]
+    start, lower, upper = (" ".join(repr(row[k]) for row in rows) for k in range(3))
+    names = " ".join(f"'{parameter.name}'" for parameter in parameters)
+    quoted = [f"'{name}'" for name in responses]
+    described = "\n      ".join(" ".join(quoted[n : n + 5]) for n in range(0, len(quoted), 5))
     return f"""\
-# {deck.title}
+# {stem}: made by geoident
 environment
   tabular_data
 
@@ -246,24 +217,24 @@ method
     convergence_tolerance = 1e-8
 
 variables
-  continuous_design = {len(deck.variables)}
+  continuous_design = {len(parameters)}
     descriptors {names}
-    initial_point {column([variable.start for variable in deck.variables])}
-    lower_bounds {column([variable.lower for variable in deck.variables])}
-    upper_bounds {column([variable.upper for variable in deck.variables])}
+    initial_point {start}
+    lower_bounds {lower}
+    upper_bounds {upper}
 
 interface
-  analysis_drivers = '{deck.driver}'
+  analysis_drivers = 'geoident simulate {case} -q --dakota'
     fork
       parameters_file = 'params.in'
       results_file = 'results.out'
       file_tag
 
 responses
-  calibration_terms = {len(deck.responses)}
+  calibration_terms = {len(responses)}
     descriptors
       {described}
-    calibration_data_file = '{deck.data}'
+    calibration_data_file = '{stem}.dat'
       freeform
       num_experiments = 1
       variance_type = 'scalar'
@@ -272,11 +243,11 @@ responses
 """
 
 
-def data_text(values: Floats, sds: Floats) -> str:
+def data_text(values: Sequence[float], sds: Sequence[float]) -> str:
     """The file of readings: one line of their values, and their variances.
 
     Args:
-        values: (g,) in the units of their gauges.
-        sds: (g,) their standard deviations.
+        values: in the units of their gauges.
+        sds: their standard deviations.
     """
-    return " ".join(repr(float(number)) for number in (*values, *(sds**2))) + "\n"
+    return " ".join(repr(number) for number in (*values, *(sd**2 for sd in sds))) + "\n"

@@ -11,16 +11,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from geoident.errors import Fault, InputError, Location
-from geoident.io.text.text_file import decode, read_bytes
+from geoident.io.text.cells import Cell, read_text_table
 from geoident.io.text.wording import did_you_mean, shorten
 from geoident.model.parameter import Parameter
 from geoident.units import (
     DIMENSIONLESS,
     UnitError,
-    normal_unit,
     shown_unit,
     size_in,
     unit_list,
+    unit_size,
     with_article,
 )
 
@@ -60,45 +60,26 @@ def read_values(path: str) -> tuple[WrittenValue, ...]:
     Raises:
         InputError: with all faults of the table, each with its line and column.
     """
-    text = decode(read_bytes(path, limit=_MAX_BYTES, what="table of values"), path)
-    lines = [(n, line) for n, line in enumerate(text.splitlines(), 1) if line.strip()]
-    lines = [(n, line) for n, line in lines if not line.startswith("#")]
-    if not lines:
-        hint = "Its first line is 'parameter,value,unit', and each further one a parameter."
-        raise InputError([Fault("empty", "the table is empty", hint, Location(path))])
-    header = [cell.lower() for cell, _ in _cells(lines[0][1])]
-    place = Location(path, lines[0][0], 1)
+    hint = "Its first line is 'parameter,value,unit', and each further one a parameter."
+    table = read_text_table(
+        path, limit=_MAX_BYTES, what="table of values", hint=hint, delimiter=","
+    )
+    line, cells = table.header
+    header = [cell.text.lower() for cell in cells]
     missing = [name for name in ("parameter", "value") if name not in header]
     if missing:
-        found = ", ".join(header)
-        message = f"there is no column '{missing[0]}'; found {shorten(found)}"
-        raise InputError(
-            [Fault("missing-column", message, "Begin with parameter,value,unit.", place)]
-        )
-    rows, faults = list[WrittenValue](), list[Fault]()
-    for number, line in lines[1:]:
-        cells = _cells(line)
-        if len(cells) != len(header):
-            message = f"found {len(cells)} cells; {len(header)} are expected, as in the header"
-            faults.append(Fault("bad-row", message, "", Location(path, number, 1)))
-            continue
+        message = f"there is no column '{missing[0]}'; found {shorten(', '.join(header))}"
+        hint = "Begin with parameter,value,unit."
+        raise InputError([Fault("missing-column", message, hint, Location(path, line, 1))])
+    if table.faults:
+        raise InputError(table.faults)
+    values = []
+    for line, cells in table.rows:
         by = dict(zip(header, cells, strict=True))
-        named, value, unit = (by.get(key, ("", 1)) for key in ("parameter", "value", "unit"))
-        places = (Location(path, number, cell[1]) for cell in (named, value, unit))
-        rows.append(WrittenValue(named[0], value[0], unit[0], *places))
-    if faults:
-        raise InputError(faults[:_MOST_FAULTS])
-    return tuple(rows)
-
-
-def _cells(line: str) -> list[tuple[str, int]]:
-    """Cells of a line without the blanks around them, and their columns from 1."""
-    found, at = [], 0
-    for cell in line.split(","):
-        text = cell.strip()
-        found.append((text, at + 1 + len(cell) - len(cell.lstrip())))
-        at += len(cell) + 1
-    return found
+        name, value, unit = (by.get(key, Cell("", 1)) for key in ("parameter", "value", "unit"))
+        places = (Location(path, line, cell.column) for cell in (name, value, unit))
+        values.append(WrittenValue(name.text, value.text, unit.text, *places))
+    return tuple(values)
 
 
 def values_of(written: Sequence[WrittenValue], parameters: Sequence[Parameter]) -> dict[str, float]:
@@ -142,37 +123,28 @@ def _value(row: WrittenValue, parameter: Parameter) -> float | Fault:
     if not math.isfinite(number):
         message = f"'{shorten(row.text)}' is no number"
         return Fault("not-a-number", message, "", row.number_place)
-    size = _size(row, parameter)
-    if isinstance(size, Fault):
-        return size
-    value = number * size
+    try:
+        value = number * _size(row, parameter)
+    except UnitError as error:
+        place = row.unit_place if row.unit else row.number_place
+        return Fault("unit", error.message, error.hint, place)
     low, high = parameter.lower, parameter.upper
     room = ROUNDING * max(abs(low), abs(high))
-    if not low - room <= value <= high + room:
-        unit = shown_unit(parameter.unit, parameter.dimension)
-        shown = size_in(parameter.unit, parameter.dimension) or 1.0
-        bounds = f"[{low / shown:.6g}, {high / shown:.6g}] {unit}".rstrip()
-        message = f"{parameter.name} = {value / shown:.6g} is outside its bounds {bounds}"
-        hint = "Keep to the bounds of the case, or widen them there."
-        return Fault("outside-bounds", message, hint, row.number_place)
-    return min(max(value, low), high)
+    if low - room <= value <= high + room:
+        return min(max(value, low), high)
+    unit = shown_unit(parameter.unit, parameter.dimension)
+    shown = size_in(parameter.unit, parameter.dimension) or 1.0
+    bounds = f"[{low / shown:.6g}, {high / shown:.6g}] {unit}".rstrip()
+    message = f"{parameter.name} = {value / shown:.6g} is outside its bounds {bounds}"
+    hint = "Keep to the bounds of the case, or widen them there."
+    return Fault("outside-bounds", message, hint, row.number_place)
 
 
-def _size(row: WrittenValue, parameter: Parameter) -> float | Fault:
+def _size(row: WrittenValue, parameter: Parameter) -> float:
     dimension = parameter.dimension
     if row.unit is None:
         return size_in(parameter.unit, dimension) or 1.0
-    if not row.unit:
-        if dimension == DIMENSIONLESS:
-            return 1.0
-        message = f"'{parameter.name}' is {with_article(dimension)} and has no unit here"
-        hint = f"Write its unit in the column 'unit': {unit_list(dimension)}."
-        return Fault("unit", message, hint, row.number_place)
-    try:
-        size = size_in(normal_unit(row.unit, dimension), dimension)
-    except UnitError as error:
-        return Fault("unit", error.message, error.hint, row.unit_place)
-    if size is not None:
-        return size
-    message = f"'{row.unit}' is no unit of {with_article(dimension)}, which '{parameter.name}' is"
-    return Fault("unit", message, f"Its units: {unit_list(dimension)}.", row.unit_place)
+    if row.unit or dimension == DIMENSIONLESS:
+        return unit_size(row.unit, dimension, parameter.name) if row.unit else 1.0
+    message = f"'{parameter.name}' is {with_article(dimension)} and has no unit here"
+    raise UnitError(message, f"Write its unit in the column 'unit': {unit_list(dimension)}.")

@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 
 from geoident.errors import Fault, InputError, Location
-from geoident.io.text.cells import TextCell, cells_of, delimiter_of, said_lines
+from geoident.io.text.cells import Cell, cells_of, delimiter_of, written_lines
 from geoident.io.text.overrides import parse_path
 from geoident.io.text.text_file import decode, read_bytes
 from geoident.io.text.wording import Refusal, shorten
@@ -43,7 +43,7 @@ def read_table(path: str) -> tuple[Variation, ...]:
         InputError: with all faults, each with its line and column.
     """
     text = decode(read_bytes(path, limit=_MAX_BYTES, what="table of runs"), path)
-    lines = list(said_lines(text))
+    lines = list(written_lines(text))
     if not lines:
         hint = "The first line names values of the case, such as parameters.E.start."
         raise InputError([Fault("empty", "the table is empty", hint, Location(path))])
@@ -70,7 +70,7 @@ def read_table(path: str) -> tuple[Variation, ...]:
     return tuple(runs)
 
 
-def _check_header(header: Sequence[TextCell], path: str, line: int, faults: list[Fault]) -> None:
+def _check_header(header: Sequence[Cell], path: str, line: int, faults: list[Fault]) -> None:
     seen: set[str] = set()
     for cell in header:
         place = Location(path, line, cell.column)
@@ -87,7 +87,7 @@ def _check_header(header: Sequence[TextCell], path: str, line: int, faults: list
             faults.append(Fault(error.code, message, error.hint, place))
 
 
-def _run(header: Sequence[TextCell], cells: Sequence[TextCell], path: str, line: int) -> Variation:
+def _run(header: Sequence[Cell], cells: Sequence[Cell], path: str, line: int) -> Variation:
     """A run; its name is empty where the table does not give one."""
     name, settings, places = "", [], []
     for column, cell in zip(header, cells, strict=True):

@@ -22,8 +22,9 @@ from geoident.io.case.site_files.checks import ReadingChecks
 from geoident.io.case.site_files.dates import gaps, when_read
 from geoident.io.case.site_files.file import ReadingsFileSection
 from geoident.io.case.site_files.surveyed import surveyed
-from geoident.io.readings.file import format_of
-from geoident.io.readings.table import FaultyReadings, Layout
+from geoident.io.readings.file import read_readings
+from geoident.io.readings.layout import Layout
+from geoident.io.readings.table import FaultyReadings
 from geoident.io.text.dates import date_text, offset_text
 from geoident.io.text.faults import Faults
 from geoident.model.case import VIRGIN, Case, KeyPath
@@ -210,7 +211,7 @@ def _rows(
     rows: list[Reading] = []
     for path in paths:
         try:
-            rows += format_of(path).read(path, layout)
+            rows += read_readings(path, layout)
         except FaultyReadings as error:
             faults.extend(error.faults)
             rows += error.rows

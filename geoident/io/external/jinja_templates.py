@@ -21,7 +21,7 @@ from geoident.io.text.text_file import decode, read_bytes
 from geoident.io.text.wording import did_you_mean
 from geoident.model.external import JinjaTemplate, TemplateField
 from geoident.model.parameter import Parameter
-from geoident.units import UNITS, UnitError, normal_unit, size_in, unit_list, with_article
+from geoident.units import UNITS, UnitError, normal_unit, unit_size
 
 _TO = "to"
 """The filter that gives a parameter in a unit."""
@@ -157,17 +157,14 @@ def _unit_faults(
         yield Fault("unit", message, hint, Location(source, call.lineno, 1))
         return
     place = _place(source, lines, call, given.value)
-    named = call.node if isinstance(call.node, nodes.Name) else None
-    parameter = parameters.get(named.name) if named is not None else None
+    parameter = parameters.get(call.node.name) if isinstance(call.node, nodes.Name) else None
     try:
-        unit = normal_unit(given.value, "" if parameter is None else parameter.dimension)
+        if parameter is None:
+            normal_unit(given.value)
+        else:
+            unit_size(given.value, parameter.dimension, parameter.name)
     except UnitError as error:
         yield Fault("unit", error.message, error.hint, place)
-        return
-    if parameter is not None and size_in(unit, parameter.dimension) is None:
-        message = f"'{given.value}' is no unit of {with_article(parameter.dimension)}, as "
-        message += f"'{parameter.name}' is"
-        yield Fault("unit", message, f"Its units: {unit_list(parameter.dimension)}.", place)
 
 
 def _place(source: str, lines: list[str], node: nodes.Node, word: str) -> Location:

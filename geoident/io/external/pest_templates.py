@@ -12,7 +12,7 @@ import re
 from collections.abc import Mapping
 
 from geoident.errors import Fault, Location
-from geoident.io.text.wording import did_you_mean, shorten
+from geoident.io.text.wording import Refusal, did_you_mean, shorten
 from geoident.model.external import TemplateField
 from geoident.model.parameter import Parameter
 from geoident.units import size_in
@@ -54,38 +54,37 @@ def pest_pieces(
             faults.append(Fault("bad-field", message, f"Write {mark}  NAME  {mark}.", place))
             continue
         column = 1
-        for n, part in enumerate(parts):
-            if n % 2 == 0:
-                pieces.append(part)
-                column += len(part)
-                continue
-            found = _field(part, Location(source, number, column), known)
-            faults.extend([found] if isinstance(found, Fault) else [])
-            pieces.extend([] if isinstance(found, Fault) else [found])
-            column += len(part) + 2
+        for before, inside in zip(parts[::2], [*parts[1::2], None], strict=True):
+            pieces.append(before)
+            column += len(before)
+            if inside is None:
+                break
+            place = Location(source, number, column)
+            column += len(inside) + 2
+            try:
+                pieces.append(_field(inside, place, known))
+            except Refusal as error:
+                faults.append(Fault(error.code, error.message, error.hint, place))
     return pieces, faults
 
 
-def _field(
-    inside: str, place: Location, known: Mapping[str, list[Parameter]]
-) -> TemplateField | Fault:
+def _field(inside: str, place: Location, known: Mapping[str, list[Parameter]]) -> TemplateField:
     name, width = inside.strip(), len(inside) + 2
     meant = known.get(name.lower(), [])
     if not meant:
         hint = did_you_mean(name, [p.name for each in known.values() for p in each])
-        return Fault("unknown-parameter", f"there is no parameter '{shorten(name)}'", hint, place)
+        raise Refusal("unknown-parameter", f"there is no parameter '{shorten(name)}'", hint)
     exact = [parameter for parameter in meant if parameter.name == name]
     if len(meant) > 1 and not exact:
         names = " and ".join(parameter.name for parameter in meant)
-        message = f"'{name}' may be {names}"
-        return Fault("unknown-parameter", message, "Write it as in the case.", place)
+        raise Refusal("unknown-parameter", f"'{name}' may be {names}", "Write it as in the case.")
     parameter = (exact or meant)[0]
     size = size_in(parameter.unit, parameter.dimension) or 1.0
     form = _form(width, parameter.start / size, parameter.lower / size, parameter.upper / size)
     if not form:
         message = f"a field of {width} characters is too narrow for {parameter.name} within its "
         message += f"bounds, up to {max(abs(parameter.lower), abs(parameter.upper)) / size:.6g}"
-        return Fault("narrow-field", message, "Widen it, as far as the program reads.", place)
+        raise Refusal("narrow-field", message, "Widen it, as far as the program reads.")
     return TemplateField(parameter.name, size, form, place)
 
 

@@ -10,15 +10,15 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 from geoident.errors import Fault, Location
 from geoident.io.external.pest_templates import pest_mark, pest_pieces
 from geoident.io.text.text_file import decode, position, read_bytes
-from geoident.io.text.wording import did_you_mean, shorten
+from geoident.io.text.wording import Refusal, did_you_mean, shorten
 from geoident.model.external import AnyTemplate, JinjaTemplate, Template, TemplateField
 from geoident.model.parameter import Parameter
-from geoident.units import UnitError, normal_unit, size_in, unit_list, with_article
+from geoident.units import UnitError, unit_size
 
 MAX_BYTES = 200 * 10**6
 _FIELD = re.compile(r"\{\{(.*?)\}\}", re.DOTALL)
@@ -59,71 +59,63 @@ def _pieces(
     faults: list[Fault] = []
     end = 0
     for match in _FIELD.finditer(text):
-        pieces.append(text[end : match.start()])
-        end = match.end()
         place = Location(source, *position(text, match.start()))
-        field, fault = _field(match[1], match[0], place, parameters)
-        faults.extend([] if fault is None else [fault])
-        pieces.extend([] if field is None else [field])
+        pieces.append(text[end : match.start()])
+        try:
+            field = _field(match[1], place, parameters)
+            pieces.append(field)
+            faults += _too_narrow(field, parameters[field.parameter])
+        except Refusal as error:
+            faults.append(Fault(error.code, error.message, error.hint, place))
+            named = _INSIDE.fullmatch(match[1])
+            if named and named[1] in parameters:  # so that nobody misses it
+                pieces.append(TemplateField(named[1], location=place))
+        end = match.end()
     pieces.append(text[end:])
     return pieces, faults
 
 
-def _field(
-    inside: str, whole: str, place: Location, parameters: Mapping[str, Parameter]
-) -> tuple[TemplateField | None, Fault | None]:
-    """A field, of which its parameter is known, and what is wrong with it."""
+def _field(inside: str, place: Location, parameters: Mapping[str, Parameter]) -> TemplateField:
+    """The field of what stands between its brackets.
+
+    Raises:
+        Refusal: it is none.
+    """
     match = _INSIDE.fullmatch(inside)
     if match is None:
-        message = f"'{shorten(whole)}' is not a field"
         hint = "Write {{NAME}}, {{NAME [GPa]}} or {{NAME [GPa]:10.3e}}."
-        return None, Fault("bad-field", message, hint, place)
+        raise Refusal("bad-field", f"'{shorten(f'{{{{{inside}}}}}')}' is not a field", hint)
     name, unit, form = match[1], match[2], match[3] or ""
-    if name not in parameters:
+    parameter = parameters.get(name)
+    if parameter is None:
         hint = did_you_mean(name, parameters, what="Parameters")
-        return None, Fault("unknown-parameter", f"there is no parameter '{name}'", hint, place)
-    parameter = parameters[name]
-    size = 1.0 if unit is None else _size(unit, parameter, place)
-    if isinstance(size, Fault):
-        return TemplateField(name, location=place), size
-    known = _FORM.fullmatch(form) if form else None
+        raise Refusal("unknown-parameter", f"there is no parameter '{name}'", hint)
+    try:
+        size = 1.0 if unit is None else unit_size(unit, parameter.dimension, name)
+    except UnitError as error:
+        raise Refusal("unit", error.message, error.hint) from None
+    known = _FORM.fullmatch(form)
     if form and known is None:
-        message = f"'{shorten(form)}' is no form of a number"
         hint = "Width, digits after the point and e, f or g: 10.3e, 12.6f, .17g."
-        return TemplateField(name, location=place), Fault("bad-form", message, hint, place)
-    field = TemplateField(name, size, known[1] if known else "", place)
-    return field, _too_narrow(field, parameter)
+        raise Refusal("bad-form", f"'{shorten(form)}' is no form of a number", hint)
+    return TemplateField(name, size, known[1] if known else "", place)
 
 
-def _too_narrow(field: TemplateField, parameter: Parameter) -> Fault | None:
+def _too_narrow(field: TemplateField, parameter: Parameter) -> Iterator[Fault]:
     """Why runs within the bounds could not be written, and that before the first one is made."""
-    width = _width(field)
-    values = (parameter.start, parameter.lower, parameter.upper)
-    text = max((field.written(value).strip() for value in values), key=len)
-    if not width or len(text) <= width:
-        return None
-    message = f"a field of {width} characters is too narrow for {field.parameter} within its "
-    message += f"bounds: '{text}' takes {len(text)}"
-    hint = "Widen it, as far as the program reads, or write fewer digits."
-    return Fault("narrow-field", message, hint, field.location)
+    width, values = _width(field), (parameter.start, parameter.lower, parameter.upper)
+    longest = max((field.written(value).strip() for value in values), key=len)
+    if width and len(longest) > width:
+        message = f"a field of {width} characters is too narrow for {field.parameter} within its "
+        message += f"bounds: '{longest}' takes {len(longest)}"
+        hint = "Widen it, as far as the program reads, or write fewer digits."
+        yield Fault("narrow-field", message, hint, field.location)
 
 
 def _width(field: TemplateField) -> int:
     """Characters of a field; 0 for as many as it takes."""
     known = _FORM.fullmatch(field.form)
     return int(known[2] or 0) if known else 0
-
-
-def _size(unit: str, parameter: Parameter, place: Location) -> float | Fault:
-    try:
-        size = size_in(normal_unit(unit, parameter.dimension), parameter.dimension)
-    except UnitError as error:
-        return Fault("unit", error.message, error.hint, place)
-    if size is not None:
-        return size
-    message = f"'{unit}' is no unit of {with_article(parameter.dimension)}, as "
-    message += f"'{parameter.name}' is"
-    return Fault("unit", message, f"Its units: {unit_list(parameter.dimension)}.", place)
 
 
 class CannotBeFilled(ValueError):

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
 
-from geoident.io.mesh.raw import RawCells, RawMesh, Refused, first_of_equal, join, row_keys
+from geoident.io.mesh.raw import RawMesh, Refused, first_of_equal, join, row_keys
 from geoident.model.arrays import Floats, Ints
 from geoident.model.cells import CELLS
 from geoident.model.mesh import ElementBlock, Mesh, spans
@@ -37,14 +36,6 @@ _HINTS = {
 }
 
 
-@dataclass(frozen=True)
-class _Collected:
-    """Cells of one dimension by kind, and where each cell of the file went (-1: nowhere)."""
-
-    blocks: tuple[ElementBlock, ...]
-    place: Ints
-
-
 def build_mesh(raw: RawMesh, *, dim: int, file: str) -> Mesh:
     """The mesh of an analysis in ``dim`` dimensions.
 
@@ -63,14 +54,14 @@ def build_mesh(raw: RawMesh, *, dim: int, file: str) -> Mesh:
     _check_kinds(raw, dim)
     _check_nodes(raw)
     points = raw.points[:, :dim] if dim == 3 else _plane(raw)
-    elements = _collect(raw, dim, points)
-    facets = _collect(raw, dim - 1, points, merge=True)
+    blocks, place = _collect(raw, dim, points)
+    facets, facet_place = _collect(raw, dim - 1, points, merge=True)
     return Mesh(
         points=np.ascontiguousarray(points, dtype=np.float64),
-        blocks=elements.blocks,
-        facets=facets.blocks,
-        groups=_place(raw.groups, elements.place),
-        facet_groups=_place(raw.groups, facets.place),
+        blocks=blocks,
+        facets=facets,
+        groups=_placed(raw.groups, place),
+        facet_groups=_placed(raw.groups, facet_place),
         node_groups=_node_groups(raw, dim),
         file=file,
     )
@@ -150,37 +141,35 @@ def _plane(raw: RawMesh) -> Floats:
     )
 
 
-def _collect(raw: RawMesh, dim: int, points: Floats, *, merge: bool = False) -> _Collected:
-    """Cells of one dimension by kind; ``merge`` takes equal cells once and else refuses them."""
+def _collect(
+    raw: RawMesh, dim: int, points: Floats, *, merge: bool = False
+) -> tuple[tuple[ElementBlock, ...], Ints]:
+    """Cells of one dimension by kind, and where each cell of the file went (-1: nowhere).
+
+    ``merge`` takes equal cells once and else refuses them.
+    """
     place = np.full(sum(map(len, raw.cells)), -1, dtype=np.int64)
     blocks: list[ElementBlock] = []
-    for kind, (cells, where) in _by_kind(raw, dim).items():
-        nodes = _in_vtk_order(kind, cells.nodes, points=points, numbers=cells.numbers)
-        _check_collapsed(kind, nodes, cells.numbers)
+    parts = [(cells, span) for cells, span in spans(raw.cells) if cells.dim == dim and len(cells)]
+    for kind in dict.fromkeys(cells.kind for cells, _ in parts):
+        own = [(cells, span) for cells, span in parts if cells.kind == kind]
+        where = np.concatenate([np.arange(span.start, span.stop) for _, span in own])
+        numbers = np.concatenate([cells.numbers for cells, _ in own]).astype(np.int64)
+        nodes = np.concatenate([cells.nodes for cells, _ in own]).astype(np.int64)
+        nodes = _in_vtk_order(kind, nodes, points=points, numbers=numbers)
+        _check_collapsed(kind, nodes, numbers)
         first, leads = first_of_equal(row_keys(np.sort(nodes[:, : CELLS[kind].n_corners], axis=1)))
         if not (merge or leads.all()):
-            raise _duplicate(cells.numbers, first, leads)
-        row = np.cumsum(leads) - 1 + sum(map(len, blocks))
-        place[where] = row[first]
-        blocks.append(ElementBlock(kind, np.ascontiguousarray(nodes[leads]), cells.numbers[leads]))
-    return _Collected(tuple(blocks), place)
-
-
-def _by_kind(raw: RawMesh, dim: int) -> dict[str, tuple[RawCells, Ints]]:
-    """Cells of one dimension joined by kind, with their indices over all cells of the file."""
-    parts: dict[str, list[tuple[RawCells, Ints]]] = {}
-    for cells, span in spans(raw.cells):
-        if cells.dim == dim and len(cells):
-            where = np.arange(span.start, span.stop)
-            parts.setdefault(cells.kind, []).append((cells, where))
-    return {kind: _joined(kind, dim, pieces) for kind, pieces in parts.items()}
-
-
-def _joined(kind: str, dim: int, pieces: list[tuple[RawCells, Ints]]) -> tuple[RawCells, Ints]:
-    """Cells of one kind from several places of the file as one."""
-    nodes = np.concatenate([cells.nodes for cells, _ in pieces]).astype(np.int64)
-    numbers = np.concatenate([cells.numbers for cells, _ in pieces]).astype(np.int64)
-    return RawCells(kind, dim, nodes, numbers), np.concatenate([where for _, where in pieces])
+            row = int(np.flatnonzero(~leads)[0])
+            message = (
+                f"elements {numbers[first[row]]} and {numbers[row]} have the same corner nodes"
+            )
+            hint = "remove one of them; in gmsh, let volumes or surfaces not overlap (Coherence)"
+            raise Refused("mesh-duplicate", message, hint)
+        rows = np.cumsum(leads) - 1 + sum(map(len, blocks))
+        place[where] = rows[first]
+        blocks.append(ElementBlock(kind, np.ascontiguousarray(nodes[leads]), numbers[leads]))
+    return tuple(blocks), place
 
 
 def _in_vtk_order(kind: str, nodes: Ints, *, points: Floats, numbers: Ints) -> Ints:
@@ -248,17 +237,7 @@ def _check_collapsed(kind: str, nodes: Ints, numbers: Ints) -> None:
         )
 
 
-def _duplicate(numbers: Ints, first: Ints, leads: np.ndarray) -> Refused:
-    """The refusal of an element that covers another."""
-    row = int(np.flatnonzero(~leads)[0])
-    return Refused(
-        "mesh-duplicate",
-        f"elements {numbers[first[row]]} and {numbers[row]} have the same corner nodes",
-        "remove one of them; in gmsh, let volumes or surfaces not overlap (Coherence)",
-    )
-
-
-def _place(groups: Mapping[str, Ints], place: Ints) -> dict[str, Ints]:
+def _placed(groups: Mapping[str, Ints], place: Ints) -> dict[str, Ints]:
     """Groups of cells of the file as groups of elements or facets."""
     return join({name: [place[where][place[where] >= 0]] for name, where in groups.items()})
 

@@ -46,7 +46,9 @@ def read_mesh(path: str, *, dim: int | None) -> Mesh:
     """
     try:
         raw = _read(Path(path), dim)
-        return build_mesh(raw, dim=_dimension(raw) if dim is None else dim, file=path)
+        if dim is None:
+            dim = 3 if any(cells.dim == 3 and len(cells) for cells in raw.cells) else 2
+        return build_mesh(raw, dim=dim, file=path)
     except Refused as refused:
         place = Location(path, refused.line, 1 if refused.line else 0)
         fault = Fault(refused.code, refused.message, refused.hint, place)
@@ -73,11 +75,6 @@ def _with_parts(path: Path, seen: set[Path]) -> Iterator[str]:
         return
     for name in found:
         yield from _with_parts(path.parent / name, seen)
-
-
-def _dimension(raw: RawMesh) -> int:
-    """2 or 3, as the elements of a file have it."""
-    return 3 if any(cells.dim == 3 and len(cells) for cells in raw.cells) else 2
 
 
 def _read(path: Path, dim: int | None) -> RawMesh:
@@ -110,11 +107,6 @@ def _check_file(path: Path, dim: int | None) -> None:
         if Path(name).exists() and not Path(name).is_file():
             message = f"the mesh names '{name}', which is not an ordinary file"
             raise Refused("mesh-file", message, "name the file that holds the rest of the mesh")
-    _check_suffix(path, dim)
-
-
-def _check_suffix(path: Path, dim: int | None) -> None:
-    """Refuse files that hold a geometry or are packed, and say what to do."""
     suffix, mesh = path.suffix.lower(), path.with_suffix(".msh").name
     if suffix in (".geo", ".geo_unrolled", *_GEOMETRY):
         hint = f"mesh it first: gmsh -{dim or 3} {path.name} -o {mesh}"

@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from geoident.io.mesh.gmsh_stream import BinaryStream, Encoding, Stream
+from geoident.io.mesh.gmsh_stream import Encoding, Stream
 from geoident.io.mesh.raw import (
     RawCells,
     RawMesh,
@@ -129,38 +129,27 @@ def _read_header(data: bytes) -> tuple[str, Encoding]:
 
 def _read_section(name: str, section: bytes, encoding: Encoding, parts: _Parts) -> None:
     """Read one section, if it is one that matters."""
+    new = parts.version.startswith("4")
     if name == "PhysicalNames":
         parts.names.update(_read_names(section))
     elif name == "PartitionedEntities":
         message = "the mesh is partitioned"
         raise Refused("mesh-partitioned", message, "save it with gmsh's option Mesh.NbPartitions=0")
-    elif name == "Entities" and parts.version.startswith("4"):
-        stream = encoding.open(section, name=name)
-        parts.entities = _read_entities(stream)
-        _check_end(stream, name)
-    elif name in ("Nodes", "Elements"):
-        _read_mesh_section(name, encoding.open(section, name=name), parts)
-
-
-def _read_mesh_section(name: str, stream: Stream, parts: _Parts) -> None:
-    """Read the nodes or the elements."""
-    if (parts.nodes if name == "Nodes" else parts.blocks) is not None:
-        raise Refused("mesh-malformed", f"the section ${name} is there more than once", _AGAIN)
-    new = parts.version.startswith("4")
-    if name == "Nodes":
-        parts.nodes = _read_nodes_v4(stream) if new else _read_nodes_v2(stream)
-    else:
-        parts.blocks = (
-            _read_elements_v4(stream, parts.entities) if new else _read_elements_v2(stream)
-        )
-    _check_end(stream, name)
-
-
-def _check_end(stream: Stream, name: str) -> None:
-    """Refuse a section that holds more than it announces."""
-    if stream.rest():
-        message = f"the section ${name} holds more than it announces"
-        raise Refused("mesh-malformed", message, _AGAIN)
+    elif name in ("Nodes", "Elements") or (name == "Entities" and new):
+        if {"Nodes": parts.nodes, "Elements": parts.blocks}.get(name) is not None:
+            raise Refused("mesh-malformed", f"the section ${name} is there more than once", _AGAIN)
+        stream = Stream(section, name=name, encoding=encoding)
+        if name == "Entities":
+            parts.entities = _read_entities(stream)
+        elif name == "Nodes":
+            parts.nodes = _read_nodes_v4(stream) if new else _read_nodes_v2(stream)
+        elif new:
+            parts.blocks = _read_elements_v4(stream, parts.entities)
+        else:
+            parts.blocks = _read_elements_v2(stream)
+        if stream.rest():
+            message = f"the section ${name} holds more than it announces"
+            raise Refused("mesh-malformed", message, _AGAIN)
 
 
 def _read_names(section: bytes) -> Names:
@@ -237,13 +226,7 @@ def _read_elements_v4(stream: Stream, entities: Entities) -> list[_Elements]:
 
 def _read_nodes_v2(stream: Stream) -> tuple[Ints, Floats]:
     """Node numbers and (n, 3) coordinates, m (section $Nodes of MSH 2.2)."""
-    n = stream.count()
-    if isinstance(stream, BinaryStream):
-        records = stream.records(n, stream.record(3))
-        return records["number"].astype(np.int64), records["values"].astype(np.float64)
-    rows = stream.floats(4 * n).reshape(n, 4)
-    with np.errstate(invalid="ignore"):
-        return rows[:, 0].astype(np.int64), np.ascontiguousarray(rows[:, 1:])
+    return stream.numbered(stream.count(), 3)
 
 
 def _read_elements_v2(stream: Stream) -> list[_Elements]:

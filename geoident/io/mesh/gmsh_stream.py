@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 import warnings
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -14,27 +13,7 @@ from geoident.io.mesh.raw import Refused
 from geoident.model.arrays import Floats, Ints
 
 _AGAIN = "the file is damaged: write it again with gmsh"
-
-
-class Stream(Protocol):
-    """The numbers of one section, in their order. Every method raises `Refused` at its end."""
-
-    text: bool
-
-    def count(self) -> int:
-        """A number that stands on a line of its own, as text also in MSH 2.2 binary."""
-
-    def ints(self, n: int) -> Ints:
-        """The next ``n`` numbers (n,) of C's type int."""
-
-    def sizes(self, n: int) -> Ints:
-        """The next ``n`` numbers (n,) of C's type size_t."""
-
-    def floats(self, n: int) -> Floats:
-        """The next ``n`` numbers (n,) of C's type double."""
-
-    def rest(self) -> int:
-        """How many numbers (text) or bytes (binary) are left."""
+_COUNT = re.compile(rb"\s*(\d{1,18})[ \t\r]*\n")
 
 
 @dataclass(frozen=True)
@@ -51,127 +30,91 @@ class Encoding:
     order: str = "<"
     size: int = 8
 
-    def open(self, section: bytes, *, name: str) -> Stream:
-        """The numbers of a section."""
-        if self.binary:
-            return BinaryStream(section, name=name, encoding=self)
-        return TextStream(section, name=name)
 
-
-class TextStream:
-    """Numbers written as text."""
-
-    text = True
-
-    def __init__(self, section: bytes, *, name: str) -> None:
-        self._name = name
-        self._next = 0
-        kind = np.int64 if name == "Elements" else np.float64
-        self._values = _parse(section, kind, name=name)
-
-    def count(self) -> int:
-        """See `Stream`."""
-        return int(self.ints(1)[0])
-
-    def ints(self, n: int) -> Ints:
-        """(n,), see `Stream`."""
-        with np.errstate(invalid="ignore"):
-            return self._take(n).astype(np.int64)
-
-    sizes = ints
-
-    def floats(self, n: int) -> Floats:
-        """(n,), see `Stream`."""
-        return self._take(n).astype(np.float64)
-
-    def rest(self) -> int:
-        """See `Stream`."""
-        return len(self._values) - self._next
-
-    def _take(self, n: int) -> npt.NDArray[np.generic]:
-        if not 0 <= n <= self.rest():
-            raise _too_short(self._name)
-        self._next += n
-        return self._values[self._next - n : self._next]
-
-
-def _parse(section: bytes, kind: type[np.generic], *, name: str) -> npt.NDArray[np.generic]:
-    """All numbers of a text; refuses one that holds anything else."""
-    text = section.strip()
-    if not text:
-        return np.zeros(0, dtype=kind)
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("error")
-            return np.fromstring(text.decode("ascii"), dtype=kind, sep=" ")
-    except (ValueError, DeprecationWarning, OverflowError) as error:
-        message = f"the section ${name} holds something that is not a number"
-        raise Refused("mesh-malformed", message, _AGAIN) from error
-
-
-class BinaryStream:
-    """Numbers in binary.
+class Stream:
+    """The numbers of one section, in their order. Every method raises `Refused` at its end.
 
     Args:
         section: the bytes between its head and its end.
         name: of the section, for messages.
-        encoding: byte order and sizes of the numbers.
+        encoding: how it holds its numbers.
     """
 
-    text = False
-
     def __init__(self, section: bytes, *, name: str, encoding: Encoding) -> None:
-        self._data = section
-        self._name = name
-        self._next = 0
+        self.text = not encoding.binary
+        self._name, self._next, self._data = name, 0, section
+        self._values = self._parsed(section) if self.text else np.zeros(0)
         self._int = np.dtype(f"{encoding.order}i4")
         self._size = np.dtype(f"{encoding.order}u{encoding.size}")
         self._double = np.dtype(f"{encoding.order}f8")
 
+    def _parsed(self, section: bytes) -> npt.NDArray[np.generic]:
+        """All numbers of a text; refuses one that holds anything else."""
+        kind = np.int64 if self._name == "Elements" else np.float64
+        if not (text := section.strip()):
+            return np.zeros(0, dtype=kind)
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("error")
+                return np.fromstring(text.decode("ascii"), dtype=kind, sep=" ")
+        except (ValueError, DeprecationWarning, OverflowError) as error:
+            message = f"the section ${self._name} holds something that is not a number"
+            raise Refused("mesh-malformed", message, _AGAIN) from error
+
     def count(self) -> int:
-        """See `Stream`.
+        """A number that stands on a line of its own, as text also in MSH 2.2 binary.
 
         Raises:
             Refused: the section ends, or there is no number.
         """
-        match = re.compile(rb"\s*(\d{1,18})[ \t\r]*\n").match(self._data, self._next)
+        if self.text:
+            return int(self.ints(1)[0])
+        match = _COUNT.match(self._data, self._next)
         if match is None:
-            raise _too_short(self._name)
+            raise self._too_short()
         self._next = match.end()
         return int(match[1])
 
     def ints(self, n: int) -> Ints:
-        """(n,), see `Stream`."""
-        return self._take(n, self._int).astype(np.int64)
+        """The next ``n`` numbers (n,) of C's type int."""
+        with np.errstate(invalid="ignore"):
+            return self._take(n, self._int).astype(np.int64)
 
     def sizes(self, n: int) -> Ints:
-        """(n,), see `Stream`."""
-        return self._take(n, self._size).astype(np.int64)
+        """The next ``n`` numbers (n,) of C's type size_t."""
+        with np.errstate(invalid="ignore"):
+            return self._take(n, self._size).astype(np.int64)
 
     def floats(self, n: int) -> Floats:
-        """(n,), see `Stream`."""
+        """The next ``n`` numbers (n,) of C's type double."""
         return self._take(n, self._double).astype(np.float64)
 
-    def records(self, n: int, fields: np.dtype[np.void]) -> npt.NDArray[np.void]:
-        """The next ``n`` records (n,) of packed ``fields``."""
-        return self._take(n, fields).view(fields)
-
-    def record(self, floats: int) -> np.dtype[np.void]:
-        """The type of a record of one int and some doubles."""
-        return np.dtype([("number", self._int), ("values", self._double, (floats,))])
+    def numbered(self, n: int, width: int) -> tuple[Ints, Floats]:
+        """The next ``n`` rows of a number, of C's type int (n,), and doubles (n, width)."""
+        if self.text:
+            rows = self.floats(n * (1 + width)).reshape(n, 1 + width)
+            with np.errstate(invalid="ignore"):
+                return rows[:, 0].astype(np.int64), np.ascontiguousarray(rows[:, 1:])
+        fields = np.dtype([("number", self._int), ("values", self._double, (width,))])
+        records = self._take(n, fields).view(fields)
+        return records["number"].astype(np.int64), records["values"].astype(np.float64)
 
     def rest(self) -> int:
-        """See `Stream`."""
+        """How many numbers (text) or bytes (binary) are left."""
+        if self.text:
+            return len(self._values) - self._next
         return len(self._data[self._next :].strip(b"\r\n \t"))
 
     def _take(self, n: int, dtype: np.dtype) -> npt.NDArray[np.generic]:
-        size = n * dtype.itemsize
-        if not 0 <= size <= len(self._data) - self._next:
-            raise _too_short(self._name)
-        self._next += size
-        return np.frombuffer(self._data, dtype=dtype, count=n, offset=self._next - size)
+        size, end = (n, len(self._values)) if self.text else (n * dtype.itemsize, len(self._data))
+        if not 0 <= size <= end - self._next:
+            raise self._too_short()
+        start, self._next = self._next, self._next + size
+        if self.text:
+            return self._values[start : self._next]
+        return np.frombuffer(self._data, dtype=dtype, count=n, offset=start)
 
-
-def _too_short(name: str) -> Refused:
-    """The refusal of a section that announces more than it holds."""
-    return Refused("mesh-truncated", f"the section ${name} holds less than it announces", _AGAIN)
+    def _too_short(self) -> Refused:
+        """The refusal of a section that announces more than it holds."""
+        message = f"the section ${self._name} holds less than it announces"
+        return Refused("mesh-truncated", message, _AGAIN)

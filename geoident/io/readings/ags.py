@@ -13,24 +13,17 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import Any
 
 from geoident.errors import Fault, InputError, Location
-from geoident.io.readings.table import (
-    ENCODING_HINT,
-    Cell,
-    FaultyReadings,
-    Layout,
-    Origin,
-    Table,
-    UnitScale,
-)
+from geoident.io.readings.layout import ENCODING_HINT, Layout, Origin
+from geoident.io.readings.table import Table
+from geoident.io.text.cells import Cell, Row
 from geoident.io.text.dates import ISO, DateError, format_problem, read_date
-from geoident.io.text.faults import shortened
 from geoident.io.text.text_file import decode, read_bytes
 from geoident.io.text.wording import did_you_mean, listing
-from geoident.model.gauges import Reading
 from geoident.units import UnitError, read_quantity
 
 HEADINGS = ("LOCA_ID", "MONG_ID", "MONG_DIS", "MOND_TYPE", "MOND_REF", "MOND_INST")
@@ -38,63 +31,80 @@ _TELLING = ("LOCA_ID", "MONG_ID", "MONG_DIS", "MOND_TYPE")
 """Headings of which all rows of one channel have one value; where two rows have the same date and
 time, the reference of the reading (MOND_REF) as well."""
 MAX_BYTES = 200_000_000
-_NEEDED = ("MOND_DTIM", "MOND_RDNG")
-_INSTALL = 'Install the library that reads it: pip install "geoident[ags]".'
+_COLUMNS = {"date": "MOND_DTIM", "value": "MOND_RDNG", "unit": "MOND_UNIT", "remarks": "MOND_REM"}
+_Group = Mapping[str, Any]
+"""Heading to its cells, those of UNIT and TYPE first."""
 
 
-def read_ags(path: str, layout: Layout) -> tuple[Reading, ...]:
-    """The readings of the declared channels in the file's group MOND.
+def ags_rows(table: Table) -> Iterator[Row]:
+    """The rows of the file's group MOND that belong to declared channels, as a long table.
 
     Raises:
-        InputError: with all that is wrong in the file, or no library to read it.
+        InputError: it is no AGS4 file, or there is no library to read it.
     """
-    data = read_bytes(path, limit=MAX_BYTES, what="AGS file")
-    text = decode(data, path, encoding=layout.encoding, hint=ENCODING_HINT)
-    groups = _groups(text, path)
-    group = _monitoring(groups, path)
-    table = Table(path, layout)
-    if not layout.channels:
+    data = read_bytes(table.file, limit=MAX_BYTES, what="AGS file")
+    text = decode(data, table.file, encoding=table.layout.encoding, hint=ENCODING_HINT)
+    groups = _groups(text, table.file)
+    group, channels = groups.get("MOND", {}), table.layout.channels
+    if not len(group.get("HEADING", ())):
+        message = "there is no group MOND, which holds monitoring readings"
+        hint = f"Groups in the file: {listing(groups)}."
+        raise InputError([Fault("no-readings", message, hint, Location(table.file))])
+    if not channels:
         hint = "Write channels: {CHANNEL: {MONG_ID: ...}}, with as many headings as it takes."
-        table.refuse((0, 0), "no-channels", "which readings are whose is not declared", hint)
-    missing = [name for name in _NEEDED if name not in group]
+        table.refuse(0, 0, "no-channels", "which readings are whose is not declared", hint)
+    missing = [name for name in ("MOND_DTIM", "MOND_RDNG") if name not in group]
     if missing:
-        table.refuse((0, 0), "bad-header", f"group MOND has no heading {listing(missing)}")
-    readings: list[Reading] = []
-    if not table.faults:
-        reader = _Reader(table, group, groups.get("MONG", {}))
-        reader.require_date_format()
-    if not table.faults:
-        for channel, origin in layout.channels.items():
-            readings += reader.channel(channel, origin)
+        table.refuse(0, 0, "bad-header", f"group MOND has no heading {listing(missing)}")
     if table.faults:
-        raise FaultyReadings(shortened(table.faults), readings)
-    return tuple(readings)
+        return
+    units = [n for n, kind in enumerate(group["HEADING"]) if kind == "UNIT"]
+    date_format = _date_format(group["MOND_DTIM"][units[0]]) if units else ISO
+    if problem := format_problem(date_format):
+        message = f"MOND_DTIM has no date format in the UNIT row, '{date_format}': {problem}"
+        table.refuse(0, 0, "bad-date-format", message)
+        return
+    given = table.layout
+    table.layout = Layout(
+        decimal=given.decimal,
+        unit=given.unit,
+        date_format=date_format,
+        channels={name: replace(origin, name="", fields={}) for name, origin in channels.items()},
+        dimensions=given.dimensions,
+        blank=given.blank,
+    )
+    columns = {key: name for key, name in _COLUMNS.items() if name in group}
+    columns = columns if "unit" in columns else {**columns, "unit": ""}
+    yield 0, [Cell(key, 1) for key in ("gauge", *columns)]
+    for channel, origin in channels.items():
+        for n in _rows_of(table, group, groups.get("MONG", {}), channel, origin):
+            line = int(group["line_number"][n])
+            cells = [str(group[name][n]).strip() if name else "" for name in columns.values()]
+            try:
+                read_date(cells[0], date_format)
+            except DateError as error:
+                hint = f"The UNIT row of the group declares '{date_format}'."
+                table.refuse(line, 1, "bad-date", f"MOND_DTIM: {error}", hint)
+                continue
+            yield line, [Cell(cell, 1) for cell in (channel, *cells)]
 
 
-def _groups(text: str, path: str) -> Mapping[str, Any]:
-    """All groups of a file: heading to its cells, those of UNIT and TYPE first."""
+def _groups(text: str, path: str) -> Mapping[str, _Group]:
+    """All groups of a file."""
     try:
         from python_ags4 import AGS4  # noqa: PLC0415 - optional, and it brings pandas
     except ImportError:
         message = "AGS files cannot be read here"
-        raise InputError([Fault("no-library", message, _INSTALL, Location(path))]) from None
+        hint = 'Install the library that reads it: pip install "geoident[ags]".'
+        raise InputError([Fault("no-library", message, hint, Location(path))]) from None
     AGS4.logger.disabled = True  # what it says is said here
     lines = io.StringIO(text.replace("\r\n", "\n").replace("\r", "\n"))
     try:
-        groups: Mapping[str, Any] = AGS4.AGS4_to_dict(lines, get_line_numbers=True)[0]
+        groups: Mapping[str, _Group] = AGS4.AGS4_to_dict(lines, get_line_numbers=True)[0]
     except (AGS4.AGS4Error, csv.Error, LookupError, TypeError, ValueError) as error:
         message = f"not a readable AGS4 file: {error}"
         raise InputError([Fault("bad-ags", message, location=Location(path))]) from error
     return groups
-
-
-def _monitoring(groups: Mapping[str, Any], path: str) -> Mapping[str, list[Any]]:
-    if "MOND" in groups and len(groups["MOND"].get("HEADING", ())) > 0:
-        group: Mapping[str, list[Any]] = groups["MOND"]
-        return group
-    message = "there is no group MOND, which holds monitoring readings"
-    hint = f"Groups in the file: {listing(groups)}."
-    raise InputError([Fault("no-readings", message, hint, Location(path))])
 
 
 def _date_format(unit: str) -> str:
@@ -108,104 +118,47 @@ def _date_format(unit: str) -> str:
     return ISO if day.startswith(ISO) or not day else day + hours + rest
 
 
-class _Reader:
-    """Rows of the group MOND on their way to readings.
+def _rows_of(
+    table: Table, group: _Group, installed: _Group, channel: str, origin: Origin
+) -> list[int]:
+    """The rows of a channel; none, with a fault, where they are none or of several instruments.
 
     Args:
         table: the file.
-        group: heading to cells.
-        installed: the same of the group MONG, which lists the instruments; empty if there is none.
+        group: MOND.
+        installed: MONG, which lists the instruments; empty if there is none.
+        channel: its name.
+        origin: what its rows must have.
     """
-
-    def __init__(
-        self, table: Table, group: Mapping[str, list[Any]], installed: Mapping[str, list[Any]]
-    ) -> None:
-        self.table = table
-        self.group = group
-        self.installed = installed
-        self.rows = [n for n, kind in enumerate(group["HEADING"]) if kind == "DATA"]
-        units = [n for n, kind in enumerate(group["HEADING"]) if kind == "UNIT"]
-        self.date_format = _date_format(group["MOND_DTIM"][units[0]]) if units else ISO
-
-    def require_date_format(self) -> None:
-        """Note a UNIT row that declares no date format."""
-        problem = format_problem(self.date_format)
-        if problem:
-            message = (
-                f"MOND_DTIM has no date format in the UNIT row, '{self.date_format}': {problem}"
-            )
-            self.table.refuse((0, 0), "bad-date-format", message)
-
-    def channel(self, channel: str, origin: Origin) -> list[Reading]:
-        """The readings of one channel."""
-        unknown = [name for name in origin.fields if name not in self.group]
-        if unknown:
-            message = f"group MOND has no heading {listing(unknown)}, by which '{channel}' is found"
-            self.table.refuse((0, 0), "bad-header", message)
-            return []
-        rows = [n for n in self.rows if self._matches(n, origin)]
-        if not rows:
-            self._refuse_nothing(channel, origin)
-        elif self._refuse_several(channel, rows):
-            return []
-        found = (self._reading(n, channel, origin) for n in rows)
-        return [reading for reading in found if reading is not None]
-
-    def _refuse_several(self, channel: str, rows: list[int]) -> bool:
-        """Note a channel whose rows are of several instruments, depths or types of readings."""
-        times = [str(self.group["MOND_DTIM"][n]) for n in rows]
-        telling = _TELLING if len(set(times)) == len(times) else (*_TELLING, "MOND_REF")
-        for name in (name for name in telling if name in self.group):
-            values = list(dict.fromkeys(str(self.group[name][n]).strip() for n in rows))
-            if len(values) > 1:
-                message = f"the rows of '{channel}' have several {name}: {listing(values)}"
-                hint = f"Say which: channels: {{{channel}: {{{name}: '{values[0]}', ...}}}}."
-                line = int(self.group["line_number"][rows[0]])
-                self.table.refuse((line, 1), "ambiguous", message, hint)
-                return True
-        return False
-
-    def _matches(self, n: int, origin: Origin) -> bool:
-        return all(_same(self.group[name][n], value) for name, value in origin.fields.items())
-
-    def _refuse_nothing(self, channel: str, origin: Origin) -> None:
+    unknown = [name for name in origin.fields if name not in group]
+    if unknown:
+        message = f"group MOND has no heading {listing(unknown)}, by which '{channel}' is found"
+        table.refuse(0, 0, "bad-header", message)
+        return []
+    data = [n for n, kind in enumerate(group["HEADING"]) if kind == "DATA"]
+    rows = [n for n in data if all(_same(group[h][n], v) for h, v in origin.fields.items())]
+    if not rows:
         asked = ", ".join(f"{name} {value}" for name, value in origin.fields.items())
         hint = ""
         for name, value in origin.fields.items():
-            known = sorted({str(self.group[name][n]) for n in self.rows})
+            known = sorted({str(group[name][n]) for n in data})
             if not any(_same(each, value) for each in known):
                 hint = did_you_mean(value, known, what=f"{name} in the file")
-                if value in map(str, self.installed.get(name, ())):
+                if value in map(str, installed.get(name, ())):
                     hint = f"The group MONG has {name} {value}, but without readings here."
                 break
         message = f"no row of group MOND has {asked} for '{channel}'"
-        self.table.refuse((0, 0), "no-readings", message, hint)
-
-    def _reading(self, n: int, channel: str, origin: Origin) -> Reading | None:
-        line = int(self.group["line_number"][n])
-        text = str(self.group["MOND_RDNG"][n]).strip()
-        cell = Cell("" if text in self.table.layout.blank else text, 1)
-        try:
-            time = read_date(self.group["MOND_DTIM"][n], self.date_format)
-        except DateError as error:
-            hint = f"The UNIT row of the group declares '{self.date_format}'."
-            self.table.refuse((line, 1), "bad-date", f"MOND_DTIM: {error}", hint)
-            return None
-        value = self.table.read_number(line, cell)
-        dimension = self.table.layout.dimension(channel)
-        scale = self._scale(n, line, origin, dimension) if value is not None else UnitScale()
-        if (value is None and cell.text) or scale is None:
-            return None
-        here = Location(self.table.file, line, 1)
-        known = None if value is None else scale.reading(value)
-        note = str(self.group["MOND_REM"][n]).strip() if "MOND_REM" in self.group else ""
-        return Reading(channel, "", known, location=here, time=time, when=here, note=note)
-
-    def _scale(self, n: int, line: int, origin: Origin, dimension: str) -> UnitScale | None:
-        """How a value becomes SI: by the unit of its row, or else by the declared one."""
-        given = str(self.group.get("MOND_UNIT", {n: ""})[n]).strip()
-        unit = given or origin.unit or ("" if origin.calibration else self.table.layout.unit)
-        return self.table.scale(line, Cell(unit, 1), dimension, origin)
+        table.refuse(0, 0, "no-readings", message, hint)
+    times = {str(group["MOND_DTIM"][n]) for n in rows}
+    telling = _TELLING if len(times) == len(rows) else (*_TELLING, "MOND_REF")
+    for name in (name for name in telling if name in group):
+        values = list(dict.fromkeys(str(group[name][n]).strip() for n in rows))
+        if len(values) > 1:
+            message = f"the rows of '{channel}' have several {name}: {listing(values)}"
+            hint = f"Say which: channels: {{{channel}: {{{name}: '{values[0]}', ...}}}}."
+            table.refuse(int(group["line_number"][rows[0]]), 1, "ambiguous", message, hint)
+            return []
+    return rows
 
 
 def _same(found: object, wanted: str) -> bool:

@@ -14,13 +14,14 @@ import warnings
 import zipfile
 import zlib
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
 from datetime import date, datetime
 from typing import Any
 from xml.etree.ElementTree import ParseError
 
 from geoident.errors import Fault, InputError, Location
-from geoident.io.readings.table import Cell, Layout, Row
+from geoident.io.readings.layout import Layout
+from geoident.io.readings.table import Table
+from geoident.io.text.cells import Cell, Row
 from geoident.io.text.dates import date_text
 from geoident.io.text.text_file import read_bytes
 from geoident.io.text.wording import did_you_mean, listing
@@ -40,25 +41,6 @@ _BROKEN = (
     RecursionError,
 )  # fmt: skip
 """What openpyxl raises on files that are none."""
-
-
-@dataclass(frozen=True)
-class WorkbookSheet:
-    """A sheet of a workbook.
-
-    Args:
-        name: of the sheet.
-        table: rows of cells, in the range that was asked for, of which any has a cell.
-    """
-
-    name: str
-    table: list[Row]
-
-    def rows(self, first: int = 0) -> Iterator[Row]:
-        """The rows that hold something, from a row on."""
-        for number, cells in self.table:
-            if number >= first and any(cell.text for cell in cells):
-                yield number, cells
 
 
 def range_problem(text: str) -> str | None:
@@ -82,64 +64,66 @@ def _column(letters: str) -> int:
     return number
 
 
-def open_sheet(path: str, layout: Layout) -> WorkbookSheet:
-    """The sheet of a workbook that is declared, or its only one.
+def sheet_rows(table: Table) -> Iterator[Row]:
+    """The rows of the sheet of a workbook that is declared, or of its only one.
+
+    Args:
+        table: the workbook; is told which sheet it is.
 
     Raises:
         InputError: no workbook, or no such sheet, or one of several that is not named.
     """
+    path, layout = table.file, table.layout
     data = read_bytes(path, limit=MAX_BYTES, what="workbook")
     if data.startswith(_OLD):
         hint = "Remove its password, or save it as 'Excel Workbook (.xlsx)'."
         raise _refused(path, "bad-workbook", "the workbook is encrypted or of the old .xls", hint)
     has_formulas = _looked_through(data, path)
-    sheet = _find(_open(data, path, values=True), layout, path)
-    _require_size(sheet, path)
+    sheet = _find(_open(data, path), layout, path)
+    table.sheet = sheet.title
+    cells = sheet.max_row * sheet.max_column
+    if cells > MAX_CELLS:
+        message = f"the sheet '{sheet.title}' spans {cells:,} cells, more than {MAX_CELLS:,}"
+        hint = "Something stands far off; delete the rows and columns that are not needed."
+        raise _refused(path, "too-large", message, hint)
+    formulas = _open(data, path, data_only=False)[sheet.title] if has_formulas else sheet
     first_of = {
         (row, span.min_col): (span.min_row, span.min_col)
         for span in sheet.merged_cells.ranges
         for row in range(span.min_row, span.max_row + 1)
     }
-    box = _box(layout.cells, sheet)
-    formulas = sheet
-    if has_formulas:
-        formulas = _find(_open(data, path, values=False), layout, path)
-    table = []
-    for row in _written(data, path, sheet.title, box):
-        cells = []
-        for column in range(box[1], box[3] + 1):
-            first = first_of.get((row, column))
-            top, left = first or (row, column)
-            cell = _cell(sheet, formulas, top, left, column)
-            cells.append(cell if first is None else replace(cell, joined=True))
-        table.append((row, cells))
-    return WorkbookSheet(sheet.title, table)
+    top, left, bottom, right = 1, 1, sheet.max_row, sheet.max_column
+    if match := _RANGE.fullmatch(layout.cells.strip()):
+        top, left = int(match[2]), _column(match[1])
+        bottom, right = min(int(match[4]), bottom), min(_column(match[3]), right)
+    for row in _written(data, path, sheet.title, (top, bottom, left, right)):
+        columns = range(left, right + 1)
+        yield row, [_cell(sheet, formulas, first_of.get((row, k)), row, k) for k in columns]
 
 
-def _open(data: bytes, path: str, *, values: bool) -> Any:
+def _open(data: bytes, path: str, *, data_only: bool = True, read_only: bool = False) -> Any:
     """The workbook, with the stored values of formulas or with the formulas themselves."""
     import openpyxl  # noqa: PLC0415 - a fifth of a second, for workbooks only
 
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of what a workbook has besides cells
-            return openpyxl.load_workbook(io.BytesIO(data), data_only=values, keep_links=False)
+            return openpyxl.load_workbook(
+                io.BytesIO(data), read_only=read_only, data_only=data_only, keep_links=False
+            )
     except _BROKEN as error:
         raise _no_workbook(path, error) from error
 
 
 def _written(data: bytes, path: str, name: str, box: tuple[int, int, int, int]) -> list[int]:
     """Numbers of the rows that hold something: asking for cells of others would make these."""
-    import openpyxl  # noqa: PLC0415 - see `_open`
-
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            book = openpyxl.load_workbook(io.BytesIO(data), read_only=True)
-        top, left, bottom, right = box
-        book[name].reset_dimensions()  # files may state them wrongly
-        rows = book[name].iter_rows(top, bottom, left, right, values_only=True)
-        return [row for row, cells in enumerate(rows, top) if any(c is not None for c in cells)]
+            sheet = _open(data, path, read_only=True)[name]
+            sheet.reset_dimensions()  # files may state them wrongly
+            rows = enumerate(sheet.iter_rows(*box, values_only=True), box[0])
+            return [row for row, cells in rows if any(cell is not None for cell in cells)]
     except _BROKEN as error:
         raise _no_workbook(path, error) from error
 
@@ -191,41 +175,34 @@ def _find(book: Any, layout: Layout, path: str) -> Any:
     raise _refused(path, "no-sheet", message, f"Add 'sheet: NAME': {listing(names)}.")
 
 
-def _require_size(sheet: Any, path: str) -> None:
-    cells = sheet.max_row * sheet.max_column
-    if cells > MAX_CELLS:
-        message = f"the sheet '{sheet.title}' spans {cells:,} cells, more than {MAX_CELLS:,}"
-        hint = "Something stands far off; delete the rows and columns that are not needed."
-        raise _refused(path, "too-large", message, hint)
+def _cell(sheet: Any, formulas: Any, first: tuple[int, int] | None, row: int, column: int) -> Cell:
+    """A cell, with what it holds.
 
-
-def _box(cells: str, sheet: Any) -> tuple[int, int, int, int]:
-    """First row and column, last row and column."""
-    match = _RANGE.fullmatch(cells.strip())
-    if match is None:
-        return 1, 1, sheet.max_row, sheet.max_column
-    last = min(int(match[4]), sheet.max_row), min(_column(match[3]), sheet.max_column)
-    return int(match[2]), _column(match[1]), *last
-
-
-def _cell(sheet: Any, formulas: Any, row: int, column: int, shown: int) -> Cell:
-    """A cell, with what it holds; ``shown`` is the column in which it is seen."""
-    found = sheet.cell(row, column)
-    value = found.value
+    Args:
+        sheet: with values.
+        formulas: the same sheet with formulas.
+        first: row and column of the upper left of the cells that it is joined with; None for none.
+        row: of the cell.
+        column: of the cell.
+    """
+    at, joined = first or (row, column), first is not None
+    cell = sheet.cell(*at)
+    value = cell.value
     if value is None:
-        behind = formulas.cell(row, column)
-        text = behind.value if isinstance(behind.value, str) else "=..."
-        return Cell(text if behind.data_type == "f" else "", shown)
+        behind = formulas.cell(*at)
+        formula = behind.value if isinstance(behind.value, str) else "=..."
+        return Cell(formula if behind.data_type == "f" else "", column, joined=joined)
     if isinstance(value, date):
         moment = datetime(value.year, value.month, value.day)
         moment = value if isinstance(value, datetime) else moment
-        return Cell(date_text((moment - datetime(1970, 1, 1)).total_seconds()), shown, moment)
+        text = date_text((moment - datetime(1970, 1, 1)).total_seconds())
+        return Cell(text, column, moment, joined)
     if isinstance(value, int | float) and not isinstance(value, bool):
-        percent = "%" in str(found.number_format)
+        percent = "%" in str(cell.number_format)
         text = f"{100 * value:.12g} %" if percent else repr(value).removesuffix(".0")
-        return Cell(text, shown, None if percent else float(value))
+        return Cell(text, column, None if percent else float(value), joined)
     text = str(value).lower() if isinstance(value, bool) else str(value)
-    return Cell(" ".join(text.split()), shown)
+    return Cell(" ".join(text.split()), column, joined=joined)
 
 
 def _refused(path: str, code: str, message: str, hint: str = "") -> InputError:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -17,13 +16,10 @@ import numpy as np
 from geoident.errors import Fault, InputError, ModelError
 from geoident.forward.external.model import ExternalModel
 from geoident.forward.observed import ObservedModel
-from geoident.io.bridges.commands import for_dakota
 from geoident.io.bridges.dakota import (
     GRADIENT,
     AskedResponse,
-    DakotaInput,
     DakotaRequest,
-    DakotaVariable,
     data_text,
     failure_text,
     input_text,
@@ -33,13 +29,9 @@ from geoident.io.bridges.dakota import (
 from geoident.io.bridges.names import plain, reading_names
 from geoident.io.text.atomic import atomic_output
 from geoident.io.text.wording import did_you_mean, listing, shorten
-from geoident.model.arrays import Floats
-from geoident.model.methods import ModelErrorOptions, SquaredOptions
-from geoident.model.parameter import Parameter
 from geoident.units import in_unit, size_in
-from geoident.workflow.bridges.driven import driven_case
+from geoident.workflow.bridges.driven import DrivenCase, driven_case, untold
 from geoident.workflow.running.jobs import NO_READINGS, load_inputs
-from geoident.workflow.running.readings import error_structure, select_readings
 from geoident.workflow.simulate import (
     BY_MODEL,
     ComputedBy,
@@ -79,44 +71,38 @@ def answer(
     """
     request = read_request(parameters)
     inputs = load_inputs(path, overrides=[*overrides, NO_READINGS])
-    write = partial(_write, results, overwrite=force, inputs=(*inputs.files, parameters))
+    files = (*inputs.files, parameters)
     inputs = with_starts(inputs, request.values)
+    failure = None
     try:
-        model = answering_model(inputs, by)
-        text = _answered(model, request)
+        text = _answered(answering_model(inputs, by), request)
     except ModelError as error:
-        write(failure_text(error.message))
-        raise
-    write(text)
-
-
-def _write(path: str, text: str, *, overwrite: bool, inputs: Sequence[str]) -> None:
-    with atomic_output(path, overwrite=overwrite, inputs=inputs) as part:
+        text, failure = failure_text(error.message), error
+    with atomic_output(results, overwrite=force, inputs=files) as part:
         Path(part).write_text(text, encoding="utf-8")
+    if failure is not None:
+        raise failure
 
 
 def _answered(model: ObservedModel, request: DakotaRequest) -> str:
     places = _places(model, request.asked)
     columns = _columns(model, request)
     p = values_for(model, request.values)
-    slopes = any(one.parts & GRADIENT for one in request.asked)
-    case = model.case
-    sensitivity = np.zeros((len(case.channels), len(case.stages), len(p)))
-    if isinstance(model, ExternalModel) and not slopes:
-        computed = model.computed(p)  # derivatives would take more runs
+    case, slopes = model.case, np.zeros((0, 0, 0))
+    if isinstance(model, ExternalModel) and not any(o.parts & GRADIENT for o in request.asked):
+        computed, columns = model.computed(p), []  # derivatives would take more runs
     else:
         survey = model.survey(p, fields=isinstance(model, ExternalModel))
-        computed, sensitivity = survey.computed, survey.sensitivity
+        computed, slopes = survey.computed, survey.sensitivity
     values = np.zeros(len(places))
     gradients = np.zeros((len(places), len(columns)))
-    size = [_size(parameter) for parameter in case.parameters]
     for k, (row, stage) in enumerate(places):
-        channel = case.channels[row]
-        unit = channel.unit, channel.dimension
+        unit = case.channels[row].unit, case.channels[row].dimension
         values[k] = in_unit(float(computed[row, stage]), *unit)
         for d, column in enumerate(columns):
-            slope = float(sensitivity[row, stage, column]) * size[column]
-            gradients[k, d] = in_unit(slope, *unit)
+            by = case.parameters[column]
+            size = size_in(by.unit, by.dimension) or 1.0
+            gradients[k, d] = in_unit(float(slopes[row, stage, column]) * size, *unit)
     for one, value, gradient in zip(request.asked, values, gradients, strict=True):
         if not (np.isfinite(value) and np.all(np.isfinite(gradient))):
             raise ModelError(f"the model gives no number for {one.name}")
@@ -170,10 +156,6 @@ def _columns(model: ObservedModel, request: DakotaRequest) -> list[int]:
     return [names.index(name) for name, _ in request.by]
 
 
-def _size(parameter: Parameter) -> float:
-    return size_in(parameter.unit, parameter.dimension) or 1.0
-
-
 def export_dakota(
     path: str, *, output: str | None = None, force: bool = False
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
@@ -193,47 +175,27 @@ def export_dakota(
         OutputError: a file exists or cannot be written.
     """
     driven = driven_case(path, "Dakota", output, not_taken=" \t'\"", force=force)
-    model, stem = driven.model, plain(Path(path).stem)
-    case, readings = model.case, select_readings(model.case, model)
-    pairs = simulated_pairs(model)
-    names = dict(zip(pairs, reading_names(pairs), strict=True))
+    stem, case, readings = plain(Path(path).stem), driven.model.case, driven.readings
     channels = {channel.name: channel for channel in case.channels}
-    used: dict[tuple[str, str], int] = {}
-    for k in np.flatnonzero(readings.used).tolist():
-        if readings.pairs[k] in names:
-            used.setdefault(readings.pairs[k], k)
-    made: list[tuple[float, float]] = []
-    for (channel, _), k in used.items():
+    values, sds = [], []
+    for (channel, _), k in driven.used.items():
         unit = channels[channel].unit, channels[channel].dimension
-        made.append(
-            (in_unit(float(readings.value[k]), *unit), in_unit(float(readings.sd[k]), *unit))
-        )
-    deck = DakotaInput(
-        title=f"{stem}: made by geoident",
-        driver=for_dakota(driven.seen),
-        variables=tuple(
-            DakotaVariable(p.name, p.start / _size(p), p.lower / _size(p), p.upper / _size(p))
-            for p in case.parameters
-        ),
-        responses=tuple(names[pair] for pair in used),
-        data=f"{stem}.dat",
-    )
-    numbers: Floats = np.array(made).reshape(-1, 2)
-    texts = {f"{stem}.in": input_text(deck), deck.data: data_text(numbers[:, 0], numbers[:, 1])}
-    return driven.write(texts, stem), tuple(_notes(model, used))
+        values.append(in_unit(float(readings.value[k]), *unit))
+        sds.append(in_unit(float(readings.sd[k]), *unit))
+    names = [driven.names[pair] for pair in driven.used]
+    texts = {
+        f"{stem}.in": input_text(stem, driven.seen, case.parameters, names),
+        f"{stem}.dat": data_text(values, sds),
+    }
+    return driven.write(texts, stem), tuple(_notes(driven))
 
 
-def _notes(model: ObservedModel, used: dict[tuple[str, str], int]) -> Iterator[str]:
+def _notes(driven: DrivenCase) -> Iterator[str]:
     """What Dakota is not told of a case."""
-    case = model.case
+    case = driven.model.case
     priors = [parameter.name for parameter in case.parameters if parameter.prior is not None]
     if priors:
         yield f"the priors of {listing(priors)} are left out: least squares of Dakota has none"
-    channels = {channel.name: channel for channel in case.channels}
-    rows = [(channels[r.channel], r) for r in case.readings if (r.channel, r.stage) in used]
-    if error_structure(rows).columns.nnz:
+    if driven.errors.columns.nnz:
         yield "readings share errors, of which Dakota knows only their size"
-    if not isinstance(case.fit.loss, SquaredOptions):
-        yield "Dakota weighs residuals by their squares; the robust loss of the case is left out"
-    if case.fit.model_error != ModelErrorOptions():
-        yield "the model error of the case is left out"
+    yield from untold(case, "Dakota")

@@ -2,16 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
+
+import numpy as np
 
 from geoident.errors import Term, UsageError
 from geoident.forward.observed import ObservedModel
+from geoident.identify.problem.shared_errors import ErrorStructure
+from geoident.io.bridges.names import reading_names
 from geoident.io.text.text_file import STDIN, seen_from
+from geoident.model.case import Case
+from geoident.model.gauges import ReadingTable
+from geoident.model.methods import ModelErrorOptions, SquaredOptions
 from geoident.workflow.export import ListedFiles, Writer
 from geoident.workflow.running.jobs import Inputs, build_model, load_inputs
+from geoident.workflow.running.readings import error_structure, select_readings
+from geoident.workflow.simulate import simulated_pairs
 
 
 @dataclass(frozen=True)
@@ -33,6 +42,34 @@ class DrivenCase:
     folder: Path
     seen: str
     force: bool
+
+    @cached_property
+    def readings(self) -> ReadingTable:
+        """All readings of the case."""
+        return select_readings(self.model.case, self.model)
+
+    @cached_property
+    def names(self) -> dict[tuple[str, str], str]:
+        """Channel and stage of all that is simulated, in its order, to its name elsewhere."""
+        pairs = simulated_pairs(self.model)
+        return dict(zip(pairs, reading_names(pairs), strict=True))
+
+    @cached_property
+    def used(self) -> dict[tuple[str, str], int]:
+        """Channel and stage of the readings that the fit uses to the row of the first of them."""
+        rows: dict[tuple[str, str], int] = {}
+        for k in np.flatnonzero(self.readings.used).tolist():
+            if self.readings.pairs[k] in self.names:
+                rows.setdefault(self.readings.pairs[k], k)
+        return rows
+
+    @cached_property
+    def errors(self) -> ErrorStructure:
+        """Of the used readings, in their order."""
+        case = self.model.case
+        channels = {channel.name: channel for channel in case.channels}
+        rows = [case.readings[k] for k in self.used.values()]
+        return error_structure([(channels[reading.channel], reading) for reading in rows])
 
     def write(self, texts: Mapping[str, str], stem: str) -> tuple[str, ...]:
         """Write the files; their paths.
@@ -80,6 +117,20 @@ def driven_case(
         message = f"'{seen}' has {signs}, which {program} does not take in a command\n"
         raise UsageError(f"{message}    rename the case or its folder, or choose {Term.OUTPUT}")
     return DrivenCase(path, inputs, model, folder, seen, force)
+
+
+def untold(case: Case, program: str) -> Iterator[str]:
+    """What a program of least squares is not told of the fit of a case.
+
+    Args:
+        case: the case.
+        program: its name.
+    """
+    if not isinstance(case.fit.loss, SquaredOptions):
+        robust = "the robust loss of the case is left out"
+        yield f"{program} weighs residuals by their squares; {robust}"
+    if case.fit.model_error != ModelErrorOptions():
+        yield "the model error of the case is left out"
 
 
 def _write(text: str, part: str) -> None:

@@ -185,7 +185,7 @@ def changed(settings):
         (campaign([*RUNS, replace(RUNS[4], name="again")]), "duplicate-run",
          "the run again: the parameters are those of the run 0005"),
         (campaign(changed(lambda n, text: "0.8")), "constant-column",
-         "the parameter 'K0' is the same in all runs of the campaign"),
+         "the parameter 'K0' is the same in all runs"),
         (campaign(changed(lambda n, text: text if n else "")), "bad-number",
          "'in_situ.K0' of the run 0001: it is left as in the base case"),
         (campaign(changed(lambda n, text: f"{text} MPa")), "bad-number",

@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from geoident.errors import InputError
 from geoident.io.readings.calibration import Calibration
 from geoident.io.readings.file import parse_readings
+from geoident.io.readings.layout import Layout, Origin
 from geoident.io.readings.survey import SurveyGrid, axes_of_azimuth
-from geoident.io.readings.table import Layout, Origin
 
 DATES = "dates: {heading: 2024-03-01, bench 1: 2024-04-01}\nreadings: "
 

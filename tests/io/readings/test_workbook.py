@@ -13,8 +13,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from geoident.errors import InputError
-from geoident.io.readings.file import read_workbook
-from geoident.io.readings.table import Layout
+from geoident.io.readings.file import read_readings
+from geoident.io.readings.layout import Layout
 from geoident.io.text.dates import read_date
 
 DATES = "dates: {heading: 2024-03-01, bench 1: 2024-04-01}\nreadings: "
@@ -317,7 +317,7 @@ def test_any_cells_end_with_readings_or_faults(rows, wide, tmp_path):
             book.active.append(row)
     book.save(tmp_path / "r.xlsx")
     with contextlib.suppress(InputError):
-        read_workbook(str(tmp_path / "r.xlsx"), Layout(wide=wide, header_rows=1 + wide))
+        read_readings(str(tmp_path / "r.xlsx"), Layout(wide=wide, header_rows=1 + wide))
 
 
 @settings(max_examples=20, deadline=None, suppress_health_check=list(HealthCheck))
@@ -328,7 +328,7 @@ def test_spoiled_workbooks_end_with_readings_or_faults(at, spoiled, tmp_path):
     at = min(at, len(data))
     (tmp_path / "r.xlsx").write_bytes(data[:at] + spoiled + data[at + len(spoiled) :])
     with contextlib.suppress(InputError):
-        read_workbook(str(tmp_path / "r.xlsx"), Layout())
+        read_readings(str(tmp_path / "r.xlsx"), Layout())
 
 
 @settings(max_examples=15, deadline=None, suppress_health_check=list(HealthCheck))
@@ -346,4 +346,4 @@ def test_spoiled_parts_end_with_readings_or_faults(data, tmp_path):
         for key, part in parts.items():
             new.writestr(key, part)
     with contextlib.suppress(InputError):
-        read_workbook(str(tmp_path / "r.xlsx"), Layout())
+        read_readings(str(tmp_path / "r.xlsx"), Layout())

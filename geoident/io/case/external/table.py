@@ -11,8 +11,8 @@ import numpy as np
 from geoident.errors import InputError
 from geoident.io.case.external.section import TableModelSection
 from geoident.io.case.external.surroundings import ModelContext
-from geoident.io.external.run_checks import FoundRuns
 from geoident.io.external.run_table import read_run_table
+from geoident.io.external.runs import FoundRuns
 from geoident.io.text.campaign_folder import over_all_of
 from geoident.model.arrays import Floats
 from geoident.model.external import RunTable

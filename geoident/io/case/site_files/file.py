@@ -18,8 +18,8 @@ from geoident.io.case.site_files.values import (
 )
 from geoident.io.readings.ags import HEADINGS
 from geoident.io.readings.file import Format, format_of
+from geoident.io.readings.layout import Layout, Origin
 from geoident.io.readings.survey import SurveyGrid
-from geoident.io.readings.table import Layout, Origin
 from geoident.io.schema.section import Section, SectionFaults
 from geoident.io.schema.values import Count, Flag, Name, Text
 from geoident.io.text.dates import ISO

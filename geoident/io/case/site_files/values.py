@@ -9,7 +9,7 @@ from pydantic import BeforeValidator, WithJsonSchema
 
 from geoident.io.case.gauges.accuracy import FORCES, dimension_read
 from geoident.io.case.gauges.kinds import GaugeSection
-from geoident.io.readings.table import COLUMNS, POINT_COLUMNS
+from geoident.io.readings.layout import COLUMNS, POINT_COLUMNS
 from geoident.io.readings.workbook import range_problem
 from geoident.io.schema.section import Section
 from geoident.io.schema.values import QuantityType, require_text

@@ -1,0 +1,96 @@
+"""How a file of readings is laid out. It is declared by the user; nothing is guessed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+from geoident.io.readings.calibration import Calibration
+from geoident.io.readings.survey import SurveyGrid
+from geoident.io.text.dates import ISO
+
+COLUMNS = ("gauge", "stage", "date", "value", "unit", "accuracy", "bad", "remarks")
+POINT_COLUMNS = ("point", "east", "north", "height")
+"""Columns of the layout of coordinates, beside stage or date, bad and remarks."""
+
+ENCODING_HINT = (
+    "Declare its encoding: readings: {file: ..., encoding: windows-1252}, or save it as UTF-8."
+)
+
+
+@dataclass(frozen=True)
+class Origin:
+    """Where the readings of one channel come from in a file.
+
+    Args:
+        name: in the column of gauges, or of the column itself in the wide layout.
+        unit: of its values; empty for what the file says.
+        sign: -1 if the file counts the other way round.
+        fields: AGS heading to the value that it must have, such as ``MONG_ID``.
+        calibration: makes readings of what the sensor gives; None where the file has readings.
+    """
+
+    name: str = ""
+    unit: str = ""
+    sign: int = 1
+    fields: Mapping[str, str] = field(default_factory=dict)
+    calibration: Calibration | None = None
+
+
+@dataclass(frozen=True)
+class Layout:
+    """How a file is laid out.
+
+    Args:
+        delimiter: one character between columns.
+        decimal: ``.`` or ``,``.
+        columns: key of `COLUMNS` to its name in the header.
+        unit: of all values that say none themselves; empty for none declared.
+        date_format: see `geoident.io.text.dates`.
+        wide: one column a channel, one row a date or stage.
+        unit_row: the line after the header holds the units.
+        channels: channel to its origin; empty where the file uses the names of the case.
+        dimensions: channel to the dimension of its readings, a key of
+            `geoident.units.DIMENSIONS`; lengths where it is not said.
+        encoding: codec of a text; empty for UTF-8.
+        header_row: line or row of the (first) header; 0 for the first that holds something.
+        header_rows: rows over which the names of the columns are spread.
+        data_row: first line or row of readings; 0 for that after the header.
+        blank: texts of cells that stand for a missing reading.
+        ignore: names of columns that are not read, in small letters.
+        sheet: name of the sheet of a workbook; empty for its only one.
+        cells: range of the sheet, such as ``B4:H60``; empty for all.
+        survey: how coordinates become readings; None where the file has readings.
+    """
+
+    delimiter: str = ","
+    decimal: Literal[".", ","] = "."
+    columns: Mapping[str, str] = field(default_factory=dict)
+    unit: str = ""
+    date_format: str = ISO
+    wide: bool = False
+    unit_row: bool = False
+    channels: Mapping[str, Origin] = field(default_factory=dict)
+    dimensions: Mapping[str, str] = field(default_factory=dict)
+    encoding: str = ""
+    header_row: int = 0
+    header_rows: int = 1
+    data_row: int = 0
+    blank: tuple[str, ...] = ()
+    ignore: tuple[str, ...] = ()
+    sheet: str = ""
+    cells: str = ""
+    survey: SurveyGrid | None = None
+
+    def header(self, key: str) -> str:
+        """Name of a column in the header, in small letters."""
+        return self.columns.get(key, key).strip().lower()
+
+    def dimension(self, channel: str) -> str:
+        """Of the readings of a channel."""
+        return self.dimensions.get(channel, "length")
+
+    def unit_of(self, origin: Origin) -> str:
+        """The declared unit of a channel's values; empty for none, as of what a sensor gives."""
+        return origin.unit or ("" if origin.calibration else self.unit)
