@@ -77,6 +77,10 @@ ONE_STAGE = "end"
 """Name of the one stage of a case with a model elsewhere that lists none."""
 
 
+LEFT_OUT = "left out"
+"""Key of the context of a validation: sections that are left out because they are wrong."""
+
+
 class _Absent:
     """Stands for a key that is not written."""
 
@@ -87,7 +91,8 @@ def _or_elsewhere(instead: object) -> WrapValidator:
     def validate(value: Any, handler: ValidatorFunctionWrapHandler, info: ValidationInfo) -> Any:
         if not isinstance(value, _Absent):
             return handler(value)
-        if info.data.get("model", value) is None:
+        left_out = (info.context or {}).get(LEFT_OUT, ())
+        if info.data.get("model", value) is None and info.field_name not in left_out:
             raise PydanticKnownError("missing")
         return instead
 

@@ -75,6 +75,8 @@ def build_ladder(
         ties: where parameters stand in the case.
         context: of the key `fit.ladder`.
     """
+    if not (materials and parameters):
+        return ()  # there is nothing that could be simpler
     ladder = _Ladder(materials, parameters, tuple(ties))
     rungs: list[Rung] = []
     for n, entry in enumerate(entries):
