@@ -21,7 +21,6 @@ from geoident.forward.checks import (
 )
 from geoident.model.actions import Water
 from geoident.model.case import Analysis, Stage, Support
-from geoident.model.in_situ import HeimStress
 from geoident.model.parameter import Scalar
 
 ROCK = material("rock", 1e9, 0.2)

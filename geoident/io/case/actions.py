@@ -288,4 +288,4 @@ def _scalars(given: Sequence[CaseNumber], context: Context) -> tuple[Scalar, ...
 
 
 def _point(given: Sequence[CaseNumber], context: Context) -> tuple[float, ...]:
-    return context.vector(given, "the point") or ()
+    return context.vector(given)

@@ -25,7 +25,7 @@ from geoident.io.case.stages import ABSENT, Begin, check_sequence, refuse_group
 from geoident.io.schema.values import CaseNumber
 from geoident.io.text.faults import Faults
 from geoident.model.case import VIRGIN, KeyPath, format_path
-from geoident.units import rate_of, with_article
+from geoident.units import with_article
 
 
 def check_references(section: CaseSection, faults: Faults, wrong: Collection[str] = ()) -> None:
@@ -244,13 +244,12 @@ def _check_sequence(section: CaseSection, faults: Faults) -> None:
 def _check_added(section: CaseSection, faults: Faults) -> None:
     """Offsets and drifts of gauges that may read anything are ties to what they read."""
     for name, gauge in section.gauges.items():
-        read = gauge.dimension
-        for key, wanted in (("offset", read), ("drift", rate_of(read)), ("drift_per_stage", read)):
-            given: CaseNumber | None = getattr(gauge, key)
-            if given is not None and given.parameter in section.parameters and not given.dimension:
-                tie = replace(given, dimension=wanted)
-                path: KeyPath = ("gauges", name, key)
-                _check_tie(section, path, tie, str(given.parameter), faults)
+        for key, like in gauge.like_readings(gauge.dimension).items():
+            given = getattr(gauge, key)
+            if isinstance(given, CaseNumber) and given.parameter and not given.dimension:
+                tie = replace(given, dimension=str(like.dimension))
+                if given.parameter in section.parameters:
+                    _check_tie(section, ("gauges", name, key), tie, given.parameter, faults)
 
 
 def _check_external_fit(section: CaseSection, faults: Faults) -> None:

@@ -115,9 +115,7 @@ class BeamSection(_StructureBase):
             hint = "Write the number itself; E and thickness may be parameters."
             context.at("nu").refuse("bad-tie", message, hint)
         hinges = tuple(
-            hinge
-            if isinstance(hinge, str)
-            else context.at("hinges", n).vector(hinge, "the hinge") or ()
+            hinge if isinstance(hinge, str) else context.at("hinges", n).vector(hinge, "the hinge")
             for n, hinge in enumerate(self.hinges)
         )
         return Beam(
@@ -192,8 +190,7 @@ class _BarSection(_StructureBase):
         ends = []
         for n, pair in enumerate(self.ends):
             first, second = (
-                context.at("ends", n, k).vector(point, "the end") or ()
-                for k, point in enumerate(pair)
+                context.at("ends", n, k).vector(point, "the end") for k, point in enumerate(pair)
             )
             ends.append((first, second))
         names = ("spacing", "number", "E", "diameter", "area", "EA", "prestress")

@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
-from typing import Any, ClassVar, NoReturn
+from dataclasses import dataclass, field, fields, replace
+from typing import TYPE_CHECKING, Any, ClassVar, NoReturn, TypeVar
 
 from pydantic import BaseModel, ConfigDict, ValidationInfo, model_validator
 from pydantic_core import PydanticCustomError
 
-from geoident.io.schema.values import CaseNumber
+from geoident.io.schema.values import CaseNumber, in_si
 from geoident.io.text.faults import Faults
 from geoident.model.case import Analysis, KeyPath
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+T = TypeVar("T", bound="DataclassInstance")
 
 SECTION_FAULTS = "section_faults"
 """Type of the pydantic error that carries several faults of one section."""
@@ -107,6 +112,19 @@ class Section(BaseModel):
         faults.raise_any()
         return self
 
+    def to_model(self, kind: type[T], /, **given: Any) -> T:
+        """What the section says as a class of the model, whose attributes have the names of keys.
+
+        A key that is missing leaves the default of the model.
+
+        Args:
+            kind: a dataclass of the model.
+            given: attributes that are no keys, or take more than a conversion to SI units.
+        """
+        keys = type(self).model_fields.keys() - given.keys()
+        values = {f.name: in_si(getattr(self, f.name)) for f in fields(kind) if f.name in keys}
+        return kind(**{key: x for key, x in values.items() if x is not None}, **given)
+
     @property
     def numbers(self) -> list[CaseNumber]:
         """The numbers of the section itself, not of what is below it."""
@@ -148,8 +166,8 @@ class Context:
         """
         self.faults.add(self.path, code, message, hint, key=key)
 
-    def vector(self, given: Sequence[CaseNumber], what: str) -> tuple[float, ...] | None:
-        """Components (dim,) in SI units; None, with a fault, where there are more or fewer.
+    def vector(self, given: Sequence[CaseNumber], what: str = "the point") -> tuple[float, ...]:
+        """Components (dim,) in SI units; NaN, with a fault, where there are more or fewer.
 
         Args:
             given: the components as written.
@@ -161,7 +179,7 @@ class Context:
         message = f"{what} has {len(given)} components; {self.dim} expected ({axes})"
         hint = f"'analysis' says that there are {self.dim}: correct it or the components."
         self.refuse("wrong-dimension", message, hint)
-        return None
+        return tuple(float("nan") for _ in range(self.dim))  # no two of them are equal
 
 
 @dataclass(frozen=True)

@@ -76,8 +76,7 @@ class MeasuredMotionSection(Section):
     def field(self, context: Context) -> MotionField:
         """The motions for the model."""
         points = tuple(
-            context.at("points", n).vector(point, "the point") or ()
-            for n, point in enumerate(self.points or ())
+            context.at("points", n).vector(point) for n, point in enumerate(self.points or ())
         )
         columns = [[value.factor for value in getattr(self, _AXES[c])] for c in self.axes]
         factor = scalar_of(self.factor) or Scalar(1.0)

@@ -307,7 +307,7 @@ def _point_value(
         message = f"'{accuracy.text}': a standard deviation is not negative{whence}"
         context.at("accuracy").refuse("out-of-range", message, "Write 0 for an exact value.")
         wrong = True
-    if wrong or position is None:
+    if wrong:
         return None
     deviation = 0.0
     if accuracy is not None:
